@@ -1,0 +1,66 @@
+# Everything from a clean clone: a virtual environment with the ROS 2 Jazzy wheels, built by colcon.
+# Where ROS 2 is installed, none of this is needed: see README.md.
+
+PYTHON ?= python3
+SOLVER ?= ilqr
+SHELL := /bin/bash
+.SHELLFLAGS := -e -o pipefail -c
+.DELETE_ON_ERROR:
+
+VENV := .venv
+BIN := $(VENV)/bin
+WITH_ROS := source $(BIN)/activate && source install/setup.bash
+SOURCES := package.xml setup.py setup.cfg resource/dp_swing_ros $(wildcard config/*) \
+	$(shell find dp_swing_ros -name '*.py')
+DOWNLOADS := sed -u -n 's/^ *Downloading \([^-]*-[^-]*\)-.* (\(.* MB\))$$/  \1 (\2)/p; /^Install/s/:.*/ .../p'
+FAIL = { echo "make: $(1)" >&2; exit 1; }
+
+# A sourced ROS installation, or another checkout's, would shadow the wheels.
+unexport AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH PYTHONPATH \
+	_ROS_WHEELS_BOOTSTRAP_COMPLETE
+
+help:  ## list the targets
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+setup: install/.built  ## the virtual environment and the built package
+
+demo: setup  ## swing up and hold in real time for 10 s (SOLVER=ilqr, ddp or mppi)
+	@$(WITH_ROS) && ros2 run dp_swing_ros demo --solver $(SOLVER)
+
+docs: setup  ## the reference of parameters
+	@$(WITH_ROS) && ros2 run dp_swing_ros parameters > docs/parameters.md
+
+test: setup  ## all tests, linters and type checks (PYTEST='...' for arguments of pytest)
+	@$(WITH_ROS) && python -m pytest -n auto --maxprocesses 8 $(PYTEST)
+
+shell: setup  ## a shell in which ros2 run dp_swing_ros ... works
+	@exec bash --rcfile <(echo '[ ! -f ~/.bashrc ] || source ~/.bashrc; $(WITH_ROS)') -i
+
+clean:  ## remove what was built; runs/ stays
+	rm -rf build install log $(VENV) .pytest_cache .mypy_cache .import_linter_cache
+
+$(VENV)/.installed: pyproject.toml constraints.txt scripts/ros2
+	@$(PYTHON) -c 'import sys; sys.exit(not (3, 10) <= sys.version_info < (3, 15))' || \
+	  $(call FAIL,$(PYTHON) is not CPython 3.10 to 3.14; name one with PYTHON=...)
+	@echo '== Python packages and ROS 2 wheels into $(VENV) (the first time takes minutes)'
+	@[ -x $(BIN)/pip ] || $(PYTHON) -m venv $(VENV) || \
+	  $(call FAIL,$(PYTHON) cannot make a virtual environment; install python3-venv)
+	@$(BIN)/python -m pip install --quiet 'pip>=25.1' && \
+	  $(BIN)/python -m pip install --no-input -c constraints.txt \
+	    --group run --group ros --group test | $(DOWNLOADS) || \
+	  $(call FAIL,pip could not install the packages; what it said stands above)
+	@rm -f $(BIN)/ros2
+	@command -v ros2 >/dev/null || install -m 755 scripts/ros2 $(BIN)/ros2
+	@touch $@
+
+# A module that is gone from the sources must not live on in what was built from them.
+install/.built: $(VENV)/.installed $(SOURCES)
+	@echo '== colcon build'
+	@source $(BIN)/activate && mkdir -p log && \
+	  { colcon build >log/build.txt 2>&1 || { cat log/build.txt >&2; exit 1; }; }
+	@for tree in build/dp_swing_ros/build/lib install/dp_swing_ros/lib/python*/site-packages; do \
+	  (cd $$tree && find dp_swing_ros -name '*.py' ! -exec test -e '$(CURDIR)/{}' \; -delete); done
+	@touch $@
+
+.PHONY: help setup demo docs test shell clean
+.DEFAULT_GOAL := help

@@ -1,0 +1,121 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The cost of a trajectory, and its derivatives.
+
+    J(X, U) = Σ ℓ(x, u) + ℓ_f(x_N)
+    ℓ(x, u) = e(x)ᵀ S e(x) + R u² + w max(0, |x| - x_soft)²,    ℓ_f(x) = e(x)ᵀ P e(x) + the same w
+
+Source: the paper, (16)-(21); it has no ½. There e(x) = x - x_r, P = 1000 S and w = 0. The tuned
+default measures the error δ of an angle by the chord e = 2 sin(δ/2): e² = 2 (1 - cos δ) is δ² near
+the goal, has no jump at a whole turn, and its Gauss-Newton Hessian stays positive semi-definite.
+The chord itself changes its sign from turn to turn, and with it P's products of an angle and a
+velocity: P is right on the goal's own turn, which is for the receding horizon to choose.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from dp_swing_ros.kernels import inlined, kernel
+from dp_swing_ros.state import Array
+
+
+class Cost(NamedTuple):
+    """The numbers of the cost."""
+
+    S: Array        # (6,) diagonal of the state weights
+    R: float        # [1/N^2]
+    P: Array        # (6, 6) terminal weights
+    x_r: Array      # (6,) reference state
+    chord: bool     # angle errors are chords
+    x_soft: float   # [m] where the soft margin of the track begins
+    w: float        # [1/m^2] weight of the squared distance into the margin
+
+
+@inlined
+def error(cost, x, i):
+    """Return the error e_i of component i of the state, and its slope ∂e_i/∂x_i."""
+    difference = x[i] - cost.x_r[i]
+    if cost.chord and (i == 1 or i == 2):
+        return 2 * math.sin(difference / 2), math.cos(difference / 2)
+    return difference, 1.0
+
+
+@kernel
+def intrusion(cost, x):
+    """Return how far [m] the cart is inside the soft margin, with the sign of its side."""
+    return math.copysign(max(0.0, abs(x[0]) - cost.x_soft), x[0])
+
+
+@kernel
+def running(cost, x, u):
+    """Return ℓ(x, u)."""
+    total = cost.R * u * u + cost.w * intrusion(cost, x) ** 2
+    for i in range(6):
+        e, _ = error(cost, x, i)
+        total += cost.S[i] * e * e
+    return total
+
+
+@kernel
+def terminal(cost, x):
+    """Return ℓ_f(x)."""
+    total = cost.w * intrusion(cost, x) ** 2
+    e = np.empty(6)
+    for i in range(6):
+        e[i], _ = error(cost, x, i)
+    for i in range(6):
+        for j in range(6):
+            total += e[i] * cost.P[i, j] * e[j]
+    return total
+
+
+@kernel
+def trajectory_cost(cost, X, U):
+    """
+    Return J(X, U).
+
+    Shapes: X (T + 1, 6), U (T,).
+    """
+    total = terminal(cost, X[len(U)])
+    for t in range(len(U)):
+        total += running(cost, X[t], U[t])
+    return total
+
+
+@kernel
+def running_derivatives(cost, x, l_x, l_xx):
+    """
+    Write ℓ_x and the diagonal of ℓ_xx (Gauss-Newton); ℓ_u = 2 R u and ℓ_uu = 2 R.
+
+    Shapes: l_x (6,), l_xx (6,).
+    """
+    for i in range(6):
+        e, slope = error(cost, x, i)
+        l_x[i] = 2 * cost.S[i] * e * slope
+        l_xx[i] = 2 * cost.S[i] * slope * slope
+    inside = intrusion(cost, x)
+    l_x[0] += 2 * cost.w * inside
+    l_xx[0] += 2 * cost.w * (inside != 0)
+
+
+@kernel
+def terminal_derivatives(cost, x, l_x, l_xx):
+    """
+    Write the gradient and the Gauss-Newton Hessian of ℓ_f.
+
+    Shapes: l_x (6,), l_xx (6, 6).
+    """
+    e, slope = np.empty(6), np.empty(6)
+    for i in range(6):
+        e[i], slope[i] = error(cost, x, i)
+    for i in range(6):
+        l_x[i] = 0.0
+        for j in range(6):
+            l_x[i] += 2 * slope[i] * cost.P[i, j] * e[j]
+            l_xx[i, j] = 2 * slope[i] * cost.P[i, j] * slope[j]
+    inside = intrusion(cost, x)
+    l_x[0] += 2 * cost.w * inside
+    l_xx[0, 0] += 2 * cost.w * (inside != 0)

@@ -1,0 +1,69 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What a dynamics model is: a NamedTuple of numbers and three kernels over it.
+
+A solver's kernel calls `step`, `linearise` and `curvature` of this module; the type of the model
+decides at compile time which implementation runs, as with functools.singledispatch. So a new
+model is one file, and every solver runs on it at full speed, its compiled code kept on disk.
+"""
+
+import functools
+from typing import Any, Callable
+
+from numba.extending import overload
+
+
+def model_kernel(signature: Callable) -> Any:
+    """
+    Turn a signature into a function that the type of its first argument, the model, dispatches.
+
+    Implementations are added with `@<function>.register(ModelType)`; they must name their
+    arguments as the signature does, and may call kernels.
+    """
+    implementations: dict[Any, Callable] = {}
+
+    @functools.wraps(signature)
+    def dispatch(model: Any, *arguments: Any) -> Any:
+        return implementations[type(model)](model, *arguments)
+
+    def register(model_type: type) -> Callable:
+        def add(implementation: Callable) -> Callable:
+            implementations[model_type] = implementation
+            return implementation
+        return add
+
+    @overload(dispatch, strict=False, jit_options={'error_model': 'numpy', 'forceinline': True})
+    def choose(model: Any, *arguments: Any) -> Callable | None:
+        implementation = implementations.get(getattr(model, 'instance_class', None))
+        return getattr(implementation, 'py_func', implementation)
+
+    setattr(dispatch, 'register', register)
+    return dispatch
+
+
+@model_kernel
+def advance(model, x, th_1, th_2, v, w_1, w_2, u):
+    """
+    Return the six numbers of the next state x⁺ = f(x, u).
+
+    Scalars in and out, in the precision of the arguments, so that a loop over samples vectorises.
+    """
+
+
+@model_kernel
+def linearise(model, x, u, A, B):
+    """
+    Write A = ∂f/∂x and B = ∂f/∂u.
+
+    Shapes: A (6, 6), B (6,).
+    """
+
+
+@model_kernel
+def curvature(model, x, u, costate, A, B, W):
+    """
+    Write A and B as `linearise` does, and W = Σ λᵢ ∂²fᵢ/∂(x, u)² for the costate λ.
+
+    Shapes: costate (6,), W (7, 7), its last row and column being those of u.
+    """

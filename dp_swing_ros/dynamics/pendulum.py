@@ -1,0 +1,225 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Accelerations of the double pendulum on a cart, and their first and second derivatives.
+
+    D(θ) q̈ + C(θ, θ̇) q̇ + G(θ) = H u - friction,    q = [x, θ1, θ2]
+
+Source: the paper, (4)-(15), with the errata of docs/model.md. With r = H u - C q̇ - G - friction,
+the accelerations a solve D a = r; differentiating that identity gives
+
+    D ∂a = ∂r - ∂D a,    νᵀ D ∂²a = νᵀ (∂²r - ∂²D a - 2 ∂D ∂a).
+
+Everything depends on the five variables z = (θ1, θ2, θ̇1, θ̇2, f) alone, where f is the force on
+the cart less its friction. The kernels take sines and cosines as arguments and hold no constants
+that would widen them, so the same lines serve in single precision.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from dp_swing_ros.dynamics.trigonometry import sincos
+from dp_swing_ros.kernels import inlined, kernel
+from dp_swing_ros.parameters import PendulumParameters
+from dp_swing_ros.state import Array
+
+
+class Pendulum(NamedTuple):
+    """Coefficients of the equations of motion, from masses, lengths and frictions."""
+
+    d_00: float  # [kg]      m0 + m1 + m2
+    d_01: float  # [kg m]    (m1/2 + m2) l1, times cos θ1 in D
+    d_02: float  # [kg m]    m2 l2 / 2, times cos θ2 in D
+    d_11: float  # [kg m^2]  (m1/3 + m2) l1^2
+    d_12: float  # [kg m^2]  m2 l1 l2 / 2, times cos(θ1 - θ2) in D
+    d_22: float  # [kg m^2]  m2 l2^2 / 3
+    g: float     # [m/s^2]
+    b_0: float   # [N s/m]      friction of the cart
+    b_1: float   # [N m s/rad]  friction of joint 1
+    b_2: float   # [N m s/rad]  friction of joint 2
+
+    @classmethod
+    def of(cls, bodies: PendulumParameters) -> 'Pendulum':
+        """Compute the coefficients. Source: the paper, (8)-(10) and (14), corrected."""
+        m_1, m_2 = bodies.link1_mass, bodies.link2_mass
+        l_1, l_2 = bodies.link1_length, bodies.link2_length
+        return cls(
+            d_00=bodies.cart_mass + m_1 + m_2,
+            d_01=(m_1 / 2 + m_2) * l_1,
+            d_02=m_2 * l_2 / 2,
+            d_11=(m_1 / 3 + m_2) * l_1 ** 2,
+            d_12=m_2 * l_1 * l_2 / 2,
+            d_22=m_2 * l_2 ** 2 / 3,
+            g=bodies.gravity,
+            b_0=bodies.cart_friction, b_1=bodies.joint1_friction, b_2=bodies.joint2_friction)
+
+
+@inlined
+def inverse_inertia(p, s_1, c_1, s_2, c_2):
+    """Return the six entries (00, 01, 02, 11, 12, 22) of the inverse of D(θ), (7)-(10)."""
+    c_12 = c_1 * c_2 + s_1 * s_2
+    m_01, m_02, m_12 = p.d_01 * c_1, p.d_02 * c_2, p.d_12 * c_12
+    i_00 = p.d_11 * p.d_22 - m_12 * m_12
+    i_01 = m_02 * m_12 - m_01 * p.d_22
+    i_02 = m_01 * m_12 - m_02 * p.d_11
+    i_11 = p.d_00 * p.d_22 - m_02 * m_02
+    i_12 = m_01 * m_02 - p.d_00 * m_12
+    i_22 = p.d_00 * p.d_11 - m_01 * m_01
+    det = p.d_00 * i_00 + m_01 * i_01 + m_02 * i_02
+    return i_00 / det, i_01 / det, i_02 / det, i_11 / det, i_12 / det, i_22 / det
+
+
+@inlined
+def generalised_force(p, s_1, c_1, s_2, c_2, w_1, w_2, f):
+    """Return r = H f - C q̇ - G - joint friction, (11)-(15)."""
+    s_12 = s_1 * c_2 - c_1 * s_2
+    slip = p.b_2 * (w_1 - w_2)
+    r_0 = f + p.d_01 * s_1 * w_1 * w_1 + p.d_02 * s_2 * w_2 * w_2
+    r_1 = p.g * p.d_01 * s_1 - p.d_12 * s_12 * w_2 * w_2 - p.b_1 * w_1 - slip
+    r_2 = p.g * p.d_02 * s_2 + p.d_12 * s_12 * w_1 * w_1 + slip
+    return r_0, r_1, r_2
+
+
+@inlined
+def accelerations(p, s_1, c_1, s_2, c_2, w_1, w_2, f):
+    """Return a = D⁻¹ r [m/s^2, rad/s^2, rad/s^2]."""
+    i_00, i_01, i_02, i_11, i_12, i_22 = inverse_inertia(p, s_1, c_1, s_2, c_2)
+    r_0, r_1, r_2 = generalised_force(p, s_1, c_1, s_2, c_2, w_1, w_2, f)
+    return (i_00 * r_0 + i_01 * r_1 + i_02 * r_2,
+            i_01 * r_0 + i_11 * r_1 + i_12 * r_2,
+            i_02 * r_0 + i_12 * r_1 + i_22 * r_2)
+
+
+@kernel
+def jacobian(p, s_1, c_1, s_2, c_2, w_1, w_2, f, J):
+    """
+    Write J = ∂a/∂z = D⁻¹ (∂r/∂z - ∂D/∂z a) and return a.
+
+    Shapes: J (3, 5), columns z = (θ1, θ2, θ̇1, θ̇2, f).
+    """
+    i_00, i_01, i_02, i_11, i_12, i_22 = inverse_inertia(p, s_1, c_1, s_2, c_2)
+    r_0, r_1, r_2 = generalised_force(p, s_1, c_1, s_2, c_2, w_1, w_2, f)
+    a_0 = i_00 * r_0 + i_01 * r_1 + i_02 * r_2
+    a_1 = i_01 * r_0 + i_11 * r_1 + i_12 * r_2
+    a_2 = i_02 * r_0 + i_12 * r_1 + i_22 * r_2
+    s_12, c_12 = s_1 * c_2 - c_1 * s_2, c_1 * c_2 + s_1 * s_2
+    h_1, h_2, h_12 = p.d_01, p.d_02, p.d_12
+    # ∂(r - D a)/∂z at fixed a, one triple of rows per column
+    columns = (
+        (h_1 * (c_1 * w_1 * w_1 + s_1 * a_1),
+         h_1 * (p.g * c_1 + s_1 * a_0) + h_12 * (s_12 * a_2 - c_12 * w_2 * w_2),
+         h_12 * (c_12 * w_1 * w_1 + s_12 * a_1)),
+        (h_2 * (c_2 * w_2 * w_2 + s_2 * a_2),
+         h_12 * (c_12 * w_2 * w_2 - s_12 * a_2),
+         h_2 * (p.g * c_2 + s_2 * a_0) - h_12 * (c_12 * w_1 * w_1 + s_12 * a_1)),
+        (2 * h_1 * s_1 * w_1, -p.b_1 - p.b_2, 2 * h_12 * s_12 * w_1 + p.b_2),
+        (2 * h_2 * s_2 * w_2, -2 * h_12 * s_12 * w_2 + p.b_2, -p.b_2))
+    for j in range(4):
+        d_0, d_1, d_2 = columns[j]
+        J[0, j] = i_00 * d_0 + i_01 * d_1 + i_02 * d_2
+        J[1, j] = i_01 * d_0 + i_11 * d_1 + i_12 * d_2
+        J[2, j] = i_02 * d_0 + i_12 * d_1 + i_22 * d_2
+    J[0, 4], J[1, 4], J[2, 4] = i_00, i_01, i_02
+    return a_0, a_1, a_2
+
+
+@kernel
+def curvature(p, s_1, c_1, s_2, c_2, w_1, w_2, f, J, mu_0, mu_1, mu_2, M):
+    """
+    Write M = Σ μᵢ ∂²aᵢ/∂z², with J from `jacobian` at the same point.
+
+    Adjoint form: with ν = D⁻¹ μ, g(z) = νᵀ (r - D a) at fixed a, and e_j = ∂D/∂z_j ν,
+    M_jk = ∂²g/∂z_j∂z_k - e_j·J_k - e_k·J_j. Only the angles have an e.
+    Shapes: J (3, 5), M (5, 5).
+    """
+    i_00, i_01, i_02, i_11, i_12, i_22 = inverse_inertia(p, s_1, c_1, s_2, c_2)
+    r_0, r_1, r_2 = generalised_force(p, s_1, c_1, s_2, c_2, w_1, w_2, f)
+    a_0 = i_00 * r_0 + i_01 * r_1 + i_02 * r_2
+    a_1 = i_01 * r_0 + i_11 * r_1 + i_12 * r_2
+    a_2 = i_02 * r_0 + i_12 * r_1 + i_22 * r_2
+    n_0 = i_00 * mu_0 + i_01 * mu_1 + i_02 * mu_2
+    n_1 = i_01 * mu_0 + i_11 * mu_1 + i_12 * mu_2
+    n_2 = i_02 * mu_0 + i_12 * mu_1 + i_22 * mu_2
+    s_12, c_12 = s_1 * c_2 - c_1 * s_2, c_1 * c_2 + s_1 * s_2
+    h_1, h_2, h_12 = p.d_01, p.d_02, p.d_12
+
+    M[0, 0] = (n_0 * h_1 * (c_1 * a_1 - s_1 * w_1 * w_1)
+               + n_1 * (h_1 * (c_1 * a_0 - p.g * s_1) + h_12 * (s_12 * w_2 * w_2 + c_12 * a_2))
+               + n_2 * h_12 * (c_12 * a_1 - s_12 * w_1 * w_1))
+    M[0, 1] = (-n_1 * h_12 * (s_12 * w_2 * w_2 + c_12 * a_2)
+               + n_2 * h_12 * (s_12 * w_1 * w_1 - c_12 * a_1))
+    M[1, 1] = (n_0 * h_2 * (c_2 * a_2 - s_2 * w_2 * w_2)
+               + n_1 * h_12 * (s_12 * w_2 * w_2 + c_12 * a_2)
+               + n_2 * (h_2 * (c_2 * a_0 - p.g * s_2) + h_12 * (c_12 * a_1 - s_12 * w_1 * w_1)))
+    M[0, 2] = 2 * w_1 * (n_0 * h_1 * c_1 + n_2 * h_12 * c_12)
+    M[0, 3] = -2 * w_2 * n_1 * h_12 * c_12
+    M[1, 2] = -2 * w_1 * n_2 * h_12 * c_12
+    M[1, 3] = 2 * w_2 * (n_0 * h_2 * c_2 + n_1 * h_12 * c_12)
+    M[2, 2] = 2 * (n_0 * h_1 * s_1 + n_2 * h_12 * s_12)
+    M[3, 3] = 2 * (n_0 * h_2 * s_2 - n_1 * h_12 * s_12)
+    M[2, 3] = M[0, 4] = M[1, 4] = M[2, 4] = M[3, 4] = M[4, 4] = 0.0
+
+    e = ((-h_1 * s_1 * n_1, -h_1 * s_1 * n_0 - h_12 * s_12 * n_2, -h_12 * s_12 * n_1),
+         (-h_2 * s_2 * n_2, h_12 * s_12 * n_2, h_12 * s_12 * n_1 - h_2 * s_2 * n_0))
+    for j in range(2):
+        for k in range(5):
+            e_jk = e[j][0] * J[0, k] + e[j][1] * J[1, k] + e[j][2] * J[2, k]
+            M[min(j, k), max(j, k)] -= 2 * e_jk if j == k else e_jk
+    for j in range(5):
+        for k in range(j):
+            M[j, k] = M[k, j]
+
+
+@inlined
+def derivative(p, th_1, th_2, v, w_1, w_2, u):
+    """Return the accelerations of cart and links at a state under the force u [N]."""
+    s_1, c_1 = sincos(th_1)
+    s_2, c_2 = sincos(th_2)
+    return accelerations(p, s_1, c_1, s_2, c_2, w_1, w_2, u - p.b_0 * v)
+
+
+@kernel
+def stop(p, limit, x):
+    """
+    Bring a cart beyond the end of its track to rest there, by an inelastic impact.
+
+    The impulse on the cart also turns the links: Δq̇ = D⁻¹ H impulse. Shapes: x (6,), changed.
+    """
+    if abs(x[0]) <= limit:
+        return
+    side = math.copysign(1.0, x[0])
+    x[0] = side * limit
+    if side * x[3] > 0:
+        i_00, i_01, i_02, _, _, _ = inverse_inertia(
+            p, math.sin(x[1]), math.cos(x[1]), math.sin(x[2]), math.cos(x[2]))
+        impulse = -x[3] / i_00
+        x[3] = 0.0
+        x[4] += i_01 * impulse
+        x[5] += i_02 * impulse
+
+
+@kernel
+def energy(p, x):
+    """Return the kinetic and potential energy [J] of the state x (6,)."""
+    v, w_1, w_2 = x[3], x[4], x[5]
+    kinetic = (0.5 * (p.d_00 * v * v + p.d_11 * w_1 * w_1 + p.d_22 * w_2 * w_2)
+               + p.d_01 * math.cos(x[1]) * v * w_1 + p.d_02 * math.cos(x[2]) * v * w_2
+               + p.d_12 * math.cos(x[1] - x[2]) * w_1 * w_2)
+    return kinetic + p.g * (p.d_01 * math.cos(x[1]) + p.d_02 * math.cos(x[2]))
+
+
+def joints(X: Array, bodies: PendulumParameters) -> Array:
+    """
+    Return the places [m] of the cart, the tip of link 1 and the tip of link 2.
+
+    Shapes: X (..., 6) -> (..., 3, 2), with x to the right and z up.
+    """
+    X = np.asarray(X)
+    tips = np.zeros((*X.shape[:-1], 3, 2))
+    tips[..., :, 0] = X[..., :1]
+    for link, length in ((1, bodies.link1_length), (2, bodies.link2_length)):
+        tips[..., link:, 0] += length * np.sin(X[..., link, None])
+        tips[..., link:, 1] += length * np.cos(X[..., link, None])
+    return tips

@@ -1,0 +1,35 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+How the kernels are compiled: one decorator, and a disk cache that cannot go stale.
+
+Numba looks only at a kernel's own file to decide whether its cached machine code is current, not
+at the kernels it calls. So the cache lies in a folder named after the sources of all kernels.
+"""
+
+import hashlib
+import os
+from pathlib import Path
+
+import numba
+
+
+def _cache_folder() -> Path:
+    package = Path(__file__).parent
+    digest = hashlib.sha256(numba.__version__.encode())
+    for source in sorted(package.rglob('*.py')):
+        text = source.read_bytes()
+        if b'kernel' in text:
+            digest.update(text)
+    home = Path(os.environ.get('XDG_CACHE_HOME') or Path.home() / '.cache')
+    return home / 'dp_swing_ros' / digest.hexdigest()[:16]
+
+
+if 'NUMBA_CACHE_DIR' not in os.environ:
+    setattr(numba.config, 'CACHE_DIR', str(_cache_folder()))
+
+# IEEE division instead of Python's exception: a kernel reports trouble as a non-finite number.
+kernel = numba.njit(cache=True, nogil=True, error_model='numpy')
+
+# The same, always inlined: a loop vectorises only if no call is left in it.
+inlined = numba.njit(cache=True, nogil=True, error_model='numpy', forceinline=True)

@@ -1,0 +1,7 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Nodes: convert, call, publish; messages and bags on one side, arrays and episodes on the other.
+
+Nothing here imports rclpy on its own: bags are read where there is no ROS.
+"""

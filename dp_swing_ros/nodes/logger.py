@@ -1,0 +1,217 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The logger node: writes topics to a bag that rosbag2 opens."""
+
+import dataclasses
+from datetime import datetime
+import functools
+from pathlib import Path
+import sys
+import time
+from typing import Any, NamedTuple
+
+from rclpy.duration import Duration
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
+from rclpy.topic_endpoint_info import TopicEndpointInfo
+
+from dp_swing_ros.nodes.bag_writer import BagWriter, Recorded
+from dp_swing_ros.nodes.connections import message_class
+from dp_swing_ros.nodes.definitions import schema
+from dp_swing_ros.nodes.errors import BagError
+from dp_swing_ros.nodes.fields import BILLION
+from dp_swing_ros.nodes.process import ProcessNode, run
+from dp_swing_ros.nodes.ros_parameters import declare, refuse_unknown
+from dp_swing_ros.nodes.sequences import Tally
+from dp_swing_ros.nodes.topics import TOPICS
+from dp_swing_ros.parameters import parameter, ParameterError, Parameters
+
+LOOK_PERIOD = 0.05   # [s] between looks for new publishers
+FLUSH_PERIOD = 0.1   # [s] what a power cut may cost
+DRAIN_TIME = 0.5     # [s] at most for what waits at the end
+QUEUE = 1000         # messages of a topic that wait for the logger
+
+
+@dataclasses.dataclass(frozen=True)
+class LoggerParameters(Parameters):
+    """What to record, and where."""
+
+    output: str = parameter(
+        '', 'folder of the bag, which must not exist; empty: named by the time, here')
+    topics: tuple[str, ...] = parameter(
+        tuple(topic.name for topic in TOPICS), 'topics to record, as soon as they have publishers')
+    progress_period: float = parameter(
+        5.0, 'time between two lines on the progress (0: none)', unit='s', minimum=0.0)
+
+
+class Request(NamedTuple):
+    """The quality of service that a subscription asks for."""
+
+    reliable: bool
+    kept: bool  # the messages that a publisher kept for those who join late, too
+
+    def to_profile(self) -> QoSProfile:
+        """Convert to ROS."""
+        return QoSProfile(
+            depth=QUEUE,
+            reliability=ReliabilityPolicy.RELIABLE if self.reliable
+            else ReliabilityPolicy.BEST_EFFORT,
+            durability=DurabilityPolicy.TRANSIENT_LOCAL if self.kept
+            else DurabilityPolicy.VOLATILE)
+
+
+@dataclasses.dataclass
+class Recording:
+    """A topic that is being recorded."""
+
+    request: Request
+    subscription: Subscription
+    publishers: int
+    tally: Tally
+
+
+class LoggerNode(ProcessNode):
+    """Subscribes to each topic as its publishers offer it, and writes what comes as it is."""
+
+    linger = 0.3  # [s] others say their last words at the same signal
+
+    def __init__(self) -> None:
+        super().__init__('logger')
+        parameters = declare(self, LoggerParameters)
+        refuse_unknown(self)
+        self._recordings: dict[str, Recording | None] = {}  # None: cannot be recorded
+        self._names = list(dict.fromkeys(map(self._resolved, parameters.topics)))
+        self._bag = BagWriter(_folder(parameters.output))
+        self.create_timer(LOOK_PERIOD, self._look)
+        self.create_timer(FLUSH_PERIOD, self._bag.flush)
+        if parameters.progress_period > 0:
+            self.create_timer(parameters.progress_period, self._show_progress)
+        self.get_logger().info(f'recording to {self._bag.folder}')
+
+    def close(self) -> None:
+        """Finish the bag and say what is in it."""
+        try:
+            if not self._bag.failed:
+                self._drain()
+        finally:
+            self._bag.close()
+        if self._bag.failed:
+            return
+        print(f'{self._bag.folder}: {sum(self._bag.counts.values())} messages')
+        for name in self._names:
+            print(f'  {name}: {self._summary(name)}', flush=True)
+
+    def _summary(self, name: str) -> str:
+        if name not in self._recordings:
+            return '0 written, nobody published it'
+        recording = self._recordings[name]
+        if recording is None:
+            return 'could not be recorded'
+        return f'{recording.tally.came} written, {recording.tally.lost} lost'
+
+    def _drain(self) -> None:
+        # Under load, what was sent before the end may still wait in the queues.
+        limit = time.monotonic() + DRAIN_TIME
+        for name, recording in self._recordings.items():
+            if recording is not None:
+                subscription = recording.subscription
+                with subscription.handle:
+                    while time.monotonic() < limit and (taken := subscription.handle.take_message(
+                            subscription.msg_type, True)):
+                        self._write(name, *taken)
+
+    def _resolved(self, name: str) -> str:
+        try:
+            return self.resolve_topic_name(name)
+        except RuntimeError as error:
+            raise ParameterError(f"parameter 'topics' has {name!r}, which is no topic name: "
+                                 f'{error}') from None
+
+    def _look(self) -> None:
+        for name in self._names:
+            publishers = self.get_publishers_info_by_topic(name)
+            if not publishers:
+                continue
+            if name not in self._recordings:
+                self._recordings[name] = self._record(name, publishers)
+            elif (recording := self._recordings[name]) is not None:
+                recording.publishers = len(publishers)
+                self._meet(name, recording, publishers)
+
+    def _record(self, name: str, publishers: list[TopicEndpointInfo]) -> Recording | None:
+        kind = publishers[0].topic_type
+        try:
+            recorded = Recorded(name, kind, schema(kind), str(publishers[0].topic_type_hash),
+                                [_described(each.qos_profile) for each in publishers])
+            message_class(kind)
+        except (AttributeError, BagError, ImportError) as error:
+            self.get_logger().error(f'{name} is not recorded: {error}')
+            return None
+        self._bag.add(recorded)
+        request = _request(publishers)
+        return Recording(request, self._subscribe(name, kind, request), len(publishers), Tally())
+
+    def _meet(self, name: str, recording: Recording,
+              publishers: list[TopicEndpointInfo]) -> None:
+        # A subscription never hears a publisher that offers less than it asks for.
+        offered = _request(publishers)
+        if offered.reliable >= recording.request.reliable \
+                and offered.kept >= recording.request.kept:
+            return
+        self.destroy_subscription(recording.subscription)
+        recording.request = Request(offered.reliable and recording.request.reliable,
+                                    offered.kept and recording.request.kept)
+        recording.subscription = self._subscribe(name, publishers[0].topic_type,
+                                                 recording.request)
+
+    def _subscribe(self, name: str, kind: str, request: Request) -> Subscription:
+        # rclpy's annotations do not know of the information beside a message
+        write: Any = functools.partial(self._write, name)
+        return self.create_subscription(message_class(kind), name, write, request.to_profile(),
+                                        raw=True)
+
+    def _write(self, name: str, data: bytes, info: dict[str, Any]) -> None:
+        number = info['publication_sequence_number']
+        self._bag.write(name, data, info['received_timestamp'], info['source_timestamp'], number)
+        recording = self._recordings[name]
+        if recording is not None:
+            recording.tally.count(number, recording.publishers)
+
+    def _show_progress(self) -> None:
+        tallies = [recording.tally for recording in self._recordings.values() if recording]
+        self.get_logger().info(f'{sum(tally.came for tally in tallies)} messages written, '
+                               f'{sum(tally.lost for tally in tallies)} lost')
+
+
+def _folder(output: str) -> Path:
+    return Path(output or f'{datetime.now():dp_swing_%Y_%m_%d-%H_%M_%S}').expanduser()
+
+
+def _request(publishers: list[TopicEndpointInfo]) -> Request:
+    profiles = [publisher.qos_profile for publisher in publishers]
+    return Request(
+        reliable=all(each.reliability == ReliabilityPolicy.RELIABLE for each in profiles),
+        kept=all(each.durability == DurabilityPolicy.TRANSIENT_LOCAL for each in profiles))
+
+
+def _described(profile: QoSProfile) -> dict[str, Any]:
+    def parts(duration: Duration) -> dict[str, int]:
+        second, nanosecond = divmod(duration.nanoseconds, BILLION)
+        return {'sec': second, 'nsec': nanosecond}
+
+    return {'history': profile.history.name.lower(), 'depth': profile.depth,
+            'reliability': profile.reliability.name.lower(),
+            'durability': profile.durability.name.lower(),
+            'deadline': parts(profile.deadline), 'lifespan': parts(profile.lifespan),
+            'liveliness': profile.liveliness.name.lower(),
+            'liveliness_lease_duration': parts(profile.liveliness_lease_duration),
+            'avoid_ros_namespace_conventions': profile.avoid_ros_namespace_conventions}
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the node."""
+    return run(LoggerNode, args)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

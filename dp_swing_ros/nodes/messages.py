@@ -1,0 +1,69 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Messages <-> arrays.
+
+What reads a message asks for its fields alone, so it also reads those of a bag without ROS; it is
+in `fields` and offered here too.
+"""
+
+from typing import Mapping
+
+from builtin_interfaces.msg import Duration, Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from dp_swing_ros.nodes.fields import (
+    from_diagnostics, from_trajectory, Report, seconds, split, to_state, Trajectory)
+from dp_swing_ros.plan import Plan
+from dp_swing_ros.state import Array, JOINTS
+
+__all__ = ['Report', 'Trajectory', 'from_diagnostics', 'from_trajectory', 'seconds',
+           'to_diagnostics', 'to_joint_state', 'to_stamp', 'to_state', 'to_trajectory']
+
+
+def to_stamp(time: float | int) -> Time:
+    """Convert a time in seconds (float) or, to the nanosecond, in nanoseconds (int)."""
+    second, nanosecond = split(time)
+    return Time(sec=second, nanosec=nanosecond)
+
+
+def to_joint_state(stamp: Time, x: Array, force: float) -> JointState:
+    """
+    Convert a state and the force [N] that was applied over the period before it.
+
+    Shapes: x (6,).
+    """
+    return JointState(header=Header(stamp=stamp), name=list(JOINTS), position=x[:3].tolist(),
+                      velocity=x[3:].tolist(), effort=[float(force), 0.0, 0.0])
+
+
+def to_trajectory(plan: Plan, stamp: Time) -> JointTrajectory:
+    """Convert a plan; the force of a point acts until the next, and that of the last is zero."""
+    forces = [*plan.U.tolist(), 0.0]
+    points = [JointTrajectoryPoint(positions=x[:3], velocities=x[3:], effort=[force, 0.0, 0.0],
+                                   time_from_start=_duration(t * plan.dt))
+              for t, (x, force) in enumerate(zip(plan.X.tolist(), forces))]
+    return JointTrajectory(header=Header(stamp=stamp), joint_names=list(JOINTS), points=points)
+
+
+def to_diagnostics(stamp: Time, name: str, level: int, message: str,
+                   values: Mapping[str, float | int | str]) -> DiagnosticArray:
+    """Convert what a node says of itself; numbers are written so that they read back the same."""
+    pairs = [KeyValue(key=key, value=_text(value)) for key, value in values.items()]
+    status = DiagnosticStatus(level=bytes([level]), name=name, message=message, values=pairs)
+    return DiagnosticArray(header=Header(stamp=stamp), status=[status])
+
+
+def _duration(time: float) -> Duration:
+    second, nanosecond = split(time)
+    return Duration(sec=second, nanosec=nanosecond)
+
+
+def _text(value: float | int | str) -> str:
+    # true and false are numbers too, and a NumPy number's repr is not its text
+    if isinstance(value, str):
+        return value
+    return str(int(value)) if float(value).is_integer() else repr(float(value))

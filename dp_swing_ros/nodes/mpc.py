@@ -1,0 +1,142 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The controller: from every state a plan, and from the plan a force."""
+
+import math
+import time
+
+from diagnostic_msgs.msg import DiagnosticStatus
+import numpy as np
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64
+from std_srvs.srv import Trigger
+
+from dp_swing_ros.mpc import MpcParameters, RecedingHorizon
+from dp_swing_ros.nodes.connections import publish, subscribe
+from dp_swing_ros.nodes.messages import seconds, to_diagnostics, to_state, to_trajectory
+from dp_swing_ros.nodes.process import ProcessNode, run
+from dp_swing_ros.nodes.ros_parameters import declare, refuse_unknown
+from dp_swing_ros.nodes.topics import DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES, PLAN
+from dp_swing_ros.parameters import (
+    CostParameters, LimitParameters, PendulumParameters, PredictionParameters)
+from dp_swing_ros.plan import Plan, Status
+from dp_swing_ros.problem import Problem
+from dp_swing_ros.solvers import SOLVERS
+
+OTHER_CLOCK = 10.0   # [s] a stamp further from now than this is simulated or recorded time
+SMOOTHING = 0.1      # share of the newest tick in the mean processing time
+SLOW_START = 1.0     # [s] a warm-up longer than this was a compilation
+
+
+class MpcNode(ProcessNode):
+    """
+    The node. It listens only once everything is compiled, and sends one force a state.
+
+    Where the stamps are simulated time (the plant in lockstep, a bag) there is no latency to make
+    up for and no deadline, so that the result does not depend on the machine.
+    """
+
+    def __init__(self) -> None:
+        """Read the parameters, and refuse what cannot work."""
+        super().__init__('mpc')
+        bodies = declare(self, PendulumParameters)
+        limits = declare(self, LimitParameters)
+        cost = declare(self, CostParameters)
+        prediction = declare(self, PredictionParameters)
+        self.parameters = declare(self, MpcParameters)
+        of_solvers = {name: declare(self, solver.Parameters, name)
+                      for name, solver in sorted(SOLVERS.items())}
+        refuse_unknown(self)
+        self.solver = self.parameters.solver
+        self.horizon = RecedingHorizon(Problem.of(bodies, limits, cost, prediction),
+                                       self.parameters, of_solvers[self.solver])
+        self.u_max = limits.force_limit
+        self.forces = publish(self, FORCE_COMMAND)
+        self.plans = publish(self, PLAN)
+        self.diagnostics = publish(self, DIAGNOSTICS)
+        self.create_service(Trigger, 'mpc/reset', self.on_reset)
+        self.forget()
+
+    def forget(self) -> None:
+        """Begin anew."""
+        self.horizon.reset()
+        self.processing = 0.0   # [s] mean time from a state's arrival to its force
+        self.late_total = 0
+        self.last_stamp = math.nan
+        self.sent = False
+
+    def prepare(self) -> None:
+        """Compile before the first state, then listen."""
+        self.get_logger().info(f'preparing the solver {self.solver!r} (the first start on a '
+                               'machine compiles for half a minute; later ones take a second)')
+        taken = self.horizon.warm_up()
+        done = 'compiled' if taken > SLOW_START else 'loaded'
+        subscribe(self, JOINT_STATES, self.on_state, depth=1)   # of several states, the newest
+        self.get_logger().info(f'{done} in {taken:.1f} s; ready')
+
+    def on_state(self, message: JointState) -> None:
+        """Answer a state with a force, then tell how it came about."""
+        arrival = time.perf_counter()
+        stamp = seconds(message.header.stamp)
+        age = self.get_clock().now().nanoseconds / 1e9 - stamp
+        real_time = abs(age) < OTHER_CLOCK
+        delay = max(age, 0.0) + self.processing if real_time else 0.0
+        deadline = arrival + self.parameters.time_limit if real_time else math.inf
+        plan, complaint = self.solve(message, stamp, delay, deadline)
+        force = self.bounded(plan.control(0.0, plan.X[0]))
+        self.forces.publish(Float64(data=force))
+        self.sent = True
+        taken = time.perf_counter() - arrival
+        if real_time:
+            self.processing += SMOOTHING * (taken - self.processing)
+        self.plans.publish(to_trajectory(plan, message.header.stamp))
+        self.report(message, plan, complaint, force, delay, age + taken if real_time else taken)
+
+    def solve(self, message: JointState, stamp: float, delay: float,
+              deadline: float) -> tuple[Plan, str]:
+        """Return the plan, and what was wrong with the state."""
+        try:
+            return self.horizon.update(stamp, to_state(message), delay, deadline), ''
+        except ValueError as error:
+            self.get_logger().error(f'{error}; going on without this state',
+                                    throttle_duration_sec=1.0)
+            return self.horizon.stand_in(stamp + delay), str(error)
+
+    def bounded(self, force: float) -> float:
+        """Return the force within its limit; whatever happened, never one that is not finite."""
+        return float(np.clip(force, -self.u_max, self.u_max)) if math.isfinite(force) else 0.0
+
+    def report(self, message: JointState, plan: Plan, complaint: str, force: float, delay: float,
+               latency: float) -> None:
+        """Publish the figures of the tick."""
+        stats, stamp = plan.stats, seconds(message.header.stamp)
+        period = stamp - self.last_stamp
+        self.last_stamp = stamp
+        late = stats.solve_time > (period if period > 0 else plan.dt)
+        self.late_total += late
+        level, text = DiagnosticStatus.OK, stats.status.value
+        if complaint or stats.status is Status.ZERO:
+            level, text = DiagnosticStatus.ERROR, f'{complaint}; {text}'.lstrip('; ')
+        elif late or stats.status in (Status.LAST_POLICY, Status.REGULATOR):
+            level = DiagnosticStatus.WARN
+        self.diagnostics.publish(to_diagnostics(
+            message.header.stamp, 'mpc', level[0], text,
+            {'solver': self.solver, 'status': stats.status.name, 'cost': stats.cost,
+             'iterations': stats.iterations, 'solve_time': stats.solve_time, 'latency': latency,
+             'delay': delay, 'late': late, 'late_total': self.late_total, 'force': force}))
+
+    def on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Forget the last plan and restart the random numbers."""
+        self.forget()
+        response.success, response.message = True, 'the next tick is a first one'
+        return response
+
+    def close(self) -> None:
+        """End the stream of commands with zero."""
+        if self.sent:
+            self.forces.publish(Float64(data=0.0))
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the node; see `ros2 run dp_swing_ros mpc --ros-args -p solver:=mppi`."""
+    return run(MpcNode, args)

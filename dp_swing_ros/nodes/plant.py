@@ -1,0 +1,164 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The plant: integrates the pendulum, publishes its state at a fixed rate, obeys the force."""
+
+import math
+import time
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from std_msgs.msg import Float64, String
+from std_srvs.srv import Trigger
+
+from dp_swing_ros.nodes.connections import publish, subscribe
+from dp_swing_ros.nodes.messages import to_diagnostics, to_joint_state, to_stamp
+from dp_swing_ros.nodes.process import ProcessNode, run
+from dp_swing_ros.nodes.ros_parameters import declare, refuse_unknown
+from dp_swing_ros.nodes.topics import (
+    DIAGNOSTICS, DISTURBANCE, FORCE_COMMAND, JOINT_STATES, ROBOT_DESCRIPTION)
+from dp_swing_ros.parameters import LimitParameters, PendulumParameters, PlantParameters
+from dp_swing_ros.simulation import Plant
+from dp_swing_ros.urdf import urdf
+
+REPORT_PERIOD = 1.0  # [s] between two diagnostics
+LOCKSTEP_POLL = 0.02  # [s] between two looks for a controller
+
+
+class PlantNode(ProcessNode):
+    """
+    The node; in real time nobody waits for anybody, in lockstep it waits for one force a state.
+
+    In lockstep the stamps are simulated time, from zero.
+    """
+
+    def __init__(self) -> None:
+        """Read the parameters and offer the topics."""
+        super().__init__('plant')
+        bodies = declare(self, PendulumParameters)
+        limits = declare(self, LimitParameters)
+        self.parameters = declare(self, PlantParameters)
+        refuse_unknown(self)
+        self.plant = Plant(bodies, limits, self.parameters)
+        self.period = 1 / self.parameters.rate
+        self.push = 0.0          # [N] asked for the next period
+        self.skipped = self.refused = self.commands = 0
+        self.timed_out = False
+        self.states = publish(self, JOINT_STATES)
+        self.diagnostics = publish(self, DIAGNOSTICS)
+        self.description = publish(self, ROBOT_DESCRIPTION)
+        self.description.publish(String(data=urdf(bodies, limits)))
+        self.create_service(Trigger, 'plant/reset', self.on_reset)
+        subscribe(self, DISTURBANCE, self.on_disturbance)
+
+    def prepare(self) -> None:
+        """Compile the integrator, then start the clock."""
+        Plant(self.plant.bodies, self.plant.limits, self.parameters).advance(self.period)
+        subscribe(self, FORCE_COMMAND, self.on_force)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.start()
+        if self.parameters.lockstep:
+            self.get_logger().info('lockstep: waiting for a controller')
+            self.search = self.create_timer(LOCKSTEP_POLL, self.on_search, clock=steady)
+        else:
+            self.create_timer(self.period, self.on_tick, clock=steady)
+            self.publish_state()
+
+    def start(self) -> None:
+        """Let the plant's time begin now."""
+        self.began = time.monotonic()
+        self.epoch = 0 if self.parameters.lockstep else self.get_clock().now().nanoseconds
+        self.expires = math.inf      # [s] of the plant, when the last command is too old
+        self.reported = -math.inf
+        self.waiting = False         # for the force that answers the last state
+
+    def on_search(self) -> None:
+        """Begin the lockstep as soon as a controller can hear the first state."""
+        controllers = {(info.node_name, info.node_namespace) for info in
+                       self.get_publishers_info_by_topic(self.resolve_topic_name('force_command'))}
+        listeners = self.get_subscriptions_info_by_topic(self.resolve_topic_name('joint_states'))
+        heard = {(info.node_name, info.node_namespace) for info in listeners}
+        matched = self.states.get_subscription_count() >= len(listeners)
+        if controllers and controllers <= heard and matched:
+            self.destroy_timer(self.search)
+            self.publish_state()
+
+    def on_tick(self) -> None:
+        """Publish the state of now; a tick that came late is not made up for."""
+        now = time.monotonic() - self.began
+        passed = now - self.plant.period_began
+        self.skipped += max(round(passed / self.period) - 1, 0)
+        self.advance_to(now)
+        self.publish_state()
+
+    def on_force(self, message: Float64) -> None:
+        """Obey a force from now on; in lockstep, for one period."""
+        force = message.data
+        if not math.isfinite(force):
+            self.refused += 1
+            self.get_logger().error(f'refused a force of {force}; expected a finite number [N]',
+                                    once=True)
+            return
+        self.commands += 1
+        if not self.parameters.lockstep:
+            now = time.monotonic() - self.began
+            self.advance_to(now)
+            self.plant.command, self.timed_out = force, False
+            self.expires = now + self.parameters.command_timeout
+        elif self.waiting:
+            self.plant.command = force
+            self.plant.advance(self.period)
+            self.publish_state()
+
+    def on_disturbance(self, message: Float64) -> None:
+        """Push the cart through the whole of the next period."""
+        if math.isfinite(message.data):
+            self.push += message.data
+
+    def on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Go back to the initial state; in lockstep, to time zero too."""
+        self.plant.reset()
+        self.start()
+        self.publish_state()
+        response.success, response.message = True, 'the plant is back at its initial state'
+        return response
+
+    def advance_to(self, now: float) -> None:
+        """Integrate up to a time [s]; a command that expires before it acts no longer."""
+        if now > self.expires and not self.timed_out:
+            self.plant.advance(self.expires - self.plant.t)
+            self.plant.command, self.timed_out = 0.0, True
+            self.get_logger().warning(
+                f'no force for {self.parameters.command_timeout:g} s; '
+                'the force is zero until the next')
+        self.plant.advance(now - self.plant.t)
+
+    def publish_state(self) -> None:
+        """Publish the measured state and the mean force of the period that ends, and go on."""
+        measured = self.plant.measure()
+        stamp = to_stamp(self.epoch + round(measured.t * 1e9))
+        self.states.publish(to_joint_state(stamp, measured.x, self.plant.mean_force))
+        self.waiting = True
+        if self.plant.t - self.reported >= REPORT_PERIOD:
+            self.report(stamp)
+        if self.parameters.duration and self.plant.t >= self.parameters.duration - 1e-9:
+            self.done = True
+            self.waiting = False
+        self.plant.begin_period(self.push)
+        self.push = 0.0
+
+    def report(self, stamp: Time) -> None:
+        """Publish what the plant counts."""
+        self.reported = self.plant.t
+        level = DiagnosticStatus.WARN if self.timed_out else DiagnosticStatus.OK
+        message = 'no force arrives; it is zero' if self.timed_out else 'obeys the force'
+        self.diagnostics.publish(to_diagnostics(
+            stamp, 'plant', level[0], message,
+            {'time': self.plant.t, 'commands': self.commands, 'refused': self.refused,
+             'skipped_ticks': self.skipped}))
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the node; see `ros2 run dp_swing_ros plant --ros-args -p duration:=10.0`."""
+    return run(PlantNode, args)

@@ -1,0 +1,163 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The life of a node's process: start, spin, last words, exit code.
+
+rclpy's own signal handling ends the context at once, before a node can send a last safe command
+or finish a file. Here a signal only ends the loop; `close` then runs with everything still alive.
+"""
+
+import os
+from pathlib import Path
+import re
+import signal
+import sys
+import tempfile
+import time
+import traceback
+from types import FrameType
+from typing import Callable
+
+import rclpy
+from rclpy.duration import Duration
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import remove_ros_args
+
+from dp_swing_ros.nodes.errors import UserError
+from dp_swing_ros.nodes.forced_exit import exit_after
+from dp_swing_ros.parameters import ParameterError
+
+POLL = 0.05  # [s] a signal is seen after this time at the latest
+DELIVERY = 0.3  # [s] at most for the last messages to arrive
+TEARDOWN = 2  # [s] at most for the middleware's end
+
+OK, FAILED, MISUSED = 0, 1, 2  # exit codes
+
+
+# What the user can put right: one line, no traceback.
+USER_ERRORS = (ParameterError, UserError)
+
+
+class ProcessNode(Node):
+    """A node that a process is made for. It sets `done` to end the process itself."""
+
+    done: bool = False
+    linger: float = 0.0  # [s] callbacks go on for this time after the end
+
+    def prepare(self) -> None:
+        """Do long work before the first message; a signal interrupts it."""
+
+    def close(self) -> None:
+        """Send the last command and finish files; called once, whatever ended the process."""
+
+
+class _Interrupt(BaseException):
+    """A signal came while interruptible work was underway."""
+
+
+class _Signals:
+    """SIGINT, SIGTERM and SIGHUP as a request to stop; a second one changes nothing."""
+
+    def __init__(self) -> None:
+        self.requested = False
+        self._interruptible = False
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            # nohup ignores SIGHUP, and means it.
+            if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:
+                signal.signal(number, self._handle)
+
+    def _handle(self, number: int, frame: FrameType | None) -> None:
+        self.requested = True
+        if self._interruptible:
+            self._interruptible = False
+            raise _Interrupt
+
+    def cut_short(self, work: Callable[[], None]) -> None:
+        """Do the work unless a signal came before it; one that comes during it ends it."""
+        self._interruptible = True
+        try:
+            if not self.requested:
+                work()
+        except _Interrupt:
+            pass
+        finally:
+            self._interruptible = False
+
+
+def run(make_node: Callable[[], ProcessNode], args: list[str] | None = None) -> int:
+    """
+    Run a node until a signal comes or it is done, and return the exit code.
+
+    `args` is as sys.argv, with the program's name first. What the user can put right is one line
+    on standard error and exit code 2; any other failure a traceback and exit code 1.
+    """
+    args = sys.argv if args is None else args
+    signals = _Signals()
+    node, code = None, OK
+    try:
+        _initialise(args)
+        node = make_node()
+        _live(node, signals)
+    except USER_ERRORS as error:
+        print(f'{Path(args[0]).name}: error: {_one_line(error)}', file=sys.stderr)
+        code = MISUSED
+    except Exception:
+        traceback.print_exc()
+        code = FAILED
+    sys.stdout.flush()
+    with exit_after(TEARDOWN, code):
+        if node is not None:
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return code
+
+
+def _initialise(args: list[str]) -> None:
+    if not any(name in os.environ for name in ('HOME', 'ROS_HOME', 'ROS_LOG_DIR')):
+        # rcl refuses to start without a place for its log files.
+        os.environ['ROS_LOG_DIR'] = str(Path(tempfile.gettempdir(), f'ros_log_{os.getuid()}'))
+    try:
+        surplus = remove_ros_args(args)[1:]
+        if surplus:
+            raise UserError(f'unknown argument {surplus[0]!r}; '
+                            'parameters are given as: --ros-args -p name:=value')
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:
+        raise UserError(f'{type(error).__name__}: {error}') from None
+
+
+def _one_line(error: Exception) -> str:
+    # rcl appends where in its own source it failed.
+    return re.sub(r', at /\S+:\d+', '', ' '.join(str(error).split()))
+
+
+def _live(node: ProcessNode, signals: _Signals) -> None:
+    try:
+        signals.cut_short(node.prepare)
+        _spin(node, signals)
+    finally:
+        node.close()
+        _deliver(node)
+
+
+def _deliver(node: ProcessNode) -> None:
+    # A publisher takes messages with it that nobody has confirmed yet, such as the last command.
+    limit = time.monotonic() + DELIVERY
+    for publisher in node.publishers:
+        rest = max(0.0, limit - time.monotonic())
+        publisher.wait_for_all_acked(Duration(seconds=rest))
+
+
+def _spin(node: ProcessNode, signals: _Signals) -> None:
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    try:
+        while not (signals.requested or node.done):
+            executor.spin_once(timeout_sec=POLL)
+        end = time.monotonic() + node.linger
+        while (rest := end - time.monotonic()) > 0:
+            executor.spin_once(timeout_sec=rest)
+    finally:
+        executor.shutdown()

@@ -1,0 +1,133 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The parameters of a node, made from the dataclasses that declare them.
+
+A node calls `declare` once per group and `refuse_unknown` after the last; whatever is wrong with
+what the user gave ends in a ParameterError.
+"""
+
+import dataclasses
+import difflib
+import math
+from typing import Any, Iterable, TypeVar
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from dp_swing_ros.parameters import checked, ParameterError, Parameters
+
+Group = TypeVar('Group', bound=Parameters)
+
+LARGEST_INTEGER = 2 ** 63 - 1
+
+
+def declare(node: Node, group: type[Group], prefix: str = '') -> Group:
+    """
+    Declare a ROS parameter per field of the group, and return the group with the values given.
+
+    A parameter is called prefix.field, and is read-only once the node runs.
+    Raises ParameterError.
+    """
+    values = {}
+    for field in dataclasses.fields(group):
+        name = _name(field, prefix)
+        values[field.name] = checked(field, _given(node, name, field.default), name)
+        # The override is left aside: it is in the value already, there in its declared type.
+        node.declare_parameter(name, _to_ros(values[field.name]), _descriptor(field),
+                               ignore_override=True)
+    return group(**values)
+
+
+def refuse_unknown(node: Node) -> None:
+    """
+    Refuse parameters that were given to the node and that nobody declared.
+
+    Raises ParameterError, naming the closest match and all the choices.
+    """
+    known = sorted(node.list_parameters([], 0).names)
+    for name in sorted(_overrides(node)):
+        if not node.has_parameter(name):
+            close = difflib.get_close_matches(name, known, n=1)
+            hint = f'did you mean {close[0]!r}? ' if close else ''
+            raise ParameterError(f'unknown parameter {name!r} of the node {node.get_name()!r}; '
+                                 f'{hint}available: {", ".join(known)}')
+
+
+def table(groups: Iterable[tuple[str, type[Parameters]]]) -> str:
+    """Return the Markdown table of the parameters of (prefix, group) pairs."""
+    rows = ['| parameter | default | unit | range | description |',
+            '| --- | --- | --- | --- | --- |']
+    for prefix, group in groups:
+        for field in dataclasses.fields(group):
+            cells = (f'`{_name(field, prefix)}`', f'`{_shown(field.default)}`',
+                     field.metadata['unit'], _expected(field), field.metadata['description'])
+            rows.append('| ' + ' | '.join(cell.replace('|', r'\|') for cell in cells) + ' |')
+    return '\n'.join(rows) + '\n'
+
+
+def _name(field: dataclasses.Field, prefix: str) -> str:
+    return f'{prefix}.{field.name}' if prefix else field.name
+
+
+def _overrides(node: Node) -> dict[str, Parameter]:
+    # rclpy has no public way to ask what was given on the command line and in parameter files
+    return node._parameter_overrides
+
+
+def _given(node: Node, name: str, default: Any) -> Any:
+    override = _overrides(node).get(name)
+    if override is None:
+        return default
+    # An empty list reaches a node without a type or a value.
+    return () if override.type_ is Parameter.Type.NOT_SET else override.value
+
+
+def _to_ros(value: Any) -> Any:
+    return list(value) if isinstance(value, tuple) else value
+
+
+def _descriptor(field: dataclasses.Field) -> ParameterDescriptor:
+    about = field.metadata
+    unit = f' [{about["unit"]}]' if about['unit'] else ''
+    descriptor = ParameterDescriptor(description=about['description'] + unit, read_only=True)
+    low, high = about['minimum'], about['maximum']
+    if low is None and high is None or isinstance(field.default, tuple):
+        # ROS knows no range of the elements of a list.
+        descriptor.additional_constraints = _expected(field)
+    elif isinstance(field.default, int):
+        descriptor.integer_range = [IntegerRange(
+            from_value=-LARGEST_INTEGER if low is None else int(low),
+            to_value=LARGEST_INTEGER if high is None else int(high))]
+    else:
+        descriptor.floating_point_range = [FloatingPointRange(
+            from_value=-math.inf if low is None else float(low),
+            to_value=math.inf if high is None else float(high))]
+    return descriptor
+
+
+def _expected(field: dataclasses.Field) -> str:
+    about = field.metadata
+    if about['choices'] is not None:
+        return 'one of ' + ', '.join(about['choices']())
+    bounds = []
+    if about['minimum'] is not None:
+        bounds.append(f'at least {about["minimum"]:g}')
+    if about['maximum'] is not None:
+        bounds.append(f'at most {about["maximum"]:g}')
+    text = ', '.join(bounds)
+    if about['size'] is not None:
+        each = f', each {text}' if text else ''
+        return f'{about["size"]} numbers{each}'
+    return text
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, tuple):
+        return f'[{", ".join(_shown(element) for element in value)}]'
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float) and math.isinf(value):
+        return '.inf'
+    return f'{value:g}' if isinstance(value, float) else str(value)

@@ -1,0 +1,143 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The optimal control problem that every solver solves.
+
+    min Σ ℓ(x_t, u_t) + ℓ_f(x_N)   s.t.   x_{t+1} = f(x_t, u_t),   |u_t| ≤ u_max
+"""
+
+from dataclasses import dataclass
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.linalg import LinAlgError, solve_discrete_are
+
+from dp_swing_ros.cost import Cost
+from dp_swing_ros.dynamics import MODELS, Pendulum
+from dp_swing_ros.dynamics.model import linearise
+from dp_swing_ros.dynamics.trajectory import step
+from dp_swing_ros.kernels import kernel
+from dp_swing_ros.parameters import (CostParameters, LimitParameters, ParameterError,
+                                     PendulumParameters, PredictionParameters)
+from dp_swing_ros.state import Array
+
+TURN = 2 * math.pi
+SLOWEST = 1 - 1e-6  # spectral radius of a regulated model; at 1 an error would never die out
+
+
+class LQR(NamedTuple):
+    """The infinite-horizon regulator about the reference: value eᵀPe, force -Ke, e = x - x_r."""
+
+    P: Array  # (6, 6)
+    K: Array  # (6,)
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Model, cost and bound of the force, the length of a plan, and the regulator at the goal."""
+
+    model: Any      # a NamedTuple of dynamics.MODELS
+    cost: Cost
+    horizon: int
+    dt: float       # [s]
+    u_max: float    # [N]
+    lqr: LQR
+
+    @classmethod
+    def of(cls, bodies: PendulumParameters, limits: LimitParameters, cost: CostParameters,
+           prediction: PredictionParameters) -> 'Problem':
+        """
+        Build the problem from parameters.
+
+        Raises ParameterError where no regulator holds the reference state.
+        """
+        if limits.force_limit == 0:
+            raise ParameterError('parameter force_limit is 0; the controller needs a force')
+        model = MODELS[prediction.model].of(Pendulum.of(bodies), prediction.step)
+        lqr = regulator(model, cost)
+        S = np.array(cost.state_weights)
+        P = lqr.P if cost.terminal_cost == 'lqr' else cost.terminal_scale * np.diag(S)
+        return cls(model, Cost(
+            S=S, R=cost.force_weight, P=np.ascontiguousarray(P), x_r=np.array(cost.reference),
+            chord=cost.angle_error == 'chord', x_soft=limits.track_limit - cost.track_margin,
+            w=cost.track_weight), prediction.horizon, prediction.step, limits.force_limit, lqr)
+
+
+def regulator(model: Any, cost: CostParameters) -> LQR:
+    """
+    Solve the discrete algebraic Riccati equation of the model at the reference state.
+
+    Raises ParameterError where it has no stabilising solution.
+    """
+    x_r, S = np.array(cost.reference), np.diag(cost.state_weights)
+    A, B = linearisation(model, x_r, 0.0)
+    B = B[:, None]
+    try:
+        P = solve_discrete_are(A, B, S, np.array([[cost.force_weight]]))
+        K = np.linalg.solve(cost.force_weight + B.T @ P @ B, B.T @ P @ A)
+        radius = np.abs(np.linalg.eigvals(A - B @ K)).max()
+    except (LinAlgError, ValueError):
+        radius = np.inf
+    if radius > SLOWEST:
+        raise ParameterError(
+            f'parameters reference {cost.reference} and state_weights '
+            f'{cost.state_weights} give no regulator that comes to rest; expected an equilibrium '
+            'and a positive weight on the position of the cart')
+    return LQR((P + P.T) / 2, K[0])
+
+
+@kernel
+def linearisation(model, x, u):
+    """Return A = ∂f/∂x (6, 6) and B = ∂f/∂u (6,)."""
+    A, B = np.empty((6, 6)), np.empty(6)
+    linearise(model, x, u, A, B)
+    return A, B
+
+
+@kernel
+def regulate(cost, K, u_max, x):
+    """Return the force -K (x - x_r) of the regulator, bounded; angles on the nearest turn."""
+    u = 0.0
+    for i in range(6):
+        e = x[i] - cost.x_r[i]
+        if cost.chord and (i == 1 or i == 2):
+            e -= TURN * math.floor(e / TURN + 0.5)
+        u -= K[i] * e
+    return min(max(u, -u_max), u_max)
+
+
+@kernel
+def follow_policy(model, cost, lqr_gain, u_max, x_0, X, U, K, horizon):
+    """
+    Follow the policy u = U[t] + K[t] (x - X[t]), then the regulator up to the horizon.
+
+    Shapes: x_0 (6,), X (T or more, 6), U (T,), K (T, 6) -> states (horizon + 1, 6), forces
+    (horizon,). The angles of X must be on the turn of x_0.
+    """
+    states, forces = np.empty((horizon + 1, 6)), np.empty(horizon)
+    states[0] = x_0
+    for t in range(horizon):
+        x = states[t]
+        if t < len(U):
+            u = U[t]
+            for i in range(6):
+                u += K[t, i] * (x[i] - X[t, i])
+            u = min(max(u, -u_max), u_max)
+        else:
+            u = regulate(cost, lqr_gain, u_max, x)
+        forces[t] = u
+        step(model, x, u, states[t + 1])
+    return states, forces
+
+
+def policy_rollout(problem: Problem, x_0: Array, X: Array, U: Array,
+                   K: Array) -> tuple[Array, Array]:
+    """Follow a policy, and where it ends the regulator, over the horizon; see follow_policy."""
+    return follow_policy(problem.model, problem.cost, problem.lqr.K, problem.u_max, x_0, X, U, K,
+                         problem.horizon)
+
+
+def regulator_rollout(problem: Problem, x_0: Array) -> Array:
+    """Return the forces (N,) of the regulator from x_0."""
+    return policy_rollout(problem, x_0, np.empty((0, 6)), np.empty(0), np.empty((0, 6)))[1]

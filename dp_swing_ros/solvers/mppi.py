@@ -1,0 +1,148 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+MPPI: draw force sequences about a few proposals, follow each, average them by their costs.
+
+    U ← Σ_k w_k V_k,    w_k ∝ exp(-(J(V_k) - min J) / λ)
+
+Source: the paper, I and III; Williams, Aldrich and Theodorou, "Model predictive path integral
+control", Journal of Guidance, Control, and Dynamics 40(2), 2017. Beyond the paper: the noise is
+correlated in time, its sizes are spread over the samples, and a share of the samples is drawn
+about the regulator's rollout instead of the last plan, so that the catch at the top need not be
+found by chance.
+"""
+
+from dataclasses import dataclass
+import time
+
+import numpy as np
+
+from dp_swing_ros.dynamics.trajectory import rollout
+from dp_swing_ros.parameters import parameter, Parameters
+from dp_swing_ros.plan import Plan, SolverStats, Status
+from dp_swing_ros.problem import Problem
+from dp_swing_ros.solvers.riccati import backward
+from dp_swing_ros.solvers.samples import follow, single
+from dp_swing_ros.solvers.solver import regulator_start, Start, start, started
+from dp_swing_ros.state import Array
+
+
+@dataclass(frozen=True)
+class MPPIParameters(Parameters):
+    """The samples and how they are weighted."""
+
+    samples: int = parameter(1024, 'force sequences drawn in an update, K', minimum=2,
+                             maximum=1_000_000)
+    updates: int = parameter(2, 'updates in one tick', minimum=1, maximum=1000)
+    temperature: float = parameter(
+        0.1, 'λ of the weights, in the unit that temperature_scale says', minimum=1e-9)
+    temperature_scale: str = parameter(
+        'relative', 'relative: λ counts the distance from the best cost to the best tenth; '
+        'fixed: λ as it is, as in the paper', choices=lambda: ['relative', 'fixed'])
+    smallest_noise: float = parameter(
+        0.05, 'standard deviation of the quietest samples', unit='N', minimum=1e-3)
+    largest_noise: float = parameter(
+        10.0, 'standard deviation of the loudest samples', unit='N', minimum=1e-3)
+    noise_correlation: float = parameter(
+        0.8, 'correlation of the noise from step to step; 0 is white, as in the paper',
+        minimum=0.0, maximum=0.999)
+    regulator_share: float = parameter(
+        0.125, 'share of the samples drawn about the rollout of the regulator; 0 as in the paper',
+        minimum=0.0, maximum=1.0)
+    feedback: bool = parameter(
+        True, 'draw samples about a policy, u = U + K (x - X) + noise, with the gains of one '
+        'Riccati pass; false: about forces alone, as in the paper')
+
+
+def sizes(parameters: MPPIParameters, count: int) -> Array:
+    """Return the sizes of the noise about one proposal, none for the proposal itself."""
+    spread = np.geomspace(parameters.smallest_noise, parameters.largest_noise, max(count - 1, 0))
+    return np.append(0.0, spread).astype(np.float32)[:count]
+
+
+class MPPI:
+    """The solver; its random generator is all the state that it holds."""
+
+    Parameters = MPPIParameters
+
+    def __init__(self, problem: Problem, parameters: MPPIParameters, seed: int = 0) -> None:
+        """Take the problem, and share the samples out over proposals and sizes of noise."""
+        self.problem, self.parameters = problem, parameters
+        self.random = np.random.default_rng(seed)
+        self.model, self.cost = single(problem.model), single(problem.cost)
+        regulated = round(parameters.regulator_share * parameters.samples)
+        self.counts = (parameters.samples - regulated, regulated)
+        self.sigma = np.concatenate([sizes(parameters, count) for count in self.counts])
+
+    def solve(self, x_0: Array, warm_start: Plan | None, deadline: float) -> Plan:
+        """Return the cheapest of proposals, averages and single samples; see Solver.solve."""
+        began = time.perf_counter()
+        best = self.with_feedback(start(self.problem, x_0, warm_start))
+        x_0, regulator = best.X[0], regulator_start(self.problem, best.X[0])
+        status, update = Status.COMPLETE, 0
+        for update in range(1, self.parameters.updates + 1):
+            if time.perf_counter() > deadline:
+                status = Status.DEADLINE
+                break
+            average, cheapest = self.update(best, regulator)
+            best = self.with_feedback(min(
+                best, self.proposal(x_0, average), self.proposal(x_0, cheapest),
+                key=lambda proposal: proposal.J))
+        if not np.isfinite(best.J):
+            status = Status.FAILED
+        return Plan(best.X, best.U, best.K, self.problem.dt,
+                    SolverStats(status, best.J, update, time.perf_counter() - began))
+
+    def update(self, *proposals: Start) -> tuple[Array, Array]:
+        """Draw samples about the proposals; return their weighted average and the cheapest."""
+        V, J = self.draw(proposals)
+        w = self.weights(J)
+        return (V @ w).astype(float), V[:, np.argmax(w)].astype(float)
+
+    def weights(self, J: Array) -> Array:
+        """
+        Return the weights of the samples, which sum to one.
+
+        Shapes: J (K,) -> (K,).
+        """
+        J = np.where(np.isfinite(J), J, np.finfo(np.float32).max)
+        excess = J - np.min(J)
+        temperature = self.parameters.temperature
+        if self.parameters.temperature_scale == 'relative':
+            tenth = len(J) // 10
+            temperature *= max(float(np.partition(excess, tenth)[tenth]), 1e-9)
+        w = np.exp(-(excess.astype(float) / temperature)).astype(np.float32)
+        return w / np.sum(w)
+
+    def draw(self, proposals: tuple[Start, ...]) -> tuple[Array, Array]:
+        """
+        Draw samples about each proposal.
+
+        Shapes: -> forces (N, K), costs (K,), in single precision.
+        """
+        shape = (self.problem.horizon, self.parameters.samples)
+        noise = self.random.standard_normal(shape, dtype=np.float32)
+        V, J = np.empty(shape, np.float32), np.empty(shape[1], np.float32)
+        begin = 0
+        for proposal, count in zip(proposals, self.counts):
+            with np.errstate(over='ignore'):  # a proposal that diverges weighs nothing
+                X, U, K = (part.astype(np.float32) for part in proposal[1:])
+            follow(self.model, self.cost, X, U, K, begin, begin + count, noise, self.sigma,
+                   np.float32(self.parameters.noise_correlation),
+                   np.float32(self.problem.u_max), V, J)
+            begin += count
+        return V, J
+
+    def proposal(self, x_0: Array, U: Array) -> Start:
+        """Follow forces, within their bound, in double precision."""
+        U = np.clip(U, -self.problem.u_max, self.problem.u_max)
+        X = rollout(self.problem.model, x_0, U)
+        return started(self.problem, X, U, np.zeros((len(U), 6)))
+
+    def with_feedback(self, proposal: Start) -> Start:
+        """Give the proposal the gains of one Riccati pass about it, where it has one."""
+        k, K = np.zeros_like(proposal.U), np.zeros_like(proposal.K)
+        positive = self.parameters.feedback and backward(
+            self.problem.model, self.problem.cost, proposal.X, proposal.U, self.problem.u_max,
+            0.0, False, k, K)[0]
+        return proposal._replace(K=K if positive else np.zeros_like(K))

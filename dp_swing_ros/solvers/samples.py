@@ -1,0 +1,106 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Many force sequences followed at once, in single precision, and what each of them costs.
+
+The samples go through the model in blocks of LANES side by side: their states stay in the
+first-level cache, and every inner loop is one equation over a block, which the compiler turns
+into vector instructions. Hence no branch, no call and no double-precision constant in there.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from dp_swing_ros.cost import Cost
+from dp_swing_ros.dynamics.model import advance
+from dp_swing_ros.dynamics.trigonometry import sincos
+from dp_swing_ros.kernels import inlined, kernel
+
+LANES = 64
+ZERO, TWO = np.float32(0.0), np.float32(2.0)
+
+
+def single(numbers: Any) -> Any:
+    """Return a model or a cost with all its numbers in single precision."""
+    def convert(number: Any) -> Any:
+        if isinstance(number, tuple):
+            return single(number)
+        if isinstance(number, bool):
+            return number
+        return np.asarray(number, dtype=np.float32)[()]
+    return type(numbers)(*map(convert, numbers))
+
+
+@inlined
+def angle_error(difference, chord):
+    """Return the error of an angle; see cost.py."""
+    if chord:
+        s, _ = sincos(difference / TWO)
+        return TWO * s
+    return difference
+
+
+@inlined
+def beyond(x, x_soft):
+    """Return the squared distance into the soft margin of the track."""
+    inside = max(abs(x) - x_soft, ZERO)
+    return inside * inside
+
+
+@kernel
+def follow(model, cost: Cost, X, U, K, begin, end, noise, sigma, correlation, u_max, V, J):
+    """
+    Follow the policy u = U[t] + K[t] (x - X[t]) from X[0] with noise added to its forces.
+
+    Writes the bounded forces V that came of it, and their costs J, for the samples from begin to
+    end. The noise of a sample is an AR(1) process of unit variance, times its sigma [N].
+    Shapes, all float32: X (N + 1, 6), U (N,), K (N, 6), noise and V (N, samples), sigma and J
+    (samples,).
+    """
+    N = len(U)
+    fresh = np.sqrt(np.float32(1) - correlation * correlation)
+    states, e = np.empty((6, LANES), np.float32), np.empty((6, LANES), np.float32)
+    coloured, total = np.empty(LANES, np.float32), np.empty(LANES, np.float32)
+    x, th_1, th_2, v, w_1, w_2 = (states[0], states[1], states[2], states[3], states[4],
+                                  states[5])
+    S, R, x_r = cost.S, cost.R, cost.x_r
+    for first in range(begin, end, LANES):
+        width = min(LANES, end - first)
+        for j in range(6):
+            states[j, :] = X[0, j]
+        coloured[:width] = noise[0, first:first + width]
+        total[:] = ZERO
+        for t in range(N):
+            u, size = V[t, first:first + width], sigma[first:first + width]
+            if t > 0:
+                white = noise[t, first:first + width]
+                for i in range(width):
+                    coloured[i] = correlation * coloured[i] + fresh * white[i]
+            k_0, k_1, k_2, k_3, k_4, k_5 = K[t, 0], K[t, 1], K[t, 2], K[t, 3], K[t, 4], K[t, 5]
+            u_t = U[t] - (k_0 * X[t, 0] + k_1 * X[t, 1] + k_2 * X[t, 2] + k_3 * X[t, 3]
+                          + k_4 * X[t, 4] + k_5 * X[t, 5])
+            for i in range(width):
+                force = (u_t + k_0 * x[i] + k_1 * th_1[i] + k_2 * th_2[i] + k_3 * v[i]
+                         + k_4 * w_1[i] + k_5 * w_2[i] + size[i] * coloured[i])
+                u[i] = min(max(force, -u_max), u_max)
+            for i in range(width):
+                e_0, e_3 = x[i] - x_r[0], v[i] - x_r[3]
+                e_1 = angle_error(th_1[i] - x_r[1], cost.chord)
+                e_2 = angle_error(th_2[i] - x_r[2], cost.chord)
+                e_4, e_5 = w_1[i] - x_r[4], w_2[i] - x_r[5]
+                total[i] += (S[0] * e_0 * e_0 + S[1] * e_1 * e_1 + S[2] * e_2 * e_2
+                             + S[3] * e_3 * e_3 + S[4] * e_4 * e_4 + S[5] * e_5 * e_5
+                             + R * u[i] * u[i] + cost.w * beyond(x[i], cost.x_soft))
+            for i in range(width):
+                x[i], th_1[i], th_2[i], v[i], w_1[i], w_2[i] = advance(
+                    model, x[i], th_1[i], th_2[i], v[i], w_1[i], w_2[i], u[i])
+        for j in range(6):
+            for i in range(width):
+                e[j, i] = angle_error(states[j, i] - x_r[j], cost.chord and (j == 1 or j == 2))
+        for j in range(6):
+            for m in range(6):
+                for i in range(width):
+                    total[i] += e[j, i] * cost.P[j, m] * e[m, i]
+        for i in range(width):
+            J[first + i] = total[i] + cost.w * beyond(x[i], cost.x_soft)

@@ -1,0 +1,219 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""`ros2 run dp_swing_ros demo`: plant, mpc and logger swing the pendulum up; a bag stays."""
+
+import argparse
+from collections.abc import Callable, Mapping, Sequence
+import dataclasses
+from datetime import datetime
+from pathlib import Path
+import re
+import sys
+import time
+
+import numpy as np
+from tqdm import tqdm
+
+from dp_swing_ros.metrics import measure, Metrics, spread, summary, table
+from dp_swing_ros.nodes.bags import read_episode
+from dp_swing_ros.nodes.errors import UserError
+from dp_swing_ros.solvers import SOLVERS
+from dp_swing_ros.state import to_turn_of, UPRIGHT
+from dp_swing_ros.tools.analyse import draw
+from dp_swing_ros.tools.isolation import isolated
+from dp_swing_ros.tools.observer import Observer
+from dp_swing_ros.tools.processes import Crew, interrupt_on_signals, Process, ProcessError
+
+READY = 180.0   # [s] for logger and mpc to come up; the first start of the mpc compiles
+MEETING = 3.0   # [s] to find the nodes that are there already, however they announce themselves
+COLUMNS = 5     # of more runs than this the table shows the spread
+SILENCE = 20.0  # [s] without a state: something hangs
+OK, FAILED, MISUSED, INTERRUPTED = 0, 1, 2, 130  # exit codes
+
+
+@dataclasses.dataclass(frozen=True)
+class Run:
+    """What one run is to be, and the folder for its bag, logs and pictures."""
+
+    solver: str
+    seed: int
+    duration: float  # [s]
+    lockstep: bool
+    parameter_files: tuple[Path, ...]
+    folder: Path
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Do the runs that the command line asks for; return the exit code."""
+    arguments = command_line().parse_args(argv)
+    try:
+        interrupt_on_signals()
+        runs = runs_of(arguments)
+        with isolated() as domain:
+            print(f'ROS_DOMAIN_ID={domain.number}', flush=True)
+            if domain.given:
+                _refuse_company()
+            results = [_result(run, arguments.figures) for run in runs]
+    except KeyboardInterrupt:
+        print('demo: interrupted', file=sys.stderr)
+        return INTERRUPTED
+    except (UserError, OSError) as error:
+        print(f'demo: error: {error}', file=sys.stderr)
+        return FAILED if isinstance(error, ProcessError) else MISUSED
+    _report(runs, results)
+    return OK if all(result.success for result in results) else FAILED
+
+
+def command_line() -> argparse.ArgumentParser:
+    """Return the parser of the arguments."""
+    parser = argparse.ArgumentParser(
+        prog='ros2 run dp_swing_ros demo',
+        description='Swing the pendulum up with three ROS processes: plant, mpc and logger. '
+                    'Leaves a bag, pictures and the logs; the exit code is 0 if every run ended '
+                    'upright.')
+    parser.add_argument('--solver', choices=list(SOLVERS), default='ilqr')
+    parser.add_argument('--duration', type=_positive(float), default=10.0, metavar='SECONDS')
+    parser.add_argument('--seed', type=int, default=0, help='of noises and solver (default: 0)')
+    parser.add_argument('--runs', type=_positive(int), default=1, metavar='N',
+                        help='number of runs, with seeds from --seed on (default: 1)')
+    parser.add_argument('--lockstep', action='store_true',
+                        help='as fast as the solver, and repeatable to the bit')
+    parser.add_argument('--params', type=Path, metavar='FILE', action='append', default=[],
+                        help='YAML file with parameters for plant and mpc; of several, the '
+                             'later prevails')
+    parser.add_argument('--output', type=Path, metavar='DIR',
+                        help='folder to make (default: runs/SOLVER_TIME)')
+    parser.add_argument('--figures', action=argparse.BooleanOptionalAction, default=True,
+                        help='draw the pictures of each run')
+    return parser
+
+
+def _positive(kind: type) -> Callable[[str], float]:
+    def convert(text: str) -> float:
+        value = kind(text)
+        if not 0 < value < float('inf'):
+            raise argparse.ArgumentTypeError(f'{text} is not a number above 0')
+        return value
+    return convert
+
+
+def runs_of(arguments: argparse.Namespace) -> list[Run]:
+    """
+    Return what to do, the folders made.
+
+    Raises UserError for what cannot work.
+    """
+    for file in arguments.params:
+        if not file.is_file():
+            raise UserError(f'--params {file} is not a file')
+    name = f'{arguments.solver}_{datetime.now():%Y%m%d_%H%M%S}'
+    folder = arguments.output or Path('runs', name)
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise UserError(f'{folder} exists already; give another --output')
+    runs = []
+    for seed in range(arguments.seed, arguments.seed + arguments.runs):
+        own = folder / f'seed_{seed}' if arguments.runs > 1 else folder
+        own.mkdir(parents=True, exist_ok=True)
+        runs.append(Run(arguments.solver, seed, arguments.duration, arguments.lockstep,
+                        tuple(arguments.params), own))
+    return runs
+
+
+def _result(run: Run, figures: bool) -> Metrics:
+    """Do one run, draw its pictures, and return its metrics."""
+    print(f'{run.solver}, seed {run.seed} -> {run.folder}', flush=True)
+    bag = perform(run)
+    episode = read_episode(bag)
+    if figures:
+        draw(episode, run.folder)
+    return measure(episode)
+
+
+def perform(run: Run) -> Path:
+    """
+    Do one run and return its bag; the logger comes first and goes last, to hear all.
+
+    Raises ProcessError if a process fails.
+    """
+    bag = run.folder / 'bag'
+    shared = {'seed': run.seed}
+    with Crew() as crew, Observer() as observer:
+        logger = crew.start('logger', {'output': str(bag), 'progress_period': 0.0},
+                            run.folder / 'logger.log')
+        mpc = crew.start('mpc', {'solver': run.solver, **shared}, run.folder / 'mpc.log',
+                         run.parameter_files)
+        # the mpc listens once it has compiled; the logger, only to what somebody publishes
+        _await({logger: observer.nodes, mpc: observer.listeners}, observer, crew)
+        plant = crew.start(
+            'plant', {'duration': run.duration, 'lockstep': run.lockstep, **shared},
+            run.folder / 'plant.log', run.parameter_files)
+        _follow(observer, plant, [mpc, logger], run.duration)
+        plant.finish()
+        mpc.end()  # it sends a last zero force, which belongs into the bag
+        logger.end()
+    return bag
+
+
+def _refuse_company() -> None:
+    """Raise UserError where others of our kind are in the domain that the user has set."""
+    with Observer() as observer:
+        observer.wait(MEETING)
+        others = observer.nodes() & {'plant', 'mpc', 'logger'}
+    if others:
+        raise UserError(f'{" and ".join(sorted(others))} already in this ROS domain; end them, '
+                        'or unset ROS_DOMAIN_ID for the demo to find a free one')
+
+
+def _await(ready: Mapping[Process, Callable[[], set[str]]], observer: Observer,
+           crew: Crew) -> None:
+    """Wait until each process is among the names it looks for, and show what they say."""
+    end = time.monotonic() + READY
+    waiting = list(ready)
+    # disable=None: on a terminal only
+    with tqdm(bar_format='{desc} ({elapsed})', leave=False, disable=None) as line:
+        while waiting:
+            names = ' and '.join(process.name for process in waiting)
+            line.set_description_str(f'waiting for {names}')
+            if time.monotonic() > end:
+                raise ProcessError(f'{names} not ready after {READY:g} s')
+            crew.check()
+            for process in ready:
+                for text in process.new_lines():
+                    line.write(f'  {process.name}: {without_prefix(text)}')
+            observer.wait(0.1)
+            waiting = [process for process in waiting if process.name not in ready[process]()]
+
+
+def without_prefix(line: str) -> str:
+    """Return a line of a log without level, time and name."""
+    return re.sub(r'^\[\w+\] \[[\d.]+\] \[[^]]*\]: ', '', line)
+
+
+def _follow(observer: Observer, plant: Process, others: Sequence[Process],
+            duration: float) -> None:
+    """Show the pendulum until the plant ends itself."""
+    start = time.monotonic()
+    with tqdm(total=duration, bar_format='{n:5.2f}/{total:g} s |{bar}| {desc}',
+              mininterval=0.1 if sys.stderr.isatty() else 2.0) as bar:
+        while plant.running:
+            for process in others:
+                process.check()
+            if min(observer.silence, time.monotonic() - start) > SILENCE:
+                raise ProcessError(f'no state for {SILENCE:g} s; the logs are beside the bag')
+            observer.wait(0.1)
+            if observer.x is not None and observer.t is not None:
+                x, th_1, th_2 = to_turn_of(observer.x, np.array(UPRIGHT))[:3]
+                bar.set_description_str(
+                    f'θ1 {th_1:+5.2f} θ2 {th_2:+5.2f} rad  x {x:+5.2f} m  u {observer.u:+6.1f} N',
+                    refresh=False)
+                bar.update(min(observer.t, duration) - bar.n)
+
+
+def _report(runs: Sequence[Run], results: Sequence[Metrics]) -> None:
+    names = [run.solver if len(runs) == 1 else f'seed {run.seed}' for run in runs]
+    columns = dict(zip(names, results)) if len(runs) <= COLUMNS else spread(results)
+    print('', table(columns), '', sep='\n')
+    if len(runs) > 1:
+        print(summary(runs[0].solver, results))
+    for run in runs:
+        print(f'bag, logs and pictures: {run.folder}')

@@ -1,0 +1,47 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""`ros2 run dp_swing_ros parameters`: the reference of all parameters, as it is in docs/."""
+
+import argparse
+from collections.abc import Sequence
+
+from dp_swing_ros.mpc import MpcParameters
+from dp_swing_ros.nodes.logger import LoggerParameters
+from dp_swing_ros.nodes.ros_parameters import table
+from dp_swing_ros.parameters import (
+    CostParameters, LimitParameters, Parameters, PendulumParameters, PlantParameters,
+    PredictionParameters)
+from dp_swing_ros.solvers import SOLVERS
+
+SHARED: list[tuple[str, type[Parameters]]] = [('', PendulumParameters), ('', LimitParameters)]
+SECTIONS: dict[str, list[tuple[str, type[Parameters]]]] = {
+    'The bodies and their limits (plant and mpc)': SHARED,
+    'plant': [('', PlantParameters)],
+    'mpc': [('', MpcParameters), ('', PredictionParameters), ('', CostParameters),
+            *((name, solver.Parameters) for name, solver in sorted(SOLVERS.items()))],
+    'logger': [('', LoggerParameters)]}
+HEAD = """\
+# Parameters
+
+Made by `make docs` from the dataclasses that declare them. A parameter is given as
+`--ros-args -p name:=value` or in a YAML file (`config/` has examples), is checked when the node
+starts, and stays as it is while the node runs. What is unknown, misspelt or out of range ends the
+node with one line that says what is expected. The mpc is told the same bodies and limits as the
+plant unless a test of robustness wants it otherwise.
+"""
+
+
+def reference() -> str:
+    """Return the page as Markdown."""
+    return '\n'.join([HEAD, *(f'## {name}\n\n{table(groups)}'
+                              for name, groups in SECTIONS.items())])
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Print the page."""
+    argparse.ArgumentParser(
+        prog='ros2 run dp_swing_ros parameters',
+        description='Print all parameters of all nodes, with default, unit, range and '
+                    'description, as Markdown.').parse_args(argv)
+    print(reference(), end='')
+    return 0

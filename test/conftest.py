@@ -1,0 +1,112 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What all tests share: a ROS domain for each worker, seeded numbers, processes that end."""
+
+import json
+import os
+from pathlib import Path
+import signal
+import socket
+import subprocess
+import tempfile
+import time
+
+import numpy as np
+import pytest
+
+
+def claim_domain():
+    """Return a ROS domain that no other test process here uses, and the lock that keeps it."""
+    for domain in range(70, 102):
+        lock = socket.socket(socket.AF_UNIX)
+        try:
+            lock.bind(f'\0dp_swing_ros_domain_{domain}')  # a name without a file, free at our end
+            return domain, lock
+        except OSError:
+            lock.close()
+    raise RuntimeError('the ROS domains 70 to 101 are all in use by other test runs')
+
+
+DOMAIN, LOCK = claim_domain()
+os.environ['ROS_DOMAIN_ID'] = str(DOMAIN)
+os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+LOGS = tempfile.TemporaryDirectory(prefix='dp_swing_ros_test_log_')  # gone when the tests end
+os.environ['ROS_LOG_DIR'] = LOGS.name
+os.environ['FASTRTPS_DEFAULT_PROFILES_FILE'] = str(
+    Path(__file__).parents[1] / 'config' / 'fast_discovery.xml')
+
+PATIENCE = 60.0  # [s] for what should take one
+
+
+@pytest.fixture
+def rng():
+    """Return random numbers that are the same in every run."""
+    return np.random.default_rng(20)
+
+
+def wait_until(condition, timeout=PATIENCE):
+    """Wait for a condition; return whether it came true."""
+    end = time.monotonic() + timeout
+    while time.monotonic() < end:
+        if condition():
+            return True
+        time.sleep(0.02)
+    return condition()
+
+
+class NodeProcess:
+    """An executable of the package, started as the user starts it."""
+
+    def __init__(self, name, log, parameters=(), arguments=(), environment=()):
+        words = [f'{key}:={json.dumps(value)}' for key, value in dict(parameters).items()]
+        ros = ['--ros-args'] if words or arguments else []
+        for word in words:
+            ros += ['-p', word]
+        self.log = log
+        with log.open('wb') as output:
+            self.popen = subprocess.Popen(
+                ['ros2', 'run', 'dp_swing_ros', name, *ros, *arguments],
+                stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT,
+                start_new_session=True,
+                env={**os.environ, 'PYTHONUNBUFFERED': '1', **dict(environment)})
+
+    def output(self):
+        """Return all that it has printed so far."""
+        return self.log.read_text(errors='replace')
+
+    def wait_for(self, text, timeout=PATIENCE):
+        """Wait until it prints the text; fail if it ends or is silent instead."""
+        found = wait_until(lambda: text in self.output() or self.popen.poll() is not None, timeout)
+        assert found and text in self.output(), f'{text!r} not in: {self.output()}'
+
+    def wait(self, timeout=PATIENCE):
+        """Wait for its end and return the exit code."""
+        return self.popen.wait(timeout)
+
+    def stop(self, number=signal.SIGINT, timeout=10.0):
+        """Send a signal to the process and what it started; return the exit code."""
+        self.signal(number)
+        return self.wait(timeout)
+
+    def signal(self, number):
+        """Send a signal to its own process group."""
+        try:
+            os.killpg(self.popen.pid, number)
+        except ProcessLookupError:
+            pass
+
+
+@pytest.fixture
+def start_node(tmp_path):
+    """Return a function that starts a node; at the end of the test no process is left."""
+    started = []
+
+    def start(name, parameters=(), arguments=(), environment=()):
+        log = tmp_path / f'{name}_{len(started)}.log'
+        started.append(NodeProcess(name, log, parameters, arguments, environment))
+        return started[-1]
+
+    yield start
+    for process in started:
+        process.signal(signal.SIGKILL)
+        process.popen.wait()

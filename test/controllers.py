@@ -1,0 +1,24 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Controllers and plants for the tests, from parameters by name."""
+
+from dp_swing_ros.mpc import MpcParameters, RecedingHorizon
+from dp_swing_ros.parameters import (CostParameters, LimitParameters, PendulumParameters,
+                                     PlantParameters, PredictionParameters)
+from dp_swing_ros.problem import Problem
+from dp_swing_ros.simulation import Plant
+from dp_swing_ros.solvers import SOLVERS
+
+LIMITS = LimitParameters()
+
+
+def controller(name='ilqr', seed=0, horizon=30, cost=CostParameters(), of_solver=None, **mpc):
+    """Build a controller of the default problem."""
+    problem = Problem.of(PendulumParameters(), LIMITS, cost, PredictionParameters(horizon=horizon))
+    return RecedingHorizon(problem, MpcParameters(solver=name, seed=seed, **mpc),
+                           SOLVERS[name].Parameters(**(of_solver or {})))
+
+
+def plant(seed=0, bodies=PendulumParameters(), limits=LIMITS, **parameters):
+    """Build a plant."""
+    return Plant(bodies, limits, PlantParameters(seed=seed, **parameters))

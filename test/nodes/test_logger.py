@@ -1,0 +1,262 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The logger as a process, against publishers here and in another process."""
+
+import os
+import re
+import resource
+import signal
+import subprocess
+import sys
+import time
+
+from conftest import wait_until
+import numpy as np
+from peer import Peer
+import pytest
+from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
+from rosbags.highlevel import AnyReader
+from std_msgs.msg import Float64, String
+
+from dp_swing_ros.nodes.bags import read_episode
+from dp_swing_ros.nodes.connections import publish
+from dp_swing_ros.nodes.topics import DISTURBANCE, FORCE_COMMAND, ROBOT_DESCRIPTION
+from dp_swing_ros.parameters import LimitParameters, PendulumParameters
+from dp_swing_ros.urdf import urdf
+
+# Publishes numbered states and forces at a rate given first, and says how many at the end.
+PUBLISHER = """
+import sys
+
+import numpy as np
+from std_msgs.msg import Float64, String
+
+from dp_swing_ros.nodes.connections import publish
+from dp_swing_ros.nodes.messages import to_joint_state
+from dp_swing_ros.nodes.process import ProcessNode, run
+from dp_swing_ros.nodes.topics import FORCE_COMMAND, JOINT_STATES, ROBOT_DESCRIPTION
+from dp_swing_ros.parameters import LimitParameters, PendulumParameters
+from dp_swing_ros.urdf import urdf
+
+
+class PublisherNode(ProcessNode):
+    def __init__(self):
+        super().__init__('publisher')
+        self.states, self.forces = publish(self, JOINT_STATES), publish(self, FORCE_COMMAND)
+        self.description = publish(self, ROBOT_DESCRIPTION)
+        self.description.publish(String(data=urdf(PendulumParameters(), LimitParameters())))
+        self.number = 0
+        self.create_timer(1 / float(sys.argv[1]), self.tick)
+
+    def tick(self):
+        stamp = self.get_clock().now().to_msg()
+        self.states.publish(to_joint_state(stamp, np.full(6, self.number), self.number - 1.0))
+        self.forces.publish(Float64(data=float(self.number)))
+        self.number += 1
+
+    def close(self):
+        self.forces.publish(Float64(data=-1.0))
+        print(self.number, flush=True)
+
+
+sys.exit(run(PublisherNode, ['publisher']))
+"""
+
+
+@pytest.fixture
+def start(tmp_path):
+    """Return a function that starts Python in the temporary folder."""
+    processes = []
+
+    def begin(*arguments, **options):
+        processes.append(subprocess.Popen(
+            [sys.executable, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+            text=True, cwd=tmp_path, **options))
+        return processes[-1]
+
+    yield begin
+    for process in processes:
+        process.kill()
+        process.communicate()
+
+
+@pytest.fixture
+def log(start_node, tmp_path):
+    """Return a function that starts a logger with these parameters and waits until it is up."""
+    def begin(arguments=(), **parameters):
+        logger = start_node('logger', {'output': str(tmp_path / 'bag'), **parameters}, arguments)
+        logger.wait_for('recording to')
+        return logger
+    return begin
+
+
+@pytest.fixture
+def peer():
+    """Return a node to publish with."""
+    peer = Peer()
+    yield peer
+    peer.close()
+
+
+def wait_for_messages(logger):
+    """Wait until a logger has told twice that it wrote some."""
+    assert wait_until(lambda: len(re.findall(r'[1-9]\d* messages written', logger.output())) > 1)
+
+
+def recorded(bag):
+    """Return the messages of a bag by topic, as rosbags reads them; it checks the type hashes."""
+    messages = {}
+    with AnyReader([bag]) as reader:
+        for connection, _, data in reader.messages():
+            messages.setdefault(connection.topic, []).append(
+                reader.deserialize(data, connection.msgtype))
+    return messages
+
+
+def numbers(messages):
+    return [message.data for message in messages]
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_whole_run_is_in_the_bag(start, log, tmp_path, number):
+    publisher = start('-c', PUBLISHER, '20')
+    time.sleep(0.3)  # the logger comes late, as its user does
+    logger = log(progress_period=0.5)
+    wait_for_messages(logger)
+    publisher.send_signal(number)
+    assert logger.stop(number) == 0
+    count = int(publisher.communicate(timeout=20)[0])
+    assert count > 5
+    assert logger.output().splitlines()[-7:] == [
+        f'{tmp_path}/bag: {2 * count + 2} messages', f'  /joint_states: {count} written, 0 lost',
+        f'  /force_command: {count + 1} written, 0 lost',
+        '  /disturbance: 0 written, nobody published it',
+        '  /mpc/plan: 0 written, nobody published it',
+        '  /diagnostics: 0 written, nobody published it',
+        '  /robot_description: 1 written, 0 lost']
+    messages = recorded(tmp_path / 'bag')
+    assert numbers(messages['/force_command']) == [*range(count), -1]
+    episode = read_episode(tmp_path / 'bag')
+    assert np.array_equal(episode.X[:, 0], np.arange(count))
+    assert np.array_equal(episode.U, np.arange(count - 1))
+
+
+def test_load_at_the_end_is_in_the_bag(start, log, tmp_path):
+    start('-c', PUBLISHER, '500')
+    logger = log(progress_period=0.5)
+    wait_for_messages(logger)
+    now = time.time_ns()
+    assert logger.stop(signal.SIGTERM) == 0
+    states = recorded(tmp_path / 'bag')['/joint_states']
+    values = [state.position[0] for state in states]
+    lost = int(re.search(r'/joint_states: \d+ written, (\d+) lost', logger.output())[1])
+    assert lost == values[-1] - values[0] + 1 - len(values) == 0
+    last = states[-1].header.stamp
+    assert last.sec * 10 ** 9 + last.nanosec > now
+
+
+def test_killed_logger_leaves_a_readable_file(start, log, tmp_path):
+    start('-c', PUBLISHER, '100')
+    logger = log(progress_period=0.5)
+    wait_for_messages(logger)
+    logger.stop(signal.SIGKILL)
+    episode = read_episode(tmp_path / 'bag', partial=True)
+    assert np.array_equal(np.diff(episode.X[:, 0]), np.ones(len(episode.t) - 1))
+    assert len(episode.t) > 20
+
+
+def test_full_disk_is_one_line(start):
+    def small_disk():
+        resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
+
+    start('-c', PUBLISHER, '200')
+    logger = start('-m', 'dp_swing_ros.nodes.logger', '--ros-args', '-p', 'output:=bag',
+                   preexec_fn=small_disk)
+    assert logger.communicate(timeout=60)[1].splitlines()[1:] == [
+        "logger.py: error: cannot write the bag 'bag': File too large; "
+        'what it holds so far can be read']
+    assert logger.returncode == 2
+
+
+def test_existing_output_is_refused(start_node, tmp_path):
+    (tmp_path / 'bag').mkdir()
+    logger = start_node('logger', {'output': str(tmp_path / 'bag')})
+    assert logger.wait() == 2
+    assert logger.output() == (f"logger: error: '{tmp_path}/bag' exists and is not overwritten; "
+                               'choose another output or remove it\n')
+
+
+def test_default_output_is_named_by_the_time(start, tmp_path):
+    logger = start('-m', 'dp_swing_ros.nodes.logger')
+    assert 'recording to' in logger.stderr.readline()
+    logger.send_signal(signal.SIGINT)
+    logger.communicate(timeout=20)
+    assert logger.returncode == 0
+    bag, = tmp_path.glob('dp_swing_*')
+    assert re.fullmatch(r'dp_swing_\d{4}(_\d\d){2}-\d\d(_\d\d){2}', bag.name)
+    assert sorted(file.name for file in bag.iterdir()) == [f'{bag.name}_0.mcap', 'metadata.yaml']
+
+
+def test_any_publisher_is_heard(log, peer, tmp_path):
+    logger = log(topics=['best_effort', 'volatile'])
+    publishers = [peer.node.create_publisher(Float64, 'best_effort', qos_profile_sensor_data),
+                  peer.node.create_publisher(Float64, 'volatile', 10)]
+    for publisher in publishers:
+        assert peer.until(publisher.get_subscription_count)
+        publisher.publish(Float64(data=7.0))
+    time.sleep(0.2)
+    assert logger.stop() == 0
+    messages = recorded(tmp_path / 'bag')
+    assert [numbers(messages[topic]) for topic in ('/best_effort', '/volatile')] == [[7], [7]]
+
+
+def test_publisher_that_keeps_nothing_joins_one_that_does(log, peer, tmp_path):
+    first = publish(peer.node, DISTURBANCE)
+    first.publish(Float64(data=1.0))
+    logger = log()
+    assert peer.until(first.get_subscription_count)
+    time.sleep(0.2)
+    second = peer.node.create_publisher(
+        Float64, DISTURBANCE.name, QoSProfile(depth=10, durability=DurabilityPolicy.VOLATILE))
+    assert peer.until(second.get_subscription_count)
+    assert peer.until(first.get_subscription_count)
+    second.publish(Float64(data=2.0))
+    first.publish(Float64(data=3.0))
+    time.sleep(0.2)
+    assert logger.stop() == 0
+    assert '/disturbance: 3 written, 0 lost' in logger.output()
+    assert sorted(numbers(recorded(tmp_path / 'bag')['/disturbance'])) == [1, 2, 3]
+
+
+def test_type_that_is_not_installed_is_left_out(start, peer):
+    # The definitions are looked for in the installation, which this logger does not find.
+    code = ('import sys; sys.prefix = "/nowhere"; from dp_swing_ros.nodes.logger import main; '
+            'sys.exit(main(["logger", *sys.argv[1:]]))')
+    logger = start('-c', code, '--ros-args', '-p', 'output:=bag',
+                   env={**os.environ, 'AMENT_PREFIX_PATH': '/nowhere'})
+    publisher = publish(peer.node, FORCE_COMMAND)
+    publisher.publish(Float64())
+    assert 'recording to' in logger.stderr.readline()
+    assert "no definition of 'std_msgs/msg/Float64'" in logger.stderr.readline()
+    logger.send_signal(signal.SIGINT)
+    assert '/force_command: could not be recorded' in logger.communicate(timeout=20)[0]
+    assert logger.returncode == 0
+
+
+def test_namespace(log, peer):
+    description = peer.node.create_publisher(
+        String, f'left/{ROBOT_DESCRIPTION.name}',
+        QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+    description.publish(String(data=urdf(PendulumParameters(), LimitParameters())))
+    logger = log(['-r', '__ns:=/left'])
+    assert peer.until(description.get_subscription_count)
+    time.sleep(0.2)
+    assert logger.stop() == 0
+    assert '/left/robot_description: 1 written, 0 lost' in logger.output()
+
+
+def test_topics_that_are_none_are_refused(start_node, tmp_path):
+    logger = start_node('logger', {'output': str(tmp_path / 'bag'), 'topics': ['a b']})
+    assert logger.wait() == 2
+    assert logger.output().startswith("logger: error: parameter 'topics' has 'a b', which is no ")
+    assert not (tmp_path / 'bag').exists()

@@ -1,0 +1,81 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+import numpy as np
+import pytest
+from rclpy.serialization import deserialize_message, serialize_message
+from sensor_msgs.msg import JointState
+
+from dp_swing_ros.nodes.fields import nanoseconds, to_force
+from dp_swing_ros.nodes.messages import (
+    from_diagnostics, from_trajectory, seconds, to_diagnostics, to_joint_state, to_stamp,
+    to_state, to_trajectory)
+from dp_swing_ros.plan import Plan, SolverStats, Status
+
+STAMP = to_stamp(1_795_225_249_631_521_481)
+X = np.array([0.1, -0.2, 3.0, 0.4, -5.0, 6.0])
+
+
+def sent(message):
+    """Return the message as it arrives."""
+    return deserialize_message(serialize_message(message), type(message))
+
+
+def test_state_comes_back_to_the_bit():
+    message = sent(to_joint_state(STAMP, X, 7.5))
+    assert np.array_equal(to_state(message), X)
+    assert to_force(message) == 7.5
+    assert nanoseconds(message.header.stamp) == 1_795_225_249_631_521_481
+
+
+def test_joints_are_found_by_name():
+    message = JointState(name=['joint2', 'wheel', 'cart', 'joint1'],
+                         position=[3.0, 9.0, 1.0, 2.0], velocity=[6.0, 9.0, 4.0, 5.0])
+    assert to_state(message).tolist() == [1, 2, 3, 4, 5, 6]
+    assert np.isnan(to_force(message))
+
+
+def test_nan_is_left_to_the_controller():
+    assert np.isnan(to_state(to_joint_state(STAMP, np.full(6, np.nan), 0.0))).all()
+
+
+@pytest.mark.parametrize('fields, text', [
+    ({'name': ['cart', 'joint1']}, 'has no joint2'),
+    ({'name': ['cart', 'joint1', 'joint2'], 'position': [0.0] * 3}, 'velocity has 0 numbers'),
+    ({'name': ['cart', 'joint1', 'joint2'], 'velocity': [0.0] * 3}, 'position has 0 numbers'),
+])
+def test_incomplete_state_is_refused(fields, text):
+    with pytest.raises(ValueError, match=text):
+        to_state(JointState(**fields))
+
+
+def test_plan_comes_back_to_the_bit():
+    random = np.random.default_rng(0)
+    plan = Plan(X=random.normal(size=(31, 6)), U=random.normal(size=30), K=np.zeros((30, 6)),
+                dt=0.05, stats=SolverStats(Status.CONVERGED, 1.0, 2, 0.001))
+    message = sent(to_trajectory(plan, STAMP))
+    t, states, forces = from_trajectory(message)
+    assert np.array_equal(states, plan.X)
+    assert np.array_equal(forces, plan.U)
+    assert np.array_equal(t, np.round(np.arange(31) * 0.05, 9))
+    assert list(message.points[-1].effort) == [0, 0, 0]
+
+
+def test_reports_keep_their_numbers():
+    values = {'solver': 'mppi', 'cost': 0.1, 'iterations': np.int64(3), 'late': True,
+              'latency': np.float64(1 / 3), 'worst': np.inf}
+    message = sent(to_diagnostics(STAMP, 'mpc', 1, 'late', values))
+    report = from_diagnostics(message, 'mpc')
+    assert report.values == values
+    assert (report.stamp, report.level, report.message) == (nanoseconds(STAMP), 1, 'late')
+    assert from_diagnostics(message, 'plant') is None
+
+
+@pytest.mark.parametrize('time', [0, 1, 999_999_999, 1_000_000_000, 1_795_225_249_631_521_481])
+def test_times_are_exact(time):
+    assert nanoseconds(to_stamp(time)) == time
+    assert seconds(to_stamp(time)) == time / 1e9
+
+
+def test_seconds_round_to_the_nanosecond():
+    assert nanoseconds(to_stamp(1.1)) == 1_100_000_000

@@ -1,0 +1,186 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The controller as a process: one force for every state, whatever the state."""
+
+import math
+import signal
+
+import numpy as np
+from peer import Peer
+import pytest
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+
+from dp_swing_ros.dynamics import Pendulum, RK4
+from dp_swing_ros.dynamics.trajectory import rollout
+from dp_swing_ros.nodes.messages import (
+    from_diagnostics, from_trajectory, seconds, to_joint_state, to_stamp)
+from dp_swing_ros.nodes.topics import DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES, PLAN
+from dp_swing_ros.parameters import PendulumParameters
+from dp_swing_ros.solvers import SOLVERS
+from dp_swing_ros.state import HANGING
+
+LEANING = np.array([0.1, 0.02, -0.01, 0.0, 0.05, 0.0])
+
+
+@pytest.fixture
+def peer():
+    peer = Peer()
+    yield peer
+    peer.close()
+
+
+class Conversation:
+    """Sends states to an mpc in simulated time, and hears what it answers."""
+
+    def __init__(self, peer, start_node, parameters=(), arguments=()):
+        self.peer = peer
+        self.forces, self.plans = peer.record(FORCE_COMMAND), peer.record(PLAN)
+        self.reports = peer.record(DIAGNOSTICS)
+        self.node = start_node('mpc', parameters, arguments)
+        self.node.wait_for('ready')
+        self.states = peer.publisher(JOINT_STATES)
+        counted = peer.node.count_publishers
+        assert peer.until(lambda: counted('force_command') and counted('mpc/plan'))
+        peer.spin(0.5)
+        self.n = 0
+
+    def send(self, x, stamp=None):
+        """Send a state and return the force that answers it."""
+        before = len(self.forces)
+        stamp = to_stamp(self.n * 50_000_000) if stamp is None else stamp
+        self.states.publish(to_joint_state(stamp, np.asarray(x, float), 0.0))
+        self.n += 1
+        assert self.peer.until(lambda: len(self.forces) > before), self.node.output()
+        return self.forces[-1].data
+
+    def report(self):
+        """Return the report on the last tick."""
+        assert self.peer.until(lambda: len(self.reports) >= self.n)
+        return from_diagnostics(self.reports[-1], 'mpc')
+
+
+@pytest.mark.parametrize('name', sorted(SOLVERS))
+def test_every_state_gets_one_force_a_plan_and_a_report(peer, start_node, name):
+    talk = Conversation(peer, start_node, {'solver': name})
+    assert not talk.forces   # never before the first state
+    for n in range(5):
+        force = talk.send(LEANING)
+        assert abs(force) <= 20.0
+    peer.spin(0.3)
+    assert len(talk.forces) == len(talk.plans) == len(talk.reports) == 5
+    plan, report = from_trajectory(talk.plans[-1]), talk.report()
+    assert plan.U[0] == talk.forces[-1].data == report.values['force']
+    assert seconds(talk.plans[-1].header.stamp) == pytest.approx(0.2)
+    assert report.values['solver'] == name
+    for key in ('cost', 'iterations', 'solve_time', 'latency', 'late', 'late_total', 'delay'):
+        assert math.isfinite(report.values[key])
+    assert talk.node.stop() == 0
+
+
+def test_the_published_plan_re_integrates_to_itself(peer, start_node):
+    talk = Conversation(peer, start_node)
+    talk.send(LEANING)
+    assert peer.until(lambda: talk.plans)
+    plan = from_trajectory(talk.plans[0])
+    model = RK4.of(Pendulum.of(PendulumParameters()), 0.05)
+    np.testing.assert_array_equal(plan.X[0], LEANING)
+    np.testing.assert_allclose(rollout(model, LEANING, plan.U), plan.X, atol=1e-12)
+    np.testing.assert_allclose(plan.t, np.arange(31) * 0.05, atol=1e-9)
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_the_stream_of_commands_ends_with_zero(peer, start_node, number):
+    talk = Conversation(peer, start_node)
+    assert talk.send(HANGING) != 0.0
+    talk.node.signal(number)
+    assert peer.until(lambda: len(talk.forces) > 1)
+    assert talk.forces[-1].data == 0.0
+    assert talk.node.wait() == 0
+    assert 'Traceback' not in talk.node.output()
+
+
+def test_without_a_state_it_says_nothing_even_at_the_end(peer, start_node):
+    talk = Conversation(peer, start_node)
+    talk.node.stop()
+    peer.spin(0.3)
+    assert not talk.forces
+
+
+def test_a_state_that_is_not_finite_is_answered_from_the_last_plan(peer, start_node):
+    talk = Conversation(peer, start_node)
+    talk.send(LEANING)
+    assert peer.until(lambda: talk.plans)
+    planned = from_trajectory(talk.plans[0]).U[1]
+    force = talk.send([math.nan] * 6)
+    assert force == pytest.approx(planned, abs=1e-6)
+    report = talk.report()
+    assert report.level == 2
+    assert 'expected six finite numbers' in report.message
+    assert report.values['status'] == 'LAST_POLICY'
+    talk.send(LEANING)
+    assert talk.report().values['status'] == 'CONVERGED'
+
+
+def test_a_first_state_that_is_not_finite_gets_zero(peer, start_node):
+    talk = Conversation(peer, start_node)
+    assert talk.send([math.nan] * 6) == 0.0
+    assert talk.report().values['status'] == 'ZERO'
+
+
+def test_joints_may_come_in_any_order_but_none_may_miss(peer, start_node):
+    talk = Conversation(peer, start_node)
+    expected = talk.send(LEANING)
+    assert peer.call(Trigger, 'mpc/reset').success
+    shuffled = JointState(name=['joint2', 'cart', 'joint1'], position=LEANING[[2, 0, 1]].tolist(),
+                          velocity=LEANING[[5, 3, 4]].tolist())
+    talk.states.publish(shuffled)
+    assert peer.until(lambda: len(talk.forces) == 2)
+    assert talk.forces[-1].data == expected
+    talk.states.publish(JointState(name=['cart'], position=[0.0], velocity=[0.0]))
+    talk.node.wait_for('JointState has no joint1, joint2')
+
+
+@pytest.mark.parametrize('name', ['ilqr', 'mppi'])
+def test_a_reset_makes_the_next_tick_a_first_one(peer, start_node, name):
+    talk = Conversation(peer, start_node, {'solver': name, 'seed': 3})
+
+    def run():
+        talk.n = 0
+        return [talk.send(LEANING * scale) for scale in (1.0, 0.5, 0.2)]
+    first = run()
+    assert len(set(first)) == 3
+    assert peer.call(Trigger, 'mpc/reset').success
+    assert run() == first
+
+
+def test_in_real_time_the_plan_begins_when_the_force_acts(peer, start_node):
+    talk = Conversation(peer, start_node)
+    for _ in range(3):
+        talk.send(LEANING + (0, 0, 0, 1.0, 0, 0), peer.node.get_clock().now().to_msg())
+    report = talk.report()
+    assert 0 < report.values['delay'] < 1
+    assert report.values['latency'] >= report.values['solve_time']
+    assert peer.until(lambda: len(talk.plans) == 3)
+    moved = from_trajectory(talk.plans[-1]).X[0, 0] - LEANING[0]
+    assert moved == pytest.approx(report.values['delay'], rel=0.5)
+
+
+@pytest.mark.parametrize(('parameters', 'words'), [
+    ({'solver': 'lqr'}, ('solver', "'lqr'", 'one of ddp, ilqr, mppi')),
+    ({'mppi.sample': 5}, ("unknown parameter 'mppi.sample'", "did you mean 'mppi.samples'")),
+    ({'horizon': 0}, ('horizon', 'at least 1')),
+    ({'force_limit': 0.0}, ('force_limit', 'needs a force')),
+    ({'reference': [0.0, 0.5, 0.0, 0.0, 0.0, 3.0], 'state_weights': [0.0] * 6},
+     ('reference', 'state_weights', 'no regulator'))])
+def test_impossible_parameters_end_it_with_one_line(start_node, parameters, words):
+    node = start_node('mpc', parameters)
+    assert node.wait() == 2
+    assert len(node.output().strip().splitlines()) == 1
+    assert all(word in node.output() for word in words), node.output()
+
+
+def test_a_signal_while_it_compiles_ends_it(start_node, tmp_path):
+    node = start_node('mpc', environment={'XDG_CACHE_HOME': str(tmp_path)})
+    node.wait_for('preparing the solver')
+    assert node.stop(timeout=60) == 0

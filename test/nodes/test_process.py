@@ -1,0 +1,157 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Each test runs a node in a process of its own and looks at how it ends."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+NODE = """
+import dataclasses
+import sys
+import time
+
+from dp_swing_ros.nodes.errors import UserError
+from dp_swing_ros.nodes.process import ProcessNode, run
+from dp_swing_ros.nodes.ros_parameters import declare, refuse_unknown
+from dp_swing_ros.parameters import parameter, Parameters
+
+
+@dataclasses.dataclass(frozen=True)
+class Example(Parameters):
+    mode: str = parameter('idle', 'what to do')
+    rate: float = parameter(20.0, 'a rate', unit='Hz', minimum=1.0)
+
+
+class ExampleNode(ProcessNode):
+    linger = 0.2
+
+    def __init__(self):
+        super().__init__('example')
+        self.mode = declare(self, Example).mode
+        refuse_unknown(self)
+        self.create_timer(0.01, self.tick)
+        self.ticks = 0
+
+    def prepare(self):
+        print('prepare', flush=True)
+        if self.mode == 'prepare':
+            time.sleep(60)
+        print('ready', flush=True)
+
+    def tick(self):
+        self.ticks += 1
+        self.done = self.mode == 'done'
+        if self.mode == 'user':
+            raise UserError('the disk\\nis full')
+        if self.mode == 'bug':
+            raise RuntimeError('oops')
+        if self.mode == 'busy':
+            time.sleep(0.3)
+
+    def close(self):
+        if self.mode == 'slow':
+            time.sleep(0.5)
+        print('closed', flush=True)
+
+
+sys.exit(run(ExampleNode))
+"""
+
+
+@pytest.fixture
+def start(tmp_path):
+    """Return a function that starts the node with these ROS arguments."""
+    script = tmp_path / 'example'
+    script.write_text(NODE)
+    processes = []
+
+    def begin(*arguments, **variables):
+        environment = {**os.environ, **variables}
+        processes.append(subprocess.Popen(
+            [sys.executable, str(script), *arguments], stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE, text=True,
+            env={name: value for name, value in environment.items() if value is not None}))
+        return processes[-1]
+
+    yield begin
+    for process in processes:
+        process.kill()
+        process.communicate()
+
+
+def wait_for(process, line):
+    while process.stdout.readline() != f'{line}\n':
+        assert process.poll() is None, process.stderr.read()
+
+
+def end(process):
+    """Return exit code, output and errors of a process that ends by itself."""
+    out, errors = process.communicate(timeout=20)
+    return process.returncode, out, errors
+
+
+def mode(name):
+    return '--ros-args', '-p', f'mode:={name}'
+
+
+@pytest.mark.parametrize('name', ['idle', 'busy', 'slow'])
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_signal_ends_it_in_order(start, name, number):
+    process = start(*mode(name))
+    wait_for(process, 'ready')
+    before = time.monotonic()
+    process.send_signal(number)
+    time.sleep(0.1)
+    process.send_signal(number)  # the impatient user's second one
+    assert end(process) == (0, 'closed\n', '')
+    assert time.monotonic() - before < 5.0
+
+
+def test_signal_cuts_preparation_short(start):
+    process = start(*mode('prepare'))
+    wait_for(process, 'prepare')
+    process.send_signal(signal.SIGINT)
+    assert end(process) == (0, 'closed\n', '')
+
+
+def test_node_ends_its_process(start):
+    assert end(start(*mode('done'))) == (0, 'prepare\nready\nclosed\n', '')
+
+
+def test_user_error_is_one_line(start):
+    assert end(start(*mode('user'))) == (2, 'prepare\nready\nclosed\n',
+                                         'example: error: the disk is full\n')
+
+
+def test_bug_is_a_traceback(start):
+    code, out, errors = end(start(*mode('bug')))
+    assert (code, out) == (1, 'prepare\nready\nclosed\n')
+    assert errors.startswith('Traceback') and errors.endswith('RuntimeError: oops\n')
+
+
+@pytest.mark.parametrize('arguments, text', [
+    (['--ros-args', '-p', 'rate:=0.5'], "parameter 'rate' is 0.5; expected at least 1 Hz"),
+    (['--ros-args', '-p', 'rat:=5.0'], "unknown parameter 'rat' of the node 'example'; did you"),
+    (['--ros-args', '-p', 'rate:='], "Couldn't parse parameter override rule: '-p rate:='"),
+    (['--ros-args', '-p', 'rate:=[1, 2.0]'], 'Sequence should be of same type'),
+    (['--ros-args', '--params-file', 'none.yaml'], 'Error opening YAML file'),
+    (['--ros-args', 'rate:=5.0'], "UnknownROSArgsError: ['rate:=5.0']"),
+    (['rate:=5.0'], "unknown argument 'rate:=5.0'; parameters are given as: --ros-args -p"),
+])
+def test_misuse_is_one_line(start, arguments, text):
+    code, out, errors = end(start(*arguments))
+    assert (code, out) == (2, '')
+    assert errors.startswith('example: error: ') and text in errors
+    assert errors.count('\n') == 1 and '/src/' not in errors
+
+
+def test_no_home(start, tmp_path):
+    process = start(*mode('done'), HOME=None, ROS_HOME=None, ROS_LOG_DIR=None,
+                    TMPDIR=str(tmp_path))
+    assert end(process) == (0, 'prepare\nready\nclosed\n', '')
+    assert list(tmp_path.glob('ros_log_*/*'))

@@ -1,0 +1,157 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+import dataclasses
+import math
+
+import pytest
+import rclpy
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.signals import SignalHandlerOptions
+
+from dp_swing_ros.nodes.ros_parameters import declare, refuse_unknown, table
+from dp_swing_ros.parameters import parameter, ParameterError, Parameters
+
+
+@dataclasses.dataclass(frozen=True)
+class Example(Parameters):
+    rate: float = parameter(20.0, 'states per second', unit='Hz', minimum=1.0, maximum=1000.0)
+    bound: float = parameter(1.0, 'a bound', finite=False)
+    samples: int = parameter(5, 'number of samples', minimum=1)
+    weights: tuple[float, ...] = parameter((1.0, 2.0), 'weights', minimum=0.0, size=2)
+    names: tuple[str, ...] = parameter(('a', 'b'), 'names')
+    kind: str = parameter('rk4', 'the kind', choices=lambda: ['rk4', 'euler'])
+    fast: bool = parameter(False, 'in a hurry')
+
+
+@pytest.fixture
+def make_node(tmp_path):
+    """Return a function that makes a node with these ROS arguments."""
+    nodes = []
+
+    def make(*arguments):
+        rclpy.init(args=['--ros-args', *arguments],
+                   signal_handler_options=SignalHandlerOptions.NO)
+        nodes.append(Node('example'))
+        return nodes[0]
+
+    yield make
+    for node in nodes:
+        node.destroy_node()
+    rclpy.try_shutdown()
+
+
+def given(*pairs):
+    return [argument for pair in pairs for argument in ('-p', pair)]
+
+
+def test_defaults(make_node):
+    node = make_node()
+    assert declare(node, Example) == Example()
+    refuse_unknown(node)
+    assert node.get_parameter('weights').value == [1.0, 2.0]
+
+
+def test_values_of_every_type(make_node):
+    node = make_node(*given('rate:=5.5', 'bound:=.inf', 'samples:=7', 'weights:=[3.0, 4.0]',
+                            'names:=[x]', 'kind:=euler', 'fast:=true'))
+    assert declare(node, Example) == Example(5.5, math.inf, 7, (3.0, 4.0), ('x',), 'euler', True)
+    refuse_unknown(node)
+
+
+def test_whole_numbers_will_do_for_numbers(make_node):
+    node = make_node(*given('rate:=5', 'weights:=[3, 4]'))
+    example = declare(node, Example)
+    assert (example.rate, example.weights) == (5.0, (3.0, 4.0))
+    assert node.get_parameter('rate').type_ is Parameter.Type.DOUBLE
+
+
+def test_prefix_file_and_empty_list(make_node, tmp_path):
+    file = tmp_path / 'example.yaml'
+    file.write_text('example:\n  ros__parameters:\n'
+                    '    mppi:\n      samples: 9\n      names: []\n')
+    node = make_node('--params-file', str(file))
+    assert declare(node, Example, 'mppi') == Example(samples=9, names=())
+    refuse_unknown(node)
+
+
+@pytest.mark.parametrize('wrong, text', [
+    ('rate:=0.5', r"'mppi.rate' is 0.5; expected at least 1 Hz \(states per second\)"),
+    ('rate:=1001.0', 'at most 1000 Hz'),
+    ('rate:=.nan', 'a finite number'),
+    ('rate:=.inf', 'a finite number'),
+    ('bound:=.nan', 'a finite number'),
+    ('rate:=fast', 'a number'),
+    ('rate:=true', 'a number'),
+    ('samples:=0', 'at least 1'),
+    ('samples:=1.5', 'a whole number'),
+    ('samples:=true', 'a whole number'),
+    ('weights:=[1.0]', 'a list of 2 numbers'),
+    ('weights:=[]', 'a list of 2 numbers'),
+    ('weights:=12', 'a list of 2 numbers'),
+    ('weights:=ab', 'a list of 2 numbers'),
+    ("weights:=['1', '2']", 'a list of 2 numbers'),
+    ('weights:=[1.0, -1.0]', 'at least 0'),
+    ('names:=[1, 2]', 'a list, each a text'),
+    ('names:=a', 'a list, each a text'),
+    ('kind:=rk5', 'one of rk4, euler'),
+    ('kind:=5', 'a text'),
+    ('fast:=1', 'true or false'),
+])
+def test_bad_value_is_refused(make_node, wrong, text):
+    node = make_node(*given(f'mppi.{wrong}'))
+    with pytest.raises(ParameterError, match=text):
+        declare(node, Example, 'mppi')
+
+
+def test_unknown_name_is_refused_with_the_choices(make_node):
+    node = make_node(*given('smaples:=5'))
+    declare(node, Example)
+    with pytest.raises(ParameterError) as caught:
+        refuse_unknown(node)
+    assert str(caught.value).startswith(
+        "unknown parameter 'smaples' of the node 'example'; did you mean 'samples'? available: "
+        'bound, fast, kind, names, rate, samples')
+
+
+def test_parameters_of_other_nodes_are_not_meant(make_node):
+    node = make_node(*given('other:smaples:=5'))
+    declare(node, Example)
+    refuse_unknown(node)
+
+
+def test_descriptors_tell_everything(make_node):
+    node = make_node()
+    declare(node, Example)
+    rate, samples = node.describe_parameter('rate'), node.describe_parameter('samples')
+    assert rate.description == 'states per second [Hz]'
+    assert rate.read_only
+    assert (rate.floating_point_range[0].from_value,
+            rate.floating_point_range[0].to_value) == (1.0, 1000.0)
+    assert (samples.integer_range[0].from_value,
+            samples.integer_range[0].to_value) == (1, 2 ** 63 - 1)
+    assert node.describe_parameter('kind').additional_constraints == 'one of rk4, euler'
+    assert node.describe_parameter('weights').additional_constraints == \
+        '2 numbers, each at least 0'
+
+
+def test_values_do_not_change_at_run_time(make_node):
+    node = make_node()
+    declare(node, Example)
+    result = node.set_parameters([Parameter('rate', value=5.0)])[0]
+    assert not result.successful
+    assert node.get_parameter('rate').value == 20.0
+
+
+def test_table():
+    assert table([('mppi', Example)]).splitlines() == [
+        '| parameter | default | unit | range | description |',
+        '| --- | --- | --- | --- | --- |',
+        '| `mppi.rate` | `20` | Hz | at least 1, at most 1000 | states per second |',
+        '| `mppi.bound` | `1` |  |  | a bound |',
+        '| `mppi.samples` | `5` |  | at least 1 | number of samples |',
+        '| `mppi.weights` | `[1, 2]` |  | 2 numbers, each at least 0 | weights |',
+        '| `mppi.names` | `[a, b]` |  |  | names |',
+        '| `mppi.kind` | `rk4` |  | one of rk4, euler | the kind |',
+        '| `mppi.fast` | `false` |  |  | in a hurry |']

@@ -1,0 +1,95 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Many samples at once in single precision, against one at a time in double."""
+
+import numpy as np
+import pytest
+
+from dp_swing_ros.cost import trajectory_cost
+from dp_swing_ros.dynamics import MODELS
+from dp_swing_ros.dynamics.trajectory import rollout
+from dp_swing_ros.parameters import (CostParameters, LimitParameters, PendulumParameters,
+                                     PredictionParameters)
+from dp_swing_ros.problem import Problem
+from dp_swing_ros.solvers.mppi import MPPI, MPPIParameters
+from dp_swing_ros.solvers.samples import follow, single
+from dp_swing_ros.state import HANGING
+
+N = 20
+F = np.float32
+
+
+def drawn(problem, rng, samples, sigma=3.0, correlation=0.0, gain=0.0, u_max=15.0):
+    U = rng.uniform(-10, 10, N)
+    X = rollout(problem.model, np.array(HANGING), U)
+    K = np.full((N, 6), gain)
+    noise = rng.standard_normal((N, samples), dtype=F)
+    V, J = np.full((N, samples), np.nan, F), np.full(samples, np.nan, F)
+    follow(single(problem.model), single(problem.cost), X.astype(F), U.astype(F), K.astype(F),
+           0, samples, noise, np.full(samples, sigma, F), F(correlation), F(u_max), V, J)
+    return X, U, noise, V, J
+
+
+@pytest.mark.parametrize('model', sorted(MODELS))
+@pytest.mark.parametrize('cost', [
+    CostParameters(), CostParameters(angle_error='angle', terminal_cost='scaled')],
+    ids=['tuned', 'paper'])
+@pytest.mark.parametrize('samples', [1, 63, 64, 200])
+def test_costs_are_those_of_the_forces(model, cost, samples, rng):
+    problem = Problem.of(PendulumParameters(), LimitParameters(track_limit=0.5), cost,
+                         PredictionParameters(model=model, horizon=N))
+    X, U, noise, V, J = drawn(problem, rng, samples)
+    for n in range(samples):
+        forces = V[:, n].astype(float)
+        expected = trajectory_cost(problem.cost, rollout(problem.model, X[0], forces), forces)
+        assert J[n] == pytest.approx(expected, rel=2e-3)
+    np.testing.assert_allclose(V, np.clip(U[:, None] + 3 * noise, -15, 15), atol=1e-4)
+
+
+def test_feedback_pulls_the_samples_to_their_policy(rng):
+    problem = Problem.of(PendulumParameters(), LimitParameters(), CostParameters(),
+                         PredictionParameters(horizon=N))
+    X, U, noise, V, _ = drawn(problem, rng, 50, sigma=0.1, gain=-2.0, u_max=1e3)
+    for n in range(50):
+        states = rollout(problem.model, X[0], V[:, n].astype(float))
+        expected = U - 2.0 * (states[:-1] - X[:-1]).sum(axis=1) + 0.1 * noise[:, n]
+        np.testing.assert_allclose(V[:, n], expected, atol=2e-3)
+
+
+def test_the_noise_is_as_correlated_as_asked(rng):
+    problem = Problem.of(PendulumParameters(), LimitParameters(), CostParameters(),
+                         PredictionParameters(horizon=N))
+    _, U, _, V, _ = drawn(problem, rng, 20_000, sigma=2.0, correlation=0.8, u_max=1e3)
+    e = V - U[:, None].astype(F)
+    for t in (0, 1, N - 1):
+        assert e[t].std() == pytest.approx(2.0, rel=0.03)
+    assert np.mean(e[5] * e[6]) / 4 == pytest.approx(0.8, abs=0.03)
+    assert np.mean(e[5] * e[7]) / 4 == pytest.approx(0.64, abs=0.03)
+
+
+def mppi(**parameters):
+    problem = Problem.of(PendulumParameters(), LimitParameters(), CostParameters(),
+                         PredictionParameters(horizon=N))
+    return MPPI(problem, MPPIParameters(**parameters))
+
+
+def test_weights_are_boltzmann_s():
+    J = np.array([3.0, 1.0, 2.0, np.nan, np.inf], F)
+    w = mppi(temperature=0.5, temperature_scale='fixed').weights(J)
+    expected = np.exp(-np.array([2.0, 0.0, 1.0]) / 0.5)
+    np.testing.assert_allclose(w, [*expected / expected.sum(), 0, 0], rtol=1e-5)
+
+
+def test_weights_survive_costs_that_are_all_lost():
+    w = mppi().weights(np.full(40, np.nan, F))
+    assert w.sum() == pytest.approx(1.0, rel=1e-5)
+
+
+def test_the_paper_s_mppi_is_a_choice_of_parameters(rng):
+    """White noise of one size about forces alone, no regulator, a fixed temperature."""
+    solver = mppi(samples=100, updates=1, temperature=0.01, temperature_scale='fixed',
+                  smallest_noise=5.0, largest_noise=5.0, noise_correlation=0.0,
+                  regulator_share=0.0, feedback=False)
+    plan = solver.solve(np.array(HANGING), None, np.inf)
+    assert np.abs(plan.U).max() > 0
+    np.testing.assert_array_equal(plan.K, 0.0)

@@ -1,0 +1,44 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Episodes that are made up, to test what looks at episodes."""
+
+import dataclasses
+
+import numpy as np
+
+from dp_swing_ros.episode import Episode, Ticks
+from dp_swing_ros.parameters import LimitParameters, PendulumParameters
+
+PERIOD = 0.05  # [s]
+
+
+def swing_up(duration: float = 4.0, rise: float = 2.0, solver: str = 'ilqr') -> Episode:
+    """Return a run whose links turn upright over `rise` seconds and stay; θ2 turns a round on."""
+    t = PERIOD * np.arange(round(duration / PERIOD) + 1)
+    s = np.clip(t / rise, 0.0, 1.0)
+    turned, speed = s ** 3 * (10 - 15 * s + 6 * s ** 2), 30 * (s * (1 - s)) ** 2 / rise
+    wave = np.pi * s * (1 - s) ** 2
+    X = np.stack([0.5 * wave, np.pi * (1 - turned), np.pi * (1 + turned),
+                  np.gradient(0.5 * wave, PERIOD), -np.pi * speed, np.pi * speed], axis=1)
+    ticks = len(t) - 1
+    return Episode(
+        t=t, X=X, U=20 * np.sin(7 * t[:-1]) * (s[:-1] < 1),
+        ticks=Ticks(t=t[:-1], cost=np.full(ticks, 5.0), iterations=np.full(ticks, 3),
+                    solve_time=np.linspace(0.001, 0.003, ticks),
+                    latency=np.linspace(0.002, 0.004, ticks), late=np.zeros(ticks, dtype=bool),
+                    status=['CONVERGED'] * ticks),
+        solver=solver, bodies=PendulumParameters(), limits=LimitParameters())
+
+
+def first(episode: Episode, states: int) -> Episode:
+    """Return the beginning of a run."""
+    ticks = max(states - 1, 0)
+    return dataclasses.replace(
+        episode, t=episode.t[:states], X=episode.X[:states], U=episode.U[:ticks],
+        ticks=Ticks(*(column[:ticks] for column in episode.ticks)))
+
+
+def without_ticks(episode: Episode) -> Episode:
+    """Return a run that nobody controlled."""
+    return dataclasses.replace(
+        episode, solver='', ticks=Ticks(*(column[:0] for column in episode.ticks)))

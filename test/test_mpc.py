@@ -1,0 +1,170 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The receding horizon: shift, delay, turns of the angles, fallbacks, resets."""
+
+from controllers import controller
+import numpy as np
+import pytest
+
+from dp_swing_ros.dynamics.trajectory import hold
+from dp_swing_ros.plan import Plan, Status
+from dp_swing_ros.problem import regulator_rollout
+from dp_swing_ros.state import HANGING
+
+FALLING = np.array([0.1, 0.1, -0.05, 0.0, 0.3, 0.0])
+LEANING = np.array([0.1, 0.02, -0.01, 0.0, 0.05, 0.0])
+BEYOND = np.array([0.0, 0.0, 0.0, 0.0, 1e200, 0.0])   # finite, but no rollout from here is
+
+
+def test_the_first_plan_starts_from_random_forces_of_the_seed():
+    plans = [controller(seed=seed, of_solver={'iterations': 1}).update(0.0, np.array(HANGING))
+             for seed in (0, 0, 1)]
+    np.testing.assert_array_equal(plans[0].U, plans[1].U)
+    assert np.abs(plans[0].U - plans[2].U).max() > 0.1
+
+
+def test_the_first_plan_may_start_from_zero():
+    c = controller(initial_plan='zero')
+    np.testing.assert_array_equal(c.warm_start(np.array(HANGING), None).U, 0.0)
+
+
+def test_the_warm_start_is_the_rest_of_the_last_plan():
+    c = controller()
+    plan = c.update(0.0, FALLING)
+    left = c.warm_start(plan.X[1], c.left_over(0.05))
+    np.testing.assert_array_equal(left.U, plan.U[1:])
+    np.testing.assert_array_equal(left.X, plan.X[1:])
+    np.testing.assert_array_equal(left.K, plan.K[1:])
+    assert c.left_over(0.05 * 30) is None
+
+
+def test_the_regulator_replaces_a_worse_warm_start():
+    c = controller(of_solver={'iterations': 1})
+    c.update(0.0, np.array(HANGING))
+    upright = np.array([0.1, 0.01, 0.01, 0.0, 0.0, 0.0])   # somebody lifted it
+    np.testing.assert_array_equal(c.warm_start(upright, c.left_over(0.05)).U,
+                                  regulator_rollout(c.problem, upright))
+
+
+def test_the_paper_s_warm_start_is_forces_alone():
+    c = controller(warm_start='forces')
+    plan = c.update(0.0, FALLING)
+    warm = c.warm_start(FALLING, c.left_over(0.1))
+    np.testing.assert_array_equal(warm.U, [*plan.U[2:], 0.0, 0.0])
+    np.testing.assert_array_equal(warm.K, 0.0)
+
+
+def test_a_converged_plan_needs_one_iteration_in_the_next_tick():
+    c = controller()
+    plan = c.update(0.0, LEANING)
+    assert plan.stats.status is Status.CONVERGED
+    assert c.update(0.05, plan.X[1]).stats.iterations <= 2
+
+
+def test_the_plan_begins_where_the_state_will_be_when_the_force_acts():
+    c = controller()
+    first = c.update(0.0, FALLING, delay=0.01)
+    np.testing.assert_array_equal(first.X[0], FALLING)    # no force was sent before
+    second = c.update(0.05, first.X[1], delay=0.02)
+    expected = hold(c.problem.model, first.X[1], first.U[0], 0.02)
+    np.testing.assert_allclose(second.X[0], expected, rtol=1e-12)
+
+
+def test_a_delay_over_several_ticks_replays_every_force_sent():
+    c = controller()
+    forces = [c.update(0.05 * n, FALLING, delay=0.12).U[0] for n in range(4)]
+    x = FALLING
+    # measured at 0.15 s; forces began to act at 0.12, 0.17 and 0.22 s; the next will at 0.27 s
+    for u, duration in zip(forces[:3], (0.02, 0.05, 0.05)):
+        x = hold(c.problem.model, x, u, duration)
+    del c.sent[-1]
+    np.testing.assert_allclose(c.roll_forward(FALLING, 0.15, 0.27), x, rtol=1e-12)
+
+
+def test_an_encoder_that_wraps_changes_nothing():
+    def run(wrap):
+        c, x, forces = controller('ddp'), np.array([0.0, 3.1, 3.1, 0.0, 1.0, 1.0]), []
+        for n in range(6):
+            seen = x.copy()
+            if wrap:
+                seen[1:3] = (seen[1:3] + np.pi) % (2 * np.pi) - np.pi
+            plan = c.update(0.05 * n, seen)
+            forces.append(plan.U[0])
+            x = plan.X[1]
+        return forces
+    np.testing.assert_allclose(run(True), run(False), rtol=1e-6)
+
+
+@pytest.mark.parametrize('bad', [np.full(6, np.nan), np.zeros(5), np.full(6, np.inf)])
+def test_a_state_without_numbers_is_refused(bad):
+    with pytest.raises(ValueError, match='expected six finite numbers'):
+        controller().update(0.0, bad)
+
+
+def test_without_a_measurement_the_last_plan_goes_on():
+    c = controller()
+    plan = c.update(0.0, FALLING)
+    stand_in = c.stand_in(0.05)
+    assert stand_in.stats.status is Status.LAST_POLICY
+    np.testing.assert_allclose(stand_in.U[:29], plan.U[1:], atol=1e-9)
+    assert c.update(0.1, plan.X[2]).stats.status is Status.CONVERGED
+
+
+def test_without_anything_the_force_is_zero():
+    plan = controller().stand_in(0.0)
+    assert plan.stats.status is Status.ZERO
+    np.testing.assert_array_equal(plan.U, 0.0)
+
+
+def test_a_failed_solve_falls_back_to_the_policy(monkeypatch):
+    c = controller()
+    before = c.update(0.0, FALLING)
+    fail(c, monkeypatch)
+    plan = c.update(0.05, before.X[1])
+    assert plan.stats.status is Status.LAST_POLICY
+    np.testing.assert_allclose(plan.U[0], before.U[1], atol=1e-9)
+
+
+def test_then_to_the_regulator_near_the_goal_and_to_zero_elsewhere(monkeypatch):
+    c = controller(horizon=60)
+    fail(c, monkeypatch)
+    plan = c.update(0.0, np.array([0.0, 0.02, 0.01, 0.0, 0.0, 0.0]))
+    assert plan.stats.status is Status.REGULATOR
+    assert np.abs(plan.X[-1]).max() < 0.1
+    c.reset()
+    fail(c, monkeypatch)
+    assert c.update(0.0, np.array(HANGING)).stats.status is Status.ZERO
+
+
+def fail(c, monkeypatch):
+    """Make the next solve end without a usable plan, as one from a state beyond numbers does."""
+    lost = c.solver.solve(BEYOND, None, np.inf)
+    assert not lost.usable
+    monkeypatch.setattr(c.solver, 'solve', lambda x_0, warm_start, deadline: lost)
+
+
+def test_a_state_beyond_numbers_ends_in_zero_and_is_forgotten():
+    c = controller()
+    c.update(0.0, FALLING)
+    assert c.update(0.05, BEYOND).stats.status is Status.ZERO
+    plan = c.update(0.1, FALLING)
+    assert plan.stats.status is Status.CONVERGED
+    assert isinstance(plan, Plan)
+
+
+@pytest.mark.parametrize('name', ['ilqr', 'mppi'])
+def test_a_reset_and_a_clock_that_goes_back_begin_a_run_that_is_the_same(name):
+    c = controller(name)
+
+    def run():
+        return np.array([c.update(0.05 * n, FALLING).U for n in range(3)])
+    first = run()
+    np.testing.assert_array_equal(run(), first)    # the clock went back
+    c.reset()
+    np.testing.assert_array_equal(run(), first)
+
+
+def test_warming_up_changes_nothing():
+    cold, warm = controller('mppi'), controller('mppi')
+    warm.warm_up()
+    np.testing.assert_array_equal(warm.update(0.0, FALLING).U, cold.update(0.0, FALLING).U)

@@ -1,0 +1,103 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the demo does before it starts anything; whole runs are in test_end_to_end.py."""
+
+from pathlib import Path
+import re
+import signal
+
+import pytest
+
+from dp_swing_ros.nodes.errors import UserError
+from dp_swing_ros.solvers import SOLVERS
+from dp_swing_ros.tools import demo
+from dp_swing_ros.tools.processes import ENDING
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    """Work in an empty folder, and keep the signals of the test run."""
+    monkeypatch.chdir(tmp_path)
+    handlers = {number: signal.getsignal(number) for number in ENDING}
+    yield tmp_path
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
+
+
+def runs(*arguments):
+    return demo.runs_of(demo.command_line().parse_args(arguments))
+
+
+@pytest.mark.parametrize('arguments, complaint', [
+    (['--solver', 'none'], f"choose from .*{'.*'.join(SOLVERS)}"),
+    (['--duration', '0'], '0 is not a number above 0'),
+    (['--duration', 'nan'], 'nan is not a number above 0'),
+    (['--duration', 'inf'], 'inf is not a number above 0'),
+    (['--duration', 'long'], 'invalid'),
+    (['--runs', '0'], '0 is not a number above 0'),
+    (['--runs', '1.5'], 'invalid'),
+    (['--speed', '2'], 'unrecognized arguments')])
+def test_misuse_is_refused_at_once(arguments, complaint, capsys, here):
+    with pytest.raises(SystemExit) as end:
+        demo.main(arguments)
+    assert end.value.code == 2
+    assert re.search(complaint, capsys.readouterr().err)
+    assert not list(here.iterdir())
+
+
+def test_help_names_every_solver(capsys):
+    with pytest.raises(SystemExit) as end:
+        demo.main(['--help'])
+    assert end.value.code == 0
+    shown = capsys.readouterr().out
+    assert all(name in shown for name in SOLVERS)
+
+
+def test_missing_parameter_file_is_one_line(capsys):
+    assert demo.main(['--params', 'none.yaml']) == 2
+    assert capsys.readouterr().err == 'demo: error: --params none.yaml is not a file\n'
+
+
+def test_folder_with_something_in_it_is_not_overwritten(here, capsys):
+    (here / 'old').mkdir()
+    (here / 'old' / 'bag').write_text('')
+    assert demo.main(['--output', 'old']) == 2
+    assert capsys.readouterr().err == (
+        'demo: error: old exists already; give another --output\n')
+
+
+def test_missing_ros2_is_one_line(monkeypatch, capsys):
+    monkeypatch.setenv('PATH', '')
+    monkeypatch.setenv('ROS_DOMAIN_ID', '1')
+    monkeypatch.setenv('FASTRTPS_DEFAULT_PROFILES_FILE', '')
+    assert demo.main([]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith('demo: error: there is no ros2 on the PATH')
+    assert error.count('\n') == 1
+
+
+def test_one_run_has_the_folder_for_itself(here):
+    (run,) = runs('--solver', 'mppi', '--duration', '4', '--seed', '7')
+    assert re.fullmatch(r'runs/mppi_\d{8}_\d{6}', str(run.folder))
+    assert run.folder.is_dir()
+    assert (run.solver, run.seed, run.duration, run.lockstep) == ('mppi', 7, 4.0, False)
+
+
+def test_several_runs_have_a_folder_and_a_seed_each(here):
+    several = runs('--runs', '3', '--seed', '5', '--output', 'out', '--lockstep')
+    assert [run.seed for run in several] == [5, 6, 7]
+    assert [run.folder for run in several] == [Path('out', f'seed_{n}') for n in (5, 6, 7)]
+    assert all(run.lockstep for run in several)
+
+
+def test_folder_that_is_a_file_is_refused(here):
+    (here / 'file').write_text('')
+    with pytest.raises(UserError, match='file exists already'):
+        runs('--output', 'file')
+
+
+@pytest.mark.parametrize('line, text', [
+    ('[INFO] [1732.25] [mpc]: ready', 'ready'), ('[WARN] [1.5] [a.b]: [1] x', '[1] x'),
+    ('plain text', 'plain text')])
+def test_prefix_of_a_log_line_is_left_out(line, text):
+    assert demo.without_prefix(line) == text

@@ -1,0 +1,137 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+import os
+from pathlib import Path
+import time
+
+import pytest
+
+from dp_swing_ros.nodes.errors import UserError
+from dp_swing_ros.tools import processes
+from dp_swing_ros.tools.processes import Crew, Process, ProcessError
+
+# stands for ros2: the executable's name says how it behaves
+ROS2 = """\
+#!/bin/bash
+echo "$@"
+case "$3" in
+    polite) trap 'echo bye; exit 0' INT; while true; do sleep 0.05; done;;
+    rude) trap '' INT; sleep 60 & echo "child $!"; wait;;
+    broken) echo 'it broke' >&2; exit 3;;
+    short) exit 0;;
+esac
+"""
+
+
+@pytest.fixture(autouse=True)
+def ros2(tmp_path, monkeypatch):
+    path = tmp_path / 'bin' / 'ros2'
+    path.parent.mkdir()
+    path.write_text(ROS2)
+    path.chmod(0o755)
+    monkeypatch.setenv('PATH', str(path.parent), prepend=os.pathsep)
+
+
+def until(condition):
+    end = time.monotonic() + 10
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def started(process):
+    """Wait for the first line, which comes when the signal is handled, nearly."""
+    lines = []
+    until(lambda: lines.extend(process.new_lines()) or lines)
+    time.sleep(0.1)
+    return lines
+
+
+def alive(pid):
+    try:
+        return Path(f'/proc/{pid}/stat').read_text().split()[2] != 'Z'
+    except OSError:
+        return False
+
+
+def test_parameters_reach_ros_as_they_are(tmp_path):
+    file = tmp_path / 'some.yaml'
+    process = Process('short', {'duration': 10.0, 'lockstep': True, 'output': '2024'},
+                      tmp_path / 'log', parameter_files=[file])
+    process.finish()
+    assert process.new_lines() == [
+        f'run dp_swing_ros short --ros-args --params-file {file} '
+        '-p duration:=10.0 -p lockstep:=true -p output:="2024"']
+
+
+def test_polite_process_ends_when_asked(tmp_path):
+    process = Process('polite', {}, tmp_path / 'log')
+    started(process)
+    process.check()
+    process.end()
+    assert not process.running
+    assert process.new_lines() == ['bye']
+    assert process.new_lines() == []
+
+
+def test_failure_shows_the_end_of_the_log(tmp_path):
+    process = Process('broken', {}, tmp_path / 'log')
+    with pytest.raises(ProcessError, match='broken ended with exit code 3(.|\n)*it broke'):
+        process.finish()
+    with pytest.raises(ProcessError, match='broken ended early with exit code 3'):
+        process.check()
+
+
+def test_process_that_does_not_end_is_an_error_and_can_be_killed(tmp_path, monkeypatch):
+    monkeypatch.setattr(processes, 'GRACE', 0.3)
+    process = Process('rude', {}, tmp_path / 'log')
+    child = int(started(process)[-1].split()[-1])
+    with pytest.raises(ProcessError, match='did not end within'):
+        process.end()
+    process.kill()
+    until(lambda: not alive(child))
+
+
+def test_crew_leaves_nobody_behind(tmp_path, monkeypatch):
+    monkeypatch.setattr(processes, 'GRACE', 0.5)
+    with pytest.raises(KeyboardInterrupt):
+        with Crew() as crew:
+            polite = crew.start('polite', {}, tmp_path / 'polite.log')
+            rude = crew.start('rude', {}, tmp_path / 'rude.log')
+            started(polite)
+            child = int(started(rude)[-1].split()[-1])
+            raise KeyboardInterrupt
+    assert polite.new_lines() == ['bye']
+    assert not polite.running
+    assert not rude.running
+    until(lambda: not alive(child))
+
+
+def test_crew_notices_who_died(tmp_path):
+    with Crew() as crew:
+        started(crew.start('polite', {}, tmp_path / 'polite.log'))
+        crew.check()
+        broken = crew.start('broken', {}, tmp_path / 'broken.log')
+        until(lambda: not broken.running)
+        with pytest.raises(ProcessError, match='broken'):
+            crew.check()
+
+
+def test_half_a_line_waits_for_its_end(tmp_path):
+    log = tmp_path / 'log'
+    process = Process('short', {}, log)
+    process.finish()
+    process.new_lines()
+    with log.open('a') as file:
+        file.write('one\ntw')
+    assert process.new_lines() == ['one']
+    with log.open('a') as file:
+        file.write('o\n')
+    assert process.new_lines() == ['two']
+
+
+def test_missing_ros2_is_said(tmp_path, monkeypatch):
+    monkeypatch.setenv('PATH', '')
+    with pytest.raises(UserError, match='no ros2 on the PATH'):
+        Process('short', {}, tmp_path / 'log')
