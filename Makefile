@@ -30,6 +30,11 @@ demo: setup  ## swing up and hold in real time for 10 s (SOLVER=ilqr, ddp or mpp
 docs: setup  ## the reference of parameters
 	@$(WITH_ROS) && ros2 run dp_swing_ros parameters > docs/parameters.md
 
+results: setup  ## measure the swing-up anew (half an hour on an idle machine)
+	@$(WITH_ROS) && for page in swing_up choices; do \
+	  python benchmarks/$$page.py > docs/results/.new && \
+	  mv docs/results/.new docs/results/$$page.md; done
+
 test: setup  ## all tests, linters and type checks (PYTEST='...' for arguments of pytest)
 	@$(WITH_ROS) && python -m pytest -n auto --maxprocesses 8 $(PYTEST)
 
@@ -62,5 +67,5 @@ install/.built: $(VENV)/.installed $(SOURCES)
 	  (cd $$tree && find dp_swing_ros -name '*.py' ! -exec test -e '$(CURDIR)/{}' \; -delete); done
 	@touch $@
 
-.PHONY: help setup demo docs test shell clean
+.PHONY: help setup demo docs results test shell clean
 .DEFAULT_GOAL := help

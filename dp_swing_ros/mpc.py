@@ -61,7 +61,8 @@ class RecedingHorizon:
             self.problem, self.solver_parameters, self.parameters.seed)
         self.plan: Plan | None = None
         self.began = 0.0                    # [s] time of the plan's first state
-        self.x: Array | None = None         # last measured state
+        self.t = -math.inf                  # [s] time of the last measurement
+        self.x: Array | None = None         # and what was measured
         self.sent: deque[tuple[float, float]] = deque(maxlen=REMEMBERED)  # (from when, force)
         self.random = np.random.default_rng(self.parameters.seed)
 
@@ -72,16 +73,16 @@ class RecedingHorizon:
 
         t is the time of the measurement x [s], delay its age when the force will act [s], and
         deadline in seconds of time.perf_counter(). Where the solve fails, `stand_in` does. A time
-        before the last plan's is a new run. Shapes: x (6,). Raises ValueError where x is not
-        finite.
+        before the last measurement's is a new run. Shapes: x (6,). Raises ValueError where x is
+        not finite.
         """
-        if t + delay < self.began:
+        if t < self.t:
             self.reset()
         x = np.asarray(x, dtype=float)
         if x.shape != (6,) or not np.all(np.isfinite(x)):
             raise ValueError(f'the state is {x}; expected six finite numbers')
         # Where an encoder wraps, the angle goes on from its last turn.
-        self.x = x if self.x is None else to_turn_of(x, self.x)
+        self.t, self.x = t, x if self.x is None else to_turn_of(x, self.x)
         begins = t + delay
         x_0 = self.roll_forward(self.x, t, begins)
         left = self.left_over(begins)

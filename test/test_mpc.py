@@ -164,6 +164,15 @@ def test_a_reset_and_a_clock_that_goes_back_begin_a_run_that_is_the_same(name):
     np.testing.assert_array_equal(run(), first)
 
 
+def test_a_late_measurement_is_no_new_run():
+    """After a stall the next state is less old, so its force acts before the last one was to."""
+    c = controller()
+    c.update(0.0, LEANING)
+    c.update(0.05, LEANING, delay=0.2)
+    assert c.update(0.10, LEANING, delay=0.003).stats.status is Status.CONVERGED
+    assert len(c.sent) == 3
+
+
 def test_warming_up_changes_nothing():
     cold, warm = controller('mppi'), controller('mppi')
     warm.warm_up()

@@ -3,12 +3,13 @@
 """Publishers and subscriptions of the topics, with their quality of service."""
 
 from importlib import import_module
-from typing import Any, Callable
+from typing import Callable
 
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from dp_swing_ros.nodes.topics import Topic
 
@@ -20,12 +21,34 @@ def publish(node: Node, topic: Topic) -> Publisher:
     return node.create_publisher(message_class(topic.type), topic.name, profile)
 
 
-def subscribe(node: Node, topic: Topic, callback: Callable[[Any], None],
-              depth: int = 10) -> Subscription:
-    """Make a reliable subscription that never sees what was sent before it was made."""
+def subscribe(node: Node, topic: Topic, callback: Callable[..., None],
+              depth: int = 10, kept: bool = False) -> Subscription:
+    """
+    Make a reliable subscription; with kept, also for what was sent before it was made.
+
+    The callback may take a second argument, the information that comes with a message.
+    """
     profile = QoSProfile(depth=depth, reliability=ReliabilityPolicy.RELIABLE,
-                         durability=DurabilityPolicy.VOLATILE)
+                         durability=DurabilityPolicy.TRANSIENT_LOCAL if kept
+                         else DurabilityPolicy.VOLATILE)
     return node.create_subscription(message_class(topic.type), topic.name, callback, profile)
+
+
+def is_heard(node: Node, publisher: Publisher, partners: Topic) -> bool:
+    """
+    Tell whether all nodes that publish another topic, of which there are some, hear a publisher.
+
+    Until then a message may be lost to them: discovery goes one way at a time.
+    """
+    senders = node.get_publishers_info_by_topic(node.resolve_topic_name(partners.name))
+    listeners = node.get_subscriptions_info_by_topic(publisher.topic_name)
+    wanted, found = (set(map(_owner, infos)) for infos in (senders, listeners))
+    return bool(wanted) and wanted <= found and (
+        publisher.get_subscription_count() >= len(listeners))
+
+
+def _owner(info: TopicEndpointInfo) -> tuple[str, str]:
+    return info.node_namespace, info.node_name
 
 
 def message_class(name: str) -> type:

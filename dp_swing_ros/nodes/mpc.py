@@ -7,12 +7,14 @@ import time
 
 from diagnostic_msgs.msg import DiagnosticStatus
 import numpy as np
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
 from dp_swing_ros.mpc import MpcParameters, RecedingHorizon
-from dp_swing_ros.nodes.connections import publish, subscribe
+from dp_swing_ros.nodes.connections import is_heard, publish, subscribe
 from dp_swing_ros.nodes.messages import seconds, to_diagnostics, to_state, to_trajectory
 from dp_swing_ros.nodes.process import ProcessNode, run
 from dp_swing_ros.nodes.ros_parameters import declare, refuse_unknown
@@ -24,6 +26,8 @@ from dp_swing_ros.problem import Problem
 from dp_swing_ros.solvers import SOLVERS
 
 OTHER_CLOCK = 10.0   # [s] a stamp further from now than this is simulated or recorded time
+MEETING = 2.0        # [s] at most, for whoever sends the states to find the forces
+MEETING_POLL = 0.02  # [s] and for older states to be followed by the newest
 SMOOTHING = 0.1      # share of the newest tick in the mean processing time
 SLOW_START = 1.0     # [s] a warm-up longer than this was a compilation
 
@@ -55,6 +59,8 @@ class MpcNode(ProcessNode):
         self.plans = publish(self, PLAN)
         self.diagnostics = publish(self, DIAGNOSTICS)
         self.create_service(Trigger, 'mpc/reset', self.on_reset)
+        self.sent = False
+        self.waiting: JointState | None = None   # the first state in lockstep
         self.forget()
 
     def forget(self) -> None:
@@ -63,7 +69,6 @@ class MpcNode(ProcessNode):
         self.processing = 0.0   # [s] mean time from a state's arrival to its force
         self.late_total = 0
         self.last_stamp = math.nan
-        self.sent = False
 
     def prepare(self) -> None:
         """Compile before the first state, then listen."""
@@ -71,16 +76,40 @@ class MpcNode(ProcessNode):
                                'machine compiles for half a minute; later ones take a second)')
         taken = self.horizon.warm_up()
         done = 'compiled' if taken > SLOW_START else 'loaded'
-        subscribe(self, JOINT_STATES, self.on_state, depth=1)   # of several states, the newest
+        self.began = self.get_clock().now().nanoseconds
+        # Of several states, the newest. A plant in lockstep may have sent its first one already.
+        subscribe(self, JOINT_STATES, self.on_state, depth=1, kept=True)
         self.get_logger().info(f'{done} in {taken:.1f} s; ready')
 
-    def on_state(self, message: JointState) -> None:
-        """Answer a state with a force, then tell how it came about."""
+    def on_state(self, message: JointState, info: dict[str, int]) -> None:
+        """Answer a state; in real time at once, in lockstep the first when it will be heard."""
+        age = self.get_clock().now().nanoseconds / 1e9 - seconds(message.header.stamp)
+        real_time = abs(age) < OTHER_CLOCK
+        if real_time and info['source_timestamp'] < self.began:
+            return   # in real time what is over is over
+        if real_time or self.sent:
+            # the force takes as long to the plant as the state took from there
+            self.answer(message, real_time,
+                        (info['received_timestamp'] - info['source_timestamp']) / 1e9)
+        elif self.waiting is None:
+            self.met_by = time.monotonic() + MEETING
+            self.meeting = self.create_timer(
+                MEETING_POLL, self.on_meeting, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.waiting = message
+
+    def on_meeting(self) -> None:
+        """Answer the first state as soon as its sender hears, for it would wait forever."""
+        heard = is_heard(self, self.forces, JOINT_STATES)
+        if self.waiting is not None and (heard or time.monotonic() > self.met_by):
+            self.destroy_timer(self.meeting)
+            self.answer(self.waiting, False)
+
+    def answer(self, message: JointState, real_time: bool, transport: float = 0.0) -> None:
+        """Send a force, which takes some time [s] to arrive, for a state; tell how it came."""
         arrival = time.perf_counter()
         stamp = seconds(message.header.stamp)
         age = self.get_clock().now().nanoseconds / 1e9 - stamp
-        real_time = abs(age) < OTHER_CLOCK
-        delay = max(age, 0.0) + self.processing if real_time else 0.0
+        delay = max(age, 0.0) + self.processing + max(transport, 0.0) if real_time else 0.0
         deadline = arrival + self.parameters.time_limit if real_time else math.inf
         plan, complaint = self.solve(message, stamp, delay, deadline)
         force = self.bounded(plan.control(0.0, plan.X[0]))

@@ -12,7 +12,7 @@ from rclpy.clock_type import ClockType
 from std_msgs.msg import Float64, String
 from std_srvs.srv import Trigger
 
-from dp_swing_ros.nodes.connections import publish, subscribe
+from dp_swing_ros.nodes.connections import is_heard, publish, subscribe
 from dp_swing_ros.nodes.messages import to_diagnostics, to_joint_state, to_stamp
 from dp_swing_ros.nodes.process import ProcessNode, run
 from dp_swing_ros.nodes.ros_parameters import declare, refuse_unknown
@@ -75,12 +75,7 @@ class PlantNode(ProcessNode):
 
     def on_search(self) -> None:
         """Begin the lockstep as soon as a controller can hear the first state."""
-        controllers = {(info.node_name, info.node_namespace) for info in
-                       self.get_publishers_info_by_topic(self.resolve_topic_name('force_command'))}
-        listeners = self.get_subscriptions_info_by_topic(self.resolve_topic_name('joint_states'))
-        heard = {(info.node_name, info.node_namespace) for info in listeners}
-        matched = self.states.get_subscription_count() >= len(listeners)
-        if controllers and controllers <= heard and matched:
+        if is_heard(self, self.states, FORCE_COMMAND):
             self.destroy_timer(self.search)
             self.publish_state()
 

@@ -14,7 +14,7 @@ class Topic(NamedTuple):
 
 
 # The logger joins late, and the bag is to begin with the first state all the same.
-KEPT = 100
+KEPT = 1000
 
 JOINT_STATES = Topic('joint_states', 'sensor_msgs/msg/JointState', KEPT)
 FORCE_COMMAND = Topic('force_command', 'std_msgs/msg/Float64', KEPT)

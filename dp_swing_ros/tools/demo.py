@@ -60,7 +60,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except (UserError, OSError) as error:
         print(f'demo: error: {error}', file=sys.stderr)
         return FAILED if isinstance(error, ProcessError) else MISUSED
-    _report(runs, results)
+    _report(runs, results, arguments.spread or len(runs) > COLUMNS)
     return OK if all(result.success for result in results) else FAILED
 
 
@@ -76,6 +76,8 @@ def command_line() -> argparse.ArgumentParser:
     parser.add_argument('--seed', type=int, default=0, help='of noises and solver (default: 0)')
     parser.add_argument('--runs', type=_positive(int), default=1, metavar='N',
                         help='number of runs, with seeds from --seed on (default: 1)')
+    parser.add_argument('--spread', action='store_true',
+                        help=f'tabulate the spread of the runs (of more than {COLUMNS}, always)')
     parser.add_argument('--lockstep', action='store_true',
                         help='as fast as the solver, and repeatable to the bit')
     parser.add_argument('--params', type=Path, metavar='FILE', action='append', default=[],
@@ -209,9 +211,9 @@ def _follow(observer: Observer, plant: Process, others: Sequence[Process],
                 bar.update(min(observer.t, duration) - bar.n)
 
 
-def _report(runs: Sequence[Run], results: Sequence[Metrics]) -> None:
+def _report(runs: Sequence[Run], results: Sequence[Metrics], spread_only: bool) -> None:
     names = [run.solver if len(runs) == 1 else f'seed {run.seed}' for run in runs]
-    columns = dict(zip(names, results)) if len(runs) <= COLUMNS else spread(results)
+    columns = spread(results) if spread_only else dict(zip(names, results))
     print('', table(columns), '', sep='\n')
     if len(runs) > 1:
         print(summary(runs[0].solver, results))
