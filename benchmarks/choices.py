@@ -36,6 +36,8 @@ CHOICES: list[tuple[str, tuple[str, ...], dict[str, dict[str, Any]]]] = [
     ('force noise of 1.8 N, forces shifted', ALL,
      {'plant': {'force_noise': 1.8}, 'mpc': {'warm_start': 'forces'}}),
     ('samples about forces instead of a policy', ('mppi',), {'solver': {'feedback': False}}),
+    ('force noise of 1.8 N, samples about forces', ('mppi',),
+     {'plant': {'force_noise': 1.8}, 'solver': {'feedback': False}}),
     ('no samples about the regulator', ('mppi',), {'solver': {'regulator_share': 0.0}}),
     ('white noise', ('mppi',), {'solver': {'noise_correlation': 0.0}}),
     ('noise of one size, 5 N', ('mppi',),

@@ -75,8 +75,7 @@ def test_solver_swings_up_in_lockstep(solver, tmp_path):
     metrics = measure(episode)
     assert metrics.success
     assert max(abs(force.data) for force in messages(demo.folder / 'bag', '/force_command')) <= 20
-    # a mean of held forces, so with the error of a rounding
-    assert metrics.largest_force <= 20.0 + 1e-9
+    assert metrics.largest_force <= 20.0
     assert metrics.largest_position <= 2.4
     assert episode.solver == solver
     assert f'{metrics.settling_time:.2f}' in demo.out
@@ -106,7 +105,7 @@ def undisturbed(folder, *arguments):
 
 
 def test_real_time_run_leaves_a_whole_bag_and_pictures(tmp_path):
-    demo = undisturbed(tmp_path, '--duration', '5')
+    demo = undisturbed(tmp_path, '--duration', '10')
     assert demo.process.returncode == 0, demo.out + demo.err
     assert demo.left_behind() == []
     bag = demo.folder / 'bag'
@@ -120,7 +119,7 @@ def test_real_time_run_leaves_a_whole_bag_and_pictures(tmp_path):
                  'animation.gif'):
         with Image.open(demo.folder / name) as image:
             image.verify()
-    assert episode.t[-1] == pytest.approx(5.0, abs=0.1)
+    assert episode.t[-1] == pytest.approx(10.0, abs=0.1)
     # the controller heard the plant at once
     assert episode.ticks.t[0] < 0.6
 

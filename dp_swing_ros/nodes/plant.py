@@ -44,7 +44,6 @@ class PlantNode(ProcessNode):
         self.period = 1 / self.parameters.rate
         self.push = 0.0          # [N] asked for the next period
         self.skipped = self.refused = self.commands = 0
-        self.timed_out = False
         self.states = publish(self, JOINT_STATES)
         self.diagnostics = publish(self, DIAGNOSTICS)
         self.description = publish(self, ROBOT_DESCRIPTION)
@@ -70,6 +69,7 @@ class PlantNode(ProcessNode):
         self.began = time.monotonic()
         self.epoch = 0 if self.parameters.lockstep else self.get_clock().now().nanoseconds
         self.expires = math.inf      # [s] of the plant, when the last command is too old
+        self.timed_out = False
         self.reported = -math.inf
         self.waiting = False         # for the force that answers the last state
 
