@@ -72,7 +72,7 @@ def test_the_hessian_is_exact_for_the_paper_s_cost(rng):
 
 
 def test_the_soft_track_costs_only_beyond_its_margin():
-    cost = cost_of(CostParameters())
+    cost = cost_of(CostParameters(track_margin=0.2, track_weight=1000.0))
     free = cost_of(CostParameters(track_weight=0.0))
     for x, extra in ((2.19, 0.0), (2.3, 1000 * 0.1 ** 2), (-2.4, 1000 * 0.2 ** 2)):
         state = np.array([x, 0, 0, 0, 0, 0])

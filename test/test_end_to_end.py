@@ -164,7 +164,7 @@ def test_demo_does_not_join_another(tmp_path):
     while not (first.folder / 'plant.log').exists() and time.monotonic() < end:
         time.sleep(0.1)
     second = Demo(tmp_path / 'second', domain=domain)
-    assert second.finish() == 2
+    assert second.finish() == 2, second.out + second.err
     assert 'already in this ROS domain' in second.err
     first.process.send_signal(signal.SIGINT)
     assert first.finish() == 130

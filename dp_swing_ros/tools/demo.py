@@ -158,9 +158,12 @@ def perform(run: Run) -> Path:
 
 def _refuse_company() -> None:
     """Raise UserError where others of our kind are in the domain that the user has set."""
+    end, others = time.monotonic() + MEETING, set[str]()
     with Observer() as observer:
-        observer.wait(MEETING)
-        others = observer.nodes() & {'plant', 'mpc', 'logger'}
+        # a state may come before the name of who sent it
+        while not others and time.monotonic() < end:
+            observer.wait(0.1)
+            others = observer.nodes() & {'plant', 'mpc', 'logger'}
     if others:
         raise UserError(f'{" and ".join(sorted(others))} already in this ROS domain; end them, '
                         'or unset ROS_DOMAIN_ID for the demo to find a free one')
