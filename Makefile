@@ -33,7 +33,7 @@ docs: setup  ## the reference of parameters
 results: setup  ## measure the swing-up anew (half an hour on an idle machine)
 	@$(WITH_ROS) && for page in swing_up choices; do \
 	  python benchmarks/$$page.py > docs/results/.new && \
-	  mv docs/results/.new docs/results/$$page.md; done
+	  mv docs/results/.new docs/results/$$page.md || exit 1; done
 
 test: setup  ## all tests, linters and type checks (PYTEST='...' for arguments of pytest)
 	@$(WITH_ROS) && python -m pytest -n auto --maxprocesses 8 $(PYTEST)

@@ -21,7 +21,7 @@ from dp_swing_ros.simulation import Plant, simulate
 from dp_swing_ros.solvers import SOLVERS
 
 SEEDS = range(20)
-DESCENTS, ALL = ('ilqr', 'ddp'), ('ilqr', 'ddp', 'mppi')
+ALL = ('ilqr', 'ddp', 'mppi')
 
 # what is taken back, for which solvers, and the parameters that do it, by group
 CHOICES: list[tuple[str, tuple[str, ...], dict[str, dict[str, Any]]]] = [

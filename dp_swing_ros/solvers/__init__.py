@@ -4,23 +4,9 @@
 
 from typing import Any
 
-from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.solvers.ddp import DDP
 from dp_swing_ros.solvers.ilqr import ILQR
 from dp_swing_ros.solvers.mppi import MPPI
 
 # Each is built as a Solver says.
 SOLVERS: dict[str, Any] = {'ilqr': ILQR, 'ddp': DDP, 'mppi': MPPI}
-
-
-def solver_class(name: str) -> Any:
-    """
-    Return the solver of a name.
-
-    Raises ParameterError, naming the choices.
-    """
-    try:
-        return SOLVERS[name]
-    except KeyError:
-        raise ParameterError(
-            f'unknown solver {name!r}; available: {", ".join(sorted(SOLVERS))}') from None

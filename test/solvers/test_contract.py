@@ -11,11 +11,12 @@ import pytest
 from dp_swing_ros.cost import trajectory_cost
 from dp_swing_ros.dynamics import MODELS
 from dp_swing_ros.dynamics.trajectory import rollout
+from dp_swing_ros.mpc import MpcParameters
 from dp_swing_ros.parameters import (CostParameters, LimitParameters, ParameterError,
                                      PendulumParameters, PredictionParameters)
 from dp_swing_ros.plan import Plan, SolverStats, Status
 from dp_swing_ros.problem import Problem
-from dp_swing_ros.solvers import solver_class, SOLVERS
+from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.solvers.solver import start
 from dp_swing_ros.state import HANGING
 
@@ -174,5 +175,5 @@ def test_a_short_warm_start_is_completed_by_the_regulator(name):
 
 
 def test_an_unknown_solver_is_named_with_the_choices():
-    with pytest.raises(ParameterError, match='unknown solver .lqr.; available: ddp, ilqr, mppi'):
-        solver_class('lqr')
+    with pytest.raises(ParameterError, match="'solver' is 'lqr'; expected one of ddp, ilqr, mppi"):
+        MpcParameters(solver='lqr')
