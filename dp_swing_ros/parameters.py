@@ -108,13 +108,19 @@ def _check_number(number: float, about: Any, refuse: Callable[[str], ParameterEr
 
 @dataclasses.dataclass(frozen=True)
 class PendulumParameters(Parameters):
-    """The bodies: a cart and two uniform links. Source: the paper, II-A, and its authors' runs."""
+    """The bodies: a cart and two links. Source: the paper, II-A, and its authors' runs."""
 
     cart_mass: float = parameter(1.0, 'mass of the cart, m0', unit='kg', minimum=1e-3)
     link1_mass: float = parameter(0.5, 'mass of link 1, m1', unit='kg', minimum=1e-3)
     link2_mass: float = parameter(0.5, 'mass of link 2, m2', unit='kg', minimum=1e-3)
     link1_length: float = parameter(1.0, 'length of link 1, l1', unit='m', minimum=1e-3)
     link2_length: float = parameter(1.0, 'length of link 2, l2', unit='m', minimum=1e-3)
+    link1_inertia_factor: float = parameter(
+        1.0, 'moment of inertia of link 1 about its centre, in those of a uniform rod, m1 l1^2/12',
+        minimum=1e-3)
+    link2_inertia_factor: float = parameter(
+        1.0, 'moment of inertia of link 2 about its centre, in those of a uniform rod, m2 l2^2/12',
+        minimum=1e-3)
     gravity: float = parameter(9.81, 'acceleration of gravity, g', unit='m/s^2', minimum=0.0)
     cart_friction: float = parameter(
         0.0, 'viscous friction of the cart on the track', unit='N s/m', minimum=0.0)
@@ -162,9 +168,19 @@ class PlantParameters(Parameters):
     force_noise: float = parameter(
         0.0, 'standard deviation of the applied force, drawn once a period', unit='N',
         minimum=0.0)
+    actuator_response: float = parameter(
+        1.0, 'share k of the way to the commanded force that the actuator goes in a physics step; '
+        'above 1 it overshoots', minimum=1e-3, maximum=2.0)
     delay: float = parameter(0.0, 'age of a measurement when it is published', unit='s',
                              minimum=0.0, maximum=1.0)
-    seed: int = parameter(0, 'seed of all noises', minimum=0)
+    command_jitter: float = parameter(
+        0.0, 'a command acts late by a time drawn from 0 to this', unit='s', minimum=0.0,
+        maximum=1.0)
+    command_loss: float = parameter(
+        0.0, 'probability that a command is lost', minimum=0.0, maximum=1.0)
+    state_loss: float = parameter(
+        0.0, 'probability that a state is lost', minimum=0.0, maximum=1.0)
+    seed: int = parameter(0, 'seed of all noises, losses and latenesses', minimum=0)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -4,22 +4,22 @@
 The plant, and the closed loop around it without ROS.
 
 The plant is finer and less kind than the model of the controllers: it integrates in steps of 5 ms
-under a held force, saturates, has end stops, and where asked noise and delay. The node runs the
-same class.
+under a held force, saturates, has end stops, and where asked the disturbances of docs/model.md.
+The node runs the same class.
 """
 
 from collections import deque
 import math
-from typing import Callable, NamedTuple
+from typing import Callable, NamedTuple, Protocol
 
 import numpy as np
 
+from dp_swing_ros.commands import Commands
 from dp_swing_ros.dynamics import MODELS, Pendulum
 from dp_swing_ros.dynamics.pendulum import stop
 from dp_swing_ros.dynamics.trajectory import step
 from dp_swing_ros.episode import Episode, Ticks
 from dp_swing_ros.kernels import kernel
-from dp_swing_ros.mpc import RecedingHorizon
 from dp_swing_ros.parameters import LimitParameters, PendulumParameters, PlantParameters
 from dp_swing_ros.plan import Plan
 from dp_swing_ros.state import Array
@@ -34,16 +34,29 @@ class Measurement(NamedTuple):
     x: Array
 
 
-@kernel
-def integrate(model, track_limit, x, u, steps):
-    """
-    Advance the state in place by some steps under a held force, between the end stops.
+class Actuator(NamedTuple):
+    """How a force comes about: the share of the way to it gone in a step, and its bound [N]."""
 
-    Shapes: x (6,).
+    response: float
+    limit: float
+
+
+@kernel
+def integrate(model, actuator, track_limit, x, force, target, push, steps):
     """
-    for _ in range(steps):
-        step(model, x, u, x)
+    Advance the state in place by some steps under a held target and push, between the end stops.
+
+    Returns the actuator's last force and its mean [N]. Shapes: x (6,).
+    """
+    mean = 0.0
+    for n in range(steps):
+        # in this form a response of 1 gives the target to the bit
+        force = (1 - actuator.response) * force + actuator.response * target
+        force = min(max(force, -actuator.limit), actuator.limit)
+        mean += (force - mean) / (n + 1)
+        step(model, x, force + push, x)
         stop(model.pendulum, track_limit, x)
+    return force, mean
 
 
 class Plant:
@@ -58,10 +71,14 @@ class Plant:
 
     def reset(self) -> None:
         """Go back to the initial state, at rest from all commands, noise from its beginning."""
+        seeds = np.random.SeedSequence(self.parameters.seed)
+        self.random = np.random.default_rng(seeds)
+        loss, *fates = seeds.spawn(3)
+        self.state_loss = np.random.default_rng(loss)
+        self.commands = Commands(self.parameters, *fates)
         self.t = 0.0                                        # [s]
         self.x = np.array(self.parameters.initial_state)
-        self.command = 0.0                                  # [N] held until the next
-        self.random = np.random.default_rng(self.parameters.seed)
+        self.force = 0.0                                    # [N] of the actuator in the last step
         self.past: deque[Measurement] = deque([Measurement(0.0, self.x.copy())])
         self.begin_period(0.0)
 
@@ -73,48 +90,106 @@ class Plant:
         self.acted = 0.0         # [s] of integration since then
         self.mean_force = 0.0    # [N] of the actuator since the period began
 
-    @property
-    def force(self) -> float:
-        """Return the force [N] that the actuator applies now."""
-        limit = self.limits.force_limit
-        return min(max(self.command + self.noise, -limit), limit)
+    def obey(self, force: float, lasts: float = math.inf) -> bool:
+        """
+        Take a command [N], which acts for a time [s] at most, and tell whether it was received.
+
+        It acts from now on, or late where the parameters say so.
+        """
+        return self.commands.send(self.t, force, lasts)
 
     def advance(self, duration: float) -> None:
-        """Integrate for a time [s] under the force as it is."""
-        steps = math.ceil(duration / self.parameters.physics_step - ROUNDING)
+        """Integrate for a time [s] under the commands as they come."""
+        while (wait := self.next_event() - self.t) < duration - ROUNDING:
+            self.hold(max(wait, 0.0))
+            duration -= max(wait, 0.0)
+            while self.commands.next_change() <= self.t + ROUNDING:
+                self.commands.change()
+        self.hold(duration)
+
+    def next_event(self) -> float:
+        """Return when the commands change next, or a state is met that will be measured [s]."""
+        delay, rate = self.parameters.delay, self.parameters.rate
+        change = self.commands.next_change()
+        if delay == 0.0:
+            return change
+        # the state a delay before the end of a period is measured then, as old as was asked
+        ends = math.floor((self.t + delay + ROUNDING) * rate) + 1
+        return min(change, ends / rate - delay)
+
+    def hold(self, duration: float) -> None:
+        """Integrate for a time [s] under one command."""
+        physics_step = self.parameters.physics_step
+        steps = math.ceil(duration / physics_step - ROUNDING)
         if steps < 1:
             return
+        limit = self.limits.force_limit
         model = MODELS[self.parameters.integrator].of(self.pendulum, duration / steps)
-        integrate(model, self.limits.track_limit, self.x, self.force + self.push, steps)
+        actuator = Actuator(self.response(duration / steps / physics_step), limit)
+        target = min(max(self.commands.force + self.noise, -limit), limit)
+        self.force, mean = integrate(model, actuator, self.limits.track_limit, self.x, self.force,
+                                     target, self.push, steps)
         self.t += duration
         self.acted += duration
         # in steps, so that the mean of one and the same force is that force to the bit
-        self.mean_force += (self.force - self.mean_force) * (duration / self.acted)
+        self.mean_force += (mean - self.mean_force) * (duration / self.acted)
         self.past.append(Measurement(self.t, self.x.copy()))
         while len(self.past) > 1 and self.past[1].t <= self.t - self.parameters.delay + ROUNDING:
             self.past.popleft()
 
-    def measure(self) -> Measurement:
-        """Return the state as it was a delay ago, with the noise of the sensors."""
+    def response(self, share: float) -> float:
+        """
+        Return the actuator's response in a share of a physics step.
+
+        Two halves of a step make what the whole one would, as far as there is such a law: an
+        actuator that overshoots does so in a step of any length.
+        """
+        k = self.parameters.actuator_response
+        return 1 - (1 - k) ** share if k < 1 else k
+
+    def measure(self) -> Measurement | None:
+        """Return the state as it was a delay ago, with the noise of the sensors, unless lost."""
         t, x = self.past[0]
         noise = np.repeat((self.parameters.position_noise, self.parameters.velocity_noise), 3)
-        return Measurement(t, x + self.random.normal(0.0, noise))
+        measured = Measurement(t, x + self.random.normal(0.0, noise))
+        return None if self.state_loss.random() < self.parameters.state_loss else measured
 
 
-def simulate(plant: Plant, controller: RecedingHorizon, duration: float,
-             solver: str = '', on_tick: Callable[[float, Plan], None] | None = None) -> Episode:
+class Controller(Protocol):
+    """What closes the loop: a plan for each state, and one without."""
+
+    def update(self, t: float, x: Array, delay: float) -> Plan:
+        """
+        Return the plan that begins with the force to send now.
+
+        t is the time of the measurement x [s], delay its age [s]. Shapes: x (6,).
+        """
+
+    def stand_in(self, begins: float) -> Plan:
+        """Return a plan from a time [s] on where no state came."""
+
+
+def simulate(plant: Plant, controller: Controller, duration: float, solver: str = '',
+             on_tick: Callable[[float, Plan], None] | None = None,
+             pushes: Array | None = None) -> Episode:
     """
     Run the closed loop for a time [s] in lockstep, and return the true states and forces.
 
-    on_tick is called with the time and the plan of every tick.
+    on_tick is called with the time and the plan of every tick; pushes are the forces [N] on the
+    cart beside the actuator's, one for each period. Raises ValueError where they are not.
     """
     period = 1 / plant.parameters.rate
+    count = round(duration / period)
+    if pushes is None:
+        pushes = np.zeros(count)
+    if np.shape(pushes) != (count,) or not np.all(np.isfinite(pushes)):
+        raise ValueError(f'pushes of shape {np.shape(pushes)}: {pushes}; expected {count} finite '
+                         f'forces [N], one for each period of {period:g} s')
     t, X, U, plans = [plant.t], [plant.x.copy()], [], []
-    for n in range(round(duration / period)):
-        measured = plant.measure()
-        plan = controller.update(measured.t, measured.x, plant.t - measured.t)
-        plant.command = plan.control(0.0, plan.X[0])
-        plant.begin_period(0.0)
+    for n in range(count):
+        plan = answer(plant, controller)
+        plant.obey(plan.control(0.0, plan.X[0]))
+        plant.begin_period(float(pushes[n]))
         plant.advance((n + 1) * period - plant.t)
         t.append(plant.t)
         X.append(plant.x.copy())
@@ -124,6 +199,14 @@ def simulate(plant: Plant, controller: RecedingHorizon, duration: float,
             on_tick(plant.t, plan)
     return Episode(np.array(t), np.array(X), np.array(U), ticks_of(t[:-1], plans, period),
                    solver, plant.bodies, plant.limits)
+
+
+def answer(plant: Plant, controller: Controller) -> Plan:
+    """Return the controller's plan for the state as it is measured, or for none."""
+    measured = plant.measure()
+    if measured is None:
+        return controller.stand_in(plant.t)
+    return controller.update(measured.t, measured.x, plant.t - measured.t)
 
 
 def ticks_of(t: list[float], plans: list[Plan], period: float) -> Ticks:

@@ -17,6 +17,7 @@ from dp_swing_ros.parameters import LimitParameters, PendulumParameters
 
 UNLIMITED = 1e9  # URDF readers know no infinity
 RADIUS = 0.02  # [m] of the links as they are drawn
+DIGITS = 12  # after the point of an inertia factor, which is read from a ratio of two numbers
 
 
 def urdf(bodies: PendulumParameters, limits: LimitParameters) -> str:
@@ -45,9 +46,9 @@ def urdf(bodies: PendulumParameters, limits: LimitParameters) -> str:
       <material name="steel"/>
     </visual>
   </link>
-{_link('link1', bodies.link1_mass, bodies.link1_length, 'blue')}
+{_link('link1', bodies.link1_mass, bodies.link1_length, bodies.link1_inertia_factor, 'blue')}
   <link name="elbow"/>
-{_link('link2', bodies.link2_mass, bodies.link2_length, 'orange')}
+{_link('link2', bodies.link2_mass, bodies.link2_length, bodies.link2_inertia_factor, 'orange')}
   <joint name="cart" type="prismatic">
     <parent link="track"/>
     <child link="cart_body"/>
@@ -101,12 +102,21 @@ def from_urdf(text: str) -> tuple[PendulumParameters, LimitParameters]:
     def length(link: str) -> float:
         return number(f'link[@name="{link}"]/visual/geometry/cylinder', 'length')
 
+    def mass(link: str) -> float:
+        return number(f'link[@name="{link}"]/inertial/mass', 'value')
+
+    def inertia_factor(link: str) -> float:
+        rod = _across(mass(link), length(link))
+        return round(number(f'link[@name="{link}"]/inertial/inertia', 'ixx') / rod, DIGITS)
+
     bodies = PendulumParameters(
-        cart_mass=number('link[@name="cart_body"]/inertial/mass', 'value'),
-        link1_mass=number('link[@name="link1"]/inertial/mass', 'value'),
-        link2_mass=number('link[@name="link2"]/inertial/mass', 'value'),
+        cart_mass=mass('cart_body'),
+        link1_mass=mass('link1'),
+        link2_mass=mass('link2'),
         link1_length=length('link1'),
         link2_length=length('link2'),
+        link1_inertia_factor=inertia_factor('link1'),
+        link2_inertia_factor=inertia_factor('link2'),
         gravity=number('gravity', 'value'),
         cart_friction=number('joint[@name="cart"]/dynamics', 'damping'),
         joint1_friction=number('joint[@name="joint1"]/dynamics', 'damping'),
@@ -115,9 +125,14 @@ def from_urdf(text: str) -> tuple[PendulumParameters, LimitParameters]:
                                    track_limit=number('joint[@name="cart"]/limit', 'upper'))
 
 
-def _link(name: str, mass: float, length: float, material: str) -> str:
-    # A thin uniform rod but for the inertia about its own length, which must not be zero.
-    across = mass * length ** 2 / 12
+def _across(mass: float, length: float) -> float:
+    # of a thin uniform rod about its centre
+    return mass * length ** 2 / 12
+
+
+def _link(name: str, mass: float, length: float, factor: float, material: str) -> str:
+    # The inertia about its own length, which changes nothing, must not be zero.
+    across = factor * _across(mass, length)
     return f"""\
   <link name="{name}">
     <inertial>

@@ -12,7 +12,8 @@ from dp_swing_ros.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.urdf import from_urdf, urdf
 
 BODIES = PendulumParameters(cart_mass=1.1, link1_mass=0.3, link2_mass=0.7, link1_length=0.8,
-                            link2_length=1 / 3, gravity=1.62, cart_friction=0.1,
+                            link2_length=1 / 3, link1_inertia_factor=1.1,
+                            link2_inertia_factor=0.7, gravity=1.62, cart_friction=0.1,
                             joint1_friction=0.02, joint2_friction=0.03)
 
 
@@ -65,14 +66,14 @@ def test_bodies_and_limits_come_back_to_the_bit(limits):
     assert from_urdf(urdf(BODIES, limits)) == (BODIES, limits)
 
 
-def test_inertia_is_that_of_a_thin_rod():
+def test_inertia_is_its_factor_times_that_of_a_thin_rod():
     robot = ElementTree.fromstring(urdf(BODIES, LimitParameters()))
-    for name, mass, length in (('link1', BODIES.link1_mass, BODIES.link1_length),
-                               ('link2', BODIES.link2_mass, BODIES.link2_length)):
+    for name, mass, length, factor in (('link1', BODIES.link1_mass, BODIES.link1_length, 1.1),
+                                       ('link2', BODIES.link2_mass, BODIES.link2_length, 0.7)):
         inertial = robot.find(f'link[@name="{name}"]/inertial')
         assert vector(inertial.find('origin'), 'xyz').tolist() == [0, 0, length / 2]
         moments = {key: float(value) for key, value in inertial.find('inertia').items()}
-        assert moments['ixx'] == moments['iyy'] == pytest.approx(mass * length ** 2 / 12)
+        assert moments['ixx'] == moments['iyy'] == pytest.approx(factor * mass * length ** 2 / 12)
         assert 0 < moments['izz'] < moments['ixx']
 
 

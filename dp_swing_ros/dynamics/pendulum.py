@@ -32,9 +32,9 @@ class Pendulum(NamedTuple):
     d_00: float  # [kg]      m0 + m1 + m2
     d_01: float  # [kg m]    (m1/2 + m2) l1, times cos θ1 in D
     d_02: float  # [kg m]    m2 l2 / 2, times cos θ2 in D
-    d_11: float  # [kg m^2]  (m1/3 + m2) l1^2
+    d_11: float  # [kg m^2]  (m1/3 + m2) l1^2, if link 1 is a uniform rod
     d_12: float  # [kg m^2]  m2 l1 l2 / 2, times cos(θ1 - θ2) in D
-    d_22: float  # [kg m^2]  m2 l2^2 / 3
+    d_22: float  # [kg m^2]  m2 l2^2 / 3, likewise
     g: float     # [m/s^2]
     b_0: float   # [N s/m]      friction of the cart
     b_1: float   # [N m s/rad]  friction of joint 1
@@ -45,13 +45,16 @@ class Pendulum(NamedTuple):
         """Compute the coefficients. Source: the paper, (8)-(10) and (14), corrected."""
         m_1, m_2 = bodies.link1_mass, bodies.link2_mass
         l_1, l_2 = bodies.link1_length, bodies.link2_length
+        # beyond a uniform rod's, and exactly zero where it is one
+        extra_1 = (bodies.link1_inertia_factor - 1) * m_1 * l_1 ** 2 / 12
+        extra_2 = (bodies.link2_inertia_factor - 1) * m_2 * l_2 ** 2 / 12
         return cls(
             d_00=bodies.cart_mass + m_1 + m_2,
             d_01=(m_1 / 2 + m_2) * l_1,
             d_02=m_2 * l_2 / 2,
-            d_11=(m_1 / 3 + m_2) * l_1 ** 2,
+            d_11=(m_1 / 3 + m_2) * l_1 ** 2 + extra_1,
             d_12=m_2 * l_1 * l_2 / 2,
-            d_22=m_2 * l_2 ** 2 / 3,
+            d_22=m_2 * l_2 ** 2 / 3 + extra_2,
             g=bodies.gravity,
             b_0=bodies.cart_friction, b_1=bodies.joint1_friction, b_2=bodies.joint2_friction)
 

@@ -30,7 +30,8 @@ class PlantNode(ProcessNode):
     """
     The node; in real time nobody waits for anybody, in lockstep it waits for one force a state.
 
-    In lockstep the stamps are simulated time, from zero.
+    In lockstep the stamps are simulated time, from zero; where a state is lost nobody can answer,
+    so the last command acts for another period.
     """
 
     def __init__(self) -> None:
@@ -43,12 +44,13 @@ class PlantNode(ProcessNode):
         self.plant = Plant(bodies, limits, self.parameters)
         self.period = 1 / self.parameters.rate
         self.push = 0.0          # [N] asked for the next period
-        self.skipped = self.refused = self.commands = 0
+        self.skipped = self.refused = self.commands = self.lost_commands = self.lost_states = 0
         self.states = publish(self, JOINT_STATES)
         self.diagnostics = publish(self, DIAGNOSTICS)
         self.description = publish(self, ROBOT_DESCRIPTION)
         self.description.publish(String(data=urdf(bodies, limits)))
         self.create_service(Trigger, 'plant/reset', self.on_reset)
+        self.unanswerable = self.create_guard_condition(self.on_unanswerable)
         subscribe(self, DISTURBANCE, self.on_disturbance)
 
     def prepare(self) -> None:
@@ -68,8 +70,7 @@ class PlantNode(ProcessNode):
         """Let the plant's time begin now."""
         self.began = time.monotonic()
         self.epoch = 0 if self.parameters.lockstep else self.get_clock().now().nanoseconds
-        self.expires = math.inf      # [s] of the plant, when the last command is too old
-        self.timed_out = False
+        self.timed_out = False       # and said so
         self.reported = -math.inf
         self.waiting = False         # for the force that answers the last state
 
@@ -99,10 +100,15 @@ class PlantNode(ProcessNode):
         if not self.parameters.lockstep:
             now = time.monotonic() - self.began
             self.advance_to(now)
-            self.plant.command, self.timed_out = force, False
-            self.expires = now + self.parameters.command_timeout
+            self.obey(force, self.parameters.command_timeout)
         elif self.waiting:
-            self.plant.command = force
+            self.obey(force)
+            self.plant.advance(self.period)
+            self.publish_state()
+
+    def on_unanswerable(self) -> None:
+        """Go on for a period under the last command, unless a reset brought another state."""
+        if not (self.waiting or self.done):
             self.plant.advance(self.period)
             self.publish_state()
 
@@ -119,39 +125,52 @@ class PlantNode(ProcessNode):
         response.success, response.message = True, 'the plant is back at its initial state'
         return response
 
+    def obey(self, force: float, lasts: float = math.inf) -> None:
+        """Let a force [N] act for a time [s] at most, if it is not lost."""
+        self.lost_commands += not self.plant.obey(force, lasts)
+
     def advance_to(self, now: float) -> None:
-        """Integrate up to a time [s]; a command that expires before it acts no longer."""
-        if now > self.expires and not self.timed_out:
-            self.plant.advance(self.expires - self.plant.t)
-            self.plant.command, self.timed_out = 0.0, True
+        """Integrate up to a time [s], and say so when no command is left to obey."""
+        self.plant.advance(now - self.plant.t)
+        expired = self.plant.commands.expired
+        if expired and not self.timed_out:
             self.get_logger().warning(
                 f'no force for {self.parameters.command_timeout:g} s; '
                 'the force is zero until the next')
-        self.plant.advance(now - self.plant.t)
+        self.timed_out = expired
 
     def publish_state(self) -> None:
         """Publish the measured state and the mean force of the period that ends, and go on."""
         measured = self.plant.measure()
-        stamp = to_stamp(self.epoch + round(measured.t * 1e9))
-        self.states.publish(to_joint_state(stamp, measured.x, self.plant.mean_force))
-        self.waiting = True
+        if measured is None:
+            self.lost_states += 1
+        else:
+            self.states.publish(to_joint_state(self.stamp(measured.t), measured.x,
+                                               self.plant.mean_force))
         if self.plant.t - self.reported >= REPORT_PERIOD:
-            self.report(stamp)
+            self.report()
         if self.parameters.duration and self.plant.t >= self.parameters.duration - 1e-9:
             self.done = True
-            self.waiting = False
+        self.waiting = measured is not None and not self.done
+        if self.parameters.lockstep and measured is None:
+            self.unanswerable.trigger()   # and not at once, so that a signal can end it
         self.plant.begin_period(self.push)
         self.push = 0.0
 
-    def report(self, stamp: Time) -> None:
+    def stamp(self, t: float) -> Time:
+        """Return a time of the plant [s] as a stamp."""
+        return to_stamp(self.epoch + round(t * 1e9))
+
+    def report(self) -> None:
         """Publish what the plant counts."""
         self.reported = self.plant.t
         level = DiagnosticStatus.WARN if self.timed_out else DiagnosticStatus.OK
         message = 'no force arrives; it is zero' if self.timed_out else 'obeys the force'
         self.diagnostics.publish(to_diagnostics(
-            stamp, 'plant', level[0], message,
+            self.stamp(self.plant.t), 'plant', level[0], message,
             {'time': self.plant.t, 'commands': self.commands, 'refused': self.refused,
-             'skipped_ticks': self.skipped}))
+             'skipped_ticks': self.skipped, 'lost_commands': self.lost_commands,
+             'lost_states': self.lost_states}))
 
 
 def main(args: list[str] | None = None) -> int:

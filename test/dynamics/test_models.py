@@ -22,7 +22,8 @@ from dp_swing_ros.solvers.samples import single
 H = 0.05
 BODIES = (PendulumParameters(),
           PendulumParameters(cart_mass=1.3, link1_mass=0.4, link2_length=1.1, cart_friction=0.3,
-                             joint1_friction=0.1, joint2_friction=0.05))
+                             joint1_friction=0.1, joint2_friction=0.05, link1_inertia_factor=1.25,
+                             link2_inertia_factor=0.6))
 
 each_model = pytest.mark.parametrize('name', sorted(MODELS))
 each_body = pytest.mark.parametrize('bodies', BODIES, ids=['default', 'friction'])

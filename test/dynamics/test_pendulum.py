@@ -13,15 +13,16 @@ from dp_swing_ros.parameters import PendulumParameters
 
 BODIES = PendulumParameters(
     cart_mass=1.3, link1_mass=0.4, link2_mass=0.7, link1_length=0.8, link2_length=1.1,
+    link1_inertia_factor=1.25, link2_inertia_factor=0.6,
     cart_friction=0.3, joint1_friction=0.1, joint2_friction=0.05)
 
 
 def mujoco_model(bodies):
     """Build the same bodies in MuJoCo, whose second hinge measures θ2 - θ1."""
-    def link(mass, length):
-        about_end = mass * length ** 2 / 12
+    def link(mass, length, factor):
+        about_centre = factor * mass * length ** 2 / 12
         return (f'<inertial pos="0 0 {length / 2}" mass="{mass}" '
-                f'diaginertia="{about_end} {about_end} {about_end}"/>')
+                f'diaginertia="{about_centre} {about_centre} {about_centre}"/>')
     return mujoco.MjModel.from_xml_string(f"""
         <mujoco>
           <option gravity="0 0 {-bodies.gravity}"/>
@@ -30,10 +31,10 @@ def mujoco_model(bodies):
             <inertial pos="0 0 0" mass="{bodies.cart_mass}" diaginertia="1 1 1"/>
             <body>
               <joint type="hinge" axis="0 1 0" damping="{bodies.joint1_friction}"/>
-              {link(bodies.link1_mass, bodies.link1_length)}
+              {link(bodies.link1_mass, bodies.link1_length, bodies.link1_inertia_factor)}
               <body pos="0 0 {bodies.link1_length}">
                 <joint type="hinge" axis="0 1 0" damping="{bodies.joint2_friction}"/>
-                {link(bodies.link2_mass, bodies.link2_length)}
+                {link(bodies.link2_mass, bodies.link2_length, bodies.link2_inertia_factor)}
               </body>
             </body>
           </body></worldbody>
@@ -54,6 +55,13 @@ def test_accelerations_agree_with_mujoco(bodies, rng):
         theirs = np.cumsum(data.qacc * (0, 1, 1)) + data.qacc * (1, 0, 0)
         ours = np.array(derivative(p, x[1], x[2], x[3], x[4], x[5], u))
         np.testing.assert_allclose(ours, theirs, rtol=1e-12, atol=1e-12 * np.abs(theirs).max())
+
+
+def test_uniform_links_have_the_paper_s_coefficients_to_the_bit(rng):
+    for m_1, m_2, l_1, l_2 in rng.uniform(0.1, 3, (100, 4)):
+        p = Pendulum.of(PendulumParameters(link1_mass=m_1, link2_mass=m_2, link1_length=l_1,
+                                           link2_length=l_2))
+        assert (p.d_11, p.d_22) == ((m_1 / 3 + m_2) * l_1 ** 2, m_2 * l_2 ** 2 / 3)
 
 
 def test_mujoco_agrees_on_the_tips(rng):
