@@ -2,10 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The plant as a process: what it publishes, obeys, refuses, and how it ends."""
 
+import itertools
 import math
 import signal
 from xml.etree import ElementTree
 
+from controllers import plant
 import numpy as np
 from peer import Peer
 import pytest
@@ -121,6 +123,97 @@ def test_lockstep_waits_for_every_force(peer, start_node):
     assert len(states) == 30
     stamps = [seconds(state.header.stamp) for state in states]
     np.testing.assert_allclose(stamps, np.arange(30) * 0.02, atol=1e-9)
+    assert node.stop() == 0
+
+
+FAULTS = {'state_loss': 0.4, 'command_loss': 0.4, 'command_jitter': 0.08,
+          'actuator_response': 0.3}
+SEED = next(seed for seed in itertools.count() if plant(seed, state_loss=0.4).measure() is None)
+
+
+def expected_states(count, **faults):
+    """Return the measurements and mean forces of a plant whose n-th state is answered with n."""
+    p, states = plant(SEED, **faults), []
+    while len(states) < count:
+        measured = p.measure()
+        if measured is not None:
+            states.append((*measured, p.mean_force))
+        p.begin_period(0.0)
+        if measured is not None:
+            p.obey(float(len(states)))
+        p.advance(0.05)
+    return states
+
+
+@pytest.mark.parametrize('names', [['state_loss'], ['command_loss'], list(FAULTS)], ids=str)
+def test_lockstep_goes_on_through_losses(peer, start_node, names):
+    faults = {name: FAULTS[name] for name in names}
+    states = peer.record(JOINT_STATES)
+    node = start_node('plant', {'lockstep': True, 'seed': SEED, **faults})
+    forces = peer.publisher(FORCE_COMMAND)
+    for n in range(30):
+        assert peer.until(lambda: len(states) > n), node.output()
+        forces.publish(Float64(data=n + 1.0))
+    for state, (t, x, force) in zip(states, expected_states(30, **faults)):
+        assert seconds(state.header.stamp) == pytest.approx(t, abs=1e-9)
+        np.testing.assert_array_equal(to_state(state), x)
+        assert state.effort[0] == force
+    assert node.stop() == 0
+
+
+def test_lockstep_without_any_state_can_be_ended(peer, start_node):
+    states, reports = peer.record(JOINT_STATES), peer.record(DIAGNOSTICS)
+    node = start_node('plant', {'lockstep': True, 'state_loss': 1.0})
+    peer.publisher(FORCE_COMMAND)
+    assert peer.until(lambda: len(reports) > 3), node.output()
+    report = from_diagnostics(reports[-1], 'plant')
+    assert report.values['lost_states'] == pytest.approx(report.values['time'] * 20 + 1)
+    assert not states
+    assert node.stop() == 0
+
+
+def test_lockstep_without_any_state_ends_after_its_duration(peer, start_node):
+    states = peer.record(JOINT_STATES)
+    node = start_node('plant', {'lockstep': True, 'state_loss': 1.0, 'duration': 5.0})
+    peer.publisher(FORCE_COMMAND)
+    assert node.wait() == 0
+    assert not states
+
+
+def test_a_push_in_lockstep_lasts_one_period(peer, start_node):
+    states = peer.record(JOINT_STATES)
+    start_node('plant', {'lockstep': True})
+    forces, pushes = peer.publisher(FORCE_COMMAND), peer.publisher(DISTURBANCE)
+    assert peer.until(lambda: states)
+    pushes.publish(Float64(data=10.0))
+    peer.spin(0.5)   # topics keep no order between them
+    for n in range(1, 5):
+        forces.publish(Float64(data=0.0))
+        assert peer.until(lambda: len(states) > n)
+    p = plant()
+    for state, push in zip(states, (0.0, 10.0, 0.0, 0.0, 0.0)):
+        np.testing.assert_array_equal(to_state(state), p.x)
+        p.begin_period(push)
+        p.advance(0.05)
+    assert states[2].velocity[0] > 0.1
+
+
+def test_faults_in_real_time(peer, start_node):
+    reports = peer.record(DIAGNOSTICS)
+    node, states = first_states(peer, start_node, **FAULTS, command_timeout=0.5)
+    forces = peer.publisher(FORCE_COMMAND)
+    for _ in range(40):
+        forces.publish(Float64(data=4.0))
+        peer.spin(0.05)
+    assert max(state.effort[0] for state in states) == pytest.approx(4.0, abs=0.1)
+    assert any(0.1 < state.effort[0] < 3.5 for state in states)   # it got there by and by
+    assert peer.until(lambda: abs(states[-1].effort[0]) < 0.1)
+    steps = np.diff([seconds(state.header.stamp) for state in states])
+    assert np.mean(steps > 0.08) > 0.15
+    assert peer.until(lambda: from_diagnostics(reports[-1], 'plant').values['commands'] == 40)
+    values = from_diagnostics(reports[-1], 'plant').values
+    assert 5 < values['lost_commands'] < 30
+    assert values['lost_states'] > 5
     assert node.stop() == 0
 
 
