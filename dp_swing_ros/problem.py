@@ -20,7 +20,7 @@ from dp_swing_ros.dynamics.trajectory import step
 from dp_swing_ros.kernels import kernel
 from dp_swing_ros.parameters import (CostParameters, LimitParameters, ParameterError,
                                      PendulumParameters, PredictionParameters)
-from dp_swing_ros.state import Array
+from dp_swing_ros.state import ANGLES, Array
 
 TURN = 2 * math.pi
 SLOWEST = 1 - 1e-6  # spectral radius of a regulated model; at 1 an error would never die out
@@ -62,6 +62,19 @@ class Problem:
             S=S, R=cost.force_weight, P=np.ascontiguousarray(P), x_r=np.array(cost.reference),
             chord=cost.angle_error == 'chord', x_soft=limits.track_limit - cost.track_margin,
             w=cost.track_weight), prediction.horizon, prediction.step, limits.force_limit, lqr)
+
+
+def turns_of(problem: Problem, x: Array) -> Array:
+    """
+    Return how far the goal on the turn of a state is from the reference: whole turns [rad].
+
+    The goal of a solve is the one where its start ends; there the terminal cost is right.
+    Shapes: x (6,) -> (6,). Where angles count as they are, as in the paper, there is one goal.
+    """
+    turns = np.zeros(6)
+    if problem.cost.chord:
+        turns[ANGLES] = TURN * np.round((x - problem.cost.x_r)[ANGLES] / TURN)
+    return turns
 
 
 def regulator(model: Any, cost: CostParameters) -> LQR:

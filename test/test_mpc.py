@@ -8,50 +8,11 @@ import pytest
 
 from dp_swing_ros.dynamics.trajectory import hold
 from dp_swing_ros.plan import Plan, Status
-from dp_swing_ros.problem import regulator_rollout
 from dp_swing_ros.state import HANGING
 
 FALLING = np.array([0.1, 0.1, -0.05, 0.0, 0.3, 0.0])
 LEANING = np.array([0.1, 0.02, -0.01, 0.0, 0.05, 0.0])
 BEYOND = np.array([0.0, 0.0, 0.0, 0.0, 1e200, 0.0])   # finite, but no rollout from here is
-
-
-def test_the_first_plan_starts_from_random_forces_of_the_seed():
-    plans = [controller(seed=seed, of_solver={'iterations': 1}).update(0.0, np.array(HANGING))
-             for seed in (0, 0, 1)]
-    np.testing.assert_array_equal(plans[0].U, plans[1].U)
-    assert np.abs(plans[0].U - plans[2].U).max() > 0.1
-
-
-def test_the_first_plan_may_start_from_zero():
-    c = controller(initial_plan='zero')
-    np.testing.assert_array_equal(c.warm_start(np.array(HANGING), None).U, 0.0)
-
-
-def test_the_warm_start_is_the_rest_of_the_last_plan():
-    c = controller()
-    plan = c.update(0.0, FALLING)
-    left = c.warm_start(plan.X[1], c.left_over(0.05))
-    np.testing.assert_array_equal(left.U, plan.U[1:])
-    np.testing.assert_array_equal(left.X, plan.X[1:])
-    np.testing.assert_array_equal(left.K, plan.K[1:])
-    assert c.left_over(0.05 * 30) is None
-
-
-def test_the_regulator_replaces_a_worse_warm_start():
-    c = controller(of_solver={'iterations': 1})
-    c.update(0.0, np.array(HANGING))
-    upright = np.array([0.1, 0.01, 0.01, 0.0, 0.0, 0.0])   # somebody lifted it
-    np.testing.assert_array_equal(c.warm_start(upright, c.left_over(0.05)).U,
-                                  regulator_rollout(c.problem, upright))
-
-
-def test_the_paper_s_warm_start_is_forces_alone():
-    c = controller(warm_start='forces')
-    plan = c.update(0.0, FALLING)
-    warm = c.warm_start(FALLING, c.left_over(0.1))
-    np.testing.assert_array_equal(warm.U, [*plan.U[2:], 0.0, 0.0])
-    np.testing.assert_array_equal(warm.K, 0.0)
 
 
 def test_a_converged_plan_needs_one_iteration_in_the_next_tick():

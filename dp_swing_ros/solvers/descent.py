@@ -43,13 +43,14 @@ def descend(problem: Problem, parameters: DescentParameters, second_order: bool,
     model, cost, u_max = problem.model, problem.cost, problem.u_max
     J, X, U, K = start(problem, x_0, warm_start)
     X_new, U_new, K_new, k = np.empty_like(X), np.empty_like(U), np.empty_like(K), np.empty_like(U)
+    gaps = np.zeros((len(U), 6))
     mu, iteration, status = 0.0, 0, Status.ITERATION_LIMIT
     for iteration in range(1, parameters.iterations + 1):
         if time.perf_counter() > deadline:
             status = Status.DEADLINE
             break
-        positive, slope, bend = backward(model, cost, X, U, u_max, mu, second_order and mu == 0,
-                                         k, K_new)
+        positive, slope, bend = backward(model, cost, X, U, gaps, u_max, mu,
+                                         second_order and mu == 0, k, K_new)
         if positive and -slope <= parameters.tolerance * J:
             K, status = K_new, Status.CONVERGED
             break

@@ -31,14 +31,16 @@ from dp_swing_ros.state import Array
 class MPPIParameters(Parameters):
     """The samples and how they are weighted."""
 
-    samples: int = parameter(1024, 'force sequences drawn in an update, K', minimum=2,
+    samples: int = parameter(512, 'force sequences drawn in an update, K', minimum=2,
                              maximum=1_000_000)
-    updates: int = parameter(2, 'updates in one tick', minimum=1, maximum=1000)
+    updates: int = parameter(12, 'most updates in one solve', minimum=1, maximum=1000)
     temperature: float = parameter(
         0.1, 'λ of the weights, in the unit that temperature_scale says', minimum=1e-9)
     temperature_scale: str = parameter(
         'relative', 'relative: λ counts the distance from the best cost to the best tenth; '
         'fixed: λ as it is, as in the paper', choices=lambda: ['relative', 'fixed'])
+    tolerance: float = parameter(
+        1e-4, 'converged when an update lowers the cost by less than this share', minimum=0.0)
     smallest_noise: float = parameter(
         0.05, 'standard deviation of the quietest samples', unit='N', minimum=1e-3)
     largest_noise: float = parameter(
@@ -84,10 +86,13 @@ class MPPI:
             if time.perf_counter() > deadline:
                 status = Status.DEADLINE
                 break
-            average, cheapest = self.update(best, regulator)
+            before, (average, cheapest) = best.J, self.update(best, regulator)
             best = self.with_feedback(min(
                 best, self.proposal(x_0, average), self.proposal(x_0, cheapest),
                 key=lambda proposal: proposal.J))
+            if before - best.J <= self.parameters.tolerance * before:
+                status = Status.CONVERGED
+                break
         if not np.isfinite(best.J):
             status = Status.FAILED
         return Plan(best.X, best.U, best.K, self.problem.dt,
@@ -143,6 +148,6 @@ class MPPI:
         """Give the proposal the gains of one Riccati pass about it, where it has one."""
         k, K = np.zeros_like(proposal.U), np.zeros_like(proposal.K)
         positive = self.parameters.feedback and backward(
-            self.problem.model, self.problem.cost, proposal.X, proposal.U, self.problem.u_max,
-            0.0, False, k, K)[0]
+            self.problem.model, self.problem.cost, proposal.X, proposal.U, np.zeros_like(K),
+            self.problem.u_max, 0.0, False, k, K)[0]
         return proposal._replace(K=K if positive else np.zeros_like(K))

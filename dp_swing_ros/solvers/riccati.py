@@ -47,13 +47,14 @@ def transposed_times(A, v, out):
 
 
 @kernel
-def backward(model, cost, X, U, u_max, mu, second_order, k, K):
+def backward(model, cost, X, U, gaps, u_max, mu, second_order, k, K):
     """
     Write the policy δu = k + K δx, and return whether Q_uu stayed positive and two slopes.
 
     The expected change of the cost under α k is α slope + α² / 2 bend. With second_order the
-    expansion holds the tensor terms Σ V'_x[i] ∂²f_i of DDP; without, it is iLQR.
-    Shapes: X (T + 1, 6), U (T,), k (T,), K (T, 6).
+    expansion holds the tensor terms Σ V'_x[i] ∂²f_i of DDP; without, it is iLQR. The gaps are
+    f(X[t], U[t]) - X[t + 1], zero for a trajectory of the model; the policy closes them.
+    Shapes: X (T + 1, 6), U (T,), gaps (T, 6), k (T,), K (T, 6).
     """
     A, B, W = np.empty((6, 6)), np.empty(6), np.zeros((7, 7))
     V_x, V_xx = np.empty(6), np.empty((6, 6))
@@ -62,6 +63,9 @@ def backward(model, cost, X, U, u_max, mu, second_order, k, K):
     slope = bend = 0.0
     terminal_derivatives(cost, X[len(U)], V_x, V_xx)
     for t in range(len(U) - 1, -1, -1):
+        for i in range(6):                       # V'_x where the model leads to, beyond the gap
+            for j in range(6):
+                V_x[i] += V_xx[i, j] * gaps[t, j]
         if second_order:
             curvature(model, X[t], U[t], V_x, A, B, W)
         else:

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The recursion of iLQR and DDP against the paper's formulas, written out plainly."""
 
+from dataclasses import replace
 import math
 
 import numpy as np
@@ -32,7 +33,12 @@ def trajectory(problem, rng):
     return rollout(problem.model, x, U), U
 
 
-def plain(problem, X, U, mu, second_order):
+def pass_back(problem, X, U, *more):
+    """Call the backward pass for a trajectory of the model, which has no gaps."""
+    return backward(problem.model, problem.cost, X, U, np.zeros((N, 6)), *more)
+
+
+def plain(problem, X, U, mu, second_order, gaps=np.zeros((N, 6))):
     """Return k and K of (26)-(32), (36), (37) with autograd's derivatives and no force bound."""
     import torch
     A, B, second = (part.numpy() for part in expand(
@@ -44,6 +50,7 @@ def plain(problem, X, U, mu, second_order):
         l_x, l_xx = np.empty(6), np.empty(6)
         running_derivatives(problem.cost, X[t], l_x, l_xx)
         a, b = A[t], B[t][:, None]
+        V_x = V_x + V_xx @ gaps[t]
         W = np.einsum('i,ijk->jk', V_x, second[t]) * second_order
         Q_x = l_x + a.T @ V_x
         Q_u = 2 * problem.cost.R * U[t] + b.T @ V_x
@@ -65,8 +72,7 @@ def plain(problem, X, U, mu, second_order):
 def test_gains_are_the_paper_s(problem, trajectory, second_order, mu):
     X, U = trajectory
     k, K = np.empty(N), np.empty((N, 6))
-    positive, slope, bend = backward(problem.model, problem.cost, X, U, math.inf, mu,
-                                     second_order, k, K)
+    positive, slope, bend = pass_back(problem, X, U, math.inf, mu, second_order, k, K)
     k_plain, K_plain = plain(problem, X, U, mu, second_order)
     assert positive
     np.testing.assert_allclose(k, k_plain, rtol=1e-7)
@@ -74,12 +80,22 @@ def test_gains_are_the_paper_s(problem, trajectory, second_order, mu):
     assert slope < 0
 
 
+def test_gains_about_a_path_with_gaps(problem, trajectory, rng):
+    X, U = trajectory
+    k, K, gaps = np.empty(N), np.empty((N, 6)), rng.normal(0.0, 1e-4, (N, 6))
+    assert backward(problem.model, problem.cost, X, U, gaps, math.inf, 0.0, True, k, K)[0]
+    k_plain, K_plain = plain(problem, X, U, 0.0, True, gaps)
+    np.testing.assert_allclose(k, k_plain, rtol=1e-7)
+    np.testing.assert_allclose(K, K_plain, rtol=1e-7, atol=1e-9)
+    assert not np.allclose(k, plain(problem, X, U, 0.0, True)[0])
+
+
 @pytest.mark.parametrize('second_order', [False, True], ids=['ilqr', 'ddp'])
 def test_the_slope_is_the_cost_s(problem, trajectory, second_order):
     """For a small α the cost changes by α slope."""
     X, U = trajectory
     k, K = np.empty(N), np.empty((N, 6))
-    _, slope, _ = backward(problem.model, problem.cost, X, U, math.inf, 0.0, second_order, k, K)
+    _, slope, _ = pass_back(problem, X, U, math.inf, 0.0, second_order, k, K)
     J = trajectory_cost(problem.cost, X, U)
     X_new, U_new = np.empty_like(X), np.empty_like(U)
     change = forward(problem.model, problem.cost, X, U, k, K, 1e-7, math.inf, X_new, U_new) - J
@@ -90,7 +106,7 @@ def test_on_the_bound_the_force_stays_and_does_not_follow(problem, trajectory):
     X, U = trajectory
     k, K = np.empty(N), np.empty((N, 6))
     u_max = 0.5
-    backward(problem.model, problem.cost, X, U, u_max, 0.0, False, k, K)
+    pass_back(problem, X, U, u_max, 0.0, False, k, K)
     on_bound = np.isclose(np.abs(U + k), u_max)
     assert 0 < on_bound.sum() < N
     assert np.all(np.abs(U + k) <= u_max + 1e-12)
@@ -105,7 +121,7 @@ def test_a_linear_problem_is_solved_in_one_step(problem):
     X = rollout(problem.model, x, U)
     k, K = np.empty(N), np.empty((N, 6))
     J = trajectory_cost(problem.cost, X, U)
-    _, slope, bend = backward(problem.model, problem.cost, X, U, 20.0, 0.0, False, k, K)
+    _, slope, bend = pass_back(problem, X, U, 20.0, 0.0, False, k, K)
     X_new, U_new = np.empty_like(X), np.empty_like(U)
     J_new = line_search(problem.model, problem.cost, X, U, J, k, K, slope, bend, 20.0, X_new,
                         U_new)
@@ -117,4 +133,4 @@ def test_a_curvature_that_is_not_positive_is_reported(problem, trajectory):
     X, U = trajectory
     concave = problem.cost._replace(P=-problem.cost.P)
     k, K = np.empty(N), np.empty((N, 6))
-    assert not backward(problem.model, concave, X, U, 20.0, 0.0, False, k, K)[0]
+    assert not pass_back(replace(problem, cost=concave), X, U, 20.0, 0.0, False, k, K)[0]

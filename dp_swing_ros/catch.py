@@ -1,0 +1,87 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The catch: the regulator at the goal for a force that is bounded.
+
+    min Σ (eᵀ S e + R u²) + e_Nᵀ P e_N   s.t.   e⁺ = A e + B u,  |u| ≤ u_max,      e = x - x_r
+
+With P of the Riccati equation this is the regulator as long as the bound does not act. Where it
+does, the regulator's rollout falls over and leads a local solver away; this problem is convex, so
+its optimum is found. It is a trajectory of the linear model; one Riccati pass about it closes the
+gaps to the real one (Giftthaler et al., IROS 2018).
+"""
+
+import math
+
+import numpy as np
+from scipy.linalg import cholesky, qr
+from scipy.optimize import lsq_linear
+
+from dp_swing_ros.dynamics.trajectory import step
+from dp_swing_ros.kernels import kernel
+from dp_swing_ros.problem import linearisation, Problem, turns_of
+from dp_swing_ros.solvers.riccati import backward, forward
+from dp_swing_ros.solvers.solver import Start
+from dp_swing_ros.state import Array
+
+REACH = (math.inf, 0.6, 0.6, 10.0, 10.0, 10.0)  # of the linear model, in the units of the state
+
+
+@kernel
+def find_gaps(model, X, U, gaps):
+    """
+    Write f(X[t], U[t]) - X[t + 1].
+
+    Shapes: X (T + 1, 6), U (T,), gaps (T, 6).
+    """
+    for t in range(len(U)):
+        step(model, X[t], U[t], gaps[t])
+        for i in range(6):
+            gaps[t, i] -= X[t + 1, i]
+
+
+class Catch:
+    """The bounded least-squares problem min |L u + M e_0|² of a goal, factorised once."""
+
+    def __init__(self, problem: Problem) -> None:
+        """Condense the states, e_t = Φ_t e_0 + G_t u, and the cost."""
+        self.problem = problem
+        N, cost = problem.horizon, problem.cost
+        A, B = linearisation(problem.model, cost.x_r, 0.0)
+        self.Phi, self.G = np.zeros((N + 1, 6, 6)), np.zeros((N + 1, 6, N))
+        self.Phi[0] = np.eye(6)
+        for t in range(N):
+            self.Phi[t + 1], self.G[t + 1] = A @ self.Phi[t], A @ self.G[t]
+            self.G[t + 1, :, t] += B
+        weights = [np.diag(np.sqrt(cost.S))] * N + [cholesky(problem.lqr.P)]
+        of_force = [W @ G for W, G in zip(weights, self.G)]
+        of_state = [W @ Phi for W, Phi in zip(weights, self.Phi)]
+        Q, self.L = qr(np.vstack([np.sqrt(cost.R) * np.eye(N), *of_force]), mode='economic')
+        self.M = Q.T @ np.vstack([np.zeros((N, 6)), *of_state])
+
+    def start(self, x_0: Array) -> Start | None:
+        """
+        Return a trajectory of the model that catches the pendulum, None where none is in reach.
+
+        Shapes: x_0 (6,).
+        """
+        problem, turns = self.problem, turns_of(self.problem, x_0)
+        e_0 = x_0 - turns - problem.cost.x_r
+        if np.any(np.abs(e_0) > REACH):
+            return None
+        U = lsq_linear(self.L, -self.M @ e_0, (-problem.u_max, problem.u_max), method='bvls').x
+        U = np.clip(U, -problem.u_max, problem.u_max)
+        caught = self.closed(problem.cost.x_r + self.Phi @ e_0 + self.G @ U, U)
+        return None if caught is None else caught._replace(X=caught.X + turns)
+
+    def closed(self, X: Array, U: Array) -> Start | None:
+        """Follow the policy of one Riccati pass about a trajectory of the linear model."""
+        problem, N = self.problem, self.problem.horizon
+        gaps, k, K = np.empty((N, 6)), np.empty(N), np.empty((N, 6))
+        X_new, U_new = np.empty_like(X), np.empty_like(U)
+        find_gaps(problem.model, X, U, gaps)
+        if not backward(problem.model, problem.cost, X, U, gaps, problem.u_max, 0.0, False,
+                        k, K)[0]:
+            return None
+        J = forward(problem.model, problem.cost, X, U, k, K, 1.0, problem.u_max, X_new, U_new)
+        return Start(J, X_new, U_new, K) if np.isfinite(J) else None
