@@ -4,9 +4,10 @@
 The receding horizon: from every state a plan, warm-started by the one before.
 
 The measured state is first rolled forward, under the forces already sent, to the time at which
-the new force will act. From there the last plan is followed as a policy (its gains about its
-states, the regulator past its end): forces alone, shifted, diverge on an unstable plant. Beside it
-there are other starts; the cheapest plan is obeyed.
+the new force will act; an estimator filters it before, and tells the bodies that the problem is
+then solved for. From there the last plan is followed as a policy (its gains about its states, the
+regulator past its end): forces alone, shifted, diverge on an unstable plant. Beside it there are
+other starts; the cheapest plan is obeyed.
 """
 
 from collections import deque
@@ -17,6 +18,7 @@ import time
 import numpy as np
 
 from dp_swing_ros.dynamics.trajectory import hold, rollout
+from dp_swing_ros.estimator import Estimate, Estimator, EstimatorParameters, Force
 from dp_swing_ros.parameters import parameter, Parameters
 from dp_swing_ros.plan import Plan, Status
 from dp_swing_ros.problem import policy_rollout, Problem, regulator_rollout, turns_of
@@ -26,6 +28,7 @@ from dp_swing_ros.starts import plan_of, StartParameters, Starts
 from dp_swing_ros.state import Array, HANGING, is_upright, to_turn_of
 
 REMEMBERED = 64  # forces sent, for the roll forward
+OVERTAKEN = 0.5  # [s] a state older than the last by more than this is none that was overtaken
 
 
 @dataclass(frozen=True)
@@ -37,20 +40,33 @@ class MpcParameters(StartParameters):
         0.04, 'a solve returns its best plan after this time (real time only)', unit='s',
         minimum=1e-4, finite=False)
     seed: int = parameter(0, 'seed of the first plan and of random solvers', minimum=0)
+    carry_over: int = parameter(
+        5, 'periods without a state for which the last plan is followed before the force is zero '
+        '(real time only)', minimum=0, maximum=1000)
+    estimator: str = parameter(
+        'ekf', 'none: a state is taken as it is measured; ekf: an extended Kalman filter on the '
+        'model, which also estimates bodies and a force bias', choices=lambda: ['none', 'ekf'])
 
 
 class RecedingHorizon:
     """Solves at every tick; remembers the last plan, the last state and the forces sent."""
 
-    def __init__(self, problem: Problem, parameters: MpcParameters, solver: Parameters) -> None:
-        """Take the problem, how it is solved, and the parameters of the solver named there."""
-        self.problem, self.parameters, self.solver_parameters = problem, parameters, solver
+    def __init__(self, problem: Problem, parameters: MpcParameters, solver: Parameters,
+                 estimator: EstimatorParameters = EstimatorParameters()) -> None:
+        """Take the problem, how it is solved, and the parameters of solver and estimator."""
+        self.nominal, self.parameters, self.solver_parameters = problem, parameters, solver
+        self.estimator = Estimator(type(problem.model), problem.bodies, estimator)
         self.reset()
 
     def reset(self) -> None:
         """Forget everything: the next tick is a first tick, with the same random numbers."""
+        self.random = np.random.default_rng(self.parameters.seed)
+        self.problem = self.nominal
         self.solver = self.build(self.problem)
         self.starts = Starts(self.problem, self.parameters, self.parameters.seed, self.build)
+        self.estimator.reset()
+        self.estimate: Estimate | None = None
+        self.first = math.inf               # [s] time of the first measurement
         self.plan: Plan | None = None
         self.began = 0.0                    # [s] time of the plan's first state
         self.t = -math.inf                  # [s] time of the last measurement
@@ -58,10 +74,16 @@ class RecedingHorizon:
         self.sent: deque[tuple[float, float]] = deque(maxlen=REMEMBERED)  # (from when, force)
 
     def build(self, problem: Problem) -> Solver:
-        """Build the solver for a problem."""
+        """Build the solver for a problem; its random numbers go on."""
         solver: Solver = SOLVERS[self.parameters.solver](
-            problem, self.solver_parameters, self.parameters.seed)
+            problem, self.solver_parameters, self.random)
         return solver
+
+    def pose(self, problem: Problem) -> None:
+        """Solve another problem from now on."""
+        self.problem = problem
+        self.solver = self.build(problem)
+        self.starts.pose(problem)
 
     def update(self, t: float, x: Array, delay: float = 0.0,
                deadline: float = math.inf) -> Plan:
@@ -69,19 +91,12 @@ class RecedingHorizon:
         Return the plan that begins with the force to send now.
 
         t is the time of the measurement x [s], delay its age when the force will act [s], and
-        deadline in seconds of time.perf_counter(). Where the solve fails, `stand_in` does. A time
-        before the last measurement's is a new run. Shapes: x (6,). Raises ValueError where x is
-        not finite.
+        deadline in seconds of time.perf_counter(). Where the solve fails, `stand_in` does. A state
+        that a later one overtook adds nothing; a time before the run's first, or long before the
+        last, is a new run. Shapes: x (6,). Raises ValueError where x is not finite.
         """
-        if t < self.t:
-            self.reset()
-        x = np.asarray(x, dtype=float)
-        if x.shape != (6,) or not np.all(np.isfinite(x)):
-            raise ValueError(f'the state is {x}; expected six finite numbers')
-        # Where an encoder wraps, the angle goes on from its last turn.
-        self.t, self.x = t, x if self.x is None else to_turn_of(x, self.x)
         begins = t + delay
-        x_0 = self.roll_forward(self.x, t, begins)
+        x_0 = self.roll_forward(self.observe(t, x), self.t, begins)
         plan = self.solve(x_0, self.left_over(begins), deadline)
         return self.stand_in(begins, x_0) if plan is None else self.remember(plan, begins)
 
@@ -102,10 +117,36 @@ class RecedingHorizon:
             iterations=sum(plan.stats.iterations for plan in plans),
             solve_time=time.perf_counter() - began))
 
+    def observe(self, t: float, x: Array) -> Array:
+        """Take a measurement, and return the state at the time of the newest."""
+        x = np.asarray(x, dtype=float)
+        if x.shape != (6,) or not np.all(np.isfinite(x)):
+            raise ValueError(f'the state is {x}; expected six finite numbers')
+        if t < self.t and t <= max(self.first, self.t - OVERTAKEN):
+            self.reset()
+        if self.x is None:
+            self.first = t
+        elif t <= self.t:
+            return self.x
+        else:
+            x = to_turn_of(x, self.x)   # where an encoder wraps, the angle goes on
+        if self.parameters.estimator == 'ekf':
+            x = self.estimated(t, x)
+        self.t, self.x = t, x
+        return x
+
+    def estimated(self, t: float, x: Array) -> Array:
+        """Return the state as it is estimated, and solve for the bodies as they are."""
+        self.estimate = self.estimator.update(t, x, self.forces_between(self.t, t))
+        if self.estimator.moved(self.problem.bodies):
+            self.pose(self.nominal.with_bodies(replace(
+                self.nominal.bodies, **self.estimate.bodies)))
+        return self.estimate.x
+
     def warm_up(self) -> float:
         """Compile all that a tick needs, on a copy of the controller, and return the time [s]."""
         began = time.perf_counter()
-        twin = RecedingHorizon(self.problem, self.parameters, self.solver_parameters)
+        twin = RecedingHorizon(self.nominal, self.parameters, self.solver_parameters)
         for n in range(3):
             twin.update(n * self.problem.dt, np.array(HANGING), delay=1e-3)
         twin.stand_in(3 * self.problem.dt)
@@ -132,21 +173,31 @@ class RecedingHorizon:
             # Far from the reference the regulator would only drive the cart into the end stop.
             if is_upright(X[-1] - problem.cost.x_r):
                 return self.remember(plan_of(problem, X, U, Status.REGULATOR), begins)
-        X = np.tile(problem.cost.x_r if x_0 is None else x_0, (problem.horizon + 1, 1))
-        plan = plan_of(problem, X, np.zeros(problem.horizon), Status.ZERO)
+        return self.let_go(begins, x_0)
+
+    def let_go(self, begins: float, x_0: Array | None = None) -> Plan:
+        """Return a plan of zero force from a time on [s]."""
+        N = self.problem.horizon
+        X = np.tile(self.problem.cost.x_r if x_0 is None else x_0, (N + 1, 1))
         self.sent.append((begins, 0.0))
         self.plan = None    # it predicts nothing, so the next tick is a first one
-        return plan
+        return plan_of(self.problem, X, np.zeros(N), Status.ZERO)
 
     def roll_forward(self, x: Array, t: float, until: float) -> Array:
         """Predict the state at a later time under the forces already sent."""
-        changes = [change for change in self.sent if change[0] < until]
-        for n, (since, u) in enumerate(changes):
-            end = changes[n + 1][0] if n + 1 < len(changes) else until
-            duration = end - max(since, t)
-            if duration > 0:
-                x = hold(self.problem.model, x, u, duration)
+        for force in self.forces_between(t, until):
+            x = hold(self.problem.model, x, force.u, force.duration)
         return x
+
+    def forces_between(self, t: float, until: float) -> list[Force]:
+        """Return the forces that act between two times [s]; before the first sent it is zero."""
+        forces: list[Force] = []
+        for begins, u in reversed([(t, 0.0), *self.sent]):   # what was sent later replaces
+            begins = max(begins, t)
+            if begins < until:
+                forces.insert(0, Force(u, until - begins))
+                until = begins
+        return forces
 
     def left_over(self, begins: float) -> Plan | None:
         """Return the rest of the last plan from a time on [s], None where nothing is left."""

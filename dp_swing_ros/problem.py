@@ -43,6 +43,8 @@ class Problem:
     dt: float       # [s]
     u_max: float    # [N]
     lqr: LQR
+    bodies: PendulumParameters
+    given: tuple[LimitParameters, CostParameters, PredictionParameters]  # it was made from
 
     @classmethod
     def of(cls, bodies: PendulumParameters, limits: LimitParameters, cost: CostParameters,
@@ -61,7 +63,16 @@ class Problem:
         return cls(model, Cost(
             S=S, R=cost.force_weight, P=np.ascontiguousarray(P), x_r=np.array(cost.reference),
             chord=cost.angle_error == 'chord', x_soft=limits.track_limit - cost.track_margin,
-            w=cost.track_weight), prediction.horizon, prediction.step, limits.force_limit, lqr)
+            w=cost.track_weight), prediction.horizon, prediction.step, limits.force_limit, lqr,
+            bodies, (limits, cost, prediction))
+
+    def with_bodies(self, bodies: PendulumParameters) -> 'Problem':
+        """
+        Build the same problem for other bodies.
+
+        Raises ParameterError where no regulator holds the reference state.
+        """
+        return Problem.of(bodies, *self.given)
 
 
 def turns_of(problem: Problem, x: Array) -> Array:

@@ -2,10 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The receding horizon: shift, delay, turns of the angles, fallbacks, resets."""
 
+from dataclasses import replace
+
 from controllers import controller
 import numpy as np
 import pytest
 
+from dp_swing_ros.dynamics import Pendulum, RK4
 from dp_swing_ros.dynamics.trajectory import hold
 from dp_swing_ros.plan import Plan, Status
 from dp_swing_ros.state import HANGING
@@ -23,9 +26,10 @@ def test_a_converged_plan_needs_one_iteration_in_the_next_tick():
 
 
 def test_the_plan_begins_where_the_state_will_be_when_the_force_acts():
-    c = controller()
+    c = controller(estimator='none')
     first = c.update(0.0, FALLING, delay=0.01)
-    np.testing.assert_array_equal(first.X[0], FALLING)    # no force was sent before
+    # no force was sent before
+    np.testing.assert_array_equal(first.X[0], hold(c.problem.model, FALLING, 0.0, 0.01))
     second = c.update(0.05, first.X[1], delay=0.02)
     expected = hold(c.problem.model, first.X[1], first.U[0], 0.02)
     np.testing.assert_allclose(second.X[0], expected, rtol=1e-12)
@@ -78,7 +82,7 @@ def test_without_anything_the_force_is_zero():
 
 
 def test_a_failed_solve_falls_back_to_the_policy(monkeypatch):
-    c = controller()
+    c = controller(estimator='none')
     before = c.update(0.0, FALLING)
     fail(c, monkeypatch)
     plan = c.update(0.05, before.X[1])
@@ -105,7 +109,7 @@ def fail(c, monkeypatch):
 
 
 def test_a_state_beyond_numbers_ends_in_zero_and_is_forgotten():
-    c = controller()
+    c = controller(estimator='none')
     c.update(0.0, FALLING)
     assert c.update(0.05, BEYOND).stats.status is Status.ZERO
     plan = c.update(0.1, FALLING)
@@ -132,6 +136,77 @@ def test_a_late_measurement_is_no_new_run():
     c.update(0.05, LEANING, delay=0.2)
     assert c.update(0.10, LEANING, delay=0.003).stats.status is Status.CONVERGED
     assert len(c.sent) == 3
+
+
+@pytest.mark.parametrize('estimator', ['none', 'ekf'])
+def test_a_state_that_a_later_one_overtook_adds_nothing(estimator):
+    def run(overtaken):
+        c = controller(estimator=estimator)
+        x = LEANING
+        for n in range(8):
+            plan = c.update(0.05 * n, x)
+            if overtaken and n == 5:    # in place of the real answer, which begins at 0.25 s
+                c.sent.pop()
+                plan = c.update(0.05 * (n - 1), FALLING, delay=0.05)
+                assert c.t == 0.25
+            x = plan.X[1]
+        return plan.U
+    np.testing.assert_allclose(run(True), run(False), atol=0.05)
+
+
+def test_a_repeated_state_adds_nothing():
+    c = controller()
+    c.update(0.0, LEANING)
+    c.update(0.05, LEANING)
+    known = c.estimator.P
+    plan = c.update(0.05, FALLING)
+    assert c.estimator.P is known
+    np.testing.assert_array_equal(plan.X[0], c.estimate.x)
+
+
+def test_of_two_forces_the_one_sent_later_acts():
+    c = controller()
+    c.sent.extend([(0.0, 1.0), (0.20, 2.0), (0.15, 3.0)])
+    assert c.forces_between(-0.1, 0.3) == [(0.0, 0.1), (1.0, 0.15), (3.0, 0.15)]
+    assert c.forces_between(0.2, 0.2) == []
+
+
+def test_an_outlier_does_not_reach_the_plan():
+    c, x = controller(), LEANING
+    for n in range(6):
+        seen = x + (0, 0, 1.0, 0, 0, 0) if n == 4 else x
+        plan = c.update(0.05 * n, seen)
+        x = hold(RK4.of(c.nominal.model.pendulum, 0.005), x, plan.U[0], 0.05)
+        assert np.abs(plan.X[0, 1:3]).max() < 0.05
+    assert c.estimate.refused == 1
+
+
+def test_a_lost_state_is_predicted_through():
+    c, x = controller(), LEANING
+    model = RK4.of(c.nominal.model.pendulum, 0.005)
+    for n in range(8):
+        lost = n in (3, 4)
+        plan = c.stand_in(0.05 * n) if lost else c.update(0.05 * n, x)
+        assert plan.stats.status is (Status.LAST_POLICY if lost else Status.CONVERGED)
+        if n == 5:
+            np.testing.assert_allclose(c.estimate.innovation, 0.0, atol=1e-5)
+        x = hold(model, x, plan.U[0], 0.05)
+    assert np.abs(x[1:3]).max() < 0.05
+
+
+def test_bodies_that_differ_are_solved_for():
+    c = controller()
+    bodies = replace(c.nominal.bodies, link2_mass=0.6)
+    model = RK4.of(Pendulum.of(bodies), 0.005)
+    x = np.array([0.0, 2.0, 2.5, 0.0, 1.0, -1.0])
+    for n in range(40):
+        plan = c.update(0.05 * n, x)
+        x = hold(model, x, plan.U[0], 0.05)
+    assert c.problem.bodies.link2_mass == pytest.approx(0.6, rel=0.02)
+    assert c.problem.model == RK4.of(Pendulum.of(c.problem.bodies), 0.05)
+    assert c.solver.problem is c.problem
+    c.reset()
+    assert c.problem is c.nominal
 
 
 def test_warming_up_changes_nothing():

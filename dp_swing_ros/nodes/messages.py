@@ -15,12 +15,13 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from dp_swing_ros.estimator import Estimate
 from dp_swing_ros.nodes.fields import (
     from_diagnostics, from_trajectory, Report, seconds, split, to_state, Trajectory)
 from dp_swing_ros.plan import Plan
 from dp_swing_ros.state import Array, JOINTS
 
-__all__ = ['Report', 'Trajectory', 'from_diagnostics', 'from_trajectory', 'seconds',
+__all__ = ['Report', 'Trajectory', 'from_diagnostics', 'from_trajectory', 'of_estimate', 'seconds',
            'to_diagnostics', 'to_joint_state', 'to_stamp', 'to_state', 'to_trajectory']
 
 
@@ -55,6 +56,16 @@ def to_diagnostics(stamp: Time, name: str, level: int, message: str,
     pairs = [KeyValue(key=key, value=_text(value)) for key, value in values.items()]
     status = DiagnosticStatus(level=bytes([level]), name=name, message=message, values=pairs)
     return DiagnosticArray(header=Header(stamp=stamp), status=[status])
+
+
+def of_estimate(estimate: Estimate) -> dict[str, float]:
+    """Name the figures of an estimate for the diagnostics."""
+    places = [f'{joint}_{kind}' for kind in ('position', 'velocity') for joint in JOINTS]
+    return {**{f'estimate_{place}': value for place, value in zip(places, estimate.x.tolist())},
+            **{f'innovation_{place}': value
+               for place, value in zip(places, estimate.innovation.tolist())},
+            'innovation_distance': estimate.distance, 'refused': estimate.refused,
+            'force_bias': estimate.bias, **estimate.bodies}
 
 
 def _duration(time: float) -> Duration:

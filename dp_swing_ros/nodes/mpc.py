@@ -1,10 +1,15 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The controller: from every state a plan, and from the plan a force."""
+"""
+The controller: from every state a plan, and from the plan a force.
+
+Where states stop coming in real time, the last plan goes on for a while; then the force is zero.
+"""
 
 import math
 import time
 
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 import numpy as np
 from rclpy.clock import Clock
@@ -13,12 +18,15 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
+from dp_swing_ros.estimator import EstimatorParameters
 from dp_swing_ros.mpc import MpcParameters, RecedingHorizon
 from dp_swing_ros.nodes.connections import is_heard, publish, subscribe
-from dp_swing_ros.nodes.messages import seconds, to_diagnostics, to_state, to_trajectory
+from dp_swing_ros.nodes.messages import (
+    of_estimate, seconds, to_diagnostics, to_state, to_trajectory)
 from dp_swing_ros.nodes.process import ProcessNode, run
 from dp_swing_ros.nodes.ros_parameters import declare, refuse_unknown
 from dp_swing_ros.nodes.topics import DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES, PLAN
+from dp_swing_ros.nodes.watch import Watch
 from dp_swing_ros.parameters import (
     CostParameters, LimitParameters, PendulumParameters, PredictionParameters)
 from dp_swing_ros.plan import Plan, Status
@@ -50,15 +58,17 @@ class MpcNode(ProcessNode):
         self.parameters = declare(self, MpcParameters)
         of_solvers = {name: declare(self, solver.Parameters, name)
                       for name, solver in sorted(SOLVERS.items())}
+        of_estimator = declare(self, EstimatorParameters, 'ekf')
         refuse_unknown(self)
         self.solver = self.parameters.solver
         self.horizon = RecedingHorizon(Problem.of(bodies, limits, cost, prediction),
-                                       self.parameters, of_solvers[self.solver])
+                                       self.parameters, of_solvers[self.solver], of_estimator)
         self.u_max = limits.force_limit
         self.forces = publish(self, FORCE_COMMAND)
         self.plans = publish(self, PLAN)
         self.diagnostics = publish(self, DIAGNOSTICS)
         self.create_service(Trigger, 'mpc/reset', self.on_reset)
+        self.watch = Watch(self, self.on_silence)
         self.sent = False
         self.waiting: JointState | None = None   # the first state in lockstep
         self.forget()
@@ -66,7 +76,10 @@ class MpcNode(ProcessNode):
     def forget(self) -> None:
         """Begin anew."""
         self.horizon.reset()
+        self.watch.forget()
         self.processing = 0.0   # [s] mean time from a state's arrival to its force
+        self.transport = 0.0    # [s] of the last state, from the plant
+        self.carried = 0        # periods since the last state
         self.late_total = 0
         self.last_stamp = math.nan
 
@@ -109,17 +122,41 @@ class MpcNode(ProcessNode):
         arrival = time.perf_counter()
         stamp = seconds(message.header.stamp)
         age = self.get_clock().now().nanoseconds / 1e9 - stamp
-        delay = max(age, 0.0) + self.processing + max(transport, 0.0) if real_time else 0.0
+        self.transport, self.carried = max(transport, 0.0), 0
+        delay = max(age, 0.0) + self.processing + self.transport if real_time else 0.0
         deadline = arrival + self.parameters.time_limit if real_time else math.inf
         plan, complaint = self.solve(message, stamp, delay, deadline)
-        force = self.bounded(plan.control(0.0, plan.X[0]))
-        self.forces.publish(Float64(data=force))
-        self.sent = True
+        period, self.last_stamp = stamp - self.last_stamp, stamp
+        late = plan.stats.solve_time > (period if period > 0 else plan.dt)
+        force = self.send(plan, message.header.stamp)
         taken = time.perf_counter() - arrival
         if real_time:
             self.processing += SMOOTHING * (taken - self.processing)
-        self.plans.publish(to_trajectory(plan, message.header.stamp))
-        self.report(message, plan, complaint, force, delay, age + taken if real_time else taken)
+            self.watch.heard(period)
+        self.report(message.header.stamp, plan, complaint, force, late, delay,
+                    age + taken if real_time else taken)
+
+    def on_silence(self) -> None:
+        """Go on without a state that should have come; after some, let go."""
+        self.carried += 1
+        now, delay = self.get_clock().now(), self.processing + self.transport
+        begins = now.nanoseconds / 1e9 + delay
+        if self.carried > self.parameters.carry_over:
+            self.watch.stop()
+            plan = self.horizon.let_go(begins)
+        else:
+            plan = self.horizon.stand_in(begins)
+        force = self.send(plan, now.to_msg())
+        self.report(now.to_msg(), plan, f'no state in {self.carried} periods', force, False, delay,
+                    0.0)
+
+    def send(self, plan: Plan, stamp: Time) -> float:
+        """Send the first force of a plan, then the plan; return the force [N]."""
+        force = self.bounded(plan.control(0.0, plan.X[0]))
+        self.forces.publish(Float64(data=force))
+        self.plans.publish(to_trajectory(plan, stamp))
+        self.sent = True
+        return force
 
     def solve(self, message: JointState, stamp: float, delay: float,
               deadline: float) -> tuple[Plan, str]:
@@ -135,13 +172,10 @@ class MpcNode(ProcessNode):
         """Return the force within its limit; whatever happened, never one that is not finite."""
         return float(np.clip(force, -self.u_max, self.u_max)) if math.isfinite(force) else 0.0
 
-    def report(self, message: JointState, plan: Plan, complaint: str, force: float, delay: float,
-               latency: float) -> None:
+    def report(self, stamp: Time, plan: Plan, complaint: str, force: float, late: bool,
+               delay: float, latency: float) -> None:
         """Publish the figures of the tick."""
-        stats, stamp = plan.stats, seconds(message.header.stamp)
-        period = stamp - self.last_stamp
-        self.last_stamp = stamp
-        late = stats.solve_time > (period if period > 0 else plan.dt)
+        stats, estimate = plan.stats, self.horizon.estimate
         self.late_total += late
         level, text = DiagnosticStatus.OK, stats.status.value
         if complaint or stats.status is Status.ZERO:
@@ -149,10 +183,11 @@ class MpcNode(ProcessNode):
         elif late or stats.status in (Status.LAST_POLICY, Status.REGULATOR):
             level = DiagnosticStatus.WARN
         self.diagnostics.publish(to_diagnostics(
-            message.header.stamp, 'mpc', level[0], text,
+            stamp, 'mpc', level[0], text,
             {'solver': self.solver, 'status': stats.status.name, 'cost': stats.cost,
              'iterations': stats.iterations, 'solve_time': stats.solve_time, 'latency': latency,
-             'delay': delay, 'late': late, 'late_total': self.late_total, 'force': force}))
+             'delay': delay, 'late': late, 'late_total': self.late_total, 'force': force,
+             **(of_estimate(estimate) if estimate is not None else {})}))
 
     def on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Forget the last plan and restart the random numbers."""

@@ -9,6 +9,7 @@ Source: the paper, II-C without the tensor terms of (28)-(30).
 from dp_swing_ros.plan import Plan
 from dp_swing_ros.problem import Problem
 from dp_swing_ros.solvers.descent import descend, DescentParameters
+from dp_swing_ros.solvers.solver import Seed
 from dp_swing_ros.state import Array
 
 
@@ -17,7 +18,7 @@ class ILQR:
 
     Parameters = DescentParameters
 
-    def __init__(self, problem: Problem, parameters: DescentParameters, seed: int = 0) -> None:
+    def __init__(self, problem: Problem, parameters: DescentParameters, seed: Seed = 0) -> None:
         """Take the problem and what ends a descent."""
         self.problem, self.parameters = problem, parameters
 

@@ -23,7 +23,7 @@ from dp_swing_ros.plan import Plan, SolverStats, Status
 from dp_swing_ros.problem import Problem
 from dp_swing_ros.solvers.riccati import backward
 from dp_swing_ros.solvers.samples import follow, single
-from dp_swing_ros.solvers.solver import regulator_start, Start, start, started
+from dp_swing_ros.solvers.solver import regulator_start, Seed, Start, start, started
 from dp_swing_ros.state import Array
 
 
@@ -67,7 +67,7 @@ class MPPI:
 
     Parameters = MPPIParameters
 
-    def __init__(self, problem: Problem, parameters: MPPIParameters, seed: int = 0) -> None:
+    def __init__(self, problem: Problem, parameters: MPPIParameters, seed: Seed = 0) -> None:
         """Take the problem, and share the samples out over proposals and sizes of noise."""
         self.problem, self.parameters = problem, parameters
         self.random = np.random.default_rng(seed)

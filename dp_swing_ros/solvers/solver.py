@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a solver is, and where each of them starts."""
 
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 
@@ -11,6 +11,8 @@ from dp_swing_ros.dynamics.trajectory import rollout
 from dp_swing_ros.plan import Plan
 from dp_swing_ros.problem import policy_rollout, Problem, regulator_rollout
 from dp_swing_ros.state import ANGLES, Array
+
+Seed: TypeAlias = int | np.random.Generator   # of a solver: a number, or one that goes on
 
 
 class Solver(Protocol):

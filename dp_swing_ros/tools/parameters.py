@@ -5,6 +5,7 @@
 import argparse
 from collections.abc import Sequence
 
+from dp_swing_ros.estimator import EstimatorParameters
 from dp_swing_ros.mpc import MpcParameters
 from dp_swing_ros.nodes.logger import LoggerParameters
 from dp_swing_ros.nodes.ros_parameters import table
@@ -18,6 +19,7 @@ SECTIONS: dict[str, list[tuple[str, type[Parameters]]]] = {
     'The bodies and their limits (plant and mpc)': SHARED,
     'plant': [('', PlantParameters)],
     'mpc': [('', MpcParameters), ('', PredictionParameters), ('', CostParameters),
+            ('ekf', EstimatorParameters),
             *((name, solver.Parameters) for name, solver in sorted(SOLVERS.items()))],
     'logger': [('', LoggerParameters)]}
 HEAD = """\

@@ -155,7 +155,7 @@ def test_a_reset_makes_the_next_tick_a_first_one(peer, start_node, name):
 
 
 def test_in_real_time_the_plan_begins_when_the_force_acts(peer, start_node):
-    talk = Conversation(peer, start_node)
+    talk = Conversation(peer, start_node, {'estimator': 'none'})   # it never moves
     for _ in range(3):
         talk.send(LEANING + (0, 0, 0, 1.0, 0, 0), peer.node.get_clock().now().to_msg())
     report = talk.report()
@@ -166,7 +166,53 @@ def test_in_real_time_the_plan_begins_when_the_force_acts(peer, start_node):
     assert moved == pytest.approx(report.values['delay'], rel=0.5)
 
 
+def test_where_states_stop_the_plan_goes_on_and_then_it_lets_go(peer, start_node):
+    talk = Conversation(peer, start_node, {'carry_over': 3})
+    for _ in range(6):
+        x = LEANING if talk.n == 0 else from_trajectory(talk.plans[-1]).X[1]
+        talk.send(x, peer.node.get_clock().now().to_msg())
+        peer.spin(0.04)
+    answered = len(talk.forces)
+    assert answered < 9
+    assert peer.until(lambda: talk.forces[-1].data == 0.0)
+    peer.spin(0.5)
+    # a stall of this machine may have begun a carry-over before
+    assert len(talk.forces) >= 6 + 3 + 1
+    assert [message.data for message in talk.forces].count(0.0) == 1
+    assert peer.until(lambda: len(talk.reports) == len(talk.forces))
+    reports = [from_diagnostics(message, 'mpc') for message in talk.reports[-4:]]
+    assert [report.values['status'] for report in reports] == ['LAST_POLICY'] * 3 + ['ZERO']
+    assert 'no state in 4 periods' in reports[-1].message
+    # and answers again when they come back
+    talk.n = len(talk.reports)
+    assert talk.send(LEANING, peer.node.get_clock().now().to_msg()) != 0.0
+    assert talk.report().values['status'] == 'CONVERGED'
+
+
+def test_in_simulated_time_it_waits_for_ever(peer, start_node):
+    talk = Conversation(peer, start_node)
+    for _ in range(3):
+        talk.send(LEANING)
+    peer.spin(0.5)
+    assert len(talk.forces) == 3
+
+
+def test_the_estimate_is_reported(peer, start_node):
+    talk = Conversation(peer, start_node)
+    talk.send(LEANING)
+    talk.send(LEANING)
+    values = talk.report().values
+    assert values['estimate_joint1_position'] == pytest.approx(LEANING[1], abs=0.01)
+    assert 0 < abs(values['innovation_joint1_velocity']) < 1
+    assert values['innovation_distance'] < 10
+    assert values['refused'] == 0
+    assert values['cart_mass'] == pytest.approx(1.0, rel=0.3)
+    assert math.isfinite(values['force_bias'])
+
+
 @pytest.mark.parametrize(('parameters', 'words'), [
+    ({'estimator': 'ukf'}, ('estimator', "'ukf'", 'one of none, ekf')),
+    ({'ekf.gates': 5.0}, ("unknown parameter 'ekf.gates'", "did you mean 'ekf.gate'")),
     ({'solver': 'lqr'}, ('solver', "'lqr'", 'one of ddp, ilqr, mppi')),
     ({'mppi.sample': 5}, ("unknown parameter 'mppi.sample'", "did you mean 'mppi.samples'")),
     ({'horizon': 0}, ('horizon', 'at least 1')),

@@ -1,0 +1,241 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The extended Kalman filter: state, force bias and bodies from noisy states and the forces sent.
+
+    z = (x, b, p),   x⁺ = f(x, u + b; bodies(p)),   b⁺ = b,   p⁺ = p,   measured: x + noise
+
+where p are the logarithms of masses and lengths over their nominal values, and what the frictions
+are above theirs. Positions are measured well and the forces are known, so a swing-up tells all of
+them. Source: Simon, Optimal State Estimation, 2006, 13.2 and 13.4; covariances by Joseph's form.
+"""
+
+from dataclasses import dataclass
+import math
+from types import SimpleNamespace
+from typing import Any, cast, NamedTuple
+
+import numpy as np
+
+from dp_swing_ros.dynamics import Pendulum
+from dp_swing_ros.dynamics.model import linearise
+from dp_swing_ros.dynamics.trajectory import step
+from dp_swing_ros.kernels import kernel
+from dp_swing_ros.parameters import parameter, Parameters, PendulumParameters
+from dp_swing_ros.state import Array
+
+SCALED = ('cart_mass', 'link1_mass', 'link2_mass', 'link1_length', 'link2_length')
+ADDED = ('cart_friction', 'joint1_friction', 'joint2_friction')
+BIAS, BODIES = 6, 7      # where they begin in z
+SIZE = BODIES + len(SCALED) + len(ADDED)
+
+LONGEST_STEP = 0.01      # [s] of the model; at 50 ms its error would pass for one of the bodies
+LONGEST_GAP = 0.5        # [s] without a state; beyond it the pendulum is too chaotic to predict
+HELD = 0.05              # [s] for which the noises of the prediction stay as they are
+SMALL = 1e-4             # difference of p for derivatives
+LARGEST_FACTOR = 2.0     # of a mass or length, either way
+MOVED = 0.05             # of their deviation at first: bodies further off are a new problem
+
+
+@dataclass(frozen=True)
+class EstimatorParameters(Parameters):
+    """What the filter takes to be uncertain, and by how much; zero is certain."""
+
+    position_noise: float = parameter(
+        2e-3, 'standard deviation of measured positions', unit='m, rad', minimum=1e-6)
+    velocity_noise: float = parameter(
+        0.3, 'standard deviation of measured velocities', unit='m/s, rad/s', minimum=1e-6)
+    force_noise: float = parameter(
+        2.0, 'standard deviation of the force in a period', unit='N', minimum=0.0)
+    acceleration_noise: float = parameter(
+        0.5, 'standard deviation of what else accelerates cart and links',
+        unit='m/s^2, rad/s^2', minimum=0.0)
+    force_bias: float = parameter(
+        1.0, 'standard deviation of a lasting force beside the one sent', unit='N', minimum=0.0)
+    body_error: float = parameter(
+        0.15, 'standard deviation of masses and lengths, as a share', minimum=0.0)
+    friction_error: float = parameter(
+        0.05, 'standard deviation of the frictions', unit='N s/m, N m s/rad', minimum=0.0)
+    memory: float = parameter(
+        60.0, 'bias and bodies become as uncertain as at first in this time', unit='s',
+        minimum=1e-3, finite=False)
+    gate: float = parameter(
+        10.0, 'a state further from its prediction than this is refused', unit='deviations',
+        minimum=0.0, finite=False)
+    push: float = parameter(
+        20.0, 'unless a push of this standard deviation explains it', unit='N', minimum=0.0)
+    refusals: int = parameter(
+        3, 'so many in a row, and the filter starts anew from the last', minimum=1)
+
+
+class Force(NamedTuple):
+    """A force and how long it acted."""
+
+    u: float         # [N]
+    duration: float  # [s]
+
+
+class Estimate(NamedTuple):
+    """
+    What the filter says at a measurement's time.
+
+    Shapes: x, deviation and innovation (6,). The innovation is what was measured less what was
+    predicted; its distance is in standard deviations.
+    """
+
+    x: Array
+    deviation: Array
+    innovation: Array
+    distance: float
+    bias: float              # [N]
+    bodies: dict[str, float]
+    refused: int             # states since the last reset
+
+
+@kernel
+def predict(models, force_noise, acceleration_noise, u, steps, z, P):
+    """
+    Advance mean and covariance in place by some steps under a force.
+
+    models is that of the mean, then one for each of p a little larger; the noises are densities,
+    squared. Shapes: z (n,), P (n, n).
+    """
+    n, x, h = len(z), z[:6], models[0].h
+    A, B, F = np.empty((6, 6)), np.empty(6), np.eye(n)
+    for _ in range(steps):
+        linearise(models[0], x, u + z[6], A, B)
+        F[:6, :6], F[:6, 6] = A, B
+        for k in range(1, len(models)):
+            step(models[k], x, u + z[6], F[:6, 6 + k])
+        step(models[0], x, u + z[6], x)
+        for i in range(6):
+            for k in range(7, n):
+                F[i, k] = (F[i, k] - x[i]) / SMALL
+        P[:, :] = F @ P @ F.T
+        for i in range(6):
+            for k in range(6):
+                P[i, k] += force_noise / h * B[i] * B[k]
+        for i in range(3, 6):
+            P[i, i] += acceleration_noise * h
+    P[:, :] = (P + P.T) / 2
+
+
+@kernel
+def correct(measured, R, z, P):
+    """
+    Correct mean and covariance in place, one measured number after the other.
+
+    Returns the Mahalanobis distance of the innovation. Shapes: measured and R (6,), the
+    variances of its noise; z (n,), P (n, n).
+    """
+    distance, n = 0.0, len(z)
+    for i in range(6):
+        innovation, S = measured[i] - z[i], P[i, i] + R[i]
+        distance += innovation * innovation / S
+        k = P[:, i] / S
+        z += innovation * k
+        # (I - k e_iᵀ) P (I - k e_iᵀ)ᵀ + k r kᵀ
+        row = P[i].copy()
+        for a in range(n):
+            P[a] -= k[a] * row
+        column = P[:, i].copy()
+        for a in range(n):
+            for b in range(n):
+                P[a, b] += (R[i] * k[a] - column[a]) * k[b]
+    P[:, :] = (P + P.T) / 2
+    return math.sqrt(distance)
+
+
+class Estimator:
+    """The filter and what it believes; deterministic."""
+
+    def __init__(self, kind: Any, bodies: PendulumParameters,
+                 parameters: EstimatorParameters) -> None:
+        """Take the kind of model, of dynamics.MODELS, the nominal bodies, and the noises."""
+        self.kind, self.nominal, self.parameters = kind, bodies, parameters
+        self.R = np.repeat((parameters.position_noise, parameters.velocity_noise), 3) ** 2
+        self.deviations = np.repeat(
+            (parameters.force_bias, parameters.body_error, parameters.friction_error),
+            (1, len(SCALED), len(ADDED)))
+        self.prior = self.deviations ** 2
+        bound = np.repeat((math.inf, math.log(LARGEST_FACTOR), math.inf),
+                          (1, len(SCALED), len(ADDED)))
+        self.lowest, self.highest = -bound, bound
+        self.lowest[-len(ADDED):] = [-getattr(bodies, name) for name in ADDED]
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything but the nominal bodies."""
+        self.t, self.z, self.P = -math.inf, np.zeros(SIZE), np.zeros((SIZE, SIZE))
+        self.refused = self.in_a_row = 0
+
+    def update(self, t: float, x: Array, forces: list[Force]) -> Estimate:
+        """
+        Take the state measured at a time [s] after the last one, and say what is known of it.
+
+        forces are those that acted in between. Shapes: x (6,), finite, angles on any one turn.
+        """
+        about = self.parameters
+        if t - self.t > LONGEST_GAP:
+            return self.begin(t, x)
+        # a push is told from an outlier by what it does to all six numbers
+        for push in (0.0, about.push):
+            z, P = self.predicted(forces, push)
+            known, variance = z.copy(), P.copy()
+            distance = correct(x, self.R, known, variance)
+            if distance <= about.gate:
+                known[BIAS:] = np.clip(known[BIAS:], self.lowest, self.highest)
+                self.in_a_row = 0
+                return self.believe(t, known, variance, x - z[:6], distance)
+        self.refused, self.in_a_row = self.refused + 1, self.in_a_row + 1
+        if self.in_a_row >= about.refusals or not np.all(np.isfinite(z)):
+            return self.begin(t, x)
+        return self.believe(t, z, P, x - z[:6], distance)
+
+    def moved(self, since: PendulumParameters) -> bool:
+        """Tell whether the bodies are believed to be others now, by a share of their prior."""
+        then = [*(math.log(getattr(since, name) / getattr(self.nominal, name)) for name in SCALED),
+                *(getattr(since, name) - getattr(self.nominal, name) for name in ADDED)]
+        difference = np.abs(self.z[BODIES:] - then)
+        return bool(np.any(difference > MOVED * self.deviations[BODIES - BIAS:]))
+
+    def begin(self, t: float, x: Array) -> Estimate:
+        """Take a state as it is measured; bias and bodies stay, as uncertain as at first."""
+        self.in_a_row = 0
+        return self.believe(t, np.concatenate((x, self.z[BIAS:])),
+                            np.diag(np.concatenate((self.R, self.prior))), np.zeros(6), 0.0)
+
+    def believe(self, t: float, z: Array, P: Array, innovation: Array,
+                distance: float) -> Estimate:
+        """Keep a mean and a covariance, and report them."""
+        self.t, self.z, self.P = t, z, P
+        return Estimate(z[:6].copy(), np.sqrt(np.diag(P)[:6]), innovation, distance,
+                        float(z[BIAS]), self.bodies(z), self.refused)
+
+    def predicted(self, forces: list[Force], push: float) -> tuple[Array, Array]:
+        """Return mean and covariance after some forces, and a push [N] of unknown size."""
+        z, P, about = self.z.copy(), self.P.copy(), self.parameters
+        passed = sum(force.duration for force in forces)
+        P[range(BIAS, SIZE), range(BIAS, SIZE)] += np.maximum(
+            self.prior - np.diag(P)[BIAS:], 0.0) * min(passed / about.memory, 1.0)
+        pendulums = self.pendulums()
+        for u, duration in forces:
+            steps = math.ceil(duration / LONGEST_STEP - 1e-9)
+            models = tuple(self.kind.of(pendulum, duration / steps) for pendulum in pendulums)
+            predict(models, HELD * (about.force_noise ** 2 + push ** 2),
+                    HELD * about.acceleration_noise ** 2, u, steps, z, P)
+        return z, P
+
+    def pendulums(self) -> list[Pendulum]:
+        """Return the pendulum as it is believed to be, and with each of p a little larger."""
+        shifted = self.z + SMALL * np.eye(SIZE)[BIAS:]
+        shifted[0] = self.z
+        return [Pendulum.of(cast(PendulumParameters, SimpleNamespace(
+            **{**vars(self.nominal), **self.bodies(z)}))) for z in shifted]
+
+    def bodies(self, z: Array) -> dict[str, float]:
+        """Return masses, lengths and frictions, by their names."""
+        p = z[BODIES:].tolist()
+        nominal = vars(self.nominal)
+        return {**{name: nominal[name] * math.exp(log) for name, log in zip(SCALED, p)},
+                **{name: nominal[name] + more for name, more in zip(ADDED, p[len(SCALED):])}}
