@@ -95,14 +95,17 @@ class RecedingHorizon:
         that a later one overtook adds nothing; a time before the run's first, or long before the
         last, is a new run. Shapes: x (6,). Raises ValueError where x is not finite.
         """
-        begins = t + delay
+        began, begins = time.perf_counter(), t + delay
         x_0 = self.roll_forward(self.observe(t, x), self.t, begins)
         plan = self.solve(x_0, self.left_over(begins), deadline)
-        return self.stand_in(begins, x_0) if plan is None else self.remember(plan, begins)
+        if plan is None:
+            return self.stand_in(begins, x_0)
+        return self.remember(replace(plan, stats=plan.stats._replace(
+            solve_time=time.perf_counter() - began)), begins)
 
     def solve(self, x_0: Array, left: Plan | None, deadline: float) -> Plan | None:
         """Solve from each start while there is time; return the cheapest usable plan, if any."""
-        began, plans = time.perf_counter(), list[Plan]()
+        plans = list[Plan]()
         for start in self.starts.of(x_0, left):
             turns = turns_of(self.problem, start.X[-1])
             plan = self.solver.solve(x_0 - turns, replace(start, X=start.X - turns), deadline)
@@ -114,8 +117,7 @@ class RecedingHorizon:
             return None
         best = min(usable, key=lambda plan: plan.stats.cost)
         return replace(best, stats=best.stats._replace(
-            iterations=sum(plan.stats.iterations for plan in plans),
-            solve_time=time.perf_counter() - began))
+            iterations=sum(plan.stats.iterations for plan in plans)))
 
     def observe(self, t: float, x: Array) -> Array:
         """Take a measurement, and return the state at the time of the newest."""

@@ -31,7 +31,7 @@ class SolverStats(NamedTuple):
     status: Status
     cost: float
     iterations: int
-    solve_time: float  # [s]
+    solve_time: float  # [s] of a tick, with the estimate and all starts
 
 
 @dataclass(frozen=True)

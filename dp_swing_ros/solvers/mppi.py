@@ -33,7 +33,7 @@ class MPPIParameters(Parameters):
 
     samples: int = parameter(512, 'force sequences drawn in an update, K', minimum=2,
                              maximum=1_000_000)
-    updates: int = parameter(12, 'most updates in one solve', minimum=1, maximum=1000)
+    updates: int = parameter(8, 'most updates in one solve', minimum=1, maximum=1000)
     temperature: float = parameter(
         0.1, 'λ of the weights, in the unit that temperature_scale says', minimum=1e-9)
     temperature_scale: str = parameter(
