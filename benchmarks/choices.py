@@ -12,51 +12,39 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
+from dp_swing_ros import configuration
 from dp_swing_ros.metrics import measure, Metrics, wilson
-from dp_swing_ros.mpc import MpcParameters, RecedingHorizon
-from dp_swing_ros.parameters import (
-    CostParameters, LimitParameters, PendulumParameters, PlantParameters, PredictionParameters)
-from dp_swing_ros.problem import Problem
-from dp_swing_ros.simulation import Plant, simulate
-from dp_swing_ros.solvers import SOLVERS
+from dp_swing_ros.simulation import simulate
 
 SEEDS = range(20)
 ALL = ('ilqr', 'ddp', 'mppi')
 
-# what is taken back, for which solvers, and the parameters that do it, by group
-CHOICES: list[tuple[str, tuple[str, ...], dict[str, dict[str, Any]]]] = [
-    ('nothing: the defaults', ALL, {}),
-    ('angle error θ instead of the chord', ALL, {'cost': {'angle_error': 'angle'}}),
-    ('terminal cost 1000 S instead of the LQR value', ALL, {'cost': {'terminal_cost': 'scaled'}}),
-    ('forces shifted instead of the policy', ALL, {'mpc': {'warm_start': 'forces'}}),
-    ('horizon 60, policy shifted', ALL, {'prediction': {'horizon': 60}}),
-    ('horizon 60, forces shifted', ALL,
-     {'prediction': {'horizon': 60}, 'mpc': {'warm_start': 'forces'}}),
-    ('force noise of 1.8 N, policy shifted', ALL, {'plant': {'force_noise': 1.8}}),
-    ('force noise of 1.8 N, forces shifted', ALL,
-     {'plant': {'force_noise': 1.8}, 'mpc': {'warm_start': 'forces'}}),
-    ('samples about forces instead of a policy', ('mppi',), {'solver': {'feedback': False}}),
-    ('force noise of 1.8 N, samples about forces', ('mppi',),
-     {'plant': {'force_noise': 1.8}, 'solver': {'feedback': False}}),
-    ('no samples about the regulator', ('mppi',), {'solver': {'regulator_share': 0.0}}),
-    ('white noise', ('mppi',), {'solver': {'noise_correlation': 0.0}}),
+# what is taken back, for which solvers, the parameters of the mpc that do it, and of the plant
+CHOICES: list[tuple[str, tuple[str, ...], dict[str, Any], dict[str, Any]]] = [
+    ('nothing: the defaults', ALL, {}, {}),
+    ('angle error θ instead of the chord', ALL, {'angle_error': 'angle'}, {}),
+    ('terminal cost 1000 S instead of the LQR value', ALL, {'terminal_cost': 'scaled'}, {}),
+    ('forces shifted instead of the policy', ALL, {'warm_start': 'forces'}, {}),
+    ('horizon 60, policy shifted', ALL, {'horizon': 60}, {}),
+    ('horizon 60, forces shifted', ALL, {'horizon': 60, 'warm_start': 'forces'}, {}),
+    ('force noise of 1.8 N, policy shifted', ALL, {}, {'force_noise': 1.8}),
+    ('force noise of 1.8 N, forces shifted', ALL, {'warm_start': 'forces'}, {'force_noise': 1.8}),
+    ('samples about forces instead of a policy', ('mppi',), {'mppi.feedback': False}, {}),
+    ('force noise of 1.8 N, samples about forces', ('mppi',), {'mppi.feedback': False},
+     {'force_noise': 1.8}),
+    ('no samples about the regulator', ('mppi',), {'mppi.regulator_share': 0.0}, {}),
+    ('white noise', ('mppi',), {'mppi.noise_correlation': 0.0}, {}),
     ('noise of one size, 5 N', ('mppi',),
-     {'solver': {'smallest_noise': 5.0, 'largest_noise': 5.0}}),
-    ('one update a tick', ('mppi',), {'solver': {'updates': 1}}),
+     {'mppi.smallest_noise': 5.0, 'mppi.largest_noise': 5.0}, {}),
+    ('one update a tick', ('mppi',), {'mppi.updates': 1}, {}),
 ]
 
 
-def episode(name: str, seed: int, groups: dict[str, dict[str, Any]]) -> Metrics:
+def episode(name: str, seed: int, mpc: dict[str, Any], plant: dict[str, Any]) -> Metrics:
     """Run 10 s from hanging and measure them."""
-    limits = LimitParameters()
-    problem = Problem.of(PendulumParameters(), limits, CostParameters(**groups.get('cost', {})),
-                         PredictionParameters(**groups.get('prediction', {})))
-    controller = RecedingHorizon(
-        problem, MpcParameters(solver=name, seed=seed, **groups.get('mpc', {})),
-        SOLVERS[name].Parameters(**groups.get('solver', {})))
-    plant = Plant(PendulumParameters(), limits,
-                  PlantParameters(seed=seed, **groups.get('plant', {})))
-    return measure(simulate(plant, controller, 10.0, name))
+    return measure(simulate(configuration.plant({**plant, 'seed': seed}),
+                            configuration.controller({**mpc, 'solver': name, 'seed': seed}),
+                            10.0, name))
 
 
 def row(title: str, name: str, runs: list[Metrics]) -> str:
@@ -80,9 +68,9 @@ def main() -> None:
           'successes, the force step the median standard deviation of Δu over the last 2 s.\n\n'
           '| taken back | solver | upright to the end | settling [s] | force step [N] |\n'
           '| --- | --- | --- | --- | --- |')
-    for title, names, groups in CHOICES:
+    for title, names, mpc, plant in CHOICES:
         for name in names:
-            runs = [episode(name, seed, groups) for seed in tqdm(
+            runs = [episode(name, seed, mpc, plant) for seed in tqdm(
                 SEEDS, desc=f'{title}, {name}', leave=False)]
             print(row(title, name, runs), flush=True)
 

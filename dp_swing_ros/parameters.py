@@ -7,6 +7,7 @@ The ROS parameters, their descriptors and the table in docs/parameters.md come f
 """
 
 import dataclasses
+import difflib
 import math
 import numbers
 from typing import Any, Callable, Iterable
@@ -104,6 +105,15 @@ def _check_number(number: float, about: Any, refuse: Callable[[str], ParameterEr
         raise refuse(f'at least {minimum:g}{unit}')
     if maximum is not None and number > maximum:
         raise refuse(f'at most {maximum:g}{unit}')
+
+
+def unknown(name: str, node: str, known: Iterable[str]) -> ParameterError:
+    """Return the error for a parameter that a node does not have, with the closest it has."""
+    names = sorted(known)
+    close = difflib.get_close_matches(name, names, n=1)
+    hint = f'did you mean {close[0]!r}? ' if close else ''
+    return ParameterError(f'unknown parameter {name!r} of the node {node!r}; '
+                          f'{hint}available: {", ".join(names)}')
 
 
 @dataclasses.dataclass(frozen=True)

@@ -8,7 +8,6 @@ what the user gave ends in a ParameterError.
 """
 
 import dataclasses
-import difflib
 import math
 from typing import Any, Iterable, TypeVar
 
@@ -16,7 +15,7 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from dp_swing_ros.parameters import checked, ParameterError, Parameters
+from dp_swing_ros.parameters import checked, Parameters, unknown
 
 Group = TypeVar('Group', bound=Parameters)
 
@@ -46,13 +45,9 @@ def refuse_unknown(node: Node) -> None:
 
     Raises ParameterError, naming the closest match and all the choices.
     """
-    known = sorted(node.list_parameters([], 0).names)
     for name in sorted(_overrides(node)):
         if not node.has_parameter(name):
-            close = difflib.get_close_matches(name, known, n=1)
-            hint = f'did you mean {close[0]!r}? ' if close else ''
-            raise ParameterError(f'unknown parameter {name!r} of the node {node.get_name()!r}; '
-                                 f'{hint}available: {", ".join(known)}')
+            raise unknown(name, node.get_name(), node.list_parameters([], 0).names)
 
 
 def table(groups: Iterable[tuple[str, type[Parameters]]]) -> str:

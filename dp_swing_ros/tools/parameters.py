@@ -5,22 +5,12 @@
 import argparse
 from collections.abc import Sequence
 
-from dp_swing_ros.estimator import EstimatorParameters
-from dp_swing_ros.mpc import MpcParameters
+from dp_swing_ros.configuration import Groups, OF_MPC, OF_PLANT, SHARED
 from dp_swing_ros.nodes.logger import LoggerParameters
 from dp_swing_ros.nodes.ros_parameters import table
-from dp_swing_ros.parameters import (
-    CostParameters, LimitParameters, Parameters, PendulumParameters, PlantParameters,
-    PredictionParameters)
-from dp_swing_ros.solvers import SOLVERS
 
-SHARED: list[tuple[str, type[Parameters]]] = [('', PendulumParameters), ('', LimitParameters)]
-SECTIONS: dict[str, list[tuple[str, type[Parameters]]]] = {
-    'The bodies and their limits (plant and mpc)': SHARED,
-    'plant': [('', PlantParameters)],
-    'mpc': [('', MpcParameters), ('', PredictionParameters), ('', CostParameters),
-            ('ekf', EstimatorParameters),
-            *((name, solver.Parameters) for name, solver in sorted(SOLVERS.items()))],
+SECTIONS: dict[str, Groups] = {
+    'The bodies and their limits (plant and mpc)': SHARED, 'plant': OF_PLANT, 'mpc': OF_MPC,
     'logger': [('', LoggerParameters)]}
 HEAD = """\
 # Parameters

@@ -1,0 +1,107 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dp_swing_ros import configuration
+from dp_swing_ros.parameters import ParameterError
+
+CONFIG = Path(__file__).parents[1] / 'config'
+
+
+def test_names_reach_their_groups():
+    controller = configuration.controller({
+        'solver': 'mppi', 'horizon': 12, 'mppi.samples': 64, 'link1_mass': 0.7, 'seed': 4,
+        'force_weight': 0.01})
+    assert controller.problem.horizon == 12
+    assert controller.problem.cost.R == 0.01
+    assert controller.solver_parameters.samples == 64
+    assert (controller.parameters.solver, controller.parameters.seed) == ('mppi', 4)
+
+
+def test_bodies_of_the_plant_are_not_those_of_the_model():
+    plant = configuration.plant({'link1_mass': 0.7, 'force_noise': 1})
+    assert plant.bodies.link1_mass == 0.7
+    assert plant.parameters.force_noise == 1.0
+    model = configuration.problem({}).model
+    assert model != configuration.problem({'link1_mass': 0.7}).model
+
+
+@pytest.mark.parametrize('build, values, words', [
+    (configuration.controller, {'mppi.sample': 9}, ["'mppi.sample'", "'mpc'", "'mppi.samples'"]),
+    (configuration.controller, {'force_noise': 1.0}, ["'force_noise'", "'mpc'"]),
+    (configuration.plant, {'horizon': 3}, ["'horizon'", "'plant'", 'force_noise']),
+    (configuration.controller, {'mppi.samples': 2.5}, ['mppi.samples', '2.5', 'whole number']),
+    (configuration.controller, {'solver': 'sqp'}, ["'sqp'", 'ddp, ilqr, mppi'])])
+def test_what_a_node_would_refuse_is_refused(build, values, words):
+    with pytest.raises(ParameterError) as error:
+        build(values)
+    assert all(word in str(error.value) for word in words), error.value
+
+
+def test_the_paper_s_file_is_read():
+    values = configuration.read([CONFIG / 'paper.yaml'])
+    assert configuration.plant(values['plant']).limits.force_limit == math.inf
+    problem = configuration.problem(values['mpc'])
+    assert not problem.cost.chord
+    np.testing.assert_array_equal(problem.cost.P, 1000 * np.diag(problem.cost.S))
+
+
+def test_of_several_files_the_later_prevails():
+    files = [CONFIG / 'paper.yaml', CONFIG / 'paper_mppi.yaml']
+    values = configuration.read(files)
+    assert values['plant']['force_limit'] == values['mpc']['force_limit'] == 75.0
+    assert values['mpc']['mppi.samples'] == 100
+
+
+def written(folder, text):
+    path = folder / 'parameters.yaml'
+    path.write_text(text)
+    return path
+
+
+def test_all_that_ros_allows_is_read(tmp_path):
+    path = written(tmp_path, """
+/**:
+  ros__parameters:
+    use_sim_time: true
+    link1_mass: 0.6
+/second/mpc:
+  ros__parameters:
+    mppi: {samples: 9, temperature: 1e-2}
+    force_limit: .inf
+plant:
+  ros__parameters: {rate: 50}
+""")
+    assert configuration.read([path]) == {
+        'plant': {'link1_mass': 0.6, 'rate': 50},
+        'mpc': {'link1_mass': 0.6, 'mppi.samples': 9, 'mppi.temperature': 0.01,
+                'force_limit': math.inf}}
+
+
+@pytest.mark.parametrize('text, words', [
+    ('a: [', ['not YAML']), ('', ['not a ROS parameter file']),
+    ('horizon: 3', ['not a ROS parameter file']),
+    ('/**/mpc:\n  horizon: 3', ['ros__parameters']),
+    ('/**/logger:\n  ros__parameters: {output: x}', ['/**/logger', 'plant or mpc'])])
+def test_a_file_that_is_none_is_refused(text, words, tmp_path):
+    path = written(tmp_path, text)
+    with pytest.raises(ParameterError) as error:
+        configuration.read([path])
+    assert all(word in str(error.value) for word in [str(path), *words]), error.value
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(ParameterError, match='none.yaml'):
+        configuration.read([tmp_path / 'none.yaml'])
+
+
+@pytest.mark.parametrize('text, value', [
+    ('3', 3), ('1e-4', 1e-4), ('[1.0, 2]', [1.0, 2]), ('true', True), ('lqr', 'lqr')])
+def test_texts_are_values_as_ros_reads_them(text, value):
+    assert configuration.value_of(text) == value
+    assert type(configuration.value_of(text)) is type(value)
