@@ -13,7 +13,8 @@ import numpy as np
 from tqdm import tqdm
 
 from dp_swing_ros import configuration
-from dp_swing_ros.metrics import measure, Metrics, wilson
+from dp_swing_ros.comparison import wilson
+from dp_swing_ros.metrics import measure, Metrics
 from dp_swing_ros.simulation import simulate
 
 SEEDS = range(20)

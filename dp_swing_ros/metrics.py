@@ -1,20 +1,34 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a run is judged by: pure functions of an episode, and the table that compares runs."""
+"""What a run is judged by: pure functions of an episode."""
 
-from collections.abc import Callable, Mapping, Sequence
 import dataclasses
+import enum
 import math
 from typing import Any
 
 import numpy as np
-from scipy.stats import binomtest
 
 from dp_swing_ros.episode import Episode
+from dp_swing_ros.plan import Status
 from dp_swing_ros.state import ANGLES, Array, is_upright, to_turn_of, UPRIGHT
 
 HOLD = 1.0  # [s] upright for less than this at the end may be passing by
 REST = 2.0  # [s] at the end of a run, where holding is judged
+TIME_LIMIT = 0.04  # [s] for a solve, the mpc's default
+TOUCH = 1e-6  # [m] from an end stop
+STAND_INS = {status.name for status in (Status.LAST_POLICY, Status.REGULATOR, Status.ZERO)}
+
+
+class Outcome(enum.Enum):
+    """How a run ended; the value says it to a reader."""
+
+    HELD = 'upright to the end'
+    DIVERGED = 'the state left the numbers'
+    NEVER_UP = 'never upright'
+    NEVER_HELD = f'upright in passing, never for {HOLD:g} s'
+    TOO_LATE = f'upright at the end, but for less than {HOLD:g} s'
+    FELL = f'upright for {HOLD:g} s or more, then fell'
 
 
 def quantity(label: str, unit: str = '', digits: int = 2, scale: float = 1.0) -> Any:
@@ -31,46 +45,84 @@ class Metrics:
     settling_time: float = quantity('settling time', 's')
     hold_error: float = quantity(f'angle error, last {REST:g} s (RMS)', 'rad', digits=4)
     smoothness: float = quantity(f'force step, last {REST:g} s (std)', 'N', digits=3)
+    roughness: float = quantity('force step, all the run (std)', 'N', digits=3)
     largest_force: float = quantity('largest force u', 'N')
     largest_position: float = quantity('largest position x', 'm')
+    largest_angle: float = quantity('largest angle error after the start', 'rad')
+    stop_hits: int = quantity('states at an end stop')
+    energy: float = quantity('energy of the force, unsigned', 'J')
+    impulse: float = quantity('force over time, unsigned', 'N s')
+    squared_force: float = quantity('squared force over time', 'N² s', digits=1)
+    squared_speed: float = quantity('squared joint speeds over time', 'rad²/s', digits=1)
     median_solve_time: float = quantity('solve time, median', 'ms', scale=1e3)
     p99_solve_time: float = quantity('solve time, p99', 'ms', scale=1e3)
     largest_solve_time: float = quantity('solve time, largest', 'ms', scale=1e3)
     median_latency: float = quantity('latency, median', 'ms', scale=1e3)
     p99_latency: float = quantity('latency, p99', 'ms', scale=1e3)
     late_ticks: int = quantity('late ticks')
+    deadline_misses: int = quantity('solves over their time limit')
+    stand_ins: int = quantity('ticks without a solve')
     ticks: int = quantity('ticks')
     states: int = quantity('states')
     duration: float = quantity('duration', 's')
 
 
-def measure(episode: Episode) -> Metrics:
+def measure(episode: Episode, time_limit: float = TIME_LIMIT) -> Metrics:
     """
     Measure a run.
 
     It succeeds when both angles stay within 0.1 rad and all speeds under 1 over its last second
-    (or all of it, where it is shorter); it has settled where that last unbroken stay begins.
+    (or all of it, where it is shorter); it has settled where that last unbroken stay begins. A
+    solve that takes longer than time_limit [s] misses its deadline.
     """
     t, ticks = np.asarray(episode.t, dtype=float), episode.ticks
-    settled = settling_time(t, episode.X)
+    X, U, dt = to_turn_of(episode.X, np.array(UPRIGHT)), episode.U, np.diff(t)
+    settled = settling_time(t, X)
     rest = t >= t[-1] - REST if t.size else np.zeros(0, dtype=bool)
+    # of the joints, as encoders see them: θ2 is absolute
+    joint_speeds = np.stack([X[:-1, 4], X[:-1, 5] - X[:-1, 4]])
     return Metrics(
         success=not math.isnan(settled),
         settling_time=settled,
-        hold_error=_rms(to_turn_of(episode.X, np.array(UPRIGHT))[rest, ANGLES]),
+        hold_error=_rms(X[rest, ANGLES]),
         # the force of the period that starts at a state
-        smoothness=_spread(np.diff(episode.U[rest[:-1]])),
-        largest_force=_largest(episode.U),
-        largest_position=_largest(episode.X[:, 0]),
+        smoothness=_spread(np.diff(U[rest[:-1]])),
+        roughness=_spread(np.diff(U)),
+        largest_force=_largest(U),
+        largest_position=_largest(X[:, 0]),
+        largest_angle=_largest(X[1:, ANGLES]),
+        stop_hits=int(np.count_nonzero(np.abs(X[:, 0]) >= episode.limits.track_limit - TOUCH)),
+        energy=float(np.sum(np.abs(np.diff(X[:, 0]) * U))),
+        impulse=float(np.sum(np.abs(U) * dt)),
+        squared_force=float(np.sum(U ** 2 * dt)),
+        squared_speed=float(np.sum(joint_speeds ** 2 * dt)),
         median_solve_time=_quantile(ticks.solve_time, 0.5),
         p99_solve_time=_quantile(ticks.solve_time, 0.99),
         largest_solve_time=_quantile(ticks.solve_time, 1.0),
         median_latency=_quantile(ticks.latency, 0.5),
         p99_latency=_quantile(ticks.latency, 0.99),
         late_ticks=int(np.count_nonzero(ticks.late)),
+        deadline_misses=int(np.count_nonzero(ticks.solve_time > time_limit)),
+        stand_ins=sum(status in STAND_INS for status in ticks.status),
         ticks=len(ticks.t),
         states=len(t),
         duration=float(t[-1] - t[0]) if t.size else math.nan)
+
+
+def outcome(episode: Episode) -> Outcome:
+    """Tell how a run ended, and where it failed, how."""
+    t, up = np.asarray(episode.t, dtype=float), is_upright(episode.X)
+    if not np.all(np.isfinite(episode.X)):
+        return Outcome.DIVERGED
+    if not math.isnan(settling_time(t, episode.X)):
+        return Outcome.HELD
+    if not up.any():
+        return Outcome.NEVER_UP
+    changes = np.flatnonzero(np.diff(up, prepend=False, append=False))
+    longest = max(t[end - 1] - t[begin] for begin, end in zip(changes[::2], changes[1::2]))
+    if longest >= HOLD - 1e-9:
+        return Outcome.FELL
+    return Outcome.TOO_LATE if up[-1] else Outcome.NEVER_HELD
 
 
 def settling_time(t: Array, X: Array) -> float:
@@ -105,58 +157,3 @@ def _rms(values: Array) -> float:
 
 def _spread(values: Array) -> float:
     return float(np.std(values)) if np.size(values) else math.nan
-
-
-def wilson(successes: int, runs: int) -> tuple[float, float]:
-    """Return Wilson's 95 % confidence interval of a share of successes."""
-    interval = binomtest(successes, runs).proportion_ci(method='wilson')
-    return float(interval.low), float(interval.high)
-
-
-def spread(runs: Sequence[Metrics]) -> dict[str, Metrics]:
-    """Return the smallest, the median and the largest of each figure over repeated runs."""
-    return {name: Metrics(**{
-        field.name: _of_runs(reduce, [getattr(run, field.name) for run in runs])
-        for field in dataclasses.fields(Metrics)})
-        for name, reduce in (('smallest', np.min), ('median', np.median), ('largest', np.max))}
-
-
-def _of_runs(reduce: Callable[[Array], Any], values: list[Any]) -> Any:
-    """Reduce the values that runs could tell."""
-    kind, known = type(values[0]), [value for value in values if not math.isnan(value)]
-    return kind(reduce(np.array(known, dtype=float))) if known else math.nan
-
-
-def summary(name: str, runs: Sequence[Metrics]) -> str:
-    """Return one line on repeated runs: successes, late ticks and the worst median solve."""
-    successes = sum(run.success for run in runs)
-    low, high = wilson(successes, len(runs))
-    late = sum(run.late_ticks for run in runs)
-    slowest = max((run.median_solve_time for run in runs), default=math.nan)
-    return (f'{name}: upright in {successes} of {len(runs)} runs (95 % interval '
-            f'{100 * low:.0f}-{100 * high:.0f} %), late ticks {late}, '
-            f'worst median solve {1e3 * slowest:.2f} ms')
-
-
-def table(runs: Mapping[str, Metrics]) -> str:
-    """Return a Markdown table, aligned for a terminal: a row for a metric, a column for a run."""
-    rows = [['', 'unit', *runs]]
-    for field in dataclasses.fields(Metrics):
-        about = field.metadata
-        rows.append([about['label'], about['unit'],
-                     *(_text(getattr(run, field.name), about) for run in runs.values())])
-    widths = [max(map(len, column)) for column in zip(*rows)]
-    lines = ['| ' + ' | '.join(
-        cell.rjust(width) if column > 1 else cell.ljust(width)
-        for column, (cell, width) in enumerate(zip(row, widths))) + ' |' for row in rows]
-    rule = '|'.join('-' * (width + 1) + (':' if column > 1 else '-')
-                    for column, width in enumerate(widths))
-    return '\n'.join([lines[0], f'|{rule}|', *lines[1:]])
-
-
-def _text(value: Any, about: Mapping[str, Any]) -> str:
-    if isinstance(value, bool):
-        return 'yes' if value else 'no'
-    if isinstance(value, int):
-        return str(value)
-    return '-' if math.isnan(value) else f'{value * about["scale"]:.{about["digits"]}f}'

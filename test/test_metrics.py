@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from synthetic import first, PERIOD, swing_up, without_ticks
 
-from dp_swing_ros.metrics import (
-    measure, settling_time, spread, summary, table, wilson)
+from dp_swing_ros.metrics import measure, Outcome, outcome, settling_time
 
 
 def with_state(episode, place, values):
@@ -102,6 +101,73 @@ def test_latencies_that_are_unknown_are_left_out():
     assert measure(episode).p99_latency == 0.006
 
 
+def with_forces(episode, forces):
+    return dataclasses.replace(episode, U=np.resize(forces, len(episode.U)).astype(float))
+
+
+def test_effort_is_summed_over_the_periods():
+    episode = with_forces(swing_up(), [4.0, -2.0])
+    X = np.zeros_like(episode.X)
+    X[:, 0] = 0.01 * np.arange(len(X))       # the cart moves 1 cm a period
+    X[:, 4], X[:, 5] = 3.0, 1.0              # so the second joint turns at -2 rad/s
+    metrics = measure(dataclasses.replace(episode, X=X))
+    assert metrics.energy == pytest.approx(80 * 0.01 * 3.0)
+    assert metrics.impulse == pytest.approx(4.0 * 3.0)
+    assert metrics.squared_force == pytest.approx(4.0 * 10.0)
+    assert metrics.squared_speed == pytest.approx(4.0 * (3.0 ** 2 + 2.0 ** 2))
+
+
+def test_roughness_is_that_of_all_the_run():
+    forces = np.zeros(80)
+    forces[:10] = [5.0, -5.0] * 5
+    metrics = measure(dataclasses.replace(swing_up(), U=forces))
+    assert metrics.smoothness == 0.0
+    assert metrics.roughness == pytest.approx(np.std(np.diff(forces)))
+
+
+def test_the_largest_angle_does_not_count_the_start():
+    X = np.zeros((81, 6))
+    X[0, 1:3], X[7, 2] = 3.0, 2 * np.pi - 0.35
+    assert measure(dataclasses.replace(swing_up(), X=X)).largest_angle == pytest.approx(0.35)
+
+
+def test_states_at_an_end_stop_are_counted():
+    assert measure(swing_up()).stop_hits == 0
+    assert measure(with_state(swing_up(), slice(3, 5), [-2.4, 3, 3, 0, 0, 0])).stop_hits == 2
+
+
+def test_solves_over_their_limit_are_counted():
+    episode = swing_up()
+    episode.ticks.solve_time[:3] = [0.041, 0.02, 0.06]
+    assert measure(episode).deadline_misses == 2
+    assert measure(episode, time_limit=0.05).deadline_misses == 1
+
+
+def test_ticks_without_a_solve_are_counted():
+    episode = swing_up()
+    episode.ticks.status[:4] = ['LAST_POLICY', 'REGULATOR', 'ZERO', 'DEADLINE']
+    assert measure(episode).stand_ins == 3
+
+
+def test_outcome_of_a_success():
+    assert outcome(swing_up()) is Outcome.HELD
+
+
+@pytest.mark.parametrize('up, expected', [
+    ([], Outcome.NEVER_UP), ([(20, 30)], Outcome.NEVER_HELD), ([(20, 41)], Outcome.FELL),
+    ([(20, 41), (70, 81)], Outcome.FELL), ([(70, 81)], Outcome.TOO_LATE),
+    ([(5, 15), (20, 30)], Outcome.NEVER_HELD), ([(40, 81)], Outcome.HELD)])
+def test_outcome_says_how_a_run_failed(up, expected):
+    X = np.tile([0, np.pi, np.pi, 0, 0, 0], (81, 1))
+    for begin, end in up:
+        X[begin:end] = 0.0
+    assert outcome(dataclasses.replace(swing_up(), X=X)) is expected
+
+
+def test_outcome_of_a_state_that_is_no_number():
+    assert outcome(with_state(swing_up(), 3, math.nan)) is Outcome.DIVERGED
+
+
 @pytest.mark.filterwarnings('error')
 @pytest.mark.parametrize('states', [0, 1, 2, 3])
 def test_short_runs_are_measured(states):
@@ -115,45 +181,3 @@ def test_runs_without_a_controller_are_measured():
     metrics = measure(without_ticks(swing_up()))
     assert metrics.ticks == 0
     assert math.isnan(metrics.median_solve_time)
-
-
-def test_table_has_a_column_a_run_and_a_row_a_metric():
-    metrics = measure(swing_up())
-    failed = measure(first(swing_up(), 10))
-    lines = table({'good': metrics, 'bad': failed}).splitlines()
-    assert len(lines) == 2 + len(dataclasses.fields(metrics))
-    assert len({len(line) for line in lines}) == 1
-    assert all(line.count('|') == 5 for line in lines)
-    cells = {line.split('|')[1].strip(): [cell.strip() for cell in line.split('|')[2:-1]]
-             for line in lines}
-    assert cells['upright to the end'] == ['', 'yes', 'no']
-    assert cells['settling time'] == ['s', f'{metrics.settling_time:.2f}', '-']
-    assert cells['solve time, median'] == ['ms', '2.00', f'{1e3 * failed.median_solve_time:.2f}']
-
-
-def test_wilson_interval_is_the_textbook_s():
-    """Agresti and Coull, The American Statistician 52 (1998), give 0 of 10 as 0 to 0.278."""
-    assert wilson(0, 10) == pytest.approx((0.0, 0.2775), abs=1e-4)
-    assert wilson(5, 5)[1] == 1.0
-    assert wilson(5, 5)[0] == pytest.approx(0.5655, abs=1e-4)
-
-
-def test_spread_is_that_of_the_runs_that_tell():
-    good = measure(swing_up())
-    fell = dataclasses.replace(good, success=False, settling_time=math.nan, largest_force=30.0)
-    columns = spread([good, fell, good])
-    assert list(columns) == ['smallest', 'median', 'largest']
-    assert columns['largest'].largest_force == 30.0
-    assert columns['median'].settling_time == good.settling_time
-    assert not columns['smallest'].success
-    assert columns['smallest'].ticks == good.ticks
-
-
-def test_summary_names_successes_late_ticks_and_the_worst_median():
-    good = measure(swing_up())
-    slow = dataclasses.replace(good, success=False, late_ticks=3, median_solve_time=0.0123)
-    text = summary('mppi', [good, good, slow])
-    assert 'mppi: upright in 2 of 3 runs' in text
-    assert '21-94 %' in text
-    assert 'late ticks 3' in text
-    assert '12.30 ms' in text

@@ -10,8 +10,9 @@ import sys
 from tqdm import tqdm
 
 from dp_swing_ros import figures
+from dp_swing_ros.comparison import table
 from dp_swing_ros.episode import Episode
-from dp_swing_ros.metrics import measure, table
+from dp_swing_ros.metrics import measure
 from dp_swing_ros.nodes.bags import read_episode
 from dp_swing_ros.nodes.errors import UserError
 

@@ -9,7 +9,8 @@ from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 from synthetic import swing_up
 
-from dp_swing_ros.metrics import measure, table
+from dp_swing_ros.comparison import table
+from dp_swing_ros.metrics import measure
 from dp_swing_ros.nodes import topics
 from dp_swing_ros.nodes.bag_writer import BagWriter, Recorded
 from dp_swing_ros.nodes.bags import read_episode
