@@ -35,6 +35,7 @@ setup(
             'logger = dp_swing_ros.nodes.logger:main',
             'analyse = dp_swing_ros.tools.analyse:main',
             'demo = dp_swing_ros.tools.demo:main',
+            'evaluate = dp_swing_ros.tools.evaluate:main',
             'parameters = dp_swing_ros.tools.parameters:main',
         ],
     },

@@ -33,13 +33,13 @@ STRONGEST_PUSH = LIMITS.force_limit / 2  # [N]
 
 @dataclass(frozen=True)
 class Case:
-    """One episode but for who controls it; the level is NaN where nothing is swept."""
+    """One episode but for who controls it."""
 
     scenario: str
     seed: int
     duration: float = 10.0                                    # [s]
-    parameter: str = ''                                       # what is swept
-    level: float = math.nan
+    parameter: str = ''                                       # what is swept, if anything
+    level: float | None = None
     plant: dict[str, Any] = field(default_factory=dict)       # parameters that differ
     pushes: tuple[float, ...] = ()                            # [N] one force a period
 

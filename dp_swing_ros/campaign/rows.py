@@ -1,0 +1,160 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The table on disk: one row an episode, appended as it comes.
+
+A line is written in one go, so that a campaign that is killed leaves at most its last line torn;
+such a line is dropped when the campaign goes on.
+"""
+
+import csv
+import dataclasses
+import io
+import math
+from pathlib import Path
+from types import TracebackType
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from dp_swing_ros.metrics import Metrics
+from dp_swing_ros.state import Array
+
+MICRO = 1e-6
+ERROR = 'ERROR'  # the outcome of an episode that raised
+
+
+class CampaignError(Exception):
+    """A campaign cannot go on; the message says why, and what to do. What was run is kept."""
+
+
+class Key(NamedTuple):
+    """Which episode a row is of; see scenarios.Case."""
+
+    contestant: str
+    scenario: str
+    parameter: str
+    level: float | None
+    seed: int
+
+
+@dataclasses.dataclass(frozen=True)
+class Row:
+    """
+    One episode: how it ended, its metrics, and the solve time of each tick.
+
+    Shapes: solve_times (M,) [s], to the microsecond.
+    """
+
+    key: Key
+    outcome: str     # the name of an Outcome, or ERROR
+    detail: str      # of the error
+    metrics: Metrics
+    solve_times: Array
+
+
+NOTHING: dict[Any, Any] = {bool: False, int: 0, float: math.nan}
+UNKNOWN = Metrics(**{field.name: NOTHING[field.type]
+                     for field in dataclasses.fields(Metrics)})  # of an episode that raised
+COLUMNS = [*Key._fields, 'outcome', 'detail',
+           *(field.name for field in dataclasses.fields(Metrics)), 'solve_times_us']
+
+
+class Table:
+    """The rows of a campaign, those on disk already and those to come."""
+
+    def __init__(self, path: Path) -> None:
+        """
+        Open the table, or make it, and drop a torn last line.
+
+        Raises CampaignError where the file is another table, or its place cannot be written.
+        """
+        self.path = path
+        self.rows = read(path) if path.exists() else []
+        try:
+            with path.open('ab') as file:
+                file.truncate(_whole(path.read_bytes()))
+            # without a buffer there is nothing that a full disk could tear later
+            self._file = path.open('ab', buffering=0)
+            if self._file.tell() == 0:
+                self._write(COLUMNS)
+        except OSError as error:
+            raise CampaignError(f'cannot write {path}: {error.strerror}') from None
+
+    def append(self, row: Row) -> None:
+        """
+        Keep a row.
+
+        Raises CampaignError where it cannot be written.
+        """
+        values = dataclasses.astuple(row.metrics)
+        ticks = ' '.join(str(round(time / MICRO)) for time in row.solve_times)
+        self._write([*map(_text, row.key), row.outcome, row.detail, *map(_text, values), ticks])
+        self.rows.append(row)
+
+    def _write(self, values: list[str]) -> None:
+        line = io.StringIO()
+        csv.writer(line, lineterminator='\n').writerow(values)
+        data = line.getvalue().encode()
+        try:
+            written = self._file.write(data)
+        except OSError as error:
+            raise CampaignError(f'cannot write {self.path}: {error.strerror}') from None
+        if written < len(data):
+            raise CampaignError(f'cannot write {self.path}: no room for a whole row')
+
+    def __enter__(self) -> 'Table':
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 trace: TracebackType | None) -> None:
+        self._file.close()
+
+
+def read(path: Path) -> list[Row]:
+    """
+    Read the whole rows of a table.
+
+    Raises CampaignError where it is another table.
+    """
+    data = path.read_bytes()
+    lines = csv.reader(io.StringIO(data[:_whole(data)].decode(errors='replace'), newline=''))
+    header = next(lines, COLUMNS)
+    if header != COLUMNS:
+        raise CampaignError(f'{path} is not the table of a campaign of this version')
+    rows = []
+    for number, cells in enumerate(lines, 2):
+        try:
+            rows.append(_row(dict(zip(COLUMNS, cells, strict=True))))
+        except (ValueError, KeyError) as error:
+            raise CampaignError(f'{path}, line {number}: {error}; remove the line for the episode '
+                                'to be run again') from None
+    return rows
+
+
+def _whole(data: bytes) -> int:
+    """Return the length of the lines that are whole."""
+    return data.rfind(b'\n') + 1
+
+
+def _row(cells: dict[str, str]) -> Row:
+    key = Key(cells['contestant'], cells['scenario'], cells['parameter'],
+              float(cells['level']) if cells['level'] else None, int(cells['seed']))
+    metrics = Metrics(**{field.name: _value(field.type, cells[field.name])
+                         for field in dataclasses.fields(Metrics)})
+    ticks = MICRO * np.array(cells['solve_times_us'].split(), dtype=float)
+    return Row(key, cells['outcome'], cells['detail'], metrics, ticks)
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(int(value))
+    if isinstance(value, float):
+        return '' if math.isnan(value) else repr(value)
+    return '' if value is None else str(value)
+
+
+def _value(kind: Any, text: str) -> Any:
+    if kind is bool:
+        return bool(int(text))
+    return float(text or math.nan) if kind is float else int(text)

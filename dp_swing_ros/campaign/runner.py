@@ -1,0 +1,81 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Plays what is left of a campaign, on all cores or on a Dask cluster."""
+
+from collections.abc import Iterator, Sequence
+import contextlib
+
+from joblib import delayed, Parallel, parallel_config
+from joblib.externals.loky.process_executor import TerminatedWorkerError
+from tqdm import tqdm
+
+from dp_swing_ros.campaign.contestants import Contestant
+from dp_swing_ros.campaign.episodes import key, play, ready
+from dp_swing_ros.campaign.manifest import sources
+from dp_swing_ros.campaign.rows import CampaignError, ERROR, Table
+from dp_swing_ros.metrics import Outcome
+from dp_swing_ros.scenarios import Case
+
+CONNECTION = 10.0  # [s] at most to reach a scheduler
+
+
+def run(contestants: Sequence[Contestant], cases: Sequence[Case], table: Table, jobs: int,
+        dask: str) -> None:
+    """
+    Play every pair that the table lacks, case by case so that contestants stay level.
+
+    Raises ParameterError where a contestant cannot be made and CampaignError where it cannot go
+    on.
+    """
+    done = {row.key for row in table.rows}
+    todo = [(contestant, case) for case in cases for contestant in contestants
+            if key(contestant, case) not in done]
+    if not todo:
+        return
+    for contestant in contestants:
+        ready(contestant)  # compiles once for all workers, and refuses what cannot work
+    failures = sum(row.outcome != Outcome.HELD.name for row in table.rows)
+    total = len(contestants) * len(cases)
+    with _workers(jobs, dask), tqdm(total=total, initial=total - len(todo), unit='episode',
+                                    smoothing=0.05) as bar:
+        rows = Parallel(return_as='generator', batch_size=1)(
+            delayed(play)(contestant, case) for contestant, case in todo)
+        try:
+            for row in rows:
+                table.append(row)
+                if row.outcome == ERROR:
+                    bar.write(f'{" ".join(map(str, row.key))}: {row.detail}')
+                failures += row.outcome != Outcome.HELD.name
+                bar.set_postfix(failed=failures, refresh=False)
+                bar.update()
+        except TerminatedWorkerError:
+            raise CampaignError('a worker process was killed, perhaps for want of memory; call '
+                                'again with the same --output to go on') from None
+
+
+@contextlib.contextmanager
+def _workers(jobs: int, dask: str) -> Iterator[None]:
+    """Let joblib use that many processes, or the workers of a Dask scheduler."""
+    if not dask:
+        with parallel_config(backend='loky', n_jobs=jobs, inner_max_num_threads=1):
+            yield
+        return
+    from distributed import Client  # takes a second, and few have a cluster
+    try:
+        client = Client(dask, timeout=CONNECTION)
+    except (OSError, ValueError) as error:
+        raise CampaignError(f'no Dask scheduler at {dask}: {error}') from None
+    with client:
+        _check(client.run(sources), dask)
+        with parallel_config(backend='dask'):
+            yield
+
+
+def _check(found: dict[str, str], dask: str) -> None:
+    """Raise CampaignError where workers are missing or would play by other rules."""
+    if not found:
+        raise CampaignError(f'the Dask scheduler at {dask} has no workers')
+    other = [worker for worker, digest in found.items() if digest != sources()]
+    if other:
+        raise CampaignError(f'the Dask workers {", ".join(other)} have another dp_swing_ros; '
+                            'install this one there')

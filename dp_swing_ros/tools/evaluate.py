@@ -1,0 +1,157 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""`ros2 run dp_swing_ros evaluate`: campaigns of closed-loop episodes, without ROS."""
+
+import argparse
+from collections.abc import Sequence
+from datetime import datetime
+import json
+from pathlib import Path
+import shlex
+import sys
+from typing import Any
+
+from dp_swing_ros.campaign import manifest
+from dp_swing_ros.campaign.contestants import parse_all
+from dp_swing_ros.campaign.report import markdown
+from dp_swing_ros.campaign.rows import CampaignError, read, Table
+from dp_swing_ros.campaign.runner import run
+from dp_swing_ros.campaign.summary import plain, summarise, Summary
+from dp_swing_ros.parameters import ParameterError
+from dp_swing_ros.scenarios import Case, SCENARIOS
+from dp_swing_ros.solvers import SOLVERS
+from dp_swing_ros.tools.processes import interrupt_on_signals
+
+OK, FAILED, MISUSED, INTERRUPTED = 0, 1, 2, 130  # exit codes
+PROGRAM = 'ros2 run dp_swing_ros evaluate'
+EXAMPLES = f"""\
+examples:
+  {PROGRAM} --scenarios hanging random --seeds 50
+  {PROGRAM} --contestants ilqr ilqr:config/paper.yaml tvlqr nothing
+  {PROGRAM} --contestants long=ddp:horizon=60+warm_start=forces ddp
+  {PROGRAM} --output runs/night            # again, to go on where it stopped
+
+A contestant is a solver ({', '.join(SOLVERS)}) or a baseline (tvlqr, nothing), after a colon its
+parameter files or mpc parameters, before an equals sign its name in tables and pictures.
+
+scenarios:
+""" + '\n'.join(f'  {name:16}{scenario.about}' for name, scenario in SCENARIOS.items()) + """
+
+With --dask, start the scheduler and workers where this package can be imported, each worker with
+one thread: dask worker ADDRESS --nworkers auto --nthreads 1
+
+The exit code is 0 when all episodes were run, whatever came of them; 1 when the campaign could not
+go on, 2 for what cannot work, 130 after Ctrl-C."""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the campaign that the command line asks for; return the exit code."""
+    arguments = command_line().parse_args(argv)
+    folder = arguments.output or Path('runs', f'campaign_{datetime.now():%Y%m%d_%H%M%S}')
+    try:
+        interrupt_on_signals()
+        if not arguments.summary_only:
+            play(arguments, folder, shlex.join(['evaluate', *(sys.argv[1:] if argv is None
+                                                              else argv)]))
+        report(folder, arguments.figures)
+    except KeyboardInterrupt:
+        print(f'evaluate: interrupted; call again with --output {folder} to go on',
+              file=sys.stderr)
+        return INTERRUPTED
+    except ParameterError as error:
+        print(f'evaluate: error: {error}', file=sys.stderr)
+        return MISUSED
+    except (CampaignError, OSError) as error:
+        print(f'evaluate: error: {error}', file=sys.stderr)
+        return FAILED
+    return OK
+
+
+def command_line() -> argparse.ArgumentParser:
+    """Return the parser of the arguments."""
+    parser = argparse.ArgumentParser(
+        prog=PROGRAM, epilog=EXAMPLES, formatter_class=argparse.RawDescriptionHelpFormatter,
+        description='Run every contestant through the same seeded episodes, and report rates, '
+                    'scores and comparisons as Markdown, JSON and pictures.')
+    parser.add_argument('--contestants', nargs='+', default=list(SOLVERS), metavar='CONTESTANT',
+                        help=f'who takes part (default: {" ".join(SOLVERS)})')
+    parser.add_argument('--scenarios', nargs='+', choices=list(SCENARIOS), metavar='SCENARIO',
+                        default=list(SCENARIOS), help='what they go through (default: all)')
+    parser.add_argument('--output', type=Path, metavar='DIR',
+                        help='folder of table and report; a campaign that is there goes on '
+                             '(default: runs/campaign_TIME)')
+    parser.add_argument('--seeds', type=seeds, metavar='N | A:B',
+                        help='seeds 0 to N - 1, or A to B - 1, of every scenario')
+    parser.add_argument('--levels', type=positive, metavar='N', help='levels of every sweep')
+    parser.add_argument('--duration', type=duration, default=10.0, metavar='SECONDS',
+                        help='of an episode (default: 10)')
+    parser.add_argument('--jobs', type=positive, default=-1, metavar='N',
+                        help='processes (default: one a core); with one, solve times are those '
+                             'of an idle machine')
+    parser.add_argument('--dask', default='', metavar='ADDRESS',
+                        help='run on the Dask cluster of this scheduler, as tcp://host:8786')
+    parser.add_argument('--figures', action=argparse.BooleanOptionalAction, default=True,
+                        help='draw the pictures')
+    parser.add_argument('--summary-only', action='store_true',
+                        help='run nothing; report on what --output holds')
+    return parser
+
+
+def seeds(text: str) -> range:
+    """Read N or A:B."""
+    begin, _, end = text.rpartition(':')
+    found = range(int(begin or 0), int(end))
+    if not found or found.start < 0:
+        raise argparse.ArgumentTypeError(f'{text} has no seeds')
+    return found
+
+
+def positive(text: str) -> int:
+    """Read a whole number from 1 on."""
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f'{text} is not a whole number above 0')
+    return value
+
+
+def duration(text: str) -> float:
+    """Read a time of at least one period [s]."""
+    value = float(text)
+    if not 0.05 <= value <= 3600:
+        raise argparse.ArgumentTypeError(f'{text} is not a time from 0.05 to 3600 s')
+    return value
+
+
+def play(arguments: argparse.Namespace, folder: Path, command: str) -> None:
+    """Run what the folder lacks."""
+    contestants = parse_all(arguments.contestants)
+    description = {**manifest.describe(contestants, arguments.scenarios, arguments.seeds,
+                                       arguments.levels, arguments.duration),
+                   'made': manifest.made(command)}
+    folder.mkdir(parents=True, exist_ok=True)
+    manifest.keep(folder, description)
+    print(f'{folder}: {len(contestants)} contestants, {len(cases(description))} cases each',
+          flush=True)
+    with Table(folder / 'episodes.csv') as table:
+        run(contestants, cases(description), table, arguments.jobs, arguments.dask)
+
+
+def cases(description: dict[str, Any]) -> list[Case]:
+    """Return the cases of a campaign as described."""
+    return [case for name, about in description['scenarios'].items()
+            for case in SCENARIOS[name].cases(name, range(*about['seeds']), about['levels'],
+                                              description['duration'])]
+
+
+def report(folder: Path, figures: bool) -> Summary:
+    """Write summary and pictures of what the folder holds."""
+    description = manifest.load(folder)
+    rows = read(folder / 'episodes.csv')
+    expected = len(description['contestants']) * len(cases(description))
+    summary = summarise(description, rows, expected)
+    (folder / 'summary.json').write_text(json.dumps(plain(summary), indent=1) + '\n',
+                                         encoding='utf-8')
+    page = markdown(summary)
+    (folder / 'summary.md').write_text(page, encoding='utf-8')
+    print(page)
+    return summary
