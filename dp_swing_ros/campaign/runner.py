@@ -4,6 +4,10 @@
 
 from collections.abc import Iterator, Sequence
 import contextlib
+import functools
+import os
+import threading
+import time
 
 from joblib import delayed, Parallel, parallel_config
 from joblib.externals.loky.process_executor import TerminatedWorkerError
@@ -12,11 +16,13 @@ from tqdm import tqdm
 from dp_swing_ros.campaign.contestants import Contestant
 from dp_swing_ros.campaign.episodes import key, play, ready
 from dp_swing_ros.campaign.manifest import sources
-from dp_swing_ros.campaign.rows import CampaignError, ERROR, Table
+from dp_swing_ros.campaign.rows import CampaignError, ERROR, Row, Table
 from dp_swing_ros.metrics import Outcome
 from dp_swing_ros.scenarios import Case
 
 CONNECTION = 10.0  # [s] at most to reach a scheduler
+GO_ON = 'call again with the same --output to go on'
+WATCH = 1.0  # [s] between two looks of a worker for its campaign
 
 
 def run(contestants: Sequence[Contestant], cases: Sequence[Case], table: Table, jobs: int,
@@ -39,7 +45,7 @@ def run(contestants: Sequence[Contestant], cases: Sequence[Case], table: Table, 
     with _workers(jobs, dask), tqdm(total=total, initial=total - len(todo), unit='episode',
                                     smoothing=0.05) as bar:
         rows = Parallel(return_as='generator', batch_size=1)(
-            delayed(play)(contestant, case) for contestant, case in todo)
+            delayed(_work)(os.getpid(), contestant, case) for contestant, case in todo)
         try:
             for row in rows:
                 table.append(row)
@@ -49,8 +55,24 @@ def run(contestants: Sequence[Contestant], cases: Sequence[Case], table: Table, 
                 bar.set_postfix(failed=failures, refresh=False)
                 bar.update()
         except TerminatedWorkerError:
-            raise CampaignError('a worker process was killed, perhaps for want of memory; call '
-                                'again with the same --output to go on') from None
+            raise CampaignError('a worker process was killed, perhaps for want of memory; '
+                                f'{GO_ON}') from None
+
+
+def _work(campaign: int, contestant: Contestant, case: Case) -> Row:
+    """Play in a worker, which is not to outlive a campaign that is killed."""
+    if os.getppid() == campaign:
+        _watch(campaign)
+    return play(contestant, case)
+
+
+@functools.cache
+def _watch(campaign: int) -> None:
+    def watch() -> None:
+        while os.getppid() == campaign:
+            time.sleep(WATCH)
+        os._exit(1)
+    threading.Thread(target=watch, daemon=True).start()
 
 
 @contextlib.contextmanager
@@ -60,15 +82,15 @@ def _workers(jobs: int, dask: str) -> Iterator[None]:
         with parallel_config(backend='loky', n_jobs=jobs, inner_max_num_threads=1):
             yield
         return
-    from distributed import Client  # takes a second, and few have a cluster
+    from distributed import CancelledError, Client, KilledWorker  # slow, and few have a cluster
     try:
-        client = Client(dask, timeout=CONNECTION)
-    except (OSError, ValueError) as error:
-        raise CampaignError(f'no Dask scheduler at {dask}: {error}') from None
-    with client:
-        _check(client.run(sources), dask)
-        with parallel_config(backend='dask'):
-            yield
+        with Client(dask, timeout=CONNECTION) as client:
+            _check(client.run(sources), dask)
+            with parallel_config(backend='dask'):
+                yield
+    except (CancelledError, KilledWorker, OSError, ValueError) as error:
+        raise CampaignError(f'the Dask scheduler at {dask} does not answer or lost its workers: '
+                            f'{type(error).__name__} {error}; {GO_ON}') from None
 
 
 def _check(found: dict[str, str], dask: str) -> None:
