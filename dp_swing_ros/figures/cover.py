@@ -1,0 +1,79 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The picture for a first look."""
+
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.colors import to_rgba
+from matplotlib.figure import Figure
+import numpy as np
+
+from dp_swing_ros.dynamics.pendulum import joints
+from dp_swing_ros.episode import Episode
+from dp_swing_ros.figures.pendulum import Drawing, FINE, TRACK
+from dp_swing_ros.figures.sampling import states_at, times_of
+from dp_swing_ros.figures.style import FAINT, FORCE, limit_lines, LINK1, LINK2, styled, title
+from dp_swing_ros.state import Array
+
+
+@styled
+def hero(episode: Episode, seconds: float = 4.0, speed: float = 3.4) -> Figure:
+    """
+    Draw the swing-up as on film that runs past the cart: again and again, to the right with time.
+
+    The film runs at `speed` [m/s], so that every cart stands above the force of its moment.
+    """
+    times = times_of(episode, FINE, seconds)
+    places = _places_on_film(episode, times, speed)
+    figure, film, force = _hero_axes(places, speed)
+    _draw_ghosts(film, places)
+    keys = times_of(episode, 0.25, seconds)
+    for t, strength in zip(keys, np.linspace(0.3, 1.0, len(keys))):
+        x = states_at(episode, np.array([t]))[0]
+        Drawing(film, episode.bodies, strength=strength).show(x, speed * (t - keys[0]) - x[0])
+    if len(episode.U):
+        force.stairs(episode.U, episode.t - episode.t[0], baseline=0, fill=True, color=FORCE,
+                     alpha=0.85)
+    limit_lines(force, episode.limits.force_limit, '')
+    figure.text(0.055, 0.94, f'Swing-up by {title(episode)}', size=15, va='top',
+                weight='bold')
+    figure.text(0.055, 0.865, 'every 0.25 s, seen from the cart', size=10, va='top')
+    return figure
+
+
+def _places_on_film(episode: Episode, times: Array, speed: float) -> Array:
+    """Return the places (M, 3, 2) [m] of cart and tips, the cart moving at the film's speed."""
+    X = states_at(episode, times)
+    X[:, 0] = speed * (times - times[:1])
+    return joints(X, episode.bodies)
+
+
+def _hero_axes(places: Array, speed: float) -> tuple[Figure, Axes, Axes]:
+    """Return a figure with room for places (M, 3, 2) [m] above an axis of time to its scale."""
+    finite = places[np.isfinite(places).all(axis=(1, 2))].reshape(-1, 2)
+    corners = np.vstack([finite, [(0.0, -1.0), (speed, 1.0)]])
+    left, bottom = corners.min(axis=0) - (0.5, 0.25)
+    right, top = corners.max(axis=0) + (0.5, 0.25)
+    width, strip, below, margin = 11.0, 0.9, 0.5, 0.6  # [inch]
+    height = width * (top - bottom) / (right - left)
+    total = (width + margin, height + strip + below)
+    figure = Figure(figsize=total)
+    film = figure.add_axes((margin / total[0], (strip + below) / total[1],
+                            width / total[0], height / total[1]))
+    film.set(xlim=(left, right), ylim=(bottom, top))
+    film.set_axis_off()
+    force = figure.add_axes((margin / total[0], below / total[1],
+                             width / total[0], strip / total[1]))
+    force.set(xlim=(left / speed, right / speed), xlabel='time [s]', ylabel='force [N]')
+    return figure, film, force
+
+
+def _draw_ghosts(film: Axes, places: Array) -> None:
+    """Draw every state as hairlines that grow stronger, and the ways of both tips."""
+    film.axhline(TRACK, color=FAINT, linewidth=1.0, zorder=1)
+    for link, colour in enumerate((LINK1, LINK2)):
+        colours = np.tile(to_rgba(colour), (len(places), 1))
+        colours[:, 3] = np.linspace(0.06, 0.2, len(places))
+        film.add_collection(LineCollection(list(places[:, link:link + 2]), colors=colours,
+                                           linewidths=1.2))
+        film.plot(*places[:, link + 1].T, color=colour, linewidth=1.2, alpha=0.8)

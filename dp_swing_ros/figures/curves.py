@@ -1,0 +1,116 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""States, force and times of the solver over time; `squared_error` is the paper's Fig. 3."""
+
+import math
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, MultipleLocator, NullFormatter
+import numpy as np
+
+from dp_swing_ros.episode import Episode
+from dp_swing_ros.figures.style import (
+    ALARM, CART, COLOURS, FAINT, FORCE, legend, limit_lines, LINK1, LINK2, SQUARES, styled,
+    SYMBOLS, title)
+from dp_swing_ros.state import ANGLES, SIZE, to_turn_of, UPRIGHT
+
+ERROR_FLOOR = 1e-8  # squared errors below are drawn here: a log axis has no zero
+
+
+@styled
+def squared_error(episode: Episode) -> Figure:
+    """Draw the squared distance of the six states from upright at rest (the paper's Fig. 3)."""
+    figure = Figure(figsize=(9.6, 5.0), layout='constrained')
+    panels = figure.subplots(2, 3, sharex=True)
+    error = to_turn_of(episode.X, np.array(UPRIGHT)) ** 2
+    for i, axes in enumerate(panels.flat):
+        curve = np.maximum(error[:, i], ERROR_FLOOR)
+        axes.semilogy(episode.t, curve, color=COLOURS[i])
+        axes.fill_between(episode.t, ERROR_FLOOR, curve, color=COLOURS[i], alpha=0.08,
+                          linewidth=0)
+        if i > 0:
+            bound = 0.1 if i in range(SIZE)[ANGLES] else 1.0
+            axes.axhline(bound ** 2, color=FAINT, linestyle='--', linewidth=1)
+        axes.set(ylim=(ERROR_FLOOR, None), ylabel=f'error of {SYMBOLS[i]} [{SQUARES[i]}]')
+        axes.grid(True)
+    for axes in panels[1]:
+        axes.set_xlabel('time [s]')
+    figure.suptitle(f'{title(episode)}: squared error of the states over time '
+                    '(dashed: what counts as upright)')
+    return figure
+
+
+@styled
+def timeline(episode: Episode) -> Figure:
+    """Draw angles, position, force and the controller's times over time, one below another."""
+    figure = Figure(figsize=(9.6, 8.4), layout='constrained')
+    angles, position, force, times = figure.subplots(
+        4, 1, sharex=True, height_ratios=(1.2, 0.8, 1.0, 1.2))
+    _draw_angles(angles, episode)
+    _draw_position(position, episode)
+    _draw_force(force, episode)
+    _draw_times(times, episode)
+    for axes in (angles, position, force, times):
+        axes.grid(True)
+        axes.margins(x=0.01)
+    times.set_xlabel('time [s]')
+    figure.align_ylabels()
+    figure.suptitle(f'{title(episode)}: the run over time')
+    return figure
+
+
+def _draw_angles(axes: Axes, episode: Episode) -> None:
+    # whole turns that bring the end of the run next to upright
+    turns = np.zeros(2) if not len(episode.t) else np.round(episode.X[-1, ANGLES] / (2 * np.pi))
+    for i, colour in ((1, LINK1), (2, LINK2)):
+        axes.plot(episode.t, episode.X[:, i] - 2 * np.pi * np.nan_to_num(turns[i - 1]),
+                  color=colour, label=SYMBOLS[i])
+    axes.yaxis.set_major_locator(MultipleLocator(np.pi))
+    axes.yaxis.set_major_formatter(FuncFormatter(_in_turns))
+    axes.set_ylabel('angle [rad]\n0 is upright')
+    legend(axes)
+
+
+def _in_turns(angle: float, _: int | None = None) -> str:
+    halves = round(angle / np.pi)
+    return {0: '0', 1: 'π', -1: '−π'}.get(halves, f'{halves}π'.replace('-', '−'))
+
+
+def _draw_position(axes: Axes, episode: Episode) -> None:
+    axes.plot(episode.t, episode.X[:, 0], color=CART, label='cart')
+    limit_lines(axes, episode.limits.track_limit, 'end stops')
+    axes.set_ylabel('position $x$ [m]')
+    legend(axes)
+
+
+def _draw_force(axes: Axes, episode: Episode) -> None:
+    if len(episode.U):
+        axes.stairs(episode.U, episode.t, baseline=None, color=FORCE, linewidth=1.4,
+                    label='applied')
+    limit_lines(axes, episode.limits.force_limit, 'limits')
+    axes.set_ylabel('force $u$ [N]')
+    legend(axes)
+
+
+def _draw_times(axes: Axes, episode: Episode) -> None:
+    ticks = episode.ticks
+    late = np.asarray(ticks.late, dtype=bool)
+    axes.plot(ticks.t, 1e3 * ticks.solve_time, '.', color=LINK1, markersize=4,
+              label='solve time')
+    axes.plot(ticks.t, 1e3 * ticks.latency, '.', color=LINK2, markersize=4,
+              label='latency, state to force')
+    if late.any():
+        axes.plot(ticks.t[late], 1e3 * ticks.solve_time[late], 'o', color='none', markersize=8,
+                  markeredgecolor=ALARM, markeredgewidth=1.6,
+                  label=f'late ({np.count_nonzero(late)})')
+    if len(episode.t) > 1:
+        axes.axhline(1e3 * float(np.median(np.diff(episode.t))), color=FAINT, linestyle='--',
+                     linewidth=1, label='period')
+    axes.set_yscale('log')
+    low, high = np.log10(axes.get_ylim())
+    axes.set_ylim(10 ** math.floor(low), 10 ** math.ceil(high))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f'{value:g}'))
+    axes.yaxis.set_minor_formatter(NullFormatter())
+    axes.set_ylabel('time [ms]')
+    legend(axes)

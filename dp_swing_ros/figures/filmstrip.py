@@ -1,0 +1,61 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The pendulum at one moment after another: the paper's Fig. 2."""
+
+import math
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MultipleLocator
+import numpy as np
+
+from dp_swing_ros.episode import Episode
+from dp_swing_ros.figures.pendulum import Drawing, fading, room_for, scene, trail_of
+from dp_swing_ros.figures.sampling import states_at, times_of
+from dp_swing_ros.figures.style import FORCE, INK, LINK2, PAPER, styled, title
+from dp_swing_ros.state import is_upright
+
+
+@styled
+def snapshots(episode: Episode) -> Figure:
+    """Draw the pendulum every 0.5 s, left to right, then top to bottom (the paper's Fig. 2)."""
+    most = 48
+    length = episode.t[-1] - episode.t[0] if len(episode.t) else 0.0
+    period = 0.5 * max(1, math.ceil(length / 0.5 / most))
+    times = times_of(episode, period)
+    columns = _columns(len(times))
+    rows = max(1, math.ceil(len(times) / columns))
+    half_width = room_for(episode)
+    figure = Figure(figsize=(1.65 * max(columns, 3), 0.75 + rows * 1.65 * 2.2 / half_width),
+                    layout='constrained')
+    panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+    for axes, t in zip(panels.flat, times):
+        _snapshot(axes, episode, t, half_width)
+    for axes in panels.flat[len(times):]:
+        axes.set_axis_off()
+    figure.suptitle(f'{title(episode)}: the pendulum every {period:g} s (green: upright)')
+    figure.supxlabel('x [m]')
+    figure.supylabel('z [m]')
+    return figure
+
+
+def _columns(pictures: int) -> int:
+    """Return the number of columns that leaves the fewest places empty."""
+    if pictures <= 8:
+        return max(pictures, 1)
+    return min((8, 7, 6), key=lambda columns: -pictures % columns)
+
+
+def _snapshot(axes: Axes, episode: Episode, t: float, half_width: float) -> None:
+    scene(axes, episode, half_width)
+    x = states_at(episode, np.array([t]))[0]
+    axes.add_collection(fading(trail_of(episode, t, 0.5), LINK2, 1.2))
+    Drawing(axes, episode.bodies, size=0.7).show(x)
+    axes.spines[:].set_visible(False)
+    axes.set_facecolor(PAPER)
+    axes.tick_params(length=0, labelsize='x-small')
+    axes.xaxis.set_major_locator(MultipleLocator(1.0))
+    axes.yaxis.set_major_locator(MultipleLocator(1.0))
+    upright = bool(is_upright(x))
+    axes.set_title(f'{t - episode.t[0]:.1f} s', fontsize='small', pad=2,
+                   color=FORCE if upright else INK, weight='bold' if upright else 'normal')
