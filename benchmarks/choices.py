@@ -1,61 +1,102 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What each choice of the default set-up is worth: the swing-up with that choice taken back.
+What each choice of the default set-up is worth: the pendulum's runs with that choice taken back.
 
 Run by `make results`, which keeps what it prints as docs/results/choices.md; takes minutes.
 """
 
 import argparse
-from typing import Any
+from typing import Any, NamedTuple
 
+from joblib import delayed, Parallel
 import numpy as np
 from tqdm import tqdm
 
 from dp_swing_ros import configuration
 from dp_swing_ros.comparison import wilson
+from dp_swing_ros.estimator import SCALED
 from dp_swing_ros.metrics import measure, Metrics
+from dp_swing_ros.parameters import PendulumParameters
+from dp_swing_ros.scenarios import Case, SCENARIOS
 from dp_swing_ros.simulation import simulate
 
-SEEDS = range(20)
 ALL = ('ilqr', 'ddp', 'mppi')
+DURATION = 10.0  # [s]
 
-# what is taken back, for which solvers, the parameters of the mpc that do it, and of the plant
-CHOICES: list[tuple[str, tuple[str, ...], dict[str, Any], dict[str, Any]]] = [
-    ('nothing: the defaults', ALL, {}, {}),
-    ('angle error θ instead of the chord', ALL, {'angle_error': 'angle'}, {}),
-    ('terminal cost 1000 S instead of the LQR value', ALL, {'terminal_cost': 'scaled'}, {}),
-    ('forces shifted instead of the policy', ALL, {'warm_start': 'forces'}, {}),
-    ('horizon 60, policy shifted', ALL, {'horizon': 60}, {}),
-    ('horizon 60, forces shifted', ALL, {'horizon': 60, 'warm_start': 'forces'}, {}),
-    ('force noise of 1.8 N, policy shifted', ALL, {}, {'force_noise': 1.8}),
-    ('force noise of 1.8 N, forces shifted', ALL, {'warm_start': 'forces'}, {'force_noise': 1.8}),
-    ('samples about forces instead of a policy', ('mppi',), {'mppi.feedback': False}, {}),
-    ('force noise of 1.8 N, samples about forces', ('mppi',), {'mppi.feedback': False},
-     {'force_noise': 1.8}),
-    ('no samples about the regulator', ('mppi',), {'mppi.regulator_share': 0.0}, {}),
-    ('white noise', ('mppi',), {'mppi.noise_correlation': 0.0}, {}),
-    ('noise of one size, 5 N', ('mppi',),
-     {'mppi.smallest_noise': 5.0, 'mppi.largest_noise': 5.0}, {}),
-    ('one update a tick', ('mppi',), {'mppi.updates': 1}, {}),
+# the plant's bodies, where they are not what the controller is told
+HEAVIER = {name: 1.2 * getattr(PendulumParameters(), name) for name in SCALED}
+
+
+class Choice(NamedTuple):
+    """What is taken back, the parameters of mpc and plant that do it, and where it shows."""
+
+    title: str
+    mpc: dict[str, Any] = {}
+    plant: dict[str, Any] = {}
+    solvers: tuple[str, ...] = ALL
+    scenario: str = 'hanging'
+    seeds: int = 20
+
+
+ALONE = {'first_starts': 1, 'other_starts': 0}
+CHOICES = [
+    Choice('nothing: the defaults'),
+    Choice('nothing', scenario='random', seeds=200),
+    Choice('one start a tick', ALONE),
+    Choice('one start a tick', ALONE, scenario='random', seeds=200),
+    Choice('one start at the first tick', {'first_starts': 1}, scenario='random', seeds=200),
+    Choice('one start at later ticks', {'other_starts': 0}, scenario='random', seeds=200),
+    Choice('nothing', scenario='near_goal', seeds=100),
+    Choice('one start a tick', ALONE, scenario='near_goal', seeds=100),
+    Choice('angle error θ instead of the chord', {'angle_error': 'angle'}),
+    Choice('terminal cost 1000 S instead of the LQR value', {'terminal_cost': 'scaled'}),
+    Choice('forces shifted instead of the policy', {'warm_start': 'forces'}),
+    Choice('horizon 60', {'horizon': 60}, scenario='random', seeds=40),
+    Choice('horizon 60, one start a tick', {'horizon': 60, **ALONE}, scenario='random', seeds=40),
+    Choice('horizon 60, forces shifted', {'horizon': 60, 'warm_start': 'forces'},
+           scenario='random', seeds=40),
+    Choice('horizon 100', {'horizon': 100}, scenario='random', seeds=40),
+    Choice('force noise of 1.8 N', {}, {'force_noise': 1.8}),
+    Choice('force noise of 1.8 N, forces shifted', {'warm_start': 'forces'},
+           {'force_noise': 1.8}),
+    Choice('force noise of 1.8 N, no estimator', {'estimator': 'none'}, {'force_noise': 1.8}),
+    Choice('no estimator', {'estimator': 'none'}),
+    Choice('velocity noise of 0.5', {}, {'velocity_noise': 0.5}),
+    Choice('velocity noise of 0.5, no estimator', {'estimator': 'none'}, {'velocity_noise': 0.5}),
+    Choice('all bodies 20 % heavier and longer', {}, HEAVIER),
+    Choice('all bodies 20 % heavier and longer, state alone estimated',
+           {'ekf.body_error': 0.0, 'ekf.friction_error': 0.0}, HEAVIER),
+    Choice('all bodies 20 % heavier and longer, no estimator', {'estimator': 'none'}, HEAVIER),
+    Choice('samples about forces instead of a policy', {'mppi.feedback': False},
+           solvers=('mppi',)),
+    Choice('force noise of 1.8 N, samples about forces', {'mppi.feedback': False},
+           {'force_noise': 1.8}, ('mppi',)),
+    Choice('no samples about the regulator', {'mppi.regulator_share': 0.0}, solvers=('mppi',)),
+    Choice('white noise', {'mppi.noise_correlation': 0.0}, solvers=('mppi',)),
+    Choice('noise of one size, 5 N', {'mppi.smallest_noise': 5.0, 'mppi.largest_noise': 5.0},
+           solvers=('mppi',)),
+    Choice('no noise above 10 N', {'mppi.largest_noise': 10.0}, solvers=('mppi',)),
+    Choice('one update a tick', {'mppi.updates': 1}, solvers=('mppi',)),
 ]
 
 
-def episode(name: str, seed: int, mpc: dict[str, Any], plant: dict[str, Any]) -> Metrics:
-    """Run 10 s from hanging and measure them."""
-    return measure(simulate(configuration.plant({**plant, 'seed': seed}),
-                            configuration.controller({**mpc, 'solver': name, 'seed': seed}),
-                            10.0, name))
+def episode(choice: Choice, name: str, case: Case) -> Metrics:
+    """Run one case and measure it."""
+    return measure(simulate(
+        configuration.plant({**choice.plant, **case.plant, 'seed': case.seed}),
+        configuration.controller({**choice.mpc, 'solver': name, 'seed': case.seed}),
+        case.duration, name))
 
 
-def row(title: str, name: str, runs: list[Metrics]) -> str:
+def row(choice: Choice, name: str, runs: list[Metrics]) -> str:
     """Return a line of the table."""
     successes = sum(run.success for run in runs)
     low, high = wilson(successes, len(runs))
     settled = [run.settling_time for run in runs if run.success]
     settling = f'{np.median(settled):.2f}' if settled else '-'
-    return (f'| {title} | `{name}` | {successes} of {len(runs)} ({100 * low:.0f}-'
-            f'{100 * high:.0f} %) | {settling} | '
+    return (f'| {choice.title} | {choice.scenario} | `{name}` | {successes} of {len(runs)} '
+            f'({100 * low:.0f}-{100 * high:.0f} %) | {settling} | '
             f'{np.median([run.smoothness for run in runs]):.3f} |')
 
 
@@ -63,17 +104,20 @@ def main() -> None:
     """Print the page."""
     argparse.ArgumentParser(description=__doc__).parse_args()
     print('# What each choice is worth\n\n'
-          'Made by `make results` (choices.py): 10 s from hanging without ROS, in lockstep, seeds '
-          f'{SEEDS[0]} to {SEEDS[-1]}; each row takes one choice of the defaults back. In '
-          'brackets the 95 % interval (Wilson); the settling time is the median of the '
-          'successes, the force step the median standard deviation of Δu over the last 2 s.\n\n'
-          '| taken back | solver | upright to the end | settling [s] | force step [N] |\n'
-          '| --- | --- | --- | --- | --- |')
-    for title, names, mpc, plant in CHOICES:
-        for name in names:
-            runs = [episode(name, seed, mpc, plant) for seed in tqdm(
-                SEEDS, desc=f'{title}, {name}', leave=False)]
-            print(row(title, name, runs), flush=True)
+          f'Made by `make results` (choices.py): {DURATION:g} s without ROS, in lockstep, of the '
+          'scenarios of [evaluate](../evaluation.md), from their first seed on; each row takes one '
+          'choice of the defaults back. In brackets the 95 % interval (Wilson); the settling time '
+          'is the median of the successes, the force step the median standard deviation of Δu '
+          'over the last 2 s.\n\n'
+          '| taken back | scenario | solver | upright to the end | settling [s] | force step [N] |\n'
+          '| --- | --- | --- | --- | --- | --- |')
+    with Parallel(n_jobs=-1) as parallel:
+        for choice in tqdm(CHOICES):
+            cases = list(SCENARIOS[choice.scenario].cases(
+                choice.scenario, range(choice.seeds), None, DURATION))
+            for name in choice.solvers:
+                runs = parallel(delayed(episode)(choice, name, case) for case in cases)
+                print(row(choice, name, runs), flush=True)
 
 
 if __name__ == '__main__':

@@ -34,7 +34,7 @@ LONGEST_GAP = 0.5        # [s] without a state; beyond it the pendulum is too ch
 HELD = 0.05              # [s] for which the noises of the prediction stay as they are
 SMALL = 1e-4             # difference of p for derivatives
 LARGEST_FACTOR = 2.0     # of a mass or length, either way
-MOVED = 0.05             # of their deviation at first: bodies further off are a new problem
+MOVED = 0.1              # of their deviation at first: bodies further off are a new problem
 
 
 @dataclass(frozen=True)
@@ -93,6 +93,21 @@ class Estimate(NamedTuple):
 
 
 @kernel
+def product(left, right, out):
+    """
+    Write left @ right; at this size a call of the linear algebra costs more.
+
+    Shapes: left (a, n), right (n, b), out (a, b).
+    """
+    for i in range(out.shape[0]):
+        for k in range(out.shape[1]):
+            total = 0.0
+            for j in range(left.shape[1]):
+                total += left[i, j] * right[j, k]
+            out[i, k] = total
+
+
+@kernel
 def predict(models, force_noise, acceleration_noise, u, steps, z, P):
     """
     Advance mean and covariance in place by some steps under a force.
@@ -101,17 +116,21 @@ def predict(models, force_noise, acceleration_noise, u, steps, z, P):
     squared. Shapes: z (n,), P (n, n).
     """
     n, x, h = len(z), z[:6], models[0].h
-    A, B, F = np.empty((6, 6)), np.empty(6), np.eye(n)
+    A, B, following = np.empty((6, 6)), np.empty(6), np.empty(6)
+    F, FP = np.empty((6, n)), np.empty((6, n))   # the rows of x; the others stay as they are
     for _ in range(steps):
         linearise(models[0], x, u + z[6], A, B)
-        F[:6, :6], F[:6, 6] = A, B
+        F[:, :6], F[:, 6] = A, B
         for k in range(1, len(models)):
-            step(models[k], x, u + z[6], F[:6, 6 + k])
+            step(models[k], x, u + z[6], following)
+            F[:, 6 + k] = following
         step(models[0], x, u + z[6], x)
         for i in range(6):
             for k in range(7, n):
                 F[i, k] = (F[i, k] - x[i]) / SMALL
-        P[:, :] = F @ P @ F.T
+        product(F, P, FP)
+        P[:6, :], P[6:, :6] = FP, FP[:, 6:].T
+        product(FP, F.T, P[:6, :6])
         for i in range(6):
             for k in range(6):
                 P[i, k] += force_noise / h * B[i] * B[k]

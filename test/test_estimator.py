@@ -105,32 +105,51 @@ def test_the_innovations_are_as_large_as_it_says(unknown, rng):
     assert low < total < high
 
 
-def closed_loop(bodies=PendulumParameters(), duration=6.0, estimator='ekf', **parameters):
-    """Return the controller after a swing-up, and how that went."""
-    c = controller(estimator=estimator)
-    estimates = []
-    episode = simulate(plant(bodies=bodies, **parameters), c, duration,
-                       on_tick=lambda t, plan: estimates.append(c.estimate))
-    return c, episode, estimates
-
-
 def test_velocities_are_far_better_than_measured():
-    c, episode, estimates = closed_loop(velocity_noise=0.5)
-    error = np.array([estimate.x for estimate in estimates]) - episode.X[:-1]
-    assert np.sqrt(np.mean(error[1:, 3:] ** 2)) < 0.12
-    assert np.abs(error[1:, :3]).max() < 0.01
+    c, errors = controller(), []
+    p = plant(velocity_noise=0.5)
+    before = p.x.copy()
+
+    def compare(t, plan):
+        errors.append(c.estimate.x - before)
+        before[:] = p.x
+    simulate(p, c, 6.0, on_tick=compare)
+    # the median, for where the cart hits the end of its track the estimate is off for a tick
+    error = np.median(np.abs(errors), axis=0)
+    assert error[:3].max() < 0.002
+    assert error[3:].max() < 0.05
+
+
+def swung(bodies, rng, velocity_noise=0.3):
+    """Return a filter that watched other bodies for 5 s under random forces, and its estimate."""
+    e, x, model = estimator(PendulumParameters()), SWINGING, RK4.of(Pendulum.of(bodies), 0.01)
+    e.update(0.0, x, [])
+    for n in range(1, 101):
+        u = rng.uniform(-20, 20)
+        x = hold(model, x, u, 0.05)
+        seen = x + rng.normal(0.0, [1e-3] * 3 + [velocity_noise] * 3)
+        estimate = e.update(0.05 * n, seen, [Force(u, 0.05)])
+    return e, estimate
+
+
+@pytest.mark.parametrize('factor', [0.75, 1.25])
+def test_a_swing_tells_all_masses_and_lengths(factor, rng):
+    bodies = other(factor, PendulumParameters())
+    e, estimate = swung(bodies, rng)
+    for name in SCALED:
+        assert estimate.bodies[name] == pytest.approx(getattr(bodies, name), rel=0.05)
+    assert e.refused == 0
+    assert e.moved(PendulumParameters())
+    assert not e.moved(replace(PendulumParameters(), **estimate.bodies))
 
 
 @pytest.mark.parametrize('factor', [0.8, 1.25])
-def test_a_swing_up_tells_all_masses_and_lengths(factor):
-    bodies = other(factor, PendulumParameters())
-    c, episode, _ = closed_loop(bodies, velocity_noise=0.1)
-    for name in SCALED:
-        assert c.estimate.bodies[name] == pytest.approx(getattr(bodies, name), rel=0.03)
-    assert c.problem.bodies.link1_length == pytest.approx(bodies.link1_length, rel=0.01)
-    assert measure(episode).success
-    _, episode, _ = closed_loop(bodies, estimator='none', velocity_noise=0.1)
-    assert not measure(episode).success
+def test_bodies_that_nobody_told_of_swing_up(factor):
+    def run(estimator):
+        p = plant(bodies=other(factor, PendulumParameters()))
+        return measure(simulate(p, controller(estimator=estimator), 10.0)).success
+    assert run('ekf')
+    assert not run('none')
 
 
 def test_a_lasting_force_is_told_from_the_bodies():
@@ -179,12 +198,11 @@ def test_it_starts_anew_after_some_refusals():
     assert [e.refused for e in estimates[4:]] == [0, 1, 2, 3, 3]
 
 
-def test_it_starts_anew_after_a_long_gap_and_remembers_the_bodies():
-    c, _, _ = closed_loop(other(1.2, PendulumParameters()))
-    e, known = c.estimator, c.estimate.bodies
+def test_it_starts_anew_after_a_long_gap_and_remembers_the_bodies(rng):
+    e, last = swung(other(1.2, PendulumParameters()), rng)
     estimate = e.update(e.t + 2.0, SWINGING, [Force(0.0, 2.0)])
     np.testing.assert_array_equal(estimate.x, SWINGING)
-    assert estimate.bodies == known
+    assert estimate.bodies == last.bodies
 
 
 def test_a_short_gap_is_bridged():

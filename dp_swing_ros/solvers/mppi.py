@@ -33,7 +33,7 @@ class MPPIParameters(Parameters):
 
     samples: int = parameter(512, 'force sequences drawn in an update, K', minimum=2,
                              maximum=1_000_000)
-    updates: int = parameter(8, 'most updates in one solve', minimum=1, maximum=1000)
+    updates: int = parameter(6, 'most updates in one solve', minimum=1, maximum=1000)
     temperature: float = parameter(
         0.1, 'λ of the weights, in the unit that temperature_scale says', minimum=1e-9)
     temperature_scale: str = parameter(
@@ -42,9 +42,9 @@ class MPPIParameters(Parameters):
     tolerance: float = parameter(
         1e-4, 'converged when an update lowers the cost by less than this share', minimum=0.0)
     smallest_noise: float = parameter(
-        0.05, 'standard deviation of the quietest samples', unit='N', minimum=1e-3)
+        0.5, 'standard deviation of the quietest samples', unit='N', minimum=1e-3)
     largest_noise: float = parameter(
-        10.0, 'standard deviation of the loudest samples', unit='N', minimum=1e-3)
+        40.0, 'standard deviation of the loudest samples', unit='N', minimum=1e-3)
     noise_correlation: float = parameter(
         0.8, 'correlation of the noise from step to step; 0 is white, as in the paper',
         minimum=0.0, maximum=0.999)

@@ -168,16 +168,15 @@ def test_in_real_time_the_plan_begins_when_the_force_acts(peer, start_node):
 
 def test_where_states_stop_the_plan_goes_on_and_then_it_lets_go(peer, start_node):
     talk = Conversation(peer, start_node, {'carry_over': 3})
-    for _ in range(6):
-        x = LEANING if talk.n == 0 else from_trajectory(talk.plans[-1]).X[1]
+    x = LEANING
+    for _ in range(5):   # slowly, so that a stall of this machine is no silence
         talk.send(x, peer.node.get_clock().now().to_msg())
-        peer.spin(0.04)
-    answered = len(talk.forces)
-    assert answered < 9
+        peer.spin(0.2)
+        assert peer.until(lambda: len(talk.plans) == len(talk.forces) == talk.n)
+        x = from_trajectory(talk.plans[-1]).X[4]
     assert peer.until(lambda: talk.forces[-1].data == 0.0)
-    peer.spin(0.5)
-    # a stall of this machine may have begun a carry-over before
-    assert len(talk.forces) >= 6 + 3 + 1
+    peer.spin(1.0)
+    assert len(talk.forces) == 5 + 3 + 1
     assert [message.data for message in talk.forces].count(0.0) == 1
     assert peer.until(lambda: len(talk.reports) == len(talk.forces))
     reports = [from_diagnostics(message, 'mpc') for message in talk.reports[-4:]]
@@ -186,7 +185,7 @@ def test_where_states_stop_the_plan_goes_on_and_then_it_lets_go(peer, start_node
     # and answers again when they come back
     talk.n = len(talk.reports)
     assert talk.send(LEANING, peer.node.get_clock().now().to_msg()) != 0.0
-    assert talk.report().values['status'] == 'CONVERGED'
+    assert talk.report().values['status'] in ('CONVERGED', 'ITERATION_LIMIT')
 
 
 def test_in_simulated_time_it_waits_for_ever(peer, start_node):
