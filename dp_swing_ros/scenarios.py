@@ -25,6 +25,7 @@ START, PUSHES = 1, 2                   # streams of random numbers beside those 
 RANDOM_START = (1.0, math.pi, math.pi, 1.0, 3.0, 3.0)  # largest of each state, either way
 NEAR_GOAL = 0.3                        # [rad] largest angle at the start of near_goal
 
+PROFILE = 'profile'                    # what pushes sweep: a profile is a level
 PULSES = 3                             # in a profile of pushes
 FIRST_PUSH, LAST_PUSH, APART = 0.5, 7.0, 1.0  # [s] between their middles
 WIDTHS = (0.05, 0.1)                   # [s] standard deviations of the Gaussians
@@ -102,7 +103,7 @@ def _from(case: Case, x: Array) -> Case:
 def pushed(case: Case) -> Case:
     """Push the cart by some Gaussian pulses; every profile is a level of its own."""
     profile = push_profile(case.seed, round(case.duration / PERIOD))
-    return replace(case, parameter='profile', level=float(case.seed),
+    return replace(case, parameter=PROFILE, level=float(case.seed),
                    pushes=tuple(profile.tolist()))
 
 

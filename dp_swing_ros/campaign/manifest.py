@@ -20,7 +20,8 @@ from dp_swing_ros.scenarios import SCENARIOS
 
 PACKAGE = Path(__file__).parents[1]
 COMPUTING = ('numpy', 'numba', 'scipy', 'joblib')
-AFTERWARDS = ('figures', 'nodes', 'tools')  # parts of the package that no episode depends on
+AFTERWARDS = ('figures/', 'nodes/', 'tools/', 'campaign/report.py', 'campaign/scores.py',
+              'campaign/summary.py', 'comparison.py')  # what no episode depends on
 DECIDES = ('contestants', 'scenarios', 'duration', 'sources')  # rows depend on these
 
 
@@ -65,9 +66,9 @@ def sources() -> str:
     """Return a digest of all that decides an episode."""
     digest = hashlib.sha256()
     for path in sorted(PACKAGE.rglob('*.py')):
-        place = path.relative_to(PACKAGE)
-        if place.parts[0] not in AFTERWARDS:
-            digest.update(str(place).encode() + path.read_bytes())
+        place = path.relative_to(PACKAGE).as_posix()
+        if not place.startswith(AFTERWARDS):
+            digest.update(place.encode() + path.read_bytes())
     return digest.hexdigest()[:16]
 
 

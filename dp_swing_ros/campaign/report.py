@@ -9,14 +9,14 @@ import math
 from dp_swing_ros.campaign.scores import CRITERIA, Level
 from dp_swing_ros.campaign.summary import Failure, Standing, Summary
 from dp_swing_ros.comparison import Paired, Rate
-from dp_swing_ros.scenarios import SCENARIOS
+from dp_swing_ros.scenarios import PROFILE, SCENARIOS
 
 NOTES = """\
 An episode is held when both angles are within 0.1 rad and all speeds below 1 over its last second;
 it has settled where that last stay begins. In brackets are Wilson's 95 % intervals; nothing is
 run twice. Medians are over the held episodes, what is largest over all; force steps are the
 standard deviation of Δu over the last 2 s (hold) and over all of the run. Solve times are over all
-ticks of all episodes; a miss is a solve over the time limit of the mpc."""
+solves of all episodes; a miss is a solve over the time limit of the mpc."""
 
 DUELS = """\
 On the same cases: what one held and the other did not, with the p of McNemar's exact test, and
@@ -159,7 +159,7 @@ def which(failures: Sequence[Failure]) -> str:
     """Return the seeds of failures, level by level where something is swept."""
     places: dict[str, list[int]] = {}
     for one in failures:
-        swept = one.level is not None and one.parameter != 'profile'
+        swept = one.level is not None and one.parameter != PROFILE
         place = f'{one.parameter} {one.level:.3g}: ' if swept else ''
         places.setdefault(place, []).append(one.seed)
     return '; '.join(f'{place}{"seeds" if len(seeds) > 1 else "seed"} {spans(seeds)}'

@@ -7,6 +7,7 @@ A line is written in one go, so that a campaign that is killed leaves at most it
 such a line is dropped when the campaign goes on.
 """
 
+from collections.abc import Iterable
 import csv
 import dataclasses
 import io
@@ -58,6 +59,12 @@ UNKNOWN = Metrics(**{field.name: NOTHING[field.type]
                      for field in dataclasses.fields(Metrics)})  # of an episode that raised
 COLUMNS = [*Key._fields, 'outcome', 'detail',
            *(field.name for field in dataclasses.fields(Metrics)), 'solve_times_us']
+
+
+def solves(rows: Iterable[Row]) -> Array:
+    """Return the times of all solves of some rows [s]; a tick without a solve took none."""
+    times = np.concatenate([np.zeros(0), *(row.solve_times for row in rows)])
+    return times[times > 0]
 
 
 class Table:

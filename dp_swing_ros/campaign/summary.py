@@ -10,16 +10,19 @@ from typing import Any
 
 import numpy as np
 
-from dp_swing_ros.campaign.rows import ERROR, Row
+from dp_swing_ros.campaign.rows import ERROR, Row, solves
 from dp_swing_ros.campaign.scores import (
     CRITERIA, Level, levels, passed_fraction, performance, robustness, SCORED)
 from dp_swing_ros.comparison import Paired, paired, Rate, rate, sign_test
 from dp_swing_ros.metrics import Outcome
+from dp_swing_ros.scenarios import PROFILE, SCENARIOS
 from dp_swing_ros.state import Array
 
 OF_HELD = ('settling_time', 'hold_error', 'smoothness', 'roughness', 'energy', 'impulse',
            'squared_force', 'squared_speed')
 OF_ALL = ('largest_force', 'largest_position', 'largest_angle')
+SWEPT = ['', PROFILE, *(sweep.parameter for scenario in SCENARIOS.values()
+                        for sweep in scenario.sweeps)]  # in the order of reports
 COMPARED = ('settling_time', 'smoothness')
 
 
@@ -28,7 +31,7 @@ class Standing:
     """
     How a contestant did in a scenario.
 
-    Medians are over the runs that were held, extremes over all; solve times over all ticks [s].
+    Medians are over the runs that were held, extremes over all; solve times over all solves [s].
     """
 
     contestant: str
@@ -38,7 +41,7 @@ class Standing:
     medians: dict[str, float]
     extremes: dict[str, float]
     solve_time: dict[str, float]
-    ticks: int
+    solves: int
     deadline_misses: int
     stand_ins: int
     sweeps: dict[str, list[Level]]
@@ -95,21 +98,19 @@ class Summary:
 
 def summarise(campaign: dict[str, Any], rows: Sequence[Row], expected: int) -> Summary:
     """Summarise the rows of a campaign as described, of as many as are expected."""
-    order = {name: n for names in (campaign['contestants'], campaign['scenarios'])
-             for n, name in enumerate(names)}
+    scenarios, contestants = list(campaign['scenarios']), list(campaign['contestants'])
     rows = sorted(rows, key=lambda row: (
-        order[row.key.scenario], order[row.key.contestant], row.key.parameter,
-        row.key.level or 0.0, row.key.seed))
+        scenarios.index(row.key.scenario), contestants.index(row.key.contestant),
+        SWEPT.index(row.key.parameter), row.key.level or 0.0, row.key.seed))
     groups: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
         groups.setdefault((row.key.contestant, row.key.scenario), []).append(row)
     return Summary(
         campaign, len(rows), expected - len(rows),
         [standing(*names, group) for names, group in groups.items()],
-        [score(contestant, groups) for contestant in campaign['contestants']],
+        [score(contestant, groups) for contestant in contestants],
         [duel(scenario, first, second, groups[first, scenario], groups[second, scenario])
-         for scenario in campaign['scenarios']
-         for first, second in itertools.combinations(campaign['contestants'], 2)
+         for scenario in scenarios for first, second in itertools.combinations(contestants, 2)
          if (first, scenario) in groups and (second, scenario) in groups],
         [Failure(*row.key, why(row)) for row in rows if not row.metrics.success])
 
@@ -117,7 +118,7 @@ def summarise(campaign: dict[str, Any], rows: Sequence[Row], expected: int) -> S
 def standing(contestant: str, scenario: str, rows: Sequence[Row]) -> Standing:
     """Sum up the rows of a contestant in a scenario."""
     held = [row for row in rows if row.metrics.success]
-    times = np.concatenate([row.solve_times for row in rows])
+    times = solves(rows)
     return Standing(
         contestant, scenario, rate([row.metrics.success for row in rows]),
         sum(row.outcome == ERROR for row in rows),

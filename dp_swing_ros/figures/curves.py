@@ -67,12 +67,13 @@ def _draw_angles(axes: Axes, episode: Episode) -> None:
         axes.plot(episode.t, episode.X[:, i] - 2 * np.pi * np.nan_to_num(turns[i - 1]),
                   color=colour, label=SYMBOLS[i])
     axes.yaxis.set_major_locator(MultipleLocator(np.pi))
-    axes.yaxis.set_major_formatter(FuncFormatter(_in_turns))
+    axes.yaxis.set_major_formatter(FuncFormatter(in_turns))
     axes.set_ylabel('angle [rad]\n0 is upright')
     legend(axes)
 
 
-def _in_turns(angle: float, _: int | None = None) -> str:
+def in_turns(angle: float, _: int | None = None) -> str:
+    """Return an angle in multiples of π, for an axis."""
     halves = round(angle / np.pi)
     return {0: '0', 1: 'π', -1: '−π'}.get(halves, f'{halves}π'.replace('-', '−'))
 

@@ -17,6 +17,7 @@ from dp_swing_ros.campaign.report import markdown
 from dp_swing_ros.campaign.rows import CampaignError, read, Table
 from dp_swing_ros.campaign.runner import run
 from dp_swing_ros.campaign.summary import plain, summarise, Summary
+from dp_swing_ros.figures import of_campaign
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.scenarios import Case, SCENARIOS
 from dp_swing_ros.solvers import SOLVERS
@@ -154,4 +155,8 @@ def report(folder: Path, figures: bool) -> Summary:
     page = markdown(summary)
     (folder / 'summary.md').write_text(page, encoding='utf-8')
     print(page)
+    if figures:
+        for name, figure in of_campaign(summary, rows):
+            figure.savefig(folder / f'{name}.png')
+    print(f'table, summary and pictures: {folder}')
     return summary

@@ -1,0 +1,62 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""How the contestants of a campaign look in all of its pictures."""
+
+from typing import Any, NamedTuple
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from dp_swing_ros.figures.style import ALARM, FAINT, FORCE, INK, LINK1, LINK2
+
+OWN = {'ilqr': LINK1, 'ddp': LINK2, 'mppi': FORCE, 'tvlqr': ALARM, 'nothing': FAINT}
+DASHES = ('-', (0, (4, 1.5)), (0, (1, 1)), (0, (5, 1, 1, 1)))  # of a first, second ... variant
+ENTRY = 1.3  # [inch] of a legend
+MARKERS = ('o', 's', '^', 'D')
+
+
+class Look(NamedTuple):
+    """The colour says which solver, line and marker which of its variants."""
+
+    colour: str
+    dash: Any
+    marker: str
+    filled: bool
+
+    def line(self) -> dict[str, Any]:
+        """Return the arguments of a line."""
+        return {'color': self.colour, 'linestyle': self.dash}
+
+    def point(self) -> dict[str, Any]:
+        """Return the arguments of a point."""
+        return {'color': self.colour, 'marker': self.marker, 'markeredgewidth': 1.2,
+                'markerfacecolor': self.colour if self.filled else 'white'}
+
+
+def looks(campaign: dict[str, Any]) -> dict[str, Look]:
+    """Return the look of every contestant in a campaign's description."""
+    seen: dict[str, int] = {}
+    found = {}
+    for label, about in campaign['contestants'].items():
+        variant = seen.setdefault(about['name'], 0)
+        seen[about['name']] += 1
+        found[label] = Look(OWN.get(about['name'], INK), DASHES[variant % len(DASHES)],
+                            MARKERS[variant % len(MARKERS)], variant == 0)
+    return found
+
+
+def name_contestants(figure: Figure, shown: dict[str, Look], points: bool = False) -> None:
+    """Put a legend of the contestants below a picture."""
+    figure.legend(
+        handles=[Line2D([], [], label=label, **(look.line() | (look.point() if points else {})))
+                 for label, look in shown.items()],
+        loc='outside lower center', handlelength=2.6,
+        ncols=max(1, min(len(shown), int(figure.get_size_inches()[0] / ENTRY))))
+
+
+def as_share(axes: Axes, along: str) -> None:
+    """Let an axis go from 0 to 100 %."""
+    axis = axes.xaxis if along == 'x' else axes.yaxis
+    axis.set_ticks([0.0, 0.25, 0.5, 0.75, 1.0], ['0', '25', '50', '75', '100 %'])
+    axes.set(**{f'{along}lim': (-0.02, 1.02)})
