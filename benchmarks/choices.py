@@ -105,12 +105,12 @@ def main() -> None:
     argparse.ArgumentParser(description=__doc__).parse_args()
     print('# What each choice is worth\n\n'
           f'Made by `make results` (choices.py): {DURATION:g} s without ROS, in lockstep, of the '
-          'scenarios of [evaluate](../evaluation.md), from their first seed on; each row takes one '
-          'choice of the defaults back. In brackets the 95 % interval (Wilson); the settling time '
-          'is the median of the successes, the force step the median standard deviation of Δu '
-          'over the last 2 s.\n\n'
-          '| taken back | scenario | solver | upright to the end | settling [s] | force step [N] |\n'
-          '| --- | --- | --- | --- | --- | --- |')
+          'scenarios of [evaluate](../evaluation.md), from their first seed on; each row takes '
+          'one choice of the defaults back. In brackets the 95 % interval (Wilson); the settling '
+          'time is the median of the successes, the force step the median standard deviation of '
+          'Δu over the last 2 s.\n\n'
+          '| taken back | scenario | solver | upright to the end | settling [s] | '
+          'force step [N] |\n| --- | --- | --- | --- | --- | --- |')
     with Parallel(n_jobs=-1) as parallel:
         for choice in tqdm(CHOICES):
             cases = list(SCENARIOS[choice.scenario].cases(

@@ -90,7 +90,7 @@ class MPPI:
             best = self.with_feedback(min(
                 best, self.proposal(x_0, average), self.proposal(x_0, cheapest),
                 key=lambda proposal: proposal.J))
-            if before - best.J <= self.parameters.tolerance * before:
+            if before - best.J < self.parameters.tolerance * before:
                 status = Status.CONVERGED
                 break
         if not np.isfinite(best.J):
