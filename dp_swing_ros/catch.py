@@ -7,8 +7,8 @@ The catch: the regulator at the goal for a force that is bounded.
 
 With P of the Riccati equation this is the regulator as long as the bound does not act. Where it
 does, the regulator's rollout falls over and leads a local solver away; this problem is convex, so
-its optimum is found. It is a trajectory of the linear model; one Riccati pass about it closes the
-gaps to the real one (Giftthaler et al., IROS 2018).
+its optimum is found. It is a trajectory of the linear model; Riccati passes about it close the
+gaps to the real one, which is multiple shooting (Giftthaler et al., IROS 2018).
 """
 
 import math
@@ -17,6 +17,7 @@ import numpy as np
 from scipy.linalg import cholesky, qr
 from scipy.optimize import lsq_linear
 
+from dp_swing_ros.cost import trajectory_cost
 from dp_swing_ros.dynamics.trajectory import step
 from dp_swing_ros.kernels import kernel
 from dp_swing_ros.problem import linearisation, Problem, turns_of
@@ -25,6 +26,8 @@ from dp_swing_ros.solvers.solver import Start
 from dp_swing_ros.state import Array
 
 REACH = (math.inf, 0.6, 0.6, 10.0, 10.0, 10.0)  # of the linear model, in the units of the state
+PASSES = 8    # to close the gaps in
+DEARER = 2.0  # in one of them the cost may grow by this factor
 
 
 @kernel
@@ -75,13 +78,23 @@ class Catch:
         return None if caught is None else caught._replace(X=caught.X + turns)
 
     def closed(self, X: Array, U: Array) -> Start | None:
-        """Follow the policy of one Riccati pass about a trajectory of the linear model."""
+        """Close the gaps of a trajectory of the linear model by Riccati passes about it."""
         problem, N = self.problem, self.problem.horizon
-        gaps, k, K = np.empty((N, 6)), np.empty(N), np.empty((N, 6))
-        X_new, U_new = np.empty_like(X), np.empty_like(U)
-        find_gaps(problem.model, X, U, gaps)
-        if not backward(problem.model, problem.cost, X, U, gaps, problem.u_max, 0.0, False,
-                        k, K)[0]:
-            return None
-        J = forward(problem.model, problem.cost, X, U, k, K, 1.0, problem.u_max, X_new, U_new)
-        return Start(J, X_new, U_new, K) if np.isfinite(J) else None
+        model, cost, u_max = problem.model, problem.cost, problem.u_max
+        J = trajectory_cost(cost, X, U)
+        X_new, U_new, gaps = np.empty_like(X), np.empty_like(U), np.empty((N, 6))
+        k, K = np.empty(N), np.empty((N, 6))
+        find_gaps(model, X, U, gaps)
+        for number in range(1, PASSES + 1):
+            if not backward(model, cost, X, U, gaps, u_max, 0.0, False, k, K)[0]:
+                return None
+            # as much of the gaps at once as does not throw it over; in the end all that is left
+            for alpha in (1.0, 0.5, 0.25) if number < PASSES else (1.0,):
+                J_new = forward(model, cost, X, U, gaps, k, K, alpha, u_max, X_new, U_new)
+                if J_new <= DEARER * J:
+                    break
+            J, X, X_new, U, U_new = J_new, X_new, X, U_new, U
+            gaps *= 1 - alpha
+            if alpha == 1.0 or not np.isfinite(J):
+                break
+        return Start(J, X, U, K) if np.isfinite(J) else None

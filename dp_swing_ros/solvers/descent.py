@@ -54,7 +54,7 @@ def descend(problem: Problem, parameters: DescentParameters, second_order: bool,
         if positive and -slope <= parameters.tolerance * J:
             K, status = K_new, Status.CONVERGED
             break
-        J_new = line_search(model, cost, X, U, J, k, K_new, slope, bend, u_max,
+        J_new = line_search(model, cost, X, U, J, gaps, k, K_new, slope, bend, u_max,
                             X_new, U_new) if positive else np.inf
         if J_new < J:
             J, X, X_new, U, U_new, K, K_new = J_new, X_new, X, U_new, U, K_new, K

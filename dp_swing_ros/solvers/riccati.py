@@ -108,11 +108,12 @@ def backward(model, cost, X, U, gaps, u_max, mu, second_order, k, K):
 
 
 @kernel
-def forward(model, cost, X, U, k, K, alpha, u_max, X_new, U_new):
+def forward(model, cost, X, U, gaps, k, K, alpha, u_max, X_new, U_new):
     """
     Write the trajectory of the policy u = U + α k + K (x - X), (33)-(35), and return its cost.
 
-    Shapes: X and X_new (T + 1, 6), U and U_new (T,), k (T,), K (T, 6).
+    A share α of the gaps is closed. Shapes: X and X_new (T + 1, 6), U and U_new (T,), gaps
+    (T, 6), k (T,), K (T, 6).
     """
     total = 0.0
     X_new[0] = X[0]
@@ -123,19 +124,21 @@ def forward(model, cost, X, U, k, K, alpha, u_max, X_new, U_new):
         U_new[t] = min(max(u, -u_max), u_max)
         total += running(cost, X_new[t], U_new[t])
         step(model, X_new[t], U_new[t], X_new[t + 1])
+        for i in range(6):
+            X_new[t + 1, i] -= (1 - alpha) * gaps[t, i]
     return total + terminal(cost, X_new[len(U)])
 
 
 @kernel
-def line_search(model, cost, X, U, J, k, K, slope, bend, u_max, X_new, U_new):
+def line_search(model, cost, X, U, J, gaps, k, K, slope, bend, u_max, X_new, U_new):
     """
     Halve α until the cost falls as expected; return the new cost, infinity if it never does.
 
-    Shapes: as in `forward`.
+    Shapes: as in `forward`; the gaps must be zero, for a cost with gaps promises nothing.
     """
     alpha = 1.0
     for _ in range(HALVINGS):
-        J_new = forward(model, cost, X, U, k, K, alpha, u_max, X_new, U_new)
+        J_new = forward(model, cost, X, U, gaps, k, K, alpha, u_max, X_new, U_new)
         if J - J_new >= -SUFFICIENT * alpha * (slope + 0.5 * alpha * bend) and J_new < J:
             return J_new
         alpha *= 0.5

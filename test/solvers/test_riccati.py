@@ -98,7 +98,8 @@ def test_the_slope_is_the_cost_s(problem, trajectory, second_order):
     _, slope, _ = pass_back(problem, X, U, math.inf, 0.0, second_order, k, K)
     J = trajectory_cost(problem.cost, X, U)
     X_new, U_new = np.empty_like(X), np.empty_like(U)
-    change = forward(problem.model, problem.cost, X, U, k, K, 1e-7, math.inf, X_new, U_new) - J
+    change = forward(problem.model, problem.cost, X, U, np.zeros((N, 6)), k, K, 1e-7, math.inf,
+                     X_new, U_new) - J
     assert change == pytest.approx(1e-7 * slope, rel=1e-3)
 
 
@@ -123,8 +124,8 @@ def test_a_linear_problem_is_solved_in_one_step(problem):
     J = trajectory_cost(problem.cost, X, U)
     _, slope, bend = pass_back(problem, X, U, 20.0, 0.0, False, k, K)
     X_new, U_new = np.empty_like(X), np.empty_like(U)
-    J_new = line_search(problem.model, problem.cost, X, U, J, k, K, slope, bend, 20.0, X_new,
-                        U_new)
+    J_new = line_search(problem.model, problem.cost, X, U, J, np.zeros((N, 6)), k, K, slope, bend,
+                        20.0, X_new, U_new)
     assert J_new == pytest.approx(x @ problem.lqr.P @ x, rel=1e-3)
     assert J_new - J == pytest.approx(slope + bend / 2, rel=1e-3)
 
