@@ -6,6 +6,7 @@ The controller: from every state a plan, and from the plan a force.
 Where states stop coming in real time, the last plan goes on for a while; then the force is zero.
 """
 
+import gc
 import math
 import time
 
@@ -88,6 +89,8 @@ class MpcNode(ProcessNode):
         self.get_logger().info(f'preparing the solver {self.solver!r} (the first start on a '
                                'machine compiles for half a minute; later ones take a second)')
         taken = self.horizon.warm_up()
+        gc.collect()
+        gc.freeze()   # else the collector looks through all modules in a first tick, for 25 ms
         done = 'compiled' if taken > SLOW_START else 'loaded'
         self.began = self.get_clock().now().nanoseconds
         # Of several states, the newest. A plant in lockstep may have sent its first one already.
