@@ -53,8 +53,8 @@ def swing_up(problem: Problem) -> Reference:
         U = random.uniform(-1, 1, N) * min(bound, 10.0)
         start = Plan(rollout(problem.model, x_0, U), U, np.zeros((N, 6)), problem.dt,
                      SolverStats(Status.COMPLETE, math.inf, 0, 0.0))
-        reference = stabilised(problem, solver.solve(x_0, start, math.inf))
-        if is_held(problem, reference):
+        plan = solver.solve(x_0, start, math.inf)
+        if is_upright(plan.X[-1]) and is_held(problem, reference := stabilised(problem, plan)):
             found.append(reference)
     if not found:
         raise ValueError(f'no swing-up of {SWING_UP:g} s in {STARTS} solves; a TVLQR needs one')

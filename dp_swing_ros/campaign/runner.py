@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 import contextlib
 import functools
 import os
+import sys
 import threading
 import time
 
@@ -50,7 +51,7 @@ def run(contestants: Sequence[Contestant], cases: Sequence[Case], table: Table, 
             for row in rows:
                 table.append(row)
                 if row.outcome == ERROR:
-                    bar.write(f'{" ".join(map(str, row.key))}: {row.detail}')
+                    bar.write(f'{" ".join(map(str, row.key))}: {row.detail}', file=sys.stderr)
                 failures += row.outcome != Outcome.HELD.name
                 bar.set_postfix(failed=failures, refresh=False)
                 bar.update()

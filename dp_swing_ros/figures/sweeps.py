@@ -6,13 +6,14 @@ import math
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 import numpy as np
 
 from dp_swing_ros.campaign.scores import Level
 from dp_swing_ros.campaign.summary import Summary
 from dp_swing_ros.figures.contestants import Look, looks
 from dp_swing_ros.figures.style import FAINT, INK, styled, tint
-from dp_swing_ros.scenarios import SCENARIOS
+from dp_swing_ros.scenarios import PROFILE, SCENARIOS
 
 COLUMNS = 3
 UNITS = {sweep.parameter: sweep.unit for scenario in SCENARIOS.values()
@@ -50,6 +51,7 @@ def _draw_panel(axes: Axes, scenario: str, parameter: str, strips: dict[str, lis
     half = _pitch(sorted(set(values))) / 2
     axes.set(xlim=(min(values) - half, max(values) + half), ylim=(len(labels) - 0.4, -0.6))
     axes.set_yticks(range(len(labels)), labels, size=8)
+    axes.xaxis.set_major_locator(MaxNLocator(6, integer=parameter == PROFILE))
     axes.tick_params('y', length=0)
     axes.spines[:].set_visible(False)
     axes.set_title(_name(scenario, parameter), size=9, loc='left')

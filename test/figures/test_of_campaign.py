@@ -1,0 +1,101 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+import numpy as np
+from PIL import Image
+import pytest
+from results import campaign, error_row, row
+
+from dp_swing_ros.campaign.summary import summarise
+from dp_swing_ros.figures import of_campaign
+from dp_swing_ros.figures.contestants import looks
+from dp_swing_ros.figures.distributions import settling, solve_times
+from dp_swing_ros.figures.rates import successes
+from dp_swing_ros.figures.starts import starts
+from dp_swing_ros.figures.sweeps import sweeps
+
+NAMES = ('ilqr', 'mppi', 'ilqr:paper')
+SCENARIOS = ('random', 'model', 'delay', 'pushes')
+ROWS = [
+    *(row(name, 'random', seed, held=seed > n, settling_time=1.0 + seed if seed > n else np.nan)
+      for n, name in enumerate(NAMES) for seed in range(6)),
+    *(row(name, 'model', 0, held=level < 1.2, parameter='link1_mass', level=level)
+      for name in NAMES for level in np.linspace(0.75, 1.25, 5)),
+    *(row(name, 'delay', seed, held=level < 0.1, parameter='delay', level=level)
+      for name in NAMES for level in (0.0, 0.075, 0.15) for seed in range(2)),
+    *(row(name, 'pushes', seed, parameter='profile', level=float(seed))
+      for name in NAMES for seed in range(3))]
+
+
+def summary_of(rows, contestants=NAMES, scenarios=SCENARIOS):
+    return summarise(campaign(contestants, scenarios), rows, 100)
+
+
+def drawn(rows, contestants=NAMES, scenarios=SCENARIOS):
+    return dict(of_campaign(summary_of(rows, contestants, scenarios), rows))
+
+
+@pytest.mark.filterwarnings('error')
+def test_a_campaign_has_six_pictures(tmp_path):
+    figures = drawn(ROWS)
+    assert list(figures) == [
+        'successes', 'criteria', 'sweeps', 'settling', 'solve_times', 'starts']
+    for name, figure in figures.items():
+        figure.savefig(tmp_path / f'{name}.png', dpi=60)
+        with Image.open(tmp_path / f'{name}.png') as image:
+            assert min(image.size) > 100
+            assert np.asarray(image.convert('L')).std() > 5
+
+
+@pytest.mark.filterwarnings('error')
+@pytest.mark.parametrize('rows, names', [
+    ([error_row()], {'successes', 'settling'}),
+    ([row(held=False, settling_time=np.nan)], {'successes', 'settling', 'solve_times'}),
+    ([row(scenario='delay', parameter='delay', level=0.1)],
+     {'successes', 'criteria', 'sweeps', 'solve_times'})])
+def test_only_what_there_is_to_see_is_drawn(rows, names, tmp_path):
+    figures = drawn(rows, ['ilqr'], [rows[0].key.scenario])
+    assert set(figures) == names
+    for figure in figures.values():
+        figure.savefig(tmp_path / 'picture.png', dpi=30)
+
+
+def test_a_solver_has_one_colour_and_its_variants_other_lines():
+    first, _, variant = looks(campaign(NAMES)).values()
+    assert first.colour == variant.colour
+    assert first.dash != variant.dash
+    assert first.filled and not variant.filled
+
+
+def test_successes_are_at_their_shares():
+    axes = successes(summary_of(ROWS)).axes[0]
+    points = [line.get_xdata()[0] for line in axes.lines if line.get_linestyle() == 'None']
+    assert points[:3] == [5 / 6, 4 / 6, 3 / 6]
+    assert {'5 of 6', '6 of 6', '4 of 5', '3 of 3'} >= {
+        text.get_text() for text in axes.texts} - {'4 of 6', '3 of 6'}
+
+
+def test_settling_ends_at_the_success_rate():
+    axes = settling(summary_of(ROWS), ROWS).axes[0]
+    assert [line.get_ydata()[-1] for line in axes.lines] == [5 / 6, 4 / 6, 3 / 6]
+    assert axes.get_xlabel() == 'settling time [s]'
+
+
+def test_solve_times_are_shares_of_solves():
+    rows = [row('ilqr', solve_times=(0.0, 0.001, 0.004, 0.002))]
+    line = solve_times(summary_of(rows, ['ilqr'], ['hanging']), rows).axes[0].lines[0]
+    np.testing.assert_allclose(line.get_xdata(), [1.0, 2.0, 4.0])
+    np.testing.assert_allclose(line.get_ydata(), [1.0, 2 / 3, 1 / 3])
+
+
+def test_a_strip_has_a_cell_a_level_and_a_cross_where_it_fails():
+    panel = sweeps(summary_of(ROWS)).axes[0]
+    assert 'link1 mass' in panel.get_title(loc='left')
+    assert len(panel.patches) == 3 * 5
+    assert [line.get_xdata()[0] for line in panel.lines] == [1.25] * 3
+
+
+def test_starts_are_at_the_angles_of_their_seeds():
+    panel = starts(summary_of(ROWS), ROWS).axes[0]
+    assert len(panel.collections[0].get_offsets()) == 5
+    assert len(panel.lines[0].get_xdata()) == 1
+    assert np.all(np.abs(panel.collections[0].get_offsets()) <= np.pi)

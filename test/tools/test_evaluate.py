@@ -1,0 +1,168 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+import json
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+
+from conftest import wait_until
+from PIL import Image
+import pytest
+
+from dp_swing_ros.campaign.rows import read
+from dp_swing_ros.tools.evaluate import command_line, main
+from dp_swing_ros.tools.processes import ENDING
+
+SOURCES = Path(__file__).parents[2]
+SCRIPT = 'import sys; from dp_swing_ros.tools.evaluate import main; sys.exit(main())'
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    """Work in an empty folder, and keep the signals of the test run."""
+    monkeypatch.chdir(tmp_path)
+    handlers = {number: signal.getsignal(number) for number in ENDING}
+    yield tmp_path
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
+
+
+def test_the_installed_command_leaves_table_report_and_pictures(tmp_path):
+    command = ['ros2', 'run', 'dp_swing_ros', 'evaluate', '--contestants', 'ilqr', 'nothing',
+               '--scenarios', 'hanging', 'delay', '--seeds', '2', '--levels', '2',
+               '--duration', '3', '--jobs', '2', '--output', 'new/campaign']
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    folder = tmp_path / 'new' / 'campaign'
+    made = {path.name for path in folder.iterdir()}
+    pictures = {'successes.png', 'criteria.png', 'sweeps.png', 'settling.png', 'solve_times.png'}
+    assert made == {'campaign.json', 'episodes.csv', 'summary.md', 'summary.json', *pictures}
+    for name in pictures:
+        with Image.open(folder / name) as image:
+            image.verify()
+    page = (folder / 'summary.md').read_text()
+    assert page in done.stdout
+    assert '--levels 2' in page
+    summary = json.loads((folder / 'summary.json').read_text())
+    assert summary['episodes'] == len(read(folder / 'episodes.csv')) == 2 * (2 + 2 * 2)
+    assert summary['standings'][0]['held'] == {
+        'successes': 2, 'runs': 2, 'low': pytest.approx(0.342, abs=1e-3), 'high': 1.0}
+
+
+SMALL = ['--contestants', 'nothing', '--scenarios', 'hanging', '--seeds', '3', '--duration', '1',
+         '--jobs', '1', '--no-figures', '--output', 'campaign']
+
+
+def test_a_finished_campaign_is_only_reported(capsys):
+    assert main(SMALL) == 0
+    rows = Path('campaign/episodes.csv').read_bytes()
+    Path('campaign/summary.md').unlink()
+    assert main(SMALL) == 0
+    assert main(['--output', 'campaign', '--summary-only']) == 0
+    assert Path('campaign/episodes.csv').read_bytes() == rows
+    assert '0 of 3' in Path('campaign/summary.md').read_text()
+    assert Path('campaign/successes.png').exists()
+
+
+def one_line(capsys):
+    error = capsys.readouterr().err
+    assert error.count('\n') == 1
+    assert error.startswith('evaluate: error: ')
+    return error
+
+
+def test_another_campaign_in_its_folder_is_refused(capsys):
+    assert main(SMALL) == 0
+    capsys.readouterr()
+    assert main([*SMALL, '--seeds', '4']) == 1
+    assert '[0, 3]' in one_line(capsys)
+
+
+@pytest.mark.parametrize('arguments, code, word', [
+    (['--contestants', 'sqp'], 2, 'sqp'),
+    (['--contestants', 'ilqr:none.yaml'], 2, 'none.yaml'),
+    (['--contestants', 'ilqr:horison=3', '--seeds', '1'], 2, "did you mean 'horizon'?"),
+    (['--output', 'none', '--summary-only'], 1, 'no campaign'),
+    (['--output', 'file/below', '--contestants', 'nothing'], 1, 'file')])
+def test_what_cannot_work_is_one_line(arguments, code, word, capsys):
+    Path('file').write_text('')
+    assert main(arguments) == code
+    assert word in one_line(capsys)
+
+
+@pytest.mark.parametrize('arguments, word', [
+    (['--scenarios', 'none'], 'near_goal'), (['--seeds', '0'], 'no seeds'),
+    (['--seeds', '5:5'], 'no seeds'), (['--seeds', 'all'], 'invalid'),
+    (['--levels', '0'], 'above 0'), (['--jobs', '0'], 'above 0'), (['--duration', 'inf'], '0.05'),
+    (['--speed', '2'], 'unrecognized')])
+def test_misuse_is_refused_at_once(arguments, word, capsys):
+    with pytest.raises(SystemExit) as end:
+        main(arguments)
+    assert end.value.code == 2
+    assert word in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('text, seeds', [('3', range(3)), ('10:12', range(10, 12))])
+def test_seeds_are_a_count_or_a_range(text, seeds):
+    assert command_line().parse_args(['--seeds', text]).seeds == seeds
+
+
+def test_help_tells_scenarios_and_examples(capsys):
+    with pytest.raises(SystemExit):
+        main(['--help'])
+    shown = capsys.readouterr().out
+    assert all(word in shown for word in ('near_goal', 'tvlqr', 'dask worker', 'examples:'))
+
+
+LONG = ['--contestants', 'nothing', 'ilqr', '--scenarios', 'random', '--seeds', '40',
+        '--duration', '1', '--jobs', '2', '--no-figures', '--output', 'campaign']
+
+
+def started():
+    """Start a campaign in a session of its own, and wait for its first rows."""
+    process = subprocess.Popen(
+        [sys.executable, '-c', SCRIPT, *LONG], start_new_session=True, text=True,
+        stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+        env={**os.environ, 'PYTHONPATH': str(SOURCES)})
+    table = Path('campaign/episodes.csv')
+    assert wait_until(lambda: table.exists() and table.read_bytes().count(b'\n') > 4)
+    return process
+
+
+def left(session):
+    """Return the processes of a session that still live."""
+    found = subprocess.run(['ps', '-o', 'pid=,stat=', '--sid', str(session)],
+                           capture_output=True, text=True).stdout.splitlines()
+    return [line for line in found if 'Z' not in line]
+
+
+def test_a_campaign_goes_on_after_it_was_killed(capsys):
+    process = started()
+    process.kill()
+    process.communicate()
+    survived = Path('campaign/episodes.csv').read_bytes()
+    whole = survived[:survived.rfind(b'\n') + 1]
+    assert 0 < whole.count(b'\n') < 81
+    # as if the last line had been torn
+    Path('campaign/episodes.csv').write_bytes(whole + b'ilqr,random,,,7,HE')
+    assert wait_until(lambda: not left(process.pid)), left(process.pid)
+    assert main(LONG) == 0
+    assert Path('campaign/episodes.csv').read_bytes().startswith(whole)
+    rows = read(Path('campaign/episodes.csv'))
+    assert len({row.key for row in rows}) == len(rows) == 80
+    assert f'{whole.count(10) - 1}/80' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_ends_all_workers_and_says_how_to_go_on(number):
+    process = started()
+    os.killpg(process.pid, number)
+    error = process.communicate(timeout=30)[1]
+    assert process.returncode == 130
+    assert error.splitlines()[-1] == (
+        'evaluate: interrupted; call again with --output campaign to go on')
+    assert 'Traceback' not in error
+    assert wait_until(lambda: not left(process.pid)), left(process.pid)
+    assert len(read(Path('campaign/episodes.csv'))) > 3
