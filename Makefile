@@ -30,6 +30,9 @@ demo: setup  ## swing up and hold in real time for 10 s (SOLVER=ilqr, ddp or mpp
 docs: setup  ## the reference of parameters
 	@$(WITH_ROS) && ros2 run dp_swing_ros parameters > docs/parameters.md
 
+evaluate: setup  ## run a campaign of episodes without ROS (EVALUATE='...' for its arguments)
+	@$(WITH_ROS) && ros2 run dp_swing_ros evaluate $(EVALUATE)
+
 results: setup  ## measure the swing-up anew (half an hour on an idle machine)
 	@$(WITH_ROS) && for page in swing_up choices; do \
 	  python benchmarks/$$page.py > docs/results/.new && \
@@ -67,5 +70,5 @@ install/.built: $(VENV)/.installed $(SOURCES)
 	  (cd $$tree && find dp_swing_ros -name '*.py' ! -exec test -e '$(CURDIR)/{}' \; -delete); done
 	@touch $@
 
-.PHONY: help setup demo docs results test shell clean
+.PHONY: help setup demo docs evaluate results test shell clean
 .DEFAULT_GOAL := help

@@ -39,7 +39,7 @@ scenarios:
 """ + '\n'.join(f'  {name:16}{scenario.about}' for name, scenario in SCENARIOS.items()) + """
 
 With --dask, start the scheduler and workers where this package can be imported, each worker with
-one thread: dask worker ADDRESS --nworkers auto --nthreads 1
+one thread: dask worker ADDRESS --nworkers=-1 --nthreads 1
 
 The exit code is 0 when all episodes were run, whatever came of them; 1 when the campaign could not
 go on, 2 for what cannot work, 130 after Ctrl-C."""
