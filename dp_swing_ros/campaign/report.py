@@ -7,7 +7,7 @@ import itertools
 import math
 
 from dp_swing_ros.campaign.scores import CRITERIA, Level
-from dp_swing_ros.campaign.summary import Failure, Standing, Summary
+from dp_swing_ros.campaign.summary import CATCH, DROP, Failure, Standing, Summary
 from dp_swing_ros.comparison import Paired, Rate
 from dp_swing_ros.scenarios import PROFILE, SCENARIOS
 
@@ -34,6 +34,8 @@ def markdown(summary: Summary) -> str:
         if standings:
             parts.append([f'## {scenario}', '', f'{SCENARIOS[scenario].about}.', '',
                           *_standings(standings)])
+        if scenario == CATCH:
+            parts.append([f'Went beyond ±{DROP:g} rad: {_dropped(standings)}.'])
     parts.append(['## Scores', '', *_scores(summary)])
     if any(one.sweeps for one in summary.standings):
         parts.append(['## Where each breaks', '', *_breaks(summary)])
@@ -84,6 +86,12 @@ def _standings(standings: list[Standing]) -> Iterator[str]:
            number(one.medians['squared_force'], 0),
            ', '.join(number(value, 2, 1e3) for value in one.solve_time.values()),
            str(one.deadline_misses), str(one.stand_ins)) for one in standings)])
+
+
+def _dropped(standings: list[Standing]) -> str:
+    return '; '.join(
+        f'`{one.contestant}` {len(one.dropped)} of {one.held.runs}'
+        + (f' (seeds {spans(one.dropped)})' if one.dropped else '') for one in standings)
 
 
 def _scores(summary: Summary) -> Iterator[str]:

@@ -23,6 +23,7 @@ OF_HELD = ('settling_time', 'hold_error', 'smoothness', 'roughness', 'energy', '
 OF_ALL = ('largest_force', 'largest_position', 'largest_angle')
 SWEPT = ['', PROFILE, *(sweep.parameter for scenario in SCENARIOS.values()
                         for sweep in scenario.sweeps)]  # in the order of reports
+CATCH, DROP = 'near_goal', 0.4  # [rad] who gets further from upright has dropped the pendulum
 COMPARED = ('settling_time', 'smoothness')
 
 
@@ -32,6 +33,7 @@ class Standing:
     How a contestant did in a scenario.
 
     Medians are over the runs that were held, extremes over all; solve times over all solves [s].
+    Dropped are the seeds of a start near the goal from which an angle went beyond DROP.
     """
 
     contestant: str
@@ -45,6 +47,7 @@ class Standing:
     deadline_misses: int
     stand_ins: int
     sweeps: dict[str, list[Level]]
+    dropped: list[int]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -127,7 +130,9 @@ def standing(contestant: str, scenario: str, rows: Sequence[Row]) -> Standing:
         {name: float(np.quantile(times, share)) if len(times) else math.nan
          for name, share in (('median', 0.5), ('p99', 0.99), ('largest', 1.0))},
         len(times), sum(row.metrics.deadline_misses for row in rows),
-        sum(row.metrics.stand_ins for row in rows), levels(rows))
+        sum(row.metrics.stand_ins for row in rows), levels(rows),
+        [row.key.seed for row in rows if scenario == CATCH
+         and not row.metrics.largest_angle <= DROP])
 
 
 def _reduced(reduce: Any, rows: Sequence[Row], name: str) -> float:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from results import campaign, error_row, row
 
+from dp_swing_ros.campaign.report import markdown
 from dp_swing_ros.campaign.summary import duel, plain, standing, summarise, why
 from dp_swing_ros.metrics import Outcome
 
@@ -28,6 +29,15 @@ def test_solve_times_are_pooled_over_all_solves():
     assert one.solve_time['median'] == 0.001
     assert 0.001 < one.solve_time['p99'] < 0.5
     assert one.solve_time['largest'] == 0.5
+
+
+def test_who_drops_the_pendulum_near_the_goal_is_counted():
+    rows = [row('ilqr', 'near_goal', seed, largest_angle=angle)
+            for seed, angle in enumerate((0.2, 0.41, 3.1, 0.4))]
+    assert standing('ilqr', 'near_goal', [*rows, error_row(seed=9)]).dropped == [1, 2, 9]
+    assert standing('ilqr', 'hanging', rows).dropped == []
+    page = markdown(summarise(campaign(scenarios=('near_goal',)), rows, 4))
+    assert 'Went beyond ±0.4 rad: `ilqr` 2 of 4 (seeds 1-2).' in page
 
 
 def test_a_duel_is_over_the_same_cases():
