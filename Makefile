@@ -33,8 +33,8 @@ docs: setup  ## the reference of parameters
 evaluate: setup  ## run a campaign of episodes without ROS (EVALUATE='...' for its arguments)
 	@$(WITH_ROS) && ros2 run dp_swing_ros evaluate $(EVALUATE)
 
-results: setup  ## measure the swing-up anew (half an hour on an idle machine)
-	@$(WITH_ROS) && for page in swing_up choices; do \
+results: setup  ## measure docs/results anew, but for the campaigns (half an hour)
+	@$(WITH_ROS) && for page in real_time near_goal choices; do \
 	  python benchmarks/$$page.py > docs/results/.new && \
 	  mv docs/results/.new docs/results/$$page.md || exit 1; done
 

@@ -25,7 +25,7 @@ from dp_swing_ros.problem import policy_rollout, Problem, regulator_rollout, tur
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.solvers.solver import Solver
 from dp_swing_ros.starts import plan_of, StartParameters, Starts
-from dp_swing_ros.state import Array, HANGING, is_upright, to_turn_of
+from dp_swing_ros.state import Array, HANGING, is_upright, LEANING, to_turn_of
 
 REMEMBERED = 64  # forces sent, for the roll forward
 OVERTAKEN = 0.5  # [s] a state older than the last by more than this is none that was overtaken
@@ -149,8 +149,10 @@ class RecedingHorizon:
         """Compile all that a tick needs, on a copy of the controller, and return the time [s]."""
         began = time.perf_counter()
         twin = RecedingHorizon(self.nominal, self.parameters, self.solver_parameters)
-        for n in range(3):
-            twin.update(n * self.problem.dt, np.array(HANGING), delay=1e-3)
+        for x in (LEANING, HANGING):    # the catch is for the one, random starts for the other
+            twin.reset()
+            for n in range(3):
+                twin.update(n * self.problem.dt, np.array(x), delay=1e-3)
         twin.stand_in(3 * self.problem.dt)
         return time.perf_counter() - began
 

@@ -20,6 +20,7 @@ UNITS = ('m', 'rad', 'rad', 'm/s', 'rad/s', 'rad/s')
 ANGLES = slice(1, 3)
 UPRIGHT = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 HANGING = (0.0, np.pi, np.pi, 0.0, 0.0, 0.0)
+LEANING = (0.0, 0.2, 0.0, 0.0, 0.0, 0.0)   # so far that the regulator would drop it
 
 
 def to_turn_of(x: Array, reference: Array) -> Array:

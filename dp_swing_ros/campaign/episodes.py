@@ -12,6 +12,7 @@ from dp_swing_ros.campaign.rows import ERROR, Key, Row, UNKNOWN
 from dp_swing_ros.metrics import measure, outcome, TIME_LIMIT
 from dp_swing_ros.scenarios import Case, PERIOD
 from dp_swing_ros.simulation import Controller, simulate
+from dp_swing_ros.state import HANGING, LEANING
 
 WARM_UP = 4  # ticks before the first that is timed in a process
 
@@ -50,7 +51,10 @@ def ready(contestant: Contestant) -> Callable[[int], Controller]:
     if name not in _ready:
         make = contestant.prepare()
         controller = make(0)
-        simulate(configuration.plant(contestant.plant), controller, WARM_UP * PERIOD)
+        # the one start needs what the other does not
+        for start in (LEANING, HANGING):
+            plant = configuration.plant({**contestant.plant, 'initial_state': start})
+            simulate(plant, controller, WARM_UP * PERIOD)
         controller.stand_in(WARM_UP * PERIOD)
         _ready[name] = make
     return _ready[name]

@@ -200,7 +200,8 @@ def test_a_push_in_lockstep_lasts_one_period(peer, start_node):
 
 def test_faults_in_real_time(peer, start_node):
     reports = peer.record(DIAGNOSTICS)
-    node, states = first_states(peer, start_node, **FAULTS, command_timeout=0.5)
+    slow = {**FAULTS, 'actuator_response': 0.02}   # a quarter of a second: some states see it
+    node, states = first_states(peer, start_node, **slow, command_timeout=0.5)
     forces = peer.publisher(FORCE_COMMAND)
     for _ in range(40):
         forces.publish(Float64(data=4.0))
