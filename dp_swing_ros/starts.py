@@ -152,5 +152,6 @@ class Starts:
         if self.scout is None or not np.all(np.isfinite(plan.X)):
             return plan
         turns = turns_of(self.short, plan.X[-1])
+        # some milliseconds at most, so the deadline is looked at after it
         plan = self.scout.solve(x_0 - turns, replace(plan, X=plan.X - turns), math.inf)
         return replace(plan, X=plan.X + turns)

@@ -134,7 +134,7 @@ def _duels(summary: Summary) -> Iterator[str]:
     yield ''
     yield from table([
         ('scenario', 'first', 'second', 'cases', 'only first held', 'only second held', 'p',
-         'settling [s]', 'force step at hold [N]'),
+         'settling [s]', 'force step at hold [N]', 'force step over the run [N]'),
         *((one.scenario, f'`{one.first}`', f'`{one.second}`', str(one.cases),
            str(one.first_only), str(one.second_only), probability(one.p),
            *(difference(of) for of in one.differences.values())) for one in summary.duels)])

@@ -24,7 +24,7 @@ OF_ALL = ('largest_force', 'largest_position', 'largest_angle')
 SWEPT = ['', PROFILE, *(sweep.parameter for scenario in SCENARIOS.values()
                         for sweep in scenario.sweeps)]  # in the order of reports
 CATCH, DROP = 'near_goal', 0.4  # [rad] who gets further from upright has dropped the pendulum
-COMPARED = ('settling_time', 'smoothness')
+COMPARED = ('settling_time', 'smoothness', 'roughness')
 
 
 @dataclasses.dataclass(frozen=True)
