@@ -13,11 +13,12 @@ import numpy as np
 from scipy.optimize import linprog
 
 from dp_swing_ros import configuration
+from dp_swing_ros.campaign.contestants import parse
+from dp_swing_ros.campaign.episodes import play
 from dp_swing_ros.catch import Catch
 from dp_swing_ros.comparison import wilson
 from dp_swing_ros.problem import linearisation, Problem
 from dp_swing_ros.scenarios import Case, SCENARIOS
-from dp_swing_ros.simulation import simulate
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.state import ANGLES, Array
 
@@ -55,10 +56,7 @@ def caught_angle(problem: Problem, x_0: Array) -> float:
 
 def largest_angle(name: str, case: Case) -> float:
     """Return the largest angle [rad] of a run."""
-    episode = simulate(configuration.plant({**case.plant, 'seed': case.seed}),
-                       configuration.controller({'solver': name, 'seed': case.seed}),
-                       case.duration, name)
-    return float(np.abs(episode.X[:, ANGLES]).max())
+    return play(parse(name), case).metrics.largest_angle
 
 
 def main() -> None:

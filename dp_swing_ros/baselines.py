@@ -15,12 +15,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dp_swing_ros.cost import trajectory_cost
 from dp_swing_ros.dynamics.trajectory import hold, rollout
 from dp_swing_ros.plan import Plan, SolverStats, Status
 from dp_swing_ros.problem import linearisation, policy_rollout, Problem
 from dp_swing_ros.simulation import Controller
 from dp_swing_ros.solvers.ilqr import ILQR
+from dp_swing_ros.starts import plan_of
 from dp_swing_ros.state import Array, HANGING, is_upright, to_turn_of, UPRIGHT
 
 SWING_UP = 3.0     # [s] that the offline swing-up takes
@@ -51,8 +51,7 @@ def swing_up(problem: Problem) -> Reference:
     found: list[Reference] = []
     for _ in range(STARTS):
         U = random.uniform(-1, 1, N) * min(bound, 10.0)
-        start = Plan(rollout(problem.model, x_0, U), U, np.zeros((N, 6)), problem.dt,
-                     SolverStats(Status.COMPLETE, math.inf, 0, 0.0))
+        start = plan_of(long, rollout(problem.model, x_0, U), U, Status.COMPLETE)
         plan = solver.solve(x_0, start, math.inf)
         if is_upright(plan.X[-1]) and is_held(problem, reference := stabilised(problem, plan)):
             found.append(reference)
@@ -130,9 +129,9 @@ class TVLQR:
 
     def answer(self, X: Array, U: Array, status: Status, begins: float, began: float) -> Plan:
         """Make the plan, and remember it."""
-        stats = SolverStats(status, trajectory_cost(self.problem.cost, X, U), 0,
-                            time.perf_counter() - began)
-        self.last = Plan(X, U, np.zeros((len(U), 6)), self.problem.dt, stats)
+        plan = plan_of(self.problem, X, U, status)
+        self.last = replace(plan, stats=plan.stats._replace(
+            solve_time=time.perf_counter() - began))
         self.began = begins
         return self.last
 

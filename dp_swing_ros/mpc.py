@@ -21,10 +21,10 @@ from dp_swing_ros.dynamics.trajectory import hold, rollout
 from dp_swing_ros.estimator import Estimate, Estimator, EstimatorParameters, Force
 from dp_swing_ros.parameters import parameter, Parameters
 from dp_swing_ros.plan import Plan, Status
-from dp_swing_ros.problem import policy_rollout, Problem, regulator_rollout, turns_of
+from dp_swing_ros.problem import policy_rollout, Problem, regulator_rollout
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.solvers.solver import Solver
-from dp_swing_ros.starts import plan_of, StartParameters, Starts
+from dp_swing_ros.starts import plan_of, solved, StartParameters, Starts
 from dp_swing_ros.state import Array, HANGING, is_upright, LEANING, to_turn_of
 
 REMEMBERED = 64  # forces sent, for the roll forward
@@ -107,9 +107,7 @@ class RecedingHorizon:
         """Solve from each start while there is time; return the cheapest usable plan, if any."""
         plans = list[Plan]()
         for start in self.starts.of(x_0, left):
-            turns = turns_of(self.problem, start.X[-1])
-            plan = self.solver.solve(x_0 - turns, replace(start, X=start.X - turns), deadline)
-            plans.append(replace(plan, X=plan.X + turns))
+            plans.append(solved(self.solver, self.problem, x_0, start, deadline))
             if time.perf_counter() > deadline:
                 break
         usable = [plan for plan in plans if plan.usable]

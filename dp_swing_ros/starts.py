@@ -60,6 +60,13 @@ def plan_of(problem: Problem, X: Array, U: Array, status: Status,
                 SolverStats(status, J, 0, 0.0))
 
 
+def solved(solver: Solver, problem: Problem, x_0: Array, start: Plan, deadline: float) -> Plan:
+    """Solve from a start, the goal on the turn where it ends; see Solver.solve."""
+    turns = turns_of(problem, start.X[-1])
+    plan = solver.solve(x_0 - turns, replace(start, X=start.X - turns), deadline)
+    return replace(plan, X=plan.X + turns)
+
+
 class Starts:
     """The starts of every tick; holds the random generator, and whose turn it is."""
 
@@ -151,7 +158,5 @@ class Starts:
         plan = plan_of(self.short, rollout(self.short.model, x_0, U), U, Status.COMPLETE)
         if self.scout is None or not np.all(np.isfinite(plan.X)):
             return plan
-        turns = turns_of(self.short, plan.X[-1])
         # some milliseconds at most, so the deadline is looked at after it
-        plan = self.scout.solve(x_0 - turns, replace(plan, X=plan.X - turns), math.inf)
-        return replace(plan, X=plan.X + turns)
+        return solved(self.scout, self.short, x_0, plan, math.inf)

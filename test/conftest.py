@@ -14,6 +14,8 @@ import time
 import numpy as np
 import pytest
 
+from dp_swing_ros.tools.processes import ENDING
+
 
 def claim_domain():
     """Return a ROS domain that no other test process here uses, and the lock that keeps it."""
@@ -94,6 +96,16 @@ class NodeProcess:
             os.killpg(self.popen.pid, number)
         except ProcessLookupError:
             pass
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    """Work in an empty folder, and keep the signals of the test run."""
+    monkeypatch.chdir(tmp_path)
+    handlers = {number: signal.getsignal(number) for number in ENDING}
+    yield tmp_path
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
 
 
 @pytest.fixture

@@ -131,7 +131,7 @@ class MpcNode(ProcessNode):
         plan, complaint = self.solve(message, stamp, delay, deadline)
         period, self.last_stamp = stamp - self.last_stamp, stamp
         late = plan.stats.solve_time > (period if period > 0 else plan.dt)
-        force = self.send(plan, message.header.stamp)
+        force = self.send(plan)
         taken = time.perf_counter() - arrival
         if real_time:
             self.processing += SMOOTHING * (taken - self.processing)
@@ -149,15 +149,14 @@ class MpcNode(ProcessNode):
             plan = self.horizon.let_go(begins)
         else:
             plan = self.horizon.stand_in(begins)
-        force = self.send(plan, now.to_msg())
+        force = self.send(plan)
         self.report(now.to_msg(), plan, f'no state in {self.carried} periods', force, False, delay,
                     0.0)
 
-    def send(self, plan: Plan, stamp: Time) -> float:
-        """Send the first force of a plan, then the plan; return the force [N]."""
+    def send(self, plan: Plan) -> float:
+        """Send the first force [N] of a plan, and return it."""
         force = self.bounded(plan.control(0.0, plan.X[0]))
         self.forces.publish(Float64(data=force))
-        self.plans.publish(to_trajectory(plan, stamp))
         self.sent = True
         return force
 
@@ -177,7 +176,8 @@ class MpcNode(ProcessNode):
 
     def report(self, stamp: Time, plan: Plan, complaint: str, force: float, late: bool,
                delay: float, latency: float) -> None:
-        """Publish the figures of the tick."""
+        """Publish the plan and the figures of the tick."""
+        self.plans.publish(to_trajectory(plan, stamp))
         stats, estimate = plan.stats, self.horizon.estimate
         self.late_total += late
         level, text = DiagnosticStatus.OK, stats.status.value

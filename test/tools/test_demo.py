@@ -4,24 +4,15 @@
 
 from pathlib import Path
 import re
-import signal
 
 import pytest
 
 from dp_swing_ros.nodes.errors import UserError
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tools import demo
-from dp_swing_ros.tools.processes import ENDING
 
 
-@pytest.fixture(autouse=True)
-def here(tmp_path, monkeypatch):
-    """Work in an empty folder, and keep the signals of the test run."""
-    monkeypatch.chdir(tmp_path)
-    handlers = {number: signal.getsignal(number) for number in ENDING}
-    yield tmp_path
-    for number, handler in handlers.items():
-        signal.signal(number, handler)
+pytestmark = pytest.mark.usefixtures('here')
 
 
 def runs(*arguments):

@@ -13,20 +13,12 @@ import pytest
 
 from dp_swing_ros.campaign.rows import read
 from dp_swing_ros.tools.evaluate import command_line, main
-from dp_swing_ros.tools.processes import ENDING
 
 SOURCES = Path(__file__).parents[2]
 SCRIPT = 'import sys; from dp_swing_ros.tools.evaluate import main; sys.exit(main())'
 
 
-@pytest.fixture(autouse=True)
-def here(tmp_path, monkeypatch):
-    """Work in an empty folder, and keep the signals of the test run."""
-    monkeypatch.chdir(tmp_path)
-    handlers = {number: signal.getsignal(number) for number in ENDING}
-    yield tmp_path
-    for number, handler in handlers.items():
-        signal.signal(number, handler)
+pytestmark = pytest.mark.usefixtures('here')
 
 
 def test_the_installed_command_leaves_table_report_and_pictures(tmp_path):

@@ -40,10 +40,10 @@ def until(condition):
         time.sleep(0.02)
 
 
-def started(process):
-    """Wait for the first line, which comes when the signal is handled, nearly."""
+def started(process, word=''):
+    """Wait for a line with the word, which comes when the signal is handled, nearly."""
     lines = []
-    until(lambda: lines.extend(process.new_lines()) or lines)
+    until(lambda: lines.extend(process.new_lines()) or any(word in line for line in lines))
     time.sleep(0.1)
     return lines
 
@@ -86,7 +86,7 @@ def test_failure_shows_the_end_of_the_log(tmp_path):
 def test_process_that_does_not_end_is_an_error_and_can_be_killed(tmp_path, monkeypatch):
     monkeypatch.setattr(processes, 'GRACE', 0.3)
     process = Process('rude', {}, tmp_path / 'log')
-    child = int(started(process)[-1].split()[-1])
+    child = int(started(process, 'child')[-1].split()[-1])
     with pytest.raises(ProcessError, match='did not end within'):
         process.end()
     process.kill()
