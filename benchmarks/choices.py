@@ -77,7 +77,7 @@ CHOICES = [
     Choice('noise of one size, 5 N', {'mppi.smallest_noise': 5.0, 'mppi.largest_noise': 5.0},
            solvers=('mppi',)),
     Choice('no noise above 10 N', {'mppi.largest_noise': 10.0}, solvers=('mppi',)),
-    Choice('one update a tick', {'mppi.updates': 1}, solvers=('mppi',)),
+    Choice('one update a tick', {'mppi.iterations': 1}, solvers=('mppi',)),
 ]
 
 

@@ -11,6 +11,7 @@ other starts; the cheapest plan is obeyed.
 """
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 import math
 import time
@@ -85,37 +86,52 @@ class RecedingHorizon:
         self.solver = self.build(problem)
         self.starts.pose(problem)
 
-    def update(self, t: float, x: Array, delay: float = 0.0,
-               deadline: float = math.inf) -> Plan:
+    def update(self, t: float, x: Array, delay: float = 0.0, deadline: float = math.inf,
+               solves: Sequence[int] | None = None) -> Plan:
         """
         Return the plan that begins with the force to send now.
 
         t is the time of the measurement x [s], delay its age when the force will act [s], and
-        deadline in seconds of time.perf_counter(). Where the solve fails, `stand_in` does. A state
+        deadline in seconds of time.perf_counter(). To repeat a tick that a deadline cut short,
+        solves are its iterations, solve by solve. Where the solve fails, `stand_in` does. A state
         that a later one overtook adds nothing; a time before the run's first, or long before the
         last, is a new run. Shapes: x (6,). Raises ValueError where x is not finite.
         """
         began, begins = time.perf_counter(), t + delay
         x_0 = self.roll_forward(self.observe(t, x), self.t, begins)
-        plan = self.solve(x_0, self.left_over(begins), deadline)
+        plan = self.solve(x_0, self.left_over(begins), deadline, solves)
         if plan is None:
             return self.stand_in(begins, x_0)
         return self.remember(replace(plan, stats=plan.stats._replace(
             solve_time=time.perf_counter() - began)), begins)
 
-    def solve(self, x_0: Array, left: Plan | None, deadline: float) -> Plan | None:
+    def solve(self, x_0: Array, left: Plan | None, deadline: float,
+              solves: Sequence[int] | None = None) -> Plan | None:
         """Solve from each start while there is time; return the cheapest usable plan, if any."""
         plans = list[Plan]()
         for start in self.starts.of(x_0, left):
-            plans.append(solved(self.solver, self.problem, x_0, start, deadline))
-            if time.perf_counter() > deadline:
+            if solves is None:
+                plan = solved(self.solver, self.problem, x_0, start, deadline)
+            else:
+                plan = self.solved_in(solves[len(plans)], x_0, start)
+            plans.append(plan)
+            if time.perf_counter() > deadline or solves is not None and len(plans) == len(solves):
                 break
         usable = [plan for plan in plans if plan.usable]
         if not usable:
             return None
         best = min(usable, key=lambda plan: plan.stats.cost)
+        iterations = tuple(plan.stats.iterations for plan in plans)
         return replace(best, stats=best.stats._replace(
-            iterations=sum(plan.stats.iterations for plan in plans)))
+            iterations=sum(iterations), solves=iterations))
+
+    def solved_in(self, iterations: int, x_0: Array, start: Plan) -> Plan:
+        """Solve from a start in so many iterations at most."""
+        if iterations == 0:
+            return solved(self.solver, self.problem, x_0, start, -math.inf)
+        limited = replace(self.solver_parameters, iterations=iterations)  # type: ignore[call-arg]
+        solver = SOLVERS[self.parameters.solver](self.problem, limited, self.random)
+        return solved(solver, self.problem, x_0, start, math.inf)
 
     def observe(self, t: float, x: Array) -> Array:
         """Take a measurement, and return the state at the time of the newest."""

@@ -32,6 +32,7 @@ class SolverStats(NamedTuple):
     cost: float
     iterations: int
     solve_time: float  # [s] of a tick, with the estimate and all starts
+    solves: tuple[int, ...] = ()  # the iterations of each solve of a tick
 
 
 @dataclass(frozen=True)

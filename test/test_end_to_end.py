@@ -16,8 +16,11 @@ from PIL import Image
 import pytest
 from rosbags.highlevel import AnyReader
 
+from dp_swing_ros.bags import read_episode
+from dp_swing_ros.bags.configurations import configurations_of
+from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.metrics import measure
-from dp_swing_ros.nodes.bags import read_episode
+from dp_swing_ros.provenance import commit, machine
 from dp_swing_ros.solvers import SOLVERS
 
 LIMIT = 280  # [s] for one call; the first start on a machine compiles
@@ -168,3 +171,16 @@ def test_demo_does_not_join_another(tmp_path):
     assert 'already in this ROS domain' in second.err
     first.process.send_signal(signal.SIGINT)
     assert first.finish() == 130
+
+
+def test_bag_tells_what_every_node_ran_with(tmp_path):
+    demo = Demo(tmp_path, '--duration', '1', '--lockstep', '--no-figures', '--solver', 'mppi',
+                '--seed', '3')
+    demo.finish()
+    told = configurations_of(Bag(demo.folder / 'bag'))
+    assert set(told) == {'plant', 'mpc', 'logger'}
+    assert (told['mpc'].parameters['solver'], told['mpc'].parameters['seed']) == ('mppi', 3)
+    assert told['plant'].parameters['duration'] == 1.0
+    for each in told.values():
+        assert (each.commit, each.machine) == (commit(), machine())
+        assert each.packages['numpy'] == np.__version__

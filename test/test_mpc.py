@@ -3,14 +3,17 @@
 """The receding horizon: shift, delay, turns of the angles, fallbacks, resets."""
 
 from dataclasses import replace
+import time
 
 from controllers import controller
 import numpy as np
 import pytest
 
+from dp_swing_ros import configuration
 from dp_swing_ros.dynamics import Pendulum, RK4
 from dp_swing_ros.dynamics.trajectory import hold
 from dp_swing_ros.plan import Plan, Status
+from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.state import HANGING
 
 FALLING = np.array([0.1, 0.1, -0.05, 0.0, 0.3, 0.0])
@@ -213,3 +216,19 @@ def test_warming_up_changes_nothing():
     cold, warm = controller('mppi'), controller('mppi')
     warm.warm_up()
     np.testing.assert_array_equal(warm.update(0.0, FALLING).U, cold.update(0.0, FALLING).U)
+
+
+@pytest.mark.parametrize('solver', sorted(SOLVERS))
+def test_tick_that_a_deadline_cut_short_can_be_repeated(solver):
+    live, again = (configuration.controller({'solver': solver}) for _ in range(2))
+    live.warm_up()
+    x, counts = np.array(HANGING), []
+    for n, share in enumerate((1.0, 0.1, 0.5, 0.3, -1.0)):
+        # from all the time that it takes to none
+        plan = live.update(0.05 * n, x, 0.003, time.perf_counter() + 0.004 * share)
+        twin = again.update(0.05 * n, x, 0.003, solves=plan.stats.solves)
+        assert np.array_equal(plan.X, twin.X) and np.array_equal(plan.U, twin.U)
+        assert twin.stats.solves == plan.stats.solves
+        counts.append(plan.stats.solves)
+        x = plan.X[1]
+    assert counts[-1] == (0,)

@@ -4,24 +4,16 @@
 
 from collections.abc import Iterable
 from datetime import datetime
-import hashlib
-from importlib.metadata import PackageNotFoundError, version
 import json
-import os
 from pathlib import Path
-import platform
-import re
-import subprocess
 from typing import Any
 
 from dp_swing_ros.campaign.contestants import Contestant
 from dp_swing_ros.campaign.rows import CampaignError
+from dp_swing_ros.provenance import (
+    commit, COMPUTING, machine, package_version, packages, sources)
 from dp_swing_ros.scenarios import SCENARIOS
 
-PACKAGE = Path(__file__).parents[1]
-COMPUTING = ('numpy', 'numba', 'scipy', 'joblib')
-AFTERWARDS = ('figures/', 'nodes/', 'tools/', 'campaign/report.py', 'campaign/scores.py',
-              'campaign/summary.py', 'comparison.py')  # what no episode depends on
 DECIDES = ('contestants', 'scenarios', 'duration', 'sources')  # rows depend on these
 
 
@@ -42,52 +34,14 @@ def describe(contestants: Iterable[Contestant], scenarios: Iterable[str], seeds:
 
 def made(command: str) -> dict[str, str]:
     """Return when, where and with what a campaign is made."""
-    packages = [f'{name} {version(name)}' for name in COMPUTING]
     return {
-        'command': command, 'date': f'{datetime.now():%Y-%m-%d %H:%M}',
-        'machine': f'{cpu()}, {os.cpu_count()} cores, {platform.system()} {platform.machine()}',
-        'packages': ', '.join([f'CPython {platform.python_version()}', *packages])}
-
-
-def cpu() -> str:
-    """Return the model of the processor."""
-    try:
-        found = re.search(r'model name\s*: (.*)', Path('/proc/cpuinfo').read_text())
-    except OSError:
-        found = None
-    return found[1] if found else platform.processor() or 'unknown processor'
+        'command': command, 'date': f'{datetime.now():%Y-%m-%d %H:%M}', 'machine': machine(),
+        'packages': ', '.join(f'{name} {version}' for name, version in packages(
+            (*COMPUTING, 'joblib')).items())}
 
 
 def _bounds(seeds: range) -> list[int]:
     return [seeds.start, seeds.stop]
-
-
-def sources() -> str:
-    """Return a digest of all that decides an episode."""
-    digest = hashlib.sha256()
-    for path in sorted(PACKAGE.rglob('*.py')):
-        place = path.relative_to(PACKAGE).as_posix()
-        if not place.startswith(AFTERWARDS):
-            digest.update(place.encode() + path.read_bytes())
-    return digest.hexdigest()[:16]
-
-
-def package_version() -> str:
-    """Return the version of this package, if it is installed."""
-    try:
-        return version('dp_swing_ros')
-    except PackageNotFoundError:
-        return 'not installed'
-
-
-def commit() -> str:
-    """Return the commit of the checkout around this package, and whether it was changed since."""
-    try:
-        return subprocess.run(
-            ['git', '-C', str(PACKAGE), 'describe', '--always', '--dirty', '--abbrev=10'],
-            capture_output=True, text=True, check=True).stdout.strip()
-    except (OSError, subprocess.CalledProcessError):
-        return 'unknown'
 
 
 def keep(folder: Path, description: dict[str, Any]) -> None:

@@ -16,9 +16,9 @@ from tqdm import tqdm
 
 from dp_swing_ros.campaign.contestants import Contestant
 from dp_swing_ros.campaign.episodes import key, play, ready
-from dp_swing_ros.campaign.manifest import sources
 from dp_swing_ros.campaign.rows import CampaignError, ERROR, Row, Table
 from dp_swing_ros.metrics import Outcome
+from dp_swing_ros.provenance import sources
 from dp_swing_ros.scenarios import Case
 
 CONNECTION = 10.0  # [s] at most to reach a scheduler

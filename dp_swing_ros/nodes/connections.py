@@ -11,7 +11,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from dp_swing_ros.nodes.topics import Topic
+from dp_swing_ros.topics import Topic
 
 
 def publish(node: Node, topic: Topic) -> Publisher:

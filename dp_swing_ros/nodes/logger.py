@@ -15,16 +15,16 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from dp_swing_ros.nodes.bag_writer import BagWriter, Recorded
+from dp_swing_ros.bags.definitions import schema
+from dp_swing_ros.bags.fields import BILLION
+from dp_swing_ros.bags.writer import BagWriter, Recorded
+from dp_swing_ros.errors import BagError
 from dp_swing_ros.nodes.connections import message_class
-from dp_swing_ros.nodes.definitions import schema
-from dp_swing_ros.nodes.errors import BagError
-from dp_swing_ros.nodes.fields import BILLION
 from dp_swing_ros.nodes.process import ProcessNode, run
-from dp_swing_ros.nodes.ros_parameters import declare, refuse_unknown
+from dp_swing_ros.nodes.ros_parameters import declare, settle
 from dp_swing_ros.nodes.sequences import Tally
-from dp_swing_ros.nodes.topics import TOPICS
 from dp_swing_ros.parameters import parameter, ParameterError, Parameters
+from dp_swing_ros.topics import TOPICS
 
 LOOK_PERIOD = 0.05   # [s] between looks for new publishers
 FLUSH_PERIOD = 0.1   # [s] what a power cut may cost
@@ -78,7 +78,7 @@ class LoggerNode(ProcessNode):
     def __init__(self) -> None:
         super().__init__('logger')
         parameters = declare(self, LoggerParameters)
-        refuse_unknown(self)
+        settle(self)
         self._recordings: dict[str, Recording | None] = {}  # None: cannot be recorded
         self._names = list(dict.fromkeys(map(self._resolved, parameters.topics)))
         self._bag = BagWriter(_folder(parameters.output))

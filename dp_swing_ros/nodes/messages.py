@@ -15,9 +15,9 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from dp_swing_ros.estimator import Estimate
-from dp_swing_ros.nodes.fields import (
+from dp_swing_ros.bags.fields import (
     from_diagnostics, from_trajectory, Report, seconds, split, to_state, Trajectory)
+from dp_swing_ros.estimator import Estimate
 from dp_swing_ros.plan import Plan
 from dp_swing_ros.state import Array, JOINTS
 

@@ -25,14 +25,14 @@ from dp_swing_ros.nodes.connections import is_heard, publish, subscribe
 from dp_swing_ros.nodes.messages import (
     of_estimate, seconds, to_diagnostics, to_state, to_trajectory)
 from dp_swing_ros.nodes.process import ProcessNode, run
-from dp_swing_ros.nodes.ros_parameters import declare, refuse_unknown
-from dp_swing_ros.nodes.topics import DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES, PLAN
+from dp_swing_ros.nodes.ros_parameters import declare, settle
 from dp_swing_ros.nodes.watch import Watch
 from dp_swing_ros.parameters import (
     CostParameters, LimitParameters, PendulumParameters, PredictionParameters)
 from dp_swing_ros.plan import Plan, Status
 from dp_swing_ros.problem import Problem
 from dp_swing_ros.solvers import SOLVERS
+from dp_swing_ros.topics import DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES, PLAN
 
 OTHER_CLOCK = 10.0   # [s] a stamp further from now than this is simulated or recorded time
 MEETING = 2.0        # [s] at most, for whoever sends the states to find the forces
@@ -60,7 +60,7 @@ class MpcNode(ProcessNode):
         of_solvers = {name: declare(self, solver.Parameters, name)
                       for name, solver in sorted(SOLVERS.items())}
         of_estimator = declare(self, EstimatorParameters, 'ekf')
-        refuse_unknown(self)
+        settle(self)
         self.solver = self.parameters.solver
         self.horizon = RecedingHorizon(Problem.of(bodies, limits, cost, prediction),
                                        self.parameters, of_solvers[self.solver], of_estimator)
@@ -70,7 +70,8 @@ class MpcNode(ProcessNode):
         self.diagnostics = publish(self, DIAGNOSTICS)
         self.create_service(Trigger, 'mpc/reset', self.on_reset)
         self.watch = Watch(self, self.on_silence)
-        self.sent = False
+        self.sent = 0    # forces
+        self.resets = 0
         self.waiting: JointState | None = None   # the first state in lockstep
         self.forget()
 
@@ -136,7 +137,7 @@ class MpcNode(ProcessNode):
         if real_time:
             self.processing += SMOOTHING * (taken - self.processing)
             self.watch.heard(period)
-        self.report(message.header.stamp, plan, complaint, force, late, delay,
+        self.report(message.header.stamp, plan, complaint, force, late, real_time, delay,
                     age + taken if real_time else taken)
 
     def on_silence(self) -> None:
@@ -150,14 +151,14 @@ class MpcNode(ProcessNode):
         else:
             plan = self.horizon.stand_in(begins)
         force = self.send(plan)
-        self.report(now.to_msg(), plan, f'no state in {self.carried} periods', force, False, delay,
-                    0.0)
+        self.report(now.to_msg(), plan, f'no state in {self.carried} periods', force, False, True,
+                    delay, 0.0)
 
     def send(self, plan: Plan) -> float:
         """Send the first force [N] of a plan, and return it."""
         force = self.bounded(plan.control(0.0, plan.X[0]))
         self.forces.publish(Float64(data=force))
-        self.sent = True
+        self.sent += 1
         return force
 
     def solve(self, message: JointState, stamp: float, delay: float,
@@ -175,7 +176,7 @@ class MpcNode(ProcessNode):
         return float(np.clip(force, -self.u_max, self.u_max)) if math.isfinite(force) else 0.0
 
     def report(self, stamp: Time, plan: Plan, complaint: str, force: float, late: bool,
-               delay: float, latency: float) -> None:
+               real_time: bool, delay: float, latency: float) -> None:
         """Publish the plan and the figures of the tick."""
         self.plans.publish(to_trajectory(plan, stamp))
         stats, estimate = plan.stats, self.horizon.estimate
@@ -190,11 +191,15 @@ class MpcNode(ProcessNode):
             {'solver': self.solver, 'status': stats.status.name, 'cost': stats.cost,
              'iterations': stats.iterations, 'solve_time': stats.solve_time, 'latency': latency,
              'delay': delay, 'late': late, 'late_total': self.late_total, 'force': force,
+             # what it takes to repeat the tick
+             'real_time': real_time, 'solves': ' '.join(map(str, stats.solves)),
+             'carried': self.carried, 'resets': self.resets, 'number': self.sent,
              **(of_estimate(estimate) if estimate is not None else {})}))
 
     def on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Forget the last plan and restart the random numbers."""
         self.forget()
+        self.resets += 1
         response.success, response.message = True, 'the next tick is a first one'
         return response
 

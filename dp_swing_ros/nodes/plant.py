@@ -15,11 +15,11 @@ from std_srvs.srv import Trigger
 from dp_swing_ros.nodes.connections import is_heard, publish, subscribe
 from dp_swing_ros.nodes.messages import to_diagnostics, to_joint_state, to_stamp
 from dp_swing_ros.nodes.process import ProcessNode, run
-from dp_swing_ros.nodes.ros_parameters import declare, refuse_unknown
-from dp_swing_ros.nodes.topics import (
-    DIAGNOSTICS, DISTURBANCE, FORCE_COMMAND, JOINT_STATES, ROBOT_DESCRIPTION)
+from dp_swing_ros.nodes.ros_parameters import declare, settle
 from dp_swing_ros.parameters import LimitParameters, PendulumParameters, PlantParameters
 from dp_swing_ros.simulation import Plant
+from dp_swing_ros.topics import (
+    DIAGNOSTICS, DISTURBANCE, FORCE_COMMAND, JOINT_STATES, ROBOT_DESCRIPTION)
 from dp_swing_ros.urdf import urdf
 
 REPORT_PERIOD = 1.0  # [s] between two diagnostics
@@ -40,7 +40,7 @@ class PlantNode(ProcessNode):
         bodies = declare(self, PendulumParameters)
         limits = declare(self, LimitParameters)
         self.parameters = declare(self, PlantParameters)
-        refuse_unknown(self)
+        settle(self)
         self.plant = Plant(bodies, limits, self.parameters)
         self.period = 1 / self.parameters.rate
         self.push = 0.0          # [N] asked for the next period

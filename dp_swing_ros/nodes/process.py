@@ -25,7 +25,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
-from dp_swing_ros.nodes.errors import UserError
+from dp_swing_ros.errors import UserError
 from dp_swing_ros.nodes.forced_exit import exit_after
 from dp_swing_ros.parameters import ParameterError
 

@@ -3,10 +3,11 @@
 """
 The parameters of a node, made from the dataclasses that declare them.
 
-A node calls `declare` once per group and `refuse_unknown` after the last; whatever is wrong with
-what the user gave ends in a ParameterError.
+A node calls `declare` once per group and `settle` after the last; whatever is wrong with what the
+user gave ends in a ParameterError.
 """
 
+from array import array
 import dataclasses
 import math
 from typing import Any, Iterable, TypeVar
@@ -14,8 +15,13 @@ from typing import Any, Iterable, TypeVar
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from std_msgs.msg import String
 
+from dp_swing_ros.bags.configurations import Configuration
+from dp_swing_ros.nodes.connections import publish
 from dp_swing_ros.parameters import checked, Parameters, unknown
+from dp_swing_ros.provenance import commit, machine, package_version, packages, sources
+from dp_swing_ros.topics import CONFIGURATION
 
 Group = TypeVar('Group', bound=Parameters)
 
@@ -39,15 +45,21 @@ def declare(node: Node, group: type[Group], prefix: str = '') -> Group:
     return group(**values)
 
 
-def refuse_unknown(node: Node) -> None:
+def settle(node: Node) -> None:
     """
-    Refuse parameters that were given to the node and that nobody declared.
+    Refuse what was given to the node and nobody declared; then tell everybody what it runs with.
 
     Raises ParameterError, naming the closest match and all the choices.
     """
     for name in sorted(_overrides(node)):
         if not node.has_parameter(name):
             raise unknown(name, node.get_name(), node.list_parameters([], 0).names)
+    configuration = Configuration(
+        node.get_fully_qualified_name(),
+        {each.name: _plain(each.value) for each in node.get_parameters(
+            sorted(node.list_parameters([], 0).names))},
+        package_version(), commit(), sources(), machine(), packages())
+    publish(node, CONFIGURATION).publish(String(data=configuration.to_text()))
 
 
 def table(groups: Iterable[tuple[str, type[Parameters]]]) -> str:
@@ -77,6 +89,11 @@ def _given(node: Node, name: str, default: Any) -> Any:
         return default
     # An empty list reaches a node without a type or a value.
     return () if override.type_ is Parameter.Type.NOT_SET else override.value
+
+
+def _plain(value: Any) -> Any:
+    # rclpy holds numbers in arrays
+    return list(value) if isinstance(value, array) else value
 
 
 def _to_ros(value: Any) -> Any:

@@ -45,10 +45,11 @@ def descend(problem: Problem, parameters: DescentParameters, second_order: bool,
     X_new, U_new, K_new, k = np.empty_like(X), np.empty_like(U), np.empty_like(K), np.empty_like(U)
     gaps = np.zeros((len(U), 6))
     mu, iteration, status = 0.0, 0, Status.ITERATION_LIMIT
-    for iteration in range(1, parameters.iterations + 1):
+    while iteration < parameters.iterations:
         if time.perf_counter() > deadline:
             status = Status.DEADLINE
             break
+        iteration += 1
         positive, slope, bend = backward(model, cost, X, U, gaps, u_max, mu,
                                          second_order and mu == 0, k, K_new)
         if positive and -slope <= parameters.tolerance * J:

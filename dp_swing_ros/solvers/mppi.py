@@ -33,7 +33,7 @@ class MPPIParameters(Parameters):
 
     samples: int = parameter(512, 'force sequences drawn in an update, K', minimum=2,
                              maximum=1_000_000)
-    updates: int = parameter(6, 'most updates in one solve', minimum=1, maximum=1000)
+    iterations: int = parameter(6, 'most updates in one solve', minimum=1, maximum=1000)
     temperature: float = parameter(
         0.1, 'λ of the weights, in the unit that temperature_scale says', minimum=1e-9)
     temperature_scale: str = parameter(
@@ -81,11 +81,12 @@ class MPPI:
         began = time.perf_counter()
         best = self.with_feedback(start(self.problem, x_0, warm_start))
         x_0, regulator = best.X[0], regulator_start(self.problem, best.X[0])
-        status, update = Status.COMPLETE, 0
-        for update in range(1, self.parameters.updates + 1):
+        status, iteration = Status.COMPLETE, 0
+        while iteration < self.parameters.iterations:
             if time.perf_counter() > deadline:
                 status = Status.DEADLINE
                 break
+            iteration += 1
             before, (average, cheapest) = best.J, self.update(best, regulator)
             best = self.with_feedback(min(
                 best, self.proposal(x_0, average), self.proposal(x_0, cheapest),
@@ -96,7 +97,7 @@ class MPPI:
         if not np.isfinite(best.J):
             status = Status.FAILED
         return Plan(best.X, best.U, best.K, self.problem.dt,
-                    SolverStats(status, best.J, update, time.perf_counter() - began))
+                    SolverStats(status, best.J, iteration, time.perf_counter() - began))
 
     def update(self, *proposals: Start) -> tuple[Array, Array]:
         """Draw samples about the proposals; return their weighted average and the cheapest."""

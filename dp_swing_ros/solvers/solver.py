@@ -20,7 +20,8 @@ class Solver(Protocol):
     Solves a problem from a state; holds no state of its own but a random generator.
 
     Built as SOLVERS[name](problem, parameters, seed), where parameters are a
-    SOLVERS[name].Parameters, and the same seed gives the same plans.
+    SOLVERS[name].Parameters with a field `iterations`, the most of them in one solve, and the
+    same seed gives the same plans.
     """
 
     def solve(self, x_0: Array, warm_start: Plan | None, deadline: float) -> Plan:

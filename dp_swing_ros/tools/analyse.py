@@ -10,11 +10,11 @@ import sys
 from tqdm import tqdm
 
 from dp_swing_ros import figures
+from dp_swing_ros.bags import read_episode
 from dp_swing_ros.comparison import table
 from dp_swing_ros.episode import Episode
+from dp_swing_ros.errors import UserError
 from dp_swing_ros.metrics import measure
-from dp_swing_ros.nodes.bags import read_episode
-from dp_swing_ros.nodes.errors import UserError
 
 PICTURES = {
     'hero': figures.hero, 'snapshots': figures.snapshots,

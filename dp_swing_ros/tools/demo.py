@@ -14,10 +14,10 @@ import time
 import numpy as np
 from tqdm import tqdm
 
+from dp_swing_ros.bags import read_episode
 from dp_swing_ros.comparison import spread, summary, table
+from dp_swing_ros.errors import UserError
 from dp_swing_ros.metrics import measure, Metrics
-from dp_swing_ros.nodes.bags import read_episode
-from dp_swing_ros.nodes.errors import UserError
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.state import to_turn_of, UPRIGHT
 from dp_swing_ros.tools.analyse import draw

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from ament_index_python.packages import get_package_share_directory, PackageNotFoundError
 
-from dp_swing_ros.nodes.errors import UserError
+from dp_swing_ros.errors import UserError
 
 DOMAINS = range(102)  # their ports lie below those that Linux gives to anybody
 PORTS_PER_DOMAIN, FIRST_PORT = 250, 7400  # Source: the DDSI-RTPS specification, 9.6.1

@@ -11,10 +11,10 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
+from dp_swing_ros.bags.fields import seconds, to_state
 from dp_swing_ros.nodes.connections import subscribe
-from dp_swing_ros.nodes.fields import seconds, to_state
-from dp_swing_ros.nodes.topics import JOINT_STATES
 from dp_swing_ros.state import Array
+from dp_swing_ros.topics import JOINT_STATES
 
 
 class Observer:

@@ -13,7 +13,7 @@ import subprocess
 import time
 from types import TracebackType
 
-from dp_swing_ros.nodes.errors import UserError
+from dp_swing_ros.errors import UserError
 
 GRACE = 10.0     # [s] a process has to end after SIGINT
 LAST_LINES = 12  # of a log, shown when its process fails

@@ -18,10 +18,10 @@ from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from rosbags.highlevel import AnyReader
 from std_msgs.msg import Float64, String
 
-from dp_swing_ros.nodes.bags import read_episode
+from dp_swing_ros.bags import read_episode
 from dp_swing_ros.nodes.connections import publish
-from dp_swing_ros.nodes.topics import DISTURBANCE, FORCE_COMMAND, ROBOT_DESCRIPTION
 from dp_swing_ros.parameters import LimitParameters, PendulumParameters
+from dp_swing_ros.topics import DISTURBANCE, FORCE_COMMAND, ROBOT_DESCRIPTION
 from dp_swing_ros.urdf import urdf
 
 # Publishes numbered states and forces at a rate given first, and says how many at the end.
@@ -34,8 +34,8 @@ from std_msgs.msg import Float64, String
 from dp_swing_ros.nodes.connections import publish
 from dp_swing_ros.nodes.messages import to_joint_state
 from dp_swing_ros.nodes.process import ProcessNode, run
-from dp_swing_ros.nodes.topics import FORCE_COMMAND, JOINT_STATES, ROBOT_DESCRIPTION
 from dp_swing_ros.parameters import LimitParameters, PendulumParameters
+from dp_swing_ros.topics import FORCE_COMMAND, JOINT_STATES, ROBOT_DESCRIPTION
 from dp_swing_ros.urdf import urdf
 
 
@@ -127,13 +127,13 @@ def test_whole_run_is_in_the_bag(start, log, tmp_path, number):
     assert logger.stop(number) == 0
     count = int(publisher.communicate(timeout=20)[0])
     assert count > 5
-    assert logger.output().splitlines()[-7:] == [
-        f'{tmp_path}/bag: {2 * count + 2} messages', f'  /joint_states: {count} written, 0 lost',
+    assert logger.output().splitlines()[-8:] == [
+        f'{tmp_path}/bag: {2 * count + 3} messages', f'  /joint_states: {count} written, 0 lost',
         f'  /force_command: {count + 1} written, 0 lost',
         '  /disturbance: 0 written, nobody published it',
         '  /mpc/plan: 0 written, nobody published it',
         '  /diagnostics: 0 written, nobody published it',
-        '  /robot_description: 1 written, 0 lost']
+        '  /robot_description: 1 written, 0 lost', '  /configuration: 1 written, 0 lost']
     messages = recorded(tmp_path / 'bag')
     assert numbers(messages['/force_command']) == [*range(count), -1]
     episode = read_episode(tmp_path / 'bag')
@@ -232,7 +232,7 @@ def test_type_that_is_not_installed_is_left_out(start, peer):
     # The definitions are looked for in the installation, which this logger does not find.
     code = ('import sys; sys.prefix = "/nowhere"; from dp_swing_ros.nodes.logger import main; '
             'sys.exit(main(["logger", *sys.argv[1:]]))')
-    logger = start('-c', code, '--ros-args', '-p', 'output:=bag',
+    logger = start('-c', code, '--ros-args', '-p', 'output:=bag', '-p', 'topics:=[force_command]',
                    env={**os.environ, 'AMENT_PREFIX_PATH': '/nowhere'})
     publisher = publish(peer.node, FORCE_COMMAND)
     publisher.publish(Float64())

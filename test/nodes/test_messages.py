@@ -6,7 +6,7 @@ import pytest
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 
-from dp_swing_ros.nodes.fields import nanoseconds, to_force
+from dp_swing_ros.bags.fields import nanoseconds, to_force
 from dp_swing_ros.nodes.messages import (
     from_diagnostics, from_trajectory, seconds, to_diagnostics, to_joint_state, to_stamp,
     to_state, to_trajectory)

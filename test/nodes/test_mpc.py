@@ -15,10 +15,10 @@ from dp_swing_ros.dynamics import Pendulum, RK4
 from dp_swing_ros.dynamics.trajectory import rollout
 from dp_swing_ros.nodes.messages import (
     from_diagnostics, from_trajectory, seconds, to_joint_state, to_stamp)
-from dp_swing_ros.nodes.topics import DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES, PLAN
 from dp_swing_ros.parameters import PendulumParameters
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.state import HANGING
+from dp_swing_ros.topics import DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES, PLAN
 
 LEANING = np.array([0.1, 0.02, -0.01, 0.0, 0.05, 0.0])
 

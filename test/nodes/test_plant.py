@@ -16,7 +16,7 @@ from std_msgs.msg import Float64, String
 from std_srvs.srv import Trigger
 
 from dp_swing_ros.nodes.messages import from_diagnostics, seconds, to_state
-from dp_swing_ros.nodes.topics import DIAGNOSTICS, DISTURBANCE, FORCE_COMMAND, JOINT_STATES
+from dp_swing_ros.topics import DIAGNOSTICS, DISTURBANCE, FORCE_COMMAND, JOINT_STATES
 
 
 @pytest.fixture

@@ -15,9 +15,9 @@ import dataclasses
 import sys
 import time
 
-from dp_swing_ros.nodes.errors import UserError
+from dp_swing_ros.errors import UserError
 from dp_swing_ros.nodes.process import ProcessNode, run
-from dp_swing_ros.nodes.ros_parameters import declare, refuse_unknown
+from dp_swing_ros.nodes.ros_parameters import declare, settle
 from dp_swing_ros.parameters import parameter, Parameters
 
 
@@ -33,7 +33,7 @@ class ExampleNode(ProcessNode):
     def __init__(self):
         super().__init__('example')
         self.mode = declare(self, Example).mode
-        refuse_unknown(self)
+        settle(self)
         self.create_timer(0.01, self.tick)
         self.ticks = 0
 

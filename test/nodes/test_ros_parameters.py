@@ -10,7 +10,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
-from dp_swing_ros.nodes.ros_parameters import declare, refuse_unknown, table
+from dp_swing_ros.nodes.ros_parameters import declare, settle, table
 from dp_swing_ros.parameters import parameter, ParameterError, Parameters
 
 
@@ -49,7 +49,7 @@ def given(*pairs):
 def test_defaults(make_node):
     node = make_node()
     assert declare(node, Example) == Example()
-    refuse_unknown(node)
+    settle(node)
     assert node.get_parameter('weights').value == [1.0, 2.0]
 
 
@@ -57,7 +57,7 @@ def test_values_of_every_type(make_node):
     node = make_node(*given('rate:=5.5', 'bound:=.inf', 'samples:=7', 'weights:=[3.0, 4.0]',
                             'names:=[x]', 'kind:=euler', 'fast:=true'))
     assert declare(node, Example) == Example(5.5, math.inf, 7, (3.0, 4.0), ('x',), 'euler', True)
-    refuse_unknown(node)
+    settle(node)
 
 
 def test_whole_numbers_will_do_for_numbers(make_node):
@@ -73,7 +73,7 @@ def test_prefix_file_and_empty_list(make_node, tmp_path):
                     '    mppi:\n      samples: 9\n      names: []\n')
     node = make_node('--params-file', str(file))
     assert declare(node, Example, 'mppi') == Example(samples=9, names=())
-    refuse_unknown(node)
+    settle(node)
 
 
 @pytest.mark.parametrize('wrong, text', [
@@ -109,7 +109,7 @@ def test_unknown_name_is_refused_with_the_choices(make_node):
     node = make_node(*given('smaples:=5'))
     declare(node, Example)
     with pytest.raises(ParameterError) as caught:
-        refuse_unknown(node)
+        settle(node)
     assert str(caught.value).startswith(
         "unknown parameter 'smaples' of the node 'example'; did you mean 'samples'? available: "
         'bound, fast, kind, names, rate, samples')
@@ -118,7 +118,7 @@ def test_unknown_name_is_refused_with_the_choices(make_node):
 def test_parameters_of_other_nodes_are_not_meant(make_node):
     node = make_node(*given('other:smaples:=5'))
     declare(node, Example)
-    refuse_unknown(node)
+    settle(node)
 
 
 def test_descriptors_tell_everything(make_node):

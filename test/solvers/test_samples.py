@@ -87,7 +87,7 @@ def test_weights_survive_costs_that_are_all_lost():
 
 def test_the_paper_s_mppi_is_a_choice_of_parameters(rng):
     """White noise of one size about forces alone, no regulator, a fixed temperature."""
-    solver = mppi(samples=100, updates=1, temperature=0.01, temperature_scale='fixed',
+    solver = mppi(samples=100, iterations=1, temperature=0.01, temperature_scale='fixed',
                   smallest_noise=5.0, largest_noise=5.0, noise_correlation=0.0,
                   regulator_share=0.0, feedback=False)
     plan = solver.solve(np.array(HANGING), None, np.inf)

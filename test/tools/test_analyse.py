@@ -9,12 +9,12 @@ from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 from synthetic import swing_up
 
+from dp_swing_ros import topics
+from dp_swing_ros.bags import read_episode
+from dp_swing_ros.bags.definitions import schema
+from dp_swing_ros.bags.writer import BagWriter, Recorded
 from dp_swing_ros.comparison import table
 from dp_swing_ros.metrics import measure
-from dp_swing_ros.nodes import topics
-from dp_swing_ros.nodes.bag_writer import BagWriter, Recorded
-from dp_swing_ros.nodes.bags import read_episode
-from dp_swing_ros.nodes.definitions import schema
 from dp_swing_ros.nodes.messages import to_diagnostics, to_joint_state, to_stamp
 from dp_swing_ros.tools.analyse import beside, main
 from dp_swing_ros.urdf import urdf

@@ -7,7 +7,7 @@ import re
 
 import pytest
 
-from dp_swing_ros.nodes.errors import UserError
+from dp_swing_ros.errors import UserError
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tools import demo
 

@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from dp_swing_ros.nodes.errors import UserError
+from dp_swing_ros.errors import UserError
 from dp_swing_ros.tools import isolation
 from dp_swing_ros.tools.isolation import isolated
 

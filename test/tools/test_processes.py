@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from dp_swing_ros.nodes.errors import UserError
+from dp_swing_ros.errors import UserError
 from dp_swing_ros.tools import processes
 from dp_swing_ros.tools.processes import Crew, Process, ProcessError
 

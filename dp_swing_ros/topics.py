@@ -22,5 +22,7 @@ DISTURBANCE = Topic('disturbance', 'std_msgs/msg/Float64', KEPT)
 PLAN = Topic('mpc/plan', 'trajectory_msgs/msg/JointTrajectory', KEPT)
 DIAGNOSTICS = Topic('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', KEPT)
 ROBOT_DESCRIPTION = Topic('robot_description', 'std_msgs/msg/String', 1)
+CONFIGURATION = Topic('configuration', 'std_msgs/msg/String', 1)  # of each node, as YAML
 
-TOPICS = (JOINT_STATES, FORCE_COMMAND, DISTURBANCE, PLAN, DIAGNOSTICS, ROBOT_DESCRIPTION)
+TOPICS = (JOINT_STATES, FORCE_COMMAND, DISTURBANCE, PLAN, DIAGNOSTICS, ROBOT_DESCRIPTION,
+          CONFIGURATION)

@@ -8,7 +8,7 @@ import re
 import sys
 from typing import Iterator
 
-from dp_swing_ros.nodes.errors import BagError
+from dp_swing_ros.errors import BagError
 
 RULE = '=' * 80  # between the definitions of a schema
 BUILT_IN = {'bool', 'byte', 'char', 'float32', 'float64', 'int8', 'uint8', 'int16', 'uint16',

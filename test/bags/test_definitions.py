@@ -3,9 +3,9 @@
 
 import pytest
 
-from dp_swing_ros.nodes.definitions import RULE, schema
-from dp_swing_ros.nodes.errors import BagError
-from dp_swing_ros.nodes.topics import TOPICS
+from dp_swing_ros.bags.definitions import RULE, schema
+from dp_swing_ros.errors import BagError
+from dp_swing_ros.topics import TOPICS
 
 
 @pytest.mark.parametrize('topic', TOPICS, ids=lambda topic: topic.name)

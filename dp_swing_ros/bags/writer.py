@@ -15,7 +15,7 @@ from typing import Any, Iterator, NamedTuple
 from mcap.writer import CompressionType, Writer
 import yaml
 
-from dp_swing_ros.nodes.errors import BagError
+from dp_swing_ros.errors import BagError
 
 METADATA = 'metadata.yaml'
 VERSION = 9  # of the metadata, that of Jazzy

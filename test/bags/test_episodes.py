@@ -15,14 +15,14 @@ from rosbags.highlevel import AnyReader
 from std_msgs.msg import Float64, String
 import yaml
 
-from dp_swing_ros.nodes.bag_writer import BagWriter, Recorded
-from dp_swing_ros.nodes.bags import read_episode
-from dp_swing_ros.nodes.definitions import schema
-from dp_swing_ros.nodes.errors import BagError
+from dp_swing_ros.bags import read_episode
+from dp_swing_ros.bags.definitions import schema
+from dp_swing_ros.bags.writer import BagWriter, Recorded
+from dp_swing_ros.errors import BagError
 from dp_swing_ros.nodes.messages import to_diagnostics, to_joint_state, to_stamp
-from dp_swing_ros.nodes.topics import (
-    DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES, ROBOT_DESCRIPTION, TOPICS)
 from dp_swing_ros.parameters import LimitParameters, PendulumParameters
+from dp_swing_ros.topics import (
+    DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES, ROBOT_DESCRIPTION, TOPICS)
 from dp_swing_ros.urdf import urdf
 
 START = 1_795_225_249_000_000_000
@@ -109,7 +109,7 @@ def test_namespace_is_found(tmp_path):
 
 def test_reading_needs_no_ros(bag):
     code = ('import sys\nsys.modules.update(rclpy=None, sensor_msgs=None)\n'
-            'from dp_swing_ros.nodes.bags import read_episode\n'
+            'from dp_swing_ros.bags import read_episode\n'
             f'print(len(read_episode({str(bag)!r}).t))')
     assert subprocess.check_output([sys.executable, '-c', code], text=True) == '40\n'
 
@@ -140,7 +140,7 @@ def test_metadata_is_that_of_jazzy(bag):
         'files': [{'path': 'bag_0.mcap', **times}], 'custom_data': None, 'ros_distro': 'jazzy'}
     assert {topic['topic_metadata']['name']: topic['message_count'] for topic in topics} == {
         '/joint_states': 40, '/force_command': 40, '/disturbance': 0, '/mpc/plan': 0,
-        '/diagnostics': 80, '/robot_description': 1}
+        '/diagnostics': 80, '/robot_description': 1, '/configuration': 0}
     assert topics[0]['topic_metadata'] == {
         'name': '/joint_states', 'type': 'sensor_msgs/msg/JointState',
         'serialization_format': 'cdr', 'offered_qos_profiles': QOS,

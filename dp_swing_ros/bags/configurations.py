@@ -1,0 +1,56 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What each node was told, and what it is: the text of a message, so that any bag holds it."""
+
+from typing import Any, NamedTuple
+
+import yaml
+
+from dp_swing_ros.bags.reader import Bag
+from dp_swing_ros.topics import CONFIGURATION
+
+
+class Configuration(NamedTuple):
+    """A node's parameters by their full names, and what ran where."""
+
+    node: str                    # with its namespace: /mpc
+    parameters: dict[str, Any]
+    version: str
+    commit: str
+    sources: str                 # digest of the modules that decide a force
+    machine: str
+    packages: dict[str, str]     # versions
+
+    def to_text(self) -> str:
+        """Write it as YAML; numbers read back the same."""
+        return yaml.safe_dump(self._asdict(), sort_keys=False, allow_unicode=True)
+
+
+def configurations_of(bag: Bag) -> dict[str, Configuration]:
+    """
+    Return what the nodes of a bag were told, by the last part of their names: plant, mpc, logger.
+
+    Of a node that was started again it is the last. Raises BagError.
+    """
+    if not bag.has(CONFIGURATION):
+        return {}
+    found = [bag.parse(from_text, message.data) for message in bag.of(CONFIGURATION)]
+    return {each.node.rsplit('/', 1)[-1]: each for each in found}
+
+
+def from_text(text: str) -> Configuration:
+    """
+    Read what `to_text` wrote.
+
+    Raises ValueError where the text is something else.
+    """
+    try:
+        content = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise ValueError(f'a configuration is not YAML: {" ".join(str(error).split())}') from None
+    if not isinstance(content, dict) or not set(Configuration._fields) <= set(content) \
+            or not isinstance(content['parameters'], dict) \
+            or not isinstance(content['packages'], dict):
+        raise ValueError(f'a configuration is {text[:80]!r}; expected YAML with '
+                         f'{", ".join(Configuration._fields)}')
+    return Configuration(**{field: content[field] for field in Configuration._fields})

@@ -1,0 +1,88 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Reads a bag as an episode; needs no ROS."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from dp_swing_ros.bags.fields import (
+    BILLION, from_diagnostics, nanoseconds, Report, to_force, to_state)
+from dp_swing_ros.bags.reader import Bag
+from dp_swing_ros.episode import Episode, Ticks
+from dp_swing_ros.errors import BagError
+from dp_swing_ros.state import Array
+from dp_swing_ros.topics import DIAGNOSTICS, JOINT_STATES, ROBOT_DESCRIPTION
+from dp_swing_ros.urdf import from_urdf
+
+CONTROLLER = 'mpc'  # who reports a tick in the diagnostics
+
+
+class Sample(NamedTuple):
+    """A state as it was published."""
+
+    stamp: int    # [ns]
+    x: Array
+    force: float  # [N] over the period before
+
+
+def read_episode(path: Path | str, partial: bool = False) -> Episode:
+    """
+    Read the run in a bag, given its folder or its MCAP file.
+
+    A file without an end, as a logger leaves that was killed, is read only if `partial`.
+    Raises BagError, saying what was found, what is expected and what to do.
+    """
+    return episode_of(Bag(path, partial))
+
+
+def episode_of(bag: Bag) -> Episode:
+    """Return the run in a bag; raises as `read_episode`."""
+    samples, reports = samples_of(bag), reports_of(bag)
+    start = samples[0].stamp
+    bodies, limits = bag.parse(from_urdf, bag.of(ROBOT_DESCRIPTION)[-1].data)
+    return Episode(
+        t=np.array([sample.stamp - start for sample in samples]) / BILLION,
+        X=np.array([sample.x for sample in samples]),
+        U=np.array([sample.force for sample in samples[1:]]),
+        ticks=bag.parse(_ticks, reports, start),
+        solver=str(reports[-1].values.get('solver', '')) if reports else '',
+        bodies=bodies, limits=limits)
+
+
+def samples_of(bag: Bag) -> list[Sample]:
+    """Return the states of a run in the order of their stamps; raises as `read_episode`."""
+    samples: dict[int, Sample] = {}
+    for message in bag.of(JOINT_STATES):
+        stamp = nanoseconds(message.header.stamp)
+        sample = Sample(stamp, bag.parse(to_state, message), to_force(message))
+        before = samples.setdefault(stamp, sample)
+        if not np.array_equal(before.x, sample.x, equal_nan=True):
+            raise BagError(f'{bag} has two states at {stamp} ns: the '
+                           'plant was reset in lockstep, or two plants ran; record one run')
+    if len(samples) < 2:
+        raise BagError(f'{bag} has {len(samples)} states; at least 2 make a run')
+    return [samples[stamp] for stamp in sorted(samples)]
+
+
+def reports_of(bag: Bag) -> list[Report]:
+    """Return what the controller said of its ticks, in order; nothing where there was none."""
+    if not bag.has(DIAGNOSTICS):
+        return []
+    reports = [from_diagnostics(message, CONTROLLER) for message in bag.of(DIAGNOSTICS)]
+    return sorted((report for report in reports if report is not None),
+                  key=lambda report: report.stamp)
+
+
+def _ticks(reports: list[Report], start: int) -> Ticks:
+    def column(key: str, kind: type) -> Array:
+        missing = [report for report in reports if key not in report.values]
+        if missing:
+            raise ValueError(f'a tick of {CONTROLLER} does not give its {key}')
+        return np.array([report.values[key] for report in reports], dtype=kind)
+
+    return Ticks(t=np.array([report.stamp - start for report in reports]) / BILLION,
+                 cost=column('cost', float), iterations=column('iterations', int),
+                 solve_time=column('solve_time', float), latency=column('latency', float),
+                 late=column('late', bool), status=column('status', str).tolist())
