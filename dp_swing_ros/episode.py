@@ -2,11 +2,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """One run of the closed loop, simulated or read from a bag: what metrics and figures look at."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, TYPE_CHECKING
+
+import numpy as np
 
 from dp_swing_ros.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.state import Array
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+STATE = ('x', 'theta1', 'theta2', 'x_dot', 'theta1_dot', 'theta2_dot')  # columns of a frame
 
 
 class Ticks(NamedTuple):
@@ -41,3 +50,22 @@ class Episode:
     solver: str
     bodies: PendulumParameters
     limits: LimitParameters
+
+    def to_frame(self) -> DataFrame:
+        """
+        Return the run as a pandas frame: a row a state, its index the time [s].
+
+        Beside the state [m, rad, m/s, rad/s] stand the force [N] of the period that begins there
+        and what the controller said of its tick for this state (of two, the later); what there
+        is not is missing: the last force, a tick that a state has none of. `attrs` holds solver,
+        bodies and limits.
+        """
+        import pandas  # here: it takes half a second, which no node should wait for
+
+        frame = pandas.DataFrame(self.X, pandas.Index(self.t, name='t [s]'), STATE)
+        frame['force'] = np.append(self.U, [np.nan] * (len(self.t) - len(self.U)))
+        of_ticks = pandas.DataFrame(self.ticks._asdict()).astype({
+            'iterations': 'Int64', 'late': 'boolean', 'status': object})
+        frame = frame.join(of_ticks.drop_duplicates('t', keep='last').set_index('t'))
+        frame.attrs = {'solver': self.solver, 'bodies': self.bodies, 'limits': self.limits}
+        return frame
