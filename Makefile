@@ -11,7 +11,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 WITH_ROS := source $(BIN)/activate && source install/setup.bash
 SOURCES := package.xml setup.py setup.cfg resource/dp_swing_ros $(wildcard config/*) \
-	$(shell find dp_swing_ros -name '*.py')
+	$(shell find dp_swing_ros -type f ! -name '*.pyc')
 DOWNLOADS := sed -u -n 's/^ *Downloading \([^-]*-[^-]*\)-.* (\(.* MB\))$$/  \1 (\2)/p; /^Install/s/:.*/ .../p'
 FAIL = { echo "make: $(1)" >&2; exit 1; }
 

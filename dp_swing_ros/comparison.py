@@ -108,18 +108,21 @@ def summary(name: str, runs: Sequence[Metrics]) -> str:
 
 def table(runs: Mapping[str, Metrics]) -> str:
     """Return a Markdown table, aligned for a terminal: a row for a metric, a column for a run."""
-    rows = [['', 'unit', *runs]]
-    for field in dataclasses.fields(Metrics):
-        about = field.metadata
-        rows.append([about['label'], about['unit'],
-                     *(_text(getattr(run, field.name), about) for run in runs.values())])
-    widths = [max(map(len, column)) for column in zip(*rows)]
+    cells = [['', 'unit', *runs], *rows(list(runs.values())).values()]
+    widths = [max(map(len, column)) for column in zip(*cells)]
     lines = ['| ' + ' | '.join(
         cell.rjust(width) if column > 1 else cell.ljust(width)
-        for column, (cell, width) in enumerate(zip(row, widths))) + ' |' for row in rows]
+        for column, (cell, width) in enumerate(zip(row, widths))) + ' |' for row in cells]
     rule = '|'.join('-' * (width + 1) + (':' if column > 1 else '-')
                     for column, width in enumerate(widths))
     return '\n'.join([lines[0], f'|{rule}|', *lines[1:]])
+
+
+def rows(runs: Sequence[Metrics]) -> dict[str, list[str]]:
+    """Return by the name of each metric what a table says of it: label, unit, and each run's."""
+    return {field.name: [field.metadata['label'], field.metadata['unit'],
+                         *(_text(getattr(run, field.name), field.metadata) for run in runs)]
+            for field in dataclasses.fields(Metrics)}
 
 
 def _text(value: Any, about: Mapping[str, Any]) -> str:

@@ -13,8 +13,8 @@ import subprocess
 
 PACKAGE = Path(__file__).parent
 COMPUTING = ('numpy', 'numba', 'scipy')
-AFTERWARDS = ('bags/', 'errors.py', 'figures/', 'nodes/', 'provenance.py', 'tools/', 'topics.py',
-              'campaign/report.py', 'campaign/scores.py', 'campaign/summary.py',
+AFTERWARDS = ('bags/', 'errors.py', 'figures/', 'nodes/', 'provenance.py', 'report/', 'tools/',
+              'topics.py', 'campaign/report.py', 'campaign/scores.py', 'campaign/summary.py',
               'comparison.py')  # what no episode depends on
 
 

@@ -19,7 +19,7 @@ from rosbags.highlevel import AnyReader
 from dp_swing_ros.bags import read_episode
 from dp_swing_ros.bags.configurations import configurations_of
 from dp_swing_ros.bags.reader import Bag
-from dp_swing_ros.metrics import measure
+from dp_swing_ros.metrics import measure, outcome
 from dp_swing_ros.provenance import commit, machine
 from dp_swing_ros.solvers import SOLVERS
 
@@ -122,6 +122,10 @@ def test_real_time_run_leaves_a_whole_bag_and_pictures(tmp_path):
                  'animation.gif'):
         with Image.open(demo.folder / name) as image:
             image.verify()
+    report = (demo.folder / 'report.html').read_text()
+    assert f'iLQR: {outcome(episode).value}' in report
+    assert commit() in report and machine() in report
+    assert len(report) < 3e6
     assert episode.t[-1] == pytest.approx(10.0, abs=0.1)
     # the controller heard the plant at once
     assert episode.ticks.t[0] < 0.6

@@ -4,7 +4,8 @@
 Pictures, drawn from what was recorded alone.
 
 Of an episode: `snapshots` and `squared_error` redraw the paper's two kinds of figure (its Figs. 2
-and 3), `timeline`, `hero` and `animation` show a run. Of a campaign: `of_campaign` draws all.
+and 3), `timeline`, `hero` and `animation` show a run, `overlay` several in one picture. Of a
+campaign: `of_campaign` draws all.
 """
 
 from collections.abc import Iterator, Sequence
@@ -19,13 +20,14 @@ from dp_swing_ros.figures.curves import ERROR_FLOOR, squared_error, timeline
 from dp_swing_ros.figures.distributions import settling, solve_times
 from dp_swing_ros.figures.filmstrip import snapshots
 from dp_swing_ros.figures.gif import animation
+from dp_swing_ros.figures.overlaid import overlay
 from dp_swing_ros.figures.rates import criteria, successes
 from dp_swing_ros.figures.sampling import states_at
 from dp_swing_ros.figures.starts import starts
 from dp_swing_ros.figures.sweeps import sweeps
 
-__all__ = ['animation', 'ERROR_FLOOR', 'hero', 'of_campaign', 'snapshots', 'squared_error',
-           'states_at', 'timeline']
+__all__ = ['animation', 'ERROR_FLOOR', 'hero', 'of_campaign', 'overlay', 'snapshots',
+           'squared_error', 'states_at', 'timeline']
 
 
 def of_campaign(summary: Summary, rows: Sequence[Row]) -> Iterator[tuple[str, Figure]]:

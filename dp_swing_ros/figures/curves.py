@@ -13,7 +13,7 @@ from dp_swing_ros.episode import Episode
 from dp_swing_ros.figures.style import (
     ALARM, CART, COLOURS, FAINT, FORCE, legend, limit_lines, LINK1, LINK2, SQUARES, styled,
     SYMBOLS, title)
-from dp_swing_ros.state import ANGLES, SIZE, to_turn_of, UPRIGHT
+from dp_swing_ros.state import ANGLES, Array, SIZE, to_turn_of, UPRIGHT
 
 ERROR_FLOOR = 1e-8  # squared errors below are drawn here: a log axis has no zero
 
@@ -61,15 +61,23 @@ def timeline(episode: Episode) -> Figure:
 
 
 def _draw_angles(axes: Axes, episode: Episode) -> None:
-    # whole turns that bring the end of the run next to upright
-    turns = np.zeros(2) if not len(episode.t) else np.round(episode.X[-1, ANGLES] / (2 * np.pi))
-    for i, colour in ((1, LINK1), (2, LINK2)):
-        axes.plot(episode.t, episode.X[:, i] - 2 * np.pi * np.nan_to_num(turns[i - 1]),
-                  color=colour, label=SYMBOLS[i])
-    axes.yaxis.set_major_locator(MultipleLocator(np.pi))
-    axes.yaxis.set_major_formatter(FuncFormatter(in_turns))
+    for angle, symbol, colour in zip(angles_of(episode).T, SYMBOLS[ANGLES], (LINK1, LINK2)):
+        axes.plot(episode.t, angle, color=colour, label=symbol)
+    mark_turns(axes)
     axes.set_ylabel('angle [rad]\n0 is upright')
     legend(axes)
+
+
+def angles_of(episode: Episode) -> Array:
+    """Return the angles (N, 2) [rad], whole turns away, so that the run ends next to upright."""
+    angles = episode.X[:, ANGLES]
+    return angles - 2 * np.pi * np.nan_to_num(np.round(angles[-1:] / (2 * np.pi)))
+
+
+def mark_turns(axes: Axes) -> None:
+    """Let an axis of angles count in π."""
+    axes.yaxis.set_major_locator(MultipleLocator(np.pi))
+    axes.yaxis.set_major_formatter(FuncFormatter(in_turns))
 
 
 def in_turns(angle: float, _: int | None = None) -> str:
@@ -108,10 +116,15 @@ def _draw_times(axes: Axes, episode: Episode) -> None:
     if len(episode.t) > 1:
         axes.axhline(1e3 * float(np.median(np.diff(episode.t))), color=FAINT, linestyle='--',
                      linewidth=1, label='period')
+    in_decades(axes)
+    axes.set_ylabel('time [ms]')
+    legend(axes)
+
+
+def in_decades(axes: Axes) -> None:
+    """Let an axis be logarithmic, from a power of ten to another, without powers at its ticks."""
     axes.set_yscale('log')
     low, high = np.log10(axes.get_ylim())
     axes.set_ylim(10 ** math.floor(low), 10 ** math.ceil(high))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f'{value:g}'))
     axes.yaxis.set_minor_formatter(NullFormatter())
-    axes.set_ylabel('time [ms]')
-    legend(axes)

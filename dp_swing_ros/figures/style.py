@@ -43,7 +43,12 @@ def styled(draw: Callable[P, R]) -> Callable[P, R]:
 
 def title(episode: Episode) -> str:
     """Return the name of who controlled a run."""
-    return SOLVERS.get(episode.solver, episode.solver or 'no controller')
+    return plain(SOLVERS.get(episode.solver, episode.solver or 'no controller'))
+
+
+def plain(text: str) -> str:
+    """Return a text that is none of ours as it is to be shown: its dollars are no formulas."""
+    return text.replace('$', r'\$')
 
 
 def tint(colour: str, strength: float) -> tuple[float, ...]:

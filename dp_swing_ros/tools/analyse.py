@@ -1,20 +1,22 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""`ros2 run dp_swing_ros analyse BAG`: the table and the pictures of a recorded run."""
+"""`ros2 run dp_swing_ros analyse BAG [BAG ...]`: table, pictures and report of recorded runs."""
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from datetime import datetime
 from pathlib import Path
+import re
 import sys
 
 from tqdm import tqdm
 
 from dp_swing_ros import figures
-from dp_swing_ros.bags import read_episode
 from dp_swing_ros.comparison import table
 from dp_swing_ros.episode import Episode
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.metrics import measure
+from dp_swing_ros.report import named, page, Recording, recording, Shown
 
 PICTURES = {
     'hero': figures.hero, 'snapshots': figures.snapshots,
@@ -22,13 +24,13 @@ PICTURES = {
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Analyse the bag that the command line names; return the exit code."""
+    """Analyse the bags that the command line names; return the exit code."""
     arguments = _parser().parse_args(argv)
     try:
-        episode = read_episode(arguments.bag, partial=arguments.partial)
-        print(table({episode.solver or 'no controller': measure(episode)}), end='\n\n')
-        folder = arguments.output or beside(arguments.bag)
-        for path in draw(episode, folder, animate=arguments.animation):
+        runs = named([recording(bag, arguments.partial) for bag in arguments.bags])
+        print(table({name: measure(run.episode) for name, run in runs.items()}), end='\n\n')
+        folder = arguments.output or place_for(arguments.bags)
+        for path in write(runs, folder, arguments.animation):
             print(path)
     except (UserError, OSError) as error:
         print(f'analyse: error: {error}', file=sys.stderr)
@@ -41,22 +43,54 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog='ros2 run dp_swing_ros analyse',
-        description='Print the table of a recorded run and draw its pictures from the bag alone.')
-    parser.add_argument('bag', type=Path, metavar='BAG',
-                        help='folder of a bag with joint_states, or its .mcap file')
+        description='Print the table of recorded runs, draw their pictures, and write it all into '
+                    'one page, report.html, from the bags alone.')
+    parser.add_argument('bags', type=Path, nargs='+', metavar='BAG',
+                        help='folder of a bag with joint_states, or its .mcap file; several are '
+                             'shown side by side')
     parser.add_argument('--output', type=Path, metavar='DIR',
-                        help='folder for the pictures (default: BAG_analysis, beside the bag)')
+                        help='folder for report and pictures (default: BAG_analysis, beside the '
+                             'bag; of several bags: comparison_TIME, here)')
     parser.add_argument('--animation', action=argparse.BooleanOptionalAction, default=True,
-                        help='draw the animation, which takes longest')
+                        help='write the animation as a GIF too, which takes longest')
     parser.add_argument('--partial', action='store_true',
                         help='read what there is of a bag whose logger was killed')
     return parser
+
+
+def place_for(bags: Sequence[Path]) -> Path:
+    """Return the folder for what is made of bags."""
+    if len(bags) == 1:
+        return beside(bags[0])
+    return Path(f'comparison_{datetime.now():%Y%m%d_%H%M%S}')
 
 
 def beside(bag: Path) -> Path:
     """Return the folder for the pictures of a bag: beside it, where rosbag2 does not look."""
     bag = bag.resolve()
     return bag.with_name(f'{bag.stem if bag.suffix == ".mcap" else bag.name}_analysis')
+
+
+def write(runs: Mapping[str, Recording], folder: Path, animate: bool = True) -> list[Path]:
+    """
+    Draw runs, by their names, and write the report on them; return the paths of all that is made.
+
+    Of several runs each has a folder of its own for its pictures.
+    """
+    shown, paths = {}, []
+    for number, (name, run) in enumerate(runs.items(), start=1):
+        own = folder / f'{number}_{re.sub(r"[^A-Za-z0-9.-]+", "_", name)}'
+        drawn = draw(run.episode, own if len(runs) > 1 else folder, animate)
+        shown[name] = Shown(run, {path.stem: path for path in drawn})
+        paths += drawn
+    overlay = None
+    if len(runs) > 1:
+        overlay = folder / 'overlay.png'
+        figures.overlay({name: run.episode for name, run in runs.items()}).savefig(overlay)
+        paths.append(overlay)
+    paths.append(folder / 'report.html')
+    paths[-1].write_text(page(shown, overlay), encoding='utf-8')
+    return paths
 
 
 def draw(episode: Episode, folder: Path, animate: bool = True) -> list[Path]:

@@ -14,13 +14,13 @@ import time
 import numpy as np
 from tqdm import tqdm
 
-from dp_swing_ros.bags import read_episode
 from dp_swing_ros.comparison import spread, summary, table
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.metrics import measure, Metrics
+from dp_swing_ros.report import named, recording
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.state import to_turn_of, UPRIGHT
-from dp_swing_ros.tools.analyse import draw
+from dp_swing_ros.tools.analyse import write
 from dp_swing_ros.tools.isolation import isolated
 from dp_swing_ros.tools.observer import Observer
 from dp_swing_ros.tools.processes import Crew, interrupt_on_signals, Process, ProcessError
@@ -70,8 +70,8 @@ def command_line() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog='ros2 run dp_swing_ros demo',
         description='Swing the pendulum up with three ROS processes: plant, mpc and logger. '
-                    'Leaves a bag, pictures and the logs; the exit code is 0 if every run ended '
-                    'upright.')
+                    'Leaves a bag, pictures, a report and the logs; the exit code is 0 if '
+                    'every run ended upright.')
     parser.add_argument('--solver', choices=list(SOLVERS), default='ilqr')
     parser.add_argument('--duration', type=_positive(float), default=10.0, metavar='SECONDS')
     parser.add_argument('--seed', type=int, default=0, help='of noises and solver (default: 0)')
@@ -87,7 +87,7 @@ def command_line() -> argparse.ArgumentParser:
     parser.add_argument('--output', type=Path, metavar='DIR',
                         help='folder to make (default: runs/SOLVER_TIME)')
     parser.add_argument('--figures', action=argparse.BooleanOptionalAction, default=True,
-                        help='draw the pictures of each run')
+                        help='draw the pictures of each run, and write its report')
     return parser
 
 
@@ -123,13 +123,12 @@ def runs_of(arguments: argparse.Namespace) -> list[Run]:
 
 
 def _result(run: Run, figures: bool) -> Metrics:
-    """Do one run, draw its pictures, and return its metrics."""
+    """Do one run, draw its pictures, write its report, and return its metrics."""
     print(f'{run.solver}, seed {run.seed} -> {run.folder}', flush=True)
-    bag = perform(run)
-    episode = read_episode(bag)
+    recorded = recording(perform(run))
     if figures:
-        draw(episode, run.folder)
-    return measure(episode)
+        write(named([recorded]), run.folder)
+    return measure(recorded.episode)
 
 
 def perform(run: Run) -> Path:

@@ -1,63 +1,37 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
+from base64 import b64encode
+import re
+
 import numpy as np
 from PIL import Image
 import pytest
-import rclpy  # noqa: F401  the wheels start Python anew here, before anything else is read
-from rclpy.serialization import serialize_message
-from std_msgs.msg import String
-from synthetic import swing_up
+from recorded import write_bag
+from synthetic import swing_up, without_ticks
 
-from dp_swing_ros import topics
 from dp_swing_ros.bags import read_episode
-from dp_swing_ros.bags.definitions import schema
-from dp_swing_ros.bags.writer import BagWriter, Recorded
 from dp_swing_ros.comparison import table
-from dp_swing_ros.metrics import measure
-from dp_swing_ros.nodes.messages import to_diagnostics, to_joint_state, to_stamp
+from dp_swing_ros.metrics import measure, outcome
 from dp_swing_ros.tools.analyse import beside, main
-from dp_swing_ros.urdf import urdf
 
-START = 1_000_000_000_000  # [ns]
 STILLS = {'hero.png', 'snapshots.png', 'squared_error.png', 'timeline.png'}
-
-
-def write_bag(episode, folder):
-    """Write an episode as the logger would."""
-    writer = BagWriter(folder)
-    for topic in (topics.ROBOT_DESCRIPTION, topics.JOINT_STATES, topics.DIAGNOSTICS):
-        writer.add(Recorded(topic.name, topic.type, schema(topic.type), '', []))
-
-    def write(topic, time, message):
-        writer.write(topic.name, serialize_message(message), time, time)
-
-    write(topics.ROBOT_DESCRIPTION, START, String(data=urdf(episode.bodies, episode.limits)))
-    stamps = [START + round(1e9 * t) for t in episode.t]
-    for stamp, x, u in zip(stamps, episode.X, [0.0, *episode.U]):
-        write(topics.JOINT_STATES, stamp, to_joint_state(to_stamp(stamp), x, u))
-    columns = zip(stamps, *episode.ticks[1:])
-    for stamp, cost, iterations, solve_time, latency, late, status in columns:
-        write(topics.DIAGNOSTICS, stamp, to_diagnostics(to_stamp(stamp), 'mpc', 0, '', {
-            'solver': episode.solver, 'cost': cost, 'iterations': int(iterations),
-            'solve_time': solve_time, 'latency': latency, 'late': int(late), 'status': status}))
-    writer.close()
 
 
 @pytest.fixture(scope='module')
 def bag(tmp_path_factory):
     folder = tmp_path_factory.mktemp('analyse') / 'bag'
-    write_bag(swing_up(duration=2.5), folder)
-    return folder
+    return write_bag(swing_up(duration=2.5), folder)
 
 
 def test_bag_gives_table_and_all_pictures(bag, tmp_path, capsys):
     assert main([str(bag), '--output', str(tmp_path / 'new' / 'pictures')]) == 0
     shown = capsys.readouterr().out
     made = {path.name for path in (tmp_path / 'new' / 'pictures').iterdir()}
-    assert made == STILLS | {'animation.gif'}
+    assert made == STILLS | {'animation.gif', 'report.html'}
     for name in made:
         assert str(tmp_path / 'new' / 'pictures' / name) in shown
+    for name in made - {'report.html'}:
         with Image.open(tmp_path / 'new' / 'pictures' / name) as image:
             image.verify()
     assert table({'ilqr': measure(read_episode(bag))}) in shown
@@ -70,10 +44,52 @@ def test_table_is_that_of_the_episode_before_it_was_recorded(bag):
         [float(value) for value in vars(before).values()], rtol=1e-6, atol=1e-9)
 
 
+def test_report_holds_the_pictures_and_stays_small(bag, tmp_path):
+    assert main([str(bag), '--output', str(tmp_path)]) == 0
+    report = (tmp_path / 'report.html').read_text()
+    assert f'iLQR: {outcome(read_episode(bag)).value}' in report
+    for name in (*STILLS, 'animation.gif'):
+        assert b64encode((tmp_path / name).read_bytes()).decode() in report
+    assert len(report) < 3e6
+
+
+def test_several_bags_stand_side_by_side(bag, tmp_path, capsys, monkeypatch):
+    second = write_bag(swing_up(duration=2.0, solver='$x<'), tmp_path / 'second')
+    third = write_bag(without_ticks(swing_up(duration=1.0)), tmp_path / 'third')
+    monkeypatch.chdir(tmp_path)
+    assert main([str(bag), str(second), str(third), '--no-animation']) == 0
+    runs = {name: read_episode(each) for name, each in
+            {'ilqr': bag, '$x<': second, 'no controller': third}.items()}
+    assert table({name: measure(run) for name, run in runs.items()}) in capsys.readouterr().out
+    (folder,) = tmp_path.glob('comparison_*')
+    assert {path.name for path in folder.iterdir()} == {
+        '1_ilqr', '2__x_', '3_no_controller', 'overlay.png', 'report.html'}
+    for number in '123':
+        (own,) = folder.glob(f'{number}_*')
+        assert {path.name for path in own.iterdir()} == STILLS
+    report = (folder / 'report.html').read_text()
+    assert '3 runs side by side' in report
+    assert len(re.findall('<img ', report)) == 3 * len(STILLS) + 1
+
+
+def test_one_solver_twice_is_told_apart_by_the_bags(bag, tmp_path, capsys):
+    again = write_bag(swing_up(duration=1.0), tmp_path / 'again')
+    arguments = [str(bag), str(again), '--no-animation', '--output', str(tmp_path / 'out')]
+    assert main(arguments) == 0
+    assert '| ilqr bag | ilqr again |' in capsys.readouterr().out
+    assert (tmp_path / 'out' / 'report.html').exists()
+
+
+def test_bag_given_twice_is_one_line(bag, tmp_path, capsys):
+    assert main([str(bag), str(bag), '--output', str(tmp_path / 'out')]) == 2
+    assert 'given twice' in one_line(capsys)
+    assert not (tmp_path / 'out').exists()
+
+
 def test_pictures_lie_beside_the_bag_by_default(bag, capsys):
     before = sorted(bag.iterdir())
     assert main([str(bag), '--no-animation']) == 0
-    assert {path.name for path in beside(bag).iterdir()} == STILLS
+    assert {path.name for path in beside(bag).iterdir()} == STILLS | {'report.html'}
     assert sorted(bag.iterdir()) == before
 
 

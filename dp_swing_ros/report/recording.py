@@ -1,0 +1,89 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a bag tells of a run: the run itself, what its nodes ran with, and how it was recorded."""
+
+from collections import Counter
+from collections.abc import Sequence
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import yaml
+
+from dp_swing_ros.bags.configurations import Configuration, configurations_of
+from dp_swing_ros.bags.episodes import episode_of
+from dp_swing_ros.bags.fields import BILLION
+from dp_swing_ros.bags.reader import Bag
+from dp_swing_ros.bags.writer import METADATA
+from dp_swing_ros.episode import Episode
+from dp_swing_ros.errors import BagError
+from dp_swing_ros.topics import ROBOT_DESCRIPTION
+
+LOST = 'lost:'  # before the name of a topic, in what a logger adds to metadata.yaml
+
+
+class Recording(NamedTuple):
+    """A run in a bag, with all that is known of it."""
+
+    path: Path
+    episode: Episode
+    configurations: dict[str, Configuration]  # by node; empty where none told
+    description: str        # the URDF
+    began: datetime         # when the first message was received, UTC
+    took: float             # [s] until the last was
+    counts: dict[str, int]  # messages per topic
+    lost: dict[str, int]    # per topic, where the logger told
+
+
+def recording(path: Path | str, partial: bool = False) -> Recording:
+    """
+    Read all that a bag tells of its run, given its folder or its MCAP file.
+
+    Raises BagError as `read_episode`, and where metadata.yaml is damaged.
+    """
+    bag = Bag(path, partial)
+    episode = episode_of(bag)
+    received = [entry.received for entry in bag.entries]
+    return Recording(
+        bag.path, episode, configurations_of(bag), bag.of(ROBOT_DESCRIPTION)[-1].data,
+        datetime.fromtimestamp(min(received) // BILLION, timezone.utc),
+        (max(received) - min(received)) / BILLION,
+        dict(sorted(Counter(entry.topic for entry in bag.entries).items())), _lost(bag.path))
+
+
+def _lost(path: Path) -> dict[str, int]:
+    file = (path if path.is_dir() else path.parent) / METADATA
+    if not file.is_file():  # as after a logger that was killed
+        return {}
+    try:
+        content: Any = yaml.safe_load(file.read_text(encoding='utf-8'))
+        told = content['rosbag2_bagfile_information'].get('custom_data') or {}
+        return {key.removeprefix(LOST): int(count) for key, count in told.items()
+                if key.startswith(LOST)}
+    except (AttributeError, KeyError, TypeError, ValueError, yaml.YAMLError):
+        raise BagError(f'{str(file)!r} is not what rosbag2 writes; `ros2 bag reindex` makes it '
+                       'anew') from None
+
+
+def named(recordings: Sequence[Recording]) -> dict[str, Recording]:
+    """
+    Return runs by their solvers, and where these are not enough, by their bags too.
+
+    Raises BagError where one bag is given twice.
+    """
+    solvers = [each.episode.solver or 'no controller' for each in recordings]
+    places = [each.path.resolve().parts for each in recordings]
+    for place in places:
+        if places.count(place) > 1:
+            raise BagError(f'the bag {str(Path(*place))!r} is given twice; give each bag once')
+    names = [solver if solvers.count(solver) == 1 else f'{solver} {_told_apart(place, places)}'
+             for solver, place in zip(solvers, places)]
+    return dict(zip(names, recordings))
+
+
+def _told_apart(place: tuple[str, ...], places: Sequence[tuple[str, ...]]) -> str:
+    """Return the shortest end of a path that no other has."""
+    for length in range(1, len(place)):
+        if sum(other[-length:] == place[-length:] for other in places) == 1:
+            return '/'.join(place[-length:])
+    return '/'.join(place)

@@ -1,0 +1,98 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What nodes ran with, as tables: against the defaults, and against each other."""
+
+from collections.abc import Mapping, Sequence
+import dataclasses
+from typing import Any, NamedTuple
+
+from dp_swing_ros.bags.configurations import Configuration
+from dp_swing_ros.configuration import NODES
+
+OF_ROS = {'use_sim_time': False, 'start_type_description_service': True}  # in every node
+Configurations = Mapping[str, Configuration]  # by node
+
+
+class Setting(NamedTuple):
+    """A parameter of a node, in words."""
+
+    node: str
+    name: str
+    value: str
+    default: str  # empty where it is not known
+    about: str
+
+    @property
+    def changed(self) -> bool:
+        """Tell whether it is known to differ from its default."""
+        return bool(self.default) and self.value != self.default
+
+
+class Provenance(NamedTuple):
+    """What ran where; nodes of one installation share it."""
+
+    nodes: str
+    version: str
+    commit: str
+    sources: str
+    packages: str
+    machine: str
+
+
+def settings(configurations: Configurations) -> list[Setting]:
+    """Return every parameter of every node."""
+    found = []
+    for node, configuration in configurations.items():
+        known = _declared(node)
+        for name, value in configuration.parameters.items():
+            default, about = known.get(name, ('', ''))
+            found.append(Setting(node, name, in_words(value), default, about))
+    return found
+
+
+def _declared(node: str) -> dict[str, tuple[str, str]]:
+    """Return default and description of each parameter of a node, as far as they are known."""
+    known = {name: (in_words(default), '') for name, default in OF_ROS.items()}
+    for prefix, group in NODES.get(node, []):
+        for field in dataclasses.fields(group):
+            unit = field.metadata['unit']
+            known[f'{prefix}.{field.name}' if prefix else field.name] = (
+                in_words(field.default),
+                field.metadata['description'] + (f' [{unit}]' if unit else ''))
+    return known
+
+
+def in_words(value: Any) -> str:
+    """Return the value of a parameter as it is written in YAML, or nearly so."""
+    if isinstance(value, (list, tuple)):
+        return f'[{", ".join(map(in_words, value))}]'
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f'{value:.12g}' if isinstance(value, float) else str(value) or "''"
+
+
+def provenances(configurations: Configurations) -> list[Provenance]:
+    """Return what ran where, nodes with the same in one."""
+    groups: dict[tuple[str, ...], list[str]] = {}
+    for node, each in configurations.items():
+        packages = ', '.join(f'{name} {version}' for name, version in each.packages.items())
+        groups.setdefault((each.version, each.commit, each.sources, packages, each.machine),
+                          []).append(node)
+    return [Provenance(', '.join(nodes), *what) for what, nodes in groups.items()]
+
+
+def differences(runs: Sequence[Configurations]) -> list[tuple[str, str, list[str]]]:
+    """Return node and name of all that is not the same in all runs, and its value in each."""
+    told = [_flat(run) for run in runs]
+    keys = dict.fromkeys(key for one in told for key in one)
+    rows = [(node, name, [one.get((node, name), '-') for one in told]) for node, name in keys]
+    return [row for row in rows if len(set(row[2])) > 1]
+
+
+def _flat(configurations: Configurations) -> dict[tuple[str, str], str]:
+    flat = {}
+    for one in provenances(configurations):
+        flat.update({(node, name): getattr(one, name) for node in one.nodes.split(', ')
+                     for name in Provenance._fields[1:]})
+    flat.update({(one.node, one.name): one.value for one in settings(configurations)})
+    return flat

@@ -1,0 +1,48 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Bags of made-up episodes, written as the logger would."""
+
+import rclpy  # noqa: F401  the wheels start Python anew here, before anything else is read
+from rclpy.serialization import serialize_message
+from std_msgs.msg import String
+
+from dp_swing_ros import topics
+from dp_swing_ros.bags.configurations import Configuration
+from dp_swing_ros.bags.definitions import schema
+from dp_swing_ros.bags.writer import BagWriter, Recorded
+from dp_swing_ros.nodes.messages import to_diagnostics, to_joint_state, to_stamp
+from dp_swing_ros.urdf import urdf
+
+START = 1_000_000_000_000  # [ns]
+
+
+def told(node, parameters, **others):
+    """Return what a node says that it ran with."""
+    about = {'version': '0.1', 'commit': 'abc', 'sources': '123', 'machine': 'a machine',
+             'packages': {'numpy': '2.0'}}
+    return Configuration(f'/{node}', parameters, **{**about, **others})
+
+
+def write_bag(episode, folder, configurations=()):
+    """Write an episode, and what nodes tell; return the folder."""
+    writer = BagWriter(folder)
+    recorded = [topics.ROBOT_DESCRIPTION, topics.JOINT_STATES, topics.DIAGNOSTICS]
+    for topic in [*recorded, *([topics.CONFIGURATION] if configurations else [])]:
+        writer.add(Recorded(topic.name, topic.type, schema(topic.type), '', []))
+
+    def write(topic, time, message):
+        writer.write(topic.name, serialize_message(message), time, time)
+
+    write(topics.ROBOT_DESCRIPTION, START, String(data=urdf(episode.bodies, episode.limits)))
+    for configuration in configurations:
+        write(topics.CONFIGURATION, START, String(data=configuration.to_text()))
+    stamps = [START + round(1e9 * t) for t in episode.t]
+    for stamp, x, u in zip(stamps, episode.X, [0.0, *episode.U]):
+        write(topics.JOINT_STATES, stamp, to_joint_state(to_stamp(stamp), x, u))
+    columns = zip(stamps, *episode.ticks[1:])
+    for stamp, cost, iterations, solve_time, latency, late, status in columns:
+        write(topics.DIAGNOSTICS, stamp, to_diagnostics(to_stamp(stamp), 'mpc', 0, '', {
+            'solver': episode.solver, 'cost': cost, 'iterations': int(iterations),
+            'solve_time': solve_time, 'latency': latency, 'late': int(late), 'status': status}))
+    writer.close()
+    return folder

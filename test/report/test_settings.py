@@ -1,0 +1,72 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+import dataclasses
+import math
+
+import pytest
+from recorded import told
+
+from dp_swing_ros.configuration import NODES
+from dp_swing_ros.report.settings import differences, in_words, provenances, settings
+
+
+def defaults(node):
+    """Return the parameters that a node tells when it was given none."""
+    values = {f'{prefix}.{field.name}' if prefix else field.name: field.default
+              for prefix, group in NODES[node] for field in dataclasses.fields(group)}
+    return {name: list(value) if isinstance(value, tuple) else value
+            for name, value in {'use_sim_time': False, **values}.items()}
+
+
+@pytest.mark.parametrize('node', NODES)
+def test_defaults_are_not_changed(node):
+    found = settings({node: told(node, defaults(node))})
+    assert len(found) == len(defaults(node))
+    assert not any(one.changed for one in found)
+    assert all(one.about for one in found if one.name != 'use_sim_time')
+
+
+def test_what_differs_is_changed():
+    given = {'horizon': 12, 'state_weights': [1.0] * 6, 'force_limit': math.inf,
+             'mppi.samples': 7, 'use_sim_time': True}
+    found = settings({'mpc': told('mpc', {**defaults('mpc'), **given})})
+    changed = {one.name: one for one in found if one.changed}
+    assert set(changed) == set(given)
+    assert (changed['horizon'].value, changed['horizon'].default) == ('12', '30')
+    assert changed['state_weights'].value == '[1, 1, 1, 1, 1, 1]'
+    assert changed['force_limit'].about.endswith('[N]')
+
+
+def test_nodes_that_are_not_known_tell_their_parameters_all_the_same():
+    (one,) = settings({'other': told('other', {'speed': 2.5})})
+    assert (one.node, one.name, one.value, one.changed) == ('other', 'speed', '2.5', False)
+
+
+@pytest.mark.parametrize('value, words', [
+    (True, 'true'), (0.1, '0.1'), (1e-9, '1e-09'), (20.0, '20'), (3, '3'), ('', "''"),
+    ('ilqr', 'ilqr'), (['a', 'b'], '[a, b]'), ((), '[]')])
+def test_values_read_as_they_are_written(value, words):
+    assert in_words(value) == words
+
+
+def test_nodes_of_one_installation_are_told_once():
+    found = provenances({'plant': told('plant', {}), 'mpc': told('mpc', {}),
+                         'logger': told('logger', {}, machine='another')})
+    assert [one.nodes for one in found] == ['plant, mpc', 'logger']
+    assert (found[0].commit, found[0].packages) == ('abc', 'numpy 2.0')
+
+
+def test_differences_are_what_is_not_the_same_in_all_runs():
+    rows = differences([
+        {'mpc': told('mpc', {'horizon': 30, 'seed': 1, 'step': 0.05}, commit='old')},
+        {'mpc': told('mpc', {'horizon': 20, 'seed': 1}, commit='new')}, {}])
+    found = {(node, name): values for node, name, values in rows}
+    assert found['mpc', 'horizon'] == ['30', '20', '-']
+    assert found['mpc', 'step'] == ['0.05', '-', '-']
+    assert found['mpc', 'commit'] == ['old', 'new', '-']
+
+
+def test_runs_with_the_same_do_not_differ():
+    assert differences([{'mpc': told('mpc', {'horizon': 30})}] * 2) == []
+    assert differences([{}, {}]) == []
