@@ -18,7 +18,7 @@ from dp_swing_ros.episode import Episode
 from dp_swing_ros.figures import style
 from dp_swing_ros.figures.pendulum import room_for
 from dp_swing_ros.figures.sampling import force_at, states_at, times_of
-from dp_swing_ros.metrics import measure, Outcome, outcome
+from dp_swing_ros.metrics import measure, outcome
 from dp_swing_ros.report.recording import Recording
 from dp_swing_ros.report.settings import differences, provenances, settings
 
@@ -63,7 +63,7 @@ def page(runs: Mapping[str, Shown], overlay: Path | None = None) -> str:
         differences=differences([shown.recording.configurations for shown in runs.values()]),
         overlay=None if overlay is None else _picture('overlay', overlay, ', '.join(names)),
         colours={name: getattr(style, name) for name in (
-            'INK', 'FAINT', 'PAPER', 'LINK1', 'LINK2', 'CART', 'FORCE', 'ALARM')},
+            'INK', 'FAINT', 'PAPER', 'LINK1', 'LINK2', 'CART', 'FORCE')},
         style=_source(environment, 'style.css'), player=player,
         digest=b64encode(sha256(player.encode()).digest()).decode())
 
@@ -77,13 +77,12 @@ def _told(name: str, shown: Shown) -> dict[str, Any]:
     """Return what the template says of a run."""
     recorded, episode = shown.recording, shown.recording.episode
     metrics = rows([measure(episode)])
-    ended = outcome(episode)
     told = settings(recorded.configurations)
     stills = [each for each in CAPTIONS if each in shown.pictures]
     return {
         'name': name, 'solver': style.SOLVERS.get(episode.solver, name), 'recorded': recorded,
         'place': '/'.join(recorded.path.resolve().parts[-2:]),
-        'outcome': ended.value, 'held': ended is Outcome.HELD,
+        'outcome': outcome(episode).value,
         'length': float(episode.t[-1] - episode.t[0]),
         'highlights': [metrics[each] for each in HIGHLIGHTS],
         'film': _film(episode),

@@ -47,11 +47,11 @@ for (const player of document.querySelectorAll('.player')) {
     canvas.height = canvas.width * reach / half;
     const scale = canvas.width / 2 / half;
     pen.setTransform(scale, 0, 0, -scale, canvas.width / 2, canvas.height / 2);
-    pen.lineCap = 'round';
     line([[-wall, -0.15], [wall, -0.15]], colour('--faint'), 0.02);
     for (const stop of [-wall, wall]) line([[stop, -0.15], [stop, 0.1]], colour('--faint'), 0.04);
     if (state === null) return;
     trail(frame);
+    pen.lineCap = 'round';
     const [cart, first, second] = places(state);
     pen.fillStyle = colour('--cart');
     pen.fillRect(cart[0] - 0.22, -0.11, 0.44, 0.22);
