@@ -82,11 +82,18 @@ def provenances(configurations: Configurations) -> list[Provenance]:
 
 
 def differences(runs: Sequence[Configurations]) -> list[tuple[str, str, list[str]]]:
-    """Return node and name of all that is not the same in all runs, and its value in each."""
+    """
+    Return node and name of all that is not the same in all runs, and its value in each.
+
+    A run that has no such node does not differ.
+    """
     told = [_flat(run) for run in runs]
-    keys = dict.fromkeys(key for one in told for key in one)
-    rows = [(node, name, [one.get((node, name), '-') for one in told]) for node, name in keys]
-    return [row for row in rows if len(set(row[2])) > 1]
+    rows = []
+    for node, name in dict.fromkeys(key for one in told for key in one):
+        values = [one.get((node, name), '-') for one in told]
+        if len({value for value, run in zip(values, runs) if node in run}) > 1:
+            rows.append((node, name, values))
+    return rows
 
 
 def _flat(configurations: Configurations) -> dict[tuple[str, str], str]:

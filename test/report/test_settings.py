@@ -67,6 +67,11 @@ def test_differences_are_what_is_not_the_same_in_all_runs():
     assert found['mpc', 'commit'] == ['old', 'new', '-']
 
 
+def test_run_without_a_node_does_not_differ_in_it():
+    runs = [{'mpc': told('mpc', {'horizon': 30})}, {'plant': told('plant', {'rate': 20.0})}, {}]
+    assert differences(runs) == []
+
+
 def test_runs_with_the_same_do_not_differ():
     assert differences([{'mpc': told('mpc', {'horizon': 30})}] * 2) == []
     assert differences([{}, {}]) == []
