@@ -34,6 +34,7 @@ setup(
             'plant = dp_swing_ros.nodes.plant:main',
             'mpc = dp_swing_ros.nodes.mpc:main',
             'logger = dp_swing_ros.nodes.logger:main',
+            'replay = dp_swing_ros.nodes.replay:main',
             'analyse = dp_swing_ros.tools.analyse:main',
             'demo = dp_swing_ros.tools.demo:main',
             'evaluate = dp_swing_ros.tools.evaluate:main',

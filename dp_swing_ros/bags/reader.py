@@ -27,6 +27,14 @@ class Entry(NamedTuple):
     decode: Callable[[bytes], Any] | None  # None if it is not of ROS 2
 
 
+class Offer(NamedTuple):
+    """A topic as its publishers offered it."""
+
+    type: str      # noqa: A003
+    encoding: str  # of its messages
+    qos: str       # YAML, a list of a profile per publisher; may be empty
+
+
 class Bag:
     """The messages in a bag of one pendulum."""
 
@@ -38,7 +46,9 @@ class Bag:
         Raises BagError, saying what was found, what is expected and what to do.
         """
         self.path = Path(path)
-        self.entries = [entry for file in _files(self.path) for entry in _entries(file, partial)]
+        self.offers: dict[str, Offer] = {}  # by topic
+        self.entries = [entry for file in _files(self.path)
+                        for entry in _entries(file, partial, self.offers)]
         self.topics = sorted({entry.topic for entry in self.entries})
 
     def __repr__(self) -> str:
@@ -108,7 +118,7 @@ def _files(path: Path) -> list[Path]:
     return files
 
 
-def _entries(file: Path, partial: bool) -> Iterator[Entry]:
+def _entries(file: Path, partial: bool, offers: dict[str, Offer]) -> Iterator[Entry]:
     schemas: dict[int, Schema] = {}
     channels: dict[int, Channel] = {}
     decoders = DecoderFactory()
@@ -117,6 +127,9 @@ def _entries(file: Path, partial: bool) -> Iterator[Entry]:
             schemas[record.id] = record
         elif isinstance(record, Channel):
             channels[record.id] = record
+            schema = schemas.get(record.schema_id)
+            offers[record.topic] = Offer(schema.name if schema else '', record.message_encoding,
+                                         record.metadata.get('offered_qos_profiles', ''))
         elif isinstance(record, Message):
             channel = channels[record.channel_id]
             decode = decoders.decoder_for(channel.message_encoding,

@@ -2,16 +2,23 @@
 # SPDX-License-Identifier: Apache-2.0
 """Publishers and subscriptions of the topics, with their quality of service."""
 
+from enum import IntEnum
 from importlib import import_module
-from typing import Callable
+from typing import Any, Callable, TypeVar
 
+from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
+import yaml
 
-from dp_swing_ros.topics import Topic
+from dp_swing_ros.bags.reader import Offer
+from dp_swing_ros.errors import BagError
+from dp_swing_ros.topics import KEPT, Topic
+
+Policy = TypeVar('Policy', bound=IntEnum)
 
 
 def publish(node: Node, topic: Topic) -> Publisher:
@@ -49,6 +56,49 @@ def is_heard(node: Node, publisher: Publisher, partners: Topic) -> bool:
 
 def _owner(info: TopicEndpointInfo) -> tuple[str, str]:
     return info.node_namespace, info.node_name
+
+
+def publish_again(node: Node, name: str, offer: Offer) -> Publisher:
+    """
+    Make a publisher of what a bag holds, for whoever heard those that were recorded.
+
+    Raises BagError where it cannot be.
+    """
+    try:
+        if offer.encoding != 'cdr':
+            raise ValueError(f'it is encoded as {offer.encoding!r}')
+        return node.create_publisher(message_class(offer.type), name, _strongest(offer.qos))
+    except (AttributeError, ImportError, ValueError) as error:
+        raise BagError(f'{name} of type {offer.type!r} cannot be published here: {error}; '
+                       'name the topics to play, without it') from None
+
+
+def _strongest(text: str) -> QoSProfile:
+    # What is offered satisfies each subscription that one of the profiles in the bag did.
+    try:
+        profiles = yaml.safe_load(text) or [{}]
+        strongest = QoSProfile(
+            depth=max([KEPT, *(each.get('depth', 0) for each in profiles)]),
+            reliability=min(_policy(ReliabilityPolicy, each.get('reliability', 'reliable'))
+                            for each in profiles),
+            durability=min(_policy(DurabilityPolicy, each.get('durability', 'volatile'))
+                           for each in profiles),
+            liveliness=max(_policy(LivelinessPolicy, each.get('liveliness', 'automatic'))
+                           for each in profiles))
+        for name in ('deadline', 'liveliness_lease_duration'):
+            times = [each[name] for each in profiles if name in each]
+            if times:
+                setattr(strongest, name, min(Duration(
+                    seconds=each['sec'], nanoseconds=each['nsec']) for each in times))
+    except (AttributeError, KeyError, TypeError, yaml.YAMLError) as error:
+        raise ValueError(f'its quality of service is {text[:80]!r}: '
+                         f'{" ".join(str(error).split())}') from None
+    return strongest
+
+
+def _policy(kind: type[Policy], value: Any) -> Policy:
+    # of ROS 2 before Jazzy they are numbers, those of rclpy
+    return kind[value.upper()] if isinstance(value, str) else kind(value)
 
 
 def message_class(name: str) -> type:

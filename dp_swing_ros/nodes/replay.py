@@ -1,0 +1,225 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The replay node: plays a bag back onto its topics with its recorded timing."""
+
+import dataclasses
+from pathlib import Path
+import time
+from typing import TypeAlias
+
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.publisher import Publisher
+from rclpy.serialization import deserialize_message
+from rosgraph_msgs.msg import Clock as ClockMessage
+from std_msgs.msg import Float64
+from std_srvs.srv import Trigger
+
+from dp_swing_ros.bags.fields import BILLION
+from dp_swing_ros.bags.playback import excerpt, LATE, Playback
+from dp_swing_ros.bags.reader import Bag, Entry
+from dp_swing_ros.errors import BagError
+from dp_swing_ros.nodes.connections import publish_again
+from dp_swing_ros.nodes.messages import to_stamp
+from dp_swing_ros.nodes.process import ProcessNode, run
+from dp_swing_ros.nodes.ros_parameters import declare, settle
+from dp_swing_ros.parameters import parameter, ParameterError, Parameters
+from dp_swing_ros.topics import FORCE_COMMAND
+
+LOOK_PERIOD = 0.02  # [s] between looks for subscribers
+QUIET = 0.3         # [s] without another subscriber: all have been found
+BATCH = 100         # messages at once, so that signals and services are heard in between
+
+Request: TypeAlias = Trigger.Request
+Response: TypeAlias = Trigger.Response
+
+
+@dataclasses.dataclass(frozen=True)
+class ReplayParameters(Parameters):
+    """What to play, and how; named as the options of `ros2 bag play` are."""
+
+    bag: str = parameter('', 'folder of the bag to play, or its .mcap file; must be given')
+    partial: bool = parameter(False, 'play what there is of a bag whose logger was killed')
+    # a list of none would tell nobody what it is to be a list of
+    topics: tuple[str, ...] = parameter(('',), 'topics to play; empty: all')
+    rate: float = parameter(1.0, 'times as fast as recorded', minimum=1e-3)
+    start_offset: float = parameter(
+        0.0, 'where to begin, after the first message of the bag', unit='s', minimum=0.0)
+    playback_duration: float = parameter(
+        0.0, 'how much of the bag to play, in its own time (0 or less: all)', unit='s')
+    loop: bool = parameter(False, 'begin again after the last message')
+    clock: float = parameter(
+        0.0, 'publish the time of the bag on /clock so often, and before every message, for '
+        'nodes with use_sim_time (0: not at all)', unit='Hz', minimum=0.0, maximum=1e4)
+    start_paused: bool = parameter(False, 'wait for the service replay/resume or replay/play_next')
+    wait: float = parameter(
+        2.0, 'at most, for subscribers of the topics to be found', unit='s', minimum=0.0)
+    delay: float = parameter(0.0, 'before the first message', unit='s', minimum=0.0)
+
+
+class ReplayNode(ProcessNode):
+    """Publishes the messages as they are in the bag, each when it is due or, if late, at once."""
+
+    def __init__(self) -> None:
+        """
+        Read the parameters.
+
+        Raises ParameterError.
+        """
+        super().__init__('replay')
+        self.parameters = declare(self, ReplayParameters)
+        settle(self)
+        if not self.parameters.bag:
+            raise ParameterError("parameter 'bag' is empty; expected the folder of a bag to play: "
+                                 '--ros-args -p bag:=my_bag')
+        self.outputs: dict[str, Publisher] = {}
+        self.clocks: Publisher | None = None
+        self.last_forces: dict[str, bytes] = {}  # serialised; of each topic of commands
+        self.paused = self.parameters.start_paused
+        self.began: float | None = None          # once the subscribers are there
+
+    def prepare(self) -> None:
+        """Read the bag and offer what it holds; then look for subscribers."""
+        p = self.parameters
+        bag = Bag(Path(p.bag).expanduser(), p.partial)
+        entries = excerpt(bag, filter(None, p.topics), p.start_offset, p.playback_duration)
+        span = entries[-1].received - entries[0].received
+        if p.loop and span == 0:
+            raise BagError(f'{bag} has messages of one moment alone to play; a loop needs two')
+        self.playback = Playback(entries, p.rate, p.loop)
+        for topic in sorted({entry.topic for entry in entries}):
+            self.outputs[topic] = publish_again(self, topic, bag.offers[topic])
+            if topic.endswith(f'/{FORCE_COMMAND.name}') \
+                    and bag.offers[topic].type == FORCE_COMMAND.type:
+                self.last_forces[topic] = b''
+        self.listen()
+        self.get_logger().info(f'{len(entries)} messages over {span / BILLION:.3f} s of {bag}, '
+                               f'at rate {p.rate:g}')
+
+    def listen(self) -> None:
+        """Offer the services and the clock, and look for subscribers."""
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.timer = self.create_timer(1.0, self.on_due, clock=steady, autostart=False)
+        if self.parameters.clock > 0:
+            self.clocks = self.create_publisher(ClockMessage, '/clock', 10)
+            self.create_timer(1 / self.parameters.clock, self.on_clock, clock=steady)
+        for name in ('pause', 'resume', 'toggle_paused', 'play_next', 'is_paused'):
+            self.create_service(Trigger, f'replay/{name}', getattr(self, f'on_{name}'))
+        self.subscribers, self.since = 0, time.monotonic()
+        self.give_up = self.since + self.parameters.wait
+        self.begin_at: float | None = None
+        self.search = self.create_timer(LOOK_PERIOD, self.on_search, clock=steady)
+
+    def on_search(self) -> None:
+        """Begin when no more subscribers are found, or after the time that there is for it."""
+        now = time.monotonic()
+        if self.begin_at is None:
+            found = sum(each.get_subscription_count() for each in self.outputs.values())
+            if found != self.subscribers:
+                self.subscribers, self.since = found, now
+            if now > self.give_up or found and now > self.since + QUIET:
+                self.begin_at = now + self.parameters.delay
+        if self.begin_at is not None and now >= self.begin_at:
+            self.destroy_timer(self.search)
+            self.began = now
+            self.stand_or_run()
+
+    def stand_or_run(self) -> None:
+        """Let the time of the bag stand still or run, as the user wants it."""
+        now = time.monotonic_ns()
+        if self.paused:
+            self.playback.timeline.stand(now)
+        elif self.began is not None:
+            self.playback.timeline.run(now)
+        self.wait_for_next()
+
+    def wait_for_next(self) -> None:
+        """Set the timer to when the next message is due, if it ever is."""
+        due = self.playback.due()
+        if due is None:
+            self.timer.cancel()
+        else:
+            self.timer.timer_period_ns = max(due - time.monotonic_ns(), 1)
+            self.timer.reset()
+
+    def on_due(self) -> None:
+        """Publish what is due, and wait for the next."""
+        for _ in range(BATCH):
+            now, due = time.monotonic_ns(), self.playback.due()
+            if due is None or due > now:
+                break
+            self.play(self.playback.take(now))
+        self.wait_for_next()
+
+    def play(self, entry: Entry) -> None:
+        """Publish a message; the last one ends the node."""
+        self.tell_time(entry.received)
+        self.outputs[entry.topic].publish(entry.data)
+        if entry.topic in self.last_forces:
+            self.last_forces[entry.topic] = entry.data
+        self.done = self.playback.done
+
+    def tell_time(self, now: int) -> None:
+        """Publish a time of the bag [ns], if anyone wants to know."""
+        if self.clocks is not None:
+            self.clocks.publish(ClockMessage(clock=to_stamp(now)))
+
+    def on_clock(self) -> None:
+        """Publish the time."""
+        self.tell_time(self.playback.at(time.monotonic_ns()))
+
+    def set_paused(self, paused: bool, response: Response) -> Response:
+        """Let the time of the bag stand still, or go on from where it stands."""
+        self.paused = paused
+        self.stand_or_run()
+        return _answered(response, True, 'paused' if paused else 'playing')
+
+    def on_pause(self, request: Request, response: Response) -> Response:
+        """Pause; more than once is the same."""
+        return self.set_paused(True, response)
+
+    def on_resume(self, request: Request, response: Response) -> Response:
+        """Go on; more than once is the same."""
+        return self.set_paused(False, response)
+
+    def on_toggle_paused(self, request: Request, response: Response) -> Response:
+        """Pause, or go on."""
+        return self.set_paused(not self.paused, response)
+
+    def on_is_paused(self, request: Request, response: Response) -> Response:
+        """Tell whether it is paused: that is `success`."""
+        return _answered(response, self.paused, 'paused' if self.paused else 'playing')
+
+    def on_play_next(self, request: Request, response: Response) -> Response:
+        """Publish one message while paused; the time of the bag is then that of the message."""
+        if not self.paused:
+            return _answered(response, False, 'not paused; call replay/pause first')
+        if self.done:
+            return _answered(response, False, 'that was the last message')
+        entry = self.playback.step(time.monotonic_ns())
+        self.play(entry)
+        return _answered(response, True, entry.topic)
+
+    def close(self) -> None:
+        """End a stream of commands with zero, and say what was played."""
+        for topic, data in self.last_forces.items():
+            if data and deserialize_message(data, Float64).data != 0:
+                self.outputs[topic].publish(Float64(data=0.0))
+        if self.began is None:
+            return
+        playback, taken = self.playback, time.monotonic() - self.began
+        print(f'{self.parameters.bag}: {playback.played.total()} messages in {taken:.3f} s, '
+              f'{playback.late} later than {LATE / 1e6:g} ms, '
+              f'the latest by {playback.largest_lateness / 1e6:.1f} ms')
+        for topic in self.outputs:
+            print(f'  {topic}: {playback.played[topic]}', flush=True)
+
+
+def _answered(response: Response, success: bool, message: str) -> Response:
+    response.success, response.message = success, message
+    return response
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the node; see `ros2 run dp_swing_ros replay --ros-args -p bag:=my_bag`."""
+    return run(ReplayNode, args)
