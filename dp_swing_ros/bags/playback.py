@@ -4,38 +4,63 @@
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 from dp_swing_ros.bags.fields import BILLION
 from dp_swing_ros.bags.reader import Bag, Entry
 from dp_swing_ros.errors import BagError
 
+SENT, RECEIVED = ORDERS = ('sent', 'received')
 LATE = 5_000_000  # [ns] later than this a message is counted as late
 
 
-def excerpt(bag: Bag, topics: Iterable[str] = (), start_offset: float = 0.0,
-            duration: float = 0.0) -> list[Entry]:
-    """
-    Return the messages on some topics (none: all) in the order in which they were received.
+class Cue(NamedTuple):
+    """A message and when it is to be played."""
 
-    Those from start_offset [s] after the bag's first message on, over a duration [s] of the bag
-    (0 or less: to its end). Raises BagError if there is no such topic or nothing is left.
+    time: int  # [ns] of the bag
+    entry: Entry
+
+
+def cues_of(bag: Bag, order: str = SENT) -> list[Cue]:
+    """
+    Return the messages of a bag as they were sent, or as they were received.
+
+    A logger that was kept waiting receives what was sent over a while all at once, so the time of
+    sending is the closer to what the nodes saw; it is of each sender's own clock, though. What
+    was sent before the recording began is played at its beginning. Raises BagError.
+    """
+    if not bag.entries:
+        raise BagError(f'{bag} holds no message; record a run with the logger')
+    first = min(entry.received for entry in bag.entries)
+
+    def time(entry: Entry) -> int:
+        # some writers know no time of sending, and leave it zero
+        return max(entry.sent, first) if order == SENT and entry.sent else entry.received
+
+    return sorted((Cue(time(entry), entry) for entry in bag.entries), key=lambda cue: cue.time)
+
+
+def excerpt(bag: Bag, cues: Sequence[Cue], topics: Iterable[str] = (), start_offset: float = 0.0,
+            duration: float = 0.0) -> list[Cue]:
+    """
+    Return the messages on some topics (none: all) over a part of a bag.
+
+    It begins start_offset [s] after the first of all messages and lasts a duration [s] of the
+    bag's time (0 or less: to its end). Raises BagError if there is no such topic, or nothing.
     """
     names = {'/' + name.lstrip('/') for name in topics}
     unknown = sorted(names - set(bag.topics))
     if unknown:
         raise BagError(f'{bag} has nothing on {", ".join(unknown)}; '
-                       f'it holds messages of {", ".join(bag.topics) or "no topic"}')
-    if not bag.entries:
-        raise BagError(f'{bag} holds no message; record a run with the logger')
-    times = [entry.received for entry in bag.entries]
-    begin = min(times) + round(start_offset * BILLION)
-    end = begin + round(duration * BILLION) if duration > 0 else max(times)
-    found = sorted((entry for entry in bag.entries if begin <= entry.received <= end
-                    and (not names or entry.topic in names)), key=lambda entry: entry.received)
+                       f'it holds messages of {", ".join(bag.topics)}')
+    begin = cues[0].time + round(start_offset * BILLION)
+    end = begin + round(duration * BILLION) if duration > 0 else cues[-1].time
+    found = [cue for cue in cues
+             if begin <= cue.time <= end and (not names or cue.entry.topic in names)]
     if not found:
-        span = (max(times) - min(times)) / BILLION
-        raise BagError(f'{bag} lasts {span:.3f} s and has nothing to play from {start_offset:g} s '
-                       'on; give another start_offset or playback_duration')
+        raise BagError(f'{bag} lasts {(cues[-1].time - cues[0].time) / BILLION:.3f} s and has '
+                       f'nothing to play from {start_offset:g} s on; '
+                       'give another start_offset or playback_duration')
     return found
 
 
@@ -83,43 +108,43 @@ class Timeline:
 class Playback:
     """The messages that are played, one after the other, by the clock of a timeline."""
 
-    def __init__(self, entries: Sequence[Entry], rate: float, loop: bool = False) -> None:
+    def __init__(self, cues: Sequence[Cue], rate: float, loop: bool = False) -> None:
         """Stand before the first message; in a loop, it comes again after the last."""
-        self.timeline = Timeline(entries[0].received, rate)
+        self.timeline = Timeline(cues[0].time, rate)
         self.played = Counter[str]()           # messages by topic
         self.late = self.largest_lateness = 0  # messages; [ns]
-        self._entries, self._loop = entries, loop
+        self._cues, self._loop = cues, loop
         self._number = 0                       # of the next message
 
     @property
     def done(self) -> bool:
         """Tell whether all have been played."""
-        return self._number == len(self._entries)
+        return self._number == len(self._cues)
 
     def due(self) -> int | None:
         """Return when the next message is due; None if nothing is to come or it stands still."""
-        return None if self.done else self.timeline.due(self._entries[self._number].received)
+        return None if self.done else self.timeline.due(self._cues[self._number].time)
 
     def at(self, now: int) -> int:
         """Return the time of the bag, which does not pass a message that is yet to come."""
-        last = self._entries[-1] if self.done else self._entries[self._number]
-        return min(self.timeline.at(now), last.received)
+        following = self._cues[-1 if self.done else self._number]
+        return min(self.timeline.at(now), following.time)
 
-    def take(self, now: int) -> Entry:
+    def take(self, now: int) -> Cue:
         """Return the next message, which is due, and count it."""
         due = self.due()
         if due is not None:
             self.late += now - due > LATE
             self.largest_lateness = max(self.largest_lateness, now - due)
-        entry = self._entries[self._number]
-        self.played[entry.topic] += 1
+        cue = self._cues[self._number]
+        self.played[cue.entry.topic] += 1
         self._number += 1
         if self.done and self._loop:
             self._number = 0
-            self.timeline.jump(self._entries[0].received, now)
-        return entry
+            self.timeline.jump(self._cues[0].time, now)
+        return cue
 
-    def step(self, now: int) -> Entry:
+    def step(self, now: int) -> Cue:
         """Return the next message, due or not; it is the time of the message now."""
-        self.timeline.jump(self._entries[self._number].received, now)
+        self.timeline.jump(self._cues[self._number].time, now)
         return self.take(now)

@@ -5,7 +5,7 @@
 import dataclasses
 from pathlib import Path
 import time
-from typing import TypeAlias
+from typing import Callable
 
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
@@ -16,22 +16,19 @@ from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
 from dp_swing_ros.bags.fields import BILLION
-from dp_swing_ros.bags.playback import excerpt, LATE, Playback
-from dp_swing_ros.bags.reader import Bag, Entry
+from dp_swing_ros.bags.playback import Cue, cues_of, excerpt, LATE, ORDERS, Playback, SENT
+from dp_swing_ros.bags.reader import Bag, Offer
 from dp_swing_ros.errors import BagError
-from dp_swing_ros.nodes.connections import publish_again
+from dp_swing_ros.nodes.connections import publish_again, subscribe
 from dp_swing_ros.nodes.messages import to_stamp
 from dp_swing_ros.nodes.process import ProcessNode, run
 from dp_swing_ros.nodes.ros_parameters import declare, settle
 from dp_swing_ros.parameters import parameter, ParameterError, Parameters
-from dp_swing_ros.topics import FORCE_COMMAND
+from dp_swing_ros.topics import FORCE_COMMAND, JOINT_STATES, Topic
 
 LOOK_PERIOD = 0.02  # [s] between looks for subscribers
 QUIET = 0.3         # [s] without another subscriber: all have been found
 BATCH = 100         # messages at once, so that signals and services are heard in between
-
-Request: TypeAlias = Trigger.Request
-Response: TypeAlias = Trigger.Response
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,6 +44,9 @@ class ReplayParameters(Parameters):
         0.0, 'where to begin, after the first message of the bag', unit='s', minimum=0.0)
     playback_duration: float = parameter(
         0.0, 'how much of the bag to play, in its own time (0 or less: all)', unit='s')
+    message_order: str = parameter(
+        SENT, 'the time that counts of each message: when it was sent, or when it was received',
+        choices=lambda: list(ORDERS))
     loop: bool = parameter(False, 'begin again after the last message')
     clock: float = parameter(
         0.0, 'publish the time of the bag on /clock so often, and before every message, for '
@@ -82,18 +82,23 @@ class ReplayNode(ProcessNode):
         """Read the bag and offer what it holds; then look for subscribers."""
         p = self.parameters
         bag = Bag(Path(p.bag).expanduser(), p.partial)
-        entries = excerpt(bag, filter(None, p.topics), p.start_offset, p.playback_duration)
-        span = entries[-1].received - entries[0].received
+        cues = excerpt(bag, cues_of(bag, p.message_order), filter(None, p.topics),
+                       p.start_offset, p.playback_duration)
+        span = cues[-1].time - cues[0].time
         if p.loop and span == 0:
             raise BagError(f'{bag} has messages of one moment alone to play; a loop needs two')
-        self.playback = Playback(entries, p.rate, p.loop)
-        for topic in sorted({entry.topic for entry in entries}):
+        self.playback = Playback(cues, p.rate, p.loop)
+        for topic in sorted({cue.entry.topic for cue in cues}):
             self.outputs[topic] = publish_again(self, topic, bag.offers[topic])
-            if topic.endswith(f'/{FORCE_COMMAND.name}') \
-                    and bag.offers[topic].type == FORCE_COMMAND.type:
+            if _is(FORCE_COMMAND, topic, bag.offers[topic]):
                 self.last_forces[topic] = b''
+        for topic in self.outputs:
+            forces = topic.removesuffix(JOINT_STATES.name) + FORCE_COMMAND.name
+            if _is(JOINT_STATES, topic, bag.offers[topic]) and forces not in self.outputs:
+                # a controller answers those who hear it
+                subscribe(self, FORCE_COMMAND._replace(name=forces), lambda message: None)
         self.listen()
-        self.get_logger().info(f'{len(entries)} messages over {span / BILLION:.3f} s of {bag}, '
+        self.get_logger().info(f'{len(cues)} messages over {span / BILLION:.3f} s of {bag}, '
                                f'at rate {p.rate:g}')
 
     def listen(self) -> None:
@@ -103,8 +108,11 @@ class ReplayNode(ProcessNode):
         if self.parameters.clock > 0:
             self.clocks = self.create_publisher(ClockMessage, '/clock', 10)
             self.create_timer(1 / self.parameters.clock, self.on_clock, clock=steady)
-        for name in ('pause', 'resume', 'toggle_paused', 'play_next', 'is_paused'):
-            self.create_service(Trigger, f'replay/{name}', getattr(self, f'on_{name}'))
+        self.serve('pause', lambda: self.set_paused(True))
+        self.serve('resume', lambda: self.set_paused(False))
+        self.serve('toggle_paused', lambda: self.set_paused(not self.paused))
+        self.serve('is_paused', self.is_paused)
+        self.serve('play_next', self.play_next)
         self.subscribers, self.since = 0, time.monotonic()
         self.give_up = self.since + self.parameters.wait
         self.begin_at: float | None = None
@@ -151,12 +159,12 @@ class ReplayNode(ProcessNode):
             self.play(self.playback.take(now))
         self.wait_for_next()
 
-    def play(self, entry: Entry) -> None:
+    def play(self, cue: Cue) -> None:
         """Publish a message; the last one ends the node."""
-        self.tell_time(entry.received)
-        self.outputs[entry.topic].publish(entry.data)
-        if entry.topic in self.last_forces:
-            self.last_forces[entry.topic] = entry.data
+        self.tell_time(cue.time)
+        self.outputs[cue.entry.topic].publish(cue.entry.data)
+        if cue.entry.topic in self.last_forces:
+            self.last_forces[cue.entry.topic] = cue.entry.data
         self.done = self.playback.done
 
     def tell_time(self, now: int) -> None:
@@ -168,37 +176,32 @@ class ReplayNode(ProcessNode):
         """Publish the time."""
         self.tell_time(self.playback.at(time.monotonic_ns()))
 
-    def set_paused(self, paused: bool, response: Response) -> Response:
+    def serve(self, name: str, act: Callable[[], tuple[bool, str]]) -> None:
+        """Offer a service that answers with success and message of what it does."""
+        def answer(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            response.success, response.message = act()
+            return response
+        self.create_service(Trigger, f'replay/{name}', answer)
+
+    def set_paused(self, paused: bool) -> tuple[bool, str]:
         """Let the time of the bag stand still, or go on from where it stands."""
         self.paused = paused
         self.stand_or_run()
-        return _answered(response, True, 'paused' if paused else 'playing')
+        return True, self.is_paused()[1]
 
-    def on_pause(self, request: Request, response: Response) -> Response:
-        """Pause; more than once is the same."""
-        return self.set_paused(True, response)
+    def is_paused(self) -> tuple[bool, str]:
+        """Tell whether it is paused."""
+        return self.paused, 'paused' if self.paused else 'playing'
 
-    def on_resume(self, request: Request, response: Response) -> Response:
-        """Go on; more than once is the same."""
-        return self.set_paused(False, response)
-
-    def on_toggle_paused(self, request: Request, response: Response) -> Response:
-        """Pause, or go on."""
-        return self.set_paused(not self.paused, response)
-
-    def on_is_paused(self, request: Request, response: Response) -> Response:
-        """Tell whether it is paused: that is `success`."""
-        return _answered(response, self.paused, 'paused' if self.paused else 'playing')
-
-    def on_play_next(self, request: Request, response: Response) -> Response:
+    def play_next(self) -> tuple[bool, str]:
         """Publish one message while paused; the time of the bag is then that of the message."""
         if not self.paused:
-            return _answered(response, False, 'not paused; call replay/pause first')
+            return False, 'not paused; call replay/pause first'
         if self.done:
-            return _answered(response, False, 'that was the last message')
-        entry = self.playback.step(time.monotonic_ns())
-        self.play(entry)
-        return _answered(response, True, entry.topic)
+            return False, 'that was the last message'
+        cue = self.playback.step(time.monotonic_ns())
+        self.play(cue)
+        return True, cue.entry.topic
 
     def close(self) -> None:
         """End a stream of commands with zero, and say what was played."""
@@ -215,9 +218,8 @@ class ReplayNode(ProcessNode):
             print(f'  {topic}: {playback.played[topic]}', flush=True)
 
 
-def _answered(response: Response, success: bool, message: str) -> Response:
-    response.success, response.message = success, message
-    return response
+def _is(topic: Topic, name: str, offer: Offer) -> bool:
+    return name.endswith(f'/{topic.name}') and offer.type == topic.type
 
 
 def main(args: list[str] | None = None) -> int:
