@@ -108,6 +108,16 @@ def here(tmp_path, monkeypatch):
         signal.signal(number, handler)
 
 
+@pytest.fixture(scope='session')
+def lockstep_bag(tmp_path_factory):
+    """Return the bag of a run of plant, mpc and logger in lockstep."""
+    folder = tmp_path_factory.mktemp('lockstep') / 'run'
+    subprocess.run(['ros2', 'run', 'dp_swing_ros', 'demo', '--lockstep', '--duration', '5',
+                    '--no-figures', '--output', str(folder)], check=True, capture_output=True,
+                   timeout=280, env={**os.environ, 'ROS_DOMAIN_ID': ''})
+    return folder / 'bag'
+
+
 @pytest.fixture
 def start_node(tmp_path):
     """Return a function that starts a node; at the end of the test no process is left."""

@@ -61,11 +61,6 @@ class ReplayNode(ProcessNode):
     """Publishes the messages as they are in the bag, each when it is due or, if late, at once."""
 
     def __init__(self) -> None:
-        """
-        Read the parameters.
-
-        Raises ParameterError.
-        """
         super().__init__('replay')
         self.parameters = declare(self, ReplayParameters)
         settle(self)
@@ -197,8 +192,6 @@ class ReplayNode(ProcessNode):
         """Publish one message while paused; the time of the bag is then that of the message."""
         if not self.paused:
             return False, 'not paused; call replay/pause first'
-        if self.done:
-            return False, 'that was the last message'
         cue = self.playback.step(time.monotonic_ns())
         self.play(cue)
         return True, cue.entry.topic

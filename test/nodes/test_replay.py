@@ -1,0 +1,306 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Replay as a process: to subscribers here, to a logger, and to an mpc that answers anew."""
+
+import os
+import re
+import signal
+import subprocess
+
+from conftest import wait_until
+from made_bags import encoded, LATCHED, START, write_bag
+import numpy as np
+from peer import Peer
+import pytest
+from rclpy.duration import Duration
+from rclpy.qos import (
+    DurabilityPolicy, LivelinessPolicy, qos_profile_sensor_data, QoSProfile, ReliabilityPolicy)
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import Float64
+from std_srvs.srv import Trigger
+
+from dp_swing_ros.bags import read_episode
+from dp_swing_ros.bags.episodes import reports_of, samples_of
+from dp_swing_ros.bags.fields import nanoseconds
+from dp_swing_ros.bags.reader import Bag, Offer
+from dp_swing_ros.comparison import table
+from dp_swing_ros.errors import BagError
+from dp_swing_ros.metrics import measure
+from dp_swing_ros.nodes.connections import publish_again
+from dp_swing_ros.topics import FORCE_COMMAND
+
+MESSAGES = [(0.0, '/a', 0), (0.05, '/b', 1), (0.3, '/a', 2), (0.3, '/b', 3), (0.7, '/a', 4)]
+
+
+@pytest.fixture
+def peer():
+    peer = Peer()
+    yield peer
+    peer.close()
+
+
+@pytest.fixture
+def replay(start_node):
+    """Return a function that starts a replay of a bag."""
+    def start(bag, **parameters):
+        return start_node('replay', {'bag': str(bag), **parameters})
+    return start
+
+
+def hear(peer, topic, qos=10):
+    """Return a list that fills with the numbers of a topic and when they were sent [ns]."""
+    heard = []
+    peer.node.create_subscription(
+        Float64, topic, lambda message, info: heard.append((message.data,
+                                                            info['source_timestamp'])), qos)
+    return heard
+
+
+def numbers(heard):
+    return [number for number, _ in heard]
+
+
+def call(peer, name):
+    """Call a service of the node; return its success and message."""
+    answer = peer.call(Trigger, f'replay/{name}')
+    return answer.success, answer.message
+
+
+def test_messages_come_as_they_were_recorded(peer, replay, tmp_path):
+    heard = hear(peer, '/a'), hear(peer, '/b')
+    node = replay(write_bag(tmp_path / 'bag', MESSAGES))
+    assert peer.until(lambda: node.popen.poll() is not None)
+    assert node.wait() == 0, node.output()
+    assert [numbers(each) for each in heard] == [[0, 2, 4], [1, 3]]
+    last = node.output().splitlines()[-3:]
+    latest = float(re.fullmatch(rf'{tmp_path}/bag: 5 messages in 0\.[78]\d* s, \d later than '
+                                r'5 ms, the latest by ([\d.]+) ms', last[0])[1])
+    assert last[1:] == ['  /a: 3', '  /b: 2']
+    sent = {number: time / 1e9 for each in heard for number, time in each}
+    for number, time in enumerate(time for time, *_ in MESSAGES):
+        assert sent[number] - sent[0] == pytest.approx(time, abs=latest / 1e3 + 0.002)
+
+
+def test_part_of_a_bag_at_another_rate(peer, replay, tmp_path):
+    heard = hear(peer, '/a'), hear(peer, '/b')
+    node = replay(write_bag(tmp_path / 'bag', MESSAGES), topics=['/a'], start_offset=0.1,
+                  playback_duration=0.65, rate=0.5, delay=0.5)
+    assert peer.until(lambda: node.popen.poll() is not None)
+    assert [numbers(each) for each in heard] == [[2, 4], []]
+    latest = float(re.search(r'latest by ([\d.]+) ms', node.output())[1])
+    (_, first), (_, last) = heard[0]
+    assert (last - first) / 1e9 == pytest.approx(0.8, abs=latest / 1e3 + 0.002)
+
+
+@pytest.mark.parametrize('parameters, says', [
+    ({'bag': ''}, "parameter 'bag' is empty; expected the folder of a bag to play"),
+    ({'bag': 'nowhere'}, "there is no bag 'nowhere'"),
+    ({'topics': ['/c']}, 'has nothing on /c; it holds messages of /a, /b'),
+    ({'rate': 0.0}, "parameter 'rate' is 0.0; expected at least 0.001"),
+    ({'message_order': 'any'}, "parameter 'message_order' is 'any'; expected one of sent, rec"),
+    ({'start_offset': 9.0}, 'lasts 0.700 s and has nothing to play from 9 s on'),
+    ({'loop': True, 'playback_duration': 0.01}, 'messages of one moment alone to play; a loop'),
+    ({'speed': 2.0}, "unknown parameter 'speed' of the node 'replay'")])
+def test_what_it_cannot_play_is_one_line(replay, tmp_path, parameters, says):
+    write_bag(tmp_path / 'bag', MESSAGES)
+    node = replay(**{'bag': tmp_path / 'bag', **parameters})
+    assert node.wait() == 2
+    assert node.output().startswith('replay: error: ') and says in node.output()
+    assert node.output().count('\n') == 1
+
+
+def test_bag_without_an_end_is_played_if_asked_for(replay, tmp_path):
+    file, = write_bag(tmp_path / 'bag', MESSAGES).glob('*.mcap')
+    whole = file.read_bytes()
+    file.write_bytes(whole[:-20])
+    node = replay(tmp_path / 'bag')
+    assert node.wait() == 2 and 'but no end' in node.output()
+    node = replay(tmp_path / 'bag', partial=True, wait=0.0)
+    assert node.wait() == 0 and '5 messages in' in node.output()
+
+
+def test_services_pause_step_and_resume(peer, replay, tmp_path):
+    heard = hear(peer, '/a'), hear(peer, '/b')
+    node = replay(write_bag(tmp_path / 'bag', MESSAGES), start_paused=True)
+    assert call(peer, 'is_paused') == (True, 'paused')
+    assert peer.until(lambda: peer.node.count_publishers('/b'))
+    peer.spin(0.5)
+    assert heard == ([], [])
+    assert call(peer, 'play_next') == (True, '/a')
+    assert call(peer, 'play_next') == (True, '/b')
+    assert peer.until(lambda: heard[1])
+    assert [numbers(each) for each in heard] == [[0], [1]]
+    assert call(peer, 'toggle_paused') == (True, 'playing')
+    assert call(peer, 'play_next') == (False, 'not paused; call replay/pause first')
+    assert call(peer, 'is_paused') == (False, 'playing')
+    assert peer.until(lambda: node.popen.poll() is not None)
+    assert node.wait() == 0
+    assert [numbers(each) for each in heard] == [[0, 2, 4], [1, 3]]
+
+
+def test_a_pause_holds_everything(peer, replay, tmp_path):
+    heard = hear(peer, '/a')
+    node = replay(write_bag(tmp_path / 'bag', [(n / 20, '/a', n) for n in range(60)]))
+    assert peer.until(lambda: len(heard) > 3)
+    assert call(peer, 'pause') == (True, 'paused')
+    peer.spin(0.2)
+    count = len(heard)
+    peer.spin(0.5)
+    assert len(heard) == count < 60
+    assert call(peer, 'resume') == (True, 'playing')
+    assert peer.until(lambda: node.popen.poll() is not None)
+    assert numbers(heard) == list(range(60))
+
+
+def test_a_loop_ends_with_a_signal(peer, replay, tmp_path):
+    heard = hear(peer, '/a')
+    node = replay(write_bag(tmp_path / 'bag', MESSAGES), topics=['/a'], loop=True, rate=10.0)
+    assert peer.until(lambda: len(heard) > 7)
+    assert node.stop() == 0
+    assert numbers(heard)[:7] == [0, 2, 4, 0, 2, 4, 0]
+    assert 'Traceback' not in node.output()
+
+
+def test_clock_tells_the_time_of_every_message(peer, replay, tmp_path):
+    times = []
+    peer.node.create_subscription(
+        Clock, '/clock', lambda message: times.append(nanoseconds(message.clock)), 100)
+    hear(peer, '/a')
+    node = replay(write_bag(tmp_path / 'bag', MESSAGES), clock=50.0)
+    assert peer.until(lambda: node.popen.poll() is not None)
+    assert node.wait() == 0
+    assert times == sorted(times)
+    assert {START + round(time * 1e9) for time, *_ in MESSAGES} <= set(times)
+    assert times[-1] == START + 700_000_000
+    assert len(set(times)) > 20
+
+
+def test_late_subscriber_gets_what_was_latched(peer, replay, tmp_path):
+    messages = [(0.0, '/latched', 5), (0.1, '/latched', 6), (30.0, '/latched', 7)]
+    node = replay(write_bag(tmp_path / 'bag', messages, LATCHED), wait=0.0)
+    node.wait_for('3 messages over 30.000 s')
+    peer.spin(0.5)
+    heard = hear(peer, '/latched', QoSProfile(
+        depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+    assert peer.until(lambda: len(heard) == 2)
+    assert numbers(heard) == [5, 6]
+    assert node.stop() == 0
+
+
+@pytest.mark.parametrize('ends, expected', [([3.0, -2.0], [3.0, -2.0, 0.0]), ([3.0, 0.0], None)])
+def test_a_stream_of_commands_ends_with_zero(peer, replay, tmp_path, ends, expected):
+    heard = hear(peer, '/force_command', 10)
+    messages = [(n / 10, '/force_command', force) for n, force in enumerate(ends)]
+    node = replay(write_bag(tmp_path / 'bag', [*messages, (30.0, '/force_command', 1.0)]))
+    assert peer.until(lambda: len(heard) == 2)
+    assert node.stop() == 0
+    peer.spin(0.3)
+    assert numbers(heard) == (expected or ends)
+
+
+QOS = """
+- {reliability: best_effort, durability: volatile, depth: 3, liveliness: manual_by_topic,
+   deadline: {sec: 2, nsec: 0}}
+- {reliability: 1, durability: 1, depth: 2000, liveliness: automatic,
+   deadline: {sec: 0, nsec: 500000000}}
+"""
+
+
+def test_each_old_subscriber_is_satisfied(peer):
+    offered = publish_again(peer.node, '/a', Offer('std_msgs/msg/Float64', 'cdr', QOS))
+    heard = [hear(peer, '/a', profile) for profile in (
+        qos_profile_sensor_data, QoSProfile(
+            depth=1, reliability=ReliabilityPolicy.RELIABLE, deadline=Duration(seconds=1),
+            durability=DurabilityPolicy.TRANSIENT_LOCAL,
+            liveliness=LivelinessPolicy.MANUAL_BY_TOPIC))]
+    assert peer.until(lambda: offered.get_subscription_count() == 2)
+    offered.publish(encoded(4.0))
+    assert peer.until(lambda: all(heard))
+    assert [numbers(each) for each in heard] == [[4.0], [4.0]]
+    assert offered.qos_profile.depth == 2000
+
+
+@pytest.mark.parametrize('offer, reason', [
+    (Offer('std_msgs/msg/Float64', 'json', ''), "it is encoded as 'json'"),
+    (Offer('nobody_msgs/msg/Thing', 'cdr', ''), "No module named 'nobody_msgs'"),
+    (Offer('std_msgs/msg/Thing', 'cdr', ''), "no attribute 'Thing'"),
+    (Offer('', 'cdr', ''), 'cannot be published'),
+    (Offer('std_msgs/msg/Float64', 'cdr', '['), "its quality of service is '\\['"),
+    (Offer('std_msgs/msg/Float64', 'cdr', '[{reliability: some}]'), 'SOME')])
+def test_what_cannot_be_published_is_told(peer, offer, reason):
+    with pytest.raises(BagError, match=reason):
+        publish_again(peer.node, '/a', offer)
+
+
+def recorded(bag):
+    """Tell whether a logger has finished a bag."""
+    return (bag / 'metadata.yaml').exists()
+
+
+def answered(start_node, bag, folder, topics=('/joint_states',), mpc=(), **parameters):
+    """Replay a bag to an mpc, unless it is None, and return the bag that a logger recorded."""
+    logger = start_node('logger', {'output': str(folder), 'progress_period': 0.0})
+    logger.wait_for('recording to')
+    if mpc is not None:
+        controller = start_node('mpc', mpc)
+        controller.wait_for('ready')
+    replay = start_node('replay', {'bag': str(bag), 'topics': list(topics), **parameters})
+    assert replay.wait() == 0, replay.output()
+    if mpc is not None:
+        assert controller.stop() == 0
+    assert logger.stop() == 0
+    assert wait_until(lambda: recorded(folder))
+    return Bag(folder)
+
+
+def forces(bag):
+    return [message.data for message in bag.of(FORCE_COMMAND)]
+
+
+def test_mpc_gives_the_recorded_forces_to_the_bit(start_node, lockstep_bag, tmp_path):
+    original = Bag(lockstep_bag)
+    for attempt in range(3):
+        again = answered(start_node, lockstep_bag, tmp_path / str(attempt), rate=0.2)
+        if len(forces(again)) == len(samples_of(again)) + 1:
+            break
+    else:
+        pytest.skip('the machine was too busy to answer every state')
+    assert len(samples_of(again)) == len(samples_of(original))
+    assert forces(again) == forces(original)
+    assert [report.values['cost'] for report in reports_of(again)] == [
+        report.values['cost'] for report in reports_of(original)]
+
+
+def test_analysis_of_a_bag_recorded_again_is_the_same(start_node, lockstep_bag, tmp_path):
+    answered(start_node, lockstep_bag, tmp_path / 'again', topics=[''], mpc=None, rate=5.0)
+    first, second = (table({'': measure(read_episode(bag))})
+                     for bag in (lockstep_bag, tmp_path / 'again'))
+    assert first == second
+
+
+def test_mpc_by_the_clock_of_a_bag_treats_it_as_live(start_node, tmp_path):
+    run = tmp_path / 'run'
+    subprocess.run(['ros2', 'run', 'dp_swing_ros', 'demo', '--duration', '6', '--no-figures',
+                    '--output', str(run)], capture_output=True, timeout=280,
+                   env={**os.environ, 'ROS_DOMAIN_ID': ''})
+    original = Bag(run / 'bag')
+    again = answered(start_node, run / 'bag', tmp_path / 'again', mpc={'use_sim_time': True},
+                     clock=100.0)
+    live, new = ({report.stamp: report.values for report in reports_of(bag)
+                  if report.values['carried'] == 0} for bag in (original, again))
+    assert all(values['real_time'] == 1 for values in new.values())
+    delays = [values['delay'] for values in new.values()]
+    assert 0 < np.median(delays) < 0.05
+    common = sorted(live.keys() & new.keys())
+    assert len(common) > 100
+    last = [stamp for stamp in common if stamp > common[-1] - 2_000_000_000]
+    assert measure(read_episode(run / 'bag')).success
+    difference = [live[stamp]['force'] - new[stamp]['force'] for stamp in last]
+    assert np.sqrt(np.mean(np.square(difference))) < 0.5
+
+
+def test_a_signal_before_the_first_message_ends_it(start_node, lockstep_bag):
+    node = start_node('replay', {'bag': str(lockstep_bag)})
+    node.wait_for('messages over')
+    assert node.stop(signal.SIGTERM) == 0
+    assert 'Traceback' not in node.output()
