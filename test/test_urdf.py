@@ -4,6 +4,7 @@
 import math
 from xml.etree import ElementTree
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -57,6 +58,36 @@ def test_links_lie_where_the_model_has_them(seed):
     places = [poses['cart_body'][:3, 3], poses['elbow'][:3, 3], (poses['link2'] @ tip)[:3]]
     assert np.allclose(np.array(places)[:, [0, 2]], joints(x, BODIES), atol=1e-12)
     assert np.allclose(np.array(places)[:, 1], 0)
+
+
+def test_an_outside_reader_finds_the_same_places(rng):
+    # it knows no mimic joint, whose angle is set here, and wants a mass for the elbow
+    text = urdf(BODIES, LimitParameters()).replace('<link name="track">', (
+        '<mujoco><compiler boundmass="1e-6" boundinertia="1e-9"/></mujoco>\n'
+        '  <link name="track">'))
+    model = mujoco.MjModel.from_xml_string(text)
+    data, x = mujoco.MjData(model), rng.normal(size=6, scale=3.0)
+    for joint, value in (('cart', x[0]), ('joint1', x[1]), ('counter', -x[1]), ('joint2', x[2])):
+        data.joint(joint).qpos = value
+    mujoco.mj_kinematics(model, data)
+    tip = data.body('link2').xpos + data.body('link2').xmat.reshape(3, 3)[:, 2] * (
+        BODIES.link2_length)
+    places = np.array([data.body('cart_body').xpos, data.body('elbow').xpos, tip])
+    assert np.allclose(places[:, [0, 2]], joints(x, BODIES), atol=1e-12)
+    assert model.body('link1').mass == BODIES.link1_mass
+    assert model.body('link2').mass == BODIES.link2_mass
+
+
+def test_joints_make_one_tree_and_the_elbow_turns_back():
+    robot = ElementTree.fromstring(urdf(BODIES, LimitParameters()))
+    links = [link.get('name') for link in robot.iter('link')]
+    children = [joint.find('child').get('link') for joint in robot.iter('joint')]
+    parents = [joint.find('parent').get('link') for joint in robot.iter('joint')]
+    assert len(set(links)) == len(links) and len(set(children)) == len(children)
+    assert set(links) - set(children) == {'track'} and set(parents) <= set(links)
+    mimic, = robot.iter('mimic')
+    assert (mimic.get('joint'), float(mimic.get('multiplier')), mimic.get('offset')) == (
+        'joint1', -1.0, None)
 
 
 @pytest.mark.parametrize('limits', [
