@@ -7,11 +7,12 @@ from collections.abc import Sequence
 
 from dp_swing_ros.configuration import Groups, OF_MPC, OF_PLANT, SHARED
 from dp_swing_ros.nodes.logger import LoggerParameters
+from dp_swing_ros.nodes.replay import ReplayParameters
 from dp_swing_ros.nodes.ros_parameters import table
 
 SECTIONS: dict[str, Groups] = {
     'The bodies and their limits (plant and mpc)': SHARED, 'plant': OF_PLANT, 'mpc': OF_MPC,
-    'logger': [('', LoggerParameters)]}
+    'logger': [('', LoggerParameters)], 'replay': [('', ReplayParameters)]}
 HEAD = """\
 # Parameters
 
