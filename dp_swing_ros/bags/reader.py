@@ -3,6 +3,7 @@
 """Reads the messages of a bag, topic by topic; needs no ROS."""
 
 from pathlib import Path
+import re
 from typing import Any, Callable, Iterator, NamedTuple, TypeVar
 
 from mcap.records import Channel, Message, Schema
@@ -110,12 +111,17 @@ def _files(path: Path) -> list[Path]:
         return [path]
     if not path.exists():
         raise BagError(f'there is no bag {str(path)!r}')
-    files = sorted(path.glob('*.mcap'))
+    files = sorted(path.glob('*.mcap'), key=_in_order)
     if not files:
         found = ', '.join(sorted(file.name for file in path.iterdir())) or 'nothing'
         raise BagError(f'{str(path)!r} is no bag with an MCAP file, it holds {found}; '
                        '`ros2 bag convert` turns other storages into MCAP')
     return files
+
+
+def _in_order(file: Path) -> list[int | str]:
+    # bag_2 before bag_10
+    return [int(part) if part.isdecimal() else part for part in re.split(r'(\d+)', file.name)]
 
 
 def _entries(file: Path, partial: bool, offers: dict[str, Offer]) -> Iterator[Entry]:

@@ -1,58 +1,54 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Writes a bag as rosbag2 does: a folder with an MCAP file and metadata.yaml.
+Writes a bag as rosbag2 does: a folder with MCAP files and metadata.yaml.
 
-Source: the MCAP specification, its ROS 2 profile, and version 9 of rosbag2's metadata.
+What was flushed survives the end of its process. Where the disk is full, the bag gets an end all
+the same, in room that was held for it.
 """
 
 from contextlib import contextmanager, suppress
-import errno
 import os
 from pathlib import Path
-from typing import Any, Iterator, NamedTuple
+from typing import Iterator
 
-from mcap.writer import CompressionType, Writer
-import yaml
-
+from dp_swing_ros.bags.mcap_file import McapFile, Storage
+from dp_swing_ros.bags.metadata import Contents, METADATA, metadata, Recorded
+from dp_swing_ros.bags.reserve import Reserve
 from dp_swing_ros.errors import BagError
+from dp_swing_ros.provenance import package_version
 
-METADATA = 'metadata.yaml'
-VERSION = 9  # of the metadata, that of Jazzy
-
-
-class Recorded(NamedTuple):
-    """A topic as its publishers offer it."""
-
-    name: str
-    type: str        # noqa: A003
-    definition: str  # of the type and all that it is made of
-    type_hash: str
-    qos: list[dict[str, Any]]  # one profile per publisher, in rosbag2's words
+METADATA_ROOM = 1 << 16  # [bytes] on the disk, held for metadata.yaml
 
 
 class BagWriter:
     """A bag that is being written; `close` finishes it, and what was flushed survives anything."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, storage: Storage = Storage()) -> None:
         """
         Make the folder and begin the file.
 
         Raises BagError if there is something already, or if it cannot be made.
         """
         self.folder = folder
-        self.counts: dict[str, int] = {}  # messages per topic
         self.failed = False
+        self.custom = {'dp_swing_ros': package_version()}  # for metadata.yaml
+        self._storage = storage
+        self._reserve = Reserve(folder)
         self._topics: dict[str, Recorded] = {}
-        self._channels: dict[str, int] = {}
-        self._first = self._last = 0  # [ns] receive times
-        self._path = folder / f'{folder.name}_0.mcap'
+        self._ended: list[Contents] = []  # files
+        self._file: McapFile | None = None
+        self._closed = False
         with self._reported():
             folder.mkdir(parents=True)
-            self._file = self._path.open('xb')
-            self._writer = Writer(self._file, compression=CompressionType.ZSTD)
-            self._writer.start(profile='ros2', library='dp_swing_ros')
-            self._writer.flush()
+            self._begin_file()
+            self._reserve.hold(METADATA_ROOM)
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Messages per topic."""
+        files = [*self._ended, *([self._file.contents] if self._file else [])]
+        return {name: sum(file.counts.get(name, 0) for file in files) for name in self._topics}
 
     def add(self, topic: Recorded) -> None:
         """
@@ -61,13 +57,8 @@ class BagWriter:
         Raises BagError.
         """
         with self._reported():
-            schema_id = self._writer.register_schema(topic.type, 'ros2msg',
-                                                     topic.definition.encode())
-            self._channels[topic.name] = self._writer.register_channel(
-                topic.name, 'cdr', schema_id, {'offered_qos_profiles': _yaml(topic.qos),
-                                               'topic_type_hash': topic.type_hash})
+            self._open.add(topic)
         self._topics[topic.name] = topic
-        self.counts[topic.name] = 0
 
     def write(self, name: str, data: bytes, received: int, sent: int, sequence: int = 0) -> None:
         """
@@ -76,11 +67,10 @@ class BagWriter:
         Raises BagError.
         """
         with self._reported():
-            self._writer.add_message(self._channels[name], received, data, sent, sequence)
-        if not any(self.counts.values()):
-            self._first = self._last = received
-        self._first, self._last = min(self._first, received), max(self._last, received)
-        self.counts[name] += 1
+            if self._is_full(received):
+                self._end_file()
+                self._begin_file()
+            self._open.write(name, data, received, sent, sequence)
 
     def flush(self) -> None:
         """
@@ -89,9 +79,8 @@ class BagWriter:
         Raises BagError, also when the file was removed, which the system would not mind.
         """
         with self._reported():
-            self._writer.flush()
-            if os.fstat(self._file.fileno()).st_nlink == 0:
-                raise FileNotFoundError(errno.ENOENT, 'it was removed')
+            self._open.flush()
+            self._reserve.hold(METADATA_ROOM + self._open.summary_size)
 
     def close(self) -> None:
         """
@@ -99,56 +88,76 @@ class BagWriter:
 
         Raises BagError; what was flushed before can still be read.
         """
-        if self._file.closed:
+        if self._closed:
             return
-        if self.failed:
-            # The end would come after a gap; without one, a reader takes what was flushed.
-            with suppress(OSError):
-                self._file.close()
-            return
-        with self._reported():
-            with self._file:
-                self._writer.finish()
-            (self.folder / METADATA).write_text(_yaml(self._metadata()), encoding='utf-8')
+        self._closed = True
+        self._reserve.release()
+        try:
+            if not self.failed:
+                with self._reported():
+                    self._end_file()
+        finally:
+            with suppress(OSError) if self.failed else self._reported():
+                self._describe()
 
-    def _metadata(self) -> dict[str, Any]:
-        start = {'nanoseconds_since_epoch': self._first}
-        duration = {'nanoseconds': self._last - self._first}
-        count = sum(self.counts.values())
-        topics = [{'topic_metadata': {'name': topic.name, 'type': topic.type,
-                                      'serialization_format': 'cdr',
-                                      'offered_qos_profiles': topic.qos,
-                                      'type_description_hash': topic.type_hash},
-                   'message_count': self.counts[topic.name]} for topic in self._topics.values()]
-        files = [{'path': self._path.name, 'starting_time': start, 'duration': duration,
-                  'message_count': count}]
-        return {'rosbag2_bagfile_information': {
-            'version': VERSION, 'storage_identifier': 'mcap', 'duration': duration,
-            'starting_time': start, 'message_count': count, 'topics_with_message_count': topics,
-            'compression_format': '', 'compression_mode': '',
-            'relative_file_paths': [self._path.name], 'files': files, 'custom_data': None,
-            'ros_distro': 'jazzy'}}
+    @property
+    def _open(self) -> McapFile:
+        assert self._file is not None, 'nothing can be written after a failure'
+        return self._file
+
+    def _is_full(self, received: int) -> bool:
+        first, size = self._open.contents.first, self._open.size
+        return first > 0 and (
+            0 < self._storage.max_size <= size
+            or 0 < self._storage.max_duration <= received - first)
+
+    def _begin_file(self) -> None:
+        path = self.folder / f'{self.folder.name}_{len(self._ended)}.mcap'
+        self._file = McapFile(path, self._topics.values(), self._storage)
+
+    def _end_file(self) -> None:
+        self._open.finish()
+        self._ended.append(self._open.contents)
+        self._file = None
+
+    def _describe(self) -> None:
+        if not self._ended:
+            return
+        path = self.folder / METADATA
+        try:
+            with path.open('w', encoding='utf-8') as file:
+                file.write(metadata(self._topics.values(), self._ended, self.custom))
+                if self._storage.fsync:
+                    file.flush()
+                    os.fsync(file.fileno())
+        except OSError:
+            path.unlink(missing_ok=True)  # better none than half of one
+            raise
+
+    def _rescue(self) -> str:
+        """Return what to say of the messages so far."""
+        self._reserve.release()
+        if self._file is not None:
+            try:
+                self._file.rescue()
+                self._ended.append(self._file.contents)
+            except OSError:
+                self._ended.clear()  # metadata.yaml would not tell of all files
+            self._file = None
+        if not any(self.folder.glob('*.mcap')):
+            return ''
+        return ('; what it holds so far can be read, and `ros2 run dp_swing_ros recover '
+                f'{self.folder}` makes a whole bag of it')
 
     @contextmanager
     def _reported(self) -> Iterator[None]:
         try:
             yield
         except FileExistsError as error:
+            self.failed = True
             raise BagError(f'{error.filename!r} exists and is not overwritten; '
                            'choose another output or remove it') from None
         except OSError as error:
             self.failed = True
-            rest = '; what it holds so far can be read' if self._path.exists() else ''
             raise BagError(f'cannot write the bag {str(self.folder)!r}: '
-                           f'{error.strerror}{rest}') from None
-
-
-class _PlainDumper(yaml.SafeDumper):
-    """rosbag2 reads anchors and aliases, but people do not."""
-
-    def ignore_aliases(self, data: Any) -> bool:
-        return True
-
-
-def _yaml(data: Any) -> str:
-    return yaml.dump(data, Dumper=_PlainDumper, sort_keys=False)
+                           f'{error.strerror}{self._rescue()}') from None

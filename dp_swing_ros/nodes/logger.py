@@ -8,18 +8,18 @@ import functools
 from pathlib import Path
 import sys
 import time
-from typing import Any, NamedTuple
+from typing import Any
 
-from rclpy.duration import Duration
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from dp_swing_ros.bags.definitions import schema
 from dp_swing_ros.bags.fields import BILLION
+from dp_swing_ros.bags.mcap_file import Storage
 from dp_swing_ros.bags.writer import BagWriter, Recorded
 from dp_swing_ros.errors import BagError
 from dp_swing_ros.nodes.connections import message_class
+from dp_swing_ros.nodes.offers import described, Request, request_for
 from dp_swing_ros.nodes.process import ProcessNode, run
 from dp_swing_ros.nodes.ros_parameters import declare, settle
 from dp_swing_ros.nodes.sequences import Tally
@@ -27,37 +27,37 @@ from dp_swing_ros.parameters import parameter, ParameterError, Parameters
 from dp_swing_ros.topics import TOPICS
 
 LOOK_PERIOD = 0.05   # [s] between looks for new publishers
-FLUSH_PERIOD = 0.1   # [s] what a power cut may cost
+TURN = 0.01          # [s] at most for what waits on one topic, then it is the others' turn
 DRAIN_TIME = 0.5     # [s] at most for what waits at the end
-QUEUE = 1000         # messages of a topic that wait for the logger
 
 
 @dataclasses.dataclass(frozen=True)
 class LoggerParameters(Parameters):
-    """What to record, and where."""
+    """What to record, where, and how safely."""
 
     output: str = parameter(
         '', 'folder of the bag, which must not exist; empty: named by the time, here')
     topics: tuple[str, ...] = parameter(
         tuple(topic.name for topic in TOPICS), 'topics to record, as soon as they have publishers')
+    flush_period: float = parameter(
+        0.05, 'longest time that a message stays in the process, which a kill would lose',
+        unit='s', minimum=0.001)
+    chunk_size: int = parameter(
+        1 << 20, 'size of uncompressed messages after which they are written at once',
+        unit='bytes', minimum=1024)
+    fsync: bool = parameter(
+        False, 'wait for the disk at each flush, so that messages survive a power cut, too')
+    max_bagfile_size: int = parameter(
+        0, 'size after which the next file of the bag begins (0: never)', unit='bytes', minimum=0)
+    max_bagfile_duration: float = parameter(
+        0.0, 'time after which the next file of the bag begins (0: never)', unit='s', minimum=0.0)
     progress_period: float = parameter(
         5.0, 'time between two lines on the progress (0: none)', unit='s', minimum=0.0)
 
-
-class Request(NamedTuple):
-    """The quality of service that a subscription asks for."""
-
-    reliable: bool
-    kept: bool  # the messages that a publisher kept for those who join late, too
-
-    def to_profile(self) -> QoSProfile:
-        """Convert to ROS."""
-        return QoSProfile(
-            depth=QUEUE,
-            reliability=ReliabilityPolicy.RELIABLE if self.reliable
-            else ReliabilityPolicy.BEST_EFFORT,
-            durability=DurabilityPolicy.TRANSIENT_LOCAL if self.kept
-            else DurabilityPolicy.VOLATILE)
+    def to_storage(self) -> Storage:
+        """Return what concerns the files."""
+        return Storage(self.chunk_size, self.fsync, self.max_bagfile_size,
+                       round(self.max_bagfile_duration * BILLION))
 
 
 @dataclasses.dataclass
@@ -81,9 +81,11 @@ class LoggerNode(ProcessNode):
         settle(self)
         self._recordings: dict[str, Recording | None] = {}  # None: cannot be recorded
         self._names = list(dict.fromkeys(map(self._resolved, parameters.topics)))
-        self._bag = BagWriter(_folder(parameters.output))
+        self._bag = BagWriter(_folder(parameters.output), parameters.to_storage())
+        self._flush_period = parameters.flush_period
+        self._flush_due = time.monotonic()
         self.create_timer(LOOK_PERIOD, self._look)
-        self.create_timer(FLUSH_PERIOD, self._bag.flush)
+        self.create_timer(parameters.flush_period, self._flush)
         if parameters.progress_period > 0:
             self.create_timer(parameters.progress_period, self._show_progress)
         self.get_logger().info(f'recording to {self._bag.folder}')
@@ -94,6 +96,8 @@ class LoggerNode(ProcessNode):
             if not self._bag.failed:
                 self._drain()
         finally:
+            self._bag.custom |= {f'lost:{name}': str(recording.tally.lost)
+                                 for name, recording in self._recordings.items() if recording}
             self._bag.close()
         if self._bag.failed:
             return
@@ -108,17 +112,6 @@ class LoggerNode(ProcessNode):
         if recording is None:
             return 'could not be recorded'
         return f'{recording.tally.came} written, {recording.tally.lost} lost'
-
-    def _drain(self) -> None:
-        # Under load, what was sent before the end may still wait in the queues.
-        limit = time.monotonic() + DRAIN_TIME
-        for name, recording in self._recordings.items():
-            if recording is not None:
-                subscription = recording.subscription
-                with subscription.handle:
-                    while time.monotonic() < limit and (taken := subscription.handle.take_message(
-                            subscription.msg_type, True)):
-                        self._write(name, *taken)
 
     def _resolved(self, name: str) -> str:
         try:
@@ -142,40 +135,63 @@ class LoggerNode(ProcessNode):
         kind = publishers[0].topic_type
         try:
             recorded = Recorded(name, kind, schema(kind), str(publishers[0].topic_type_hash),
-                                [_described(each.qos_profile) for each in publishers])
+                                [described(each.qos_profile) for each in publishers])
             message_class(kind)
         except (AttributeError, BagError, ImportError) as error:
             self.get_logger().error(f'{name} is not recorded: {error}')
             return None
         self._bag.add(recorded)
-        request = _request(publishers)
+        request = request_for(publishers)
         return Recording(request, self._subscribe(name, kind, request), len(publishers), Tally())
 
     def _meet(self, name: str, recording: Recording,
               publishers: list[TopicEndpointInfo]) -> None:
         # A subscription never hears a publisher that offers less than it asks for.
-        offered = _request(publishers)
-        if offered.reliable >= recording.request.reliable \
-                and offered.kept >= recording.request.kept:
+        request = recording.request.within(request_for(publishers))
+        if request == recording.request:
             return
+        self._take(name, recording, time.monotonic() + DRAIN_TIME)
         self.destroy_subscription(recording.subscription)
-        recording.request = Request(offered.reliable and recording.request.reliable,
-                                    offered.kept and recording.request.kept)
-        recording.subscription = self._subscribe(name, publishers[0].topic_type,
-                                                 recording.request)
+        recording.request = request
+        recording.subscription = self._subscribe(name, publishers[0].topic_type, request)
 
     def _subscribe(self, name: str, kind: str, request: Request) -> Subscription:
         # rclpy's annotations do not know of the information beside a message
-        write: Any = functools.partial(self._write, name)
-        return self.create_subscription(message_class(kind), name, write, request.to_profile(),
+        receive: Any = functools.partial(self._receive, name)
+        return self.create_subscription(message_class(kind), name, receive, request.to_profile(),
                                         raw=True)
 
-    def _write(self, name: str, data: bytes, info: dict[str, Any]) -> None:
+    def _receive(self, name: str, data: bytes, info: dict[str, Any]) -> None:
+        recording = self._recordings[name]
+        assert recording is not None
+        self._write(name, recording, data, info)
+        # The executor takes one message at a time, which costs it more than we do.
+        self._take(name, recording, time.monotonic() + TURN)
+
+    def _take(self, name: str, recording: Recording, limit: float) -> None:
+        subscription = recording.subscription
+        with subscription.handle:
+            while time.monotonic() < limit and (
+                    taken := subscription.handle.take_message(subscription.msg_type, True)):
+                self._write(name, recording, *taken)
+
+    def _write(self, name: str, recording: Recording, data: bytes, info: dict[str, Any]) -> None:
         number = info['publication_sequence_number']
         self._bag.write(name, data, info['received_timestamp'], info['source_timestamp'], number)
-        recording = self._recordings[name]
-        if recording is not None:
-            recording.tally.count(number, recording.publishers)
+        recording.tally.count(number, recording.publishers)
+        if time.monotonic() >= self._flush_due:  # under load the timers may wait for long
+            self._flush()
+
+    def _flush(self) -> None:
+        self._bag.flush()
+        self._flush_due = time.monotonic() + self._flush_period
+
+    def _drain(self) -> None:
+        # Under load, what was sent before the end may still wait in the queues.
+        limit = time.monotonic() + DRAIN_TIME
+        for name, recording in self._recordings.items():
+            if recording is not None:
+                self._take(name, recording, limit)
 
     def _show_progress(self) -> None:
         tallies = [recording.tally for recording in self._recordings.values() if recording]
@@ -185,27 +201,6 @@ class LoggerNode(ProcessNode):
 
 def _folder(output: str) -> Path:
     return Path(output or f'{datetime.now():dp_swing_%Y_%m_%d-%H_%M_%S}').expanduser()
-
-
-def _request(publishers: list[TopicEndpointInfo]) -> Request:
-    profiles = [publisher.qos_profile for publisher in publishers]
-    return Request(
-        reliable=all(each.reliability == ReliabilityPolicy.RELIABLE for each in profiles),
-        kept=all(each.durability == DurabilityPolicy.TRANSIENT_LOCAL for each in profiles))
-
-
-def _described(profile: QoSProfile) -> dict[str, Any]:
-    def parts(duration: Duration) -> dict[str, int]:
-        second, nanosecond = divmod(duration.nanoseconds, BILLION)
-        return {'sec': second, 'nsec': nanosecond}
-
-    return {'history': profile.history.name.lower(), 'depth': profile.depth,
-            'reliability': profile.reliability.name.lower(),
-            'durability': profile.durability.name.lower(),
-            'deadline': parts(profile.deadline), 'lifespan': parts(profile.lifespan),
-            'liveliness': profile.liveliness.name.lower(),
-            'liveliness_lease_duration': parts(profile.liveliness_lease_duration),
-            'avoid_ros_namespace_conventions': profile.avoid_ros_namespace_conventions}
 
 
 def main(args: list[str] | None = None) -> int:

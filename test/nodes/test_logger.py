@@ -3,8 +3,10 @@
 """The logger as a process, against publishers here and in another process."""
 
 import os
+from pathlib import Path
 import re
 import resource
+import shutil
 import signal
 import subprocess
 import sys
@@ -17,12 +19,16 @@ import pytest
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from rosbags.highlevel import AnyReader
 from std_msgs.msg import Float64, String
+import yaml
 
 from dp_swing_ros.bags import read_episode
+from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.nodes.connections import publish
 from dp_swing_ros.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.topics import DISTURBANCE, FORCE_COMMAND, ROBOT_DESCRIPTION
 from dp_swing_ros.urdf import urdf
+
+NUMBERED = Path(__file__).parents[2] / 'benchmarks' / 'numbered.py'
 
 # Publishes numbered states and forces at a rate given first, and says how many at the end.
 PUBLISHER = """
@@ -113,6 +119,11 @@ def recorded(bag):
     return messages
 
 
+def information(bag):
+    """Return what metadata.yaml says."""
+    return yaml.safe_load((bag / 'metadata.yaml').read_text())['rosbag2_bagfile_information']
+
+
 def numbers(messages):
     return [message.data for message in messages]
 
@@ -165,7 +176,55 @@ def test_killed_logger_leaves_a_readable_file(start, log, tmp_path):
     assert len(episode.t) > 20
 
 
-def test_full_disk_is_one_line(start):
+@pytest.mark.parametrize('rate', [20, 1000])
+def test_kill_costs_a_tenth_of_a_second_at_most(start, log, tmp_path, rate):
+    publisher = start(NUMBERED, 'times.npy', '--rate', str(rate))
+    logger = log(topics=['number_0', 'number_1'], progress_period=0.5)
+    wait_for_messages(logger)
+    time.sleep(0.037)
+    logger.stop(signal.SIGKILL)
+    killed = time.time_ns()
+    publisher.terminate()
+    assert publisher.wait(20) == 0
+    times = np.load(tmp_path / 'times.npy')
+    entries = Bag(tmp_path / 'bag', partial=True).entries
+    for n in range(2):
+        count = len([entry for entry in entries if entry.topic == f'/number_{n}'])
+        numbered = [entry.sequence for entry in entries if entry.topic == f'/number_{n}']
+        assert numbered == [*range(1, count + 1)]
+        assert times[:, n][times[:, n] < killed - 100_000_000].size <= count
+
+
+def test_thousands_of_messages_a_second(start, log, tmp_path):
+    start(NUMBERED, 'times.npy', '--rate', '1000', '--topics', '5', '--duration', '3')
+    names = [f'number_{n}' for n in range(5)]
+    logger = log(topics=names, progress_period=0.5)
+    assert wait_until((tmp_path / 'times.npy').exists)
+    assert logger.stop() == 0
+    count = len(np.load(tmp_path / 'times.npy'))
+    assert count > 2500
+    custom = information(tmp_path / 'bag')['custom_data']
+    for name in names:
+        assert f'/{name}: {count} written, 0 lost' in logger.output()
+        assert custom[f'lost:/{name}'] == '0'
+    assert {topic: numbers(messages) for topic, messages in recorded(tmp_path / 'bag').items()} \
+        == {f'/{name}': [*range(count)] for name in names}
+
+
+def test_split_bag_is_read_as_one(start, log, tmp_path):
+    start('-c', PUBLISHER, '100')
+    logger = log(max_bagfile_duration=0.3, progress_period=0.5)
+    wait_for_messages(logger)
+    assert logger.stop() == 0
+    files = information(tmp_path / 'bag')['files']
+    assert len(files) > 2
+    assert [file['path'] for file in files] == [f'bag_{n}.mcap' for n in range(len(files))]
+    states = [state.position[0] for state in recorded(tmp_path / 'bag')['/joint_states']]
+    assert states == [*range(len(states))]
+    assert len(read_episode(tmp_path / 'bag').t) == len(states)
+
+
+def test_full_disk_is_one_line(start, tmp_path):
     def small_disk():
         resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
 
@@ -173,9 +232,21 @@ def test_full_disk_is_one_line(start):
     logger = start('-m', 'dp_swing_ros.nodes.logger', '--ros-args', '-p', 'output:=bag',
                    preexec_fn=small_disk)
     assert logger.communicate(timeout=60)[1].splitlines()[1:] == [
-        "logger.py: error: cannot write the bag 'bag': File too large; "
-        'what it holds so far can be read']
+        "logger.py: error: cannot write the bag 'bag': File too large; what it holds so far can "
+        'be read, and `ros2 run dp_swing_ros recover bag` makes a whole bag of it']
     assert logger.returncode == 2
+    episode = read_episode(tmp_path / 'bag')
+    assert len(episode.t) > 20
+    assert np.array_equal(episode.X[:, 0], np.arange(len(episode.t)))
+    assert information(tmp_path / 'bag')['custom_data']['lost:/force_command'] == '0'
+
+
+def test_folder_that_vanishes_is_one_line(log, tmp_path):
+    logger = log()
+    shutil.rmtree(tmp_path / 'bag')
+    assert logger.wait() == 2
+    assert logger.output().splitlines()[1:] == [
+        f"logger: error: cannot write the bag '{tmp_path}/bag': it was removed"]
 
 
 def test_existing_output_is_refused(start_node, tmp_path):

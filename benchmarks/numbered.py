@@ -1,0 +1,62 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Publish numbered messages at a rate on topics number_0, number_1 and so on, once all are heard.
+
+At the end (a signal, or the duration) it writes when each number went out on which topic: an
+array of times [ns] of shape (numbers, topics).
+"""
+
+import argparse
+from pathlib import Path
+import signal
+import sys
+import time
+
+import numpy as np
+import rclpy
+from rclpy.signals import SignalHandlerOptions
+from std_msgs.msg import Float64
+
+from dp_swing_ros.nodes.connections import publish
+from dp_swing_ros.topics import KEPT, Topic
+
+TYPE = 'std_msgs/msg/Float64'
+PAUSE = 0.0005  # [s] between looks at the clock
+
+
+def main() -> None:
+    """Publish until the end."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[1])
+    parser.add_argument('times', type=Path, help='file for the times, .npy')
+    parser.add_argument('--rate', type=float, default=20.0, help='messages/s on each topic')
+    parser.add_argument('--topics', type=int, default=2)
+    parser.add_argument('--duration', type=float, default=float('inf'), help='[s]')
+    arguments = parser.parse_args()
+    ended: list[int] = []
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda number, _: ended.append(number))
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    node = rclpy.create_node('numbered')
+    publishers = [publish(node, Topic(f'number_{n}', TYPE, KEPT)) for n in range(arguments.topics)]
+    while not ended and not all(each.get_subscription_count() for each in publishers):
+        time.sleep(0.01)
+    times: list[list[int]] = []
+    start = time.monotonic()
+    while not ended and (elapsed := time.monotonic() - start) < arguments.duration:
+        while len(times) < elapsed * arguments.rate:
+            message, row = Float64(data=float(len(times))), []
+            for publisher in publishers:
+                row.append(time.time_ns())
+                publisher.publish(message)
+            times.append(row)
+        time.sleep(PAUSE)
+    np.save(arguments.times, np.array(times, dtype=np.int64).reshape(-1, arguments.topics))
+    while not ended:  # until then the last messages may be on their way
+        time.sleep(0.05)
+    node.destroy_node()
+    rclpy.try_shutdown()
+
+
+if __name__ == '__main__':
+    sys.exit(main())

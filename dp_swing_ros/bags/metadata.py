@@ -1,0 +1,76 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The metadata.yaml of a bag. Source: version 9 of rosbag2's metadata, that of Jazzy."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import yaml
+
+METADATA = 'metadata.yaml'
+VERSION = 9
+
+
+class Recorded(NamedTuple):
+    """A topic as its publishers offer it."""
+
+    name: str
+    type: str        # noqa: A003
+    definition: str  # of the type and all that it is made of
+    type_hash: str
+    qos: list[dict[str, Any]]  # one profile per publisher, in rosbag2's words
+
+
+class Contents(NamedTuple):
+    """What one file of a bag holds."""
+
+    path: str               # within the bag's folder
+    counts: dict[str, int]  # messages per topic
+    first: int              # [ns] receive time, 0 without a message
+    last: int               # [ns]
+
+    @property
+    def messages(self) -> int:
+        """Messages on all topics."""
+        return sum(self.counts.values())
+
+
+def metadata(topics: Iterable[Recorded], files: Sequence[Contents],
+             custom: Mapping[str, str]) -> str:
+    """Return the text of metadata.yaml for a bag of these topics and files."""
+    # a file without a message has no time either
+    times = [(file.first, file.last) for file in files if file.messages]
+    first = min((first for first, _ in times), default=0)
+    last = max((last for _, last in times), default=0)
+    return to_yaml({'rosbag2_bagfile_information': {
+        'version': VERSION, 'storage_identifier': 'mcap',
+        **_extent(first, last, sum(file.messages for file in files)),
+        'topics_with_message_count': [
+            {'topic_metadata': {'name': topic.name, 'type': topic.type,
+                                'serialization_format': 'cdr',
+                                'offered_qos_profiles': topic.qos,
+                                'type_description_hash': topic.type_hash},
+             'message_count': sum(file.counts.get(topic.name, 0) for file in files)}
+            for topic in topics],
+        'compression_format': '', 'compression_mode': '',
+        'relative_file_paths': [file.path for file in files],
+        'files': [{'path': file.path, **_extent(file.first, file.last, file.messages)}
+                  for file in files],
+        'custom_data': dict(custom), 'ros_distro': 'jazzy'}})
+
+
+def to_yaml(data: Any) -> str:
+    """Return data as YAML that people read, too."""
+    return yaml.dump(data, Dumper=_PlainDumper, sort_keys=False, allow_unicode=True)
+
+
+def _extent(first: int, last: int, count: int) -> dict[str, Any]:
+    return {'duration': {'nanoseconds': last - first},
+            'starting_time': {'nanoseconds_since_epoch': first}, 'message_count': count}
+
+
+class _PlainDumper(yaml.SafeDumper):
+    """rosbag2 reads anchors and aliases, but people do not."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        return True

@@ -1,0 +1,53 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+from mcap.reader import make_reader
+import pytest
+
+from dp_swing_ros.bags.mcap_file import McapFile, Storage
+from dp_swing_ros.bags.metadata import Recorded
+
+TOPICS = [Recorded('/a', 'std_msgs/msg/Float64', 'float64 data', '', []),
+          Recorded('/b', 'std_msgs/msg/Float64', 'float64 data', '', []),
+          Recorded('/c', 'std_msgs/msg/String', 'string data', '', [])]
+
+
+@pytest.fixture
+def begun(tmp_path):
+    """Return a function that begins a file with messages, in flushes of three."""
+    def begin(name):
+        file = McapFile(tmp_path / name, TOPICS, Storage())
+        for n in range(90):
+            topic = TOPICS[0 if n < 45 else n % 2]
+            file.write(topic.name, bytes([n]), 100 + (n ^ 1), n, n)
+            if n % 3 == 2:
+                file.flush()
+        return file
+    return begin
+
+
+def summary_of(path):
+    with path.open('rb') as stream:
+        return make_reader(stream).get_summary()
+
+
+def test_end_of_a_rescued_file_says_what_that_of_a_finished_one_does(begun):
+    finished, rescued = begun('finished'), begun('rescued')
+    finished.finish()
+    with rescued.path.open('ab') as stream:
+        stream.write(b'half of a flush' * 10)
+    rescued.rescue()
+    assert rescued.contents._replace(path='') == finished.contents._replace(path='')
+    mine, theirs = summary_of(rescued.path), summary_of(finished.path)
+    assert mine.schemas == theirs.schemas
+    assert mine.channels == theirs.channels
+    assert mine.chunk_indexes == theirs.chunk_indexes
+    counts = mine.statistics.channel_message_counts
+    assert counts.pop(3) == 0  # which the library leaves out
+    assert mine.statistics == theirs.statistics
+
+
+def test_file_without_a_message_gets_an_end(tmp_path):
+    file = McapFile(tmp_path / 'empty', TOPICS, Storage())
+    file.rescue()
+    assert summary_of(file.path).statistics.message_count == file.contents.messages == 0
