@@ -78,7 +78,7 @@ class McapFile:
         self._chunks = 0       # at most
         self._topics_size = 0  # [bytes]
         self._unflushed = False
-        self._fsync = storage.fsync
+        self._storage = storage
         self._schemas: dict[str, Schema] = {}    # by type
         self._channels: dict[str, Channel] = {}  # by topic
         self._pending = _Pending()
@@ -90,7 +90,7 @@ class McapFile:
         self._file = FileIO(path, 'xb')
         try:
             self._hand_over()
-            if self._fsync:
+            if self._storage.fsync:
                 _sync_folder(path.parent)
         except OSError:
             self._file.close()
@@ -101,6 +101,12 @@ class McapFile:
     def size(self) -> int:
         """Bytes so far, without the chunk in progress."""
         return self._pending.tell()
+
+    def is_full(self, received: int) -> bool:
+        """Tell whether a message that was received then [ns] belongs into the next file."""
+        return self._count > 0 and (
+            0 < self._storage.max_size <= self.size
+            or 0 < self._storage.max_duration <= received - self._first)
 
     @property
     def summary_size(self) -> int:
@@ -170,7 +176,7 @@ class McapFile:
     def _hand_over(self) -> None:
         self._pending.hand_over(self._file)
         self._chunks += 1
-        if self._fsync:
+        if self._storage.fsync:
             os.fsync(self._file.fileno())
 
 

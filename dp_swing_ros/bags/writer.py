@@ -10,7 +10,10 @@ the same, in room that was held for it.
 from contextlib import contextmanager, suppress
 import os
 from pathlib import Path
+import shlex
 from typing import Iterator
+
+from mcap.exceptions import McapError
 
 from dp_swing_ros.bags.mcap_file import McapFile, Storage
 from dp_swing_ros.bags.metadata import Contents, METADATA, metadata, Recorded
@@ -67,7 +70,7 @@ class BagWriter:
         Raises BagError.
         """
         with self._reported():
-            if self._is_full(received):
+            if self._open.is_full(received):
                 self._end_file()
                 self._begin_file()
             self._open.write(name, data, received, sent, sequence)
@@ -105,12 +108,6 @@ class BagWriter:
         assert self._file is not None, 'nothing can be written after a failure'
         return self._file
 
-    def _is_full(self, received: int) -> bool:
-        first, size = self._open.contents.first, self._open.size
-        return first > 0 and (
-            0 < self._storage.max_size <= size
-            or 0 < self._storage.max_duration <= received - first)
-
     def _begin_file(self) -> None:
         path = self.folder / f'{self.folder.name}_{len(self._ended)}.mcap'
         self._file = McapFile(path, self._topics.values(), self._storage)
@@ -141,13 +138,13 @@ class BagWriter:
             try:
                 self._file.rescue()
                 self._ended.append(self._file.contents)
-            except OSError:
+            except (McapError, OSError):
                 self._ended.clear()  # metadata.yaml would not tell of all files
             self._file = None
         if not any(self.folder.glob('*.mcap')):
             return ''
         return ('; what it holds so far can be read, and `ros2 run dp_swing_ros recover '
-                f'{self.folder}` makes a whole bag of it')
+                f'{shlex.quote(str(self.folder))}` makes a whole bag of it')
 
     @contextmanager
     def _reported(self) -> Iterator[None]:

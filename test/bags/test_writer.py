@@ -275,3 +275,14 @@ def test_file_without_room_for_any_end_keeps_what_was_flushed(tmp_path):
     entries = Bag(tmp_path / 'bag', partial=True).entries
     assert [entry.sequence for entry in entries] == [*range(150)]
     assert not (tmp_path / 'bag' / 'metadata.yaml').exists()
+
+
+def test_file_that_somebody_emptied_is_no_traceback(tmp_path):
+    writer = begin(tmp_path / 'bag')
+    write(writer, range(10))
+    writer.flush()
+    os.truncate(tmp_path / 'bag' / 'bag_0.mcap', 0)
+    with file_limit(100), pytest.raises(BagError, match='File too large'):
+        write(writer, range(10, 20))
+        writer.flush()
+    writer.close()

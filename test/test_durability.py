@@ -1,0 +1,35 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""A short version of benchmarks/durability.py, and what it must find."""
+
+from pathlib import Path
+import re
+import subprocess
+import sys
+
+import pytest
+
+PAGE = Path(__file__).parents[1] / 'benchmarks' / 'durability.py'
+EXECUTABLES = subprocess.run(['ros2', 'pkg', 'executables', 'dp_swing_ros'], capture_output=True,
+                             text=True).stdout
+
+
+@pytest.mark.skipif('recover' not in EXECUTABLES, reason='there is no recover yet')
+def test_bags_survive():
+    run = subprocess.run([sys.executable, PAGE, '--kills', '1', '--kills-fast', '1',
+                          '--seconds', '2'], capture_output=True, text=True, timeout=200)
+    assert run.returncode == 0, run.stderr
+    rows = [line for line in run.stdout.splitlines() if re.match(r'\| \d', line)]
+    assert len(rows) == 2
+    for row in rows:
+        _, kills, _, _, oldest, newest, *verdicts = row.strip('| ').split(' | ')
+        assert kills == '1'
+        assert float(oldest) <= 100
+        assert float(newest) <= 150
+        assert set(verdicts) == {'1 of 1'}
+    assert re.search(r'10000 messages on 5 topics in \S+ s: 10000 in the bag, 0 lost; the logger '
+                     'itself counted 0 lost', run.stdout)
+    if 'Not measured' not in run.stdout:
+        assert re.search(r'No space left on device; .* makes a whole bag of it', run.stdout)
+        assert re.search(r'\d{3,} messages are in the bag as it was left, without', run.stdout)
+        assert 'NO' not in run.stdout.replace('No ', '')
