@@ -31,7 +31,8 @@ def main() -> None:
     parser.add_argument('times', type=Path, help='file for the times, .npy')
     parser.add_argument('--rate', type=float, default=20.0, help='messages/s on each topic')
     parser.add_argument('--topics', type=int, default=2)
-    parser.add_argument('--duration', type=float, default=float('inf'), help='[s]')
+    parser.add_argument('--duration', type=float, default=float('inf'),
+                        help='[s] of messages')
     arguments = parser.parse_args()
     ended: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -42,9 +43,9 @@ def main() -> None:
     while not ended and not all(each.get_subscription_count() for each in publishers):
         time.sleep(0.01)
     times: list[list[int]] = []
-    start = time.monotonic()
-    while not ended and (elapsed := time.monotonic() - start) < arguments.duration:
-        while len(times) < elapsed * arguments.rate:
+    wanted, start = arguments.duration * arguments.rate, time.monotonic()
+    while not ended and len(times) < wanted:
+        while len(times) < min(wanted, (time.monotonic() - start) * arguments.rate):
             message, row = Float64(data=float(len(times))), []
             for publisher in publishers:
                 row.append(time.time_ns())
