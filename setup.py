@@ -36,9 +36,11 @@ setup(
             'logger = dp_swing_ros.nodes.logger:main',
             'replay = dp_swing_ros.nodes.replay:main',
             'analyse = dp_swing_ros.tools.analyse:main',
+            'compare = dp_swing_ros.tools.compare:main',
             'demo = dp_swing_ros.tools.demo:main',
             'evaluate = dp_swing_ros.tools.evaluate:main',
             'parameters = dp_swing_ros.tools.parameters:main',
+            'verify = dp_swing_ros.tools.verify:main',
         ],
     },
 )

@@ -108,12 +108,16 @@ def summary(name: str, runs: Sequence[Metrics]) -> str:
 
 def table(runs: Mapping[str, Metrics]) -> str:
     """Return a Markdown table, aligned for a terminal: a row for a metric, a column for a run."""
-    cells = [['', 'unit', *runs], *rows(list(runs.values())).values()]
-    widths = [max(map(len, column)) for column in zip(*cells)]
+    return aligned([['', 'unit', *runs], *rows(list(runs.values())).values()], names=2)
+
+
+def aligned(rows: Sequence[Sequence[str]], names: int) -> str:
+    """Return a Markdown table, its head first; all but the first columns are numbers."""
+    widths = [max(map(len, column)) for column in zip(*rows)]
     lines = ['| ' + ' | '.join(
-        cell.rjust(width) if column > 1 else cell.ljust(width)
-        for column, (cell, width) in enumerate(zip(row, widths))) + ' |' for row in cells]
-    rule = '|'.join('-' * (width + 1) + (':' if column > 1 else '-')
+        cell.rjust(width) if column >= names else cell.ljust(width)
+        for column, (cell, width) in enumerate(zip(row, widths))) + ' |' for row in rows]
+    rule = '|'.join('-' * (width + 1) + (':' if column >= names else '-')
                     for column, width in enumerate(widths))
     return '\n'.join([lines[0], f'|{rule}|', *lines[1:]])
 

@@ -100,14 +100,15 @@ class RecedingHorizon:
         began, begins = time.perf_counter(), t + delay
         x_0 = self.roll_forward(self.observe(t, x), self.t, begins)
         plan = self.solve(x_0, self.left_over(begins), deadline, solves)
-        if plan is None:
-            return self.stand_in(begins, x_0)
+        if not plan.usable:
+            instead = self.stand_in(begins, x_0)
+            return replace(instead, stats=instead.stats._replace(solves=plan.stats.solves))
         return self.remember(replace(plan, stats=plan.stats._replace(
             solve_time=time.perf_counter() - began)), begins)
 
     def solve(self, x_0: Array, left: Plan | None, deadline: float,
-              solves: Sequence[int] | None = None) -> Plan | None:
-        """Solve from each start while there is time; return the cheapest usable plan, if any."""
+              solves: Sequence[int] | None = None) -> Plan:
+        """Solve from each start while there is time; return the cheapest usable plan."""
         plans = list[Plan]()
         for start in self.starts.of(x_0, left):
             if solves is None:
@@ -117,10 +118,7 @@ class RecedingHorizon:
             plans.append(plan)
             if time.perf_counter() > deadline or solves is not None and len(plans) == len(solves):
                 break
-        usable = [plan for plan in plans if plan.usable]
-        if not usable:
-            return None
-        best = min(usable, key=lambda plan: plan.stats.cost)
+        best = min(plans, key=lambda plan: plan.stats.cost if plan.usable else math.inf)
         iterations = tuple(plan.stats.iterations for plan in plans)
         return replace(best, stats=best.stats._replace(
             iterations=sum(iterations), solves=iterations))
@@ -216,6 +214,10 @@ class RecedingHorizon:
                 forces.insert(0, Force(u, until - begins))
                 until = begins
         return forces
+
+    def obeyed(self, force: float) -> None:
+        """Tell that at the last tick another force [N] was sent than that of its plan."""
+        self.sent[-1] = (self.sent[-1][0], force)
 
     def left_over(self, begins: float) -> Plan | None:
         """Return the rest of the last plan from a time on [s], None where nothing is left."""

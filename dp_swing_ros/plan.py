@@ -4,6 +4,7 @@
 
 from dataclasses import dataclass, replace
 import enum
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -68,6 +69,11 @@ class Plan:
         """
         left = self.shifted(min(elapsed, self.duration - self.dt))
         return float(left.U[0] + left.K[0] @ (to_turn_of(x, left.X[0]) - left.X[0]))
+
+    def first_force(self, limit: float) -> float:
+        """Return the force [N] to send, within its limit; whatever happened, a finite one."""
+        force = self.control(0.0, self.X[0])
+        return float(np.clip(force, -limit, limit)) if math.isfinite(force) else 0.0
 
     def shifted(self, elapsed: float) -> 'Plan':
         """

@@ -13,9 +13,10 @@ import subprocess
 
 PACKAGE = Path(__file__).parent
 COMPUTING = ('numpy', 'numba', 'scipy')
-AFTERWARDS = ('bags/', 'errors.py', 'figures/', 'nodes/', 'provenance.py', 'report/', 'tools/',
-              'topics.py', 'campaign/report.py', 'campaign/scores.py', 'campaign/summary.py',
-              'comparison.py')  # what no episode depends on
+# what no episode depends on
+AFTERWARDS = ('bags/', 'errors.py', 'figures/', 'nodes/', 'provenance.py', 'report/', 'rerun/',
+              'tools/', 'topics.py', 'campaign/report.py', 'campaign/scores.py',
+              'campaign/summary.py', 'comparison.py')
 
 
 def cpu() -> str:

@@ -232,3 +232,23 @@ def test_tick_that_a_deadline_cut_short_can_be_repeated(solver):
         counts.append(plan.stats.solves)
         x = plan.X[1]
     assert counts[-1] == (0,)
+
+
+def test_the_next_tick_goes_by_the_force_that_was_sent():
+    x = np.array(HANGING)
+    own, other = controller(estimator='none'), controller(estimator='none')
+    for c in (own, other):
+        c.update(0.0, x)
+    own.obeyed(float(own.plan.U[0]))
+    other.obeyed(-7.0)
+    model = own.problem.model
+    for c, force in ((own, own.plan.U[0]), (other, -7.0)):
+        plan = c.update(1 / 64, x, 1 / 64)
+        np.testing.assert_array_equal(plan.X[0], hold(model, x, force, 1 / 64))
+
+
+def test_a_failed_solve_tells_how_far_it_came():
+    c, wild = controller(estimator='none'), np.array([0.0, 0.0, 0.0, 1e200, 0.0, 0.0])
+    plan = c.update(0.0, wild)
+    assert plan.stats.status is Status.ZERO
+    assert len(plan.stats.solves) >= 1

@@ -2,6 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """A plan as a policy in time."""
 
+from dataclasses import replace
+import math
+
 import numpy as np
 import pytest
 
@@ -21,6 +24,12 @@ def test_at_a_step_the_policy_is_the_plan_s(plan):
     deviation = np.array([0.1, 0, 0, 0, -0.2, 0])
     assert plan.control(0.1, plan.X[2] + deviation) == pytest.approx(
         plan.U[2] + plan.K[2] @ deviation)
+
+
+@pytest.mark.parametrize('planned, sent', [
+    (3.0, 3.0), (30.0, 20.0), (-30.0, -20.0), (math.nan, 0.0), (math.inf, 0.0)])
+def test_the_force_that_is_sent_is_finite_and_within_its_limit(plan, planned, sent):
+    assert replace(plan, U=np.append(planned, plan.U[1:])).first_force(20.0) == sent
 
 
 def test_a_whole_turn_is_no_deviation(plan):

@@ -5,7 +5,7 @@ Pictures, drawn from what was recorded alone.
 
 Of an episode: `snapshots` and `squared_error` redraw the paper's two kinds of figure (its Figs. 2
 and 3), `timeline`, `hero` and `animation` show a run, `overlay` several in one picture. Of a
-campaign: `of_campaign` draws all.
+campaign: `of_campaign` draws all. Of take-overs: `counterfactual` draws one, `regret` many.
 """
 
 from collections.abc import Iterator, Sequence
@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from dp_swing_ros.campaign.rows import Row
 from dp_swing_ros.campaign.summary import Summary
 
+from dp_swing_ros.figures.counterfactual import counterfactual, regret
 from dp_swing_ros.figures.cover import hero
 from dp_swing_ros.figures.curves import ERROR_FLOOR, squared_error, timeline
 from dp_swing_ros.figures.distributions import settling, solve_times
@@ -26,8 +27,8 @@ from dp_swing_ros.figures.sampling import states_at
 from dp_swing_ros.figures.starts import starts
 from dp_swing_ros.figures.sweeps import sweeps
 
-__all__ = ['animation', 'ERROR_FLOOR', 'hero', 'of_campaign', 'overlay', 'snapshots',
-           'squared_error', 'states_at', 'timeline']
+__all__ = ['animation', 'counterfactual', 'ERROR_FLOOR', 'hero', 'of_campaign', 'overlay',
+           'regret', 'snapshots', 'squared_error', 'states_at', 'timeline']
 
 
 def of_campaign(summary: Summary, rows: Sequence[Row]) -> Iterator[tuple[str, Figure]]:

@@ -12,7 +12,6 @@ import time
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
-import numpy as np
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from sensor_msgs.msg import JointState
@@ -143,20 +142,20 @@ class MpcNode(ProcessNode):
     def on_silence(self) -> None:
         """Go on without a state that should have come; after some, let go."""
         self.carried += 1
-        now, delay = self.get_clock().now(), self.processing + self.transport
-        begins = now.nanoseconds / 1e9 + delay
+        stamp, delay = self.get_clock().now().to_msg(), self.processing + self.transport
+        begins = seconds(stamp) + delay   # as the record tells it
         if self.carried > self.parameters.carry_over:
             self.watch.stop()
             plan = self.horizon.let_go(begins)
         else:
             plan = self.horizon.stand_in(begins)
         force = self.send(plan)
-        self.report(now.to_msg(), plan, f'no state in {self.carried} periods', force, False, True,
+        self.report(stamp, plan, f'no state in {self.carried} periods', force, False, True,
                     delay, 0.0)
 
     def send(self, plan: Plan) -> float:
         """Send the first force [N] of a plan, and return it."""
-        force = self.bounded(plan.control(0.0, plan.X[0]))
+        force = plan.first_force(self.u_max)
         self.forces.publish(Float64(data=force))
         self.sent += 1
         return force
@@ -170,10 +169,6 @@ class MpcNode(ProcessNode):
             self.get_logger().error(f'{error}; going on without this state',
                                     throttle_duration_sec=1.0)
             return self.horizon.stand_in(stamp + delay), str(error)
-
-    def bounded(self, force: float) -> float:
-        """Return the force within its limit; whatever happened, never one that is not finite."""
-        return float(np.clip(force, -self.u_max, self.u_max)) if math.isfinite(force) else 0.0
 
     def report(self, stamp: Time, plan: Plan, complaint: str, force: float, late: bool,
                real_time: bool, delay: float, latency: float) -> None:

@@ -1,0 +1,136 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What each solver would have done from a recorded tick on.
+
+Until then a solver is a shadow: it answers every recorded state, but the recorded force acts.
+Then its forces do, on a plant as the recorded one was told to be. A cost to go is the running
+cost ℓ(x, u) of the recorded problem over the states and forces that followed, in steps of the
+prediction; what comes after the window counts for nothing, there is no terminal cost.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from dp_swing_ros import configuration
+from dp_swing_ros.bags.episodes import Sample
+from dp_swing_ros.bags.fields import BILLION
+from dp_swing_ros.mpc import RecedingHorizon
+from dp_swing_ros.rerun.runs import Course, Run
+from dp_swing_ros.rerun.ticks import answer, respond, Tick
+from dp_swing_ros.simulation import Plant
+
+ROUNDING = 100  # [ns] stamps are whole nanoseconds
+
+
+class Fork(NamedTuple):
+    """A recorded tick, and what followed: as it was recorded, and as it would have been."""
+
+    at: float             # [s] from the run's first state
+    past: Course
+    recorded: Course
+    others: list[Course]  # by solver
+
+    def courses(self) -> dict[str, Course]:
+        """Return all that followed, by their names."""
+        return {f'recorded {self.recorded.solver}': self.recorded,
+                **{course.solver: course for course in self.others}}
+
+    @property
+    def least(self) -> float:
+        """Return the least cost to go, whether the pendulum was held or not."""
+        return float(np.nanmin([course.cost for course in (self.recorded, *self.others)]))
+
+    def regret(self, course: Course) -> float:
+        """Return how much more a course cost than the cheapest."""
+        return course.cost - self.least
+
+
+def fork(run: Run, tick: Tick, solvers: Sequence[str], duration: float | None,
+         progress: Callable[[], object]) -> Fork:
+    """
+    Let each solver take over at a tick, for a time [s] or the rest of the run.
+
+    `progress` is called after each.
+    """
+    end = run.window(tick, duration)
+    others = []
+    for solver in solvers:
+        others.append(run.course(solver, take_over(run, tick, solver, end)))
+        progress()
+    return Fork(run.time(tick.stamp), run.between(run.start, tick.stamp),
+                run.between(tick.stamp, end), others)
+
+
+def take_over(run: Run, tick: Tick, solver: str, end: int) -> list[Sample]:
+    """Return the states from a tick on under a solver, up to a stamp [ns]."""
+    force: float | None
+    controller, force = shadow(run, tick, solver)
+    plant = plant_at(run, tick)
+    period = 1 / plant.parameters.rate
+    samples = [Sample(tick.stamp, np.asarray(tick.x), math.nan)]
+    count = round((end - tick.stamp) / BILLION / period)
+    for now in stamps_after(tick, plant.parameters.delay, period, count):
+        if force is not None:
+            plant.obey(force)
+        plant.begin_period(0.0)
+        plant.advance(period)
+        measured = plant.measure()
+        if measured is not None:
+            age = plant.t - measured.t
+            samples.append(Sample(now - round(age * BILLION), measured.x, plant.mean_force))
+            force = reply(controller, samples[-1], age if tick.real_time else 0.0)
+        elif tick.real_time:
+            force = controller.stand_in(now / BILLION).first_force(run.problem.u_max)
+        else:
+            force = None    # nobody answers, and the last one acts on
+    return samples
+
+
+def reply(controller: RecedingHorizon, sample: Sample, delay: float) -> float:
+    """Return the force [N] for a state; in lockstep no delay is made up for."""
+    return respond(controller, sample.stamp / BILLION, sample.x, delay).first_force(
+        controller.nominal.u_max)
+
+
+def shadow(run: Run, until: Tick, solver: str) -> tuple[RecedingHorizon, float]:
+    """
+    Return the controller that a solver is after it saw every tick up to one, and its force [N].
+
+    That of the recorded solver stops its solves where the recorded ones stopped.
+    """
+    controller = configuration.controller({**run.told, 'solver': solver})
+    for tick in run.record.ticks[:until.number]:
+        plan = answer(controller, tick, counted=solver == run.solver)
+        if tick.number < until.number:
+            controller.obeyed(tick.force)
+    return controller, plan.first_force(run.problem.u_max)
+
+
+def plant_at(run: Run, tick: Tick) -> Plant:
+    """Return the plant when a tick's state arrives, its noise from the beginning of its seed."""
+    plant = configuration.plant({**run.plant, 'initial_state': np.asarray(tick.x).tolist()})
+    if tick.number > 1:
+        # until then, and where the actuator lags or a command is lost, the one before acts
+        plant.force = plant.commands.force = run.record.ticks[tick.number - 2].force
+    delay = plant.parameters.delay
+    plant.t = -delay
+    plant.past[0] = plant.past[0]._replace(t=-delay)
+    plant.advance(delay)
+    return plant
+
+
+def stamps_after(tick: Tick, delay: float, period: float, count: int) -> Iterator[int]:
+    """Yield the times of the next periods' ends [ns] as the plant counts them, to the bit."""
+    arrival = tick.stamp + round(delay * BILLION)
+    epoch, now = arrival, 0.0
+    if not tick.real_time:
+        epoch = 0
+        while round(now * BILLION) < arrival - ROUNDING:
+            now += period
+    for _ in range(count):
+        now += period
+        yield epoch + round(now * BILLION)

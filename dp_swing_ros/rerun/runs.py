@@ -1,0 +1,128 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""A recorded run with all that it takes to go on from any of its ticks."""
+
+from collections.abc import Iterator, Sequence
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from dp_swing_ros import configuration
+from dp_swing_ros.bags.episodes import CONTROLLER, Sample, samples_of
+from dp_swing_ros.bags.fields import BILLION
+from dp_swing_ros.bags.reader import Bag
+from dp_swing_ros.cost import running
+from dp_swing_ros.errors import UserError
+from dp_swing_ros.metrics import settling_time
+from dp_swing_ros.mpc import MpcParameters
+from dp_swing_ros.parameters import LimitParameters
+from dp_swing_ros.problem import Problem
+from dp_swing_ros.rerun.ticks import Record, record_of, Tick, told
+from dp_swing_ros.state import Array
+
+PLANT = 'plant'
+
+
+class Course(NamedTuple):
+    """
+    How it went on, as the plant published it.
+
+    Shapes: t (N,) [s] from the run's first state, X (N, 6), U (N - 1,) [N].
+    """
+
+    solver: str
+    t: Array
+    X: Array
+    U: Array
+    cost: float
+    settled: float   # [s] when the stay upright began that was held to the end; NaN without one
+
+
+class Run:
+    """A recorded run that can be taken over."""
+
+    def __init__(self, bag: Bag) -> None:
+        """
+        Read what plant and controller were told, and what happened.
+
+        Raises BagError where the bag does not tell, and ParameterError where it tells what is
+        unknown here.
+        """
+        self.bag = bag
+        self.told: dict[str, Any] = told(bag, CONTROLLER).parameters
+        self.plant: dict[str, Any] = told(bag, PLANT).parameters
+        self.record: Record = record_of(bag)
+        self.samples: list[Sample] = samples_of(bag)
+        self.problem: Problem = configuration.problem(self.told)
+        self.solver = str(self.told.get('solver', MpcParameters.solver))
+        self.start, self.end = self.samples[0].stamp, self.samples[-1].stamp
+        plant = configuration.plant(self.plant)
+        self.limits: LimitParameters = plant.limits
+        self.period = BILLION / plant.parameters.rate   # [ns]
+
+    def time(self, stamp: int) -> float:
+        """Return the time of a stamp from the run's first state [s]."""
+        return (stamp - self.start) / BILLION
+
+    def tick_at(self, at: float, duration: float | None) -> Tick:
+        """
+        Return the first tick at a time [s] or later that can be followed for a duration [s].
+
+        Raises UserError where there is none.
+        """
+        return self.checked([tick for tick in self.followed(duration)
+                             if tick.stamp - self.start >= round(at * BILLION)],
+                            f'at {at:g} s or later', duration)[0]
+
+    def ticks_every(self, every: float, duration: float | None) -> list[Tick]:
+        """Return a tick in every so many seconds; else as `tick_at`."""
+        step = max(round(every * BILLION), 1)
+        found: dict[int, Tick] = {}
+        for tick in self.followed(duration):
+            found.setdefault((tick.stamp - self.start) // step, tick)
+        return self.checked(list(found.values()), 'at all', duration)
+
+    def followed(self, duration: float | None) -> Iterator[Tick]:
+        """Yield the ticks that answer a state, and after which the run takes that long [s]."""
+        for tick in self.record.ticks:
+            if tick.x is not None and np.all(np.isfinite(tick.x)) \
+                    and tick.stamp < self.window(tick, duration) \
+                    and tick.stamp + (duration or 0.0) * BILLION <= self.end + self.period / 2:
+                yield tick
+
+    def checked(self, ticks: list[Tick], when: str, duration: float | None) -> list[Tick]:
+        """Return ticks; raise UserError where there is none."""
+        if not ticks:
+            gap = f'; {self.record.gap}' if self.record.gap else ''
+            after = 'a state' if duration is None else f'{duration:g} s'
+            raise UserError(f'there is no tick {when} with {after} after it: the run in '
+                            f'{self.bag} takes {self.time(self.end):g} s{gap}')
+        return ticks
+
+    def window(self, tick: Tick, duration: float | None) -> int:
+        """
+        Return the stamp [ns] of the state closest to a time [s] after a tick.
+
+        In real time states come a little early or late. Without a time it is the run's last.
+        """
+        if duration is None:
+            return self.end
+        end = tick.stamp + round(duration * BILLION)
+        return min((sample.stamp for sample in self.samples), key=lambda stamp: abs(stamp - end))
+
+    def course(self, solver: str, samples: Sequence[Sample]) -> Course:
+        """Return a course of states, and judge it."""
+        stamps = np.array([sample.stamp for sample in samples])
+        t = (stamps - self.start) / BILLION
+        X = np.array([sample.x for sample in samples])
+        U = np.array([sample.force for sample in samples[1:]])
+        steps = np.diff(stamps) / BILLION / self.problem.dt
+        cost = math.fsum(share * running(self.problem.cost, x, u)
+                         for share, x, u in zip(steps, X, U))
+        return Course(solver, t, X, U, cost, settling_time(t, X))
+
+    def between(self, begin: int, end: int) -> Course:
+        """Return what was recorded between two stamps [ns], both included."""
+        return self.course(self.solver, [sample for sample in self.samples
+                                         if begin <= sample.stamp <= end])

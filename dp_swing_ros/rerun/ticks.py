@@ -1,0 +1,129 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""A recorded controller again: what it was told, what it was given at each tick, its answer."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from dp_swing_ros.bags.configurations import Configuration, configurations_of
+from dp_swing_ros.bags.episodes import CONTROLLER, reports_of, samples_of
+from dp_swing_ros.bags.fields import BILLION, Report
+from dp_swing_ros.bags.reader import Bag
+from dp_swing_ros.configuration import OF_EVERY_NODE
+from dp_swing_ros.errors import BagError
+from dp_swing_ros.mpc import RecedingHorizon
+from dp_swing_ros.plan import Plan
+from dp_swing_ros.state import Array
+
+NEEDED = ('force', 'cost', 'status', 'real_time', 'delay', 'solves', 'carried', 'resets', 'number')
+
+
+class Tick(NamedTuple):
+    """What a controller was given at a tick, and what came of it."""
+
+    number: int        # of the forces that it has sent
+    stamp: int         # [ns] of the state, or of the time at which none had come
+    x: Array | None    # as it was measured; None where none came
+    delay: float       # [s] from the stamp until the force would act
+    real_time: bool
+    carried: int       # periods since the last state
+    reset: bool        # it was told to begin anew, before
+    solves: tuple[int, ...]  # iterations
+    status: str
+    cost: float
+    force: float       # [N] sent
+
+
+class Record(NamedTuple):
+    """The ticks of a controller from its first on, and where there are more, what is missing."""
+
+    ticks: list[Tick]
+    gap: str
+
+
+def told(bag: Bag, node: str) -> Configuration:
+    """
+    Return what a node was told, without rclpy's own parameters.
+
+    Raises BagError where the bag does not tell.
+    """
+    found = configurations_of(bag)
+    if node not in found:
+        raise BagError(f'{bag} does not tell the parameters of the {node}: it has those of '
+                       f'{", ".join(sorted(found)) or "no node"}; record a run of plant and mpc '
+                       'with the topic configuration')
+    return found[node]._replace(parameters={
+        name: value for name, value in found[node].parameters.items()
+        if name not in OF_EVERY_NODE})
+
+
+def record_of(bag: Bag) -> Record:
+    """
+    Return the ticks of a bag as far as none is missing.
+
+    Raises BagError where there are none, or those of several controllers.
+    """
+    reports = reports_of(bag)
+    if not reports:
+        raise BagError(f'{bag} has no ticks of an {CONTROLLER}; record one with /diagnostics')
+    missing = [name for name in NEEDED if any(name not in report.values for report in reports)]
+    if missing:
+        raise BagError(f'{bag} is of an {CONTROLLER} that did not tell its {", ".join(missing)} '
+                       'at every tick; record it anew')
+    return bag.parse(_record, bag, sorted(reports, key=_number))
+
+
+def _number(report: Report) -> int:
+    return int(report.values['number'])
+
+
+def _record(bag: Bag, reports: list[Report]) -> Record:
+    states = {sample.stamp: sample.x for sample in samples_of(bag)}
+    ticks: list[Tick] = []
+    resets = 0
+    for report in reports:
+        number, carried = _number(report), int(report.values['carried'])
+        if ticks and number == ticks[-1].number:
+            raise BagError(f'{bag} has two ticks number {number}: the {CONTROLLER} was started '
+                           'again, or two ran; record one at a time')
+        if number != len(ticks) + 1:
+            return Record(ticks, f'tick {len(ticks) + 1} is missing (the next is {number})')
+        if not carried and report.stamp not in states:
+            return Record(ticks, f'the state of tick {number} is missing ({report.stamp} ns)')
+        ticks.append(_tick(report, None if carried else states[report.stamp], resets))
+        resets = int(report.values['resets'])
+    return Record(ticks, '')
+
+
+def _tick(report: Report, x: Array | None, resets: int) -> Tick:
+    values: dict[str, Any] = report.values
+    return Tick(_number(report), report.stamp, x, float(values['delay']),
+                bool(values['real_time']), int(values['carried']),
+                int(values['resets']) > resets, tuple(map(int, str(values['solves']).split())),
+                str(values['status']), float(values['cost']), float(values['force']))
+
+
+def answer(controller: RecedingHorizon, tick: Tick, counted: bool = True) -> Plan:
+    """
+    Let a controller answer a recorded tick, as the node did.
+
+    If `counted`, in as many iterations where a deadline may have ended them.
+    """
+    if tick.reset:
+        controller.reset()
+    t = tick.stamp / BILLION
+    if tick.x is not None:
+        return respond(controller, t, tick.x, tick.delay,
+                       tick.solves if counted and tick.real_time and tick.solves else None)
+    if tick.carried > controller.parameters.carry_over:
+        return controller.let_go(t + tick.delay)
+    return controller.stand_in(t + tick.delay)
+
+
+def respond(controller: RecedingHorizon, t: float, x: Array, delay: float,
+            solves: Sequence[int] | None = None) -> Plan:
+    """Return the plan for a state, or where it is not finite, one that goes on without it."""
+    try:
+        return controller.update(t, x, delay, solves=solves)
+    except ValueError:
+        return controller.stand_in(t + delay)

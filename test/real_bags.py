@@ -1,0 +1,78 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Bags that real nodes record, and copies of them that are not as they were."""
+
+import os
+import subprocess
+
+from rclpy.serialization import deserialize_message, serialize_message
+
+from dp_swing_ros.bags.definitions import schema
+from dp_swing_ros.bags.reader import Bag
+from dp_swing_ros.bags.writer import BagWriter, Recorded
+from dp_swing_ros.nodes.connections import message_class
+from dp_swing_ros.topics import TOPICS
+
+LIMIT = 280  # [s] for one run; the first start on a machine compiles
+
+
+def record(folder, *arguments, plant='', mpc=''):
+    """Let the demo record a run, with these lines of parameters, and return its bag."""
+    folder.mkdir(parents=True, exist_ok=True)
+    file = folder / 'parameters.yaml'
+    file.write_text(''.join(f'/**/{node}:\n  ros__parameters:\n    use_sim_time: false\n{lines}'
+                            for node, lines in (('plant', plant), ('mpc', mpc))))
+    run = subprocess.run(
+        ['ros2', 'run', 'dp_swing_ros', 'demo', '--no-figures', '--params', str(file), '--output',
+         str(folder / 'run'), *arguments], env={**os.environ, 'ROS_DOMAIN_ID': ''},
+        capture_output=True, text=True, timeout=LIMIT)
+    # whether it ended upright does not matter
+    assert run.returncode in (0, 1) and 'settling time' in run.stdout, run.stdout + run.stderr
+    return folder / 'run' / 'bag'
+
+
+def rewritten(bag, folder, topic, change, more=None):
+    """
+    Write a bag again; change is given the messages of a topic and returns them or None.
+
+    more is a message for each topic that the bag lacks.
+    """
+    types = {f'/{one.name.lstrip("/")}': one.type for one in TOPICS}
+    writer, entries = BagWriter(folder), Bag(bag).entries
+    for name in sorted({entry.topic for entry in entries}):
+        writer.add(Recorded(name, types[name], schema(types[name]), '', []))
+    for extra, message in (more or {}).items():
+        name = f'/{extra.name}'
+        writer.add(Recorded(name, extra.type, schema(extra.type), '', []))
+        writer.write(name, serialize_message(message), entries[-1].received, entries[-1].sent)
+    for entry in entries:
+        data = entry.data
+        if entry.topic == f'/{topic.name.lstrip("/")}':
+            message = change(deserialize_message(data, message_class(topic.type)))
+            data = None if message is None else serialize_message(message)
+        if data is not None:
+            writer.write(entry.topic, data, entry.received, entry.sent, entry.sequence)
+    writer.close()
+    return folder
+
+
+def value_of(message, key):
+    """Return the text of a value that the mpc tells of a tick; None if it tells nothing."""
+    return next((pair.value for status in message.status if status.name == 'mpc'
+                 for pair in status.values if pair.key == key), None)
+
+
+def tick(number, change):
+    """Return what changes the diagnostics of one tick."""
+    return lambda message: (change(message) if value_of(message, 'number') == str(number)
+                            else message)
+
+
+def with_value(key, value):
+    """Return what changes one value of diagnostics."""
+    def change(message):
+        for pair in message.status[0].values:
+            if pair.key == key:
+                pair.value = value
+        return message
+    return change

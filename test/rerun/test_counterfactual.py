@@ -1,0 +1,112 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""A solver that takes over its own recorded run does what it did."""
+
+import numpy as np
+import pytest
+from real_bags import record
+
+from dp_swing_ros.bags.reader import Bag
+from dp_swing_ros.rerun.counterfactual import fork, shadow
+from dp_swing_ros.rerun.runs import Run
+from dp_swing_ros.solvers import SOLVERS
+
+RATES = {'ilqr': 30.0, 'ddp': 20.0, 'mppi': 20.0}  # at 30 Hz stamps are rounded
+FAULTS = ('    position_noise: 0.002\n    velocity_noise: 0.05\n    force_noise: 1.0\n'
+          '    state_loss: 0.3\n    command_loss: 0.1\n    actuator_response: 0.5\n'
+          '    delay: 0.03\n')
+
+
+@pytest.fixture(scope='module')
+def runs(tmp_path_factory):
+    """Return a run in lockstep of each solver."""
+    return {solver: Run(Bag(record(
+        tmp_path_factory.mktemp(solver), '--solver', solver, '--duration', '3', '--lockstep',
+        '--seed', '5', plant=f'    rate: {rate}\n'))) for solver, rate in RATES.items()}
+
+
+@pytest.fixture(scope='module')
+def faulty(tmp_path_factory):
+    """Return runs with noise, losses, lag and delay, in lockstep and in real time."""
+    return [Run(Bag(record(tmp_path_factory.mktemp('faulty'), '--duration', '2', *mode,
+                           plant=FAULTS))) for mode in (['--lockstep'], [])]
+
+
+def taken_over(run, at, solvers=tuple(SOLVERS), duration=None):
+    return fork(run, run.tick_at(at, duration), solvers, duration, lambda: None)
+
+
+def same(a, b):
+    return all(np.array_equal(x, y, equal_nan=True) for x, y in zip(a, b))
+
+
+@pytest.mark.parametrize('solver', sorted(SOLVERS))
+def test_a_solver_that_takes_over_its_own_run_repeats_it_to_the_bit(runs, solver):
+    run = runs[solver]
+    for at in (0.0, 0.1, 0.5, 1.0, 1.7):
+        one = taken_over(run, at, [solver])
+        assert one.at == pytest.approx(at, abs=1 / 30)
+        assert len(one.recorded.t) > 20
+        assert same(one.others[0][1:], one.recorded[1:])
+        assert one.regret(one.others[0]) == one.regret(one.recorded) == 0.0
+
+
+def test_another_solver_does_otherwise(runs):
+    one = taken_over(runs['ilqr'], 0.5)
+    recorded, mppi = one.recorded, one.courses()['mppi']
+    np.testing.assert_array_equal(recorded.X[0], mppi.X[0])
+    np.testing.assert_array_equal(recorded.t, mppi.t)
+    assert not np.array_equal(recorded.U, mppi.U)
+    assert recorded.cost != mppi.cost
+    assert min(one.regret(course) for course in one.courses().values()) == 0.0
+
+
+def test_the_past_is_what_was_recorded(runs):
+    run = runs['ddp']
+    one = taken_over(run, 0.5)
+    X = np.array([sample.x for sample in run.samples])
+    np.testing.assert_array_equal(np.vstack((one.past.X, one.recorded.X[1:])), X)
+    assert one.past.t[-1] == one.recorded.t[0] == one.at == 0.5
+
+
+def test_the_cost_to_go_is_the_running_cost_of_what_followed(runs):
+    run = runs['ddp']
+    course = taken_over(run, 0.5, ['mppi'], 1.0).others[0]
+    assert len(course.U) == 20
+    error = course.X[:-1].copy()
+    error[:, 1:3] = 2 * np.sin(error[:, 1:3] / 2)
+    inside = np.maximum(np.abs(error[:, 0]) - 2.0, 0.0)
+    weights = (10.0, 100.0, 100.0, 2.0, 6.0, 0.1)
+    expected = np.sum(error ** 2 @ weights) + 0.001 * np.sum(course.U ** 2) \
+        + 3000 * np.sum(inside ** 2)
+    assert course.cost == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_shadow_goes_by_the_forces_that_were_sent(runs):
+    run = runs['ilqr']
+    tick = run.tick_at(0.5, None)
+    controller, force = shadow(run, tick, 'mppi')
+    sent = [one for _, one in controller.sent]
+    assert sent[:-1] == [one.force for one in run.record.ticks[:tick.number - 1]]
+    assert sent[-1] == force
+    assert controller.t == tick.stamp / 1e9
+
+
+@pytest.mark.parametrize('mode', [0, 1])
+def test_with_all_faults_it_is_the_same_every_time(faulty, mode):
+    first, second = (taken_over(faulty[mode], 0.3) for _ in range(2))
+    for one, other in zip(first.others, second.others):
+        assert same(one[1:], other[1:])
+        assert np.all(np.isfinite(one.X))
+        assert one.t[0] == first.at
+        # states are lost, and the last one may be
+        assert 1.2 < one.t[-1] - one.t[0] <= faulty[mode].time(faulty[mode].end) - first.at + 0.03
+        assert np.diff(one.t).min() > 0.045
+        assert np.diff(one.t).max() > 0.09
+
+
+def test_take_overs_come_in_every_so_many_seconds(runs):
+    run = runs['ddp']
+    assert [run.time(tick.stamp) for tick in run.ticks_every(0.5, None)] == [
+        0.0, 0.5, 1.0, 1.5, 2.0, 2.5]
+    assert [run.time(tick.stamp) for tick in run.ticks_every(0.5, 2.0)] == [0.0, 0.5, 1.0]

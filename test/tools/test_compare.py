@@ -1,0 +1,148 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+import numpy as np
+from PIL import Image
+import pytest
+from real_bags import record, rewritten, tick
+from std_msgs.msg import Float64
+
+from dp_swing_ros.bags.reader import Bag
+from dp_swing_ros.rerun.counterfactual import fork
+from dp_swing_ros.rerun.runs import Run
+from dp_swing_ros.tools.analyse import beside
+from dp_swing_ros.tools.compare import main
+from dp_swing_ros.topics import CONFIGURATION, DIAGNOSTICS, DISTURBANCE
+
+
+@pytest.fixture(scope='module')
+def bag(tmp_path_factory):
+    """Return a run of a real-time plant."""
+    return record(tmp_path_factory.mktemp('bag'), '--duration', '3')
+
+
+def compared(capsys, *arguments):
+    """Return the exit code, what was printed, and the error."""
+    code = main([str(argument) for argument in arguments])
+    shown = capsys.readouterr()
+    return code, shown.out, shown.err.split('\r')[-1].strip()
+
+
+def columns(table):
+    """Return the rows of a Markdown table by their names."""
+    rows = [[cell.strip() for cell in line.strip('| ').split('|')]
+            for line in table.splitlines() if line.startswith('| ')]
+    return {row[0]: row[1:] for row in rows}
+
+
+def is_a_picture(path):
+    with Image.open(path) as image:
+        return min(image.size) > 300 and np.asarray(image.convert('L')).std() > 5
+
+
+def test_one_take_over_gives_a_table_and_a_picture(bag, capsys):
+    code, out, _ = compared(capsys, bag)
+    assert code == 0
+    rows = columns(out)
+    assert list(rows)[1:] == ['recorded ilqr', 'ilqr', 'ddp', 'mppi']
+    assert list(rows)[0].startswith('from 0.50 s to 3.0')
+    costs = [float(row[0]) for row in list(rows.values())[1:]]
+    regrets = [float(row[1]) for row in list(rows.values())[1:]]
+    np.testing.assert_allclose(regrets, np.array(costs) - min(costs), atol=2e-3)
+    assert {row[2] for row in list(rows.values())[1:]} <= {'yes', 'no'}
+    assert out.splitlines()[-1] == str(beside(bag) / 'counterfactual.png')
+    assert is_a_picture(beside(bag) / 'counterfactual.png')
+
+
+def test_it_is_the_same_every_time(bag, tmp_path, capsys):
+    first, second = (compared(capsys, bag, '--at', '0.7', '--duration', '1', '--output', tmp_path)
+                     for _ in range(2))
+    assert first == second
+    assert 'from 0.7' in first[1] and 'to 1.7' in first[1]
+
+
+@pytest.mark.parametrize('duration', [0.1, 1.0, None])
+def test_in_real_time_too_all_are_judged_over_the_same_window(bag, duration):
+    run = Run(Bag(bag))
+    for at in (0.0, 0.3, 0.8, 1.3):
+        one = fork(run, run.tick_at(at, duration), ['ddp'], duration, lambda: None)
+        assert one.others[0].t[-1] == pytest.approx(one.recorded.t[-1], abs=0.026)
+        if duration is not None:
+            assert one.recorded.t[-1] - one.at == pytest.approx(duration, abs=0.026)
+
+
+def test_many_take_overs_give_the_regret_over_the_run(bag, tmp_path, capsys):
+    code, out, _ = compared(capsys, bag, '--every', '1', '--solvers', 'ddp', 'mppi', 'ddp',
+                            '--output', tmp_path / 'new')
+    assert code == 0
+    rows = columns(out)
+    assert rows['from [s]'] == ['least cost to go', 'recorded ilqr', 'ddp', 'mppi']
+    assert len(rows) in (4, 5)
+    for row in list(rows.values())[1:]:
+        assert min(map(float, row[1:])) == 0.0
+    assert is_a_picture(tmp_path / 'new' / 'regret.png')
+
+
+def test_pushes_are_told_to_be_in_the_record_alone(bag, tmp_path, capsys):
+    pushed = rewritten(bag, tmp_path / 'bag', CONFIGURATION, lambda message: message,
+                       {DISTURBANCE: Float64(data=5.0)})
+    code, out, _ = compared(capsys, pushed, '--solvers', 'ilqr', '--duration', '0.2')
+    assert code == 0
+    assert 'note: pushes (1 on disturbance) are only in what was recorded' in out
+
+
+def drop(_):
+    return None
+
+
+def without(node):
+    return lambda message: None if f'node: /{node}' in message.data else message
+
+
+@pytest.mark.parametrize('topic, change, complaint', [
+    (CONFIGURATION, without('mpc'), 'does not tell the parameters of the mpc'),
+    (CONFIGURATION, without('plant'), 'does not tell the parameters of the plant: it has those '
+     'of logger, mpc'),
+    (DIAGNOSTICS, drop, 'has no ticks of an mpc'),
+    (DIAGNOSTICS, tick(3, drop), 'there is no tick at 0.5 s or later with a state after it: the '
+     'run in')])
+def test_a_bag_that_does_not_tell_enough_is_one_line(bag, topic, change, complaint, tmp_path,
+                                                     capsys):
+    code, out, error = compared(capsys, rewritten(bag, tmp_path / 'bag', topic, change))
+    assert (code, out) == (2, '')
+    assert error.startswith('compare: error: ') and '\n' not in error
+    assert complaint in error
+
+
+@pytest.mark.parametrize('arguments, complaint', [
+    (['--at', '9'], 'there is no tick at 9 s or later with a state after it'),
+    (['--at', '1', '--duration', '2.5'], 'there is no tick at 1 s or later with 2.5 s after it'),
+    (['--every', '1', '--duration', '7'], 'there is no tick at all with 7 s after it')])
+def test_a_time_outside_of_the_run_is_one_line(bag, arguments, complaint, capsys):
+    code, out, error = compared(capsys, bag, *arguments)
+    assert (code, out) == (2, '')
+    assert error.startswith('compare: error: ') and '\n' not in error
+    assert complaint in error and 'takes 3.0' in error
+
+
+@pytest.mark.parametrize('arguments, complaint', [
+    (['--solvers', 'none'], 'invalid choice'), (['--at', '-1'], 'not a time of 0 s or more'),
+    (['--every', '0'], 'not a time above 0 s'), (['--duration', 'nan'], 'not a time'),
+    (['--at', '1', '--every', '1'], 'not allowed with')])
+def test_misuse_is_refused_at_once(arguments, complaint, capsys):
+    with pytest.raises(SystemExit) as end:
+        main(['bag', *arguments])
+    assert end.value.code == 2
+    assert complaint in capsys.readouterr().err
+
+
+def test_a_missing_bag_is_one_line(tmp_path, capsys):
+    assert compared(capsys, tmp_path / 'none')[::2] == (
+        2, f'compare: error: there is no bag {str(tmp_path / "none")!r}')
+
+
+def test_help_names_the_default(capsys):
+    with pytest.raises(SystemExit) as end:
+        main(['--help'])
+    assert end.value.code == 0
+    assert '(default: 0.5:' in ' '.join(capsys.readouterr().out.split())

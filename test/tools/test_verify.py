@@ -1,0 +1,204 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What real nodes did is repeated to the bit, and what was changed afterwards is found."""
+
+import re
+
+import pytest
+from real_bags import record, rewritten, tick, value_of, with_value
+
+from dp_swing_ros.bags.reader import Bag
+from dp_swing_ros.rerun.ticks import record_of
+from dp_swing_ros.solvers import SOLVERS
+from dp_swing_ros.tools.verify import main
+from dp_swing_ros.topics import CONFIGURATION, DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES
+
+FAULTS = ('    position_noise: 0.002\n    velocity_noise: 0.05\n    force_noise: 1.0\n'
+          '    state_loss: 0.4\n')
+
+
+@pytest.fixture(scope='module')
+def bags(tmp_path_factory):
+    """Return a short run in lockstep of each solver."""
+    return {solver: record(tmp_path_factory.mktemp(solver), '--solver', solver, '--duration', '1',
+                           '--lockstep', '--seed', '5') for solver in sorted(SOLVERS)}
+
+
+def verified(bag, capsys):
+    """Return the exit code, the lines that were printed, and the error."""
+    code = main([str(bag)])
+    shown = capsys.readouterr()
+    return code, shown.out.splitlines(), shown.err.split('\r')[-1].strip()
+
+
+@pytest.mark.parametrize('solver', sorted(SOLVERS))
+def test_lockstep_comes_out_again(bags, solver, capsys):
+    assert verified(bags[solver], capsys)[:2] == (0, [
+        f'21 ticks of {solver} in lockstep: every force is the recorded one to the bit'])
+
+
+@pytest.mark.parametrize('solver', sorted(SOLVERS))
+def test_noise_lost_states_and_what_the_estimator_makes_of_them(solver, tmp_path, capsys):
+    bag = record(tmp_path, '--solver', solver, '--duration', '2', '--lockstep', plant=FAULTS)
+    ticks = record_of(Bag(bag)).ticks
+    assert len(ticks) < 35
+    code, lines, _ = verified(bag, capsys)
+    assert (code, lines[0].split()[0]) == (0, str(len(ticks)))
+
+
+def test_real_time_comes_out_again(tmp_path, capsys):
+    bag = record(tmp_path, '--duration', '4')
+    ticks = record_of(Bag(bag)).ticks
+    assert all(one.real_time and one.delay > 0 for one in ticks)
+    # the plant ends first: the mpc carries on, then lets go
+    assert ticks[-1].status == 'ZERO'
+    assert verified(bag, capsys)[:2] == (0, [
+        f'{len(ticks)} ticks of ilqr in real time: every force is the recorded one to the bit'])
+
+
+@pytest.mark.parametrize('solver', sorted(SOLVERS))
+def test_solves_that_a_deadline_cut_come_out_again(solver, tmp_path, capsys):
+    bag = record(tmp_path, '--solver', solver, '--duration', '3',
+                 mpc='    time_limit: 0.0015\n')
+    cut = [one for one in record_of(Bag(bag)).ticks if one.status == 'DEADLINE']
+    assert len(cut) > 3
+    assert verified(bag, capsys)[0] == 0
+
+
+def test_states_that_did_not_come_in_real_time(tmp_path, capsys):
+    bag = record(tmp_path, '--duration', '4', plant=FAULTS, mpc='    carry_over: 1\n')
+    ticks = record_of(Bag(bag)).ticks
+    pairs = list(zip(ticks, ticks[1:]))
+    assert any(one.carried and not following.carried for one, following in pairs)
+    assert any(one.status == 'ZERO' and not following.carried for one, following in pairs)
+    assert verified(bag, capsys)[0] == 0
+
+
+def test_a_changed_force_is_named(bags, tmp_path, capsys):
+    count = iter(range(100))
+
+    def change(message):
+        if next(count) == 6:
+            message.data += 1e-9
+        return message
+
+    code, lines, _ = verified(rewritten(bags['ilqr'], tmp_path / 'bag', FORCE_COMMAND, change),
+                              capsys)
+    assert code == 1
+    assert re.match(r'tick 7 at 300000000 ns \(0\.300 s\), CONVERGED, differs: '
+                    r'force on force_command .* recorded, .* now: 1\.\d+e-09 N apart', lines[0])
+    assert lines[1].startswith('1 of 21 ticks of ilqr in lockstep differ')
+    assert lines[2].startswith('code, packages and machine are the same')
+
+
+@pytest.mark.parametrize('key, value, text', [
+    ('force', '0.125', r'force 0\.125 N recorded, \S+ N now: \S+ N apart'),
+    ('cost', '1.5', r'cost 1\.5 recorded, \S+ now: \S+ apart'),
+    ('solves', '1 2', r'iterations \(1, 2\) recorded, \(\d+, \d+\) now')])
+def test_a_changed_report_is_named(bags, key, value, text, tmp_path, capsys):
+    bag = rewritten(bags['ilqr'], tmp_path / 'bag', DIAGNOSTICS, tick(4, with_value(key, value)))
+    code, lines, _ = verified(bag, capsys)
+    assert code == 1
+    assert re.match(rf'tick 4 at 150000000 ns .*differs: {text}', lines[0])
+    assert lines[1].startswith('1 of 21 ticks')
+
+
+def told(old, new):
+    """Return what changes the configuration of the mpc."""
+    def change(message):
+        if 'node: /mpc' in message.data:
+            assert old in message.data
+            message.data = message.data.replace(old, new)
+        return message
+    return change
+
+
+def test_another_seed_is_another_run(bags, tmp_path, capsys):
+    bag = rewritten(bags['mppi'], tmp_path / 'bag', CONFIGURATION, told('seed: 5', 'seed: 6'))
+    code, lines, _ = verified(bag, capsys)
+    assert code == 1
+    assert lines[0].startswith('tick 1 at 0 ns')
+
+
+def test_other_code_is_the_likely_cause_only_of_a_difference(bags, tmp_path, capsys):
+    other = rewritten(bags['ddp'], tmp_path / 'other', CONFIGURATION,
+                      told('sources: ', 'sources: old'))
+    code, lines, _ = verified(other, capsys)
+    assert (code, len(lines)) == (0, 2)
+    assert re.match(r'note: recorded elsewhere \(code old\w+ there, \w+ here\)', lines[1])
+    changed = rewritten(other, tmp_path / 'changed', DIAGNOSTICS,
+                        tick(4, with_value('force', '1')))
+    code, lines, _ = verified(changed, capsys)
+    assert code == 1
+    assert lines[2].startswith('likely cause: code old')
+
+
+@pytest.mark.parametrize('missing', [1, 8])
+def test_nothing_is_said_of_ticks_after_a_gap(bags, missing, tmp_path, capsys):
+    bag = rewritten(bags['ilqr'], tmp_path / 'bag', DIAGNOSTICS, tick(missing, lambda _: None))
+    code, lines, error = verified(bag, capsys)
+    assert code == 2
+    assert [line.split()[0] for line in lines] == ['7'] * (missing > 1)
+    assert f'error: tick {missing} is missing (the next is {missing + 1})' in error
+
+
+def test_a_missing_state_is_a_gap(bags, tmp_path, capsys):
+    bag = rewritten(bags['ilqr'], tmp_path / 'bag', JOINT_STATES, lambda message: (
+        None if message.header.stamp.nanosec == 250_000_000 else message))
+    code, lines, error = verified(bag, capsys)
+    assert (code, lines[0].split()[0]) == (2, '5')
+    assert 'the state of tick 6 is missing (250000000 ns)' in error
+
+
+def test_a_force_that_the_bag_lost_is_told(bags, tmp_path, capsys):
+    count = iter(range(100))
+    bag = rewritten(bags['ilqr'], tmp_path / 'bag', FORCE_COMMAND,
+                    lambda message: None if next(count) == 3 else message)
+    code, lines, _ = verified(bag, capsys)
+    assert (code, lines[1:]) == (0, ['1 of these forces are not on force_command in the bag'])
+
+
+def drop(_):
+    return None
+
+
+def again(message):
+    """Give all ticks one number, as if the mpc was started again at each."""
+    return with_value('number', '1')(message) if value_of(message, 'number') else message
+
+
+@pytest.mark.parametrize('topic, change, complaint', [
+    (CONFIGURATION, drop, 'does not tell the parameters of the mpc: it has those of no node'),
+    (CONFIGURATION, told('horizon: 30', 'horizont: 30'),
+     "unknown parameter 'horizont' of the node 'mpc'; did you mean 'horizon'?"),
+    (CONFIGURATION, told('horizon: 30', 'horizon: 0'), "parameter 'horizon' is 0"),
+    (DIAGNOSTICS, drop, 'has no ticks of an mpc'),
+    (DIAGNOSTICS, tick(2, with_value('carried', '?')), 'invalid literal'),
+    (DIAGNOSTICS, again, 'has two ticks number 1: the mpc was started again, or two ran'),
+    (JOINT_STATES, drop, 'has nothing on joint_states')])
+def test_what_cannot_be_verified_is_one_line(bags, topic, change, complaint, tmp_path, capsys):
+    bag = rewritten(bags['ilqr'], tmp_path / 'bag', topic, change)
+    code, lines, error = verified(bag, capsys)
+    assert (code, lines) == (2, [])
+    assert error.startswith('verify: error: ') and '\n' not in error
+    assert complaint in error
+
+
+def test_a_bag_from_before_is_told(bags, tmp_path, capsys):
+    def change(message):
+        message.status[0].values = [pair for pair in message.status[0].values
+                                    if pair.key not in ('number', 'solves')]
+        return message
+
+    bag = rewritten(bags['ilqr'], tmp_path / 'bag', DIAGNOSTICS, change)
+    code, lines, error = verified(bag, capsys)
+    assert (code, lines) == (2, [])
+    assert 'is of an mpc that did not tell its solves, number at every tick' in error
+
+
+def test_missing_and_damaged_bags_are_one_line(bags, tmp_path, capsys):
+    assert verified(tmp_path / 'none', capsys)[2].startswith('verify: error: there is no bag')
+    cut = tmp_path / 'cut.mcap'
+    cut.write_bytes(next(bags['ilqr'].glob('*.mcap')).read_bytes()[:-200])
+    assert verified(cut, capsys)[0] == 2
+    assert main([str(cut), '--partial']) == 0
