@@ -10,7 +10,7 @@ import math
 
 from PIL import Image
 import pytest
-from made_runs import told, write_bag
+from recorded_runs import told, write_bag
 from synthetic import first, swing_up, without_ticks
 
 from dp_swing_ros.metrics import measure

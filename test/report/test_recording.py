@@ -4,7 +4,7 @@
 from datetime import datetime, timezone
 
 import pytest
-from made_runs import START, told, write_bag
+from recorded_runs import START, told, write_bag
 from synthetic import first, swing_up, without_ticks
 import yaml
 

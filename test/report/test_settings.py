@@ -5,7 +5,7 @@ import dataclasses
 import math
 
 import pytest
-from made_runs import told
+from recorded_runs import told
 
 from dp_swing_ros.configuration import NODES
 from dp_swing_ros.report.settings import differences, in_words, provenances, settings

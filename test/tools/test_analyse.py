@@ -7,7 +7,7 @@ import re
 import numpy as np
 from PIL import Image
 import pytest
-from made_runs import write_bag
+from recorded_runs import write_bag
 from synthetic import swing_up, without_ticks
 
 from dp_swing_ros.bags import read_episode
