@@ -38,6 +38,9 @@ results: setup  ## measure docs/results anew, but for the campaigns (half an hou
 	  python benchmarks/$$page.py > docs/results/.new && \
 	  mv docs/results/.new docs/results/$$page.md || exit 1; done
 
+figures: setup  ## the paper's Figs. 2 to 10 and its claims, anew (FIGURES='--seeds 5' for fewer)
+	@$(WITH_ROS) && python benchmarks/paper.py $(FIGURES)
+
 test: setup  ## all tests, linters and type checks (PYTEST='...' for arguments of pytest)
 	@$(WITH_ROS) && python -m pytest -n auto --maxprocesses 8 $(PYTEST)
 
@@ -70,5 +73,5 @@ install/.built: $(VENV)/.installed $(SOURCES)
 	  (cd $$tree && find dp_swing_ros -name '*.py' ! -exec test -e '$(CURDIR)/{}' \; -delete); done
 	@touch $@
 
-.PHONY: help setup demo docs evaluate results test shell clean
+.PHONY: help setup demo docs evaluate results figures test shell clean
 .DEFAULT_GOAL := help

@@ -14,9 +14,9 @@ import subprocess
 PACKAGE = Path(__file__).parent
 COMPUTING = ('numpy', 'numba', 'scipy')
 # what no episode depends on
-AFTERWARDS = ('bags/', 'errors.py', 'figures/', 'nodes/', 'provenance.py', 'report/', 'rerun/',
-              'tools/', 'topics.py', 'campaign/report.py', 'campaign/scores.py',
-              'campaign/summary.py', 'comparison.py')
+AFTERWARDS = ('bags/', 'ensemble.py', 'errors.py', 'figures/', 'nodes/', 'provenance.py',
+              'report/', 'rerun/', 'tools/', 'topics.py', 'campaign/report.py',
+              'campaign/scores.py', 'campaign/summary.py', 'comparison.py')
 
 
 def cpu() -> str:

@@ -190,7 +190,7 @@ def simulate(plant: Plant, controller: Controller, duration: float, solver: str 
         plan = answer(plant, controller)
         plant.obey(plan.control(0.0, plan.X[0]))
         plant.begin_period(float(pushes[n]))
-        plant.advance((n + 1) * period - plant.t)
+        plant.advance(period)
         t.append(plant.t)
         X.append(plant.x.copy())
         U.append(plant.mean_force)
@@ -203,10 +203,11 @@ def simulate(plant: Plant, controller: Controller, duration: float, solver: str 
 
 def answer(plant: Plant, controller: Controller) -> Plan:
     """Return the controller's plan for the state as it is measured, or for none."""
+    # the nodes say the time in whole nanoseconds, and this is to be their run to the bit
     measured = plant.measure()
     if measured is None:
         return controller.stand_in(plant.t)
-    return controller.update(measured.t, measured.x, plant.t - measured.t)
+    return controller.update(round(measured.t * 1e9) / 1e9, measured.x, plant.t - measured.t)
 
 
 def ticks_of(t: list[float], plans: list[Plan], period: float) -> Ticks:

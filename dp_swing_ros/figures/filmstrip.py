@@ -30,7 +30,7 @@ def snapshots(episode: Episode) -> Figure:
                     layout='constrained')
     panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
     for axes, t in zip(panels.flat, times):
-        _snapshot(axes, episode, t, half_width)
+        snapshot(axes, episode, t, half_width)
     for axes in panels.flat[len(times):]:
         axes.set_axis_off()
     figure.suptitle(f'{title(episode)}: the pendulum every {period:g} s (green: upright)')
@@ -46,7 +46,8 @@ def _columns(pictures: int) -> int:
     return min((8, 7, 6), key=lambda columns: -pictures % columns)
 
 
-def _snapshot(axes: Axes, episode: Episode, t: float, half_width: float) -> None:
+def snapshot(axes: Axes, episode: Episode, t: float, half_width: float) -> None:
+    """Draw the pendulum at a time [s], with the way of its tip before that."""
     scene(axes, episode, half_width)
     x = states_at(episode, np.array([t]))[0]
     axes.add_collection(fading(trail_of(episode, t, 0.5), LINK2, 1.2))

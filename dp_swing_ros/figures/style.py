@@ -9,7 +9,7 @@ from typing import Any, ParamSpec, TypeVar
 
 import matplotlib
 from matplotlib.axes import Axes
-from matplotlib.colors import to_rgba
+from matplotlib.colors import to_rgb
 
 from dp_swing_ros.episode import Episode
 
@@ -51,9 +51,16 @@ def plain(text: str) -> str:
     return text.replace('$', r'\$')
 
 
-def tint(colour: str, strength: float) -> tuple[float, ...]:
+def tint(colour: str, strength: float) -> tuple[float, float, float]:
     """Return a colour mixed with white: 0 is white, and nothing shines through."""
-    return tuple(1 - strength * (1 - part) for part in to_rgba(colour)[:3])
+    red, green, blue = (1 - strength * (1 - part) for part in to_rgb(colour))
+    return red, green, blue
+
+
+def dark(colour: str) -> tuple[float, float, float]:
+    """Return a colour mixed with as much black."""
+    red, green, blue = (0.5 * part for part in to_rgb(colour))
+    return red, green, blue
 
 
 def limit_lines(axes: Axes, limit: float, label: str) -> None:

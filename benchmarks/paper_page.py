@@ -1,0 +1,167 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The tables of the paper's experiments, as a page and as JSON."""
+
+from collections.abc import Callable, Mapping, Sequence
+from datetime import date
+import itertools
+import json
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from dp_swing_ros.campaign.summary import DROP, OF_ALL, OF_HELD
+from dp_swing_ros.comparison import paired, Rate, rate
+from dp_swing_ros.ensemble import Band, band, Ensemble, NEAR, Trial
+from dp_swing_ros.figures.style import SOLVERS
+from dp_swing_ros.metrics import REST
+from dp_swing_ros.provenance import commit, machine, packages
+from dp_swing_ros.state import Array
+
+EVERY = 5   # states from one that the JSON keeps to the next
+COMPARED = {'upright first [s]': lambda one: one.reached,
+            'settled [s]': lambda one: one.metrics.settling_time,
+            'force step, run [N]': lambda one: one.metrics.roughness,
+            'force step, hold [N]': lambda one: one.metrics.smoothness}
+
+
+class Key(NamedTuple):
+    """Which experiment; the names of the set-ups are those of SETUPS in paper.py."""
+
+    solver: str
+    start: str
+    setup: str
+
+
+Measured = Mapping[Key, Ensemble]
+Column = Callable[[Sequence[Trial]], str]
+
+
+def page(measured: Measured, command: str) -> str:
+    """Return the page as Markdown."""
+    versions = ', '.join(f'{name} {version}' for name, version in packages().items())
+    seeds = max(one.held.runs for one in measured.values())
+    tables = [f'## {start[0].upper()}{start[1:]}\n\n{_table(measured, start)}'
+              f'{_pairs(measured, start)}'
+              for start in dict.fromkeys(key.start for key in measured)]
+    return f"""# The paper's experiments in numbers
+
+Made by `{command}` (`make figures`) on {date.today()} at commit {commit()}; {machine()};
+{versions}. What they mean, claim by claim: [the paper's figures and claims](../paper.md).
+
+Seeds 0 to {seeds - 1} of each, in lockstep, first attempts only. Set-ups: `defaults`, and `paper`:
+the parameter files `config/paper.yaml` and `config/paper_euler.yaml`, for MPPI
+`config/paper_mppi.yaml` too; `paper, fine plant`: without `config/paper_euler.yaml`, so that the
+plant keeps its energy; `paper, S_f = S`: `paper` with a final cost of S instead of 1000 S. In
+figures are the first two. Their runs of seed 0 went through the nodes plant, mpc and logger; each
+bag holds the states, forces and costs of the run without ROS, to the bit.
+
+Upright to the end: both angles within 0.1 rad and all speeds under 1 over the last second, in
+brackets Wilson's 95 % interval; settled where that last stay begins, upright first where a state
+was so. Near: both angles within {NEAR:g} rad, to the end and for a second at least. Dropped: an
+angle beyond {DROP:g} rad. Other cells are the median and, in brackets, the 10 and 90 % quantiles
+over the runs that tell: settling times over those that were held. Force steps are the standard
+deviation of Δu, over the last {REST:g} s (hold) and over all the run.
+
+""" + '\n'.join(tables)
+
+
+def _table(measured: Measured, start: str) -> str:
+    columns = COLUMNS | (NEAR_GOAL if 'goal' in start else {})
+    rows = [['solver', 'set-up', *columns]]
+    rows += [[SOLVERS[key.solver], key.setup, *(text(one.trials) for text in columns.values())]
+             for key, one in measured.items() if key.start == start]
+    return _markdown(rows)
+
+
+def _pairs(measured: Measured, start: str) -> str:
+    """Return who differs from whom, seed by seed, within one set-up."""
+    rows = [['set-up', 'less', *COMPARED]]
+    names = list(SOLVERS)
+    here = sorted(((key, one) for key, one in measured.items() if key.start == start),
+                  key=lambda pair: (pair[0].setup, names.index(pair[0].solver)))
+    for (a, first), (b, second) in itertools.combinations(here, 2):
+        if a.setup == b.setup:
+            rows.append([a.setup, f'{SOLVERS[a.solver]} less {SOLVERS[b.solver]}', *(
+                _difference(first.trials, second.trials, value) for value in COMPARED.values())])
+    if len(rows) == 1:
+        return ''
+    return ('\nSeed by seed, where both tell: the median difference, its 95 % interval '
+            '(bootstrap) and the p of the sign test.\n\n' + _markdown(rows))
+
+
+def _difference(a: Sequence[Trial], b: Sequence[Trial], value: Callable[[Trial], float]) -> str:
+    found = paired(np.array([value(one) for one in a]), np.array([value(one) for one in b]))
+    if found.pairs < 2:
+        return '-'
+    p = '< 0.001' if found.p < 0.001 else f'{found.p:.3f}'
+    return (f'{found.median:+.3g} ({found.low:+.3g} to {found.high:+.3g}), p {p}, '
+            f'{found.pairs} pairs')
+
+
+def _markdown(rows: Sequence[Sequence[str]]) -> str:
+    lines = [f'| {" | ".join(row)} |' for row in rows]
+    return '\n'.join([lines[0], '| --- ' * len(rows[0]) + '|', *lines[1:]]) + '\n'
+
+
+def share(found: Rate) -> str:
+    """Return a count and the interval of its share."""
+    return f'{found.successes} of {found.runs} ({100 * found.low:.0f}-{100 * found.high:.0f} %)'
+
+
+def middle(values: Sequence[float], digits: int) -> str:
+    """Return the median and the 10 and 90 % quantiles of the values that are known."""
+    known = np.array([value for value in values if not math.isnan(value)])
+    if not len(known):
+        return '-'
+    low, median, high = (f'{float(part):.{digits}f}' for part in band(known))
+    return f'{median} ({low}-{high})'
+
+
+def _of(name: str, digits: int) -> Column:
+    return lambda trials: middle([getattr(one.metrics, name) for one in trials], digits)
+
+
+COLUMNS: dict[str, Column] = {
+    'upright to the end': lambda trials: share(rate([one.metrics.success for one in trials])),
+    'near to the end': lambda trials: share(rate([one.neared >= 0 for one in trials])),
+    'near from [s]': lambda trials: middle([one.neared for one in trials], 2),
+    'upright first [s]': lambda trials: middle([one.reached for one in trials], 2),
+    'settled [s]': _of('settling_time', 2),
+    'force step, hold [N]': _of('smoothness', 3), 'force step, run [N]': _of('roughness', 1),
+    'largest force [N]': _of('largest_force', 0),
+    'largest position [m]': _of('largest_position', 2),
+    'cart from the centre at the end [mm]': lambda trials: middle(
+        [1e3 * one.end for one in trials], 1)}
+NEAR_GOAL: dict[str, Column] = {
+    'dropped': lambda trials: share(rate([one.metrics.largest_angle > DROP for one in trials])),
+    'largest angle [rad]': _of('largest_angle', 2)}
+
+
+def summary(measured: Measured) -> str:
+    """Return counts and quantiles as JSON, the errors' at every 0.25 s."""
+    return json.dumps({'quantiles': [0.1, 0.5, 0.9], 'experiments': [
+        {**key._asdict(), 'held': one.held.successes, 'runs': one.held.runs,
+         'metrics': _quantiles(one.trials),
+         't': _rounded(one.shown.t[::EVERY]),
+         'squared_error': [_rounded(part[::EVERY]) for part in one.error]}
+        for key, one in measured.items()]}, separators=(',', ':')).replace(
+            '{"solver"', '\n{"solver"') + '\n'
+
+
+def _quantiles(trials: Sequence[Trial]) -> dict[str, Any]:
+    """Return the quantiles of what is measured over the runs that tell."""
+    found = {}
+    for name in (*OF_HELD, *OF_ALL):
+        values = np.array([getattr(one.metrics, name) for one in trials])
+        known = values[~np.isnan(values)]
+        found[name] = _rounded(band(known)) if len(known) else None
+    return found
+
+
+def _rounded(values: Array | Band) -> Any:
+    """Return values with four significant digits, None where they are beyond all."""
+    if np.ndim(values):
+        return [_rounded(value) for value in values]
+    return float(f'{values:.4g}') if math.isfinite(values) else None

@@ -1,0 +1,135 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The paper's figures over many runs: one run whole, and what lies between all of them.
+
+Both take ensembles by the name of their set-up, which share one axis of time.
+"""
+
+from collections.abc import Mapping
+import math
+
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure, SubFigure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import FuncFormatter, LogLocator, MultipleLocator, NullLocator
+import numpy as np
+
+from dp_swing_ros.ensemble import Band, Ensemble
+from dp_swing_ros.figures.curves import ERROR_FLOOR, in_turns
+from dp_swing_ros.figures.filmstrip import snapshot
+from dp_swing_ros.figures.pendulum import room_for
+from dp_swing_ros.figures.sampling import times_of
+from dp_swing_ros.figures.style import (
+    ALARM, dark, FAINT, FORCE, SQUARES, styled, SYMBOLS, tint)
+from dp_swing_ros.state import ANGLES, Array, SIZE, to_turn_of, UPRIGHT
+
+SHADES = (FORCE, ALARM)  # of the set-ups
+COLUMNS = 4              # of the pictures of a run
+CEILING = 1e6            # squared errors above are not looked for
+
+
+@styled
+def swing_ups(ensembles: Mapping[str, Ensemble], heading: str) -> Figure:
+    """Draw each set-up's run every 0.5 s, and below, how far from upright all its runs are."""
+    most = max(len(times_of(one.shown, 0.5)) for one in ensembles.values())
+    rows = math.ceil(most / COLUMNS)
+    half_width = max(room_for(one.shown) for one in ensembles.values())
+    picture = 5.0 / COLUMNS * 2.2 / half_width + 0.16  # [inch] high
+    figure = Figure(figsize=(10.4, 2.75 + rows * picture),
+                    layout=ConstrainedLayoutEngine(w_pad=0.03, h_pad=0.03))
+    halves = figure.subfigures(1, len(ensembles), squeeze=False, wspace=0.04)
+    for half, colour, (name, one) in zip(halves.flat, SHADES, ensembles.items()):
+        half.suptitle(f'{name}\n{_count(one)}', size='medium', color=colour, weight='bold')
+        film, below = half.subfigures(2, 1, squeeze=False,
+                                      height_ratios=(rows * picture, 1.9)).flat
+        _draw_film(film, one, rows, half_width)
+        _draw_angle(below.subplots(), one, colour)
+    figure.suptitle(f'{heading}: every 0.5 s (green: upright), and the angles of all runs')
+    return figure
+
+
+def _count(one: Ensemble) -> str:
+    held = one.held
+    strongest = max(trial.metrics.largest_force for trial in one.trials)
+    return (f'{held.successes} of {held.runs} upright to the end '
+            f'({100 * held.low:.0f}-{100 * held.high:.0f} %), force up to {strongest:.0f} N')
+
+
+def _draw_film(film: SubFigure, one: Ensemble, rows: int, half_width: float) -> None:
+    panels = film.subplots(rows, COLUMNS, sharex=True, sharey=True, squeeze=False)
+    for axes in panels.flat:
+        axes.set_axis_off()
+    for axes, t in zip(panels.flat, times_of(one.shown, 0.5)):
+        axes.set_axis_on()
+        snapshot(axes, one.shown, t, half_width)
+        axes.tick_params(labelleft=False, labelbottom=False)
+
+
+def _draw_angle(axes: Axes, one: Ensemble, colour: str) -> None:
+    """Draw the larger angle of all runs, and of the one that is shown above."""
+    t = one.shown.t
+    _draw_band(axes, t, one.angle, colour)
+    shown = np.abs(to_turn_of(one.shown.X, np.array(UPRIGHT))[:, ANGLES]).max(axis=1)
+    axes.plot(t, shown, color=dark(colour), linewidth=0.9)
+    axes.axhline(0.1, color=FAINT, linestyle='--', linewidth=1)
+    axes.set(ylim=(0, 1.04 * np.pi), xlim=(t[0], t[-1]), xlabel='time [s]',
+             ylabel='larger angle [rad]')
+    axes.yaxis.set_major_locator(MultipleLocator(np.pi / 2))
+    axes.yaxis.set_major_formatter(FuncFormatter(_halves))
+    axes.grid(True)
+    axes.legend(handles=_handles(one, colour), fontsize='small', loc='lower left', ncols=3,
+                bbox_to_anchor=(0.0, 0.98), borderaxespad=0.0)
+
+
+def _halves(angle: float, _: int | None = None) -> str:
+    return 'π/2' if round(2 * angle / np.pi) == 1 else in_turns(angle)
+
+
+def _draw_band(axes: Axes, t: Array, band: Band, colour: str, floor: float = -np.inf) -> None:
+    low, median, high = (np.clip(part, floor, CEILING) for part in band)
+    axes.fill_between(t, low, high, color=tint(colour, 0.28), linewidth=0)
+    axes.plot(t, median, color=colour, linewidth=2.2)
+
+
+def _handles(one: Ensemble, colour: str) -> list[Artist]:
+    return [Line2D([], [], color=dark(colour), linewidth=0.9, label='the run shown'),
+            Line2D([], [], color=colour, linewidth=2.2, label=f'median of {one.held.runs}'),
+            Patch(color=tint(colour, 0.28), linewidth=0, label='10-90 %')]
+
+
+@styled
+def squared_errors(ensembles: Mapping[str, Ensemble], heading: str) -> Figure:
+    """Draw the squared distance of the six states from upright, set-up beside set-up."""
+    figure = Figure(figsize=(10.4, 5.8), layout='constrained')
+    panels = figure.subplots(2, SIZE // 2, sharex=True)
+    for i, axes in enumerate(panels.flat):
+        for colour, one in zip(SHADES, ensembles.values()):
+            _draw_error(axes, one, i, colour)
+        if i > 0:
+            bound = 0.1 if i in range(SIZE)[ANGLES] else 1.0
+            axes.axhline(bound ** 2, color=FAINT, linestyle='--', linewidth=1)
+        axes.set(yscale='log', ylim=(ERROR_FLOOR, None), xlim=(0.0, one.shown.t[-1]),
+                 ylabel=f'error of {SYMBOLS[i]} [{SQUARES[i]}]')
+        axes.yaxis.set_major_locator(LogLocator(numticks=8))
+        axes.yaxis.set_minor_locator(NullLocator())
+        axes.grid(True)
+    for axes in panels[1]:
+        axes.set_xlabel('time [s]')
+    for place, colour, (name, one) in zip(('left', 'right'), SHADES, ensembles.items()):
+        legend = figure.legend(
+            handles=_handles(one, colour), loc=f'outside lower {place}', ncols=3,  # type: ignore
+            title=f'{name}\n{_count(one)}', title_fontproperties={'weight': 'bold'})
+        legend.get_title().set(color=colour, ha='center')
+    figure.suptitle(f'{heading}: squared errors of the states (dashed: what counts as upright)')
+    return figure
+
+
+def _draw_error(axes: Axes, one: Ensemble, i: int, colour: str) -> None:
+    t = one.shown.t
+    _draw_band(axes, t, Band(*(part[:, i] for part in one.error)), colour, ERROR_FLOOR)
+    shown = to_turn_of(one.shown.X, np.array(UPRIGHT))[:, i] ** 2
+    axes.plot(t, np.maximum(shown, ERROR_FLOOR), color=dark(colour), linewidth=0.9)
