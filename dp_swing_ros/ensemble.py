@@ -17,6 +17,7 @@ from dp_swing_ros.state import ANGLES, Array, is_upright, to_turn_of, UPRIGHT
 SHARES = (0.1, 0.5, 0.9)
 NEAR = 0.5      # [rad] of both angles: up, though not held still
 LAST = 1.0      # [s] to the end at least
+FIRST = 5.0     # [s] that runs of any length have, to compare their forces
 
 
 class Band(NamedTuple):
@@ -36,9 +37,10 @@ class Trial(NamedTuple):
 
     error: Array
     metrics: Metrics
-    reached: float   # [s] when it was upright first, NaN if never
-    neared: float    # [s] when both angles came within NEAR to stay for LAST or more, or NaN
-    end: float       # [m] distance of the cart from the centre at the end
+    reached: float    # [s] when it was upright first, NaN if never
+    neared: float     # [s] when both angles came within NEAR to stay for LAST or more, or NaN
+    roughness: float  # [N] standard deviation of the force steps until FIRST
+    end: float        # [m] distance of the cart from the centre at the end
 
 
 @dataclass(frozen=True)
@@ -68,7 +70,8 @@ def trial(episode: Episode) -> Trial:
     first = int(far[-1]) + 1 if far.size else 0
     neared = t[first] if first < len(t) and t[-1] - t[first] >= LAST - 1e-9 else math.nan
     return Trial(X ** 2, measure(episode), float(t[up[0]]) if up.size else math.nan,
-                 float(neared), float(np.abs(X[-1, 0])))
+                 float(neared), float(np.std(np.diff(episode.U[t[:-1] < FIRST - 1e-9]))),
+                 float(np.abs(X[-1, 0])))
 
 
 def ensemble(shown: Episode, trials: Sequence[Trial]) -> Ensemble:
