@@ -1,0 +1,81 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The command behind `make figures`, on a few seeds, through the real nodes."""
+
+import json
+import os
+from pathlib import Path
+import re
+import subprocess
+import sys
+
+import numpy as np
+from PIL import Image
+
+from dp_swing_ros.bags import read_episode
+
+TOP = Path(__file__).parents[1]
+LIMIT = 280  # [s] for one call; the first start on a machine compiles
+NUMBERS = range(2, 11)
+
+
+def paper(*arguments):
+    return subprocess.run(
+        [sys.executable, TOP / 'benchmarks' / 'paper.py', *map(str, arguments)],
+        capture_output=True, text=True, timeout=LIMIT, env={**os.environ, 'ROS_DOMAIN_ID': ''})
+
+
+def test_a_figure_comes_from_bags_that_hold_the_runs_without_ros_to_the_bit(tmp_path):
+    done = paper('--figures', 8, '--seeds', 2, '--docs', tmp_path, '--output', tmp_path / 'bags')
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert len(re.findall(r'1206 numbers in the bag of seed 0, equal to the bit',
+                          done.stdout)) == 2
+    with Image.open(tmp_path / 'figures' / 'paper_fig8.png') as image:
+        image.verify()
+    assert [path.name for path in (tmp_path / 'figures').iterdir()] == ['paper_fig8.png']
+    ours, theirs = (read_episode(path / 'bag')
+                    for path in sorted((tmp_path / 'bags').glob('ddp_near_the_goal_*')))
+    np.testing.assert_array_equal(ours.X[0], [0, 0.2, 0.2, 0, 0, 0])
+    assert (ours.limits.force_limit, theirs.limits.force_limit) == (20.0, np.inf)
+    text = (tmp_path / 'results' / 'paper.md').read_text()
+    assert '| DDP | defaults | 2 of 2 (34-100 %) |' in text
+    found = json.loads((tmp_path / 'results' / 'paper.json').read_text())['experiments']
+    assert [one['setup'] for one in found] == ['defaults', 'paper', 'paper, fine plant']
+    assert found[0]['metrics']['largest_force'] == [20.0, 20.0, 20.0]
+    assert found[0]['squared_error'][1][0] == [0.0, 0.04, 0.04, 0.0, 0.0, 0.0]
+
+
+def test_misuse_is_one_line(tmp_path):
+    for arguments, complaint in ((['--seeds', 0], 'not a whole number above 0'),
+                                 (['--figures', 11], 'invalid choice: 11')):
+        done = paper(*arguments)
+        assert done.returncode == 2
+        assert complaint in done.stderr
+        assert 'Traceback' not in done.stderr
+
+
+def test_every_figure_of_the_paper_is_stored_small_and_shown():
+    page = (TOP / 'docs' / 'paper.md').read_text()
+    for number in NUMBERS:
+        path = TOP / 'docs' / 'figures' / f'paper_fig{number}.png'
+        assert path.stat().st_size < 300_000
+        assert f'](figures/{path.name})' in page
+
+
+def test_the_stored_numbers_are_those_of_a_hundred_seeds():
+    stored = json.loads((TOP / 'docs' / 'results' / 'paper.json').read_text())['experiments']
+    assert len(stored) == 20
+    assert {one['runs'] for one in stored} == {100}
+    text = (TOP / 'docs' / 'results' / 'paper.md').read_text()
+    assert len(re.findall(r'^\| (?:DDP|iLQR|MPPI) \|', text, re.MULTILINE)) == len(stored)
+
+
+def test_the_page_finds_every_equation_in_the_code():
+    page = (TOP / 'docs' / 'paper.md').read_text()
+    equations = page.split('## Every equation')[1]
+    covered = set()
+    for first, last in re.findall(r'\((\d+)\)(?:-\((\d+)\))?', equations):
+        covered.update(range(int(first), int(last or first) + 1))
+    assert set(range(1, 38)) <= covered
+    for file, name in re.findall(r'`(dp_swing_ros/[\w/]+\.py)`: `(\w+)`', equations):
+        assert re.search(rf'(?:def|class) {name}\b', (TOP / file).read_text()), (file, name)
