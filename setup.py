@@ -39,6 +39,7 @@ setup(
             'compare = dp_swing_ros.tools.compare:main',
             'demo = dp_swing_ros.tools.demo:main',
             'evaluate = dp_swing_ros.tools.evaluate:main',
+            'recover = dp_swing_ros.tools.recover:main',
             'parameters = dp_swing_ros.tools.parameters:main',
             'verify = dp_swing_ros.tools.verify:main',
         ],

@@ -9,6 +9,8 @@ import yaml
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.topics import CONFIGURATION
 
+TEXTS = ('node', 'version', 'commit', 'sources', 'machine')
+
 
 class Configuration(NamedTuple):
     """A node's parameters by their full names, and what ran where."""
@@ -34,8 +36,12 @@ def configurations_of(bag: Bag) -> dict[str, Configuration]:
     """
     if not bag.has(CONFIGURATION):
         return {}
-    found = [bag.parse(from_text, message.data) for message in bag.of(CONFIGURATION)]
+    found = [bag.parse(_read, message) for message in bag.of(CONFIGURATION)]
     return {each.node.rsplit('/', 1)[-1]: each for each in found}
+
+
+def _read(message: Any) -> Configuration:
+    return from_text(message.data)
 
 
 def from_text(text: str) -> Configuration:
@@ -46,11 +52,12 @@ def from_text(text: str) -> Configuration:
     """
     try:
         content = yaml.safe_load(text)
-    except yaml.YAMLError as error:
+    except Exception as error:  # noqa: B902
+        # A text such as '!!int ""' fails within the types that YAML knows.
         raise ValueError(f'a configuration is not YAML: {" ".join(str(error).split())}') from None
     if not isinstance(content, dict) or not set(Configuration._fields) <= set(content) \
-            or not isinstance(content['parameters'], dict) \
-            or not isinstance(content['packages'], dict):
+            or not all(isinstance(content[field], dict) for field in ('parameters', 'packages')) \
+            or not all(isinstance(content[field], str) for field in TEXTS):
         raise ValueError(f'a configuration is {text[:80]!r}; expected YAML with '
                          f'{", ".join(Configuration._fields)}')
     return Configuration(**{field: content[field] for field in Configuration._fields})

@@ -3,7 +3,7 @@
 """Reads a bag as an episode; needs no ROS."""
 
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from dp_swing_ros.bags.fields import (
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.episode import Episode, Ticks
 from dp_swing_ros.errors import BagError
+from dp_swing_ros.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.state import Array
 from dp_swing_ros.topics import DIAGNOSTICS, JOINT_STATES, ROBOT_DESCRIPTION
 from dp_swing_ros.urdf import from_urdf
@@ -41,7 +42,7 @@ def episode_of(bag: Bag) -> Episode:
     """Return the run in a bag; raises as `read_episode`."""
     samples, reports = samples_of(bag), reports_of(bag)
     start = samples[0].stamp
-    bodies, limits = bag.parse(from_urdf, bag.of(ROBOT_DESCRIPTION)[-1].data)
+    bodies, limits = bag.parse(_described, bag.of(ROBOT_DESCRIPTION)[-1])
     return Episode(
         t=np.array([sample.stamp - start for sample in samples]) / BILLION,
         X=np.array([sample.x for sample in samples]),
@@ -55,11 +56,10 @@ def samples_of(bag: Bag) -> list[Sample]:
     """Return the states of a run in the order of their stamps; raises as `read_episode`."""
     samples: dict[int, Sample] = {}
     for message in bag.of(JOINT_STATES):
-        stamp = nanoseconds(message.header.stamp)
-        sample = Sample(stamp, bag.parse(to_state, message), to_force(message))
-        before = samples.setdefault(stamp, sample)
+        sample = bag.parse(_sample, message)
+        before = samples.setdefault(sample.stamp, sample)
         if not np.array_equal(before.x, sample.x, equal_nan=True):
-            raise BagError(f'{bag} has two states at {stamp} ns: the '
+            raise BagError(f'{bag} has two states at {sample.stamp} ns: the '
                            'plant was reset in lockstep, or two plants ran; record one run')
     if len(samples) < 2:
         raise BagError(f'{bag} has {len(samples)} states; at least 2 make a run')
@@ -70,9 +70,18 @@ def reports_of(bag: Bag) -> list[Report]:
     """Return what the controller said of its ticks, in order; nothing where there was none."""
     if not bag.has(DIAGNOSTICS):
         return []
-    reports = [from_diagnostics(message, CONTROLLER) for message in bag.of(DIAGNOSTICS)]
+    reports = [bag.parse(from_diagnostics, message, CONTROLLER)
+               for message in bag.of(DIAGNOSTICS)]
     return sorted((report for report in reports if report is not None),
                   key=lambda report: report.stamp)
+
+
+def _sample(message: Any) -> Sample:
+    return Sample(nanoseconds(message.header.stamp), to_state(message), to_force(message))
+
+
+def _described(message: Any) -> tuple[PendulumParameters, LimitParameters]:
+    return from_urdf(message.data)
 
 
 def _ticks(reports: list[Report], start: int) -> Ticks:

@@ -4,17 +4,21 @@
 
 from pathlib import Path
 import re
+import shlex
 from typing import Any, Callable, Iterator, NamedTuple, TypeVar
 
-from mcap.records import Channel, Message, Schema
-from mcap.stream_reader import StreamReader
-from mcap.writer import MCAP0_MAGIC
-from mcap_ros2.decoder import DecoderFactory
+from mcap.records import Message
+import yaml
 
+from dp_swing_ros.bags.channels import Channels
+from dp_swing_ros.bags.damage import Damage, Reason
+from dp_swing_ros.bags.records import MAGIC
+from dp_swing_ros.bags.salvage import contents, Scan
 from dp_swing_ros.errors import BagError
 from dp_swing_ros.topics import Topic
 
 R = TypeVar('R')
+ENDLESS = (Reason.CUT, Reason.NO_END)
 
 
 class Entry(NamedTuple):
@@ -26,6 +30,7 @@ class Entry(NamedTuple):
     sequence: int  # of its publisher
     data: bytes
     decode: Callable[[bytes], Any] | None  # None if it is not of ROS 2
+    type: str  # noqa: A003  as its schema is called
 
 
 class Offer(NamedTuple):
@@ -47,13 +52,53 @@ class Bag:
         Raises BagError, saying what was found, what is expected and what to do.
         """
         self.path = Path(path)
+        files = files_of(self.path)
+        missing = missing_files(self.path, files)
+        if missing and not partial:
+            raise BagError(f'{self} lacks {", ".join(missing)}, which its metadata.yaml names; '
+                           'put the file there or ask for what is there (partial)')
         self.offers: dict[str, Offer] = {}  # by topic
-        self.entries = [entry for file in _files(self.path)
-                        for entry in _entries(file, partial, self.offers)]
+        self.entries = [entry for file in files for entry in self._entries(file, partial)]
         self.topics = sorted({entry.topic for entry in self.entries})
 
     def __repr__(self) -> str:
         return f'the bag {str(self.path)!r}'
+
+    def _entries(self, file: Path, partial: bool) -> Iterator[Entry]:
+        data, channels, count = contents(file), Channels(), 0
+        if data[:len(MAGIC)] != MAGIC:
+            raise BagError(f'{str(file)!r} is no MCAP file; if it was one, {_remedy(self.path)} '
+                           'of what is left')
+        for item in Scan(data):
+            if isinstance(item, Damage):
+                if item.reason in ENDLESS and partial:
+                    return
+                self._object(file, item, count)
+            elif isinstance(item.record, Message):
+                line = channels.line(item.record.channel_id)
+                if line is None:
+                    raise self._damaged(file, count, 'then has a message of the unknown channel '
+                                        f'{item.record.channel_id}')
+                count += 1
+                if line.topic not in self.offers:
+                    self.offers[line.topic] = Offer(line.type, line.encoding, line.metadata.get(
+                        'offered_qos_profiles', ''))
+                yield Entry(line.topic, item.record.log_time, item.record.publish_time,
+                            item.record.sequence, item.record.data, line.decode, line.type)
+            elif not channels.tell(item.record):
+                kind = type(item.record).__name__.lower()
+                raise self._damaged(file, count, f'then has a second {kind} {item.record.id}')
+
+    def _object(self, file: Path, damage: Damage, count: int) -> None:
+        if damage.reason in ENDLESS:
+            raise BagError(f'{str(file)!r} has {count} messages but no end, as if its logger was '
+                           f'killed; ask for what is there (partial), or {_remedy(self.path)}')
+        if damage.reason is not Reason.INDEX:  # nothing here is read by an index
+            raise self._damaged(file, count, f'at byte {damage.begin}: {damage.reason.value}')
+
+    def _damaged(self, file: Path, count: int, how: str) -> BagError:
+        return BagError(f'{str(file)!r} is damaged after {count} messages, {how}; '
+                        f'{_remedy(self.path)} of what is left')
 
     def has(self, topic: Topic) -> bool:
         """Tell whether there are messages on a topic."""
@@ -77,7 +122,12 @@ class Bag:
         if len(names) > 1:
             raise BagError(f'{self} has several pendulums: {found}; '
                            'record each with a logger in its namespace')
-        return [entry for entry in self.entries if entry.topic == names[0]]
+        entries = [entry for entry in self.entries if entry.topic == names[0]]
+        for entry in entries:
+            if entry.type.replace('/msg/', '/') != topic.type.replace('/msg/', '/'):
+                raise BagError(f'{self} has {entry.topic} as {entry.type!r}; expected '
+                               f'{topic.type}: record a run with the logger')
+        return entries
 
     def _names(self, topic: Topic) -> list[str]:
         return [name for name in self.topics
@@ -87,23 +137,66 @@ class Bag:
         """
         Return the message of an entry.
 
-        Raises BagError where it is not one of ROS 2.
+        Raises BagError where it is not one of ROS 2, or not one of its type.
         """
         if entry.decode is None:
             raise BagError(f'{self} has {entry.topic} in another encoding; '
                            'expected cdr messages with a ros2msg definition')
-        return entry.decode(entry.data)
+        try:
+            return entry.decode(entry.data)
+        except Exception as error:  # noqa: B902
+            # A wrong body or definition fails in as many ways as there are kinds of fields.
+            raise BagError(f'{self} has a message on {entry.topic}, received at {entry.received} '
+                           f'ns, that is no {entry.type}: {_one_line(error)}; '
+                           f'{_remedy(self.path)} without it') from None
 
     def parse(self, parse: Callable[..., R], *arguments: Any) -> R:
         """
         Call a function that reads what messages say.
 
-        Raises BagError where it raises ValueError.
+        Raises BagError where it raises ValueError, as for a field that is not there, or numbers
+        that no run has.
         """
         try:
             return parse(*arguments)
-        except ValueError as error:
-            raise BagError(f'{self} is not one of this pendulum: {error}') from None
+        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+            raise BagError(f'{self} is not one of this pendulum: {_one_line(error)}') from None
+
+
+def _one_line(error: Exception) -> str:
+    return ' '.join(str(error).split())[:300] or type(error).__name__
+
+
+def _remedy(path: Path) -> str:
+    return f'`ros2 run dp_swing_ros recover {shlex.quote(str(path))}` makes a whole one'
+
+
+def files_of(path: Path) -> list[Path]:
+    """
+    Return the MCAP files of a bag, in their order.
+
+    Raises BagError.
+    """
+    try:
+        return _files(path)
+    except OSError as error:
+        raise BagError(f'cannot read {str(path)!r}: {error.strerror}') from None
+
+
+def missing_files(path: Path, files: list[Path]) -> list[str]:
+    """Return the files that metadata.yaml names and that are not there under any name."""
+    names, there = listed_files(path) or [], {file.name for file in files}
+    return [name for name in names if name not in there] if len(names) > len(there) else []
+
+
+def listed_files(path: Path) -> list[str] | None:
+    """Return the files that metadata.yaml names; None where it is missing or no metadata."""
+    try:
+        about = yaml.safe_load((path / 'metadata.yaml').read_bytes())
+        return [str(name) for name in
+                about['rosbag2_bagfile_information']['relative_file_paths']]
+    except Exception:  # noqa: B902
+        return None  # a bag is read without it, and it may hold anything
 
 
 def _files(path: Path) -> list[Path]:
@@ -122,43 +215,3 @@ def _files(path: Path) -> list[Path]:
 def _in_order(file: Path) -> list[int | str]:
     # bag_2 before bag_10
     return [int(part) if part.isdecimal() else part for part in re.split(r'(\d+)', file.name)]
-
-
-def _entries(file: Path, partial: bool, offers: dict[str, Offer]) -> Iterator[Entry]:
-    schemas: dict[int, Schema] = {}
-    channels: dict[int, Channel] = {}
-    decoders = DecoderFactory()
-    for record in _records(file, partial):
-        if isinstance(record, Schema):
-            schemas[record.id] = record
-        elif isinstance(record, Channel):
-            channels[record.id] = record
-            schema = schemas.get(record.schema_id)
-            offers[record.topic] = Offer(schema.name if schema else '', record.message_encoding,
-                                         record.metadata.get('offered_qos_profiles', ''))
-        elif isinstance(record, Message):
-            channel = channels[record.channel_id]
-            decode = decoders.decoder_for(channel.message_encoding,
-                                          schemas.get(channel.schema_id))
-            yield Entry(channel.topic, record.log_time, record.publish_time, record.sequence,
-                        record.data, decode)
-
-
-def _records(file: Path, partial: bool) -> Iterator[Any]:
-    count = 0
-    with file.open('rb') as stream:
-        if stream.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
-            raise BagError(f'{str(file)!r} is no MCAP file')
-        stream.seek(0)
-        try:
-            for record in StreamReader(stream, validate_crcs=True).records:
-                count += isinstance(record, Message)
-                yield record
-        except Exception as error:  # noqa: B902
-            # Half a record fails in as many ways as there are kinds of records.
-            if stream.read(1):
-                raise BagError(f'{str(file)!r} is damaged after {count} messages: '
-                               f'{error}') from None
-            if not partial:
-                raise BagError(f'{str(file)!r} has {count} messages but no end, as if its logger '
-                               'was killed; ask for what is there (partial)') from None

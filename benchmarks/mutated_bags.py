@@ -1,0 +1,222 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Damage a bag in many ways, give it to the tools, and print docs/results/damaged_bags.md.
+
+A tool passes if it ends soon, with exit code 2 and one line, or with a result that is that of the
+undamaged bag or is told to be a part of it. A mutation that fixes the checksums cannot be told
+from a recording, so any result is right there. The exit code is 1 if a tool failed.
+"""
+
+import argparse
+from collections import Counter
+from collections.abc import Callable, Iterator
+import contextlib
+from datetime import date
+import io
+from pathlib import Path
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import traceback
+from typing import NamedTuple
+import warnings
+
+from mutations import FORGED, MUTATIONS
+import numpy as np
+from tqdm import tqdm
+
+from dp_swing_ros.bags import read_episode
+from dp_swing_ros.bags.reader import Bag
+from dp_swing_ros.comparison import table
+from dp_swing_ros.errors import UserError
+from dp_swing_ros.metrics import measure
+from dp_swing_ros.provenance import commit
+from dp_swing_ros.tools import recover
+
+PATIENCE = 20  # [s] for a tool
+ERROR, RESULT, PARTIAL, OTHER = 'error', 'result', 'told as partial', 'forged'
+
+
+class Whole(NamedTuple):
+    """What the undamaged bag holds."""
+
+    folder: Path
+    table: str
+    messages: set[tuple[str, int, int, int, bytes]]
+
+
+class Failure(Exception):
+    """A tool did what it must not do."""
+
+
+class Hang(BaseException):
+    """A tool takes too long."""
+
+
+def analyse(bag: Path, whole: Whole, forged: bool) -> str:
+    """Read a bag as `analyse` does."""
+    try:
+        return _same(shown(bag), whole, forged)
+    except UserError as error:
+        return _one_line(str(error))
+
+
+def analyse_partial(bag: Path, whole: Whole, forged: bool) -> str:
+    """Read a bag as `analyse --partial` does: the user said that a part will do."""
+    try:
+        text = shown(bag, partial=True)
+    except UserError as error:
+        return _one_line(str(error))
+    return OTHER if forged else RESULT if text == whole.table else PARTIAL
+
+
+def recovered(bag: Path, whole: Whole, forged: bool) -> str:
+    """Recover a bag; nothing is in the new one that was not in the undamaged one."""
+    output = bag.with_name('recovered')
+    told, complaint = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(told), contextlib.redirect_stderr(complaint):
+        code = recover.main([str(bag), '--output', str(output)])
+    if code == 2:
+        return _one_line(complaint.getvalue())
+    if code != 0:
+        raise Failure(f'exit code {code}')
+    if 'is whole' in told.getvalue():
+        return OTHER if forged else _same(shown(bag), whole, forged)
+    found = messages(output)
+    if not forged and not found <= whole.messages:
+        raise Failure(f'{len(found - whole.messages)} messages were never recorded')
+    with contextlib.suppress(UserError):
+        shown(output)
+    return OTHER if forged else PARTIAL
+
+
+TOOLS: dict[str, Callable[[Path, Whole, bool], str]] = {
+    'analyse': analyse, 'analyse --partial': analyse_partial, 'recover': recovered}
+
+
+def shown(bag: Path, partial: bool = False) -> str:
+    """Return the table that `analyse` prints."""
+    episode = read_episode(bag, partial)
+    with warnings.catch_warnings(), np.errstate(all='ignore'):
+        warnings.simplefilter('ignore')
+        return table({episode.solver or 'no controller': measure(episode)})
+
+
+def messages(bag: Path) -> set[tuple[str, int, int, int, bytes]]:
+    """Return all that a bag holds."""
+    return {(entry.topic, entry.received, entry.sent, entry.sequence, entry.data)
+            for entry in Bag(bag).entries}
+
+
+def _same(text: str, whole: Whole, forged: bool) -> str:
+    if text != whole.table and not forged:
+        raise Failure('another table than that of the undamaged bag')
+    return RESULT if text == whole.table else OTHER
+
+
+def _one_line(error: str) -> str:
+    if not error.strip() or '\n' in error.strip():
+        raise Failure(f'not one line: {error!r}')
+    return ERROR
+
+
+def outcome(tool: str, bag: Path, whole: Whole, forged: bool) -> str:
+    """Return what came of a tool; raises Failure."""
+    with within(PATIENCE):
+        try:
+            return TOOLS[tool](bag, whole, forged)
+        except Hang:
+            raise Failure(f'not done after {PATIENCE} s') from None
+        except Failure:
+            raise
+        except Exception:  # noqa: B902  that is what is looked for
+            raise Failure(traceback.format_exc()) from None
+
+
+@contextlib.contextmanager
+def within(seconds: int) -> Iterator[None]:
+    """Interrupt what takes longer."""
+    def stop(*_: object) -> None:
+        raise Hang
+
+    before = signal.signal(signal.SIGALRM, stop)
+    signal.alarm(seconds)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def play(bag: Path, seeds: range) -> tuple[Counter[tuple[str, str, str]], list[str]]:
+    """Try all tools on a mutation per seed; return counts by kind, tool and outcome, and fails."""
+    whole = Whole(bag, shown(bag), messages(bag))
+    counts: Counter[tuple[str, str, str]] = Counter()
+    fails = []
+    for seed in tqdm(seeds, desc='mutations', leave=False, file=sys.stderr):
+        kind = list(MUTATIONS)[seed % len(MUTATIONS)]
+        for tool in TOOLS:
+            with tempfile.TemporaryDirectory(prefix='mutated_bags_') as place:
+                mutated = Path(place, 'bag')
+                shutil.copytree(bag, mutated)
+                MUTATIONS[kind](mutated, np.random.default_rng(seed))
+                try:
+                    counts[kind, tool, outcome(tool, mutated, whole, kind in FORGED)] += 1
+                except Failure as failure:
+                    counts[kind, tool, 'FAILED'] += 1
+                    fails.append(f'seed {seed}, {kind}, {tool}: {failure}')
+    return counts, fails
+
+
+def run(folder: Path) -> Path:
+    """Record a run, and return its bag."""
+    command = ['ros2', 'run', 'dp_swing_ros', 'demo', '--lockstep', '--no-figures', '--output',
+               str(folder)]
+    done = subprocess.run(command, capture_output=True, text=True)
+    if done.returncode not in (0, 1):
+        raise SystemExit(f'{" ".join(command)} failed:\n{done.stdout}{done.stderr}')
+    return folder / 'bag'
+
+
+def page(counts: Counter[tuple[str, str, str]], seeds: range) -> str:
+    """Return the page as Markdown."""
+    lines = ['# Damaged bags\n',
+             f'Made by {Path(__file__).name} on {date.today()} at commit {commit()}, with the '
+             f'seeds {seeds.start} to {seeds[-1]}.\n',
+             'A recorded run is damaged and given to each tool. error: exit code 2 and one line; '
+             'result: the table of the undamaged bag; told as partial: a part of it, and it says '
+             'so; forged: checksums were made to fit the damage, so nobody can tell it; FAILED: '
+             'a traceback, a wrong table or message, or no end after '
+             f'{PATIENCE} s.\n',
+             f'| damage | {" | ".join(TOOLS)} |', f'| --- |{" --- |" * len(TOOLS)}']
+    for kind in MUTATIONS:
+        cells = []
+        for tool in TOOLS:
+            found = {name: count for (one, other, name), count in sorted(counts.items())
+                     if (one, other) == (kind, tool)}
+            cells.append(', '.join(f'{count} {name}' for name, count in found.items()) or '-')
+        lines.append(f'| {kind} | {" | ".join(cells)} |')
+    return '\n'.join(lines)
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Do all mutations."""
+    parser = argparse.ArgumentParser(description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('--bag', type=Path, help='folder of a recorded run (default: a new one)')
+    parser.add_argument('--count', type=int, default=500)
+    parser.add_argument('--seed', type=int, default=0, help='the first one')
+    arguments = parser.parse_args(argv)
+    seeds = range(arguments.seed, arguments.seed + arguments.count)
+    with tempfile.TemporaryDirectory(prefix='mutated_bags_') as place:
+        counts, fails = play(arguments.bag or run(Path(place, 'run')), seeds)
+    print(page(counts, seeds))
+    print(*fails, sep='\n', end='\n' if fails else '', file=sys.stderr)
+    return 1 if fails else 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,100 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""`ros2 run dp_swing_ros recover BAG`: a whole bag of what is left of a damaged one."""
+
+import argparse
+from collections.abc import Sequence
+from datetime import datetime, timezone
+from pathlib import Path
+import sys
+
+from tqdm import tqdm
+
+from dp_swing_ros.bags.fields import BILLION
+from dp_swing_ros.bags.recovery import described, recover, Recovery
+from dp_swing_ros.errors import UserError
+
+LINES = 20  # of losses, before only their number is told
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Recover the bag that the command line names; return the exit code."""
+    arguments = _parser().parse_args(argv)
+    output = arguments.output or beside(arguments.bag)
+    try:
+        with tqdm(desc='bytes', unit='B', unit_scale=True, leave=False, delay=1) as bar:
+            def progress(done: int, size: int) -> None:
+                bar.total = size
+                bar.update(done - bar.n)
+
+            found = recover(arguments.bag, output, progress)
+    except (UserError, OSError) as error:
+        print(f'recover: error: {error}', file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print(f'recover: interrupted; {output} holds a part, if it is there', file=sys.stderr)
+        return 130
+    if found.whole:
+        print(f'{arguments.bag} is whole: {found.saved} messages; nothing was written')
+    else:
+        print(report(found, arguments.bag, output))
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog='ros2 run dp_swing_ros recover',
+        description='Write a whole bag of what can be saved of a truncated or damaged one, and '
+                    'tell what was saved and what is gone. The damaged one is left as it is.')
+    parser.add_argument('bag', type=Path, metavar='BAG',
+                        help='folder of a bag, or its .mcap file')
+    parser.add_argument('--output', type=Path, metavar='DIR',
+                        help='folder to make (default: BAG_recovered, beside the bag)')
+    return parser
+
+
+def beside(bag: Path) -> Path:
+    """Return the folder for what is left of a bag: beside it."""
+    bag = bag.resolve()
+    return bag.with_name(f'{bag.stem if bag.suffix == ".mcap" else bag.name}_recovered')
+
+
+def report(found: Recovery, bag: Path, output: Path) -> str:
+    """Tell what was saved and what is gone."""
+    told = f' of the {found.told} that the bag tells of' if found.told else ''
+    losses = [*found.notes, *described(found)]
+    if len(losses) > LINES:
+        losses[LINES:] = [f'and {len(losses) - LINES} more like these']
+    start = min(account.first for account in found.topics.values())
+    lines = [f'{bag} is damaged; saved {found.saved} messages{told}: {output}', '',
+             *_table(found, start), '',
+             f'time 0 is {_date(start)}; lost: numbers skipped where one publisher counts',
+             '', 'damaged:',
+             *(f'  {loss}' for loss in losses)]
+    if found.unvouched:
+        lines += ['', f'{found.unvouched} messages were saved that no checksum vouches for, as '
+                  'those of a chunk without its end; their numbers may be wrong']
+    return '\n'.join(lines)
+
+
+def _table(found: Recovery, start: int) -> list[str]:
+    rows = [('topic', 'saved', 'first [s]', 'last [s]', 'lost')]
+    for name, account in sorted(found.topics.items()):
+        rows.append((name, str(account.saved), f'{(account.first - start) / BILLION:.3f}',
+                     f'{(account.last - start) / BILLION:.3f}',
+                     '-' if account.missing is None else str(account.missing)))
+    widths = [max(map(len, column)) for column in zip(*rows)]
+    return ['  '.join([row[0].ljust(widths[0]),
+                       *(cell.rjust(width) for cell, width in zip(row[1:], widths[1:]))])
+            for row in rows]
+
+
+def _date(time: int) -> str:
+    try:
+        return f'{datetime.fromtimestamp(time / BILLION, timezone.utc):%Y-%m-%d %H:%M:%S} UTC'
+    except (OverflowError, ValueError):
+        return f'{time} ns'
+
+
+if __name__ == '__main__':
+    sys.exit(main())
