@@ -33,8 +33,10 @@ from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.comparison import table
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.metrics import measure
+from dp_swing_ros.nodes import replay
 from dp_swing_ros.provenance import commit
-from dp_swing_ros.tools import recover
+from dp_swing_ros.tools import recover, verify
+from dp_swing_ros.tools.isolation import isolated
 
 PATIENCE = 20  # [s] for a tool
 ERROR, RESULT, PARTIAL, OTHER = 'error', 'result', 'told as partial', 'forged'
@@ -76,14 +78,12 @@ def analyse_partial(bag: Path, whole: Whole, forged: bool) -> str:
 def recovered(bag: Path, whole: Whole, forged: bool) -> str:
     """Recover a bag; nothing is in the new one that was not in the undamaged one."""
     output = bag.with_name('recovered')
-    told, complaint = io.StringIO(), io.StringIO()
-    with contextlib.redirect_stdout(told), contextlib.redirect_stderr(complaint):
-        code = recover.main([str(bag), '--output', str(output)])
+    code, told, complaint = called(recover.main, [str(bag), '--output', str(output)])
     if code == 2:
-        return _one_line(complaint.getvalue())
+        return _one_line(complaint)
     if code != 0:
         raise Failure(f'exit code {code}')
-    if 'is whole' in told.getvalue():
+    if 'is whole' in told:
         return OTHER if forged else _same(shown(bag), whole, forged)
     found = messages(output)
     if not forged and not found <= whole.messages:
@@ -93,8 +93,39 @@ def recovered(bag: Path, whole: Whole, forged: bool) -> str:
     return OTHER if forged else PARTIAL
 
 
+def verified(bag: Path, whole: Whole, forged: bool) -> str:
+    """Verify a bag; where no checksum is forged, no force may come out another."""
+    code, _, complaint = called(verify.main, [str(bag)])
+    if code == 2:
+        return _one_line(complaint)
+    if code != 0 and not forged:
+        raise Failure(f'exit code {code}')
+    return OTHER if forged else RESULT
+
+
+def replayed(bag: Path, whole: Whole, forged: bool) -> str:
+    """Play a bag, a thousand times as fast, with all its messages or none."""
+    code, told, complaint = called(replay.main, [
+        'replay', '--ros-args', '--log-level', 'fatal', '-p', f'bag:={bag}', '-p', 'rate:=1000.0',
+        '-p', 'wait:=0.0', '-p', 'playback_duration:=60.0'])
+    if code == 2:
+        return _one_line(complaint)
+    if code != 0 or not forged and f': {len(whole.messages)} messages' not in told:
+        raise Failure(f'exit code {code}: {told}{complaint}')
+    return OTHER if forged else RESULT
+
+
+def called(main: Callable[[list[str]], int], arguments: list[str]) -> tuple[int, str, str]:
+    """Return exit code, output and complaints of a tool."""
+    told, complaint = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(told), contextlib.redirect_stderr(complaint):
+        code = main(arguments)
+    return code, told.getvalue(), complaint.getvalue()
+
+
 TOOLS: dict[str, Callable[[Path, Whole, bool], str]] = {
-    'analyse': analyse, 'analyse --partial': analyse_partial, 'recover': recovered}
+    'analyse': analyse, 'analyse --partial': analyse_partial, 'recover': recovered,
+    'verify': verified, 'replay': replayed}
 
 
 def shown(bag: Path, partial: bool = False) -> str:
@@ -211,7 +242,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument('--seed', type=int, default=0, help='the first one')
     arguments = parser.parse_args(argv)
     seeds = range(arguments.seed, arguments.seed + arguments.count)
-    with tempfile.TemporaryDirectory(prefix='mutated_bags_') as place:
+    with tempfile.TemporaryDirectory(prefix='mutated_bags_') as place, isolated():
         counts, fails = play(arguments.bag or run(Path(place, 'run')), seeds)
     print(page(counts, seeds))
     print(*fails, sep='\n', end='\n' if fails else '', file=sys.stderr)

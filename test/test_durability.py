@@ -7,14 +7,9 @@ import re
 import subprocess
 import sys
 
-import pytest
-
 PAGE = Path(__file__).parents[1] / 'benchmarks' / 'durability.py'
-EXECUTABLES = subprocess.run(['ros2', 'pkg', 'executables', 'dp_swing_ros'], capture_output=True,
-                             text=True).stdout
 
 
-@pytest.mark.skipif('recover' not in EXECUTABLES, reason='there is no recover yet')
 def test_bags_survive():
     run = subprocess.run([sys.executable, PAGE, '--kills', '1', '--kills-fast', '1',
                           '--seconds', '2'], capture_output=True, text=True, timeout=200)

@@ -155,9 +155,20 @@ class ReplayNode(ProcessNode):
         self.wait_for_next()
 
     def play(self, cue: Cue) -> None:
-        """Publish a message; the last one ends the node."""
+        """
+        Publish a message; the last one ends the node.
+
+        Raises BagError where it is not one of its topic's type.
+        """
         self.tell_time(cue.time)
-        self.outputs[cue.entry.topic].publish(cue.entry.data)
+        entry = cue.entry
+        try:
+            self.outputs[entry.topic].publish(entry.data)
+        except RuntimeError:    # rclpy's RCLError; the middleware takes the bytes apart
+            raise BagError(
+                f'{self.parameters.bag!r} has a message on {entry.topic}, received at '
+                f'{entry.received} ns, that is no {entry.type}; `ros2 run dp_swing_ros recover` '
+                'makes a bag without it') from None
         if cue.entry.topic in self.last_forces:
             self.last_forces[cue.entry.topic] = cue.entry.data
         self.done = self.playback.done
