@@ -34,9 +34,9 @@ evaluate: setup  ## run a campaign of episodes without ROS (EVALUATE='...' for i
 	@$(WITH_ROS) && ros2 run dp_swing_ros evaluate $(EVALUATE)
 
 results: setup  ## measure docs/results anew, but for the campaigns (half an hour)
-	@$(WITH_ROS) && for page in real_time near_goal choices; do \
+	@$(WITH_ROS) && for page in real_time near_goal choices durability mutated_bags; do \
 	  python benchmarks/$$page.py > docs/results/.new && \
-	  mv docs/results/.new docs/results/$$page.md || exit 1; done
+	  mv docs/results/.new docs/results/$${page/mutated/damaged}.md || exit 1; done
 
 figures: setup  ## the paper's Figs. 2 to 10 and its claims, anew (FIGURES='--seeds 5' for fewer)
 	@$(WITH_ROS) && python benchmarks/paper.py $(FIGURES)

@@ -68,7 +68,8 @@ def publish_again(node: Node, name: str, offer: Offer) -> Publisher:
         if offer.encoding != 'cdr':
             raise ValueError(f'it is encoded as {offer.encoding!r}')
         return node.create_publisher(message_class(offer.type), name, _strongest(offer.qos))
-    except (AttributeError, ImportError, ValueError) as error:
+    except (AttributeError, ImportError, RuntimeError, ValueError) as error:
+        # rclpy's RCLError is a RuntimeError: here the topic may have another type
         raise BagError(f'{name} of type {offer.type!r} cannot be published here: {error}; '
                        'name the topics to play, without it') from None
 

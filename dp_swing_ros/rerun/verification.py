@@ -59,7 +59,8 @@ def forces_of(bag: Bag) -> dict[int, list[float]]:
     """Return the forces on their topic [N] by the numbers that their publishers gave them."""
     found: dict[int, list[float]] = {}
     for entry in bag.entries_of(FORCE_COMMAND) if bag.has(FORCE_COMMAND) else ():
-        found.setdefault(entry.sequence, []).append(bag.decoded(entry).data)
+        force = bag.parse(lambda message: float(message.data), bag.decoded(entry))
+        found.setdefault(entry.sequence, []).append(force)
     return found
 
 
