@@ -64,18 +64,23 @@ def main() -> None:
 
 
 def kills(folder: Path, rate: float, count: int, rng: np.random.Generator) -> list[Kill]:
-    """Kill one logger after another at random moments, against one publisher."""
-    folder.mkdir()
-    moments = []
-    with publisher(folder, rate, TOPICS), Crew() as crew:
-        for n in tqdm(range(count), f'kills at {rate:g}/s'):
-            logger = start_logger(crew, folder / f'bag_{n}', TOPICS)
+    """
+    Kill one logger after another at random moments.
+
+    Each has a publisher of its own: for the 20 s of its lease a reliable publisher goes on to
+    serve a logger that was killed, which takes more of it with every one.
+    """
+    found = []
+    for n in tqdm(range(count), f'kills at {rate:g}/s'):
+        own = folder / str(n)
+        own.mkdir(parents=True)
+        with publisher(own, rate, TOPICS), Crew() as crew:
+            logger = start_logger(crew, own / 'bag', TOPICS)
             time.sleep(rng.uniform(*LIFE))
-            moments.append(time.time_ns())
+            moment = time.time_ns()
             logger.kill()
-    times = np.load(folder / 'times.npy')
-    return [examined(folder / f'bag_{n}', times, moment)
-            for n, moment in enumerate(tqdm(moments, 'recovered'))]
+        found.append(examined(own / 'bag', np.load(own / 'times.npy'), moment))
+    return found
 
 
 def examined(bag: Path, times: np.ndarray, killed: int) -> Kill:
