@@ -105,8 +105,8 @@ def peer():
 
 
 def wait_for_messages(logger):
-    """Wait until a logger has told twice that it wrote some."""
-    assert wait_until(lambda: len(re.findall(r'[1-9]\d* messages written', logger.output())) > 1)
+    """Wait until a logger has told twice that it wrote many, more than what nodes run with."""
+    assert wait_until(lambda: len(re.findall(r'\d\d+ messages written', logger.output())) > 1)
 
 
 def recorded(bag):
@@ -214,7 +214,7 @@ def test_thousands_of_messages_a_second(start, log, tmp_path):
 def test_split_bag_is_read_as_one(start, log, tmp_path):
     start('-c', PUBLISHER, '100')
     logger = log(max_bagfile_duration=0.3, progress_period=0.5)
-    wait_for_messages(logger)
+    assert wait_until((tmp_path / 'bag' / 'bag_3.mcap').exists)
     assert logger.stop() == 0
     files = information(tmp_path / 'bag')['files']
     assert len(files) > 2
