@@ -107,7 +107,7 @@ class TVLQR:
             self.joined = t - (self.reference.plan.duration if self.skips(x) else 0.0)
         left = self.reference.plan.shifted(t + delay - self.joined)
         turns = to_turn_of(left.X[:1], x) - left.X[:1]
-        X, U = policy_rollout(self.problem, x, left.X + turns, left.U, left.K)
+        _, X, U, _ = policy_rollout(self.problem, x, left.X + turns, left.U, left.K)
         return self.answer(X, U, Status.CONVERGED, t + delay, began)
 
     def stand_in(self, begins: float) -> Plan:

@@ -20,9 +20,8 @@ from scipy.optimize import lsq_linear
 from dp_swing_ros.cost import trajectory_cost
 from dp_swing_ros.dynamics.trajectory import step
 from dp_swing_ros.kernels import kernel
-from dp_swing_ros.problem import linearisation, Problem, turns_of
+from dp_swing_ros.problem import linearisation, Problem, Rollout, turns_of
 from dp_swing_ros.solvers.riccati import backward, forward
-from dp_swing_ros.solvers.solver import Start
 from dp_swing_ros.state import Array
 
 REACH = (math.inf, 0.6, 0.6, 10.0, 10.0, 10.0)  # of the linear model, in the units of the state
@@ -62,7 +61,7 @@ class Catch:
         Q, self.L = qr(np.vstack([np.sqrt(cost.R) * np.eye(N), *of_force]), mode='economic')
         self.M = Q.T @ np.vstack([np.zeros((N, 6)), *of_state])
 
-    def start(self, x_0: Array) -> Start | None:
+    def start(self, x_0: Array) -> Rollout | None:
         """
         Return a trajectory of the model that catches the pendulum, None where none is in reach.
 
@@ -77,7 +76,7 @@ class Catch:
         caught = self.closed(problem.cost.x_r + self.Phi @ e_0 + self.G @ U, U)
         return None if caught is None else caught._replace(X=caught.X + turns)
 
-    def closed(self, X: Array, U: Array) -> Start | None:
+    def closed(self, X: Array, U: Array) -> Rollout | None:
         """Close the gaps of a trajectory of the linear model by Riccati passes about it."""
         problem, N = self.problem, self.problem.horizon
         model, cost, u_max = problem.model, problem.cost, problem.u_max
@@ -97,4 +96,4 @@ class Catch:
             gaps *= 1 - alpha
             if alpha == 1.0 or not np.isfinite(J):
                 break
-        return Start(J, X, U, K) if np.isfinite(J) else None
+        return Rollout(J, X, U, K) if np.isfinite(J) else None

@@ -12,13 +12,13 @@ them. Source: Simon, Optimal State Estimation, 2006, 13.2 and 13.4; covariances 
 
 from dataclasses import dataclass
 import math
-from types import SimpleNamespace
-from typing import Any, cast, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from dp_swing_ros.dynamics import Pendulum
 from dp_swing_ros.dynamics.model import linearise
+from dp_swing_ros.dynamics.pendulum import coefficients
 from dp_swing_ros.dynamics.trajectory import step
 from dp_swing_ros.kernels import kernel
 from dp_swing_ros.parameters import parameter, Parameters, PendulumParameters
@@ -26,6 +26,7 @@ from dp_swing_ros.state import Array
 
 SCALED = ('cart_mass', 'link1_mass', 'link2_mass', 'link1_length', 'link2_length')
 ADDED = ('cart_friction', 'joint1_friction', 'joint2_friction')
+CONSTANT = ('link1_inertia_factor', 'link2_inertia_factor', 'gravity')
 BIAS, BODIES = 6, 7      # where they begin in z
 SIZE = BODIES + len(SCALED) + len(ADDED)
 
@@ -108,6 +109,30 @@ def product(left, right, out):
 
 
 @kernel
+def pendulums(nominal, constants, z):
+    """
+    Return the coefficients of the pendulum as z has it, then with each of p a little larger.
+
+    Shapes: nominal (8,) in the order of SCALED and ADDED, constants (3,), z (n,) -> (9, 10).
+    """
+    found, b = np.empty((len(nominal) + 1, 10)), np.empty(len(nominal))
+    for k in range(len(found)):
+        for i in range(len(b)):
+            p = z[BODIES + i] + (SMALL if k == i + 1 else 0.0)
+            b[i] = nominal[i] * math.exp(p) if i < 5 else nominal[i] + p
+        found[k] = coefficients(b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7],
+                                constants[0], constants[1], constants[2])
+    return found
+
+
+@kernel
+def forget(prior, share, P):
+    """Let bias and bodies become as uncertain as at first, by a share; prior (n - 6,)."""
+    for i in range(len(prior)):
+        P[BIAS + i, BIAS + i] += max(prior[i] - P[BIAS + i, BIAS + i], 0.0) * share
+
+
+@kernel
 def predict(models, force_noise, acceleration_noise, u, steps, z, P):
     """
     Advance mean and covariance in place by some steps under a force.
@@ -177,10 +202,14 @@ class Estimator:
             (parameters.force_bias, parameters.body_error, parameters.friction_error),
             (1, len(SCALED), len(ADDED)))
         self.prior = self.deviations ** 2
+        self.far = MOVED * self.deviations[BODIES - BIAS:]
+        self.since, self.then = bodies, np.zeros(SIZE - BODIES)   # where the bodies were last
         bound = np.repeat((math.inf, math.log(LARGEST_FACTOR), math.inf),
                           (1, len(SCALED), len(ADDED)))
         self.lowest, self.highest = -bound, bound
         self.lowest[-len(ADDED):] = [-getattr(bodies, name) for name in ADDED]
+        self.bodies_0 = np.array([getattr(bodies, name) for name in SCALED + ADDED])
+        self.constants = np.array([getattr(bodies, name) for name in CONSTANT])
         self.reset()
 
     def reset(self) -> None:
@@ -213,10 +242,13 @@ class Estimator:
 
     def moved(self, since: PendulumParameters) -> bool:
         """Tell whether the bodies are believed to be others now, by a share of their prior."""
-        then = [*(math.log(getattr(since, name) / getattr(self.nominal, name)) for name in SCALED),
-                *(getattr(since, name) - getattr(self.nominal, name) for name in ADDED)]
-        difference = np.abs(self.z[BODIES:] - then)
-        return bool(np.any(difference > MOVED * self.deviations[BODIES - BIAS:]))
+        if since is not self.since:
+            self.since, self.then = since, np.array(
+                [*(math.log(getattr(since, name) / getattr(self.nominal, name))
+                   for name in SCALED),
+                 *(getattr(since, name) - getattr(self.nominal, name) for name in ADDED)])
+        difference = np.abs(self.z[BODIES:] - self.then)
+        return bool((difference > self.far).any())
 
     def begin(self, t: float, x: Array) -> Estimate:
         """Take a state as it is measured; bias and bodies stay, as uncertain as at first."""
@@ -235,22 +267,14 @@ class Estimator:
         """Return mean and covariance after some forces, and a push [N] of unknown size."""
         z, P, about = self.z.copy(), self.P.copy(), self.parameters
         passed = sum(force.duration for force in forces)
-        P[range(BIAS, SIZE), range(BIAS, SIZE)] += np.maximum(
-            self.prior - np.diag(P)[BIAS:], 0.0) * min(passed / about.memory, 1.0)
-        pendulums = self.pendulums()
+        forget(self.prior, min(passed / about.memory, 1.0), P)
+        shifted = [Pendulum(*row) for row in pendulums(self.bodies_0, self.constants, z).tolist()]
         for u, duration in forces:
             steps = math.ceil(duration / LONGEST_STEP - 1e-9)
-            models = tuple(self.kind.of(pendulum, duration / steps) for pendulum in pendulums)
+            models = tuple([self.kind.of(pendulum, duration / steps) for pendulum in shifted])
             predict(models, HELD * (about.force_noise ** 2 + push ** 2),
                     HELD * about.acceleration_noise ** 2, u, steps, z, P)
         return z, P
-
-    def pendulums(self) -> list[Pendulum]:
-        """Return the pendulum as it is believed to be, and with each of p a little larger."""
-        shifted = self.z + SMALL * np.eye(SIZE)[BIAS:]
-        shifted[0] = self.z
-        return [Pendulum.of(cast(PendulumParameters, SimpleNamespace(
-            **{**vars(self.nominal), **self.bodies(z)}))) for z in shifted]
 
     def bodies(self, z: Array) -> dict[str, float]:
         """Return masses, lengths and frictions, by their names."""

@@ -13,12 +13,13 @@ other starts; the cheapest plan is obeyed.
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 import math
 import time
 
 import numpy as np
 
-from dp_swing_ros.dynamics.trajectory import hold, rollout
+from dp_swing_ros.dynamics.trajectory import hold
 from dp_swing_ros.estimator import Estimate, Estimator, EstimatorParameters, Force
 from dp_swing_ros.parameters import parameter, Parameters
 from dp_swing_ros.plan import Plan, Status
@@ -180,12 +181,11 @@ class RecedingHorizon:
         if x_0 is None and left is not None:
             x_0 = left.X[0]
         if x_0 is not None and left is not None:
-            X, U = policy_rollout(problem, x_0, left.X, left.U, left.K)
+            _, X, U, _ = policy_rollout(problem, x_0, left.X, left.U, left.K)
             if np.all(np.isfinite(X)):
                 return self.remember(plan_of(problem, X, U, Status.LAST_POLICY), begins)
         if x_0 is not None:
-            U = regulator_rollout(problem, x_0)
-            X = rollout(problem.model, x_0, U)
+            _, X, U, _ = regulator_rollout(problem, x_0)
             # Far from the reference the regulator would only drive the cart into the end stop.
             if is_upright(X[-1] - problem.cost.x_r):
                 return self.remember(plan_of(problem, X, U, Status.REGULATOR), begins)
@@ -208,7 +208,9 @@ class RecedingHorizon:
     def forces_between(self, t: float, until: float) -> list[Force]:
         """Return the forces that act between two times [s]; before the first sent it is zero."""
         forces: list[Force] = []
-        for begins, u in reversed([(t, 0.0), *self.sent]):   # what was sent later replaces
+        for begins, u in chain(reversed(self.sent), [(t, 0.0)]):   # what was sent later replaces
+            if until <= t:
+                break
             begins = max(begins, t)
             if begins < until:
                 forces.insert(0, Force(u, until - begins))

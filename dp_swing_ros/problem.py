@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.linalg import LinAlgError, solve_discrete_are
 
-from dp_swing_ros.cost import Cost
+from dp_swing_ros.cost import Cost, trajectory_cost
 from dp_swing_ros.dynamics import MODELS, Pendulum
 from dp_swing_ros.dynamics.model import linearise
 from dp_swing_ros.dynamics.trajectory import step
@@ -23,6 +23,7 @@ from dp_swing_ros.parameters import (CostParameters, LimitParameters, ParameterE
 from dp_swing_ros.state import ANGLES, Array
 
 TURN = 2 * math.pi
+NO_POLICY = (np.empty((0, 6)), np.empty(0), np.empty((0, 6)))
 SLOWEST = 1 - 1e-6  # spectral radius of a regulated model; at 1 an error would never die out
 
 
@@ -136,32 +137,50 @@ def follow_policy(model, cost, lqr_gain, u_max, x_0, X, U, K, horizon):
     """
     Follow the policy u = U[t] + K[t] (x - X[t]), then the regulator up to the horizon.
 
-    Shapes: x_0 (6,), X (T or more, 6), U (T,), K (T, 6) -> states (horizon + 1, 6), forces
-    (horizon,). The angles of X must be on the turn of x_0.
+    Returns the cost, infinite where it is not a number, states, forces and gains. The angles of X
+    are brought to the turns of x_0.
+    Shapes: x_0 (6,), X (T or more, 6), U (T,), K (T, 6) -> (horizon + 1, 6), (horizon,),
+    (horizon, 6).
     """
     states, forces = np.empty((horizon + 1, 6)), np.empty(horizon)
+    gains, turns = np.empty((horizon, 6)), np.zeros(6)
+    if len(X) > 0:
+        for i in range(1, 3):
+            turns[i] = TURN * np.rint((x_0[i] - X[0, i]) / TURN)
     states[0] = x_0
     for t in range(horizon):
         x = states[t]
         if t < len(U):
             u = U[t]
             for i in range(6):
-                u += K[t, i] * (x[i] - X[t, i])
+                gains[t, i] = K[t, i]
+                u += K[t, i] * (x[i] - (X[t, i] + turns[i]))
             u = min(max(u, -u_max), u_max)
         else:
+            for i in range(6):
+                gains[t, i] = -lqr_gain[i]
             u = regulate(cost, lqr_gain, u_max, x)
         forces[t] = u
         step(model, x, u, states[t + 1])
-    return states, forces
+    J = trajectory_cost(cost, states, forces)
+    return J if np.isfinite(J) else np.inf, states, forces, gains
 
 
-def policy_rollout(problem: Problem, x_0: Array, X: Array, U: Array,
-                   K: Array) -> tuple[Array, Array]:
+class Rollout(NamedTuple):
+    """What came of a policy: cost, states (N + 1, 6), forces (N,), and its gains (N, 6)."""
+
+    J: float
+    X: Array
+    U: Array
+    K: Array
+
+
+def policy_rollout(problem: Problem, x_0: Array, X: Array, U: Array, K: Array) -> Rollout:
     """Follow a policy, and where it ends the regulator, over the horizon; see follow_policy."""
-    return follow_policy(problem.model, problem.cost, problem.lqr.K, problem.u_max, x_0, X, U, K,
-                         problem.horizon)
+    return Rollout(*follow_policy(problem.model, problem.cost, problem.lqr.K, problem.u_max, x_0,
+                                  X, U, K, problem.horizon))
 
 
-def regulator_rollout(problem: Problem, x_0: Array) -> Array:
-    """Return the forces (N,) of the regulator from x_0."""
-    return policy_rollout(problem, x_0, np.empty((0, 6)), np.empty(0), np.empty((0, 6)))[1]
+def regulator_rollout(problem: Problem, x_0: Array) -> Rollout:
+    """Follow the regulator over the horizon."""
+    return policy_rollout(problem, x_0, *NO_POLICY)

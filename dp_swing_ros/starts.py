@@ -20,8 +20,8 @@ from dp_swing_ros.cost import trajectory_cost
 from dp_swing_ros.dynamics.trajectory import rollout
 from dp_swing_ros.parameters import parameter, Parameters
 from dp_swing_ros.plan import Plan, SolverStats, Status
-from dp_swing_ros.problem import Problem, regulator_rollout, turns_of
-from dp_swing_ros.solvers.solver import regulator_start, Solver, start
+from dp_swing_ros.problem import policy_rollout, Problem, regulator_rollout, turns_of
+from dp_swing_ros.solvers.solver import Solver
 from dp_swing_ros.state import Array, is_upright
 
 SHORT = 30  # steps; over more, a start that is not yet good diverges, and solves end anywhere
@@ -63,6 +63,8 @@ def plan_of(problem: Problem, X: Array, U: Array, status: Status,
 def solved(solver: Solver, problem: Problem, x_0: Array, start: Plan, deadline: float) -> Plan:
     """Solve from a start, the goal on the turn where it ends; see Solver.solve."""
     turns = turns_of(problem, start.X[-1])
+    if not turns.any():
+        return solver.solve(x_0, start, deadline)
     plan = solver.solve(x_0 - turns, replace(start, X=start.X - turns), deadline)
     return replace(plan, X=plan.X + turns)
 
@@ -124,8 +126,8 @@ class Starts:
             U = np.append(left.U, np.zeros(problem.horizon - len(left.U)))
             return plan_of(problem, rollout(problem.model, x_0, U), U, Status.COMPLETE)
         turns = turns_of(problem, left.X[-1])
-        here = start(problem, x_0 - turns, replace(left, X=left.X - turns))
-        regulator = regulator_start(problem, x_0 - turns)
+        here = policy_rollout(problem, x_0 - turns, left.X, left.U, left.K)
+        regulator = regulator_rollout(problem, x_0 - turns)
         return left if here.J <= regulator.J else replace(
             left, X=regulator.X + turns, U=regulator.U, K=regulator.K)
 
@@ -138,7 +140,7 @@ class Starts:
 
     def regulator(self, x_0: Array) -> Plan:
         """Follow the regulator."""
-        return self.scouted(x_0, regulator_rollout(self.short, x_0))
+        return self.scouted(x_0, regulator_rollout(self.short, x_0).U)
 
     def rest(self, x_0: Array) -> Plan:
         """Send no force."""

@@ -28,7 +28,7 @@ def angle(X):
 def test_without_a_bound_that_acts_it_is_the_regulator(problem):
     x = leaning(0.01, 0.008)
     caught = Catch(problem).start(x)
-    np.testing.assert_allclose(caught.U, regulator_rollout(problem, x), atol=0.01)
+    np.testing.assert_allclose(caught.U, regulator_rollout(problem, x).U, atol=0.01)
 
 
 # the last takes several passes
@@ -37,7 +37,7 @@ def test_without_a_bound_that_acts_it_is_the_regulator(problem):
     (-0.0787, -0.267)])
 def test_it_holds_where_the_regulator_drops(problem, th_1, th_2):
     x = leaning(th_1, th_2)
-    assert angle(rollout(problem.model, x, regulator_rollout(problem, x))) > 1.0
+    assert angle(rollout(problem.model, x, regulator_rollout(problem, x).U)) > 1.0
     caught = Catch(problem).start(x)
     assert angle(caught.X) < 0.4
     assert np.abs(caught.U).max() <= problem.u_max

@@ -24,7 +24,7 @@ def problem(cost=CostParameters(), limits=LimitParameters(),
 def test_the_regulator_holds_every_equilibrium(reference):
     p = problem(CostParameters(reference=reference))
     x = np.array(reference) + (0.1, 0.02, -0.02, 0, 0, 0)
-    X = rollout(p.model, x, regulator_rollout(p, x))
+    X = rollout(p.model, x, regulator_rollout(p, x).U)
     assert np.abs(X[-1] - reference).max() < 0.02
 
 
@@ -38,8 +38,8 @@ def test_the_terminal_value_solves_the_riccati_equation():
 def test_a_policy_goes_on_with_the_regulator():
     p = problem()
     x = np.array([0.1, 0.02, -0.02, 0, 0, 0])
-    U = regulator_rollout(p, x)
-    X, forces = policy_rollout(p, x, rollout(p.model, x, U[:7]), U[:7], np.zeros((7, 6)))
+    U = regulator_rollout(p, x).U
+    _, X, forces, _ = policy_rollout(p, x, rollout(p.model, x, U[:7]), U[:7], np.zeros((7, 6)))
     np.testing.assert_allclose(forces, U, atol=1e-12)
     np.testing.assert_allclose(X, rollout(p.model, x, U), atol=1e-12)
 

@@ -50,7 +50,7 @@ def test_a_later_tick_starts_from_the_rest_of_the_last_plan_and_others_in_turn()
     c, x, left = after_a_plan()
     last, random = starts_of(c, x, left)          # the catch, first in turn, is out of reach
     _, regulator = starts_of(c, x, left)
-    np.testing.assert_array_equal(regulator.U, regulator_rollout(c.problem, x))
+    np.testing.assert_array_equal(regulator.U, regulator_rollout(c.problem, x).U)
     assert not np.array_equal(random.U, regulator.U)
     for part, old in ((last.U, left.U), (last.X, left.X), (last.K, left.K)):
         np.testing.assert_array_equal(part, old)
@@ -71,7 +71,7 @@ def test_the_paper_has_one_start_a_tick():
 def test_the_regulator_replaces_a_worse_last_plan():
     c, _, left = after_a_plan(of_solver={'iterations': 1})
     np.testing.assert_allclose(starts_of(c, UP, left)[0].U,        # somebody lifted it
-                               regulator_rollout(c.problem, UP), rtol=1e-8)
+                               regulator_rollout(c.problem, UP).U, rtol=1e-8)
 
 
 def test_the_paper_s_warm_start_is_forces_alone():

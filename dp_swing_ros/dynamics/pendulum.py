@@ -42,21 +42,23 @@ class Pendulum(NamedTuple):
 
     @classmethod
     def of(cls, bodies: PendulumParameters) -> 'Pendulum':
-        """Compute the coefficients. Source: the paper, (8)-(10) and (14), corrected."""
-        m_1, m_2 = bodies.link1_mass, bodies.link2_mass
-        l_1, l_2 = bodies.link1_length, bodies.link2_length
-        # beyond a uniform rod's, and exactly zero where it is one
-        extra_1 = (bodies.link1_inertia_factor - 1) * m_1 * l_1 ** 2 / 12
-        extra_2 = (bodies.link2_inertia_factor - 1) * m_2 * l_2 ** 2 / 12
-        return cls(
-            d_00=bodies.cart_mass + m_1 + m_2,
-            d_01=(m_1 / 2 + m_2) * l_1,
-            d_02=m_2 * l_2 / 2,
-            d_11=(m_1 / 3 + m_2) * l_1 ** 2 + extra_1,
-            d_12=m_2 * l_1 * l_2 / 2,
-            d_22=m_2 * l_2 ** 2 / 3 + extra_2,
-            g=bodies.gravity,
-            b_0=bodies.cart_friction, b_1=bodies.joint1_friction, b_2=bodies.joint2_friction)
+        """Compute the coefficients of bodies."""
+        return cls(*coefficients(
+            bodies.cart_mass, bodies.link1_mass, bodies.link2_mass, bodies.link1_length,
+            bodies.link2_length, bodies.cart_friction, bodies.joint1_friction,
+            bodies.joint2_friction, bodies.link1_inertia_factor, bodies.link2_inertia_factor,
+            bodies.gravity))
+
+
+@kernel
+def coefficients(m_0, m_1, m_2, l_1, l_2, b_0, b_1, b_2, factor_1, factor_2, g):
+    """Return the fields of a Pendulum. Source: the paper, (8)-(10) and (14), corrected."""
+    # beyond a uniform rod's, and exactly zero where it is one
+    extra_1 = (factor_1 - 1) * m_1 * l_1 ** 2 / 12
+    extra_2 = (factor_2 - 1) * m_2 * l_2 ** 2 / 12
+    return (m_0 + m_1 + m_2, (m_1 / 2 + m_2) * l_1, m_2 * l_2 / 2,
+            (m_1 / 3 + m_2) * l_1 ** 2 + extra_1, m_2 * l_1 * l_2 / 2,
+            m_2 * l_2 ** 2 / 3 + extra_2, g, b_0, b_1, b_2)
 
 
 @inlined

@@ -20,10 +20,10 @@ import numpy as np
 from dp_swing_ros.dynamics.trajectory import rollout
 from dp_swing_ros.parameters import parameter, Parameters
 from dp_swing_ros.plan import Plan, SolverStats, Status
-from dp_swing_ros.problem import Problem
+from dp_swing_ros.problem import Problem, regulator_rollout, Rollout
 from dp_swing_ros.solvers.riccati import backward
 from dp_swing_ros.solvers.samples import follow, single
-from dp_swing_ros.solvers.solver import regulator_start, Seed, Start, start, started
+from dp_swing_ros.solvers.solver import Seed, start, started
 from dp_swing_ros.state import Array
 
 
@@ -80,7 +80,7 @@ class MPPI:
         """Return the cheapest of proposals, averages and single samples; see Solver.solve."""
         began = time.perf_counter()
         best = self.with_feedback(start(self.problem, x_0, warm_start))
-        x_0, regulator = best.X[0], regulator_start(self.problem, best.X[0])
+        x_0, regulator = best.X[0], regulator_rollout(self.problem, best.X[0])
         status, iteration = Status.COMPLETE, 0
         while iteration < self.parameters.iterations:
             if time.perf_counter() > deadline:
@@ -99,7 +99,7 @@ class MPPI:
         return Plan(best.X, best.U, best.K, self.problem.dt,
                     SolverStats(status, best.J, iteration, time.perf_counter() - began))
 
-    def update(self, *proposals: Start) -> tuple[Array, Array]:
+    def update(self, *proposals: Rollout) -> tuple[Array, Array]:
         """Draw samples about the proposals; return their weighted average and the cheapest."""
         V, J = self.draw(proposals)
         w = self.weights(J)
@@ -120,7 +120,7 @@ class MPPI:
         w = np.exp(-(excess.astype(float) / temperature)).astype(np.float32)
         return w / np.sum(w)
 
-    def draw(self, proposals: tuple[Start, ...]) -> tuple[Array, Array]:
+    def draw(self, proposals: tuple[Rollout, ...]) -> tuple[Array, Array]:
         """
         Draw samples about each proposal.
 
@@ -139,13 +139,13 @@ class MPPI:
             begin += count
         return V, J
 
-    def proposal(self, x_0: Array, U: Array) -> Start:
+    def proposal(self, x_0: Array, U: Array) -> Rollout:
         """Follow forces, within their bound, in double precision."""
         U = np.clip(U, -self.problem.u_max, self.problem.u_max)
         X = rollout(self.problem.model, x_0, U)
         return started(self.problem, X, U, np.zeros((len(U), 6)))
 
-    def with_feedback(self, proposal: Start) -> Start:
+    def with_feedback(self, proposal: Rollout) -> Rollout:
         """Give the proposal the gains of one Riccati pass about it, where it has one."""
         k, K = np.zeros_like(proposal.U), np.zeros_like(proposal.K)
         positive = self.parameters.feedback and backward(

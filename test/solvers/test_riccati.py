@@ -29,7 +29,7 @@ def problem():
 def trajectory(problem, rng):
     """Return a disturbed catch near the top, where DDP's expansion is positive too."""
     x = np.array([0.05, 0.002, -0.002, 0.0, 0.01, 0.01])
-    U = regulator_rollout(problem, x) + rng.uniform(-0.1, 0.1, N)
+    U = regulator_rollout(problem, x).U + rng.uniform(-0.1, 0.1, N)
     return rollout(problem.model, x, U), U
 
 
