@@ -29,7 +29,8 @@ if 'NUMBA_CACHE_DIR' not in os.environ:
     setattr(numba.config, 'CACHE_DIR', str(_cache_folder()))
 
 # IEEE division instead of Python's exception: a kernel reports trouble as a non-finite number.
-kernel = numba.njit(cache=True, nogil=True, error_model='numpy')
+kernel = numba.njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 
 # The same, always inlined: a loop vectorises only if no call is left in it.
-inlined = numba.njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
+inlined = numba.njit(cache=True, nogil=True, error_model='numpy', forceinline=True,
+                     fastmath={'contract'})

@@ -73,7 +73,9 @@ def inverse_inertia(p, s_1, c_1, s_2, c_2):
     i_12 = m_01 * m_02 - p.d_00 * m_12
     i_22 = p.d_00 * p.d_11 - m_01 * m_01
     det = p.d_00 * i_00 + m_01 * i_01 + m_02 * i_02
-    return i_00 / det, i_01 / det, i_02 / det, i_11 / det, i_12 / det, i_22 / det
+    per_det = np.reciprocal(det)    # of all that happens here a division takes longest
+    return (i_00 * per_det, i_01 * per_det, i_02 * per_det, i_11 * per_det, i_12 * per_det,
+            i_22 * per_det)
 
 
 @inlined
