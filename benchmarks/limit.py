@@ -1,0 +1,184 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+How many multiply-adds the machine can do a second, and what share of them the rollouts use.
+
+The limit is measured, not read from a data sheet: independent chains of fused multiply-adds that
+stay in registers, written in LLVM's own language so that no compiler has a choice, one thread a
+core. The operations of the rollout kernel are counted by operations.py.
+"""
+
+from collections import Counter
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+import ctypes
+from functools import partial
+import json
+import os
+from pathlib import Path
+import re
+import subprocess
+import sys
+from typing import Any
+
+import llvmlite.binding as llvm
+import numba
+import numpy as np
+from timing import Interval, median, race, ratio, Work
+
+from dp_swing_ros import configuration
+from dp_swing_ros.problem import Problem
+from dp_swing_ros.solvers.samples import follow, single
+
+CHAINS = 12           # enough to fill two units of four cycles, few enough for 16 registers
+ROUNDS = 200_000      # of all chains in a sample
+SIZE = 1024           # of the matrix product that the limit is compared with
+TYPES = {'float32': ('float', 'f32', ctypes.c_float, 4),
+         'float64': ('double', 'f64', ctypes.c_double, 8)}
+SAMPLES = 1024
+
+
+def chains(precision: str, bits: int) -> str:
+    """Return the program: spin(a, m, c, n) does a ← a m + c on all lanes of all chains n times."""
+    scalar, suffix, _, size = TYPES[precision]
+    lanes = 8 * bits // (8 * 8 * size)
+    vector, name = f'<{lanes} x {scalar}>', f'@llvm.fma.v{lanes}{suffix}'
+    each = range(CHAINS)
+
+    def filled(result: str, value: str) -> str:
+        return (f'%{result}_0 = insertelement {vector} undef, {scalar} {value}, i32 0\n'
+                f'%{result} = shufflevector {vector} %{result}_0, {vector} undef, '
+                f'<{lanes} x i32> zeroinitializer')
+    lines = [
+        f'declare {vector} {name}({vector}, {vector}, {vector})',
+        f'define {scalar} @spin({scalar} %first, {scalar} %factor, {scalar} %more, i64 %n) #0 {{',
+        'begin:', filled('m', '%factor'), filled('c', '%more'),
+        *(f'%k{i} = uitofp i64 {i} to {scalar}\n%f{i} = fadd {scalar} %first, %k{i}\n'
+          + filled(f'a{i}', f'%f{i}') for i in each),
+        'br label %loop', 'loop:', '%t = phi i64 [0, %begin], [%next, %loop]',
+        *(f'%x{i} = phi {vector} [%a{i}, %begin], [%y{i}, %loop]' for i in each),
+        *(f'%y{i} = call {vector} {name}({vector} %x{i}, {vector} %m, {vector} %c)' for i in each),
+        '%next = add i64 %t, 1', '%done = icmp eq i64 %next, %n',
+        'br i1 %done, label %end, label %loop', 'end:', f'%s0 = fadd {vector} %y0, %y0',
+        *(f'%s{i} = fadd {vector} %s{i - 1}, %y{i}' for i in each[1:]),
+        f'%result = extractelement {vector} %s{CHAINS - 1}, i32 0', f'ret {scalar} %result', '}',
+        f'attributes #0 = {{ "prefer-vector-width"="{bits}" "min-legal-vector-width"="{bits}" }}']
+    return '\n'.join(lines)
+
+
+class Spinner:
+    """The program, compiled; its work is counted in multiply-adds."""
+
+    def __init__(self, precision: str, bits: int) -> None:
+        """Compile, and refuse code that does not use registers of these bits."""
+        llvm.initialize_native_target()
+        llvm.initialize_native_asmprinter()
+        module = llvm.parse_assembly(chains(precision, bits))
+        target = llvm.Target.from_default_triple().create_target_machine(
+            cpu=llvm.get_host_cpu_name(), features=llvm.get_host_cpu_features().flatten(), opt=3)
+        register = {128: 'xmm', 256: 'ymm', 512: 'zmm'}[bits]
+        fused = re.findall(rf'\bvf\w*madd\w+\s.*%{register}|fmla', target.emit_assembly(module))
+        if len(fused) != CHAINS:
+            raise RuntimeError(f'{len(fused)} fused multiply-adds of {bits} bits; '
+                               f'expected {CHAINS}')
+        self.engine = llvm.create_mcjit_compiler(module, target)   # owns the code
+        self.engine.finalize_object()
+        number = TYPES[precision][2]
+        self.spin = ctypes.CFUNCTYPE(number, number, number, number, ctypes.c_int64)(
+            self.engine.get_function_address('spin'))
+        self.multiply_adds = ROUNDS * CHAINS * bits // (8 * TYPES[precision][3])
+
+    def run(self) -> int:
+        """Do the work."""
+        self.spin(1.0, 0.999, 0.001, ROUNDS)
+        return self.multiply_adds
+
+
+def widest() -> int:
+    """Return the bits of the widest registers of this processor."""
+    features = llvm.get_host_cpu_features()
+    return 512 if features.get('avx512f') else 256 if features.get('avx2') else 128
+
+
+def on_cores(run: Callable[[], int], cores: int, pool: ThreadPoolExecutor) -> int:
+    """Do the work on several cores at once."""
+    return sum(done.result() for done in [pool.submit(run) for _ in range(cores)])
+
+
+def product(precision: str) -> Work:
+    """Return a product of two matrices by NumPy's BLAS, on as many threads as that takes."""
+    A = np.random.default_rng(0).standard_normal((SIZE, SIZE)).astype(precision)
+    out = np.empty_like(A)
+
+    def run() -> int:
+        np.dot(A, A, out=out)
+        return SIZE ** 3
+    return run
+
+
+def rollouts(problem: Problem, samples: int = SAMPLES) -> Work:
+    """Return the rollout kernel of MPPI on noise that is there already; units are its steps."""
+    N, random = problem.horizon, np.random.default_rng(0)
+    noise = random.standard_normal((N, samples), np.float32)
+    V, J = np.empty((N, samples), np.float32), np.empty(samples, np.float32)
+    X, U, K = np.zeros((N + 1, 6), np.float32), np.zeros(N, np.float32), np.zeros((N, 6),
+                                                                                np.float32)
+    X[:, 1:3] = np.pi
+    sigma = np.full(samples, 5, np.float32)
+    model, cost = single(problem.model), single(problem.cost)
+
+    def run() -> int:
+        follow(model, cost, X, U, K, 0, samples, noise, sigma, np.float32(0.8),
+               np.float32(problem.u_max), V, J)
+        return N * samples
+    return run
+
+
+def operations() -> dict[str, dict[str, float]]:
+    """Return the counts of operations.py, which needs a process without a compiler."""
+    done = subprocess.run([sys.executable, str(Path(__file__).with_name('operations.py'))],
+                          capture_output=True, text=True, check=True)
+    counts: dict[str, dict[str, float]] = json.loads(done.stdout)
+    return counts
+
+
+def instructions() -> dict[str, int]:
+    """Count the vector instructions of the compiled rollout kernel, by name and register."""
+    # compiled anew, for numba does not show what it took from its cache
+    compiled = numba.njit(**follow.targetoptions)(follow.py_func)
+    compiled.compile(follow.signatures[0])
+    code = '\n'.join(compiled.inspect_asm().values())
+    found = re.findall(r'\b(v(?:mul|add|sub|div|fn?m\w+)ps)\s[^\n]*%(zmm|ymm)', code)
+    return {' '.join(key): number for key, number in Counter(found).most_common()}
+
+
+def measure(rounds: int) -> dict[str, Any]:
+    """Return the limits, our rate, and the share, as numbers for the page."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, 'sched_getaffinity') else os.cpu_count()
+    assert cores is not None
+    contenders: dict[str, Work] = {}
+    with ThreadPoolExecutor(cores) as pool:
+        for precision in TYPES:
+            for bits in sorted({256, widest()} if widest() > 256 else {widest()}):
+                spinner = Spinner(precision, bits)
+                for number in sorted({1, cores}):
+                    contenders[f'{precision}, {bits} bits, {number} of {cores} cores'] = (
+                        spinner.run if number == 1
+                        else partial(on_cores, spinner.run, number, pool))
+            contenders[f'{precision}, matrix product'] = product(precision)
+        contenders['rollouts'] = rollouts(configuration.problem({}))
+        times = race(contenders, rounds)
+    rates = {name: 1 / median(of_name).value for name, of_name in times.items()}
+    counts = operations()
+    each = sum(counts['sample'].values())
+    best = f'float32, {widest()} bits, 1 of {cores} cores'
+    # a multiply-add is two operations
+    share = ratio(times[best], times['rollouts'])
+    scale = each / 2
+    return {'rates': rates, 'operations': counts, 'per_step': each,
+            'instructions': instructions(), 'limit': best,
+            'share': Interval(*(scale * number for number in share))._asdict()}
+
+
+if __name__ == '__main__':
+    print(json.dumps(measure(20), indent=1))

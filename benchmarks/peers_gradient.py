@@ -1,0 +1,201 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Crocoddyl on the same problem: the same bodies in Pinocchio, force on the cart, quadratic cost.
+
+    min Σ eᵀ S e + R u² + e_Nᵀ P e_N,   e = x - x_r,   over (x, θ1, θ2 - θ1) and their speeds
+
+Pinocchio's second angle is relative to the first link. S weighs nothing of link 2, so that it is
+diagonal in both coordinates; P is diagonal in Pinocchio's, and transformed for us. Crocoddyl has no
+actuation of one joint among several: `python` is one written in Python, as in its own example;
+`C++` actuates all joints and forbids the torques, by their bounds or by a weight of 1e8.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from timing import Work
+
+from dp_swing_ros import configuration
+from dp_swing_ros.dynamics.trajectory import rollout
+from dp_swing_ros.parameters import PendulumParameters
+from dp_swing_ros.plan import Plan, Status
+from dp_swing_ros.problem import Problem
+from dp_swing_ros.solvers import SOLVERS
+from dp_swing_ros.starts import plan_of
+from dp_swing_ros.state import Array
+
+RUNNING = (10.0, 100.0, 0.0, 2.0, 6.0, 0.0)              # S
+TERMINAL = (1e4, 1e5, 1e5, 2e3, 6e3, 1e2)                # P, in Pinocchio's coordinates
+FORBIDDEN = 1e8                                          # weight of a torque that may not be
+RELATIVE = np.eye(6)                                     # from our coordinates to Pinocchio's
+RELATIVE[2, 1] = RELATIVE[5, 4] = -1.0
+BOUND = 20.0                                             # [N]
+
+# from where, and in how many iterations of one descent, the time of an iteration is
+# measured; near the goal every contender takes every step whole, so that its iteration is one
+# expansion, one Riccati pass and one rollout, while a swing-up also has line searches
+STARTS = {'near the goal': ((0.2, 0.05, -0.03, 0.0, 0.0, 0.0), 3),
+          'swing-up': ((0.0, np.pi, np.pi, 0.0, 0.0, 0.0), 10)}
+SOLVED = {'DDP': False, 'FDDP': False, 'BoxDDP': True, 'BoxFDDP': True}   # with bounds?
+
+
+def problem(model: str, bounded: bool, horizon: int = 30) -> Problem:
+    """Return the problem, for us."""
+    ours = configuration.problem({
+        'model': model, 'horizon': horizon, 'angle_error': 'angle', 'track_weight': 0.0,
+        'force_limit': BOUND if bounded else float('inf')})
+    P = RELATIVE.T @ np.diag(TERMINAL) @ RELATIVE
+    return replace(ours, cost=ours.cost._replace(S=np.array(RUNNING), P=P))
+
+
+def first_forces(ours: Problem, start: str, step: Callable[[Array, float], Array]) -> Array:
+    """
+    Return the forces that a descent begins with: random, or those of a disturbed regulator.
+
+    step is that of the contender's own model, for forces do not hold another one upright.
+    """
+    random = np.random.default_rng(0).uniform(-1, 1, ours.horizon)
+    x = np.array(STARTS[start][0])
+    if start == 'swing-up':
+        return 10 * random
+    U = np.empty(ours.horizon)
+    for t in range(ours.horizon):
+        U[t] = np.clip(-ours.lqr.K @ x + random[t], -BOUND, BOUND)
+        x = step(x, U[t])
+    return U
+
+
+def first_plan(ours: Problem, start: str) -> Plan:
+    """Follow those forces."""
+    U = first_forces(ours, start, lambda x, u: rollout(ours.model, x, np.array([u]))[1])
+    return plan_of(ours, rollout(ours.model, np.array(STARTS[start][0]), U), U, Status.COMPLETE)
+
+
+def our_descent(name: str, ours: Problem, start: str) -> Work:
+    """Return a descent of ours; its units are iterations."""
+    solver = SOLVERS[name](ours, SOLVERS[name].Parameters(
+        iterations=STARTS[start][1], tolerance=0.0))
+    plan = first_plan(ours, start)
+    return lambda: int(solver.solve(plan.X[0], plan, np.inf).stats.iterations)
+
+
+def pinocchio_model(bodies: PendulumParameters) -> Any:
+    """Build the bodies, joint by joint: a slide along x and two hinges about y."""
+    import pinocchio
+
+    model = pinocchio.Model()
+    model.gravity.linear = np.array([0.0, 0.0, -bodies.gravity])
+    at, here = np.zeros(3), pinocchio.SE3.Identity()
+    joint = model.addJoint(0, pinocchio.JointModelPX(), here, 'cart')
+    model.appendBodyToJoint(joint, pinocchio.Inertia(bodies.cart_mass, at, np.eye(3)), here)
+    for link in (1, 2):
+        mass, length, factor = (getattr(bodies, f'link{link}_{name}')
+                                for name in ('mass', 'length', 'inertia_factor'))
+        joint = model.addJoint(joint, pinocchio.JointModelRY(), pinocchio.SE3(np.eye(3), at),
+                               f'joint{link}')
+        about_centre = factor * mass * length ** 2 / 12 * np.eye(3)
+        model.appendBodyToJoint(joint, pinocchio.Inertia(
+            mass, np.array([0.0, 0.0, length / 2]), about_centre), here)
+        at = np.array([0.0, 0.0, length])
+    return model
+
+
+def on_the_cart(state: Any) -> Any:
+    """Return the actuation by one force on the cart, written in Python."""
+    import crocoddyl
+
+    class Cart(crocoddyl.ActuationModelAbstract):
+        def calc(self, data: Any, x: Array, u: Array) -> None:
+            data.tau[0] = u[0]
+
+        def calcDiff(self, data: Any, x: Array, u: Array) -> None:  # noqa: N802
+            pass   # constant, and set once
+
+        def createData(self) -> Any:  # noqa: N802
+            data = crocoddyl.ActuationDataAbstract(self)
+            data.dtau_du[0] = 1.0
+            return data
+    return Cart(state, 1)
+
+
+class Crocoddyl:
+    """The problem in crocoddyl, by one of its integrators and one way to actuate the cart."""
+
+    def __init__(self, integrator: str, actuation: str, bounded: bool, start: str,
+                 horizon: int = 30) -> None:
+        """Build the shooting problem; its cost is the same number as ours for Euler's method."""
+        import crocoddyl
+
+        ours = problem('rk4', bounded, horizon)
+        self.x_0 = RELATIVE @ np.array(STARTS[start][0])
+        state = crocoddyl.StateMultibody(pinocchio_model(ours.bodies))
+        actuated = (on_the_cart if actuation == 'python' else crocoddyl.ActuationModelFull)(state)
+        self.nu = actuated.nu
+        over = {'euler': crocoddyl.IntegratedActionModelEuler,
+                'rk4': lambda continuous, step: crocoddyl.IntegratedActionModelRK(
+                    continuous, crocoddyl.RKType.four, step)}[integrator]
+
+        def node(S: tuple[float, ...], R: float, step: float) -> Any:
+            costs = crocoddyl.CostModelSum(state, self.nu)
+            weights = [R] + [FORBIDDEN] * (self.nu - 1)
+            # crocoddyl halves its quadratic costs and multiplies them by the step
+            for name, weight, residual in (
+                    ('x', S, crocoddyl.ResidualModelState(state, np.zeros(6), self.nu)),
+                    ('u', weights, crocoddyl.ResidualModelControl(state, self.nu))):
+                costs.addCost(name, crocoddyl.CostModelResidual(
+                    state, crocoddyl.ActivationModelWeightedQuad(2 * np.array(weight)), residual),
+                    1 / step if step else 1.0)
+            model = over(crocoddyl.DifferentialActionModelFreeFwdDynamics(state, actuated, costs),
+                         step)
+            if bounded and step:
+                model.u_lb = np.array([-BOUND] + [0.0] * (self.nu - 1))
+                model.u_ub = -model.u_lb
+            return model
+        running = node(RUNNING, ours.cost.R, ours.dt)
+        self.problem = crocoddyl.ShootingProblem(
+            self.x_0, [running] * horizon, node(TERMINAL, 0.0, 0.0))
+        forces = first_forces(ours, start, self.step)
+        self.us = [self.actuate(u) for u in forces]
+        self.xs = self.problem.rollout(self.us)
+        self.iterations = STARTS[start][1]
+
+    def actuate(self, u: float) -> Array:
+        """Return the controls that are this force on the cart [N]."""
+        return np.array([u] + [0.0] * (self.nu - 1))
+
+    def step(self, x: Array, u: float) -> Array:
+        """Return the next state, in our coordinates."""
+        node = self.problem.runningModels[0]
+        data = node.createData()
+        node.calc(data, RELATIVE @ x, self.actuate(u))
+        return np.linalg.solve(RELATIVE, data.xnext)
+
+    def descent(self, solver: str) -> Work:
+        """Return a descent of one of its solvers; its units are iterations."""
+        import crocoddyl
+
+        solves = getattr(crocoddyl, f'Solver{solver}')(self.problem)
+        solves.th_stop = 1e-300   # which nothing reaches: as many iterations as were asked for
+        self.solver = solves
+
+        def run() -> int:
+            solves.solve(self.xs, self.us, self.iterations, True)
+            return int(solves.iter)
+        return run
+
+
+def descents(start: str, models: tuple[str, ...] = ('rk4', 'euler')) -> dict[str, Work]:
+    """Return all contenders from a start, those of crocoddyl where it is installed."""
+    contenders = {
+        f'{name} {model} {"20 N" if bounded else "unbounded"}': our_descent(
+            name, problem(model, bounded), start)
+        for name in ('ilqr', 'ddp') for model in models for bounded in (False, True)}
+    for model in models:
+        for solver, bounded in SOLVED.items():
+            for actuation in ('python', 'C++'):
+                name = f'crocoddyl {solver} {model} {actuation}'
+                contenders[name] = Crocoddyl(model, actuation, bounded, start).descent(solver)
+    return contenders

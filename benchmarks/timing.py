@@ -1,0 +1,106 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Time contenders against each other: in turn, in one process, medians of many.
+
+What else the machine does meets all contenders alike if they take turns, so ratios of medians are
+steadier than the times themselves.
+"""
+
+from collections.abc import Callable, Mapping
+import gc
+import time
+from typing import NamedTuple
+
+import numpy as np
+from scipy.stats import t as student
+
+from dp_swing_ros.state import Array
+
+SHORTEST = 1e-3     # [s] of a sample; what is faster is repeated within it
+RESAMPLES = 2000    # of the bootstrap
+CONFIDENCE = 0.95
+
+Work = Callable[[], int]   # does something, and returns how many units (iterations, ...) it did
+
+
+class Interval(NamedTuple):
+    """A number and its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+def race(contenders: Mapping[str, Work], rounds: int) -> dict[str, Array]:
+    """
+    Let each contender work once a round, and return its times [s] per unit of work.
+
+    The first call of each, which may compile, is not timed; another tells how often to repeat what
+    is short. Who begins changes from round to round. Shapes: -> (rounds,) each.
+    """
+    repeats = {}
+    for name, work in contenders.items():
+        work()
+        began = time.perf_counter()
+        work()
+        repeats[name] = int(np.clip(SHORTEST / (time.perf_counter() - began), 1, 1000))
+    times: dict[str, list[float]] = {name: [] for name in contenders}
+    names = list(contenders)
+    gc.collect()
+    gc.disable()    # a collection would be charged to whoever is running
+    try:
+        for number in range(rounds):
+            first = number % len(names)
+            for name in names[first:] + names[:first]:
+                times[name].append(_sample(contenders[name], repeats[name]))
+            gc.collect(0)
+    finally:
+        gc.enable()
+    return {name: np.array(of_name) for name, of_name in times.items()}
+
+
+def _sample(work: Work, repeats: int) -> float:
+    began, units = time.perf_counter(), 0
+    for _ in range(repeats):
+        units += work()
+    return (time.perf_counter() - began) / units
+
+
+def median(times: Array) -> Interval:
+    """Return the median of times, with the interval of the bootstrap."""
+    drawn = np.median(times[_resamples(len(times))], axis=1)
+    return Interval(float(np.median(times)), *_interval(drawn))
+
+
+def ratio(slower: Array, faster: Array) -> Interval:
+    """
+    Return the ratio of two medians, with the interval of the bootstrap.
+
+    Rounds are drawn as pairs, so that what slowed both down widens nothing. Shapes: (rounds,).
+    """
+    rounds = _resamples(len(slower))
+    drawn = np.median(slower[rounds], axis=1) / np.median(faster[rounds], axis=1)
+    return Interval(float(np.median(slower) / np.median(faster)), *_interval(drawn))
+
+
+def exponent(sizes: Array, times: Array) -> Interval:
+    """
+    Fit time = c size^exponent, and return the exponent, with the interval of the regression.
+
+    Shapes: (n,), n at least three.
+    """
+    x, y = np.log(sizes), np.log(times)
+    slope, offset = np.polyfit(x, y, 1)
+    spread = np.sum((y - slope * x - offset) ** 2) / (len(x) - 2) / np.sum((x - x.mean()) ** 2)
+    half = float(student.ppf((1 + CONFIDENCE) / 2, len(x) - 2) * np.sqrt(spread))
+    return Interval(float(slope), float(slope) - half, float(slope) + half)
+
+
+def _resamples(rounds: int) -> Array:
+    return np.random.default_rng(0).integers(rounds, size=(RESAMPLES, rounds))
+
+
+def _interval(drawn: Array) -> tuple[float, float]:
+    low, high = np.quantile(drawn, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2])
+    return float(low), float(high)
