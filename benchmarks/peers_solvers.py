@@ -1,0 +1,163 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+CasADi on the default problem: multiple shooting, solved whole by IPOPT or by Fatrop.
+
+The same equations, the same RK4 step, cost, bounds and horizon; the variables are the states and
+the forces. IPOPT takes exact Hessians of the expanded graph, and MUMPS; Fatrop knows the structure
+in time, so the variables and constraints stand stage by stage.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from timing import Work
+
+from dp_swing_ros import configuration
+from dp_swing_ros.cost import trajectory_cost
+from dp_swing_ros.dynamics.trajectory import rollout
+from dp_swing_ros.plan import Status
+from dp_swing_ros.problem import Problem
+from dp_swing_ros.solvers import SOLVERS
+from dp_swing_ros.starts import plan_of
+from dp_swing_ros.state import Array, HANGING
+
+TOLERANCE = 1e-4     # of our solvers' default, and of theirs
+ITERATIONS = 500
+DISTURBANCE = (0.001, 0.001, -0.001, 0.01, 0.01, 0.01)   # of the warm-started solve's state
+OPTIONS = {
+    'ipopt': {'ipopt.print_level': 0, 'ipopt.sb': 'yes', 'ipopt.tol': TOLERANCE,
+              'ipopt.max_iter': ITERATIONS},
+    'fatrop': {'fatrop.print_level': 0, 'fatrop.tol': TOLERANCE, 'structure_detection': 'auto',
+               'fatrop.max_iter': ITERATIONS}}
+WARM = {'ipopt': {'ipopt.warm_start_init_point': 'yes', 'ipopt.mu_init': 1e-4,
+                  'ipopt.warm_start_bound_push': 1e-6, 'ipopt.warm_start_mult_bound_push': 1e-6},
+        'fatrop': {}}
+
+
+class Guess(NamedTuple):
+    """The state that a plan starts from, and the trajectory that a solver starts from."""
+
+    x_0: Array
+    X: Array
+    U: Array
+
+
+def functions(problem: Problem) -> tuple[Any, Any, Any]:
+    """Return f(x, u), the running cost and the terminal cost as functions of CasADi."""
+    import casadi as ca
+
+    p, h, cost = problem.model.pendulum, problem.dt, problem.cost
+    x, u = ca.SX.sym('x', 6), ca.SX.sym('u')
+
+    def derivative(x: Any) -> Any:
+        s_1, s_2, s_12 = ca.sin(x[1]), ca.sin(x[2]), ca.sin(x[1] - x[2])
+        c_1, c_2, c_12 = ca.cos(x[1]), ca.cos(x[2]), ca.cos(x[1] - x[2])
+        v, w_1, w_2 = x[3], x[4], x[5]
+        D = ca.blockcat([[p.d_00, p.d_01 * c_1, p.d_02 * c_2],
+                         [p.d_01 * c_1, p.d_11, p.d_12 * c_12],
+                         [p.d_02 * c_2, p.d_12 * c_12, p.d_22]])
+        slip = p.b_2 * (w_1 - w_2)
+        r = ca.vertcat(
+            u - p.b_0 * v + p.d_01 * s_1 * w_1 ** 2 + p.d_02 * s_2 * w_2 ** 2,
+            p.g * p.d_01 * s_1 - p.d_12 * s_12 * w_2 ** 2 - p.b_1 * w_1 - slip,
+            p.g * p.d_02 * s_2 + p.d_12 * s_12 * w_1 ** 2 + slip)
+        return ca.vertcat(x[3:], ca.solve(D, r))
+    k_1 = derivative(x)
+    k_2 = derivative(x + h / 2 * k_1)
+    k_3 = derivative(x + h / 2 * k_2)
+    k_4 = derivative(x + h * k_3)
+    e = ca.vertcat(x[0], 2 * ca.sin(x[1] / 2), 2 * ca.sin(x[2] / 2), x[3:])
+    margin = cost.w * ca.fmax(0, ca.fabs(x[0]) - cost.x_soft) ** 2
+    return (ca.Function('f', [x, u], [x + h / 6 * (k_1 + 2 * k_2 + 2 * k_3 + k_4)]),
+            ca.Function('l', [x, u], [ca.dot(cost.S, e ** 2) + cost.R * u ** 2 + margin]),
+            ca.Function('l_f', [x], [ca.bilin(cost.P, e, e) + margin]))
+
+
+class Transcription:
+    """The problem as a nonlinear program, and one solver of it; the goal is upright."""
+
+    def __init__(self, problem: Problem, solver: str, warm: bool) -> None:
+        """Write down variables and constraints, stage by stage."""
+        import casadi as ca
+
+        f, running, terminal = functions(problem)
+        N = self.horizon = problem.horizon
+        x_0 = ca.MX.sym('x_0', 6)
+        states = [ca.MX.sym(f'x_{t}', 6) for t in range(N + 1)]
+        forces = [ca.MX.sym(f'u_{t}') for t in range(N)]
+        variables, constraints, J = [], [], terminal(states[N])
+        for t in range(N):
+            variables += [states[t], forces[t]]
+            constraints.append(states[t + 1] - f(states[t], forces[t]))
+            if t == 0:
+                constraints.append(states[0] - x_0)
+            J += running(states[t], forces[t])
+        g = ca.vertcat(*constraints)
+        options = {**OPTIONS[solver], **(WARM[solver] if warm else {}), 'expand': True,
+                   'print_time': False, 'error_on_fail': False}
+        if solver == 'fatrop':
+            options['equality'] = [True] * g.numel()
+        self.solver = ca.nlpsol('solver', solver, {
+            'x': ca.vertcat(*variables, states[N]), 'f': J, 'g': g, 'p': x_0}, options)
+        free = np.full((N + 1, 6), np.inf)
+        self.upper = self.flat(free, np.full(N, problem.u_max))
+
+    def flat(self, X: Array, U: Array) -> Array:
+        """Put a trajectory in the order of the variables."""
+        return np.concatenate([np.column_stack([X[:-1], U]).ravel(), X[-1]])
+
+    def solve(self, guess: Guess) -> tuple[Array, Array]:
+        """Return states and forces."""
+        found = np.array(self.solver(
+            x0=self.flat(guess.X, guess.U), p=guess.x_0, lbx=-self.upper, ubx=self.upper, lbg=0,
+            ubg=0)['x']).ravel()
+        pairs = found[:-6].reshape(self.horizon, 7)
+        return np.vstack([pairs[:, :6], found[-6:]]), pairs[:, 6]
+
+
+def guesses(problem: Problem) -> dict[str, Guess]:
+    """Return a first solve from hanging, and a later one: a plan shifted, the state disturbed."""
+    x_0, random = np.array(HANGING), np.random.default_rng(0).uniform(-10, 10, problem.horizon)
+    first = Guess(x_0, rollout(problem.model, x_0, random), random)
+    X, U = ours(problem, 'ilqr', first)()
+    U = np.append(U[1:], 0.0)
+    x_1 = X[1] + DISTURBANCE
+    return {'first': first, 'warm': Guess(x_1, rollout(problem.model, X[1], U), U)}
+
+
+def ours(problem: Problem, name: str, guess: Guess) -> Callable[[], tuple[Array, Array]]:
+    """Return a whole solve of ours."""
+    solver = SOLVERS[name](problem, SOLVERS[name].Parameters(
+        iterations=ITERATIONS, tolerance=TOLERANCE))
+    plan = plan_of(problem, guess.X, guess.U, Status.COMPLETE)
+
+    def solve() -> tuple[Array, Array]:
+        found = solver.solve(guess.x_0, plan, np.inf)
+        return found.X, found.U
+    return solve
+
+
+def solves() -> tuple[dict[str, Work], dict[str, float]]:
+    """Return whole solves of all contenders, and the costs that they reach."""
+    problem = configuration.problem({})
+    makes: dict[str, Callable[[], tuple[Array, Array]]] = {}
+    for kind, guess in guesses(problem).items():
+        for name in ('ilqr', 'ddp'):
+            makes[f'{name}, {kind}'] = ours(problem, name, guess)
+        for name in OPTIONS:
+            transcription = Transcription(problem, name, kind == 'warm')
+            makes[f'casadi {name}, {kind}'] = lambda by=transcription, to=guess: by.solve(to)
+    costs = {}
+    for name, make in makes.items():
+        X, U = make()
+        # theirs within the tolerance of the constraints, so followed by the model
+        costs[name] = trajectory_cost(problem.cost, rollout(problem.model, X[0], U), U)
+
+    def work(make: Callable[[], tuple[Array, Array]]) -> Work:
+        def run() -> int:
+            make()
+            return 1
+        return run
+    return {name: work(make) for name, make in makes.items()}, costs
