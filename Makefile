@@ -41,6 +41,9 @@ results: setup  ## measure docs/results anew, but for the campaigns (half an hou
 figures: setup  ## the paper's Figs. 2 to 10 and its claims, anew (FIGURES='--seeds 5' for fewer)
 	@$(WITH_ROS) && python benchmarks/paper.py $(FIGURES)
 
+benchmark: setup $(VENV)/.peers  ## us and the peers, in turn, into docs/results/benchmark.md (20 min)
+	@$(WITH_ROS) && python benchmarks/benchmark.py $(BENCHMARK)
+
 test: setup  ## all tests, linters and type checks (PYTEST='...' for arguments of pytest)
 	@$(WITH_ROS) && python -m pytest -n auto --maxprocesses 8 $(PYTEST)
 
@@ -64,6 +67,11 @@ $(VENV)/.installed: pyproject.toml constraints.txt scripts/ros2
 	@command -v ros2 >/dev/null || install -m 755 scripts/ros2 $(BIN)/ros2
 	@touch $@
 
+$(VENV)/.peers: $(VENV)/.installed
+	@$(BIN)/python -m pip install --no-input -c constraints.txt --group peers | $(DOWNLOADS) || \
+	  $(call FAIL,pip could not install the peers; what it said stands above)
+	@touch $@
+
 # A module that is gone from the sources must not live on in what was built from them.
 install/.built: $(VENV)/.installed $(SOURCES)
 	@echo '== colcon build'
@@ -73,5 +81,5 @@ install/.built: $(VENV)/.installed $(SOURCES)
 	  (cd $$tree && find dp_swing_ros -name '*.py' ! -exec test -e '$(CURDIR)/{}' \; -delete); done
 	@touch $@
 
-.PHONY: help setup demo docs evaluate results figures test shell clean
+.PHONY: help setup demo docs evaluate results figures benchmark test shell clean
 .DEFAULT_GOAL := help

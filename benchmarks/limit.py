@@ -145,7 +145,7 @@ def operations() -> dict[str, dict[str, float]]:
 def instructions() -> dict[str, int]:
     """Count the vector instructions of the compiled rollout kernel, by name and register."""
     # compiled anew, for numba does not show what it took from its cache
-    compiled = numba.njit(**follow.targetoptions)(follow.py_func)
+    compiled = numba.njit(nogil=True, error_model='numpy')(follow.py_func)
     compiled.compile(follow.signatures[0])
     code = '\n'.join(compiled.inspect_asm().values())
     found = re.findall(r'\b(v(?:mul|add|sub|div|fn?m\w+)ps)\s[^\n]*%(zmm|ymm)', code)

@@ -1,0 +1,138 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Measure this package and its peers on the same problems, in turn, and write the page about it.
+
+Run by `make benchmark`, on a machine that must do nothing else: docs/results/benchmark.md, .json
+and docs/figures/benchmark_*.png. What is not installed is left out, and the page says so.
+"""
+
+import argparse
+from collections.abc import Callable
+from datetime import date
+import json
+from pathlib import Path
+from typing import Any
+
+import benchmark_figures
+import benchmark_page
+from timing import median, race, ratio, Work
+
+from dp_swing_ros import configuration, provenance
+from dp_swing_ros.state import Array
+
+PEERS = {'crocoddyl': 'crocoddyl', 'pin': 'pinocchio', 'casadi': 'casadi', 'torch': 'torch',
+         'pytorch_mppi': 'pytorch_mppi', 'mujoco': 'mujoco'}   # distribution: module
+SAMPLES = (256, 1024, 8192, 65536)
+COMPILED = {'compiled': True, 'closed': False, 'twin': False}
+
+
+def compared(works: dict[str, Work], rounds: int) -> dict[str, Any]:
+    """Race works whose first name is ours: the times [s] of all, and how many of ours each is."""
+    times = race(works, rounds)
+    return {'rounds': rounds, 'seconds': {name: median(t)._asdict() for name, t in times.items()},
+            'ratios': {name: ratios_of(name, times) for name in works}}
+
+
+def ratios_of(name: str, times: dict[str, Array]) -> dict[str, dict[str, float]]:
+    """Return how many times slower a contender is than each of ours."""
+    ours = [other for other in times if other.split()[0].rstrip(',') in ('ilqr', 'ddp', 'mppi')]
+    return {other: ratio(times[name], times[other])._asdict() for other in ours}
+
+
+def gradient(rounds: int) -> dict[str, Any]:
+    """Compare iterations with crocoddyl."""
+    from peers_gradient import descents, STARTS
+    return {start: compared(descents(start), rounds) for start in STARTS}
+
+
+def whole_solves(rounds: int) -> dict[str, Any]:
+    """Compare whole solves with CasADi."""
+    from peers_solvers import solves
+    works, costs = solves()
+    return {**compared(works, rounds), 'costs': costs}
+
+
+def sampling(rounds: int) -> dict[str, Any]:
+    """Compare updates with pytorch_mppi, and rollouts with MuJoCo."""
+    from limit import rollouts
+    from peers_sampling import mujoco_rollouts, our_tick, torch_tick
+
+    problem, found = configuration.problem({}), {}
+    for samples in SAMPLES:
+        few = max(3, rounds * 256 // samples)
+        ticks = {'mppi': our_tick(problem, samples)}
+        for kind in COMPILED:
+            for threads in (1, 2):
+                ticks[f'pytorch_mppi {kind}, {threads} threads'] = torch_tick(
+                    problem, samples, kind, threads)
+        steps = {'mppi rollouts': rollouts(problem, samples)}
+        for threads in (1, 2):
+            steps[f'MuJoCo, {threads} threads'] = mujoco_rollouts(problem, samples, threads)
+        found[str(samples)] = {'ticks': compared(ticks, few), 'steps': compared(steps, few)}
+    return found
+
+
+def paper(rounds: int) -> dict[str, Any]:
+    """Compare iterations with the paper's autograd."""
+    from paper_method import iterations
+    return compared(iterations(), max(rounds // 4, 3))
+
+
+def limits(rounds: int) -> dict[str, Any]:
+    """Compare rollouts with the machine."""
+    from limit import measure
+    return measure(rounds)
+
+
+def growing(rounds: int) -> dict[str, Any]:
+    """Measure growth, ticks and episodes."""
+    from growth import episodes, growth, holding
+    return {**growth(rounds), 'holding': {name: t._asdict() for name, t in holding(20.0).items()},
+            'episodes': {name: t._asdict() for name, t in episodes().items()}}
+
+
+def starting(rounds: int) -> dict[str, Any]:
+    """Measure the start of the node."""
+    from startup import start_ups
+    return {kind: times for kind, times in start_ups(max(rounds // 8, 3)).items()}
+
+
+FAMILIES: dict[str, Callable[[int], dict[str, Any]]] = {
+    'gradient': gradient, 'solves': whole_solves, 'sampling': sampling, 'paper': paper,
+    'limit': limits, 'growth': growing, 'startup': starting}
+
+
+def main() -> None:
+    """Measure, and write."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('--rounds', type=int, default=40, help='of each comparison')
+    parser.add_argument('--only', nargs='+', choices=FAMILIES, default=list(FAMILIES))
+    parser.add_argument('--docs', type=Path, default=Path(__file__).parents[1] / 'docs')
+    arguments = parser.parse_args()
+    results: dict[str, Any] = {
+        'date': str(date.today()), 'commit': provenance.commit(),
+        'machine': provenance.machine(), 'rounds': arguments.rounds,
+        'versions': provenance.packages([*provenance.COMPUTING, *installed()]), 'missing': {}}
+    for name in arguments.only:
+        print(name, flush=True)
+        try:
+            results[name] = FAMILIES[name](arguments.rounds)
+        except ImportError as error:
+            results['missing'][name] = f'{error.name} is not installed'
+    for folder in ('results', 'figures'):
+        (arguments.docs / folder).mkdir(parents=True, exist_ok=True)
+    path = arguments.docs / 'results' / 'benchmark'
+    path.with_suffix('.json').write_text(json.dumps(results, indent=1) + '\n')
+    path.with_suffix('.md').write_text(benchmark_page.page(results))
+    benchmark_figures.draw(results, arguments.docs / 'figures')
+
+
+def installed() -> list[str]:
+    """Return the distributions of the peers that are installed."""
+    from importlib.util import find_spec
+    return [name for name, module in PEERS.items() if find_spec(module)]
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,57 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The figures of the benchmark, from its results: time against size, on logarithmic axes."""
+
+from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from dp_swing_ros.figures.style import FORCE, INK, LINK1, LINK2, SOLVERS, styled
+
+COLOURS = {'ilqr': LINK1, 'ddp': LINK2, 'mppi': FORCE}
+
+
+def draw(results: dict[str, Any], folder: Path) -> None:
+    """Write the figures of what was measured."""
+    if 'growth' in results:
+        horizon(results['growth']).savefig(folder / 'benchmark_horizon.png')
+    if 'sampling' in results:
+        samples(results['sampling']).savefig(folder / 'benchmark_samples.png')
+
+
+@styled
+def horizon(growth: dict[str, Any]) -> Figure:
+    """Draw an iteration's time against the horizon."""
+    figure = Figure(figsize=(5.2, 3.6), layout='constrained')
+    axes = figure.subplots()
+    for name, grown in growth['horizon'].items():
+        axes.loglog(grown['sizes'], [1e3 * t for t in grown['seconds']], marker='o',
+                    markersize=4, color=COLOURS[name],
+                    label=f'{SOLVERS[name]}, exponent {grown["exponent"]["value"]:.2f}')
+    axes.set(xlabel='horizon [steps]', ylabel='one iteration [ms]')
+    axes.set_xticks(grown['sizes'], [str(size) for size in grown['sizes']])
+    axes.minorticks_off()
+    axes.grid(True)
+    axes.legend()
+    return figure
+
+
+@styled
+def samples(sampling: dict[str, Any]) -> Figure:
+    """Draw an update's time against the samples, for us and the best of each way of the peers."""
+    figure = Figure(figsize=(5.2, 3.6), layout='constrained')
+    axes = figure.subplots()
+    sizes = [int(size) for size in sampling]
+    for name, colour in (('mppi', FORCE), ('pytorch_mppi compiled', LINK1),
+                         ('pytorch_mppi closed', LINK2), ('pytorch_mppi twin', INK)):
+        times = [min(t['value'] for kind, t in found['ticks']['seconds'].items()
+                     if kind.startswith(name)) for found in sampling.values()]
+        axes.loglog(sizes, [1e3 * t for t in times], marker='o', markersize=4, color=colour,
+                    label='MPPI, here' if name == 'mppi' else name)
+    axes.set(xlabel='samples', ylabel='one update [ms]')
+    axes.set_xticks(sizes, [f'{size:,}' for size in sizes])
+    axes.minorticks_off()
+    axes.grid(True)
+    axes.legend()
+    return figure

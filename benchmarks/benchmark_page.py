@@ -1,0 +1,145 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The page of the benchmark, from its results: every target met or missed, then every row."""
+
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+# by the results of `benchmark.py`
+NEAR, RK4 = 'near the goal', '20 N'
+
+
+class Target(NamedTuple):
+    """What was aimed at, what was measured, and whether more is better."""
+
+    what: str
+    aim: float
+    found: float
+    more: bool
+
+    @property
+    def met(self) -> bool:
+        """Tell whether it was met."""
+        return self.found >= self.aim if self.more else self.found <= self.aim
+
+
+def fastest(race: dict[str, Any], *words: str) -> str:
+    """Return the fastest contender with all these words in its name."""
+    names = [name for name in race['seconds'] if all(word in name for word in words)]
+    return min(names, key=lambda name: race['seconds'][name]['value'])
+
+
+def over(race: dict[str, Any], ours: str, *words: str) -> float:
+    """Return how many times faster we are than the fastest peer of this kind."""
+    return float(race['ratios'][fastest(race, *words)][ours]['value'])
+
+
+def targets(results: dict[str, Any]) -> list[Target]:
+    """Return the targets of what was measured."""
+    found = []
+    if 'gradient' in results:
+        near = results['gradient'][NEAR]
+        for name, aims in (('ddp', (30, 8)), ('ilqr', (45, 12))):
+            for model, aim in zip(('rk4', 'euler'), aims):
+                for actuation in ('python', 'C++'):
+                    found.append(Target(
+                        f'{name} per iteration against crocoddyl, {model}, actuation in '
+                        f'{actuation}', aim,
+                        over(near, f'{name} rk4 {RK4}', 'crocoddyl', model, actuation), True))
+    if 'sampling' in results:
+        for samples, aim in (('1024', 100), ('8192', 40)):
+            for kind in ('twin', 'closed', 'compiled'):
+                found.append(Target(
+                    f'mppi per update against pytorch_mppi {kind}, {samples} samples', aim,
+                    over(results['sampling'][samples]['ticks'], 'mppi', kind), True))
+    if 'paper' in results:
+        for kind in ('step by step', 'batched'):
+            found.append(Target(f"ddp per iteration against the paper's autograd, {kind}", 2000,
+                                over(results['paper'], 'ddp', 'autograd ddp', kind), True))
+    if 'limit' in results:
+        found.append(Target('share of the multiply-add limit [%]', 40,
+                            100 * results['limit']['share']['value'], True))
+    if 'growth' in results:
+        growth = results['growth']
+        for name, aim in (('ilqr', 0.2), ('ddp', 0.2), ('mppi', 1.5)):
+            found.append(Target(f'{name}: median tick while holding [ms]', aim,
+                                1e3 * growth['holding'][name]['value'], False))
+        for size in ('horizon', 'samples'):
+            for name, grown in growth[size].items():
+                found.append(Target(f'{name}: exponent over the {size}', 1.05,
+                                    grown['exponent']['value'], False))
+    for kind, aim in (('warm', 2.5), ('cold', 25.0)):
+        if 'startup' in results:
+            times = sorted(results['startup'][kind])
+            found.append(Target(f'start of the mpc to its first force, {kind} [s]', aim,
+                                times[len(times) // 2], False))
+    return found
+
+
+def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+    """Return a table as Markdown."""
+    head = list(head)
+    return '\n'.join([f'| {" | ".join(head)} |', '| --- ' * len(head) + '|',
+                      *(f'| {" | ".join(row)} |' for row in rows)])
+
+
+def times(race: dict[str, Any]) -> str:
+    """Return the rows of a comparison; the ratio is to the fastest of ours."""
+    ours = fastest({'seconds': {name: race['seconds'][name] for name in
+                                next(iter(race['ratios'].values()))}})
+    return table(['contender', 'median [ms]', '95 % interval [ms]', f'times {ours}'], (
+        [name, f'{1e3 * t["value"]:.4g}', f'{1e3 * t["low"]:.4g}-{1e3 * t["high"]:.4g}',
+         '{value:.3g} ({low:.3g}-{high:.3g})'.format(**race['ratios'][name][ours])]
+        for name, t in race['seconds'].items()))
+
+
+def page(results: dict[str, Any]) -> str:
+    """Return the page as Markdown."""
+    versions = ', '.join(f'{name} {number}' for name, number in results['versions'].items())
+    parts = [
+        '# Against peers, and the limit of the machine',
+        f'Made by `make benchmark` (benchmarks/benchmark.py) on {results["date"]} at commit '
+        f'{results["commit"]}; {results["machine"]}; {versions}. Contenders take turns in one '
+        f'process; medians of up to {results["rounds"]} rounds, in brackets the 95 % interval '
+        '(bootstrap over rounds). Ours solve in one thread; so do crocoddyl and CasADi.',
+        '## Targets', table(['target', 'aim', 'measured', ''], (
+            [one.what, f'{"at least" if one.more else "at most"} {one.aim:g}',
+             f'{one.found:.3g}', 'met' if one.met else '**missed**']
+            for one in targets(results)))]
+    if results['missing']:
+        parts.append('Not measured: ' + '; '.join(
+            f'{name}, for {why}' for name, why in results['missing'].items()) + '.')
+    if 'gradient' in results:
+        parts += ['## One iteration, N = 30, 50 ms, double precision']
+        for start, race in results['gradient'].items():
+            parts += [f'From {start}:', times(race)]
+    if 'solves' in results:
+        costs = ', '.join(f'{name} {J:.0f}' for name, J in results['solves']['costs'].items())
+        parts += ['## Whole solves', times(results['solves']), f'Costs reached: {costs}.']
+    for samples, found in results.get('sampling', {}).items():
+        parts += [f'## MPPI, {int(samples):,} samples', times(found['ticks']),
+                  'Rollouts alone, per step:', times(found['steps'])]
+    if 'paper' in results:
+        parts += ["## The paper's autograd, one iteration", times(results['paper'])]
+    if 'limit' in results:
+        limit = results['limit']
+        parts += ['## The limit of the machine', table(
+            ['what', '10⁹ multiply-adds or steps per second'],
+            ([name, f'{1e-9 * rate:.4g}'] for name, rate in limit['rates'].items())),
+            f'A step of a sample takes {limit["per_step"]:.0f} operations: '
+            + ', '.join(f'{number:.0f} {kind}' for kind, number in
+                        limit['operations']['sample'].items())
+            + f'. The share is operations per second over two per multiply-add of {limit["limit"]}.']
+    if 'growth' in results:
+        parts += ['## Growth', '![time against horizon](../figures/benchmark_horizon.png)',
+                  'Episodes of 10 s by `evaluate`, in one process: ' + ', '.join(
+                      f'{name} {1 / t["value"]:.1f} a second ({10 / t["value"]:.0f} times real '
+                      'time)' for name, t in results['growth']['episodes'].items()) + '.']
+        parts.append(table(['most memory of one call [kB]', 'sizes', 'bytes / 1000'], (
+            [f'{name} over the {size}', ', '.join(map(str, grown['sizes'])),
+             ', '.join(f'{number / 1e3:.0f}' for number in grown['bytes'])]
+            for size in ('horizon', 'samples')
+            for name, grown in results['growth'][size].items())))
+    if 'sampling' in results:
+        parts.append('![time against samples](../figures/benchmark_samples.png)')
+    return '\n\n'.join(parts) + '\n'

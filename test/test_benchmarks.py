@@ -1,0 +1,142 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The benchmark times the same problem for everyone; peers that are not installed are skipped."""
+
+import json
+import subprocess
+import sys
+
+import benchmark_page
+import numpy as np
+import operations
+import pytest
+import timing
+import torch
+
+from dp_swing_ros import configuration
+from dp_swing_ros.cost import running, terminal, trajectory_cost
+from dp_swing_ros.dynamics.trajectory import rollout
+
+
+@pytest.fixture
+def problem():
+    return configuration.problem({})
+
+
+def test_the_ratio_of_a_race_is_that_of_the_work(rng):
+    A = rng.normal(size=(200, 200))
+
+    def work(products):
+        def run():
+            for _ in range(products):
+                A @ A
+            return 1
+        return run
+    times = timing.race({'one': work(1), 'eight': work(8)}, 15)
+    found = timing.ratio(times['eight'], times['one'])
+    assert found.low <= found.value <= found.high
+    assert 4 < found.value < 16
+
+
+def test_the_exponent_of_a_power_is_found(rng):
+    sizes = np.array([10, 20, 40, 80, 160])
+    found = timing.exponent(sizes, 3e-6 * sizes ** 1.5 * np.exp(rng.normal(0, 0.01, 5)))
+    assert found.low < 1.5 < found.high < found.low + 0.1
+
+
+def test_operations_are_those_of_the_source():
+    a, b = operations.remembering(2)
+    assert operations.count([a * b + a * b, 2 / (b * a)]) == {'add': 1, 'multiply': 1, 'divide': 1}
+    done = subprocess.run([sys.executable, operations.__file__], capture_output=True, text=True)
+    counts = json.loads(done.stdout)
+    assert 500 < sum(counts['step'].values()) < sum(counts['sample'].values()) < 1000
+
+
+def test_the_limit_is_reached_in_full_registers():
+    limit = pytest.importorskip('limit')
+    spinner = limit.Spinner('float32', limit.widest())   # refuses code that is not
+    assert spinner.run() == spinner.multiply_adds
+
+
+@pytest.mark.parametrize('kind', ['twin', 'closed'])
+def test_torch_has_our_step_and_cost(kind, problem, rng):
+    peers = pytest.importorskip('peers_sampling')
+    X, U = rng.normal(size=(50, 6)), 10 * rng.normal(size=50)
+    following = [rollout(problem.model, x, np.array([u]))[1] for x, u in zip(X, U)]
+    theirs = peers.torch_step(problem, kind)(torch.tensor(X), torch.tensor(U))
+    np.testing.assert_allclose(theirs, following, rtol=0, atol=1e-12)
+    of_running, of_terminal = peers.costs(problem, torch.float64)
+    np.testing.assert_allclose(of_running(torch.tensor(X), torch.tensor(U[:, None])),
+                               [running(problem.cost, x, u) for x, u in zip(X, U)], rtol=1e-12)
+    np.testing.assert_allclose(of_terminal(torch.tensor(X[:, None]), torch.empty(0)),
+                               [terminal(problem.cost, x) for x in X], rtol=1e-12)
+
+
+def test_mujoco_rolls_out_our_model(problem, rng):
+    pytest.importorskip('mujoco')
+    from mujoco import MjData, rollout as theirs
+    import peers_sampling as peers
+    X, U = rng.normal(size=(50, 6)), 10 * rng.normal(size=50)
+    model = peers.mujoco_model(problem.bodies, problem.dt)
+    states, _ = theirs.rollout(model, MjData(model), peers.mujoco_states(X), U[:, None, None])
+    following = np.array([rollout(problem.model, x, np.array([u]))[1] for x, u in zip(X, U)])
+    np.testing.assert_allclose(states[:, 0, 1:], peers.mujoco_states(following)[:, 1:], rtol=0,
+                               atol=1e-9)
+
+
+@pytest.mark.parametrize('actuation', ['python', 'C++'])
+def test_crocoddyl_solves_our_problem(actuation):
+    pytest.importorskip('crocoddyl', reason='crocoddyl is not installed; see make benchmark')
+    import peers_gradient as peers
+    theirs = peers.Crocoddyl('rk4', actuation, False, 'near the goal')
+    ours = peers.problem('rk4', False)
+    U = np.array([u[0] for u in theirs.us])
+    X = rollout(ours.model, np.array(peers.STARTS['near the goal'][0]), U)
+    np.testing.assert_allclose(np.array(theirs.xs), X @ peers.RELATIVE.T, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize('actuation', ['python', 'C++'])
+def test_crocoddyl_has_our_cost(actuation):
+    pytest.importorskip('crocoddyl', reason='crocoddyl is not installed; see make benchmark')
+    import peers_gradient as peers
+    theirs = peers.Crocoddyl('euler', actuation, False, 'swing-up')
+    X = np.linalg.solve(peers.RELATIVE, np.array(theirs.xs).T).T
+    J = trajectory_cost(peers.problem('euler', False).cost, np.ascontiguousarray(X),
+                        np.array([u[0] for u in theirs.us]))
+    assert theirs.problem.calc(theirs.xs, theirs.us) == pytest.approx(J, rel=1e-12)
+
+
+def test_casadi_has_our_step_and_cost(problem, rng):
+    pytest.importorskip('casadi', reason='casadi is not installed; see make benchmark')
+    import peers_solvers as peers
+    f, of_running, of_terminal = peers.functions(problem)
+    for x, u in zip(rng.normal(size=(20, 6)), 10 * rng.normal(size=20)):
+        np.testing.assert_allclose(np.ravel(f(x, u)), rollout(problem.model, x, np.array([u]))[1],
+                                   rtol=0, atol=1e-12)
+        assert float(of_running(x, u)) == pytest.approx(running(problem.cost, x, u), rel=1e-12)
+        assert float(of_terminal(x)) == pytest.approx(terminal(problem.cost, x), rel=1e-12)
+
+
+@pytest.mark.parametrize('second_order', [False, True])
+def test_the_paper_s_method_finds_our_policy(second_order):
+    paper = pytest.importorskip('paper_method')
+    problem = paper.paper_problem()
+    theirs = paper.PaperMethod(problem, second_order, batched=True).policy()
+    ours = paper.our_iteration(problem, second_order)[1]()
+    np.testing.assert_allclose(theirs.k, ours.k, rtol=0, atol=1e-7 * np.abs(ours.k).max())
+    np.testing.assert_allclose(theirs.K, ours.K, rtol=0, atol=1e-7 * np.abs(ours.K).max())
+
+
+def test_the_page_says_met_missed_and_what_is_missing():
+    seconds = {'value': 1e-4, 'low': 9e-5, 'high': 1.1e-4}
+    race = {'seconds': {'ddp': seconds, 'autograd ddp, step by step': seconds,
+                        'autograd ddp, batched': seconds},
+            'ratios': {'ddp': {'ddp': {'value': 1, 'low': 1, 'high': 1}},
+                       'autograd ddp, step by step': {'ddp': {'value': 3000, 'low': 1, 'high': 2}},
+                       'autograd ddp, batched': {'ddp': {'value': 300, 'low': 1, 'high': 2}}}}
+    page = benchmark_page.page({
+        'date': 'today', 'commit': 'c', 'machine': 'm', 'versions': {}, 'rounds': 3,
+        'missing': {'solves': 'casadi is not installed'}, 'paper': race})
+    assert '3e+03 | met |' in page
+    assert '300 | **missed** |' in page
+    assert 'solves, for casadi is not installed' in page
