@@ -95,7 +95,7 @@ def growing(rounds: int) -> dict[str, Any]:
 def starting(rounds: int) -> dict[str, Any]:
     """Measure the start of the node."""
     from startup import start_ups
-    return {kind: times for kind, times in start_ups(max(rounds // 8, 3)).items()}
+    return dict(start_ups(max(rounds // 8, 3)))
 
 
 FAMILIES: dict[str, Callable[[int], dict[str, Any]]] = {

@@ -129,7 +129,8 @@ def page(results: dict[str, Any]) -> str:
             f'A step of a sample takes {limit["per_step"]:.0f} operations: '
             + ', '.join(f'{number:.0f} {kind}' for kind, number in
                         limit['operations']['sample'].items())
-            + f'. The share is operations per second over two per multiply-add of {limit["limit"]}.']
+            + f'. The share is operations per second over two per multiply-add of '
+            f'{limit["limit"]}.']
     if 'growth' in results:
         parts += ['## Growth', '![time against horizon](../figures/benchmark_horizon.png)',
                   'Episodes of 10 s by `evaluate`, in one process: ' + ', '.join(

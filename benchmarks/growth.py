@@ -1,6 +1,6 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""How time and memory grow with the horizon and the samples, and what a tick and an episode take."""
+"""How time and memory grow with horizon and samples; what a tick and an episode take."""
 
 import time
 import tracemalloc

@@ -121,8 +121,8 @@ def rollouts(problem: Problem, samples: int = SAMPLES) -> Work:
     N, random = problem.horizon, np.random.default_rng(0)
     noise = random.standard_normal((N, samples), np.float32)
     V, J = np.empty((N, samples), np.float32), np.empty(samples, np.float32)
-    X, U, K = np.zeros((N + 1, 6), np.float32), np.zeros(N, np.float32), np.zeros((N, 6),
-                                                                                np.float32)
+    X, U = np.zeros((N + 1, 6), np.float32), np.zeros(N, np.float32)
+    K = np.zeros((N, 6), np.float32)
     X[:, 1:3] = np.pi
     sigma = np.full(samples, 5, np.float32)
     model, cost = single(problem.model), single(problem.cost)
@@ -137,7 +137,8 @@ def rollouts(problem: Problem, samples: int = SAMPLES) -> Work:
 def operations() -> dict[str, dict[str, float]]:
     """Return the counts of operations.py, which needs a process without a compiler."""
     done = subprocess.run([sys.executable, str(Path(__file__).with_name('operations.py'))],
-                          capture_output=True, text=True, check=True)
+                          env={**os.environ, 'NUMBA_DISABLE_JIT': '1'}, capture_output=True,
+                          text=True, check=True)
     counts: dict[str, dict[str, float]] = json.loads(done.stdout)
     return counts
 

@@ -3,29 +3,26 @@
 """
 Count the arithmetic of the rollout kernel, as its source does it; prints JSON.
 
-The kernels also run as Python (NUMBA_DISABLE_JIT=1), so they run here on numbers that remember
-what made them: one step of the model, and one sample through `follow` with its feedback, noise and
-cost. Counted is what a result depends on, and once what is written twice: a compiler finds both.
-Minima, maxima and absolute values are not counted.
+With NUMBA_DISABLE_JIT=1 in the environment the kernels run as Python, so they run here on numbers
+that remember what made them: one step of the model, and one sample through `follow` with its
+feedback, noise and cost. Counted is what a result depends on, and once what is written twice: a
+compiler finds both. Minima, maxima and absolute values are not counted.
 """
 
 import argparse
 from collections import Counter
 from collections.abc import Iterable
 import json
-import os
 import sys
 from typing import Any
 
-os.environ['NUMBA_DISABLE_JIT'] = '1'   # before the first kernel is imported
+import numpy as np
 
-import numpy as np                                               # noqa: E402
-
-from dp_swing_ros import configuration                           # noqa: E402
-from dp_swing_ros.dynamics import model, pendulum, trigonometry  # noqa: E402
-from dp_swing_ros.problem import Problem                         # noqa: E402
-from dp_swing_ros.solvers import samples                         # noqa: E402
-from dp_swing_ros.state import Array                             # noqa: E402
+from dp_swing_ros import configuration
+from dp_swing_ros.dynamics import model, pendulum, trigonometry
+from dp_swing_ros.problem import Problem
+from dp_swing_ros.solvers import samples
+from dp_swing_ros.state import Array
 
 made: dict[tuple, 'Remembering'] = {}   # by the operation and its operands
 
