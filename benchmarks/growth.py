@@ -14,10 +14,10 @@ from dp_swing_ros.campaign.contestants import parse
 from dp_swing_ros.campaign.episodes import play
 from dp_swing_ros.plan import Status
 from dp_swing_ros.problem import Problem
+from dp_swing_ros.problem import regulator_rollout
 from dp_swing_ros.scenarios import SCENARIOS
 from dp_swing_ros.simulation import answer
 from dp_swing_ros.solvers import SOLVERS
-from dp_swing_ros.solvers.solver import regulator_start
 from dp_swing_ros.starts import plan_of
 from dp_swing_ros.state import Array
 
@@ -33,7 +33,7 @@ DURATION = 10.0      # [s]
 def iteration(name: str, problem: Problem, **of_solver: int) -> Work:
     """Return one iteration of a solver that holds the pendulum, with all that `solve` does."""
     solver = SOLVERS[name](problem, SOLVERS[name].Parameters(iterations=1, **of_solver))
-    held = regulator_start(problem, np.array(NEAR))
+    held = regulator_rollout(problem, np.array(NEAR))
     plan = plan_of(problem, held.X, held.U, Status.COMPLETE, held.K)
 
     def run() -> int:
