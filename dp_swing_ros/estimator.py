@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dp_swing_ros.dynamics import Pendulum
-from dp_swing_ros.dynamics.model import linearise
+from dp_swing_ros.dynamics.model import expand, linearise
 from dp_swing_ros.dynamics.pendulum import coefficients
 from dp_swing_ros.dynamics.trajectory import step
 from dp_swing_ros.kernels import kernel
@@ -141,10 +141,11 @@ def predict(models, force_noise, acceleration_noise, u, steps, z, P):
     squared. Shapes: z (n,), P (n, n).
     """
     n, x, h = len(z), z[:6], models[0].h
-    A, B, following = np.empty((6, 6)), np.empty(6), np.empty(6)
+    derivatives, following = np.empty((6, 8)), np.empty(6)
+    A, B = derivatives[:, :6], derivatives[:, 6]
     F, FP = np.empty((6, n)), np.empty((6, n))   # the rows of x; the others stay as they are
     for _ in range(steps):
-        linearise(models[0], x, u + z[6], A, B)
+        linearise(models[0], expand(models[0], x.reshape((1, 6)), z[6:7] + u), 0, derivatives)
         F[:, :6], F[:, 6] = A, B
         for k in range(1, len(models)):
             step(models[k], x, u + z[6], following)

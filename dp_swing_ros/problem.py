@@ -15,7 +15,7 @@ from scipy.linalg import LinAlgError, solve_discrete_are
 
 from dp_swing_ros.cost import Cost, trajectory_cost
 from dp_swing_ros.dynamics import MODELS, Pendulum
-from dp_swing_ros.dynamics.model import linearise
+from dp_swing_ros.dynamics.model import expand, linearise
 from dp_swing_ros.dynamics.trajectory import step
 from dp_swing_ros.kernels import kernel
 from dp_swing_ros.parameters import (CostParameters, LimitParameters, ParameterError,
@@ -115,9 +115,9 @@ def regulator(model: Any, cost: CostParameters) -> LQR:
 @kernel
 def linearisation(model, x, u):
     """Return A = ∂f/∂x (6, 6) and B = ∂f/∂u (6,)."""
-    A, B = np.empty((6, 6)), np.empty(6)
-    linearise(model, x, u, A, B)
-    return A, B
+    F = np.empty((6, 8))
+    linearise(model, expand(model, x.reshape((1, 6)), np.full(1, u)), 0, F)
+    return F[:, :6].copy(), F[:, 6].copy()
 
 
 @kernel

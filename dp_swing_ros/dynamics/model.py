@@ -1,11 +1,12 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What a dynamics model is: a NamedTuple of numbers and three kernels over it.
+What a dynamics model is: a NamedTuple of numbers and four kernels over it.
 
-A solver's kernel calls `step`, `linearise` and `curvature` of this module; the type of the model
-decides at compile time which implementation runs, as with functools.singledispatch. So a new
-model is one file, and every solver runs on it at full speed, its compiled code kept on disk.
+A solver's kernel calls `advance`, `expand`, `linearise` and `curvature` of this module; the type
+of the model decides at compile time which implementation runs, as with functools.singledispatch.
+So a new model is one file, and every solver runs on it at full speed, its compiled code kept on
+disk.
 """
 
 import functools
@@ -33,7 +34,8 @@ def model_kernel(signature: Callable) -> Any:
             return implementation
         return add
 
-    @overload(dispatch, strict=False, jit_options={'error_model': 'numpy', 'forceinline': True})
+    @overload(dispatch, strict=False, jit_options={
+        'error_model': 'numpy', 'forceinline': True, 'fastmath': {'contract'}})
     def choose(model: Any, *arguments: Any) -> Callable | None:
         implementation = implementations.get(getattr(model, 'instance_class', None))
         return getattr(implementation, 'py_func', implementation)
@@ -52,18 +54,27 @@ def advance(model, x, th_1, th_2, v, w_1, w_2, u):
 
 
 @model_kernel
-def linearise(model, x, u, A, B):
+def expand(model, X, U):
     """
-    Write A = ∂f/∂x and B = ∂f/∂u.
+    Return what the derivatives need at each step of a trajectory; what, is the model's affair.
 
-    Shapes: A (6, 6), B (6,).
+    Shapes: X (T or more, 6), U (T,).
     """
 
 
 @model_kernel
-def curvature(model, x, u, costate, A, B, W):
+def linearise(model, points, t, F):
     """
-    Write A and B as `linearise` does, and W = Σ λᵢ ∂²fᵢ/∂(x, u)² for the costate λ.
+    Write F = ∂f/∂(x, u) at step t of those that `expand` returned.
 
-    Shapes: costate (6,), W (7, 7), its last row and column being those of u.
+    Shapes: F (6, 8), its columns being those of x, that of u, and zeros.
+    """
+
+
+@model_kernel
+def curvature(model, points, t, costate, F, W):
+    """
+    Write F as `linearise` does, and W = Σ λᵢ ∂²fᵢ/∂(x, u)² for the costate λ.
+
+    Shapes: costate (6,), W (7, 8), its rows and columns as the columns of F.
     """

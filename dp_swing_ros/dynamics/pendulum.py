@@ -1,18 +1,14 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Accelerations of the double pendulum on a cart, and their first and second derivatives.
+Accelerations of the double pendulum on a cart.
 
     D(θ) q̈ + C(θ, θ̇) q̇ + G(θ) = H u - friction,    q = [x, θ1, θ2]
 
 Source: the paper, (4)-(15), with the errata of docs/model.md. With r = H u - C q̇ - G - friction,
-the accelerations a solve D a = r; differentiating that identity gives
-
-    D ∂a = ∂r - ∂D a,    νᵀ D ∂²a = νᵀ (∂²r - ∂²D a - 2 ∂D ∂a).
-
-Everything depends on the five variables z = (θ1, θ2, θ̇1, θ̇2, f) alone, where f is the force on
-the cart less its friction. The kernels take sines and cosines as arguments and hold no constants
-that would widen them, so the same lines serve in single precision.
+the accelerations a solve D a = r. They depend on θ1, θ2, θ̇1, θ̇2 and f alone, where f is the
+force on the cart less its friction. The kernels take sines and cosines as arguments and hold no
+constants that would widen them, so the same lines serve in single precision.
 """
 
 import math
@@ -97,86 +93,6 @@ def accelerations(p, s_1, c_1, s_2, c_2, w_1, w_2, f):
     return (i_00 * r_0 + i_01 * r_1 + i_02 * r_2,
             i_01 * r_0 + i_11 * r_1 + i_12 * r_2,
             i_02 * r_0 + i_12 * r_1 + i_22 * r_2)
-
-
-@kernel
-def jacobian(p, s_1, c_1, s_2, c_2, w_1, w_2, f, J):
-    """
-    Write J = ∂a/∂z = D⁻¹ (∂r/∂z - ∂D/∂z a) and return a.
-
-    Shapes: J (3, 5), columns z = (θ1, θ2, θ̇1, θ̇2, f).
-    """
-    i_00, i_01, i_02, i_11, i_12, i_22 = inverse_inertia(p, s_1, c_1, s_2, c_2)
-    r_0, r_1, r_2 = generalised_force(p, s_1, c_1, s_2, c_2, w_1, w_2, f)
-    a_0 = i_00 * r_0 + i_01 * r_1 + i_02 * r_2
-    a_1 = i_01 * r_0 + i_11 * r_1 + i_12 * r_2
-    a_2 = i_02 * r_0 + i_12 * r_1 + i_22 * r_2
-    s_12, c_12 = s_1 * c_2 - c_1 * s_2, c_1 * c_2 + s_1 * s_2
-    h_1, h_2, h_12 = p.d_01, p.d_02, p.d_12
-    # ∂(r - D a)/∂z at fixed a, one triple of rows per column
-    columns = (
-        (h_1 * (c_1 * w_1 * w_1 + s_1 * a_1),
-         h_1 * (p.g * c_1 + s_1 * a_0) + h_12 * (s_12 * a_2 - c_12 * w_2 * w_2),
-         h_12 * (c_12 * w_1 * w_1 + s_12 * a_1)),
-        (h_2 * (c_2 * w_2 * w_2 + s_2 * a_2),
-         h_12 * (c_12 * w_2 * w_2 - s_12 * a_2),
-         h_2 * (p.g * c_2 + s_2 * a_0) - h_12 * (c_12 * w_1 * w_1 + s_12 * a_1)),
-        (2 * h_1 * s_1 * w_1, -p.b_1 - p.b_2, 2 * h_12 * s_12 * w_1 + p.b_2),
-        (2 * h_2 * s_2 * w_2, -2 * h_12 * s_12 * w_2 + p.b_2, -p.b_2))
-    for j in range(4):
-        d_0, d_1, d_2 = columns[j]
-        J[0, j] = i_00 * d_0 + i_01 * d_1 + i_02 * d_2
-        J[1, j] = i_01 * d_0 + i_11 * d_1 + i_12 * d_2
-        J[2, j] = i_02 * d_0 + i_12 * d_1 + i_22 * d_2
-    J[0, 4], J[1, 4], J[2, 4] = i_00, i_01, i_02
-    return a_0, a_1, a_2
-
-
-@kernel
-def curvature(p, s_1, c_1, s_2, c_2, w_1, w_2, f, J, mu_0, mu_1, mu_2, M):
-    """
-    Write M = Σ μᵢ ∂²aᵢ/∂z², with J from `jacobian` at the same point.
-
-    Adjoint form: with ν = D⁻¹ μ, g(z) = νᵀ (r - D a) at fixed a, and e_j = ∂D/∂z_j ν,
-    M_jk = ∂²g/∂z_j∂z_k - e_j·J_k - e_k·J_j. Only the angles have an e.
-    Shapes: J (3, 5), M (5, 5).
-    """
-    i_00, i_01, i_02, i_11, i_12, i_22 = inverse_inertia(p, s_1, c_1, s_2, c_2)
-    r_0, r_1, r_2 = generalised_force(p, s_1, c_1, s_2, c_2, w_1, w_2, f)
-    a_0 = i_00 * r_0 + i_01 * r_1 + i_02 * r_2
-    a_1 = i_01 * r_0 + i_11 * r_1 + i_12 * r_2
-    a_2 = i_02 * r_0 + i_12 * r_1 + i_22 * r_2
-    n_0 = i_00 * mu_0 + i_01 * mu_1 + i_02 * mu_2
-    n_1 = i_01 * mu_0 + i_11 * mu_1 + i_12 * mu_2
-    n_2 = i_02 * mu_0 + i_12 * mu_1 + i_22 * mu_2
-    s_12, c_12 = s_1 * c_2 - c_1 * s_2, c_1 * c_2 + s_1 * s_2
-    h_1, h_2, h_12 = p.d_01, p.d_02, p.d_12
-
-    M[0, 0] = (n_0 * h_1 * (c_1 * a_1 - s_1 * w_1 * w_1)
-               + n_1 * (h_1 * (c_1 * a_0 - p.g * s_1) + h_12 * (s_12 * w_2 * w_2 + c_12 * a_2))
-               + n_2 * h_12 * (c_12 * a_1 - s_12 * w_1 * w_1))
-    M[0, 1] = (-n_1 * h_12 * (s_12 * w_2 * w_2 + c_12 * a_2)
-               + n_2 * h_12 * (s_12 * w_1 * w_1 - c_12 * a_1))
-    M[1, 1] = (n_0 * h_2 * (c_2 * a_2 - s_2 * w_2 * w_2)
-               + n_1 * h_12 * (s_12 * w_2 * w_2 + c_12 * a_2)
-               + n_2 * (h_2 * (c_2 * a_0 - p.g * s_2) + h_12 * (c_12 * a_1 - s_12 * w_1 * w_1)))
-    M[0, 2] = 2 * w_1 * (n_0 * h_1 * c_1 + n_2 * h_12 * c_12)
-    M[0, 3] = -2 * w_2 * n_1 * h_12 * c_12
-    M[1, 2] = -2 * w_1 * n_2 * h_12 * c_12
-    M[1, 3] = 2 * w_2 * (n_0 * h_2 * c_2 + n_1 * h_12 * c_12)
-    M[2, 2] = 2 * (n_0 * h_1 * s_1 + n_2 * h_12 * s_12)
-    M[3, 3] = 2 * (n_0 * h_2 * s_2 - n_1 * h_12 * s_12)
-    M[2, 3] = M[0, 4] = M[1, 4] = M[2, 4] = M[3, 4] = M[4, 4] = 0.0
-
-    e = ((-h_1 * s_1 * n_1, -h_1 * s_1 * n_0 - h_12 * s_12 * n_2, -h_12 * s_12 * n_1),
-         (-h_2 * s_2 * n_2, h_12 * s_12 * n_2, h_12 * s_12 * n_1 - h_2 * s_2 * n_0))
-    for j in range(2):
-        for k in range(5):
-            e_jk = e[j][0] * J[0, k] + e[j][1] * J[1, k] + e[j][2] * J[2, k]
-            M[min(j, k), max(j, k)] -= 2 * e_jk if j == k else e_jk
-    for j in range(5):
-        for k in range(j):
-            M[j, k] = M[k, j]
 
 
 @inlined

@@ -5,23 +5,22 @@ The pendulum over one step of the classical Runge-Kutta method under a held forc
 
     x⁺ = x + h/6 (k1 + 2 k2 + 2 k3 + k4),   kᵢ = f(xᵢ, u),   xᵢ₊₁ = x + cᵢ₊₁ h kᵢ
 
-First derivatives go forward through the stages (Zᵢ = ∂zᵢ/∂(x, u)); the second come from one
-backward sweep of costates, κᵢ = hbᵢ λ + cᵢ₊₁ h Fᵢ₊₁ᵀ κᵢ₊₁, as W = Σᵢ Zᵢᵀ (Σ κᵢ ∂²f) Zᵢ.
+First derivatives go forward through the stages, along each direction of (x, u). The gradient of
+λᵀ x⁺ comes from a backward sweep of costates, κᵢ = hbᵢ λ + cᵢ₊₁ h (∂f/∂x)ᵢ₊₁ᵀ κᵢ₊₁; that sweep,
+differentiated along each direction, gives the second derivatives.
 """
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 
 from dp_swing_ros.dynamics import model as generic
 from dp_swing_ros.dynamics import pendulum
+from dp_swing_ros.dynamics.derivatives import (against, along, bent, keep, KEPT, kept_curvature,
+                                               kept_jacobian)
+from dp_swing_ros.dynamics.lanes import blocks, direction, LANES, STEPS
 from dp_swing_ros.dynamics.pendulum import Pendulum
-from dp_swing_ros.kernels import kernel
-
-NODES = (0.0, 0.5, 0.5, 1.0)           # c
-WEIGHTS = (1 / 6, 1 / 3, 1 / 3, 1 / 6)  # b
-COLUMNS = (1, 2, 3, 4, 5, 6)           # of (x, u) that matter: θ1, θ2, ẋ, θ̇1, θ̇2, u
+from dp_swing_ros.kernels import inlined, kernel
 
 
 class RK4(NamedTuple):
@@ -62,96 +61,142 @@ def advance(model, x, th_1, th_2, v, w_1, w_2, u):
             w_2 + sixth * (a_2 + d_2) + third * (b_2 + c_2))
 
 
+@generic.expand.register(RK4)
 @kernel
-def stages(model, x, u, z, J, Z, A, B):
-    """
-    Write the stages z, their Jacobians J and sensitivities Z, and with them A and B.
+def expand(model, X, U):
+    """Return the accelerations' derivatives at the four stages of every step."""
+    p, h, half, _, _ = model
+    points = np.empty((blocks(U), 4 * KEPT, STEPS))
+    for block in range(len(points)):
+        first, out = block * STEPS, points[block]
+        for i in range(min(STEPS, len(U) - first)):
+            x, u = X[first + i], U[first + i]
+            th_1, th_2, v, w_1, w_2 = x[1], x[2], x[3], x[4], x[5]
+            a_0, a_1, a_2 = keep(p, th_1, th_2, v, w_1, w_2, u, out, 0, i)
+            v_b, w_1b, w_2b = v + half * a_0, w_1 + half * a_1, w_2 + half * a_2
+            b_0, b_1, b_2 = keep(p, th_1 + half * w_1, th_2 + half * w_2, v_b, w_1b, w_2b, u,
+                                 out, KEPT, i)
+            v_c, w_1c, w_2c = v + half * b_0, w_1 + half * b_1, w_2 + half * b_2
+            c_0, c_1, c_2 = keep(p, th_1 + half * w_1b, th_2 + half * w_2b, v_c, w_1c, w_2c, u,
+                                 out, 2 * KEPT, i)
+            keep(p, th_1 + h * w_1c, th_2 + h * w_2c, v + h * c_0, w_1 + h * c_1, w_2 + h * c_2,
+                 u, out, 3 * KEPT, i)
+    return points
 
-    Shapes: z (4, 5) and J (4, 3, 5) in z = (θ1, θ2, θ̇1, θ̇2, f); Z (4, 5, 6) over COLUMNS.
+
+@inlined
+def jacobians(points, t):
+    """Return J of the four stages of step t."""
+    kept, i = points[t // STEPS], t % STEPS
+    return (kept_jacobian(kept, 0, i), kept_jacobian(kept, KEPT, i),
+            kept_jacobian(kept, 2 * KEPT, i), kept_jacobian(kept, 3 * KEPT, i))
+
+
+@inlined
+def tangent(model, J, d, F, m):
     """
-    p, h = model.pendulum, model.h
-    k = np.empty(6)            # k_i = (ẋ, θ̇1, θ̇2, accelerations) of the stage before
-    dk = np.empty((6, 6))      # its derivatives by COLUMNS
-    dx = np.empty((5, 6))      # of the stage's (θ1, θ2, ẋ, θ̇1, θ̇2)
-    A[:, :] = 0.0
-    B[:] = 0.0
-    for i in range(6):
-        A[i, i] = 1.0
-    for i in range(4):
-        ch = NODES[i] * h
-        dx[:, :] = 0.0
-        for j in range(5):
-            dx[j, j] = 1.0
-        th_1, th_2, v, w_1, w_2 = x[1], x[2], x[3], x[4], x[5]
-        if i > 0:
-            th_1, th_2 = th_1 + ch * k[1], th_2 + ch * k[2]
-            v, w_1, w_2 = v + ch * k[3], w_1 + ch * k[4], w_2 + ch * k[5]
-            for j in range(5):
-                for m in range(6):
-                    dx[j, m] += ch * dk[j + 1, m]
-        f = u - p.b_0 * v
-        z[i, 0], z[i, 1], z[i, 2], z[i, 3], z[i, 4] = th_1, th_2, w_1, w_2, f
-        k[0], k[1], k[2] = v, w_1, w_2
-        k[3], k[4], k[5] = pendulum.jacobian(
-            p, math.sin(th_1), math.cos(th_1), math.sin(th_2), math.cos(th_2), w_1, w_2, f, J[i])
-        for m in range(6):
-            Z[i, 0, m], Z[i, 1, m] = dx[0, m], dx[1, m]
-            Z[i, 2, m], Z[i, 3, m] = dx[3, m], dx[4, m]
-            Z[i, 4, m] = -p.b_0 * dx[2, m]
-            dk[0, m], dk[1, m], dk[2, m] = dx[2, m], dx[3, m], dx[4, m]
-        Z[i, 4, 5] += 1.0
-        for j in range(3):
-            for m in range(6):
-                dk[j + 3, m] = (J[i, j, 0] * Z[i, 0, m] + J[i, j, 1] * Z[i, 1, m]
-                                + J[i, j, 2] * Z[i, 2, m] + J[i, j, 3] * Z[i, 3, m]
-                                + J[i, j, 4] * Z[i, 4, m])
-        hb = h * WEIGHTS[i]
-        for j in range(6):
-            for m in range(5):
-                A[j, m + 1] += hb * dk[j, m]
-            B[j] += hb * dk[j, 5]
+    Write column m of F: `advance`, differentiated in a direction d of (x, u) by the chain rule.
+
+    Returns what that direction is at each stage, dzᵢ.
+    """
+    p, h, half, third, sixth = model
+    J_a, J_b, J_c, J_d = J
+    x, th_1, th_2, v, w_1, w_2, u = d
+    z_a = (th_1, th_2, w_1, w_2, u - p.b_0 * v)
+    a_0, a_1, a_2 = along(J_a, z_a)
+    v_b, w_1b, w_2b = v + half * a_0, w_1 + half * a_1, w_2 + half * a_2
+    z_b = (th_1 + half * w_1, th_2 + half * w_2, w_1b, w_2b, u - p.b_0 * v_b)
+    b_0, b_1, b_2 = along(J_b, z_b)
+    v_c, w_1c, w_2c = v + half * b_0, w_1 + half * b_1, w_2 + half * b_2
+    z_c = (th_1 + half * w_1b, th_2 + half * w_2b, w_1c, w_2c, u - p.b_0 * v_c)
+    c_0, c_1, c_2 = along(J_c, z_c)
+    v_d, w_1d, w_2d = v + h * c_0, w_1 + h * c_1, w_2 + h * c_2
+    z_d = (th_1 + h * w_1c, th_2 + h * w_2c, w_1d, w_2d, u - p.b_0 * v_d)
+    d_0, d_1, d_2 = along(J_d, z_d)
+    F[0, m] = x + sixth * (v + v_d) + third * (v_b + v_c)
+    F[1, m] = th_1 + sixth * (w_1 + w_1d) + third * (w_1b + w_1c)
+    F[2, m] = th_2 + sixth * (w_2 + w_2d) + third * (w_2b + w_2c)
+    F[3, m] = v + sixth * (a_0 + d_0) + third * (b_0 + c_0)
+    F[4, m] = w_1 + sixth * (a_1 + d_1) + third * (b_1 + c_1)
+    F[5, m] = w_2 + sixth * (a_2 + d_2) + third * (b_2 + c_2)
+    return z_a, z_b, z_c, z_d
 
 
 @generic.linearise.register(RK4)
 @kernel
-def linearise(model, x, u, A, B):
-    """Write A and B."""
-    stages(model, x, u, np.empty((4, 5)), np.empty((4, 3, 5)), np.empty((4, 5, 6)), A, B)
+def linearise(model, points, t, F):
+    """Write F."""
+    J = jacobians(points, t)
+    for m in range(LANES):
+        tangent(model, J, direction(m), F, m)
+
+
+@inlined
+def weighted(weight, costate, ch, later, g, p):
+    """
+    Return κᵢ = hbᵢ λ + cᵢ₊₁ h ξᵢ₊₁ of a stage from κ and g = Jᵀ κ[3:] of the one after.
+
+    There ξ, the costate of the stage's state, has no part of the cart's position.
+    """
+    return (weight * costate[0], weight * costate[1] + ch * g[0],
+            weight * costate[2] + ch * g[1],
+            weight * costate[3] + ch * (later[0] - p.b_0 * g[4]),
+            weight * costate[4] + ch * (later[1] + g[2]),
+            weight * costate[5] + ch * (later[2] + g[3]))
+
+
+@inlined
+def earlier(ch, later, g, p):
+    """Return dκᵢ = cᵢ₊₁ h dξᵢ₊₁ of a stage, but for its first number, which is zero."""
+    return (ch * g[0], ch * g[1], -ch * p.b_0 * g[4], ch * (later[0] + g[2]),
+            ch * (later[1] + g[3]))
+
+
+@inlined
+def plus(g, more):
+    """Return the sum of two tuples of five."""
+    return g[0] + more[0], g[1] + more[1], g[2] + more[2], g[3] + more[3], g[4] + more[4]
+
+
+@inlined
+def curvatures(model, points, t, J, costate):
+    """Return M of the four stages of step t, from a sweep of costates."""
+    p, h, half, third, sixth = model
+    J_b, J_c, J_d = J[1], J[2], J[3]
+    k_d = (sixth * costate[0], sixth * costate[1], sixth * costate[2], sixth * costate[3],
+           sixth * costate[4], sixth * costate[5])
+    k_c = weighted(third, costate, h, k_d, against(J_d, k_d[3:]), p)
+    k_b = weighted(third, costate, half, k_c, against(J_c, k_c[3:]), p)
+    k_a = weighted(sixth, costate, half, k_b, against(J_b, k_b[3:]), p)
+    kept, i = points[t // STEPS], t % STEPS
+    return (kept_curvature(p, kept, 0, i, k_a[3:]), kept_curvature(p, kept, KEPT, i, k_b[3:]),
+            kept_curvature(p, kept, 2 * KEPT, i, k_c[3:]),
+            kept_curvature(p, kept, 3 * KEPT, i, k_d[3:]))
 
 
 @generic.curvature.register(RK4)
 @kernel
-def curvature(model, x, u, costate, A, B, W):
-    """Write A, B and W."""
-    p, h = model.pendulum, model.h
-    z, J, Z = np.empty((4, 5)), np.empty((4, 3, 5)), np.empty((4, 5, 6))
-    stages(model, x, u, z, J, Z, A, B)
-    M, MZ = np.empty((5, 5)), np.empty((5, 6))
-    kappa = np.empty(6)   # costate of k_i
-    xi = np.zeros(6)      # costate of the stage's state
-    W[:, :] = 0.0
-    for i in range(3, -1, -1):
-        later = NODES[i + 1] * h if i < 3 else 0.0
-        for j in range(6):
-            kappa[j] = h * WEIGHTS[i] * costate[j] + later * xi[j]
-        s_1, c_1, s_2, c_2 = (math.sin(z[i, 0]), math.cos(z[i, 0]),
-                              math.sin(z[i, 1]), math.cos(z[i, 1]))
-        pendulum.curvature(p, s_1, c_1, s_2, c_2, z[i, 2], z[i, 3], z[i, 4], J[i],
-                           kappa[3], kappa[4], kappa[5], M)
-        for j in range(5):
-            for m in range(6):
-                MZ[j, m] = (M[j, 0] * Z[i, 0, m] + M[j, 1] * Z[i, 1, m] + M[j, 2] * Z[i, 2, m]
-                            + M[j, 3] * Z[i, 3, m] + M[j, 4] * Z[i, 4, m])
-        for j in range(6):
-            for m in range(j, 6):
-                W[j + 1, m + 1] += (
-                    Z[i, 0, j] * MZ[0, m] + Z[i, 1, j] * MZ[1, m] + Z[i, 2, j] * MZ[2, m]
-                    + Z[i, 3, j] * MZ[3, m] + Z[i, 4, j] * MZ[4, m])
-        g = np.empty(5)   # Jᵀ κ on (θ1, θ2, θ̇1, θ̇2, f)
-        for m in range(5):
-            g[m] = J[i, 0, m] * kappa[3] + J[i, 1, m] * kappa[4] + J[i, 2, m] * kappa[5]
-        xi[1], xi[2] = g[0], g[1]
-        xi[3], xi[4], xi[5] = kappa[0] - p.b_0 * g[4], kappa[1] + g[2], kappa[2] + g[3]
-    for j in range(1, 7):
-        for m in range(1, j):
-            W[j, m] = W[m, j]
+def curvature(model, points, t, costate, F, W):
+    """
+    Write F, and column by column W: how the gradient Fᵀ λ changes in each direction.
+
+    The costates' sweep, differentiated: gᵢ = Jᵢᵀ κᵢ[3:] changes by Mᵢ dzᵢ + Jᵢᵀ dκᵢ[3:].
+    """
+    p, h, half = model.pendulum, model.h, model.half
+    J = jacobians(points, t)
+    M_a, M_b, M_c, M_d = curvatures(model, points, t, J, costate)
+    for m in range(LANES):
+        z_a, z_b, z_c, z_d = tangent(model, J, direction(m), F, m)
+        g_d = bent(M_d, z_d)
+        k_c = earlier(h, (0.0, 0.0), g_d, p)
+        g_c = plus(bent(M_c, z_c), against(J[2], k_c[2:]))
+        k_b = earlier(half, k_c, g_c, p)
+        g_b = plus(bent(M_b, z_b), against(J[1], k_b[2:]))
+        k_a = earlier(half, k_b, g_b, p)
+        g_a = plus(bent(M_a, z_a), against(J[0], k_a[2:]))
+        g = plus(plus(g_a, g_b), plus(g_c, g_d))
+        W[0, m] = 0.0
+        W[1, m], W[2, m], W[3, m] = g[0], g[1], -p.b_0 * g[4]
+        W[4, m] = g[2] + k_a[0] + k_b[0] + k_c[0]
+        W[5, m] = g[3] + k_a[1] + k_b[1] + k_c[1]
+        W[6, m] = g[4]

@@ -15,35 +15,78 @@ trajectory optimization", IROS 2012, (11).
 import numpy as np
 
 from dp_swing_ros.cost import running, running_derivatives, terminal, terminal_derivatives
-from dp_swing_ros.dynamics.model import curvature, linearise
+from dp_swing_ros.dynamics.lanes import LANES
+from dp_swing_ros.dynamics.model import curvature, expand, linearise
 from dp_swing_ros.dynamics.trajectory import step
-from dp_swing_ros.kernels import kernel
+from dp_swing_ros.kernels import inlined, kernel
 
 HALVINGS = 9       # of the step, in a line search
 SUFFICIENT = 1e-2  # share of the expected decrease that a step must reach
 
 
-@kernel
-def congruence(A, V, out):
-    """Write Aᵀ V A for a symmetric V, all (6, 6)."""
-    VA = np.empty((6, 6))
-    for i in range(6):
-        for j in range(6):
-            VA[i, j] = (V[i, 0] * A[0, j] + V[i, 1] * A[1, j] + V[i, 2] * A[2, j]
-                        + V[i, 3] * A[3, j] + V[i, 4] * A[4, j] + V[i, 5] * A[5, j])
-    for i in range(6):
-        for j in range(i, 6):
-            out[i, j] = (A[0, i] * VA[0, j] + A[1, i] * VA[1, j] + A[2, i] * VA[2, j]
-                         + A[3, i] * VA[3, j] + A[4, i] * VA[4, j] + A[5, i] * VA[5, j])
-            out[j, i] = out[i, j]
+@inlined
+def six(M, j):
+    """Return the first six numbers of column j of M."""
+    return M[0, j], M[1, j], M[2, j], M[3, j], M[4, j], M[5, j]
 
 
-@kernel
-def transposed_times(A, v, out):
-    """Write Aᵀ v."""
-    for i in range(6):
-        out[i] = (A[0, i] * v[0] + A[1, i] * v[1] + A[2, i] * v[2]
-                  + A[3, i] * v[3] + A[4, i] * v[4] + A[5, i] * v[5])
+@inlined
+def dot(a, b):
+    """Return the sum of the products of six numbers."""
+    return (a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5])
+
+
+@inlined
+def symmetric(V):
+    """Return the rows of a symmetric V (6, 6), as its upper triangle has them."""
+    return ((V[0, 0], V[0, 1], V[0, 2], V[0, 3], V[0, 4], V[0, 5]),
+            (V[0, 1], V[1, 1], V[1, 2], V[1, 3], V[1, 4], V[1, 5]),
+            (V[0, 2], V[1, 2], V[2, 2], V[2, 3], V[2, 4], V[2, 5]),
+            (V[0, 3], V[1, 3], V[2, 3], V[3, 3], V[3, 4], V[3, 5]),
+            (V[0, 4], V[1, 4], V[2, 4], V[3, 4], V[4, 4], V[4, 5]),
+            (V[0, 5], V[1, 5], V[2, 5], V[3, 5], V[4, 5], V[5, 5]))
+
+
+@inlined
+def propagate(F, V_x, V_xx, W, Q_z, Q_zz, BF):
+    """
+    Write Fᵀ V_x, Fᵀ V_xx F + W and Bᵀ F, column by column.
+
+    Shapes: F (6, 8), V_x (6,), V_xx (6, 6), W and Q_zz (7, 8), Q_z and BF (8,).
+    """
+    v = (V_x[0], V_x[1], V_x[2], V_x[3], V_x[4], V_x[5])
+    V_0, V_1, V_2, V_3, V_4, V_5 = symmetric(V_xx)
+    F_0, F_1, F_2, F_3, F_4 = six(F, 0), six(F, 1), six(F, 2), six(F, 3), six(F, 4)
+    F_5, B = six(F, 5), six(F, 6)
+    for j in range(LANES):
+        f = six(F, j)
+        Q_z[j], BF[j] = dot(v, f), dot(B, f)
+        Vf = (dot(V_0, f), dot(V_1, f), dot(V_2, f), dot(V_3, f), dot(V_4, f), dot(V_5, f))
+        Q_zz[0, j], Q_zz[1, j] = W[0, j] + dot(F_0, Vf), W[1, j] + dot(F_1, Vf)
+        Q_zz[2, j], Q_zz[3, j] = W[2, j] + dot(F_2, Vf), W[3, j] + dot(F_3, Vf)
+        Q_zz[4, j], Q_zz[5, j] = W[4, j] + dot(F_4, Vf), W[5, j] + dot(F_5, Vf)
+        Q_zz[6, j] = W[6, j] + dot(B, Vf)
+
+
+@inlined
+def close(k, K, Q_u, Q_uu, Q_z, Q_zz, V_x, V_xx):
+    """
+    Write V_x and V_xx that the policy k + K δx leaves, (31), (32), which hold for any k and K.
+
+    Shapes: K (8,), Q_z (8,), Q_zz (7, 8), V_x (8,), V_xx (6, 8).
+    """
+    K_0, K_1, K_2, K_3, K_4, K_5 = K[0], K[1], K[2], K[3], K[4], K[5]
+    Q_0, Q_1, Q_2, Q_3, Q_4, Q_5 = (Q_zz[6, 0], Q_zz[6, 1], Q_zz[6, 2], Q_zz[6, 3], Q_zz[6, 4],
+                                    Q_zz[6, 5])
+    for j in range(LANES):
+        V_x[j] = Q_z[j] + K[j] * (Q_uu * k + Q_u) + Q_zz[6, j] * k
+        g = Q_uu * K[j] + Q_zz[6, j]
+        V_xx[0, j] = Q_zz[0, j] + K_0 * g + Q_0 * K[j]
+        V_xx[1, j] = Q_zz[1, j] + K_1 * g + Q_1 * K[j]
+        V_xx[2, j] = Q_zz[2, j] + K_2 * g + Q_2 * K[j]
+        V_xx[3, j] = Q_zz[3, j] + K_3 * g + Q_3 * K[j]
+        V_xx[4, j] = Q_zz[4, j] + K_4 * g + Q_4 * K[j]
+        V_xx[5, j] = Q_zz[5, j] + K_5 * g + Q_5 * K[j]
 
 
 @kernel
@@ -56,54 +99,43 @@ def backward(model, cost, X, U, gaps, u_max, mu, second_order, k, K):
     f(X[t], U[t]) - X[t + 1], zero for a trajectory of the model; the policy closes them.
     Shapes: X (T + 1, 6), U (T,), gaps (T, 6), k (T,), K (T, 6).
     """
-    A, B, W = np.empty((6, 6)), np.empty(6), np.zeros((7, 7))
-    V_x, V_xx = np.empty(6), np.empty((6, 6))
-    Q_x, Q_ux, Q_xx = np.empty(6), np.empty(6), np.empty((6, 6))
-    l_x, l_xx, VB, AB = np.empty(6), np.empty(6), np.empty(6), np.empty(6)
+    # rows of one array, so that the compiler sees what does not overlap; F = [A, B, 0]
+    work = np.zeros((30, LANES))
+    F, W, Q_zz, V_xx = work[:6], work[6:13], work[13:20], work[20:26]
+    V_x, Q_z, BF, gain = work[26], work[27], work[28], work[29]
+    l_x, l_xx = np.empty(6), np.empty(6)
     slope = bend = 0.0
     terminal_derivatives(cost, X[len(U)], V_x, V_xx)
+    points = expand(model, X, U)
     for t in range(len(U) - 1, -1, -1):
         for i in range(6):                       # V'_x where the model leads to, beyond the gap
             for j in range(6):
                 V_x[i] += V_xx[i, j] * gaps[t, j]
         if second_order:
-            curvature(model, X[t], U[t], V_x, A, B, W)
+            curvature(model, points, t, V_x, F, W)
         else:
-            linearise(model, X[t], U[t], A, B)
+            linearise(model, points, t, F)
         running_derivatives(cost, X[t], l_x, l_xx)
 
-        transposed_times(V_xx, B, VB)
-        Q_u = 2 * cost.R * U[t] + np.sum(B * V_x)                    # (27)
-        Q_uu = 2 * cost.R + np.sum(B * VB) + W[6, 6]                 # (29)
-        transposed_times(A, V_x, Q_x)                                # (26)
-        transposed_times(A, VB, Q_ux)                                # (30)
-        congruence(A, V_xx, Q_xx)                                    # (28)
+        propagate(F, V_x, V_xx, W, Q_z, Q_zz, BF)                    # (26)-(30)
         for i in range(6):
-            Q_x[i] += l_x[i]
-            Q_ux[i] += W[6, i]
-            Q_xx[i, i] += l_xx[i]
-            for j in range(6):
-                Q_xx[i, j] += W[i, j]
+            Q_z[i] += l_x[i]
+            Q_zz[i, i] += l_xx[i]
+        Q_u, Q_uu = Q_z[6] + 2 * cost.R * U[t], Q_zz[6, 6] + 2 * cost.R
 
         # (36), (37): V'_xx + μ I in place of V'_xx, for the gains alone
-        Q_uu_mu = Q_uu + mu * np.sum(B * B)
+        Q_uu_mu = Q_uu + mu * BF[6]
         if not Q_uu_mu > 0:
             return False, slope, bend
-        k[t] = min(max(-Q_u / Q_uu_mu, -u_max - U[t]), u_max - U[t])
-        if k[t] == -Q_u / Q_uu_mu:
-            transposed_times(A, B, AB)
-            for i in range(6):
-                K[t, i] = -(Q_ux[i] + mu * AB[i]) / Q_uu_mu
-        else:
-            K[t] = 0.0   # on the bound the best force does not follow the state
+        best = -Q_u / Q_uu_mu
+        k[t] = min(max(best, -u_max - U[t]), u_max - U[t])
+        for i in range(6):   # on the bound the best force does not follow the state
+            gain[i] = -(Q_zz[6, i] + mu * BF[i]) / Q_uu_mu if k[t] == best else 0.0
+            K[t, i] = gain[i]
 
         slope += k[t] * Q_u
         bend += k[t] * Q_uu * k[t]
-        for i in range(6):                                           # (31), (32), for any k, K
-            V_x[i] = Q_x[i] + K[t, i] * (Q_uu * k[t] + Q_u) + Q_ux[i] * k[t]
-            for j in range(6):
-                V_xx[i, j] = (Q_xx[i, j] + K[t, i] * Q_uu * K[t, j]
-                              + K[t, i] * Q_ux[j] + Q_ux[i] * K[t, j])
+        close(k[t], gain, Q_u, Q_uu, Q_z, Q_zz, V_x, V_xx)
     return True, slope, bend
 
 

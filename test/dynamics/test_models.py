@@ -11,7 +11,7 @@ import pytest
 import torch
 
 from dp_swing_ros.dynamics import MODELS, Pendulum
-from dp_swing_ros.dynamics.model import curvature
+from dp_swing_ros.dynamics.model import curvature, expand as expand_at
 from dp_swing_ros.dynamics.torch_twin import expand, STEPS
 from dp_swing_ros.dynamics.trajectory import hold, rollout, step
 from dp_swing_ros.kernels import kernel
@@ -42,9 +42,9 @@ def next_state(model, z):
 
 @kernel
 def second_order(model, x, u, costate):
-    A, B, W = np.empty((6, 6)), np.empty(6), np.empty((7, 7))
-    curvature(model, x, u, costate, A, B, W)
-    return A, B, W
+    F, W = np.empty((6, 8)), np.empty((7, 8))
+    curvature(model, expand_at(model, x.reshape((1, 6)), np.full(1, u)), 0, costate, F, W)
+    return F[:, :6], F[:, 6], W[:, :7]
 
 
 def central_difference(f, z, step=1e-5):
@@ -121,13 +121,15 @@ def test_hold_takes_a_remainder_of_a_step(name):
 PROGRAM = """
 import numpy as np
 from dp_swing_ros.dynamics import MODELS, Pendulum
-from dp_swing_ros.dynamics.model import curvature
+from dp_swing_ros.dynamics.model import curvature, expand as expand_at
 from dp_swing_ros.parameters import PendulumParameters
 p = Pendulum.of(PendulumParameters(cart_friction=0.1))
 for name in sorted(MODELS):
-    A, B, W = np.empty((6, 6)), np.empty(6), np.empty((7, 7))
-    curvature(MODELS[name].of(p, 0.05), np.linspace(-1, 1, 6), 2.0, np.arange(6.0), A, B, W)
-    print(repr((A.sum(), B.sum(), W.sum())))
+    model = MODELS[name].of(p, 0.05)
+    F, W = np.empty((6, 8)), np.empty((7, 8))
+    points = expand_at(model, np.linspace(-1, 1, 6).reshape((1, 6)), np.full(1, 2.0))
+    curvature(model, points, 0, np.arange(6.0), F, W)
+    print(repr((F[:, :6].sum(), F[:, 6].sum(), W.sum())))
 """
 
 

@@ -22,9 +22,18 @@ def test_single_precision_is_exact_to_the_last_places():
     np.testing.assert_allclose(C, np.cos(X.astype(float)), atol=3e-7)
 
 
-def test_double_precision_is_the_library_s():
-    X = np.linspace(-10, 10, 1001)
+def test_double_precision_is_the_library_s(rng):
+    for bound, exact in ((1.0, 2.3e-16), (10.0, 2.3e-16), (1e4, 2.3e-16), (1e6, 2.3e-16)):
+        X = rng.uniform(-bound, bound, 200_000)
+        S, C = np.empty_like(X), np.empty_like(X)
+        over(X, S, C)
+        np.testing.assert_allclose(S, np.sin(X), atol=exact, rtol=0)
+        np.testing.assert_allclose(C, np.cos(X), atol=exact, rtol=0)
+
+
+def test_double_precision_keeps_its_places_near_a_zero():
+    X = np.pi / 2 * np.arange(-2000, 2001) + 1e-9
     S, C = np.empty_like(X), np.empty_like(X)
     over(X, S, C)
-    np.testing.assert_allclose(S, np.sin(X), atol=1e-15)
-    np.testing.assert_allclose(C, np.cos(X), atol=1e-15)
+    np.testing.assert_allclose(S, np.sin(X), rtol=4e-16)
+    np.testing.assert_allclose(C, np.cos(X), rtol=4e-16)

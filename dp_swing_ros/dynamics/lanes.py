@@ -1,0 +1,28 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Steps, and directions of (x, u), side by side in the lanes of a vector.
+
+Derivatives are taken over blocks of up to STEPS steps, and along LANES directions: the seven
+numbers of (x, u) and one of zeros. A loop over lanes, all else in scalars, is what the compiler
+turns into vectors; where it can prove that nothing written is read.
+"""
+
+from dp_swing_ros.kernels import inlined
+
+STEPS = 16
+LANES = 8
+
+
+@inlined
+def blocks(U):
+    """Return how many blocks the steps of U (T,) fill."""
+    return (len(U) + STEPS - 1) // STEPS
+
+
+@inlined
+def direction(m):
+    """Return the direction m of (x, u)."""
+    return (1.0 if m == 0 else 0.0, 1.0 if m == 1 else 0.0, 1.0 if m == 2 else 0.0,
+            1.0 if m == 3 else 0.0, 1.0 if m == 4 else 0.0, 1.0 if m == 5 else 0.0,
+            1.0 if m == 6 else 0.0)
