@@ -86,10 +86,14 @@ def count(results: Iterable[Any]) -> dict[str, int]:
 
 
 class Numpy:
-    """NumPy, whose new arrays hold any numbers."""
+    """NumPy, whose new arrays hold any numbers, and whose reciprocal is a division."""
 
     def __getattr__(self, name: str) -> Any:
         return getattr(np, name)
+
+    @staticmethod
+    def reciprocal(x: Any) -> Any:
+        return 1.0 / x
 
     @staticmethod
     def empty(shape: Any, dtype: Any = None) -> Array:
@@ -124,6 +128,7 @@ def main() -> None:
     problem = configuration.problem({})
     setattr(pendulum, 'sincos', trigonometry.sincos_single)   # as for single precision
     setattr(samples, 'sincos', trigonometry.sincos_single)
+    setattr(pendulum, 'np', Numpy())
     setattr(samples, 'np', Numpy())
     json.dump({'step': of_step(problem), 'sample': of_sample(problem)}, sys.stdout)
 

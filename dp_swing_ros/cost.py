@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dp_swing_ros.dynamics.trigonometry import sincos
 from dp_swing_ros.kernels import inlined, kernel
 from dp_swing_ros.state import Array
 
@@ -39,7 +40,8 @@ def error(cost, x, i):
     """Return the error e_i of component i of the state, and its slope ∂e_i/∂x_i."""
     difference = x[i] - cost.x_r[i]
     if cost.chord and (i == 1 or i == 2):
-        return 2 * math.sin(difference / 2), math.cos(difference / 2)
+        sine, cosine = sincos(difference / 2)
+        return 2 * sine, cosine
     return difference, 1.0
 
 

@@ -101,49 +101,36 @@ def curvature(p, s_1, c_1, s_2, c_2, w_1, w_2, a, J, mu_0, mu_1, mu_2):
 
 
 @inlined
-def keep(p, th_1, th_2, v, w_1, w_2, u, out, first, lane):
+def keep(p, th_1, th_2, v, w_1, w_2, u, out, i):
     """
-    Write what the derivatives at a point need, and return the accelerations there.
+    Write what the derivatives at a point need in lane i, and return the accelerations there.
 
-    Shapes: out (numbers, lanes), from row `first` on.
+    Shapes: out (KEPT, lanes).
     """
     s_1, c_1 = sincos(th_1)
     s_2, c_2 = sincos(th_2)
-    a, (J_0, J_1, J_2) = jacobian(p, s_1, c_1, s_2, c_2, w_1, w_2, u - p.b_0 * v)
-    (out[first, lane], out[first + 1, lane], out[first + 2, lane],
-     out[first + 3, lane], out[first + 4, lane], out[first + 5, lane]) = (
-         s_1, c_1, s_2, c_2, w_1, w_2)
-    out[first + 6, lane], out[first + 7, lane], out[first + 8, lane] = a
-    (out[first + 9, lane], out[first + 10, lane], out[first + 11, lane],
-     out[first + 12, lane], out[first + 13, lane]) = J_0
-    (out[first + 14, lane], out[first + 15, lane], out[first + 16, lane],
-     out[first + 17, lane], out[first + 18, lane]) = J_1
-    (out[first + 19, lane], out[first + 20, lane], out[first + 21, lane],
-     out[first + 22, lane], out[first + 23, lane]) = J_2
+    a, J = jacobian(p, s_1, c_1, s_2, c_2, w_1, w_2, u - p.b_0 * v)
+    out[0, i], out[1, i], out[2, i], out[3, i], out[4, i], out[5, i] = s_1, c_1, s_2, c_2, w_1, w_2
+    out[6, i], out[7, i], out[8, i] = a
+    out[9, i], out[10, i], out[11, i], out[12, i], out[13, i] = J[0]
+    out[14, i], out[15, i], out[16, i], out[17, i], out[18, i] = J[1]
+    out[19, i], out[20, i], out[21, i], out[22, i], out[23, i] = J[2]
     return a
 
 
 @inlined
-def kept_jacobian(kept, first, lane):
-    """Return J of a point, three rows of five."""
-    k = first + 9
-    return ((kept[k, lane], kept[k + 1, lane], kept[k + 2, lane], kept[k + 3, lane],
-             kept[k + 4, lane]),
-            (kept[k + 5, lane], kept[k + 6, lane], kept[k + 7, lane], kept[k + 8, lane],
-             kept[k + 9, lane]),
-            (kept[k + 10, lane], kept[k + 11, lane], kept[k + 12, lane], kept[k + 13, lane],
-             kept[k + 14, lane]))
+def kept_jacobian(kept, i):
+    """Return J of the point in lane i, three rows of five."""
+    return ((kept[9, i], kept[10, i], kept[11, i], kept[12, i], kept[13, i]),
+            (kept[14, i], kept[15, i], kept[16, i], kept[17, i], kept[18, i]),
+            (kept[19, i], kept[20, i], kept[21, i], kept[22, i], kept[23, i]))
 
 
 @inlined
-def kept_curvature(p, kept, first, lane, mu):
-    """Return M = Σ μᵢ ∂²aᵢ/∂z² at a point, as `curvature` does."""
-    k = first
-    return curvature(
-        p, kept[k, lane], kept[k + 1, lane], kept[k + 2, lane], kept[k + 3, lane],
-        kept[k + 4, lane], kept[k + 5, lane],
-        (kept[k + 6, lane], kept[k + 7, lane], kept[k + 8, lane]),
-        kept_jacobian(kept, first, lane), mu[0], mu[1], mu[2])
+def kept_curvature(p, kept, i, J, mu_0, mu_1, mu_2):
+    """Return M = Σ μᵢ ∂²aᵢ/∂z² of the point in lane i, as `curvature` does."""
+    return curvature(p, kept[0, i], kept[1, i], kept[2, i], kept[3, i], kept[4, i], kept[5, i],
+                     (kept[6, i], kept[7, i], kept[8, i]), J, mu_0, mu_1, mu_2)
 
 
 @inlined
@@ -158,11 +145,10 @@ def along(J, z):
 
 
 @inlined
-def against(J, m):
+def against(J, m_0, m_1, m_2):
     """Return Jᵀ m, five numbers."""
     (J_00, J_01, J_02, J_03, J_04), (J_10, J_11, J_12, J_13, J_14), (
         J_20, J_21, J_22, J_23, J_24) = J
-    m_0, m_1, m_2 = m
     return (J_00 * m_0 + J_10 * m_1 + J_20 * m_2, J_01 * m_0 + J_11 * m_1 + J_21 * m_2,
             J_02 * m_0 + J_12 * m_1 + J_22 * m_2, J_03 * m_0 + J_13 * m_1 + J_23 * m_2,
             J_04 * m_0 + J_14 * m_1 + J_24 * m_2)

@@ -50,7 +50,7 @@ def expand(model, X, U):
         first, out = block * STEPS, points[block]
         for i in range(min(STEPS, len(U) - first)):
             x = X[first + i]
-            keep(model.pendulum, x[1], x[2], x[3], x[4], x[5], U[first + i], out, 0, i)
+            keep(model.pendulum, x[1], x[2], x[3], x[4], x[5], U[first + i], out, i)
     return points
 
 
@@ -70,7 +70,7 @@ def tangent(model, J, d, F, m):
 @kernel
 def linearise(model, points, t, F):
     """Write F = [I + h ∂f/∂x, h ∂f/∂u]."""
-    J = kept_jacobian(points[t // STEPS], 0, t % STEPS)
+    J = kept_jacobian(points[t // STEPS], t % STEPS)
     for m in range(LANES):
         tangent(model, J, direction(m), F, m)
 
@@ -81,8 +81,8 @@ def curvature(model, points, t, costate, F, W):
     """Write F and W: only the accelerations are curved."""
     p, h = model
     kept, i = points[t // STEPS], t % STEPS
-    J = kept_jacobian(kept, 0, i)
-    M = kept_curvature(p, kept, 0, i, (h * costate[3], h * costate[4], h * costate[5]))
+    J = kept_jacobian(kept, i)
+    M = kept_curvature(p, kept, i, J, h * costate[3], h * costate[4], h * costate[5])
     for m in range(LANES):
         g = bent(M, tangent(model, J, direction(m), F, m))
         # f = u - b_0 ẋ: the cart's velocity curves as -b_0 times the force does

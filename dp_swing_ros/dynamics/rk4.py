@@ -66,21 +66,23 @@ def advance(model, x, th_1, th_2, v, w_1, w_2, u):
 def expand(model, X, U):
     """Return the accelerations' derivatives at the four stages of every step."""
     p, h, half, _, _ = model
-    points = np.empty((blocks(U), 4 * KEPT, STEPS))
+    points = np.empty((blocks(U), 4, KEPT, STEPS))
     for block in range(len(points)):
-        first, out = block * STEPS, points[block]
+        first = block * STEPS
+        at_a, at_b, at_c, at_d = (points[block, 0], points[block, 1], points[block, 2],
+                                  points[block, 3])
         for i in range(min(STEPS, len(U) - first)):
             x, u = X[first + i], U[first + i]
             th_1, th_2, v, w_1, w_2 = x[1], x[2], x[3], x[4], x[5]
-            a_0, a_1, a_2 = keep(p, th_1, th_2, v, w_1, w_2, u, out, 0, i)
+            a_0, a_1, a_2 = keep(p, th_1, th_2, v, w_1, w_2, u, at_a, i)
             v_b, w_1b, w_2b = v + half * a_0, w_1 + half * a_1, w_2 + half * a_2
             b_0, b_1, b_2 = keep(p, th_1 + half * w_1, th_2 + half * w_2, v_b, w_1b, w_2b, u,
-                                 out, KEPT, i)
+                                 at_b, i)
             v_c, w_1c, w_2c = v + half * b_0, w_1 + half * b_1, w_2 + half * b_2
             c_0, c_1, c_2 = keep(p, th_1 + half * w_1b, th_2 + half * w_2b, v_c, w_1c, w_2c, u,
-                                 out, 2 * KEPT, i)
+                                 at_c, i)
             keep(p, th_1 + h * w_1c, th_2 + h * w_2c, v + h * c_0, w_1 + h * c_1, w_2 + h * c_2,
-                 u, out, 3 * KEPT, i)
+                 u, at_d, i)
     return points
 
 
@@ -88,8 +90,8 @@ def expand(model, X, U):
 def jacobians(points, t):
     """Return J of the four stages of step t."""
     kept, i = points[t // STEPS], t % STEPS
-    return (kept_jacobian(kept, 0, i), kept_jacobian(kept, KEPT, i),
-            kept_jacobian(kept, 2 * KEPT, i), kept_jacobian(kept, 3 * KEPT, i))
+    return (kept_jacobian(kept[0], i), kept_jacobian(kept[1], i), kept_jacobian(kept[2], i),
+            kept_jacobian(kept[3], i))
 
 
 @inlined
@@ -162,16 +164,17 @@ def plus(g, more):
 def curvatures(model, points, t, J, costate):
     """Return M of the four stages of step t, from a sweep of costates."""
     p, h, half, third, sixth = model
-    J_b, J_c, J_d = J[1], J[2], J[3]
+    J_a, J_b, J_c, J_d = J
     k_d = (sixth * costate[0], sixth * costate[1], sixth * costate[2], sixth * costate[3],
            sixth * costate[4], sixth * costate[5])
-    k_c = weighted(third, costate, h, k_d, against(J_d, k_d[3:]), p)
-    k_b = weighted(third, costate, half, k_c, against(J_c, k_c[3:]), p)
-    k_a = weighted(sixth, costate, half, k_b, against(J_b, k_b[3:]), p)
+    k_c = weighted(third, costate, h, k_d, against(J_d, k_d[3], k_d[4], k_d[5]), p)
+    k_b = weighted(third, costate, half, k_c, against(J_c, k_c[3], k_c[4], k_c[5]), p)
+    k_a = weighted(sixth, costate, half, k_b, against(J_b, k_b[3], k_b[4], k_b[5]), p)
     kept, i = points[t // STEPS], t % STEPS
-    return (kept_curvature(p, kept, 0, i, k_a[3:]), kept_curvature(p, kept, KEPT, i, k_b[3:]),
-            kept_curvature(p, kept, 2 * KEPT, i, k_c[3:]),
-            kept_curvature(p, kept, 3 * KEPT, i, k_d[3:]))
+    return (kept_curvature(p, kept[0], i, J_a, k_a[3], k_a[4], k_a[5]),
+            kept_curvature(p, kept[1], i, J_b, k_b[3], k_b[4], k_b[5]),
+            kept_curvature(p, kept[2], i, J_c, k_c[3], k_c[4], k_c[5]),
+            kept_curvature(p, kept[3], i, J_d, k_d[3], k_d[4], k_d[5]))
 
 
 @generic.curvature.register(RK4)
@@ -189,11 +192,11 @@ def curvature(model, points, t, costate, F, W):
         z_a, z_b, z_c, z_d = tangent(model, J, direction(m), F, m)
         g_d = bent(M_d, z_d)
         k_c = earlier(h, (0.0, 0.0), g_d, p)
-        g_c = plus(bent(M_c, z_c), against(J[2], k_c[2:]))
+        g_c = plus(bent(M_c, z_c), against(J[2], k_c[2], k_c[3], k_c[4]))
         k_b = earlier(half, k_c, g_c, p)
-        g_b = plus(bent(M_b, z_b), against(J[1], k_b[2:]))
+        g_b = plus(bent(M_b, z_b), against(J[1], k_b[2], k_b[3], k_b[4]))
         k_a = earlier(half, k_b, g_b, p)
-        g_a = plus(bent(M_a, z_a), against(J[0], k_a[2:]))
+        g_a = plus(bent(M_a, z_a), against(J[0], k_a[2], k_a[3], k_a[4]))
         g = plus(plus(g_a, g_b), plus(g_c, g_d))
         W[0, m] = 0.0
         W[1, m], W[2, m], W[3, m] = g[0], g[1], -p.b_0 * g[4]

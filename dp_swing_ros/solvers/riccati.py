@@ -25,9 +25,9 @@ SUFFICIENT = 1e-2  # share of the expected decrease that a step must reach
 
 
 @inlined
-def six(M, j):
-    """Return the first six numbers of column j of M."""
-    return M[0, j], M[1, j], M[2, j], M[3, j], M[4, j], M[5, j]
+def six(v):
+    """Return the first six numbers of v."""
+    return v[0], v[1], v[2], v[3], v[4], v[5]
 
 
 @inlined
@@ -39,12 +39,15 @@ def dot(a, b):
 @inlined
 def symmetric(V):
     """Return the rows of a symmetric V (6, 6), as its upper triangle has them."""
-    return ((V[0, 0], V[0, 1], V[0, 2], V[0, 3], V[0, 4], V[0, 5]),
-            (V[0, 1], V[1, 1], V[1, 2], V[1, 3], V[1, 4], V[1, 5]),
-            (V[0, 2], V[1, 2], V[2, 2], V[2, 3], V[2, 4], V[2, 5]),
-            (V[0, 3], V[1, 3], V[2, 3], V[3, 3], V[3, 4], V[3, 5]),
-            (V[0, 4], V[1, 4], V[2, 4], V[3, 4], V[4, 4], V[4, 5]),
-            (V[0, 5], V[1, 5], V[2, 5], V[3, 5], V[4, 5], V[5, 5]))
+    v_00, v_01, v_02, v_03, v_04, v_05 = six(V[0])
+    _, v_11, v_12, v_13, v_14, v_15 = six(V[1])
+    _, _, v_22, v_23, v_24, v_25 = six(V[2])
+    _, _, _, v_33, v_34, v_35 = six(V[3])
+    _, _, _, _, v_44, v_45 = six(V[4])
+    v_55 = V[5, 5]
+    return ((v_00, v_01, v_02, v_03, v_04, v_05), (v_01, v_11, v_12, v_13, v_14, v_15),
+            (v_02, v_12, v_22, v_23, v_24, v_25), (v_03, v_13, v_23, v_33, v_34, v_35),
+            (v_04, v_14, v_24, v_34, v_44, v_45), (v_05, v_15, v_25, v_35, v_45, v_55))
 
 
 @inlined
@@ -54,12 +57,12 @@ def propagate(F, V_x, V_xx, W, Q_z, Q_zz, BF):
 
     Shapes: F (6, 8), V_x (6,), V_xx (6, 6), W and Q_zz (7, 8), Q_z and BF (8,).
     """
-    v = (V_x[0], V_x[1], V_x[2], V_x[3], V_x[4], V_x[5])
+    v, columns = six(V_x), F.T
     V_0, V_1, V_2, V_3, V_4, V_5 = symmetric(V_xx)
-    F_0, F_1, F_2, F_3, F_4 = six(F, 0), six(F, 1), six(F, 2), six(F, 3), six(F, 4)
-    F_5, B = six(F, 5), six(F, 6)
+    F_0, F_1, F_2, F_3 = six(columns[0]), six(columns[1]), six(columns[2]), six(columns[3])
+    F_4, F_5, B = six(columns[4]), six(columns[5]), six(columns[6])
     for j in range(LANES):
-        f = six(F, j)
+        f = six(columns[j])
         Q_z[j], BF[j] = dot(v, f), dot(B, f)
         Vf = (dot(V_0, f), dot(V_1, f), dot(V_2, f), dot(V_3, f), dot(V_4, f), dot(V_5, f))
         Q_zz[0, j], Q_zz[1, j] = W[0, j] + dot(F_0, Vf), W[1, j] + dot(F_1, Vf)
@@ -75,12 +78,12 @@ def close(k, K, Q_u, Q_uu, Q_z, Q_zz, V_x, V_xx):
 
     Shapes: K (8,), Q_z (8,), Q_zz (7, 8), V_x (8,), V_xx (6, 8).
     """
-    K_0, K_1, K_2, K_3, K_4, K_5 = K[0], K[1], K[2], K[3], K[4], K[5]
-    Q_0, Q_1, Q_2, Q_3, Q_4, Q_5 = (Q_zz[6, 0], Q_zz[6, 1], Q_zz[6, 2], Q_zz[6, 3], Q_zz[6, 4],
-                                    Q_zz[6, 5])
+    Q_ux = Q_zz[6]
+    K_0, K_1, K_2, K_3, K_4, K_5 = six(K)
+    Q_0, Q_1, Q_2, Q_3, Q_4, Q_5 = six(Q_ux)
     for j in range(LANES):
-        V_x[j] = Q_z[j] + K[j] * (Q_uu * k + Q_u) + Q_zz[6, j] * k
-        g = Q_uu * K[j] + Q_zz[6, j]
+        V_x[j] = Q_z[j] + K[j] * (Q_uu * k + Q_u) + Q_ux[j] * k
+        g = Q_uu * K[j] + Q_ux[j]
         V_xx[0, j] = Q_zz[0, j] + K_0 * g + Q_0 * K[j]
         V_xx[1, j] = Q_zz[1, j] + K_1 * g + Q_1 * K[j]
         V_xx[2, j] = Q_zz[2, j] + K_2 * g + Q_2 * K[j]
