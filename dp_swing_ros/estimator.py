@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dp_swing_ros.dynamics import Pendulum
-from dp_swing_ros.dynamics.model import expand, linearise
+from dp_swing_ros.dynamics.model import expand, linearise, of_coefficients
 from dp_swing_ros.dynamics.pendulum import coefficients
 from dp_swing_ros.dynamics.trajectory import step
 from dp_swing_ros.kernels import kernel
@@ -133,24 +133,26 @@ def forget(prior, share, P):
 
 
 @kernel
-def predict(models, force_noise, acceleration_noise, u, steps, z, P):
+def predict(model, shifted, force_noise, acceleration_noise, u, steps, z, P):
     """
     Advance mean and covariance in place by some steps under a force.
 
-    models is that of the mean, then one for each of p a little larger; the noises are densities,
-    squared. Shapes: z (n,), P (n, n).
+    shifted are the coefficients at the mean, then with each of p a little larger, and model is one
+    of the same steps; the noises are densities, squared. Shapes: shifted (n - 6, 10), z (n,),
+    P (n, n).
     """
-    n, x, h = len(z), z[:6], models[0].h
+    n, x, h = len(z), z[:6], model.h
+    model = of_coefficients(model, shifted[0])
     derivatives, following = np.empty((6, 8)), np.empty(6)
     A, B = derivatives[:, :6], derivatives[:, 6]
     F, FP = np.empty((6, n)), np.empty((6, n))   # the rows of x; the others stay as they are
     for _ in range(steps):
-        linearise(models[0], expand(models[0], x.reshape((1, 6)), z[6:7] + u), 0, derivatives)
+        linearise(model, expand(model, x.reshape((1, 6)), z[6:7] + u), 0, derivatives)
         F[:, :6], F[:, 6] = A, B
-        for k in range(1, len(models)):
-            step(models[k], x, u + z[6], following)
+        for k in range(1, len(shifted)):
+            step(of_coefficients(model, shifted[k]), x, u + z[6], following)
             F[:, 6 + k] = following
-        step(models[0], x, u + z[6], x)
+        step(model, x, u + z[6], x)
         for i in range(6):
             for k in range(7, n):
                 F[i, k] = (F[i, k] - x[i]) / SMALL
@@ -269,11 +271,11 @@ class Estimator:
         z, P, about = self.z.copy(), self.P.copy(), self.parameters
         passed = sum(force.duration for force in forces)
         forget(self.prior, min(passed / about.memory, 1.0), P)
-        shifted = [Pendulum(*row) for row in pendulums(self.bodies_0, self.constants, z).tolist()]
+        shifted = pendulums(self.bodies_0, self.constants, z)
+        pendulum = Pendulum(*shifted[0].tolist())
         for u, duration in forces:
             steps = math.ceil(duration / LONGEST_STEP - 1e-9)
-            models = tuple([self.kind.of(pendulum, duration / steps) for pendulum in shifted])
-            predict(models, HELD * (about.force_noise ** 2 + push ** 2),
+            predict(self.kind.of(pendulum, duration / steps), shifted, HELD * (about.force_noise ** 2 + push ** 2),
                     HELD * about.acceleration_noise ** 2, u, steps, z, P)
         return z, P
 

@@ -31,6 +31,13 @@ class Euler(NamedTuple):
         return cls(pendulum, h)
 
 
+@generic.of_coefficients.register(Euler)
+@kernel
+def of_coefficients(model, numbers):
+    """Return the model of the same steps for another Pendulum."""
+    return Euler(pendulum.of_numbers(numbers), model.h)
+
+
 @generic.advance.register(Euler)
 @kernel
 def advance(model, x, th_1, th_2, v, w_1, w_2, u):

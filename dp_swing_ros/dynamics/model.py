@@ -1,7 +1,7 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What a dynamics model is: a NamedTuple of numbers and four kernels over it.
+What a dynamics model is: a NamedTuple of numbers and five kernels over it.
 
 A solver's kernel calls `advance`, `expand`, `linearise` and `curvature` of this module; the type
 of the model decides at compile time which implementation runs, as with functools.singledispatch.
@@ -42,6 +42,15 @@ def model_kernel(signature: Callable) -> Any:
 
     setattr(dispatch, 'register', register)
     return dispatch
+
+
+@model_kernel
+def of_coefficients(model, numbers):
+    """
+    Return the model of the same steps for another Pendulum.
+
+    Shapes: numbers (10,), its fields.
+    """
 
 
 @model_kernel

@@ -58,6 +58,12 @@ def coefficients(m_0, m_1, m_2, l_1, l_2, b_0, b_1, b_2, factor_1, factor_2, g):
 
 
 @inlined
+def of_numbers(c):
+    """Return the Pendulum whose fields stand in an array c (10,)."""
+    return Pendulum(c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], c[8], c[9])
+
+
+@inlined
 def inverse_inertia(p, s_1, c_1, s_2, c_2):
     """Return the six entries (00, 01, 02, 11, 12, 22) of the inverse of D(θ), (7)-(10)."""
     c_12 = c_1 * c_2 + s_1 * s_2

@@ -38,6 +38,13 @@ class RK4(NamedTuple):
         return cls(pendulum, h, h / 2, h / 3, h / 6)
 
 
+@generic.of_coefficients.register(RK4)
+@kernel
+def of_coefficients(model, numbers):
+    """Return the model of the same steps for another Pendulum."""
+    return RK4(pendulum.of_numbers(numbers), model.h, model.half, model.third, model.sixth)
+
+
 @generic.advance.register(RK4)
 @kernel
 def advance(model, x, th_1, th_2, v, w_1, w_2, u):
