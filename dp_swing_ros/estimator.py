@@ -275,7 +275,8 @@ class Estimator:
         pendulum = Pendulum(*shifted[0].tolist())
         for u, duration in forces:
             steps = math.ceil(duration / LONGEST_STEP - 1e-9)
-            predict(self.kind.of(pendulum, duration / steps), shifted, HELD * (about.force_noise ** 2 + push ** 2),
+            predict(self.kind.of(pendulum, duration / steps), shifted,
+                    HELD * (about.force_noise ** 2 + push ** 2),
                     HELD * about.acceleration_noise ** 2, u, steps, z, P)
         return z, P
 
