@@ -5,6 +5,10 @@ How the kernels are compiled: one decorator, and a disk cache that cannot go sta
 
 Numba looks only at a kernel's own file to decide whether its cached machine code is current, not
 at the kernels it calls. So the cache lies in a folder named after the sources of all kernels.
+
+Where the processor has registers of 512 bits they are used: LLVM prefers half of each on many
+processors, for the sake of older ones that lowered their clock. Numba keeps machine code for
+different features apart.
 """
 
 import hashlib
@@ -12,6 +16,7 @@ import os
 from pathlib import Path
 
 import numba
+from numba.core.codegen import get_host_cpu_features
 
 
 def _cache_folder() -> Path:
@@ -24,6 +29,15 @@ def _cache_folder() -> Path:
     home = Path(os.environ.get('XDG_CACHE_HOME') or Path.home() / '.cache')
     return home / 'dp_swing_ros' / digest.hexdigest()[:16]
 
+
+def _widest_features() -> str | None:
+    """Return the features to compile for, None for what Numba finds by itself."""
+    features: str = get_host_cpu_features()
+    return f'{features},-prefer-256-bit' if '+avx512f' in features.split(',') else None
+
+
+if not {'NUMBA_CPU_NAME', 'NUMBA_CPU_FEATURES'} & set(os.environ):
+    setattr(numba.config, 'CPU_FEATURES', _widest_features())
 
 if 'NUMBA_CACHE_DIR' not in os.environ:
     setattr(numba.config, 'CACHE_DIR', str(_cache_folder()))
