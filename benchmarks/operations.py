@@ -86,7 +86,7 @@ def count(results: Iterable[Any]) -> dict[str, int]:
 
 
 class Numpy:
-    """NumPy, whose new arrays hold any numbers, and whose reciprocal is a division."""
+    """NumPy, whose new arrays hold any numbers, and which divides them as they do themselves."""
 
     def __getattr__(self, name: str) -> Any:
         return getattr(np, name)
@@ -98,6 +98,10 @@ class Numpy:
     @staticmethod
     def empty(shape: Any, dtype: Any = None) -> Array:
         return np.zeros(shape, object)
+
+    @staticmethod
+    def reciprocal(number: Any) -> Any:
+        return 1 / number
 
 
 def remembering(*shape: int) -> Array:
@@ -128,8 +132,9 @@ def main() -> None:
     problem = configuration.problem({})
     setattr(pendulum, 'sincos', trigonometry.sincos_single)   # as for single precision
     setattr(samples, 'sincos', trigonometry.sincos_single)
-    setattr(pendulum, 'np', Numpy())
-    setattr(samples, 'np', Numpy())
+    setattr(trigonometry, 'signed', lambda number, n: number)   # no arithmetic
+    for module in (pendulum, samples):
+        setattr(module, 'np', Numpy())
     json.dump({'step': of_step(problem), 'sample': of_sample(problem)}, sys.stdout)
 
 

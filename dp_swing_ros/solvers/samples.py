@@ -4,8 +4,8 @@
 Many force sequences followed at once, in single precision, and what each of them costs.
 
 The samples go through the model in blocks of LANES side by side: their states stay in the
-first-level cache, and every inner loop is one equation over a block, which the compiler turns
-into vector instructions. Hence no branch, no call and no double-precision constant in there.
+first-level cache, and the compiler turns every loop over a block into vector instructions. Hence
+no branch, no call and no double-precision constant in there.
 """
 
 from typing import Any
@@ -18,7 +18,7 @@ from dp_swing_ros.dynamics.trigonometry import sincos
 from dp_swing_ros.kernels import inlined, kernel
 
 LANES = 64
-ZERO, TWO = np.float32(0.0), np.float32(2.0)
+ZERO, ONE, TWO = np.float32(0.0), np.float32(1.0), np.float32(2.0)
 
 
 def single(numbers: Any) -> Any:
@@ -42,6 +42,20 @@ def angle_error(difference, chord):
 
 
 @inlined
+def squared_error(theta, reference, s_r, c_r, chord):
+    """
+    Return the square of the error of an angle; s_r and c_r are sine and cosine of the reference.
+
+    The chord is the distance of two points on the circle, and the sine and cosine of the angle
+    itself, which the model needs too, are computed once for both.
+    """
+    if chord:
+        s, c = sincos(theta)
+        return (s - s_r) * (s - s_r) + (c - c_r) * (c - c_r)
+    return (theta - reference) * (theta - reference)
+
+
+@inlined
 def beyond(x, x_soft):
     """Return the squared distance into the soft margin of the track."""
     inside = max(abs(x) - x_soft, ZERO)
@@ -59,42 +73,44 @@ def follow(model, cost: Cost, X, U, K, begin, end, noise, sigma, correlation, u_
     (samples,).
     """
     N = len(U)
-    fresh = np.sqrt(np.float32(1) - correlation * correlation)
+    renewal = np.sqrt(np.float32(1) - correlation * correlation)
     states, e = np.empty((6, LANES), np.float32), np.empty((6, LANES), np.float32)
     coloured, total = np.empty(LANES, np.float32), np.empty(LANES, np.float32)
     x, th_1, th_2, v, w_1, w_2 = (states[0], states[1], states[2], states[3], states[4],
                                   states[5])
     S, R, x_r = cost.S, cost.R, cost.x_r
+    s_1r, c_1r = sincos(x_r[1])
+    s_2r, c_2r = sincos(x_r[2])
     for first in range(begin, end, LANES):
         width = min(LANES, end - first)
         for j in range(6):
             states[j, :] = X[0, j]
-        coloured[:width] = noise[0, first:first + width]
+        coloured[:] = ZERO
         total[:] = ZERO
+        old, fresh = ZERO, ONE
         for t in range(N):
             u, size = V[t, first:first + width], sigma[first:first + width]
-            if t > 0:
-                white = noise[t, first:first + width]
-                for i in range(width):
-                    coloured[i] = correlation * coloured[i] + fresh * white[i]
+            white = noise[t, first:first + width]
             k_0, k_1, k_2, k_3, k_4, k_5 = K[t, 0], K[t, 1], K[t, 2], K[t, 3], K[t, 4], K[t, 5]
             u_t = U[t] - (k_0 * X[t, 0] + k_1 * X[t, 1] + k_2 * X[t, 2] + k_3 * X[t, 3]
                           + k_4 * X[t, 4] + k_5 * X[t, 5])
             for i in range(width):
-                force = (u_t + k_0 * x[i] + k_1 * th_1[i] + k_2 * th_2[i] + k_3 * v[i]
-                         + k_4 * w_1[i] + k_5 * w_2[i] + size[i] * coloured[i])
-                u[i] = min(max(force, -u_max), u_max)
-            for i in range(width):
-                e_0, e_3 = x[i] - x_r[0], v[i] - x_r[3]
-                e_1 = angle_error(th_1[i] - x_r[1], cost.chord)
-                e_2 = angle_error(th_2[i] - x_r[2], cost.chord)
-                e_4, e_5 = w_1[i] - x_r[4], w_2[i] - x_r[5]
-                total[i] += (S[0] * e_0 * e_0 + S[1] * e_1 * e_1 + S[2] * e_2 * e_2
+                x_i, th_1i, th_2i = x[i], th_1[i], th_2[i]
+                v_i, w_1i, w_2i = v[i], w_1[i], w_2[i]
+                coloured[i] = old * coloured[i] + fresh * white[i]
+                force = (u_t + k_0 * x_i + k_1 * th_1i + k_2 * th_2i + k_3 * v_i
+                         + k_4 * w_1i + k_5 * w_2i + size[i] * coloured[i])
+                u_i = min(max(force, -u_max), u_max)
+                u[i] = u_i
+                e_0, e_3, e_4, e_5 = x_i - x_r[0], v_i - x_r[3], w_1i - x_r[4], w_2i - x_r[5]
+                total[i] += (S[0] * e_0 * e_0
+                             + S[1] * squared_error(th_1i, x_r[1], s_1r, c_1r, cost.chord)
+                             + S[2] * squared_error(th_2i, x_r[2], s_2r, c_2r, cost.chord)
                              + S[3] * e_3 * e_3 + S[4] * e_4 * e_4 + S[5] * e_5 * e_5
-                             + R * u[i] * u[i] + cost.w * beyond(x[i], cost.x_soft))
-            for i in range(width):
+                             + R * u_i * u_i + cost.w * beyond(x_i, cost.x_soft))
                 x[i], th_1[i], th_2[i], v[i], w_1[i], w_2[i] = advance(
-                    model, x[i], th_1[i], th_2[i], v[i], w_1[i], w_2[i], u[i])
+                    model, x_i, th_1i, th_2i, v_i, w_1i, w_2i, u_i)
+            old, fresh = correlation, renewal
         for j in range(6):
             for i in range(width):
                 e[j, i] = angle_error(states[j, i] - x_r[j], cost.chord and (j == 1 or j == 2))
