@@ -64,14 +64,20 @@ def signed(number, n):
     return np.int32(np.float32(number).view(np.int32) ^ sign).view(np.float32)
 
 
+@inlined
+def sincos_ahead(y):
+    """Return sin y and cos y in single precision, for y from -π/2 to π/2."""
+    z = y * y
+    s = y + y * z * (S_3 + z * (S_5 + z * (S_7 + z * S_9)))
+    c = ONE + z * (C_2 + z * (C_4 + z * (C_6 + z * C_8)))
+    return s, c
+
+
 def sincos_single(x):
     """Return sin x and cos x in single precision, for |x| up to some 10 000 rad."""
     shifted = x * PER_HALF_TURN + ROUNDER
     n = shifted - ROUNDER
-    y = (x - n * PI_HIGH) - n * PI_LOW
-    z = y * y
-    s = y + y * z * (S_3 + z * (S_5 + z * (S_7 + z * S_9)))
-    c = ONE + z * (C_2 + z * (C_4 + z * (C_6 + z * C_8)))
+    s, c = sincos_ahead((x - n * PI_HIGH) - n * PI_LOW)
     return signed(s, shifted), signed(c, shifted)
 
 

@@ -21,6 +21,7 @@ from dp_swing_ros.dynamics.trajectory import rollout
 from dp_swing_ros.parameters import parameter, Parameters
 from dp_swing_ros.plan import Plan, SolverStats, Status
 from dp_swing_ros.problem import Problem, regulator_rollout, Rollout
+from dp_swing_ros.solvers.noise import normal
 from dp_swing_ros.solvers.riccati import backward
 from dp_swing_ros.solvers.samples import follow, single
 from dp_swing_ros.solvers.solver import Seed, start, started
@@ -127,7 +128,7 @@ class MPPI:
         Shapes: -> forces (N, K), costs (K,), in single precision.
         """
         shape = (self.problem.horizon, self.parameters.samples)
-        noise = self.random.standard_normal(shape, dtype=np.float32)
+        noise = normal(self.random, shape)
         V, J = np.empty(shape, np.float32), np.empty(shape[1], np.float32)
         begin = 0
         for proposal, count in zip(proposals, self.counts):
