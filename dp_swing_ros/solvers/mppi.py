@@ -27,6 +27,9 @@ from dp_swing_ros.solvers.samples import follow, single
 from dp_swing_ros.solvers.solver import Seed, start, started
 from dp_swing_ros.state import Array
 
+F = np.float32
+NEGLIGIBLE = F(60)   # weights below exp(-60) are none
+
 
 @dataclass(frozen=True)
 class MPPIParameters(Parameters):
@@ -60,7 +63,7 @@ class MPPIParameters(Parameters):
 def sizes(parameters: MPPIParameters, count: int) -> Array:
     """Return the sizes of the noise about one proposal, none for the proposal itself."""
     spread = np.geomspace(parameters.smallest_noise, parameters.largest_noise, max(count - 1, 0))
-    return np.append(0.0, spread).astype(np.float32)[:count]
+    return np.append(0.0, spread).astype(F)[:count]
 
 
 class MPPI:
@@ -76,6 +79,8 @@ class MPPI:
         regulated = round(parameters.regulator_share * parameters.samples)
         self.counts = (parameters.samples - regulated, regulated)
         self.sigma = np.concatenate([sizes(parameters, count) for count in self.counts])
+        # scratch: memory that is new each time costs more than to fill it
+        self.noise, self.V = np.empty((2, problem.horizon, parameters.samples), F)
 
     def solve(self, x_0: Array, warm_start: Plan | None, deadline: float) -> Plan:
         """Return the cheapest of proposals, averages and single samples; see Solver.solve."""
@@ -88,11 +93,12 @@ class MPPI:
                 status = Status.DEADLINE
                 break
             iteration += 1
-            before, (average, cheapest) = best.J, self.update(best, regulator)
-            best = self.with_feedback(min(
-                best, self.proposal(x_0, average), self.proposal(x_0, cheapest),
-                key=lambda proposal: proposal.J))
-            if before - best.J < self.parameters.tolerance * before:
+            before, (average, cheapest) = best, self.update(best, regulator)
+            best = min(best, self.proposal(x_0, average), self.proposal(x_0, cheapest),
+                       key=lambda proposal: proposal.J)
+            if best is not before:
+                best = self.with_feedback(best)
+            if before.J - best.J < self.parameters.tolerance * before.J:
                 status = Status.CONVERGED
                 break
         if not np.isfinite(best.J):
@@ -112,33 +118,34 @@ class MPPI:
 
         Shapes: J (K,) -> (K,).
         """
-        J = np.where(np.isfinite(J), J, np.finfo(np.float32).max)
+        J = np.where(np.isfinite(J), J, np.finfo(F).max)
         excess = J - np.min(J)
         temperature = self.parameters.temperature
         if self.parameters.temperature_scale == 'relative':
             tenth = len(J) // 10
             temperature *= max(float(np.partition(excess, tenth)[tenth]), 1e-9)
-        w = np.exp(-(excess.astype(float) / temperature)).astype(np.float32)
+        with np.errstate(over='ignore'):
+            exponent = excess / F(temperature)
+        # what weighs nothing must be zero: arithmetic with denormal numbers takes a hundred times
+        w = np.where(exponent < NEGLIGIBLE, np.exp(-np.minimum(exponent, NEGLIGIBLE)), F(0))
         return w / np.sum(w)
 
     def draw(self, proposals: tuple[Rollout, ...]) -> tuple[Array, Array]:
         """
         Draw samples about each proposal.
 
-        Shapes: -> forces (N, K), costs (K,), in single precision.
+        Shapes: -> forces (N, K), which the next draw overwrites, costs (K,); in single precision.
         """
-        shape = (self.problem.horizon, self.parameters.samples)
-        noise = normal(self.random, shape)
-        V, J = np.empty(shape, np.float32), np.empty(shape[1], np.float32)
+        normal(self.random, self.noise)
+        J = np.empty(self.parameters.samples, F)
         begin = 0
         for proposal, count in zip(proposals, self.counts):
             with np.errstate(over='ignore'):  # a proposal that diverges weighs nothing
-                X, U, K = (part.astype(np.float32) for part in proposal[1:])
-            follow(self.model, self.cost, X, U, K, begin, begin + count, noise, self.sigma,
-                   np.float32(self.parameters.noise_correlation),
-                   np.float32(self.problem.u_max), V, J)
+                X, U, K = (part.astype(F) for part in proposal[1:])
+            follow(self.model, self.cost, X, U, K, begin, begin + count, self.noise, self.sigma,
+                   F(self.parameters.noise_correlation), F(self.problem.u_max), self.V, J)
             begin += count
-        return V, J
+        return self.V, J
 
     def proposal(self, x_0: Array, U: Array) -> Rollout:
         """Follow forces, within their bound, in double precision."""

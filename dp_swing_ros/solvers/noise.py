@@ -83,9 +83,10 @@ def fill(state, out):
                 out[begin + i] = pairs[j, i]
 
 
-def normal(random: np.random.Generator, shape: tuple[int, ...]) -> Array:
-    """Draw normal numbers in single precision; the generator gives the state they begin with."""
-    state = random.integers(2 ** 32, size=(4, LANES), dtype=U)
-    out = np.empty(shape, F)
-    fill(state, out.reshape(-1))
-    return out
+def normal(random: np.random.Generator, out: Array) -> None:
+    """
+    Write normal numbers in single precision; the generator gives the state they begin with.
+
+    Shapes: out any, contiguous.
+    """
+    fill(random.integers(2 ** 32, size=(4, LANES), dtype=U), out.reshape(-1))
