@@ -56,12 +56,12 @@ def whole_solves(rounds: int) -> dict[str, Any]:
 def sampling(rounds: int) -> dict[str, Any]:
     """Compare updates with pytorch_mppi, and rollouts with MuJoCo."""
     from limit import rollouts
-    from peers_sampling import mujoco_rollouts, our_tick, torch_tick
+    from peers_sampling import gpu_ticks, mujoco_rollouts, our_tick, torch_tick
 
     problem, found = configuration.problem({}), {}
     for samples in SAMPLES:
         few = max(3, rounds * 256 // samples)
-        ticks = {'mppi': our_tick(problem, samples)}
+        ticks = {'mppi': our_tick(problem, samples), **gpu_ticks(problem, samples)}
         for kind in COMPILED:
             for threads in (1, 2):
                 ticks[f'pytorch_mppi {kind}, {threads} threads'] = torch_tick(

@@ -5,12 +5,14 @@ pytorch_mppi and MuJoCo's threaded rollouts, on the default problem.
 
 A tick of MPPI is one update: samples drawn, followed and averaged, in single precision. Ours is
 the whole `solve` with one iteration, with what pytorch_mppi has not: the Riccati pass, two
-proposals, and the rollouts of the result. pytorch_mppi runs on torch_twin's equations (`twin`,
-which solve a linear system in each stage), on the closed form of ours written in torch (`closed`),
-and on that compiled. MuJoCo's rollouts are in double precision, and without a cost.
+proposals, and the rollouts of the result; where there is a CUDA GPU it is also timed there.
+pytorch_mppi runs on torch_twin's equations (`twin`, which solve a linear system in each stage), on
+their closed form (`closed`), and on that compiled. MuJoCo's rollouts are in double precision, and
+without a cost.
 """
 
 from collections.abc import Callable
+import sys
 from typing import Any
 
 import numpy as np
@@ -18,8 +20,7 @@ from timing import Work
 import torch
 from torch import Tensor
 
-from dp_swing_ros.dynamics import Pendulum
-from dp_swing_ros.dynamics.torch_twin import rk4_step
+from dp_swing_ros.dynamics.torch_twin import rk4_advance, rk4_step
 from dp_swing_ros.parameters import PendulumParameters
 from dp_swing_ros.plan import Status
 from dp_swing_ros.problem import Problem
@@ -31,9 +32,9 @@ NOISE = 5.0      # [N] standard deviation of pytorch_mppi's samples
 Step = Callable[[Tensor, Tensor], Tensor]
 
 
-def our_tick(problem: Problem, samples: int) -> Work:
+def our_tick(problem: Problem, samples: int, device: str = 'cpu') -> Work:
     """Return an update of ours, from hanging, beginning with zero forces."""
-    solver = MPPI(problem, MPPI.Parameters(samples=samples, iterations=1))
+    solver = MPPI(problem, MPPI.Parameters(samples=samples, iterations=1, device=device))
     x_0 = np.array(HANGING)
     X = np.tile(x_0, (problem.horizon + 1, 1))
     plan = plan_of(problem, X, np.zeros(problem.horizon), Status.COMPLETE)
@@ -42,35 +43,6 @@ def our_tick(problem: Problem, samples: int) -> Work:
         solver.solve(x_0, plan, np.inf)
         return 1
     return run
-
-
-def closed_form(p: Pendulum, h: float) -> Step:
-    """Return the RK4 step without a linear solve: the inverse of D by its cofactors."""
-    def derivative(x: Tensor, u: Tensor) -> Tensor:
-        th_1, th_2, v, w_1, w_2 = x[..., 1:].unbind(-1)
-        s_1, c_1, s_2, c_2 = th_1.sin(), th_1.cos(), th_2.sin(), th_2.cos()
-        s_12, c_12 = s_1 * c_2 - c_1 * s_2, c_1 * c_2 + s_1 * s_2
-        m_01, m_02, m_12 = p.d_01 * c_1, p.d_02 * c_2, p.d_12 * c_12
-        i_00, i_11 = p.d_11 * p.d_22 - m_12 * m_12, p.d_00 * p.d_22 - m_02 * m_02
-        i_22 = p.d_00 * p.d_11 - m_01 * m_01
-        i_01, i_02 = m_02 * m_12 - m_01 * p.d_22, m_01 * m_12 - m_02 * p.d_11
-        i_12 = m_01 * m_02 - p.d_00 * m_12
-        per_det = 1 / (p.d_00 * i_00 + m_01 * i_01 + m_02 * i_02)
-        slip = p.b_2 * (w_1 - w_2)
-        r_0 = u - p.b_0 * v + p.d_01 * s_1 * w_1 * w_1 + p.d_02 * s_2 * w_2 * w_2
-        r_1 = p.g * p.d_01 * s_1 - p.d_12 * s_12 * w_2 * w_2 - p.b_1 * w_1 - slip
-        r_2 = p.g * p.d_02 * s_2 + p.d_12 * s_12 * w_1 * w_1 + slip
-        return torch.stack([v, w_1, w_2, (i_00 * r_0 + i_01 * r_1 + i_02 * r_2) * per_det,
-                            (i_01 * r_0 + i_11 * r_1 + i_12 * r_2) * per_det,
-                            (i_02 * r_0 + i_12 * r_1 + i_22 * r_2) * per_det], -1)
-
-    def step(x: Tensor, u: Tensor) -> Tensor:
-        k_1 = derivative(x, u)
-        k_2 = derivative(x + h / 2 * k_1, u)
-        k_3 = derivative(x + h / 2 * k_2, u)
-        k_4 = derivative(x + h * k_3, u)
-        return x + h / 6 * (k_1 + 2 * k_2 + 2 * k_3 + k_4)
-    return step
 
 
 def costs(problem: Problem, dtype: torch.dtype) -> tuple[Step, Step]:
@@ -93,12 +65,21 @@ def costs(problem: Problem, dtype: torch.dtype) -> tuple[Step, Step]:
     return running, terminal
 
 
+def gpu_ticks(problem: Problem, samples: int) -> dict[str, Work]:
+    """Return an update of ours on the GPU, or nothing and a line that says so."""
+    if torch.cuda.is_available():
+        return {'on the GPU, mppi': our_tick(problem, samples, 'cuda')}
+    print(f'mppi.device cuda is not timed: torch {torch.__version__} finds no CUDA GPU',
+          file=sys.stderr)
+    return {}
+
+
 def torch_step(problem: Problem, kind: str) -> Step:
     """Return one step of the model in torch."""
     p, h = problem.model.pendulum, problem.dt
     if kind == 'twin':
         return lambda x, u: rk4_step(p, h, x, u)
-    return closed_form(p, h)
+    return lambda x, u: torch.stack(rk4_advance(problem.model, x.unbind(-1), u), -1)
 
 
 def torch_tick(problem: Problem, samples: int, kind: str, threads: int) -> Work:

@@ -58,6 +58,10 @@ class MPPIParameters(Parameters):
     feedback: bool = parameter(
         True, 'draw samples about a policy, u = U + K (x - X) + noise, with the gains of one '
         'Riccati pass; false: about forces alone, as in the paper')
+    device: str = parameter(
+        'cpu', 'where samples are followed. cpu: one core, by Numba; cuda: an NVIDIA GPU, by '
+        "torch; torch: the GPU's program on the CPU, to test it",
+        choices=lambda: ['cpu', 'cuda', 'torch'])
 
 
 def sizes(parameters: MPPIParameters, count: int) -> Array:
@@ -72,7 +76,11 @@ class MPPI:
     Parameters = MPPIParameters
 
     def __init__(self, problem: Problem, parameters: MPPIParameters, seed: Seed = 0) -> None:
-        """Take the problem, and share the samples out over proposals and sizes of noise."""
+        """
+        Take the problem, and share the samples out over proposals and sizes of noise.
+
+        Raises ParameterError where the device is none of this machine.
+        """
         self.problem, self.parameters = problem, parameters
         self.random = np.random.default_rng(seed)
         self.model, self.cost = single(problem.model), single(problem.cost)
@@ -81,6 +89,11 @@ class MPPI:
         self.sigma = np.concatenate([sizes(parameters, count) for count in self.counts])
         # scratch: memory that is new each time costs more than to fill it
         self.noise, self.V = np.empty((2, problem.horizon, parameters.samples), F)
+        self.device = None
+        if parameters.device != 'cpu':
+            from dp_swing_ros.solvers.device import OnDevice   # torch takes seconds to import
+
+            self.device = OnDevice(problem, parameters, self.counts, self.sigma)
 
     def solve(self, x_0: Array, warm_start: Plan | None, deadline: float) -> Plan:
         """Return the cheapest of proposals, averages and single samples; see Solver.solve."""
@@ -108,6 +121,8 @@ class MPPI:
 
     def update(self, *proposals: Rollout) -> tuple[Array, Array]:
         """Draw samples about the proposals; return their weighted average and the cheapest."""
+        if self.device is not None:
+            return self.device.update(proposals, self.random)
         V, J = self.draw(proposals)
         w = self.weights(J)
         return (V @ w).astype(float), V[:, np.argmax(w)].astype(float)

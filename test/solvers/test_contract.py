@@ -32,7 +32,12 @@ def model(request):
     return request.param
 
 
-@pytest.fixture(params=sorted(SOLVERS))
+# by a name in the tests: the name in the registry, and parameters
+CHOICES = {**{name: (name, {}) for name in sorted(SOLVERS)},
+           'mppi by torch': ('mppi', {'device': 'torch', 'samples': 64})}
+
+
+@pytest.fixture(params=CHOICES)
 def name(request):
     return request.param
 
@@ -47,8 +52,9 @@ def problem(model='rk4', horizon=30, force_limit=20.0, **cost):
                       CostParameters(**cost), PredictionParameters(model=model, horizon=horizon))
 
 
-def solver(name, problem, seed=0):
-    return SOLVERS[name](problem, SOLVERS[name].Parameters(), seed)
+def solver(name, problem, seed=0, **more):
+    name, parameters = CHOICES[name]
+    return SOLVERS[name](problem, SOLVERS[name].Parameters(**parameters, **more), seed)
 
 
 def random_start(problem, x_0, seed=0):
@@ -114,8 +120,7 @@ def test_a_deadline_that_has_passed_returns_the_warm_start(name, x_0):
 def test_a_deadline_cuts_a_long_solve_short(name):
     """The same solve with all the time in the world takes many times longer."""
     p, x_0 = problem(horizon=400), STATES['hanging']
-    parameters = {'iterations': {'mppi': 1000}.get(name, 10_000)}
-    late = SOLVERS[name](p, SOLVERS[name].Parameters(tolerance=0.0, **parameters))
+    late = solver(name, p, tolerance=0.0, iterations=1000 if 'mppi' in name else 10_000)
     warm = random_start(p, x_0)
     late.solve(x_0, warm, time.perf_counter())   # compiled from here on
     plan = late.solve(x_0, warm, time.perf_counter() + 0.02)

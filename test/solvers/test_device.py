@@ -1,0 +1,100 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The update by torch against the kernels of the CPU; the GPU's own part where there is one."""
+
+from dataclasses import replace
+import math
+
+import numpy as np
+import pytest
+
+from dp_swing_ros import configuration
+from dp_swing_ros.dynamics import MODELS
+from dp_swing_ros.parameters import ParameterError
+from dp_swing_ros.problem import regulator_rollout
+from dp_swing_ros.solvers.mppi import MPPI, MPPIParameters
+from dp_swing_ros.state import HANGING
+
+torch = pytest.importorskip('torch')
+SAMPLES = 200
+ON_GPU = pytest.mark.skipif(not torch.cuda.is_available(), reason='there is no CUDA GPU')
+devices = pytest.mark.parametrize('device', ['torch', pytest.param('cuda', marks=ON_GPU)])
+
+
+def solver(device, seed=0, values=None, **parameters):
+    return MPPI(configuration.problem(values or {'horizon': 20}),
+                MPPIParameters(samples=SAMPLES, device=device, **parameters), seed)
+
+
+def proposals(one, rng):
+    """Return a policy with its gains about random forces, and the regulator."""
+    x_0 = np.array([0.3, 2.9, -3.0, 0.1, 0.5, -0.5])
+    chosen = one.proposal(x_0, rng.uniform(-10, 10, one.problem.horizon))
+    return one.with_feedback(chosen), regulator_rollout(one.problem, x_0)
+
+
+@devices
+@pytest.mark.parametrize('values', [
+    {}, {'angle_error': 'angle', 'terminal_cost': 'scaled'}, {'track_limit': 0.5}],
+    ids=['tuned', 'paper', 'short track'])
+@pytest.mark.parametrize('model', sorted(MODELS))
+def test_forces_and_costs_are_those_of_the_kernel(device, model, values, rng):
+    cpu, other = (solver(kind, values={'horizon': 20, 'model': model, **values})
+                  for kind in ('cpu', device))
+    drawn = proposals(cpu, rng)
+    V, J = cpu.draw(drawn)
+    program = other.device.program
+    program.noise.copy_(torch.from_numpy(cpu.noise))
+    program.take(other.device.inputs(drawn))
+    program.run()
+    forces, costs = program.forces.cpu().numpy(), program.costs.cpu().numpy()
+    first = cpu.counts[0]
+    np.testing.assert_allclose(forces[:, :first], V[:, :first], atol=2e-3)
+    np.testing.assert_allclose(costs[:first], J[:first], rtol=1e-3)
+    # far from its goal the regulator's large gains amplify what rounding changed, step by step
+    np.testing.assert_allclose(forces[:5, first:], V[:5, first:], atol=2e-3)
+    expected = [cpu.proposal(drawn[0].X[0], u.astype(float)).J for u in forces.T]
+    np.testing.assert_allclose(costs, expected, rtol=2e-3)
+    weights = other.device.weights(program.costs).cpu()
+    np.testing.assert_allclose(weights, cpu.weights(costs), atol=1e-6)
+
+
+@devices
+def test_the_same_seed_gives_the_same_plan(device):
+    first, second, other = (solver(device, seed).solve(np.array(HANGING), None, math.inf)
+                            for seed in (3, 3, 4))
+    np.testing.assert_array_equal(first.U, second.U)
+    assert not np.array_equal(first.U, other.U)
+
+
+@devices
+def test_another_problem_of_the_same_size_is_another_problem(device, rng):
+    """The program is shared; masses, reference and bound are not compiled into it."""
+    light, heavy = (solver(device, values={'horizon': 20, 'link2_mass': mass})
+                    for mass in (0.5, 0.9))
+    assert light.device.program is heavy.device.program
+    drawn = proposals(light, rng)
+    costs = []
+    for one in (light, heavy, light):
+        one.update(*drawn)
+        costs.append(one.device.program.costs.cpu().numpy().copy())
+    assert np.median(costs[1] / costs[0]) > 1.01
+
+
+@devices
+def test_samples_that_are_lost_weigh_nothing(device):
+    one = solver(device, temperature=0.5, temperature_scale='fixed').device
+    J = torch.tensor([3.0, 1.0, 2.0, math.nan, math.inf], device=one.program.costs.device)
+    expected = np.exp(-np.array([2.0, 0.0, 1.0]) / 0.5)
+    np.testing.assert_allclose(one.weights(J).cpu(), [*expected / expected.sum(), 0, 0],
+                               rtol=1e-5)
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason='there is a CUDA GPU')
+def test_a_gpu_that_is_not_there_is_refused():
+    parameters = MPPIParameters(device='cuda')
+    with pytest.raises(ParameterError, match='finds no CUDA GPU; expected an NVIDIA GPU'):
+        MPPI(configuration.problem({}), parameters)
+    assert MPPI(configuration.problem({}), replace(parameters, device='cpu')).device is None
+    with pytest.raises(ParameterError, match='one of cpu, cuda, torch'):
+        MPPIParameters(device='gpu')
