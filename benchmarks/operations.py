@@ -92,10 +92,6 @@ class Numpy:
         return getattr(np, name)
 
     @staticmethod
-    def reciprocal(x: Any) -> Any:
-        return 1.0 / x
-
-    @staticmethod
     def empty(shape: Any, dtype: Any = None) -> Array:
         return np.zeros(shape, object)
 

@@ -6,9 +6,9 @@ Sine and cosine that vectorise: polynomials without a branch or a call.
 So the compiler runs 4, 8 or 16 of them at once, or both angles of one state side by side. In
 single precision the argument is brought to [-π/2, π/2] by n half turns, and sin x = (-1)ⁿ
 sin(x - nπ), likewise the cosine. There the polynomials of least error of degree 9 and 8 are exact
-to 5e-9 of sin y and to 5.3e-8 of 1, less than a unit in the last place. In double precision quarter
-turns bring it to [-π/4, π/4], where Taylor's of degree 17 and 16 are exact to 1e-17, and every odd
-one swaps sine and cosine.
+to 5e-9 of sin y and to 5.3e-8 of 1, less than a unit in the last place. In double precision
+quarter turns bring it to [-π/4, π/4], where Taylor's of degree 17 and 16 are exact to 1e-17, and
+every odd one swaps sine and cosine.
 """
 
 import math
