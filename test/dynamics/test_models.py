@@ -74,7 +74,7 @@ def test_curvature_meets_finite_differences(name, bodies, rng):
         A, B, W = second_order(model, x, u, costate)
         np.testing.assert_allclose(W, central_difference(gradient, np.append(x, u)), atol=1e-6,
                                    rtol=1e-6)
-        # each kernel fuses other products and sums, so a term of order 1 may differ in its last bit
+        # each kernel fuses other products and sums: a term of order 1 may differ in its last bit
         np.testing.assert_allclose(A, linearisation(model, x, u)[0], rtol=1e-14, atol=1e-15)
         np.testing.assert_allclose(B, linearisation(model, x, u)[1], rtol=1e-14, atol=1e-15)
 
