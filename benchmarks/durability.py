@@ -25,7 +25,7 @@ from readers import read, Verdicts, whole
 from tqdm import tqdm
 import yaml
 
-from dp_swing_ros.provenance import machine
+from dp_swing_ros.provenance import commit, machine
 from dp_swing_ros.tools.isolation import isolated
 from dp_swing_ros.tools.processes import Crew, Process
 
@@ -202,12 +202,11 @@ def listed(readers: Verdicts) -> str:
 
 def page(rows: list[dict[str, str]], disk: str, loaded: str) -> str:
     """Return the page as Markdown."""
-    commit = subprocess.run(['git', 'rev-parse', '--short', 'HEAD'], capture_output=True,
-                            text=True, check=True).stdout.strip()
     return '\n'.join([
         '# Durability\n',
         f'Made by `{" ".join(["python", f"benchmarks/{Path(__file__).name}", *sys.argv[1:]])}` on '
-        f'{date.today()} at commit {commit}; {machine()}, CPython {platform.python_version()}.\n',
+        f'{date.today()} at commit {commit()}; {machine()}, '
+        f'CPython {platform.python_version()}.\n',
         '## SIGKILL of the logger\n',
         f'At random moments, with {TOPICS} topics of numbered messages; then '
         '`ros2 run dp_swing_ros recover`. Lost are all messages that had gone out before the kill '

@@ -16,6 +16,8 @@ import subprocess
 import sys
 import tempfile
 
+from dp_swing_ros.provenance import commit
+
 SOLVERS = ('ilqr', 'ddp', 'mppi')
 RUNS = 5
 
@@ -48,11 +50,9 @@ def measured(solver: str) -> dict[str, str]:
 
 def page(rows: list[dict[str, str]]) -> str:
     """Return the page as Markdown."""
-    commit = subprocess.run(['git', 'rev-parse', '--short', 'HEAD'], capture_output=True,
-                            text=True, check=True).stdout.strip()
     return '\n'.join([
         '# In real time\n',
-        f'Made by `make results` ({Path(__file__).name}) on {date.today()} at commit {commit}; '
+        f'Made by `make results` ({Path(__file__).name}) on {date.today()} at commit {commit()}; '
         f'{os.cpu_count()} shared cores, {platform.machine()}, CPython '
         f'{platform.python_version()}.\n',
         'Swing-up from hanging by three processes at 20 Hz, 10 s, default parameters, seeds from '

@@ -28,7 +28,8 @@ SCALED = ('cart_mass', 'link1_mass', 'link2_mass', 'link1_length', 'link2_length
 ADDED = ('cart_friction', 'joint1_friction', 'joint2_friction')
 CONSTANT = ('link1_inertia_factor', 'link2_inertia_factor', 'gravity')
 BIAS, BODIES = 6, 7      # where they begin in z
-SIZE = BODIES + len(SCALED) + len(ADDED)
+FACTORS = len(SCALED)    # of p, before what is added
+SIZE = BODIES + FACTORS + len(ADDED)
 
 LONGEST_STEP = 0.01      # [s] of the model; at 50 ms its error would pass for one of the bodies
 LONGEST_GAP = 0.5        # [s] without a state; beyond it the pendulum is too chaotic to predict
@@ -119,7 +120,7 @@ def pendulums(nominal, constants, z):
     for k in range(len(found)):
         for i in range(len(b)):
             p = z[BODIES + i] + (SMALL if k == i + 1 else 0.0)
-            b[i] = nominal[i] * math.exp(p) if i < 5 else nominal[i] + p
+            b[i] = nominal[i] * math.exp(p) if i < FACTORS else nominal[i] + p
         found[k] = coefficients(b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7],
                                 constants[0], constants[1], constants[2])
     return found

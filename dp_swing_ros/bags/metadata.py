@@ -3,6 +3,7 @@
 """The metadata.yaml of a bag. Source: version 9 of rosbag2's metadata, that of Jazzy."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import yaml
@@ -57,6 +58,11 @@ def metadata(topics: Iterable[Recorded], files: Sequence[Contents],
         'files': [{'path': file.path, **_extent(file.first, file.last, file.messages)}
                   for file in files],
         'custom_data': dict(custom), 'ros_distro': 'jazzy'}})
+
+
+def information(folder: Path) -> Any:
+    """Return what a metadata.yaml tells; what is none raises whatever reading it comes to."""
+    return yaml.safe_load((folder / METADATA).read_bytes())['rosbag2_bagfile_information']
 
 
 def to_yaml(data: Any) -> str:

@@ -8,10 +8,10 @@ import shlex
 from typing import Any, Callable, Iterator, NamedTuple, TypeVar
 
 from mcap.records import Message
-import yaml
 
 from dp_swing_ros.bags.channels import Channels
 from dp_swing_ros.bags.damage import Damage, Reason
+from dp_swing_ros.bags.metadata import information
 from dp_swing_ros.bags.records import MAGIC
 from dp_swing_ros.bags.salvage import contents, Scan
 from dp_swing_ros.errors import BagError
@@ -192,9 +192,7 @@ def missing_files(path: Path, files: list[Path]) -> list[str]:
 def listed_files(path: Path) -> list[str] | None:
     """Return the files that metadata.yaml names; None where it is missing or no metadata."""
     try:
-        about = yaml.safe_load((path / 'metadata.yaml').read_bytes())
-        return [str(name) for name in
-                about['rosbag2_bagfile_information']['relative_file_paths']]
+        return [str(name) for name in information(path)['relative_file_paths']]
     except Exception:  # noqa: B902
         return None  # a bag is read without it, and it may hold anything
 

@@ -12,7 +12,6 @@ from mcap.records import Message
 from dp_swing_ros.bags.channels import Channels, has_surplus, Line, recorded
 from dp_swing_ros.bags.damage import Damage, Reason
 from dp_swing_ros.bags.reader import files_of, listed_files, missing_files
-from dp_swing_ros.bags.records import Buffer
 from dp_swing_ros.bags.salvage import contents, Scan
 from dp_swing_ros.bags.writer import BagWriter, Recorded
 from dp_swing_ros.errors import BagError
@@ -91,16 +90,16 @@ def recover(path: Path, output: Path, progress: Progress = lambda done, size: No
 
     Raises BagError where there is nothing to save, or something at the output.
     """
-    files = files_of(path)
-    found = _examine(path, files)
+    definitions = {file: Channels() for file in files_of(path)}
+    found = _examine(path, definitions)
     if found.whole:
-        list(_survivors(files, found, progress))
+        list(_survivors(definitions, found, progress))
         if found.whole:
             return found
         found.topics, found.faults, found.unvouched = {}, {}, 0
     writer: BagWriter | None = None
     try:
-        for topic, message in _survivors(files, found, progress):
+        for topic, message in _survivors(definitions, found, progress):
             writer = writer or BagWriter(output)
             if topic.name not in writer.counts:
                 writer.add(topic)
@@ -124,32 +123,34 @@ def described(found: Recovery) -> Iterator[str]:
         yield f'{count} messages{f" on {topic}" if topic else ""} {fault.value}'
 
 
-def _examine(path: Path, files: list[Path]) -> Recovery:
+def _examine(path: Path, definitions: dict[Path, Channels]) -> Recovery:
+    """Look for damage, and gather what each file says of its channels anywhere."""
     found = Recovery()
     if path.is_dir() and listed_files(path) is None:
         found.notes.append('metadata.yaml is missing or damaged')
     found.notes += [f'{name}, which metadata.yaml names, is missing'
-                    for name in missing_files(path, files)]
-    for file in files:
+                    for name in missing_files(path, list(definitions))]
+    for file, channels in definitions.items():
         scan = Scan(contents(file))
-        channels = Channels()
         for item in scan:
             if isinstance(item, Damage):
                 found.damages.append((file, item))
-            elif not isinstance(item.record, Message) and not channels.tell(item.record):
+            elif not isinstance(item.record, Message) and not channels.tell(
+                    item.record, item.verified):
                 note = f'{file.name} tells two things of a channel or schema'
                 found.notes += [note] if note not in found.notes else []
         found.told = None if found.told is None or scan.told is None else found.told + scan.told
     return found
 
 
-def _survivors(files: list[Path], found: Recovery, progress: Progress) -> Iterator[Survivor]:
+def _survivors(definitions: dict[Path, Channels], found: Recovery,
+               progress: Progress) -> Iterator[Survivor]:
     judge = _Judge()
-    size = sum(len(contents(file)) for file in files)
+    size = sum(len(contents(file)) for file in definitions)
     before = 0
-    for file in files:
+    for file, elsewhere in definitions.items():
         data = contents(file)
-        scan, channels = Scan(data), Channels(_definitions(data))
+        scan, channels = Scan(data), Channels(elsewhere)
         for item in scan:
             if isinstance(item, Damage):
                 if item.reason is not Reason.INDEX:
@@ -168,14 +169,6 @@ def _survivors(files: list[Path], found: Recovery, progress: Progress) -> Iterat
                     found.faults[key] = found.faults.get(key, 0) + 1
             progress(before + scan.place, size)
         before += len(data)
-
-
-def _definitions(data: Buffer) -> Channels:
-    channels = Channels()
-    for item in Scan(data):
-        if not isinstance(item, Damage) and not isinstance(item.record, Message):
-            channels.tell(item.record, item.verified)
-    return channels
 
 
 class _Judge:

@@ -6,15 +6,15 @@ from collections import Counter
 from collections.abc import Sequence
 from datetime import datetime, timezone
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import yaml
 
 from dp_swing_ros.bags.configurations import Configuration, configurations_of
 from dp_swing_ros.bags.episodes import episode_of
 from dp_swing_ros.bags.fields import BILLION
+from dp_swing_ros.bags.metadata import information, METADATA
 from dp_swing_ros.bags.reader import Bag
-from dp_swing_ros.bags.writer import METADATA
 from dp_swing_ros.episode import Episode
 from dp_swing_ros.errors import BagError
 from dp_swing_ros.topics import ROBOT_DESCRIPTION
@@ -52,17 +52,16 @@ def recording(path: Path | str, partial: bool = False) -> Recording:
 
 
 def _lost(path: Path) -> dict[str, int]:
-    file = (path if path.is_dir() else path.parent) / METADATA
-    if not file.is_file():  # as after a logger that was killed
+    folder = path if path.is_dir() else path.parent
+    if not (folder / METADATA).is_file():  # as after a logger that was killed
         return {}
     try:
-        content: Any = yaml.safe_load(file.read_text(encoding='utf-8'))
-        told = content['rosbag2_bagfile_information'].get('custom_data') or {}
+        told = information(folder).get('custom_data') or {}
         return {key.removeprefix(LOST): int(count) for key, count in told.items()
                 if key.startswith(LOST)}
     except (AttributeError, KeyError, TypeError, ValueError, yaml.YAMLError):
-        raise BagError(f'{str(file)!r} is not what rosbag2 writes; `ros2 bag reindex` makes it '
-                       'anew') from None
+        raise BagError(f'{str(folder / METADATA)!r} is not what rosbag2 writes; '
+                       '`ros2 bag reindex` makes it anew') from None
 
 
 def named(recordings: Sequence[Recording]) -> dict[str, Recording]:

@@ -21,10 +21,10 @@ from torch import Tensor
 from dp_swing_ros.dynamics.torch_twin import ADVANCES, Numbers
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.problem import Problem, Rollout
+from dp_swing_ros.solvers.mppi import NEGLIGIBLE
 from dp_swing_ros.state import Array
 
 DEVICES = {'cuda': 'cuda', 'torch': 'cpu'}   # by the value of the parameter
-NEGLIGIBLE = 60.0                            # weights below exp(-60) are none
 
 
 class Inputs(NamedTuple):
@@ -210,5 +210,5 @@ class OnDevice:
             tenth = torch.kthvalue(excess, len(J) // 10 + 1).values
             temperature = temperature * torch.clamp(tenth, min=1e-9)
         exponent = excess / temperature
-        w = torch.where(exponent < NEGLIGIBLE, torch.exp(-exponent), 0.0)
+        w = torch.where(exponent < float(NEGLIGIBLE), torch.exp(-exponent), 0.0)
         return w / w.sum()

@@ -7,16 +7,15 @@ from collections.abc import Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
 import re
-import sys
 
 from tqdm import tqdm
 
 from dp_swing_ros import figures
 from dp_swing_ros.comparison import table
 from dp_swing_ros.episode import Episode
-from dp_swing_ros.errors import UserError
 from dp_swing_ros.metrics import measure
 from dp_swing_ros.report import named, page, Recording, recording, Shown
+from dp_swing_ros.tools.over_bags import add_partial, beside, exit_code
 
 PICTURES = {
     'hero': figures.hero, 'snapshots': figures.snapshots,
@@ -26,17 +25,15 @@ PICTURES = {
 def main(argv: Sequence[str] | None = None) -> int:
     """Analyse the bags that the command line names; return the exit code."""
     arguments = _parser().parse_args(argv)
-    try:
-        runs = named([recording(bag, arguments.partial) for bag in arguments.bags])
-        print(table({name: measure(run.episode) for name, run in runs.items()}), end='\n\n')
-        folder = arguments.output or place_for(arguments.bags)
-        for path in write(runs, folder, arguments.animation):
-            print(path)
-    except (UserError, OSError) as error:
-        print(f'analyse: error: {error}', file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        return 130
+    return exit_code('analyse', lambda: _analyse(arguments))
+
+
+def _analyse(arguments: argparse.Namespace) -> int:
+    runs = named([recording(bag, arguments.partial) for bag in arguments.bags])
+    print(table({name: measure(run.episode) for name, run in runs.items()}), end='\n\n')
+    folder = arguments.output or place_for(arguments.bags)
+    for path in write(runs, folder, arguments.animation):
+        print(path)
     return 0
 
 
@@ -53,22 +50,15 @@ def _parser() -> argparse.ArgumentParser:
                              'bag; of several bags: comparison_TIME, here)')
     parser.add_argument('--animation', action=argparse.BooleanOptionalAction, default=True,
                         help='write the animation as a GIF too, which takes longest')
-    parser.add_argument('--partial', action='store_true',
-                        help='read what there is of a bag whose logger was killed')
+    add_partial(parser)
     return parser
 
 
 def place_for(bags: Sequence[Path]) -> Path:
     """Return the folder for what is made of bags."""
     if len(bags) == 1:
-        return beside(bags[0])
+        return beside(bags[0], 'analysis')
     return Path(f'comparison_{datetime.now():%Y%m%d_%H%M%S}')
-
-
-def beside(bag: Path) -> Path:
-    """Return the folder for the pictures of a bag: beside it, where rosbag2 does not look."""
-    bag = bag.resolve()
-    return bag.with_name(f'{bag.stem if bag.suffix == ".mcap" else bag.name}_analysis')
 
 
 def write(runs: Mapping[str, Recording], folder: Path, animate: bool = True) -> list[Path]:

@@ -6,43 +6,37 @@ import argparse
 from collections.abc import Sequence
 import math
 from pathlib import Path
-import sys
 
 from tqdm import tqdm
 
 from dp_swing_ros import figures
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.comparison import aligned
-from dp_swing_ros.errors import UserError
-from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.rerun.counterfactual import Fork, fork
 from dp_swing_ros.rerun.runs import Run
 from dp_swing_ros.solvers import SOLVERS
-from dp_swing_ros.tools.analyse import beside
+from dp_swing_ros.tools.over_bags import add_bag, add_partial, beside, exit_code
 from dp_swing_ros.topics import DISTURBANCE
 
-OK, MISUSED, INTERRUPTED = 0, 2, 130  # exit codes
 AT = 0.5  # [s] the pendulum moves, and everything is still open
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Compare the solvers on the bag that the command line names; return the exit code."""
     arguments = _parser().parse_args(argv)
-    try:
-        bag = Bag(arguments.bag, arguments.partial)
-        run = Run(bag)
-        forks = _forks(run, arguments)
-        print(table(forks[0]) if arguments.every is None else regrets(forks))
-        if bag.has(DISTURBANCE):
-            print(f'note: pushes ({len(bag.of(DISTURBANCE))} on {DISTURBANCE.name}) are only in '
-                  'what was recorded')
-        print(_draw(forks, run, arguments))
-    except (UserError, ParameterError, OSError) as error:
-        print(f'compare: error: {error}', file=sys.stderr)
-        return MISUSED
-    except KeyboardInterrupt:
-        return INTERRUPTED
-    return OK
+    return exit_code('compare', lambda: _compare(arguments))
+
+
+def _compare(arguments: argparse.Namespace) -> int:
+    bag = Bag(arguments.bag, arguments.partial)
+    run = Run(bag)
+    forks = _forks(run, arguments)
+    print(table(forks[0]) if arguments.every is None else regrets(forks))
+    if bag.has(DISTURBANCE):
+        print(f'note: pushes ({len(bag.of(DISTURBANCE))} on {DISTURBANCE.name}) are only in '
+              'what was recorded')
+    print(_draw(forks, run, arguments))
+    return 0
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -54,8 +48,7 @@ def _parser() -> argparse.ArgumentParser:
                     'states and forces that followed, without a terminal cost, for the rest of '
                     'the run; and the regret, what it is above the least of all. In simulation '
                     'a force acts at once, and no deadline cuts a solve short.')
-    parser.add_argument('bag', type=Path, metavar='BAG',
-                        help='folder of a bag that the logger recorded, or its .mcap file')
+    add_bag(parser)
     when = parser.add_mutually_exclusive_group()
     when.add_argument('--at', type=_seconds, default=AT, metavar='SECONDS',
                       help=f'take over this long after the first state (default: {AT:g}: the '
@@ -68,8 +61,7 @@ def _parser() -> argparse.ArgumentParser:
                         help='how long each goes on (default: for the rest of the run)')
     parser.add_argument('--output', type=Path, metavar='DIR',
                         help='folder for the picture (default: BAG_analysis, beside the bag)')
-    parser.add_argument('--partial', action='store_true',
-                        help='read what there is of a bag whose logger was killed')
+    add_partial(parser)
     return parser
 
 
@@ -97,7 +89,7 @@ def _forks(run: Run, arguments: argparse.Namespace) -> list[Fork]:
 
 
 def _draw(forks: list[Fork], run: Run, arguments: argparse.Namespace) -> Path:
-    folder = arguments.output or beside(arguments.bag)
+    folder = arguments.output or beside(arguments.bag, 'analysis')
     folder.mkdir(parents=True, exist_ok=True)
     if arguments.every is None:
         path, figure = folder / 'counterfactual.png', figures.counterfactual(

@@ -12,7 +12,7 @@ from tqdm import tqdm
 
 from dp_swing_ros.bags.fields import BILLION
 from dp_swing_ros.bags.recovery import described, recover, Recovery
-from dp_swing_ros.errors import UserError
+from dp_swing_ros.tools.over_bags import beside, exit_code
 
 LINES = 20  # of losses, before only their number is told
 
@@ -20,24 +20,25 @@ LINES = 20  # of losses, before only their number is told
 def main(argv: Sequence[str] | None = None) -> int:
     """Recover the bag that the command line names; return the exit code."""
     arguments = _parser().parse_args(argv)
-    output = arguments.output or beside(arguments.bag)
+    output = arguments.output or beside(arguments.bag, 'recovered')
+    return exit_code('recover', lambda: _recover(arguments.bag, output))
+
+
+def _recover(bag: Path, output: Path) -> int:
     try:
         with tqdm(desc='bytes', unit='B', unit_scale=True, leave=False, delay=1) as bar:
             def progress(done: int, size: int) -> None:
                 bar.total = size
                 bar.update(done - bar.n)
 
-            found = recover(arguments.bag, output, progress)
-    except (UserError, OSError) as error:
-        print(f'recover: error: {error}', file=sys.stderr)
-        return 2
+            found = recover(bag, output, progress)
     except KeyboardInterrupt:
         print(f'recover: interrupted; {output} holds a part, if it is there', file=sys.stderr)
-        return 130
+        raise
     if found.whole:
-        print(f'{arguments.bag} is whole: {found.saved} messages; nothing was written')
+        print(f'{bag} is whole: {found.saved} messages; nothing was written')
     else:
-        print(report(found, arguments.bag, output))
+        print(report(found, bag, output))
     return 0
 
 
@@ -51,12 +52,6 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument('--output', type=Path, metavar='DIR',
                         help='folder to make (default: BAG_recovered, beside the bag)')
     return parser
-
-
-def beside(bag: Path) -> Path:
-    """Return the folder for what is left of a bag: beside it."""
-    bag = bag.resolve()
-    return bag.with_name(f'{bag.stem if bag.suffix == ".mcap" else bag.name}_recovered')
 
 
 def report(found: Recovery, bag: Path, output: Path) -> str:

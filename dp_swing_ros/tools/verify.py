@@ -4,31 +4,27 @@
 
 import argparse
 from collections.abc import Sequence
-from pathlib import Path
 import sys
 
 from tqdm import tqdm
 
 from dp_swing_ros.bags.fields import BILLION
 from dp_swing_ros.bags.reader import Bag
-from dp_swing_ros.errors import UserError
-from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.rerun.verification import Verification, verify
+from dp_swing_ros.tools.over_bags import add_bag, add_partial, exit_code
 
-IDENTICAL, DIFFERS, UNKNOWN, INTERRUPTED = 0, 1, 2, 130  # exit codes
+IDENTICAL, DIFFERS, UNKNOWN = 0, 1, 2  # exit codes
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Verify the bag that the command line names; return the exit code."""
     arguments = _parser().parse_args(argv)
-    try:
-        found = verify(Bag(arguments.bag, arguments.partial),
-                       lambda ticks: tqdm(ticks, desc='ticks', leave=False))
-    except (UserError, ParameterError, OSError) as error:
-        print(f'verify: error: {error}', file=sys.stderr)
-        return UNKNOWN
-    except KeyboardInterrupt:
-        return INTERRUPTED
+    return exit_code('verify', lambda: _verify(arguments))
+
+
+def _verify(arguments: argparse.Namespace) -> int:
+    found = verify(Bag(arguments.bag, arguments.partial),
+                   lambda ticks: tqdm(ticks, desc='ticks', leave=False))
     return _differs(found) if found.differences else _identical(found)
 
 
@@ -39,10 +35,8 @@ def _parser() -> argparse.ArgumentParser:
                     'in real time, numbers of iterations, and demand the recorded forces to the '
                     'bit. The exit code is 0 where all are, 1 where one is not, and 2 where that '
                     'cannot be told.')
-    parser.add_argument('bag', type=Path, metavar='BAG',
-                        help='folder of a bag that the logger recorded, or its .mcap file')
-    parser.add_argument('--partial', action='store_true',
-                        help='read what there is of a bag whose logger was killed')
+    add_bag(parser)
+    add_partial(parser)
     return parser
 
 

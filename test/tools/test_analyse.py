@@ -13,7 +13,8 @@ from synthetic import swing_up, without_ticks
 from dp_swing_ros.bags import read_episode
 from dp_swing_ros.comparison import table
 from dp_swing_ros.metrics import measure, outcome
-from dp_swing_ros.tools.analyse import beside, main
+from dp_swing_ros.tools.analyse import main
+from dp_swing_ros.tools.over_bags import beside
 
 STILLS = {'hero.png', 'snapshots.png', 'squared_error.png', 'timeline.png'}
 
@@ -89,15 +90,16 @@ def test_bag_given_twice_is_one_line(bag, tmp_path, capsys):
 def test_pictures_lie_beside_the_bag_by_default(bag, capsys):
     before = sorted(bag.iterdir())
     assert main([str(bag), '--no-animation']) == 0
-    assert {path.name for path in beside(bag).iterdir()} == STILLS | {'report.html'}
+    assert {path.name for path in beside(bag, 'analysis').iterdir()} == STILLS | {'report.html'}
     assert sorted(bag.iterdir()) == before
 
 
 def test_place_beside_follows_the_name_of_the_bag(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert beside(tmp_path / 'runs.d') == tmp_path / 'runs.d_analysis'
-    assert beside(tmp_path / 'bag' / 'bag_0.mcap') == tmp_path / 'bag' / 'bag_0_analysis'
-    assert beside(tmp_path / '.') == tmp_path.with_name(f'{tmp_path.name}_analysis')
+    assert beside(tmp_path / 'runs.d', 'analysis') == tmp_path / 'runs.d_analysis'
+    assert beside(tmp_path / 'bag' / 'bag_0.mcap', 'analysis') \
+        == tmp_path / 'bag' / 'bag_0_analysis'
+    assert beside(tmp_path / '.', 'analysis') == tmp_path.with_name(f'{tmp_path.name}_analysis')
 
 
 def one_line(capsys):

@@ -10,8 +10,8 @@ from std_msgs.msg import Float64
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.rerun.counterfactual import fork
 from dp_swing_ros.rerun.runs import Run
-from dp_swing_ros.tools.analyse import beside
 from dp_swing_ros.tools.compare import main
+from dp_swing_ros.tools.over_bags import beside
 from dp_swing_ros.topics import CONFIGURATION, DIAGNOSTICS, DISTURBANCE
 
 
@@ -50,8 +50,8 @@ def test_one_take_over_gives_a_table_and_a_picture(bag, capsys):
     regrets = [float(row[1]) for row in list(rows.values())[1:]]
     np.testing.assert_allclose(regrets, np.array(costs) - min(costs), atol=2e-3)
     assert {row[2] for row in list(rows.values())[1:]} <= {'yes', 'no'}
-    assert out.splitlines()[-1] == str(beside(bag) / 'counterfactual.png')
-    assert is_a_picture(beside(bag) / 'counterfactual.png')
+    assert out.splitlines()[-1] == str(beside(bag, 'analysis') / 'counterfactual.png')
+    assert is_a_picture(beside(bag, 'analysis') / 'counterfactual.png')
 
 
 def test_it_is_the_same_every_time(bag, tmp_path, capsys):
