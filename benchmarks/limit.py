@@ -121,8 +121,7 @@ def rollouts(problem: Problem, samples: int = SAMPLES) -> Work:
     N, random = problem.horizon, np.random.default_rng(0)
     noise = random.standard_normal((N, samples), np.float32)
     V, J = np.empty((N, samples), np.float32), np.empty(samples, np.float32)
-    X, U = np.zeros((N + 1, 6), np.float32), np.zeros(N, np.float32)
-    K = np.zeros((N, 6), np.float32)
+    X, U, K = np.zeros((N + 1, 6)), np.zeros(N), np.zeros((N, 6))
     X[:, 1:3] = np.pi
     sigma = np.full(samples, 5, np.float32)
     model, cost = single(problem.model), single(problem.cost)
@@ -157,7 +156,7 @@ def measure(rounds: int) -> dict[str, Any]:
     """Return the limits, our rate, and the share, as numbers for the page."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, 'sched_getaffinity') else os.cpu_count()
     assert cores is not None
-    contenders: dict[str, Work] = {}
+    contenders = {'rollouts': rollouts(configuration.problem({}))}
     with ThreadPoolExecutor(cores) as pool:
         for precision in TYPES:
             for bits in sorted({256, widest()} if widest() > 256 else {widest()}):
@@ -167,7 +166,6 @@ def measure(rounds: int) -> dict[str, Any]:
                         spinner.run if number == 1
                         else partial(on_cores, spinner.run, number, pool))
             contenders[f'{precision}, matrix product'] = product(precision)
-        contenders['rollouts'] = rollouts(configuration.problem({}))
         times = race(contenders, rounds)
     rates = {name: 1 / median(of_name).value for name, of_name in times.items()}
     counts = operations()

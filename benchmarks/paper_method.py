@@ -120,7 +120,7 @@ def trajectory(problem: Problem) -> tuple[Array, Array]:
 def our_iteration(problem: Problem, second_order: bool) -> tuple[Work, Callable[[], Policy]]:
     """Return the same iteration of ours, and what gives its policy."""
     X, U = trajectory(problem)
-    k, K, gaps = np.empty(len(U)), np.empty((len(U), 6)), np.zeros((len(U), 6))
+    k, K, gaps = np.empty(len(U)), np.empty((len(U), 6)), np.empty((0, 6))
     X_new, U_new, infinite = np.empty_like(X), np.empty_like(U), np.inf
 
     def policy() -> Policy:

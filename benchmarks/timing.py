@@ -4,7 +4,9 @@
 Time contenders against each other: in turn, in one process, medians of many.
 
 What else the machine does meets all contenders alike if they take turns, so ratios of medians are
-steadier than the times themselves.
+steadier than the times themselves. Between two turns is a pause, for some threads (OpenMP's, that
+torch uses) go on spinning for a while after their work, on a core that the next one needs; and
+what is short is called once before it is timed, for the one before took its place in the caches.
 """
 
 from collections.abc import Callable, Mapping
@@ -17,7 +19,8 @@ from scipy.stats import t as student
 
 from dp_swing_ros.state import Array
 
-SHORTEST = 1e-3     # [s] of a sample; what is faster is repeated within it
+SHORTEST = 3e-3     # [s] of a sample; what is faster is repeated within it
+PAUSE = 0.01        # [s] before each sample
 RESAMPLES = 2000    # of the bootstrap
 CONFIDENCE = 0.95
 
@@ -61,6 +64,9 @@ def race(contenders: Mapping[str, Work], rounds: int) -> dict[str, Array]:
 
 
 def _sample(work: Work, repeats: int) -> float:
+    time.sleep(PAUSE)
+    if repeats > 1:
+        work()
     began, units = time.perf_counter(), 0
     for _ in range(repeats):
         units += work()

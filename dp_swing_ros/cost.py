@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dp_swing_ros.dynamics.lanes import blocks, load, STEPS
 from dp_swing_ros.dynamics.trigonometry import sincos
 from dp_swing_ros.kernels import inlined, kernel
 from dp_swing_ros.state import Array
@@ -30,6 +31,8 @@ class Cost(NamedTuple):
     R: float        # [1/N^2]
     P: Array        # (6, 6) terminal weights
     x_r: Array      # (6,) reference state
+    s_r: Array      # (6,) its sines
+    c_r: Array      # (6,) and cosines
     chord: bool     # angle errors are chords
     x_soft: float   # [m] where the soft margin of the track begins
     w: float        # [1/m^2] weight of the squared distance into the margin
@@ -37,37 +40,51 @@ class Cost(NamedTuple):
 
 @inlined
 def error(cost, x, i):
-    """Return the error e_i of component i of the state, and its slope ∂e_i/∂x_i."""
-    difference = x[i] - cost.x_r[i]
+    """Return the error e_i of component i of the state, which is x, and its slope ∂e_i/∂x_i."""
+    difference = x - cost.x_r[i]
     if cost.chord and (i == 1 or i == 2):
         sine, cosine = sincos(difference / 2)
         return 2 * sine, cosine
     return difference, 1.0
 
 
-@kernel
+@inlined
+def squared_error(cost, x, i):
+    """
+    Return e_i², in the precision of its arguments.
+
+    The chord is the distance of two points on the circle, and the sine and cosine of the angle
+    itself, which the model needs too, are computed once for both.
+    """
+    if cost.chord and (i == 1 or i == 2):
+        sine, cosine = sincos(x)
+        return ((sine - cost.s_r[i]) * (sine - cost.s_r[i])
+                + (cosine - cost.c_r[i]) * (cosine - cost.c_r[i]))
+    return (x - cost.x_r[i]) * (x - cost.x_r[i])
+
+
+@inlined
 def intrusion(cost, x):
-    """Return how far [m] the cart is inside the soft margin, with the sign of its side."""
-    return math.copysign(max(0.0, abs(x[0]) - cost.x_soft), x[0])
+    """Return how far [m] the cart at x is inside the soft margin, with the sign of its side."""
+    return math.copysign(max(0.0, abs(x) - cost.x_soft), x)
 
 
-@kernel
+@inlined
 def running(cost, x, u):
     """Return ℓ(x, u)."""
-    total = cost.R * u * u + cost.w * intrusion(cost, x) ** 2
+    total = cost.R * u * u + cost.w * intrusion(cost, x[0]) ** 2
     for i in range(6):
-        e, _ = error(cost, x, i)
-        total += cost.S[i] * e * e
+        total += cost.S[i] * squared_error(cost, x[i], i)
     return total
 
 
 @kernel
 def terminal(cost, x):
     """Return ℓ_f(x)."""
-    total = cost.w * intrusion(cost, x) ** 2
+    total = cost.w * intrusion(cost, x[0]) ** 2
     e = np.empty(6)
     for i in range(6):
-        e[i], _ = error(cost, x, i)
+        e[i], _ = error(cost, x[i], i)
     for i in range(6):
         for j in range(6):
             total += e[i] * cost.P[i, j] * e[j]
@@ -88,19 +105,28 @@ def trajectory_cost(cost, X, U):
 
 
 @kernel
-def running_derivatives(cost, x, l_x, l_xx):
+def running_derivatives(cost, X, U):
     """
-    Write ℓ_x and the diagonal of ℓ_xx (Gauss-Newton); ℓ_u = 2 R u and ℓ_uu = 2 R.
+    Return ℓ_x and the diagonal of ℓ_xx (Gauss-Newton) of all steps; ℓ_u = 2 R u, ℓ_uu = 2 R.
 
-    Shapes: l_x (6,), l_xx (6,).
+    Those of step t are [t // STEPS, :, t % STEPS]. Shapes: X (T or more, 6), U (T,) ->
+    (blocks, 6, STEPS) both.
     """
-    for i in range(6):
-        e, slope = error(cost, x, i)
-        l_x[i] = 2 * cost.S[i] * e * slope
-        l_xx[i] = 2 * cost.S[i] * slope * slope
-    inside = intrusion(cost, x)
-    l_x[0] += 2 * cost.w * inside
-    l_xx[0] += 2 * cost.w * (inside != 0)
+    l_x, l_xx = np.empty((2, blocks(U), 6, STEPS))
+    z = np.empty((7, STEPS))
+    for block in range(len(l_x)):
+        load(X, U, block * STEPS, z)
+        of_block, second = l_x[block], l_xx[block]
+        for i in range(6):
+            twice = 2 * cost.S[i]
+            for t in range(STEPS):
+                e, slope = error(cost, z[i, t], i)
+                of_block[i, t], second[i, t] = twice * e * slope, twice * slope * slope
+        for t in range(STEPS):
+            inside = intrusion(cost, z[0, t])
+            of_block[0, t] += 2 * cost.w * inside
+            second[0, t] += 2 * cost.w * (inside != 0)
+    return l_x, l_xx
 
 
 @kernel
@@ -112,12 +138,12 @@ def terminal_derivatives(cost, x, l_x, l_xx):
     """
     e, slope = np.empty(6), np.empty(6)
     for i in range(6):
-        e[i], slope[i] = error(cost, x, i)
+        e[i], slope[i] = error(cost, x[i], i)
     for i in range(6):
         l_x[i] = 0.0
         for j in range(6):
             l_x[i] += 2 * slope[i] * cost.P[i, j] * e[j]
             l_xx[i, j] = 2 * slope[i] * cost.P[i, j] * slope[j]
-    inside = intrusion(cost, x)
+    inside = intrusion(cost, x[0])
     l_x[0] += 2 * cost.w * inside
     l_xx[0, 0] += 2 * cost.w * (inside != 0)

@@ -14,9 +14,14 @@ different features apart.
 import hashlib
 import os
 from pathlib import Path
+import time
+from typing import Any, Callable
 
 import numba
+from numba import types
 from numba.core.codegen import get_host_cpu_features
+from numba.extending import overload
+import numpy as np
 
 
 def _cache_folder() -> Path:
@@ -48,3 +53,22 @@ kernel = numba.njit(cache=True, nogil=True, error_model='numpy', fastmath={'cont
 # The same, always inlined: a loop vectorises only if no call is left in it.
 inlined = numba.njit(cache=True, nogil=True, error_model='numpy', forceinline=True,
                      fastmath={'contract'})
+
+_clock_gettime: Any = types.ExternalFunction(
+    'clock_gettime', types.int32(types.int32, types.voidptr))
+
+
+def now() -> float:
+    """Return the time [s] of a clock that is never set; only differences mean something."""
+    return time.perf_counter()
+
+
+@overload(now)
+def _now() -> Callable[[], float]:
+    clock = time.CLOCK_MONOTONIC
+
+    def read():
+        seconds = np.empty(2, np.int64)   # and nanoseconds
+        _clock_gettime(clock, seconds.ctypes)
+        return seconds[0] + 1e-9 * seconds[1]
+    return read

@@ -59,13 +59,14 @@ class Problem:
             raise ParameterError('parameter force_limit is 0; the controller needs a force')
         model = MODELS[prediction.model].of(Pendulum.of(bodies), prediction.step)
         lqr = regulator(model, cost)
-        S = np.array(cost.state_weights)
+        S, x_r = np.array(cost.state_weights), np.array(cost.reference)
         P = lqr.P if cost.terminal_cost == 'lqr' else cost.terminal_scale * np.diag(S)
         return cls(model, Cost(
-            S=S, R=cost.force_weight, P=np.ascontiguousarray(P), x_r=np.array(cost.reference),
-            chord=cost.angle_error == 'chord', x_soft=limits.track_limit - cost.track_margin,
-            w=cost.track_weight), prediction.horizon, prediction.step, limits.force_limit, lqr,
-            bodies, (limits, cost, prediction))
+            S=S, R=cost.force_weight, P=np.ascontiguousarray(P), x_r=x_r, s_r=np.sin(x_r),
+            c_r=np.cos(x_r), chord=cost.angle_error == 'chord',
+            x_soft=limits.track_limit - cost.track_margin, w=cost.track_weight),
+            prediction.horizon, prediction.step, limits.force_limit, lqr, bodies,
+            (limits, cost, prediction))
 
     def with_bodies(self, bodies: PendulumParameters) -> 'Problem':
         """

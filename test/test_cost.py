@@ -50,8 +50,8 @@ def test_gradients_meet_finite_differences(parameters, rng):
     cost = cost_of(parameters)
     for _ in range(20):
         x = rng.normal(size=6) * (2, 2, 2, 3, 3, 3)
-        l_x, l_xx, V_x, V_xx = np.empty(6), np.empty(6), np.empty(6), np.empty((6, 6))
-        running_derivatives(cost, x, l_x, l_xx)
+        V_x, V_xx = np.empty(6), np.empty((6, 6))
+        l_x, l_xx = (part[0, :, 0] for part in running_derivatives(cost, x[None], np.zeros(1)))
         terminal_derivatives(cost, x, V_x, V_xx)
         for f, gradient in ((lambda x: running(cost, x, 1.0), l_x),
                             (lambda x: terminal(cost, x), V_x)):
@@ -64,10 +64,10 @@ def test_gradients_meet_finite_differences(parameters, rng):
 
 def test_the_hessian_is_exact_for_the_paper_s_cost(rng):
     cost, x = cost_of(PAPER), rng.normal(size=6)
-    l_x, l_xx, V_x, V_xx = np.empty(6), np.empty(6), np.empty(6), np.empty((6, 6))
-    running_derivatives(cost, x, l_x, l_xx)
+    V_x, V_xx = np.empty(6), np.empty((6, 6))
+    _, l_xx = running_derivatives(cost, x[None], np.zeros(1))
     terminal_derivatives(cost, x, V_x, V_xx)
-    np.testing.assert_allclose(l_xx, 2 * cost.S)
+    np.testing.assert_allclose(l_xx[0, :, 0], 2 * cost.S)
     np.testing.assert_allclose(V_xx, 2 * cost.P)
 
 

@@ -17,15 +17,16 @@ from dp_swing_ros.dynamics.pendulum import generalised_force, inverse_inertia
 from dp_swing_ros.dynamics.trigonometry import sincos
 from dp_swing_ros.kernels import inlined
 
-KEPT = 24    # numbers of a point
+KEPT = 27    # numbers of a point
 
 
 @inlined
 def jacobian(p, s_1, c_1, s_2, c_2, w_1, w_2, f):
     """
-    Return the accelerations a and the three rows of J = ∂a/∂z = D⁻¹ (∂r/∂z - ∂D/∂z a).
+    Return the accelerations a, the three rows of J = ∂a/∂z = D⁻¹ (∂r/∂z - ∂D/∂z a), and more.
 
-    Each row holds its derivatives by z = (θ1, θ2, θ̇1, θ̇2, f).
+    Each row holds its derivatives by z = (θ1, θ2, θ̇1, θ̇2, f); the last is a column of D⁻¹, of
+    which the other entries (11, 12, 22) come third.
     """
     i_00, i_01, i_02, i_11, i_12, i_22 = inverse_inertia(p, s_1, c_1, s_2, c_2)
     r_0, r_1, r_2 = generalised_force(p, s_1, c_1, s_2, c_2, w_1, w_2, f)
@@ -49,19 +50,22 @@ def jacobian(p, s_1, c_1, s_2, c_2, w_1, w_2, f):
         (i_01 * q_0 + i_11 * q_1 + i_12 * q_2, i_01 * t_0 + i_11 * t_1 + i_12 * t_2,
          i_01 * v_0 + i_11 * v_1 + i_12 * v_2, i_01 * y_0 + i_11 * y_1 + i_12 * y_2, i_01),
         (i_02 * q_0 + i_12 * q_1 + i_22 * q_2, i_02 * t_0 + i_12 * t_1 + i_22 * t_2,
-         i_02 * v_0 + i_12 * v_1 + i_22 * v_2, i_02 * y_0 + i_12 * y_1 + i_22 * y_2, i_02))
+         i_02 * v_0 + i_12 * v_1 + i_22 * v_2, i_02 * y_0 + i_12 * y_1 + i_22 * y_2, i_02)), (
+            i_11, i_12, i_22)
 
 
 @inlined
-def curvature(p, s_1, c_1, s_2, c_2, w_1, w_2, a, J, mu_0, mu_1, mu_2):
+def curvature(p, s_1, c_1, s_2, c_2, w_1, w_2, a, J, inverse, mu_0, mu_1, mu_2):
     """
-    Return M = Σ μᵢ ∂²aᵢ/∂z², with a and J from `jacobian` at the same point.
+    Return M = Σ μᵢ ∂²aᵢ/∂z², with a, J and entries of D⁻¹ from `jacobian` at the same point.
 
     Adjoint form: with ν = D⁻¹ μ, g(z) = νᵀ (r - D a) at fixed a, and e_j = ∂D/∂z_j ν,
     M_jk = ∂²g/∂z_j∂z_k - e_j·J_k - e_k·J_j. Only the angles have an e, so all else is zero but
     what is returned: M_00 to M_04, M_11 to M_14, M_22 and M_33.
     """
-    i_00, i_01, i_02, i_11, i_12, i_22 = inverse_inertia(p, s_1, c_1, s_2, c_2)
+    (J_00, J_01, J_02, J_03, J_04), (J_10, J_11, J_12, J_13, J_14), (
+        J_20, J_21, J_22, J_23, J_24) = J
+    i_00, i_01, i_02, i_11, i_12, i_22 = J_04, J_14, J_24, inverse[0], inverse[1], inverse[2]
     a_0, a_1, a_2 = a
     n_0 = i_00 * mu_0 + i_01 * mu_1 + i_02 * mu_2
     n_1 = i_01 * mu_0 + i_11 * mu_1 + i_12 * mu_2
@@ -85,8 +89,6 @@ def curvature(p, s_1, c_1, s_2, c_2, w_1, w_2, a, J, mu_0, mu_1, mu_2):
     e_00, e_10 = -h_1 * s_1 * n_1, -h_2 * s_2 * n_2
     e_01, e_11 = -h_1 * s_1 * n_0 - h_12 * s_12 * n_2, h_12 * s_12 * n_2
     e_02, e_12 = -h_12 * s_12 * n_1, h_12 * s_12 * n_1 - h_2 * s_2 * n_0
-    (J_00, J_01, J_02, J_03, J_04), (J_10, J_11, J_12, J_13, J_14), (
-        J_20, J_21, J_22, J_23, J_24) = J
     return (g_00 - 2 * (e_00 * J_00 + e_01 * J_10 + e_02 * J_20),
             -towards_1 - towards_2 - (e_00 * J_01 + e_01 * J_11 + e_02 * J_21)
             - (e_10 * J_00 + e_11 * J_10 + e_12 * J_20),
@@ -109,12 +111,13 @@ def keep(p, th_1, th_2, v, w_1, w_2, u, out, i):
     """
     s_1, c_1 = sincos(th_1)
     s_2, c_2 = sincos(th_2)
-    a, J = jacobian(p, s_1, c_1, s_2, c_2, w_1, w_2, u - p.b_0 * v)
+    a, J, inverse = jacobian(p, s_1, c_1, s_2, c_2, w_1, w_2, u - p.b_0 * v)
     out[0, i], out[1, i], out[2, i], out[3, i], out[4, i], out[5, i] = s_1, c_1, s_2, c_2, w_1, w_2
     out[6, i], out[7, i], out[8, i] = a
     out[9, i], out[10, i], out[11, i], out[12, i], out[13, i] = J[0]
     out[14, i], out[15, i], out[16, i], out[17, i], out[18, i] = J[1]
     out[19, i], out[20, i], out[21, i], out[22, i], out[23, i] = J[2]
+    out[24, i], out[25, i], out[26, i] = inverse
     return a
 
 
@@ -130,7 +133,8 @@ def kept_jacobian(kept, i):
 def kept_curvature(p, kept, i, J, mu_0, mu_1, mu_2):
     """Return M = Σ μᵢ ∂²aᵢ/∂z² of the point in lane i, as `curvature` does."""
     return curvature(p, kept[0, i], kept[1, i], kept[2, i], kept[3, i], kept[4, i], kept[5, i],
-                     (kept[6, i], kept[7, i], kept[8, i]), J, mu_0, mu_1, mu_2)
+                     (kept[6, i], kept[7, i], kept[8, i]), J,
+                     (kept[24, i], kept[25, i], kept[26, i]), mu_0, mu_1, mu_2)
 
 
 @inlined

@@ -14,7 +14,7 @@ from dp_swing_ros.dynamics import model as generic
 from dp_swing_ros.dynamics import pendulum
 from dp_swing_ros.dynamics.derivatives import (along, bent, keep, KEPT, kept_curvature,
                                                kept_jacobian)
-from dp_swing_ros.dynamics.lanes import blocks, direction, LANES, STEPS
+from dp_swing_ros.dynamics.lanes import blocks, direction, LANES, load, STEPS
 from dp_swing_ros.dynamics.pendulum import Pendulum
 from dp_swing_ros.kernels import inlined, kernel
 
@@ -52,12 +52,12 @@ def advance(model, x, th_1, th_2, v, w_1, w_2, u):
 @kernel
 def expand(model, X, U):
     """Return the accelerations' derivatives at the beginning of every step."""
-    points = np.empty((blocks(U), KEPT, STEPS))
+    points, z = np.empty((blocks(U), KEPT, STEPS)), np.empty((7, STEPS))
     for block in range(len(points)):
-        first, out = block * STEPS, points[block]
-        for i in range(min(STEPS, len(U) - first)):
-            x = X[first + i]
-            keep(model.pendulum, x[1], x[2], x[3], x[4], x[5], U[first + i], out, i)
+        load(X, U, block * STEPS, z)
+        out = points[block]
+        for i in range(STEPS):
+            keep(model.pendulum, z[1, i], z[2, i], z[3, i], z[4, i], z[5, i], z[6, i], out, i)
     return points
 
 

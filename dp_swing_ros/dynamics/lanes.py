@@ -21,6 +21,20 @@ def blocks(U):
 
 
 @inlined
+def load(X, U, first, z):
+    """
+    Copy the (x, u) of the STEPS steps from first on into lanes; past the end, the last ones again.
+
+    A loop over all lanes is one of vectors alone. Shapes: X (T or more, 6), U (T,), z (7, STEPS).
+    """
+    for i in range(STEPS):
+        t = min(first + i, len(U) - 1)
+        for j in range(6):
+            z[j, i] = X[t, j]
+        z[6, i] = U[t]
+
+
+@inlined
 def direction(m):
     """Return the direction m of (x, u)."""
     return (1.0 if m == 0 else 0.0, 1.0 if m == 1 else 0.0, 1.0 if m == 2 else 0.0,

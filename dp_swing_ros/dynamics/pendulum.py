@@ -75,7 +75,7 @@ def inverse_inertia(p, s_1, c_1, s_2, c_2):
     i_12 = m_01 * m_02 - p.d_00 * m_12
     i_22 = p.d_00 * p.d_11 - m_01 * m_01
     det = p.d_00 * i_00 + m_01 * i_01 + m_02 * i_02
-    per_det = np.reciprocal(det)    # of all that happens here a division takes longest
+    per_det = np.reciprocal(det)
     return (i_00 * per_det, i_01 * per_det, i_02 * per_det, i_11 * per_det, i_12 * per_det,
             i_22 * per_det)
 
@@ -83,22 +83,34 @@ def inverse_inertia(p, s_1, c_1, s_2, c_2):
 @inlined
 def generalised_force(p, s_1, c_1, s_2, c_2, w_1, w_2, f):
     """Return r = H f - C q̇ - G - joint friction, (11)-(15)."""
-    s_12 = s_1 * c_2 - c_1 * s_2
+    h_1, h_2, h_12 = p.d_01 * s_1, p.d_02 * s_2, p.d_12 * (s_1 * c_2 - c_1 * s_2)
+    square_1, square_2 = w_1 * w_1, w_2 * w_2
     slip = p.b_2 * (w_1 - w_2)
-    r_0 = f + p.d_01 * s_1 * w_1 * w_1 + p.d_02 * s_2 * w_2 * w_2
-    r_1 = p.g * p.d_01 * s_1 - p.d_12 * s_12 * w_2 * w_2 - p.b_1 * w_1 - slip
-    r_2 = p.g * p.d_02 * s_2 + p.d_12 * s_12 * w_1 * w_1 + slip
+    r_0 = f + h_1 * square_1 + h_2 * square_2
+    r_1 = p.g * h_1 - h_12 * square_2 - p.b_1 * w_1 - slip
+    r_2 = p.g * h_2 + h_12 * square_1 + slip
     return r_0, r_1, r_2
 
 
 @inlined
 def accelerations(p, s_1, c_1, s_2, c_2, w_1, w_2, f):
-    """Return a = D⁻¹ r [m/s^2, rad/s^2, rad/s^2]."""
-    i_00, i_01, i_02, i_11, i_12, i_22 = inverse_inertia(p, s_1, c_1, s_2, c_2)
+    """
+    Return a = D⁻¹ r [m/s^2, rad/s^2, rad/s^2].
+
+    The first row gives a_0 = r_0 / d_00 - m_1 a_1 - m_2 a_2 with m_i = d_0i cos θi / d_00; put
+    into the others, it leaves two equations for a_1 and a_2.
+    """
     r_0, r_1, r_2 = generalised_force(p, s_1, c_1, s_2, c_2, w_1, w_2, f)
-    return (i_00 * r_0 + i_01 * r_1 + i_02 * r_2,
-            i_01 * r_0 + i_11 * r_1 + i_12 * r_2,
-            i_02 * r_0 + i_12 * r_1 + i_22 * r_2)
+    m_01, m_02 = p.d_01 * c_1, p.d_02 * c_2
+    m_1, m_2 = p.d_01 / p.d_00 * c_1, p.d_02 / p.d_00 * c_2
+    d_11 = p.d_11 - m_01 * m_1
+    d_12 = p.d_12 * (c_1 * c_2 + s_1 * s_2) - m_01 * m_2
+    d_22 = p.d_22 - m_02 * m_2
+    r_1, r_2 = r_1 - m_1 * r_0, r_2 - m_2 * r_0
+    per_det = np.reciprocal(d_11 * d_22 - d_12 * d_12)   # of all here a division takes longest
+    a_1 = (d_22 * r_1 - d_12 * r_2) * per_det
+    a_2 = (d_11 * r_2 - d_12 * r_1) * per_det
+    return np.reciprocal(p.d_00) * r_0 - m_1 * a_1 - m_2 * a_2, a_1, a_2
 
 
 @inlined

@@ -18,7 +18,7 @@ from dp_swing_ros.dynamics import model as generic
 from dp_swing_ros.dynamics import pendulum
 from dp_swing_ros.dynamics.derivatives import (against, along, bent, keep, KEPT, kept_curvature,
                                                kept_jacobian)
-from dp_swing_ros.dynamics.lanes import blocks, direction, LANES, STEPS
+from dp_swing_ros.dynamics.lanes import blocks, direction, LANES, load, STEPS
 from dp_swing_ros.dynamics.pendulum import Pendulum
 from dp_swing_ros.kernels import inlined, kernel
 
@@ -73,14 +73,13 @@ def advance(model, x, th_1, th_2, v, w_1, w_2, u):
 def expand(model, X, U):
     """Return the accelerations' derivatives at the four stages of every step."""
     p, h, half, _, _ = model
-    points = np.empty((blocks(U), 4, KEPT, STEPS))
+    points, z = np.empty((blocks(U), 4, KEPT, STEPS)), np.empty((7, STEPS))
     for block in range(len(points)):
-        first = block * STEPS
+        load(X, U, block * STEPS, z)
         at_a, at_b, at_c, at_d = (points[block, 0], points[block, 1], points[block, 2],
                                   points[block, 3])
-        for i in range(min(STEPS, len(U) - first)):
-            x, u = X[first + i], U[first + i]
-            th_1, th_2, v, w_1, w_2 = x[1], x[2], x[3], x[4], x[5]
+        for i in range(STEPS):
+            th_1, th_2, v, w_1, w_2, u = z[1, i], z[2, i], z[3, i], z[4, i], z[5, i], z[6, i]
             a_0, a_1, a_2 = keep(p, th_1, th_2, v, w_1, w_2, u, at_a, i)
             v_b, w_1b, w_2b = v + half * a_0, w_1 + half * a_1, w_2 + half * a_2
             b_0, b_1, b_2 = keep(p, th_1 + half * w_1, th_2 + half * w_2, v_b, w_1b, w_2b, u,

@@ -40,21 +40,32 @@ E_4, E_6, E_8, E_10, E_12, E_14, E_16 = (
     (-1) ** (n // 2) / math.factorial(n) for n in range(4, 17, 2))
 
 
+@inlined
+def bits(x):
+    """Return the bits of a number in double precision."""
+    return np.float64(x).view(np.int64)
+
+
+@inlined
+def of_bits(i):
+    """Return the number in double precision that has these bits."""
+    return np.int64(i).view(np.float64)
+
+
 def sincos(x):
     """Return sin x and cos x to 2e-16, for |x| up to a million rad."""
-    n = (x * PER_QUARTER + ROUNDER_64) - ROUNDER_64
+    shifted = x * PER_QUARTER + ROUNDER_64
+    n, i = shifted - ROUNDER_64, bits(shifted)
     y = ((x - n * QUARTER_HIGH) - n * QUARTER_MIDDLE) - n * QUARTER_LOW
     z = y * y
-    s = y + y * z * (D_3 + z * (D_5 + z * (D_7 + z * (D_9 + z * (
-        D_11 + z * (D_13 + z * (D_15 + z * D_17)))))))
-    c = 1.0 - 0.5 * z + z * z * (E_4 + z * (E_6 + z * (E_8 + z * (E_10 + z * (
-        E_12 + z * (E_14 + z * E_16))))))
-    # the sine changes its sign every two quarter turns, the cosine one before
-    half, after = np.floor(0.5 * n), np.floor(0.5 * (n + 1.0))
-    odd = n - 2.0 * half    # 0 or 1
-    sine_sign = 1.0 - 2.0 * (half - 2.0 * np.floor(0.5 * half))
-    cosine_sign = 1.0 - 2.0 * (after - 2.0 * np.floor(0.5 * after))
-    return sine_sign * ((1.0 - odd) * s + odd * c), cosine_sign * ((1.0 - odd) * c + odd * s)
+    w = z * z    # two terms at a time, for what is done one after the other takes longest
+    s = bits(y + y * z * ((D_3 + z * D_5) + w * ((D_7 + z * D_9) + w * (
+        (D_11 + z * D_13) + w * (D_15 + z * D_17)))))
+    c = bits((1.0 - 0.5 * z) + w * ((E_4 + z * E_6) + w * ((E_8 + z * E_10) + w * (
+        (E_12 + z * E_14) + w * E_16))))
+    # an odd quarter swaps them; the sine changes its sign every two, the cosine one before
+    swapped = (s ^ c) & -(i & 1)
+    return of_bits(s ^ swapped ^ ((i >> 1) << 63)), of_bits(c ^ swapped ^ (((i + 1) >> 1) << 63))
 
 
 @inlined

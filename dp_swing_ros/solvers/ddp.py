@@ -8,7 +8,7 @@ Source: the paper, II-C, (22)-(37), with the errata of docs/model.md.
 
 from dp_swing_ros.plan import Plan
 from dp_swing_ros.problem import Problem
-from dp_swing_ros.solvers.descent import descend, DescentParameters
+from dp_swing_ros.solvers.descent import DescentParameters, solve
 from dp_swing_ros.solvers.solver import Seed
 from dp_swing_ros.state import Array
 
@@ -24,4 +24,4 @@ class DDP:
 
     def solve(self, x_0: Array, warm_start: Plan | None, deadline: float) -> Plan:
         """Return a locally optimal plan; see Solver.solve."""
-        return descend(self.problem, self.parameters, True, x_0, warm_start, deadline)
+        return solve(self.problem, self.parameters, True, x_0, warm_start, deadline)

@@ -7,15 +7,18 @@ import time
 
 import numpy as np
 
+from dp_swing_ros.kernels import kernel, now
 from dp_swing_ros.parameters import parameter, Parameters
 from dp_swing_ros.plan import Plan, SolverStats, Status
-from dp_swing_ros.problem import Problem
+from dp_swing_ros.problem import follow_policy, Problem
 from dp_swing_ros.solvers.riccati import backward, line_search
-from dp_swing_ros.solvers.solver import start
+from dp_swing_ros.solvers.solver import policy_of
 from dp_swing_ros.state import Array
 
 MU_FIRST = 1e-3   # regularisation after a first failure
 MU_FACTOR = 6.0
+ENDS = (Status.CONVERGED, Status.ITERATION_LIMIT, Status.DEADLINE, Status.STALLED, Status.FAILED)
+CONVERGED, ITERATION_LIMIT, DEADLINE, STALLED, FAILED = range(len(ENDS))
 
 
 @dataclass(frozen=True)
@@ -30,42 +33,56 @@ class DescentParameters(Parameters):
         1e8, 'give up when μ grows beyond this', minimum=MU_FIRST)
 
 
-def descend(problem: Problem, parameters: DescentParameters, second_order: bool, x_0: Array,
-            warm_start: Plan | None, deadline: float) -> Plan:
+def solve(problem: Problem, parameters: DescentParameters, second_order: bool, x_0: Array,
+          warm_start: Plan | None, deadline: float) -> Plan:
     """
     Lower the cost of the warm start by iLQR, or with second_order by DDP.
 
-    An iteration is one backward pass and, where that succeeds, one line search. A failure of
-    either raises μ, so the loop always ends; and as long as μ is up, the tensor terms, which made
-    the expansion indefinite, are left out. Shapes and errors: as Solver.solve.
+    Shapes and errors: as Solver.solve.
     """
     began = time.perf_counter()
-    model, cost, u_max = problem.model, problem.cost, problem.u_max
-    J, X, U, K = start(problem, x_0, warm_start)
+    end, J, iterations, X, U, K = descend(
+        problem.model, problem.cost, problem.lqr.K, problem.u_max, problem.horizon,
+        *policy_of(problem, x_0, warm_start), second_order, parameters.iterations,
+        parameters.tolerance, parameters.largest_regularisation, deadline - began)
+    return Plan(X, U, K, problem.dt,
+                SolverStats(ENDS[end], J, iterations, time.perf_counter() - began))
+
+
+@kernel
+def descend(model, cost, lqr_gain, u_max, horizon, x_0, X, U, K, second_order, iterations,
+            tolerance, largest_mu, seconds):
+    """
+    Follow a policy from x_0 and lower its cost; one call, for each takes some microseconds.
+
+    An iteration is one backward pass and, where that succeeds, one line search. A failure of
+    either raises μ, so the loop always ends; and as long as μ is up, the tensor terms, which made
+    the expansion indefinite, are left out.
+    Returns how it ended (of ENDS), the cost, the number of iterations, and X, U and K.
+    Shapes: as in follow_policy.
+    """
+    began = now()
+    J, X, U, K = follow_policy(model, cost, lqr_gain, u_max, x_0, X, U, K, horizon)
     X_new, U_new, K_new, k = np.empty_like(X), np.empty_like(U), np.empty_like(K), np.empty_like(U)
-    gaps = np.zeros((len(U), 6))
-    mu, iteration, status = 0.0, 0, Status.ITERATION_LIMIT
-    while iteration < parameters.iterations:
-        if time.perf_counter() > deadline:
-            status = Status.DEADLINE
+    mu, iteration, end, gaps = 0.0, 0, ITERATION_LIMIT, np.empty((0, 6))
+    while iteration < iterations:
+        if now() - began > seconds:
+            end = DEADLINE
             break
         iteration += 1
         positive, slope, bend = backward(model, cost, X, U, gaps, u_max, mu,
                                          second_order and mu == 0, k, K_new)
-        if positive and -slope <= parameters.tolerance * J:
-            K, status = K_new, Status.CONVERGED
+        if positive and -slope <= tolerance * J:
+            K, end = K_new, CONVERGED
             break
-        J_new = line_search(model, cost, X, U, J, gaps, k, K_new, slope, bend, u_max,
+        J_new = line_search(model, cost, X, U, J, k, K_new, slope, bend, u_max,
                             X_new, U_new) if positive else np.inf
         if J_new < J:
             J, X, X_new, U, U_new, K, K_new = J_new, X_new, X, U_new, U, K_new, K
             mu = mu / MU_FACTOR if mu > MU_FIRST else 0.0
             continue
         mu = max(mu * MU_FACTOR, MU_FIRST)
-        if mu > parameters.largest_regularisation:
-            status = Status.STALLED
+        if mu > largest_mu:
+            end = STALLED
             break
-    if not np.isfinite(J):
-        status = Status.FAILED
-    return Plan(X, U, K, problem.dt,
-                SolverStats(status, J, iteration, time.perf_counter() - began))
+    return end if np.isfinite(J) else FAILED, J, iteration, X, U, K

@@ -185,8 +185,8 @@ class OnDevice:
                       np.stack(offsets, axis=1), np.stack([K for *_, K in proposals], axis=1))
 
     def update(self, proposals: tuple[Rollout, ...],
-               random: np.random.Generator) -> tuple[Array, Array]:
-        """Return the weighted average of samples about the proposals, and the cheapest."""
+               random: np.random.Generator) -> Array:
+        """Return the weighted average of samples about the proposals, and the cheapest (2, N)."""
         program = self.program
         program.random.manual_seed(int(random.integers(2 ** 63)))
         program.noise.normal_(generator=program.random)
@@ -194,8 +194,8 @@ class OnDevice:
         program.run()
         w = self.weights(program.costs)
         both = torch.stack([program.forces @ w, program.forces[:, torch.argmax(w)]])
-        average, cheapest = both.cpu().double().numpy()
-        return average, cheapest
+        found: Array = both.cpu().double().numpy()
+        return found
 
     def weights(self, J: Tensor) -> Tensor:
         """

@@ -17,14 +17,14 @@ import time
 
 import numpy as np
 
-from dp_swing_ros.dynamics.trajectory import rollout
+from dp_swing_ros.kernels import kernel
 from dp_swing_ros.parameters import parameter, Parameters
 from dp_swing_ros.plan import Plan, SolverStats, Status
-from dp_swing_ros.problem import Problem, regulator_rollout, Rollout
+from dp_swing_ros.problem import follow_policy, Problem, Rollout
 from dp_swing_ros.solvers.noise import normal
 from dp_swing_ros.solvers.riccati import backward
 from dp_swing_ros.solvers.samples import follow, single
-from dp_swing_ros.solvers.solver import Seed, start, started
+from dp_swing_ros.solvers.solver import policy_of, Seed
 from dp_swing_ros.state import Array
 
 F = np.float32
@@ -70,6 +70,48 @@ def sizes(parameters: MPPIParameters, count: int) -> Array:
     return np.append(0.0, spread).astype(F)[:count]
 
 
+@kernel
+def proposals(model, cost, lqr_gain, u_max, horizon, x_0, X, U, K, feedback):
+    """
+    Return what samples are drawn about: the rollouts of a policy, with new gains, and of the LQR.
+
+    Shapes: as in follow_policy.
+    """
+    best = follow_policy(model, cost, lqr_gain, u_max, x_0, X, U, K, horizon)
+    set_gains(model, cost, u_max, best[1], best[2], feedback, best[3])
+    return best, follow_policy(model, cost, lqr_gain, u_max, x_0, X[:0], U[:0], K[:0], horizon)
+
+
+@kernel
+def cheapest(model, cost, lqr_gain, u_max, J, X, U, K, others, feedback):
+    """
+    Return the cheapest of a rollout and of those of other forces, bounded, with gains about it.
+
+    Shapes: U (N,), others (n, N), the rest as in Rollout.
+    """
+    found, none = False, np.zeros_like(K)
+    for other in others:
+        J_new, X_new, U_new, K_new = follow_policy(
+            model, cost, lqr_gain, u_max, X[0], X, other, none, len(U))
+        if J_new < J:
+            J, X, U, K, found = J_new, X_new, U_new, K_new, True
+    if found:
+        set_gains(model, cost, u_max, X, U, feedback, K)
+    return J, X, U, K
+
+
+@kernel
+def set_gains(model, cost, u_max, X, U, feedback, K):
+    """
+    Write the gains of one Riccati pass about a trajectory, zeros where there is no such pass.
+
+    Shapes: X (N + 1, 6), U (N,), K (N, 6).
+    """
+    if not feedback or not backward(model, cost, X, U, np.empty((0, 6)), u_max, 0.0, False,
+                                    np.empty_like(U), K)[0]:
+        K[:] = 0.0
+
+
 class MPPI:
     """The solver; its random generator is all the state that it holds."""
 
@@ -98,34 +140,37 @@ class MPPI:
     def solve(self, x_0: Array, warm_start: Plan | None, deadline: float) -> Plan:
         """Return the cheapest of proposals, averages and single samples; see Solver.solve."""
         began = time.perf_counter()
-        best = self.with_feedback(start(self.problem, x_0, warm_start))
-        x_0, regulator = best.X[0], regulator_rollout(self.problem, best.X[0])
+        problem, feedback = self.problem, self.parameters.feedback
+        of_problem = problem.model, problem.cost, problem.lqr.K, problem.u_max
+        best, regulator = map(Rollout._make, proposals(
+            *of_problem, problem.horizon, *policy_of(problem, x_0, warm_start), feedback))
         status, iteration = Status.COMPLETE, 0
         while iteration < self.parameters.iterations:
             if time.perf_counter() > deadline:
                 status = Status.DEADLINE
                 break
             iteration += 1
-            before, (average, cheapest) = best, self.update(best, regulator)
-            best = min(best, self.proposal(x_0, average), self.proposal(x_0, cheapest),
-                       key=lambda proposal: proposal.J)
-            if best is not before:
-                best = self.with_feedback(best)
-            if before.J - best.J < self.parameters.tolerance * before.J:
+            before = best.J
+            best = Rollout(*cheapest(*of_problem, *best, self.update(best, regulator), feedback))
+            if before - best.J < self.parameters.tolerance * before:
                 status = Status.CONVERGED
                 break
         if not np.isfinite(best.J):
             status = Status.FAILED
-        return Plan(best.X, best.U, best.K, self.problem.dt,
+        return Plan(best.X, best.U, best.K, problem.dt,
                     SolverStats(status, best.J, iteration, time.perf_counter() - began))
 
-    def update(self, *proposals: Rollout) -> tuple[Array, Array]:
-        """Draw samples about the proposals; return their weighted average and the cheapest."""
+    def update(self, *proposals: Rollout) -> Array:
+        """
+        Draw samples about the proposals; return their weighted average and the cheapest.
+
+        Shapes: -> (2, N).
+        """
         if self.device is not None:
             return self.device.update(proposals, self.random)
         V, J = self.draw(proposals)
         w = self.weights(J)
-        return (V @ w).astype(float), V[:, np.argmax(w)].astype(float)
+        return np.array([V @ w, V[:, np.argmax(w)]], float)
 
     def weights(self, J: Array) -> Array:
         """
@@ -155,23 +200,8 @@ class MPPI:
         J = np.empty(self.parameters.samples, F)
         begin = 0
         for proposal, count in zip(proposals, self.counts):
-            with np.errstate(over='ignore'):  # a proposal that diverges weighs nothing
-                X, U, K = (part.astype(F) for part in proposal[1:])
-            follow(self.model, self.cost, X, U, K, begin, begin + count, self.noise, self.sigma,
-                   F(self.parameters.noise_correlation), F(self.problem.u_max), self.V, J)
+            follow(self.model, self.cost, *proposal[1:], begin, begin + count, self.noise,
+                   self.sigma, F(self.parameters.noise_correlation), F(self.problem.u_max),
+                   self.V, J)
             begin += count
         return self.V, J
-
-    def proposal(self, x_0: Array, U: Array) -> Rollout:
-        """Follow forces, within their bound, in double precision."""
-        U = np.clip(U, -self.problem.u_max, self.problem.u_max)
-        X = rollout(self.problem.model, x_0, U)
-        return started(self.problem, X, U, np.zeros((len(U), 6)))
-
-    def with_feedback(self, proposal: Rollout) -> Rollout:
-        """Give the proposal the gains of one Riccati pass about it, where it has one."""
-        k, K = np.zeros_like(proposal.U), np.zeros_like(proposal.K)
-        positive = self.parameters.feedback and backward(
-            self.problem.model, self.problem.cost, proposal.X, proposal.U, np.zeros_like(K),
-            self.problem.u_max, 0.0, False, k, K)[0]
-        return proposal._replace(K=K if positive else np.zeros_like(K))

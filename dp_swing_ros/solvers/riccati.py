@@ -15,7 +15,7 @@ trajectory optimization", IROS 2012, (11).
 import numpy as np
 
 from dp_swing_ros.cost import running, running_derivatives, terminal, terminal_derivatives
-from dp_swing_ros.dynamics.lanes import LANES
+from dp_swing_ros.dynamics.lanes import LANES, STEPS
 from dp_swing_ros.dynamics.model import curvature, expand, linearise
 from dp_swing_ros.dynamics.trajectory import step
 from dp_swing_ros.kernels import inlined, kernel
@@ -99,31 +99,30 @@ def backward(model, cost, X, U, gaps, u_max, mu, second_order, k, K):
 
     The expected change of the cost under α k is α slope + α² / 2 bend. With second_order the
     expansion holds the tensor terms Σ V'_x[i] ∂²f_i of DDP; without, it is iLQR. The gaps are
-    f(X[t], U[t]) - X[t + 1], zero for a trajectory of the model; the policy closes them.
-    Shapes: X (T + 1, 6), U (T,), gaps (T, 6), k (T,), K (T, 6).
+    f(X[t], U[t]) - X[t + 1], which the policy closes; a trajectory of the model has none.
+    Shapes: X (T + 1, 6), U (T,), gaps (T, 6), or (0, 6) for none, k (T,), K (T, 6).
     """
     # rows of one array, so that the compiler sees what does not overlap; F = [A, B, 0]
     work = np.zeros((30, LANES))
     F, W, Q_zz, V_xx = work[:6], work[6:13], work[13:20], work[20:26]
     V_x, Q_z, BF, gain = work[26], work[27], work[28], work[29]
-    l_x, l_xx = np.empty(6), np.empty(6)
     slope = bend = 0.0
     terminal_derivatives(cost, X[len(U)], V_x, V_xx)
+    l_x, l_xx = running_derivatives(cost, X, U)
     points = expand(model, X, U)
     for t in range(len(U) - 1, -1, -1):
-        for i in range(6):                       # V'_x where the model leads to, beyond the gap
-            for j in range(6):
-                V_x[i] += V_xx[i, j] * gaps[t, j]
+        if len(gaps) > 0:                        # V'_x where the model leads to, beyond the gap
+            for i in range(6):
+                for j in range(6):
+                    V_x[i] += V_xx[i, j] * gaps[t, j]
         if second_order:
             curvature(model, points, t, V_x, F, W)
         else:
             linearise(model, points, t, F)
-        running_derivatives(cost, X[t], l_x, l_xx)
-
         propagate(F, V_x, V_xx, W, Q_z, Q_zz, BF)                    # (26)-(30)
         for i in range(6):
-            Q_z[i] += l_x[i]
-            Q_zz[i, i] += l_xx[i]
+            Q_z[i] += l_x[t // STEPS, i, t % STEPS]
+            Q_zz[i, i] += l_xx[t // STEPS, i, t % STEPS]
         Q_u, Q_uu = Q_z[6] + 2 * cost.R * U[t], Q_zz[6, 6] + 2 * cost.R
 
         # (36), (37): V'_xx + μ I in place of V'_xx, for the gains alone
@@ -148,7 +147,7 @@ def forward(model, cost, X, U, gaps, k, K, alpha, u_max, X_new, U_new):
     Write the trajectory of the policy u = U + α k + K (x - X), (33)-(35), and return its cost.
 
     A share α of the gaps is closed. Shapes: X and X_new (T + 1, 6), U and U_new (T,), gaps
-    (T, 6), k (T,), K (T, 6).
+    (T, 6), or (0, 6) for none, k (T,), K (T, 6).
     """
     total = 0.0
     X_new[0] = X[0]
@@ -159,19 +158,20 @@ def forward(model, cost, X, U, gaps, k, K, alpha, u_max, X_new, U_new):
         U_new[t] = min(max(u, -u_max), u_max)
         total += running(cost, X_new[t], U_new[t])
         step(model, X_new[t], U_new[t], X_new[t + 1])
-        for i in range(6):
-            X_new[t + 1, i] -= (1 - alpha) * gaps[t, i]
+        if len(gaps) > 0:
+            for i in range(6):
+                X_new[t + 1, i] -= (1 - alpha) * gaps[t, i]
     return total + terminal(cost, X_new[len(U)])
 
 
 @kernel
-def line_search(model, cost, X, U, J, gaps, k, K, slope, bend, u_max, X_new, U_new):
+def line_search(model, cost, X, U, J, k, K, slope, bend, u_max, X_new, U_new):
     """
     Halve α until the cost falls as expected; return the new cost, infinity if it never does.
 
-    Shapes: as in `forward`; the gaps must be zero, for a cost with gaps promises nothing.
+    Shapes: as in `forward`; there are no gaps, for a cost with gaps promises nothing.
     """
-    alpha = 1.0
+    alpha, gaps = 1.0, np.empty((0, 6))
     for _ in range(HALVINGS):
         J_new = forward(model, cost, X, U, gaps, k, K, alpha, u_max, X_new, U_new)
         if J - J_new >= -SUFFICIENT * alpha * (slope + 0.5 * alpha * bend) and J_new < J:

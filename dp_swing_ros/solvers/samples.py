@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from dp_swing_ros.cost import Cost
+from dp_swing_ros.cost import Cost, squared_error
 from dp_swing_ros.dynamics.model import advance
 from dp_swing_ros.dynamics.trigonometry import sincos
 from dp_swing_ros.kernels import inlined, kernel
@@ -42,20 +42,6 @@ def angle_error(difference, chord):
 
 
 @inlined
-def squared_error(theta, reference, s_r, c_r, chord):
-    """
-    Return the square of the error of an angle; s_r and c_r are sine and cosine of the reference.
-
-    The chord is the distance of two points on the circle, and the sine and cosine of the angle
-    itself, which the model needs too, are computed once for both.
-    """
-    if chord:
-        s, c = sincos(theta)
-        return (s - s_r) * (s - s_r) + (c - c_r) * (c - c_r)
-    return (theta - reference) * (theta - reference)
-
-
-@inlined
 def beyond(x, x_soft):
     """Return the squared distance into the soft margin of the track."""
     inside = max(abs(x) - x_soft, ZERO)
@@ -69,44 +55,49 @@ def follow(model, cost: Cost, X, U, K, begin, end, noise, sigma, correlation, u_
 
     Writes the bounded forces V that came of it, and their costs J, for the samples from begin to
     end. The noise of a sample is an AR(1) process of unit variance, times its sigma [N].
-    Shapes, all float32: X (N + 1, 6), U (N,), K (N, 6), noise and V (N, samples), sigma and J
+    Shapes: X (N + 1, 6), U (N,), K (N, 6), and in float32 noise and V (N, samples), sigma and J
     (samples,).
     """
     N = len(U)
+    x_0, gains, offsets = X[0].astype(np.float32), K.astype(np.float32), np.empty(N, np.float32)
+    for t in range(N):   # u = offset + K x
+        u_t = U[t]
+        for j in range(6):
+            u_t -= K[t, j] * X[t, j]
+        offsets[t] = u_t
     renewal = np.sqrt(np.float32(1) - correlation * correlation)
     states, e = np.empty((6, LANES), np.float32), np.empty((6, LANES), np.float32)
     coloured, total = np.empty(LANES, np.float32), np.empty(LANES, np.float32)
     x, th_1, th_2, v, w_1, w_2 = (states[0], states[1], states[2], states[3], states[4],
                                   states[5])
     S, R, x_r = cost.S, cost.R, cost.x_r
-    s_1r, c_1r = sincos(x_r[1])
-    s_2r, c_2r = sincos(x_r[2])
     for first in range(begin, end, LANES):
         width = min(LANES, end - first)
         for j in range(6):
-            states[j, :] = X[0, j]
+            states[j, :] = x_0[j]
         coloured[:] = ZERO
         total[:] = ZERO
         old, fresh = ZERO, ONE
         for t in range(N):
             u, size = V[t, first:first + width], sigma[first:first + width]
             white = noise[t, first:first + width]
-            k_0, k_1, k_2, k_3, k_4, k_5 = K[t, 0], K[t, 1], K[t, 2], K[t, 3], K[t, 4], K[t, 5]
-            u_t = U[t] - (k_0 * X[t, 0] + k_1 * X[t, 1] + k_2 * X[t, 2] + k_3 * X[t, 3]
-                          + k_4 * X[t, 4] + k_5 * X[t, 5])
+            k_0, k_1, k_2, k_3, k_4, k_5 = (gains[t, 0], gains[t, 1], gains[t, 2], gains[t, 3],
+                                            gains[t, 4], gains[t, 5])
+            offset = offsets[t]
             for i in range(width):
                 x_i, th_1i, th_2i = x[i], th_1[i], th_2[i]
                 v_i, w_1i, w_2i = v[i], w_1[i], w_2[i]
                 coloured[i] = old * coloured[i] + fresh * white[i]
-                force = (u_t + k_0 * x_i + k_1 * th_1i + k_2 * th_2i + k_3 * v_i
+                force = (offset + k_0 * x_i + k_1 * th_1i + k_2 * th_2i + k_3 * v_i
                          + k_4 * w_1i + k_5 * w_2i + size[i] * coloured[i])
                 u_i = min(max(force, -u_max), u_max)
                 u[i] = u_i
-                e_0, e_3, e_4, e_5 = x_i - x_r[0], v_i - x_r[3], w_1i - x_r[4], w_2i - x_r[5]
-                total[i] += (S[0] * e_0 * e_0
-                             + S[1] * squared_error(th_1i, x_r[1], s_1r, c_1r, cost.chord)
-                             + S[2] * squared_error(th_2i, x_r[2], s_2r, c_2r, cost.chord)
-                             + S[3] * e_3 * e_3 + S[4] * e_4 * e_4 + S[5] * e_5 * e_5
+                total[i] += (S[0] * squared_error(cost, x_i, 0)
+                             + S[1] * squared_error(cost, th_1i, 1)
+                             + S[2] * squared_error(cost, th_2i, 2)
+                             + S[3] * squared_error(cost, v_i, 3)
+                             + S[4] * squared_error(cost, w_1i, 4)
+                             + S[5] * squared_error(cost, w_2i, 5)
                              + R * u_i * u_i + cost.w * beyond(x_i, cost.x_soft))
                 x[i], th_1[i], th_2[i], v[i], w_1[i], w_2[i] = advance(
                     model, x_i, th_1i, th_2i, v_i, w_1i, w_2i, u_i)

@@ -3,14 +3,12 @@
 """What a solver is, and where each of them starts."""
 
 import math
-from typing import Protocol, TypeAlias
+from typing import NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 
-from dp_swing_ros.cost import trajectory_cost
-from dp_swing_ros.dynamics.trajectory import rollout
 from dp_swing_ros.plan import Plan
-from dp_swing_ros.problem import policy_rollout, Problem, Rollout
+from dp_swing_ros.problem import Problem
 from dp_swing_ros.state import Array
 
 Seed: TypeAlias = int | np.random.Generator   # of a solver: a number, or one that goes on
@@ -35,23 +33,25 @@ class Solver(Protocol):
         """
 
 
-def start(problem: Problem, x_0: Array, warm_start: Plan | None) -> Rollout:
+class Policy(NamedTuple):
+    """Where to start, and the policy u = U[t] + K[t] (x - X[t]) to follow from there."""
+
+    x_0: Array   # (6,)
+    X: Array     # (T or more, 6)
+    U: Array     # (T,)
+    K: Array     # (T, 6)
+
+
+def policy_of(problem: Problem, x_0: Array, warm_start: Plan | None) -> Policy:
     """
-    Follow the warm start's policy from x_0, and the regulator where it ends; None is zero force.
+    Return the policy to start from: the warm start's; None is zero force.
 
     Raises ValueError where x_0 is not finite.
     """
     x_0 = np.asarray(x_0, dtype=float)
     if x_0.shape != (6,) or not all(map(math.isfinite, x_0.tolist())):
         raise ValueError(f'the state is {x_0}; expected six finite numbers')
-    N = problem.horizon
     if warm_start is None:
-        U = np.zeros(N)
-        return started(problem, rollout(problem.model, x_0, U), U, np.zeros((N, 6)))
-    return policy_rollout(problem, x_0, warm_start.X, warm_start.U, warm_start.K)
-
-
-def started(problem: Problem, X: Array, U: Array, K: Array) -> Rollout:
-    """Add the cost; infinite where the trajectory leaves the numbers."""
-    J = trajectory_cost(problem.cost, X, U)
-    return Rollout(J if math.isfinite(J) else math.inf, X, U, K)
+        N = problem.horizon
+        return Policy(x_0, np.tile(x_0, (N, 1)), np.zeros(N), np.zeros((N, 6)))
+    return Policy(x_0, warm_start.X, warm_start.U, warm_start.K)

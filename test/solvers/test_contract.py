@@ -15,9 +15,9 @@ from dp_swing_ros.mpc import MpcParameters
 from dp_swing_ros.parameters import (CostParameters, LimitParameters, ParameterError,
                                      PendulumParameters, PredictionParameters)
 from dp_swing_ros.plan import Plan, SolverStats, Status
-from dp_swing_ros.problem import Problem
+from dp_swing_ros.problem import policy_rollout, Problem
 from dp_swing_ros.solvers import SOLVERS
-from dp_swing_ros.solvers.solver import start
+from dp_swing_ros.solvers.solver import policy_of
 from dp_swing_ros.state import HANGING
 
 STATES = {'hanging': np.array(HANGING),
@@ -90,7 +90,7 @@ def test_the_cost_is_never_worse_than_the_warm_start_s(name, model, x_0):
     p = problem(model)
     for seed in range(5):
         warm = random_start(p, x_0, seed)
-        J = start(p, x_0, warm).J
+        J = policy_rollout(p, *policy_of(p, x_0, warm)).J
         plan = solver(name, p, seed).solve(x_0, warm, math.inf)
         if not np.isfinite(J):   # Euler's steps diverge from the wild state
             assert (model, x_0[4]) == ('euler', 12.0)
@@ -173,7 +173,7 @@ def test_a_short_warm_start_is_completed_by_the_regulator(name):
     p, x_0 = problem(), STATES['upright'] + (0.005, 0.001, 0, 0, 0, 0)
     whole = solver(name, p).solve(x_0, None, math.inf)
     rest = whole.shifted(10 * p.dt)
-    started = start(p, rest.X[0], rest)
+    started = policy_rollout(p, *policy_of(p, rest.X[0], rest))
     assert started.X.shape == (31, 6)
     np.testing.assert_allclose(started.X[:20], whole.X[10:30], atol=1e-9)
     assert started.U[25] == pytest.approx(-p.lqr.K @ started.X[25], rel=1e-3)

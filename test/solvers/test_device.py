@@ -11,8 +11,8 @@ import pytest
 from dp_swing_ros import configuration
 from dp_swing_ros.dynamics import MODELS
 from dp_swing_ros.parameters import ParameterError
-from dp_swing_ros.problem import regulator_rollout
-from dp_swing_ros.solvers.mppi import MPPI, MPPIParameters
+from dp_swing_ros.problem import policy_rollout, Rollout
+from dp_swing_ros.solvers.mppi import MPPI, MPPIParameters, proposals
 from dp_swing_ros.state import HANGING
 
 torch = pytest.importorskip('torch')
@@ -26,11 +26,13 @@ def solver(device, seed=0, values=None, **parameters):
                 MPPIParameters(samples=SAMPLES, device=device, **parameters), seed)
 
 
-def proposals(one, rng):
+def drawn_about(one, rng):
     """Return a policy with its gains about random forces, and the regulator."""
-    x_0 = np.array([0.3, 2.9, -3.0, 0.1, 0.5, -0.5])
-    chosen = one.proposal(x_0, rng.uniform(-10, 10, one.problem.horizon))
-    return one.with_feedback(chosen), regulator_rollout(one.problem, x_0)
+    x_0, p = np.array([0.3, 2.9, -3.0, 0.1, 0.5, -0.5]), one.problem
+    none = np.zeros((p.horizon, 6))
+    return tuple(map(Rollout._make, proposals(
+        p.model, p.cost, p.lqr.K, p.u_max, p.horizon, x_0, none,
+        rng.uniform(-10, 10, p.horizon), none, True)))
 
 
 @devices
@@ -41,7 +43,7 @@ def proposals(one, rng):
 def test_forces_and_costs_are_those_of_the_kernel(device, model, values, rng):
     cpu, other = (solver(kind, values={'horizon': 20, 'model': model, **values})
                   for kind in ('cpu', device))
-    drawn = proposals(cpu, rng)
+    drawn = drawn_about(cpu, rng)
     V, J = cpu.draw(drawn)
     program = other.device.program
     program.noise.copy_(torch.from_numpy(cpu.noise))
@@ -53,7 +55,8 @@ def test_forces_and_costs_are_those_of_the_kernel(device, model, values, rng):
     np.testing.assert_allclose(costs[:first], J[:first], rtol=1e-3)
     # far from its goal the regulator's large gains amplify what rounding changed, step by step
     np.testing.assert_allclose(forces[:5, first:], V[:5, first:], atol=2e-3)
-    expected = [cpu.proposal(drawn[0].X[0], u.astype(float)).J for u in forces.T]
+    expected = [policy_rollout(cpu.problem, drawn[0].X[0], np.zeros((20, 6)), u.astype(float),
+                               np.zeros((20, 6))).J for u in forces.T]
     np.testing.assert_allclose(costs, expected, rtol=2e-3)
     weights = other.device.weights(program.costs).cpu()
     np.testing.assert_allclose(weights, cpu.weights(costs), atol=1e-6)
@@ -73,7 +76,7 @@ def test_another_problem_of_the_same_size_is_another_problem(device, rng):
     light, heavy = (solver(device, values={'horizon': 20, 'link2_mass': mass})
                     for mass in (0.5, 0.9))
     assert light.device.program is heavy.device.program
-    drawn = proposals(light, rng)
+    drawn = drawn_about(light, rng)
     costs = []
     for one in (light, heavy, light):
         one.update(*drawn)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from dp_swing_ros.cost import running_derivatives, terminal_derivatives, trajectory_cost
+from dp_swing_ros.dynamics.lanes import STEPS
 from dp_swing_ros.dynamics.torch_twin import expand
 from dp_swing_ros.dynamics.trajectory import rollout
 from dp_swing_ros.parameters import (CostParameters, LimitParameters, PendulumParameters,
@@ -46,9 +47,9 @@ def plain(problem, X, U, mu, second_order, gaps=np.zeros((N, 6))):
     V_x, V_xx = np.empty(6), np.empty((6, 6))
     terminal_derivatives(problem.cost, X[-1], V_x, V_xx)
     k, K = np.empty(N), np.empty((N, 6))
+    of_cost = running_derivatives(problem.cost, X, U)
     for t in range(N - 1, -1, -1):
-        l_x, l_xx = np.empty(6), np.empty(6)
-        running_derivatives(problem.cost, X[t], l_x, l_xx)
+        l_x, l_xx = (part[t // STEPS, :, t % STEPS] for part in of_cost)
         a, b = A[t], B[t][:, None]
         V_x = V_x + V_xx @ gaps[t]
         W = np.einsum('i,ijk->jk', V_x, second[t]) * second_order
@@ -124,7 +125,7 @@ def test_a_linear_problem_is_solved_in_one_step(problem):
     J = trajectory_cost(problem.cost, X, U)
     _, slope, bend = pass_back(problem, X, U, 20.0, 0.0, False, k, K)
     X_new, U_new = np.empty_like(X), np.empty_like(U)
-    J_new = line_search(problem.model, problem.cost, X, U, J, np.zeros((N, 6)), k, K, slope, bend,
+    J_new = line_search(problem.model, problem.cost, X, U, J, k, K, slope, bend,
                         20.0, X_new, U_new)
     assert J_new == pytest.approx(x @ problem.lqr.P @ x, rel=1e-3)
     assert J_new - J == pytest.approx(slope + bend / 2, rel=1e-3)

@@ -25,8 +25,8 @@ def drawn(problem, rng, samples, sigma=3.0, correlation=0.0, gain=0.0, u_max=15.
     K = np.full((N, 6), gain)
     noise = rng.standard_normal((N, samples), dtype=F)
     V, J = np.full((N, samples), np.nan, F), np.full(samples, np.nan, F)
-    follow(single(problem.model), single(problem.cost), X.astype(F), U.astype(F), K.astype(F),
-           0, samples, noise, np.full(samples, sigma, F), F(correlation), F(u_max), V, J)
+    follow(single(problem.model), single(problem.cost), X, U, K, 0, samples, noise,
+           np.full(samples, sigma, F), F(correlation), F(u_max), V, J)
     return X, U, noise, V, J
 
 
