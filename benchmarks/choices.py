@@ -72,7 +72,6 @@ CHOICES = [
            solvers=('mppi',)),
     Choice('force noise of 1.8 N, samples about forces', {'mppi.feedback': False},
            {'force_noise': 1.8}, ('mppi',)),
-    Choice('no samples about the regulator', {'mppi.regulator_share': 0.0}, solvers=('mppi',)),
     Choice('white noise', {'mppi.noise_correlation': 0.0}, solvers=('mppi',)),
     Choice('noise of one size, 5 N', {'mppi.smallest_noise': 5.0, 'mppi.largest_noise': 5.0},
            solvers=('mppi',)),

@@ -28,7 +28,10 @@ from timing import Interval, median, race, ratio, Work
 
 from dp_swing_ros import configuration
 from dp_swing_ros.problem import Problem
+from dp_swing_ros.kernels import kernel
+from dp_swing_ros.solvers.noise import LANES
 from dp_swing_ros.solvers.samples import follow, single
+from dp_swing_ros.state import HANGING
 
 CHAINS = 12           # enough to fill two units of four cycles, few enough for 16 registers
 ROUNDS = 200_000      # of all chains in a sample
@@ -118,19 +121,26 @@ def product(precision: str) -> Work:
 
 def rollouts(problem: Problem, samples: int = SAMPLES) -> Work:
     """Return the rollout kernel of MPPI on noise that is there already; units are its steps."""
-    N, random = problem.horizon, np.random.default_rng(0)
-    noise = random.standard_normal((N, samples), np.float32)
-    V, J = np.empty((N, samples), np.float32), np.empty(samples, np.float32)
-    X, U, K = np.zeros((N + 1, 6)), np.zeros(N), np.zeros((N, 6))
-    X[:, 1:3] = np.pi
-    sigma = np.full(samples, 5, np.float32)
+    N, blocks = problem.horizon, -(-samples // LANES)
+    noise = np.random.default_rng(0).standard_normal((N, LANES), np.float32)
+    V, J = np.empty((blocks, N, LANES), np.float32), np.empty((blocks, LANES), np.float32)
+    x_0, offsets = np.array(HANGING, np.float32), np.zeros(N, np.float32)
+    gains, sigma = np.zeros((N, 6), np.float32), np.full(LANES, 5, np.float32)
     model, cost = single(problem.model), single(problem.cost)
 
     def run() -> int:
-        follow(model, cost, X, U, K, 0, samples, noise, sigma, np.float32(0.8),
-               np.float32(problem.u_max), V, J)
-        return N * samples
+        follow_all(model, cost, x_0, offsets, gains, noise, sigma, np.float32(problem.u_max), V, J)
+        return N * LANES * blocks
     return run
+
+
+@kernel
+def follow_all(model, cost, x_0, offsets, gains, noise, sigma, u_max, V, J):  # type: ignore
+    """Follow many blocks of samples, all on the same noise."""
+    scratch = np.empty((8, LANES), np.float32)
+    for block in range(len(V)):
+        follow(model, cost, x_0, offsets, gains, noise, sigma, np.float32(0.8), u_max, scratch,
+               V[block], J[block])
 
 
 def operations() -> dict[str, dict[str, float]]:
@@ -145,8 +155,8 @@ def operations() -> dict[str, dict[str, float]]:
 def instructions() -> dict[str, int]:
     """Count the vector instructions of the compiled rollout kernel, by name and register."""
     # compiled anew, for numba does not show what it took from its cache
-    compiled = numba.njit(nogil=True, error_model='numpy')(follow.py_func)
-    compiled.compile(follow.signatures[0])
+    compiled = numba.njit(nogil=True, error_model='numpy')(follow_all.py_func)
+    compiled.compile(follow_all.signatures[0])
     code = '\n'.join(compiled.inspect_asm().values())
     found = re.findall(r'\b(v(?:mul|add|sub|div|fn?m\w+)ps)\s[^\n]*%(zmm|ymm)', code)
     return {' '.join(key): number for key, number in Counter(found).most_common()}

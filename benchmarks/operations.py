@@ -112,13 +112,12 @@ def of_step(problem: Problem) -> dict[str, int]:
 
 
 def of_sample(problem: Problem) -> dict[str, float]:
-    """Count a sample, per step of the horizon; the policy is the same for all of them."""
+    """Count a sample, per step of the horizon."""
     N = problem.horizon
-    X = np.zeros((N + 1, 6), object)
-    X[0] = remembering(6)
     V, J = np.zeros((N, 1), object), np.zeros(1, object)
-    samples.follow(problem.model, problem.cost, X, np.zeros(N), np.ones((N, 6)), 0, 1,
-                   remembering(N, 1), remembering(1), 0.8, problem.u_max, V, J)
+    samples.follow(problem.model, problem.cost, remembering(6), remembering(N),
+                   remembering(N, 6), remembering(N, 1), remembering(1), 0.8, problem.u_max,
+                   np.zeros((8, 1), object), V, J)
     return {kind: number / N for kind, number in count(J).items()}
 
 
@@ -128,6 +127,7 @@ def main() -> None:
     problem = configuration.problem({})
     setattr(pendulum, 'sincos', trigonometry.sincos_single)   # as for single precision
     setattr(samples, 'sincos', trigonometry.sincos_single)
+    setattr(samples, 'LANES', 1)
     setattr(trigonometry, 'signed', lambda number, n: number)   # no arithmetic
     for module in (pendulum, samples):
         setattr(module, 'np', Numpy())

@@ -39,8 +39,8 @@ class Inputs(NamedTuple):
     w: Any          # ()
     u_max: Any      # ()
     x_0: Any        # (6,)
-    offsets: Any    # (N, 2) of both policies
-    gains: Any      # (N, 2, 6)
+    offsets: Any    # (N,)
+    gains: Any      # (N, 6)
 
 
 def numbers_of(model: Any) -> list[float]:
@@ -56,16 +56,15 @@ def restored(model: Any, numbers: Any) -> Any:
 
 
 def step(model: Any, inputs: Inputs, chord: bool, x: Numbers, offset: Tensor, gain: Tensor,
-         second: Tensor, noise: Tensor) -> tuple[Numbers, Tensor, Tensor]:
+         noise: Tensor) -> tuple[Numbers, Tensor, Tensor]:
     """
     Return the states after one step, the forces, and the running costs.
 
-    Shapes: (K,) for K samples; offset (2,), gain (2, 6); second says which samples follow the
-    second policy.
+    Shapes: (K,) for K samples; offset (), gain (6,).
     """
-    u = noise + torch.where(second, offset[1], offset[0])
+    u = noise + offset
     for j in range(6):
-        u = u + torch.where(second, gain[1, j], gain[0, j]) * x[j]
+        u = u + gain[j] * x[j]
     u = torch.clamp(u, -inputs.u_max, inputs.u_max)
     total = inputs.R * u * u + beyond(inputs, x[0])
     for j in range(6):
@@ -96,14 +95,13 @@ class Program:
     """The samples of one update; compiled and recorded once, for all problems of a size."""
 
     def __init__(self, place: str, model: Any, N: int, chord: bool, correlation: float,
-                 counts: tuple[int, int], sigma: bytes) -> None:
+                 sigma: bytes) -> None:
         """Take the torch device and all that the program is made for; reserve the memory."""
         self.model, self.chord, self.correlation = model, chord, correlation
         self.shapes = Inputs((len(numbers_of(model)),), (6,), (), (6, 6), (6,), (), (), (), (6,),
-                             (N, 2), (N, 2, 6))
+                             (N,), (N, 6))
         self.sigma = torch.tensor(np.frombuffer(sigma, np.float32), device=place)
         K = len(self.sigma)
-        self.second = torch.arange(K, device=place) >= counts[0]
         self.packed = torch.zeros(sum(map(math.prod, self.shapes)), device=place)
         self.noise, self.forces = torch.zeros((2, N, K), device=place)
         self.costs = torch.zeros(K, device=place)
@@ -146,7 +144,7 @@ class Program:
             if t > 0:
                 coloured = self.correlation * coloured + fresh * self.noise[t]
             x, self.forces[t], running = self.step(
-                model, inputs, self.chord, x, inputs.offsets[t], inputs.gains[t], self.second,
+                model, inputs, self.chord, x, inputs.offsets[t], inputs.gains[t],
                 self.sigma * coloured)
             self.costs += running
         self.costs += terminal(inputs, self.chord, x)
@@ -155,10 +153,9 @@ class Program:
 class OnDevice:
     """Updates of MPPI for one problem; the random numbers come of a NumPy generator's."""
 
-    def __init__(self, problem: Problem, parameters: Any, counts: tuple[int, int],
-                 sigma: Array) -> None:
+    def __init__(self, problem: Problem, parameters: Any, sigma: Array) -> None:
         """
-        Take MPPI's parameters, how many samples each proposal has, and the sizes of their noise.
+        Take MPPI's parameters, and the sizes of the noise (samples,).
 
         Raises ParameterError where there is no such device, or no such model in torch.
         """
@@ -173,24 +170,22 @@ class OnDevice:
         self.problem, self.parameters = problem, parameters
         template = restored(problem.model, itertools.repeat(0.0))
         self.program = Program(DEVICES[parameters.device], template, problem.horizon,
-                               bool(problem.cost.chord), parameters.noise_correlation, counts,
+                               bool(problem.cost.chord), parameters.noise_correlation,
                                sigma.tobytes())
 
-    def inputs(self, proposals: tuple[Rollout, ...]) -> Inputs:
+    def inputs(self, best: Rollout) -> Inputs:
         """Gather the inputs of an update, as arrays and numbers."""
-        cost = self.problem.cost
-        offsets = [U - np.sum(K * X[:-1], axis=1) for _, X, U, K in proposals]
+        cost, (_, X, U, K) = self.problem.cost, best
         return Inputs(numbers_of(self.problem.model), cost.S, cost.R, cost.P, cost.x_r,
-                      cost.x_soft, cost.w, self.problem.u_max, proposals[0].X[0],
-                      np.stack(offsets, axis=1), np.stack([K for *_, K in proposals], axis=1))
+                      cost.x_soft, cost.w, self.problem.u_max, X[0],
+                      U - np.sum(K * X[:-1], axis=1), K)
 
-    def update(self, proposals: tuple[Rollout, ...],
-               random: np.random.Generator) -> Array:
-        """Return the weighted average of samples about the proposals, and the cheapest (2, N)."""
+    def update(self, best: Rollout, random: np.random.Generator) -> Array:
+        """Return the weighted average of samples about a rollout, and the cheapest (2, N)."""
         program = self.program
         program.random.manual_seed(int(random.integers(2 ** 63)))
         program.noise.normal_(generator=program.random)
-        program.take(self.inputs(proposals))
+        program.take(self.inputs(best))
         program.run()
         w = self.weights(program.costs)
         both = torch.stack([program.forces @ w, program.forces[:, torch.argmax(w)]])

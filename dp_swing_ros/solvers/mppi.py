@@ -1,15 +1,13 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-MPPI: draw force sequences about a few proposals, follow each, average them by their costs.
+MPPI: draw force sequences about the best so far, follow each, average them by their costs.
 
     U ← Σ_k w_k V_k,    w_k ∝ exp(-(J(V_k) - min J) / λ)
 
 Source: the paper, I and III; Williams, Aldrich and Theodorou, "Model predictive path integral
-control", Journal of Guidance, Control, and Dynamics 40(2), 2017. Beyond the paper: the noise is
-correlated in time, its sizes are spread over the samples, and a share of the samples is drawn
-about the regulator's rollout instead of the last plan, so that the catch at the top need not be
-found by chance.
+control", Journal of Guidance, Control, and Dynamics 40(2), 2017. Beyond the paper: the samples are
+drawn about a policy, their noise is correlated in time, and its sizes are spread over them.
 """
 
 from dataclasses import dataclass
@@ -21,9 +19,9 @@ from dp_swing_ros.kernels import kernel
 from dp_swing_ros.parameters import parameter, Parameters
 from dp_swing_ros.plan import Plan, SolverStats, Status
 from dp_swing_ros.problem import follow_policy, Problem, Rollout
-from dp_swing_ros.solvers.noise import normal
+from dp_swing_ros.solvers.noise import LANES, state_from
 from dp_swing_ros.solvers.riccati import backward
-from dp_swing_ros.solvers.samples import follow, single
+from dp_swing_ros.solvers.samples import average, draw, single
 from dp_swing_ros.solvers.solver import policy_of, Seed
 from dp_swing_ros.state import Array
 
@@ -52,9 +50,6 @@ class MPPIParameters(Parameters):
     noise_correlation: float = parameter(
         0.8, 'correlation of the noise from step to step; 0 is white, as in the paper',
         minimum=0.0, maximum=0.999)
-    regulator_share: float = parameter(
-        0.125, 'share of the samples drawn about the rollout of the regulator; 0 as in the paper',
-        minimum=0.0, maximum=1.0)
     feedback: bool = parameter(
         True, 'draw samples about a policy, u = U + K (x - X) + noise, with the gains of one '
         'Riccati pass; false: about forces alone, as in the paper')
@@ -64,40 +59,39 @@ class MPPIParameters(Parameters):
         choices=lambda: ['cpu', 'cuda', 'torch'])
 
 
-def sizes(parameters: MPPIParameters, count: int) -> Array:
-    """Return the sizes of the noise about one proposal, none for the proposal itself."""
-    spread = np.geomspace(parameters.smallest_noise, parameters.largest_noise, max(count - 1, 0))
-    return np.append(0.0, spread).astype(F)[:count]
+def sizes(parameters: MPPIParameters) -> Array:
+    """Return the sizes of the noise (samples,), none for the policy itself."""
+    spread = np.geomspace(parameters.smallest_noise, parameters.largest_noise,
+                          parameters.samples - 1)
+    return np.append(0.0, spread).astype(F)
 
 
 @kernel
-def proposals(model, cost, lqr_gain, u_max, horizon, x_0, X, U, K, feedback):
-    """
-    Return what samples are drawn about: the rollouts of a policy, with new gains, and of the LQR.
-
-    Shapes: as in follow_policy.
-    """
+def opened(model, cost, lqr_gain, u_max, horizon, x_0, X, U, K, feedback):
+    """Return the rollout of a policy, see follow_policy, with new gains."""
     best = follow_policy(model, cost, lqr_gain, u_max, x_0, X, U, K, horizon)
     set_gains(model, cost, u_max, best[1], best[2], feedback, best[3])
-    return best, follow_policy(model, cost, lqr_gain, u_max, x_0, X[:0], U[:0], K[:0], horizon)
+    return best
 
 
 @kernel
-def cheapest(model, cost, lqr_gain, u_max, J, X, U, K, others, feedback):
+def improved(model, cost, lqr_gain, u_max, J, X, U, K, others, feedback):
     """
-    Return the cheapest of a rollout and of those of other forces, bounded, with gains about it.
+    Return the cheapest of a rollout, the regulator's and those of other forces, with new gains.
 
-    Shapes: U (N,), others (n, N), the rest as in Rollout.
+    Shapes: others (n, N), the rest as in Rollout.
     """
-    found, none = False, np.zeros_like(K)
-    for other in others:
-        J_new, X_new, U_new, K_new = follow_policy(
-            model, cost, lqr_gain, u_max, X[0], X, other, none, len(U))
-        if J_new < J:
-            J, X, U, K, found = J_new, X_new, U_new, K_new, True
-    if found:
-        set_gains(model, cost, u_max, X, U, feedback, K)
-    return J, X, U, K
+    best, N, none = (J, X, U, K), len(U), np.zeros_like(K)
+    for n in range(-1, len(others)):
+        if n < 0:
+            found = follow_policy(model, cost, lqr_gain, u_max, X[0], X[:0], U[:0], K[:0], N)
+        else:
+            found = follow_policy(model, cost, lqr_gain, u_max, X[0], X, others[n], none, N)
+        if found[0] < best[0]:
+            best = found
+    if best[0] < J:
+        set_gains(model, cost, u_max, best[1], best[2], feedback, best[3])
+    return best
 
 
 @kernel
@@ -119,31 +113,32 @@ class MPPI:
 
     def __init__(self, problem: Problem, parameters: MPPIParameters, seed: Seed = 0) -> None:
         """
-        Take the problem, and share the samples out over proposals and sizes of noise.
+        Take the problem, and spread the sizes of the noise.
 
         Raises ParameterError where the device is none of this machine.
         """
         self.problem, self.parameters = problem, parameters
         self.random = np.random.default_rng(seed)
         self.model, self.cost = single(problem.model), single(problem.cost)
-        regulated = round(parameters.regulator_share * parameters.samples)
-        self.counts = (parameters.samples - regulated, regulated)
-        self.sigma = np.concatenate([sizes(parameters, count) for count in self.counts])
+        # whole blocks; what the last one has beyond the samples weighs nothing
+        blocks, sigma = -(-parameters.samples // LANES), sizes(parameters)
+        self.sigma = np.pad(sigma, (0, blocks * LANES - len(sigma))).reshape(blocks, LANES)
+        self.w = np.zeros((blocks, LANES), F)
         # scratch: memory that is new each time costs more than to fill it
-        self.noise, self.V = np.empty((2, problem.horizon, parameters.samples), F)
+        self.V, self.J = np.empty((blocks, problem.horizon, LANES), F), np.empty_like(self.w)
         self.device = None
         if parameters.device != 'cpu':
             from dp_swing_ros.solvers.device import OnDevice   # torch takes seconds to import
 
-            self.device = OnDevice(problem, parameters, self.counts, self.sigma)
+            self.device = OnDevice(problem, parameters, sigma)
 
     def solve(self, x_0: Array, warm_start: Plan | None, deadline: float) -> Plan:
-        """Return the cheapest of proposals, averages and single samples; see Solver.solve."""
+        """Return the cheapest of the warm start, averages and samples; see Solver.solve."""
         began = time.perf_counter()
         problem, feedback = self.problem, self.parameters.feedback
         of_problem = problem.model, problem.cost, problem.lqr.K, problem.u_max
-        best, regulator = map(Rollout._make, proposals(
-            *of_problem, problem.horizon, *policy_of(problem, x_0, warm_start), feedback))
+        best = Rollout(*opened(*of_problem, problem.horizon,
+                               *policy_of(problem, x_0, warm_start), feedback))
         status, iteration = Status.COMPLETE, 0
         while iteration < self.parameters.iterations:
             if time.perf_counter() > deadline:
@@ -151,7 +146,7 @@ class MPPI:
                 break
             iteration += 1
             before = best.J
-            best = Rollout(*cheapest(*of_problem, *best, self.update(best, regulator), feedback))
+            best = Rollout(*improved(*of_problem, *best, self.update(best), feedback))
             if before - best.J < self.parameters.tolerance * before:
                 status = Status.CONVERGED
                 break
@@ -160,17 +155,19 @@ class MPPI:
         return Plan(best.X, best.U, best.K, problem.dt,
                     SolverStats(status, best.J, iteration, time.perf_counter() - began))
 
-    def update(self, *proposals: Rollout) -> Array:
+    def update(self, best: Rollout) -> Array:
         """
-        Draw samples about the proposals; return their weighted average and the cheapest.
+        Draw samples about a rollout; return their weighted average and the cheapest.
 
         Shapes: -> (2, N).
         """
         if self.device is not None:
-            return self.device.update(proposals, self.random)
-        V, J = self.draw(proposals)
-        w = self.weights(J)
-        return np.array([V @ w, V[:, np.argmax(w)]], float)
+            return self.device.update(best, self.random)
+        J = self.draw(best)
+        w = self.w.reshape(-1)[:len(J)]
+        w[:] = self.weights(J)
+        block, lane = divmod(int(np.argmax(w)), LANES)
+        return np.array([average(self.V, self.w), self.V[block, :, lane]])
 
     def weights(self, J: Array) -> Array:
         """
@@ -190,18 +187,12 @@ class MPPI:
         w = np.where(exponent < NEGLIGIBLE, np.exp(-np.minimum(exponent, NEGLIGIBLE)), F(0))
         return w / np.sum(w)
 
-    def draw(self, proposals: tuple[Rollout, ...]) -> tuple[Array, Array]:
+    def draw(self, best: Rollout) -> Array:
         """
-        Draw samples about each proposal.
+        Draw samples about a rollout into V; return their costs, which the next draw overwrites.
 
-        Shapes: -> forces (N, K), which the next draw overwrites, costs (K,); in single precision.
+        Shapes: -> (samples,), in single precision.
         """
-        normal(self.random, self.noise)
-        J = np.empty(self.parameters.samples, F)
-        begin = 0
-        for proposal, count in zip(proposals, self.counts):
-            follow(self.model, self.cost, *proposal[1:], begin, begin + count, self.noise,
-                   self.sigma, F(self.parameters.noise_correlation), F(self.problem.u_max),
-                   self.V, J)
-            begin += count
-        return self.V, J
+        draw(self.model, self.cost, *best[1:], state_from(self.random), self.sigma,
+             F(self.parameters.noise_correlation), F(self.problem.u_max), self.V, self.J)
+        return self.J.reshape(-1)[:self.parameters.samples]

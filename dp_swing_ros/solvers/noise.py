@@ -83,10 +83,6 @@ def fill(state, out):
                 out[begin + i] = pairs[j, i]
 
 
-def normal(random: np.random.Generator, out: Array) -> None:
-    """
-    Write normal numbers in single precision; the generator gives the state they begin with.
-
-    Shapes: out any, contiguous.
-    """
-    fill(random.integers(2 ** 32, size=(4, LANES), dtype=U), out.reshape(-1))
+def state_from(random: np.random.Generator) -> Array:
+    """Draw a state to begin with (4, LANES)."""
+    return random.integers(2 ** 32, size=(4, LANES), dtype=U)

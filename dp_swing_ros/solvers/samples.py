@@ -1,23 +1,23 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Many force sequences followed at once, in single precision, and what each of them costs.
+Many force sequences drawn and followed at once, in single precision, and what each costs.
 
-The samples go through the model in blocks of LANES side by side: their states stay in the
-first-level cache, and the compiler turns every loop over a block into vector instructions. Hence
-no branch, no call and no double-precision constant in there.
+The samples go through the model in blocks of LANES side by side: their noise and states stay in
+the first-level cache, and the compiler turns every loop over a block into vector instructions.
+Hence no branch, no call and no double-precision constant in there.
 """
 
 from typing import Any
 
 import numpy as np
 
-from dp_swing_ros.cost import Cost, squared_error
+from dp_swing_ros.cost import squared_error
 from dp_swing_ros.dynamics.model import advance
 from dp_swing_ros.dynamics.trigonometry import sincos
 from dp_swing_ros.kernels import inlined, kernel
+from dp_swing_ros.solvers.noise import fill, LANES
 
-LANES = 64
 ZERO, ONE, TWO = np.float32(0.0), np.float32(1.0), np.float32(2.0)
 
 
@@ -49,14 +49,12 @@ def beyond(x, x_soft):
 
 
 @kernel
-def follow(model, cost: Cost, X, U, K, begin, end, noise, sigma, correlation, u_max, V, J):
+def draw(model, cost, X, U, K, random, sigma, correlation, u_max, V, J):
     """
-    Follow the policy u = U[t] + K[t] (x - X[t]) from X[0] with noise added to its forces.
+    Draw samples about the policy u = U[t] + K[t] (x - X[t]), and follow them from X[0].
 
-    Writes the bounded forces V that came of it, and their costs J, for the samples from begin to
-    end. The noise of a sample is an AR(1) process of unit variance, times its sigma [N].
-    Shapes: X (N + 1, 6), U (N,), K (N, 6), and in float32 noise and V (N, samples), sigma and J
-    (samples,).
+    random is the state of `noise.fill`. Shapes: X (N + 1, 6), U (N,), K (N, 6), random (4, LANES),
+    and in float32 sigma and J (blocks, LANES), V (blocks, N, LANES).
     """
     N = len(U)
     x_0, gains, offsets = X[0].astype(np.float32), K.astype(np.float32), np.empty(N, np.float32)
@@ -65,49 +63,78 @@ def follow(model, cost: Cost, X, U, K, begin, end, noise, sigma, correlation, u_
         for j in range(6):
             u_t -= K[t, j] * X[t, j]
         offsets[t] = u_t
-    renewal = np.sqrt(np.float32(1) - correlation * correlation)
-    states, e = np.empty((6, LANES), np.float32), np.empty((6, LANES), np.float32)
-    coloured, total = np.empty(LANES, np.float32), np.empty(LANES, np.float32)
-    x, th_1, th_2, v, w_1, w_2 = (states[0], states[1], states[2], states[3], states[4],
-                                  states[5])
-    S, R, x_r = cost.S, cost.R, cost.x_r
-    for first in range(begin, end, LANES):
-        width = min(LANES, end - first)
-        for j in range(6):
-            states[j, :] = x_0[j]
-        coloured[:] = ZERO
-        total[:] = ZERO
-        old, fresh = ZERO, ONE
+    noise, scratch = np.empty((N, LANES), np.float32), np.empty((8, LANES), np.float32)
+    for block in range(len(V)):
+        fill(random, noise.reshape(-1))
+        follow(model, cost, x_0, offsets, gains, noise, sigma[block], correlation, u_max, scratch,
+               V[block], J[block])
+
+
+@inlined
+def follow(model, cost, x_0, offsets, gains, noise, sigma, correlation, u_max, scratch, V, J):
+    """
+    Follow the policy u = offset + gain x from x_0 with noise added to its forces.
+
+    Writes the bounded forces V that came of it, and their costs J. The noise of a sample is an
+    AR(1) process of unit variance, times its sigma [N].
+    Shapes, all float32: x_0 (6,), offsets (N,), gains (N, 6), noise and V (N, LANES), sigma and J
+    (LANES,), scratch (8, LANES).
+    """
+    x, th_1, th_2, v, w_1, w_2 = (scratch[0], scratch[1], scratch[2], scratch[3], scratch[4],
+                                  scratch[5])
+    coloured, total = scratch[6], scratch[7]
+    S, R, renewal = cost.S, cost.R, np.sqrt(np.float32(1) - correlation * correlation)
+    for j in range(6):
+        scratch[j, :] = x_0[j]
+    scratch[6:, :] = ZERO
+    old, fresh = ZERO, ONE
+    for t in range(len(V)):
+        k_0, k_1, k_2, k_3, k_4, k_5 = (gains[t, 0], gains[t, 1], gains[t, 2], gains[t, 3],
+                                        gains[t, 4], gains[t, 5])
+        offset, white, u = offsets[t], noise[t], V[t]
+        for i in range(LANES):
+            x_i, th_1i, th_2i, v_i, w_1i, w_2i = x[i], th_1[i], th_2[i], v[i], w_1[i], w_2[i]
+            coloured[i] = old * coloured[i] + fresh * white[i]
+            force = (offset + k_0 * x_i + k_1 * th_1i + k_2 * th_2i + k_3 * v_i
+                     + k_4 * w_1i + k_5 * w_2i + sigma[i] * coloured[i])
+            u_i = min(max(force, -u_max), u_max)
+            u[i] = u_i
+            total[i] += (S[0] * squared_error(cost, x_i, 0)
+                         + S[1] * squared_error(cost, th_1i, 1)
+                         + S[2] * squared_error(cost, th_2i, 2)
+                         + S[3] * squared_error(cost, v_i, 3)
+                         + S[4] * squared_error(cost, w_1i, 4)
+                         + S[5] * squared_error(cost, w_2i, 5)
+                         + R * u_i * u_i + cost.w * beyond(x_i, cost.x_soft))
+            x[i], th_1[i], th_2[i], v[i], w_1[i], w_2[i] = advance(
+                model, x_i, th_1i, th_2i, v_i, w_1i, w_2i, u_i)
+        old, fresh = correlation, renewal
+    for i in range(LANES):
+        J[i] = total[i] + cost.w * beyond(x[i], cost.x_soft)
+    for j in range(6):
+        for i in range(LANES):
+            scratch[j, i] = angle_error(scratch[j, i] - cost.x_r[j],
+                                        cost.chord and (j == 1 or j == 2))
+    for j in range(6):
+        for m in range(6):
+            for i in range(LANES):
+                J[i] += scratch[j, i] * cost.P[j, m] * scratch[m, i]
+
+
+@kernel
+def average(V, w):
+    """
+    Return the weighted sum of the samples, in double precision.
+
+    Shapes: V (blocks, N, LANES), w (blocks, LANES), both float32 -> (N,).
+    """
+    N = V.shape[1]
+    sums, U = np.zeros((N, LANES), np.float32), np.zeros(N)
+    for block in range(len(V)):
         for t in range(N):
-            u, size = V[t, first:first + width], sigma[first:first + width]
-            white = noise[t, first:first + width]
-            k_0, k_1, k_2, k_3, k_4, k_5 = (gains[t, 0], gains[t, 1], gains[t, 2], gains[t, 3],
-                                            gains[t, 4], gains[t, 5])
-            offset = offsets[t]
-            for i in range(width):
-                x_i, th_1i, th_2i = x[i], th_1[i], th_2[i]
-                v_i, w_1i, w_2i = v[i], w_1[i], w_2[i]
-                coloured[i] = old * coloured[i] + fresh * white[i]
-                force = (offset + k_0 * x_i + k_1 * th_1i + k_2 * th_2i + k_3 * v_i
-                         + k_4 * w_1i + k_5 * w_2i + size[i] * coloured[i])
-                u_i = min(max(force, -u_max), u_max)
-                u[i] = u_i
-                total[i] += (S[0] * squared_error(cost, x_i, 0)
-                             + S[1] * squared_error(cost, th_1i, 1)
-                             + S[2] * squared_error(cost, th_2i, 2)
-                             + S[3] * squared_error(cost, v_i, 3)
-                             + S[4] * squared_error(cost, w_1i, 4)
-                             + S[5] * squared_error(cost, w_2i, 5)
-                             + R * u_i * u_i + cost.w * beyond(x_i, cost.x_soft))
-                x[i], th_1[i], th_2[i], v[i], w_1[i], w_2[i] = advance(
-                    model, x_i, th_1i, th_2i, v_i, w_1i, w_2i, u_i)
-            old, fresh = correlation, renewal
-        for j in range(6):
-            for i in range(width):
-                e[j, i] = angle_error(states[j, i] - x_r[j], cost.chord and (j == 1 or j == 2))
-        for j in range(6):
-            for m in range(6):
-                for i in range(width):
-                    total[i] += e[j, i] * cost.P[j, m] * e[m, i]
-        for i in range(width):
-            J[first + i] = total[i] + cost.w * beyond(x[i], cost.x_soft)
+            for i in range(LANES):
+                sums[t, i] += w[block, i] * V[block, t, i]
+    for t in range(N):
+        for i in range(LANES):
+            U[t] += sums[t, i]
+    return U

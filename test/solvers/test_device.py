@@ -12,7 +12,8 @@ from dp_swing_ros import configuration
 from dp_swing_ros.dynamics import MODELS
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.problem import policy_rollout, Rollout
-from dp_swing_ros.solvers.mppi import MPPI, MPPIParameters, proposals
+from dp_swing_ros.solvers.mppi import MPPI, MPPIParameters, opened
+from dp_swing_ros.solvers.noise import fill, state_from
 from dp_swing_ros.state import HANGING
 
 torch = pytest.importorskip('torch')
@@ -26,13 +27,12 @@ def solver(device, seed=0, values=None, **parameters):
                 MPPIParameters(samples=SAMPLES, device=device, **parameters), seed)
 
 
-def drawn_about(one, rng):
-    """Return a policy with its gains about random forces, and the regulator."""
-    x_0, p = np.array([0.3, 2.9, -3.0, 0.1, 0.5, -0.5]), one.problem
-    none = np.zeros((p.horizon, 6))
-    return tuple(map(Rollout._make, proposals(
-        p.model, p.cost, p.lqr.K, p.u_max, p.horizon, x_0, none,
-        rng.uniform(-10, 10, p.horizon), none, True)))
+def policy(problem, rng):
+    """Return a rollout with its gains about random forces."""
+    x_0, none = np.array([0.3, 2.9, -3.0, 0.1, 0.5, -0.5]), np.zeros((problem.horizon, 6))
+    return Rollout(*opened(problem.model, problem.cost, problem.lqr.K, problem.u_max,
+                           problem.horizon, x_0, none, rng.uniform(-10, 10, problem.horizon),
+                           none, True))
 
 
 @devices
@@ -43,19 +43,20 @@ def drawn_about(one, rng):
 def test_forces_and_costs_are_those_of_the_kernel(device, model, values, rng):
     cpu, other = (solver(kind, values={'horizon': 20, 'model': model, **values})
                   for kind in ('cpu', device))
-    drawn = drawn_about(cpu, rng)
-    V, J = cpu.draw(drawn)
+    best, noise = policy(cpu.problem, rng), np.empty_like(cpu.V)
+    random = state_from(np.random.default_rng(0))   # that of the seed 0
+    for block in noise:
+        fill(random, block.reshape(-1))
+    J = cpu.draw(best)
+    noise, V = (many.transpose(1, 0, 2).reshape(20, -1)[:, :SAMPLES] for many in (noise, cpu.V))
     program = other.device.program
-    program.noise.copy_(torch.from_numpy(cpu.noise))
-    program.take(other.device.inputs(drawn))
+    program.noise.copy_(torch.from_numpy(noise))
+    program.take(other.device.inputs(best))
     program.run()
     forces, costs = program.forces.cpu().numpy(), program.costs.cpu().numpy()
-    first = cpu.counts[0]
-    np.testing.assert_allclose(forces[:, :first], V[:, :first], atol=2e-3)
-    np.testing.assert_allclose(costs[:first], J[:first], rtol=1e-3)
-    # far from its goal the regulator's large gains amplify what rounding changed, step by step
-    np.testing.assert_allclose(forces[:5, first:], V[:5, first:], atol=2e-3)
-    expected = [policy_rollout(cpu.problem, drawn[0].X[0], np.zeros((20, 6)), u.astype(float),
+    np.testing.assert_allclose(forces, V, atol=2e-3)
+    np.testing.assert_allclose(costs, J, rtol=1e-3)
+    expected = [policy_rollout(cpu.problem, best.X[0], np.zeros((20, 6)), u.astype(float),
                                np.zeros((20, 6))).J for u in forces.T]
     np.testing.assert_allclose(costs, expected, rtol=2e-3)
     weights = other.device.weights(program.costs).cpu()
@@ -76,10 +77,10 @@ def test_another_problem_of_the_same_size_is_another_problem(device, rng):
     light, heavy = (solver(device, values={'horizon': 20, 'link2_mass': mass})
                     for mass in (0.5, 0.9))
     assert light.device.program is heavy.device.program
-    drawn = drawn_about(light, rng)
+    best = policy(light.problem, rng)
     costs = []
     for one in (light, heavy, light):
-        one.update(*drawn)
+        one.update(best)
         costs.append(one.device.program.costs.cpu().numpy().copy())
     assert np.median(costs[1] / costs[0]) > 1.01
 

@@ -18,7 +18,7 @@ ALLOWED = 4.0   # standard errors
 
 def normal(random, shape):
     out = np.full(shape, np.nan, np.float32)
-    noise.normal(random, out)
+    noise.fill(noise.state_from(random), out.reshape(-1))
     return out
 
 

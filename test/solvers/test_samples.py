@@ -12,7 +12,8 @@ from dp_swing_ros.parameters import (CostParameters, LimitParameters, PendulumPa
                                      PredictionParameters)
 from dp_swing_ros.problem import Problem
 from dp_swing_ros.solvers.mppi import MPPI, MPPIParameters
-from dp_swing_ros.solvers.samples import follow, single
+from dp_swing_ros.solvers.noise import fill, LANES, state_from
+from dp_swing_ros.solvers.samples import average, draw, single
 from dp_swing_ros.state import HANGING
 
 N = 20
@@ -20,14 +21,19 @@ F = np.float32
 
 
 def drawn(problem, rng, samples, sigma=3.0, correlation=0.0, gain=0.0, u_max=15.0):
+    """Draw samples; return trajectory and forces they are drawn about, noise, forces, costs."""
     U = rng.uniform(-10, 10, N)
     X = rollout(problem.model, np.array(HANGING), U)
-    K = np.full((N, 6), gain)
-    noise = rng.standard_normal((N, samples), dtype=F)
-    V, J = np.full((N, samples), np.nan, F), np.full(samples, np.nan, F)
-    follow(single(problem.model), single(problem.cost), X, U, K, 0, samples, noise,
-           np.full(samples, sigma, F), F(correlation), F(u_max), V, J)
-    return X, U, noise, V, J
+    blocks = -(-samples // LANES)
+    V, J = np.full((blocks, N, LANES), np.nan, F), np.full((blocks, LANES), np.nan, F)
+    random, again = (state_from(np.random.default_rng(3)) for _ in range(2))
+    noise = np.empty_like(V)
+    for block in noise:
+        fill(again, block.reshape(-1))
+    draw(single(problem.model), single(problem.cost), X, U, np.full((N, 6), gain), random,
+         np.full_like(J, sigma), F(correlation), F(u_max), V, J)
+    noise, V = (many.transpose(1, 0, 2).reshape(N, -1)[:, :samples] for many in (noise, V))
+    return X, U, noise, V, J.reshape(-1)[:samples]
 
 
 @pytest.mark.parametrize('model', sorted(MODELS))
@@ -73,6 +79,11 @@ def mppi(**parameters):
     return MPPI(problem, MPPIParameters(**parameters))
 
 
+def test_the_average_is_that_of_numpy(rng):
+    V, w = rng.normal(size=(5, N, LANES)).astype(F), rng.uniform(size=(5, LANES)).astype(F)
+    np.testing.assert_allclose(average(V, w), np.einsum('btn,bn->t', V, w), atol=1e-3)
+
+
 def test_weights_are_boltzmann_s():
     J = np.array([3.0, 1.0, 2.0, np.nan, np.inf], F)
     w = mppi(temperature=0.5, temperature_scale='fixed').weights(J)
@@ -86,10 +97,10 @@ def test_weights_survive_costs_that_are_all_lost():
 
 
 def test_the_paper_s_mppi_is_a_choice_of_parameters(rng):
-    """White noise of one size about forces alone, no regulator, a fixed temperature."""
+    """White noise of one size about forces alone, a fixed temperature."""
     solver = mppi(samples=100, iterations=1, temperature=0.01, temperature_scale='fixed',
                   smallest_noise=5.0, largest_noise=5.0, noise_correlation=0.0,
-                  regulator_share=0.0, feedback=False)
+                  feedback=False)
     plan = solver.solve(np.array(HANGING), None, np.inf)
     assert np.abs(plan.U).max() > 0
     np.testing.assert_array_equal(plan.K, 0.0)
