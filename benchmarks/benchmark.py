@@ -61,7 +61,8 @@ def sampling(rounds: int) -> dict[str, Any]:
     problem, found = configuration.problem({}), {}
     for samples in SAMPLES:
         few = max(3, rounds * 256 // samples)
-        ticks = {'mppi': our_tick(problem, samples), **gpu_ticks(problem, samples)}
+        ticks = {**{f'mppi, {threads} threads': our_tick(problem, samples, threads=threads)
+                    for threads in (1, 2)}, **gpu_ticks(problem, samples)}
         for kind in COMPILED:
             for threads in (1, 2):
                 ticks[f'pytorch_mppi {kind}, {threads} threads'] = torch_tick(

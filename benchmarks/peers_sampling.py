@@ -4,8 +4,8 @@
 pytorch_mppi and MuJoCo's threaded rollouts, on the default problem.
 
 A tick of MPPI is one update: samples drawn, followed and averaged, in single precision. Ours is
-the whole `solve` with one iteration, with what pytorch_mppi has not: the Riccati pass, two
-proposals, and the rollouts of the result; where there is a CUDA GPU it is also timed there.
+the whole `solve` with one iteration, with what pytorch_mppi has not: the Riccati passes and
+the rollouts of the result; where there is a CUDA GPU it is also timed there.
 pytorch_mppi runs on torch_twin's equations (`twin`, which solve a linear system in each stage), on
 their closed form (`closed`), and on that compiled. MuJoCo's rollouts are in double precision, and
 without a cost.
@@ -32,9 +32,9 @@ NOISE = 5.0      # [N] standard deviation of pytorch_mppi's samples
 Step = Callable[[Tensor, Tensor], Tensor]
 
 
-def our_tick(problem: Problem, samples: int, device: str = 'cpu') -> Work:
+def our_tick(problem: Problem, samples: int, **parameters: Any) -> Work:
     """Return an update of ours, from hanging, beginning with zero forces."""
-    solver = MPPI(problem, MPPI.Parameters(samples=samples, iterations=1, device=device))
+    solver = MPPI(problem, MPPI.Parameters(samples=samples, iterations=1, **parameters))
     x_0 = np.array(HANGING)
     X = np.tile(x_0, (problem.horizon + 1, 1))
     plan = plan_of(problem, X, np.zeros(problem.horizon), Status.COMPLETE)
@@ -68,7 +68,7 @@ def costs(problem: Problem, dtype: torch.dtype) -> tuple[Step, Step]:
 def gpu_ticks(problem: Problem, samples: int) -> dict[str, Work]:
     """Return an update of ours on the GPU, or nothing and a line that says so."""
     if torch.cuda.is_available():
-        return {'on the GPU, mppi': our_tick(problem, samples, 'cuda')}
+        return {'on the GPU, mppi': our_tick(problem, samples, device='cuda')}
     print(f'mppi.device cuda is not timed: torch {torch.__version__} finds no CUDA GPU',
           file=sys.stderr)
     return {}

@@ -10,7 +10,9 @@ control", Journal of Guidance, Control, and Dynamics 40(2), 2017. Beyond the pap
 drawn about a policy, their noise is correlated in time, and its sizes are spread over them.
 """
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+import functools
 import time
 
 import numpy as np
@@ -53,8 +55,11 @@ class MPPIParameters(Parameters):
     feedback: bool = parameter(
         True, 'draw samples about a policy, u = U + K (x - X) + noise, with the gains of one '
         'Riccati pass; false: about forces alone, as in the paper')
+    threads: int = parameter(
+        1, 'threads that follow the samples; a second one pays from some 2,000 samples on, where '
+        'there is a core for it. Another number draws other samples', minimum=1, maximum=256)
     device: str = parameter(
-        'cpu', 'where samples are followed. cpu: one core, by Numba; cuda: an NVIDIA GPU, by '
+        'cpu', 'where samples are followed. cpu: here, by Numba; cuda: an NVIDIA GPU, by '
         "torch; torch: the GPU's program on the CPU, to test it",
         choices=lambda: ['cpu', 'cuda', 'torch'])
 
@@ -64,6 +69,12 @@ def sizes(parameters: MPPIParameters) -> Array:
     spread = np.geomspace(parameters.smallest_noise, parameters.largest_noise,
                           parameters.samples - 1)
     return np.append(0.0, spread).astype(F)
+
+
+@functools.cache
+def helpers() -> ThreadPoolExecutor:
+    """Return the threads beside the caller's, which all solvers share."""
+    return ThreadPoolExecutor(thread_name_prefix='mppi')
 
 
 @kernel
@@ -126,6 +137,8 @@ class MPPI:
         self.w = np.zeros((blocks, LANES), F)
         # scratch: memory that is new each time costs more than to fill it
         self.V, self.J = np.empty((blocks, problem.horizon, LANES), F), np.empty_like(self.w)
+        ends = np.linspace(0, blocks, parameters.threads + 1).round().astype(int)
+        self.parts = list(map(slice, ends[:-1], ends[1:]))   # of the blocks, one for each thread
         self.device = None
         if parameters.device != 'cpu':
             from dp_swing_ros.solvers.device import OnDevice   # torch takes seconds to import
@@ -175,16 +188,16 @@ class MPPI:
 
         Shapes: J (K,) -> (K,).
         """
-        J = np.where(np.isfinite(J), J, np.finfo(F).max)
-        excess = J - np.min(J)
-        temperature = self.parameters.temperature
+        lowest, temperature = np.fmin.reduce(J), self.parameters.temperature
+        if not np.isfinite(lowest):
+            return np.full_like(J, 1 / len(J))
         if self.parameters.temperature_scale == 'relative':
-            tenth = len(J) // 10
-            temperature *= max(float(np.partition(excess, tenth)[tenth]), 1e-9)
+            tenth = min(np.partition(J, len(J) // 10)[len(J) // 10], np.finfo(F).max)
+            temperature *= max(float(tenth - lowest), 1e-9)
         with np.errstate(over='ignore'):
-            exponent = excess / F(temperature)
+            exponent = (lowest - J) / F(temperature)
         # what weighs nothing must be zero: arithmetic with denormal numbers takes a hundred times
-        w = np.where(exponent < NEGLIGIBLE, np.exp(-np.minimum(exponent, NEGLIGIBLE)), F(0))
+        w = np.exp(np.fmax(exponent, -NEGLIGIBLE)) * (exponent > -NEGLIGIBLE)
         return w / np.sum(w)
 
     def draw(self, best: Rollout) -> Array:
@@ -193,6 +206,14 @@ class MPPI:
 
         Shapes: -> (samples,), in single precision.
         """
-        draw(self.model, self.cost, *best[1:], state_from(self.random), self.sigma,
-             F(self.parameters.noise_correlation), F(self.problem.u_max), self.V, self.J)
+        def draw_part(part: slice, state: Array) -> None:
+            draw(self.model, self.cost, *best[1:], state, self.sigma[part],
+                 F(self.parameters.noise_correlation), F(self.problem.u_max), self.V[part],
+                 self.J[part])
+
+        mine, *others = [(part, state_from(self.random)) for part in self.parts]
+        started = [helpers().submit(draw_part, *other) for other in others]
+        draw_part(*mine)
+        for other in started:
+            other.result()
         return self.J.reshape(-1)[:self.parameters.samples]

@@ -84,5 +84,5 @@ def fill(state, out):
 
 
 def state_from(random: np.random.Generator) -> Array:
-    """Draw a state to begin with (4, LANES)."""
-    return random.integers(2 ** 32, size=(4, LANES), dtype=U)
+    """Draw a state to begin with (4, LANES), from a generator of 64 bits, as default_rng's is."""
+    return random.bit_generator.random_raw(2 * LANES).view(U).reshape(4, LANES)

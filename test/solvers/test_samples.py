@@ -10,7 +10,7 @@ from dp_swing_ros.dynamics import MODELS
 from dp_swing_ros.dynamics.trajectory import rollout
 from dp_swing_ros.parameters import (CostParameters, LimitParameters, PendulumParameters,
                                      PredictionParameters)
-from dp_swing_ros.problem import Problem
+from dp_swing_ros.problem import Problem, Rollout
 from dp_swing_ros.solvers.mppi import MPPI, MPPIParameters
 from dp_swing_ros.solvers.noise import fill, LANES, state_from
 from dp_swing_ros.solvers.samples import average, draw, single
@@ -94,6 +94,30 @@ def test_weights_are_boltzmann_s():
 def test_weights_survive_costs_that_are_all_lost():
     w = mppi().weights(np.full(40, np.nan, F))
     assert w.sum() == pytest.approx(1.0, rel=1e-5)
+
+
+@pytest.mark.parametrize('lost', [89, 95])
+def test_samples_that_are_lost_weigh_nothing(lost):
+    J = np.arange(100, dtype=F)
+    J[:lost] = np.inf
+    w = mppi().weights(J)
+    assert np.all(w[:lost] == 0)
+    assert w.sum() == pytest.approx(1.0, rel=1e-5)
+
+
+@pytest.mark.parametrize('samples', [64, 100, 1000])
+def test_threads_draw_each_its_part(samples):
+    """Each part is what one thread draws from the state that it was given."""
+    alone, shared = (mppi(samples=samples, threads=threads) for threads in (1, 3))
+    best = Rollout(0.0, np.zeros((N + 1, 6)), np.zeros(N), np.zeros((N, 6)))
+    for solver in (alone, shared):
+        solver.J[:] = np.nan
+        solver.draw(best)
+    np.testing.assert_array_equal(alone.J[shared.parts[0]], shared.J[shared.parts[0]])
+    assert np.all(np.isfinite(shared.J))
+    assert len(np.unique(shared.J)) >= samples - 1
+    again = mppi(samples=samples, threads=3)
+    np.testing.assert_array_equal(again.draw(best), shared.J.reshape(-1)[:samples])
 
 
 def test_the_paper_s_mppi_is_a_choice_of_parameters(rng):
