@@ -102,8 +102,9 @@ def page(results: dict[str, Any]) -> str:
         f'Made by `make benchmark` (benchmarks/benchmark.py) on {results["date"]} at commit '
         f'{results["commit"]}; {results["machine"]}; {versions}. Contenders take turns in one '
         f'process; medians of up to {results["rounds"]} rounds, in brackets the 95 % interval '
-        '(bootstrap over rounds). Ours solve in one thread where nothing else is said; so do crocoddyl and '
-        'CasADi. Of MPPI the faster of one and two threads is compared, ours and theirs.',
+        '(bootstrap over rounds). Ours solve in one thread where nothing else is said; so do '
+        'crocoddyl and CasADi. Of MPPI the faster of one and two threads is compared, ours and '
+        'theirs.',
         '## Targets', table(['target', 'aim', 'measured', ''], (
             [one.what, f'{"at least" if one.more else "at most"} {one.aim:g}',
              f'{one.found:.3g}', 'met' if one.met else '**missed**']

@@ -49,18 +49,17 @@ def error(cost, x, i):
 
 
 @inlined
-def squared_error(cost, x, i):
+def squared_error(chord, x, x_r, s_r, c_r):
     """
-    Return e_i², in the precision of its arguments.
+    Return e² of a component x in any precision; s_r and c_r are sine and cosine of x_r.
 
     The chord is the distance of two points on the circle, and the sine and cosine of the angle
     itself, which the model needs too, are computed once for both.
     """
-    if cost.chord and (i == 1 or i == 2):
+    if chord:
         sine, cosine = sincos(x)
-        return ((sine - cost.s_r[i]) * (sine - cost.s_r[i])
-                + (cosine - cost.c_r[i]) * (cosine - cost.c_r[i]))
-    return (x - cost.x_r[i]) * (x - cost.x_r[i])
+        return (sine - s_r) * (sine - s_r) + (cosine - c_r) * (cosine - c_r)
+    return (x - x_r) * (x - x_r)
 
 
 @inlined
@@ -74,7 +73,8 @@ def running(cost, x, u):
     """Return ℓ(x, u)."""
     total = cost.R * u * u + cost.w * intrusion(cost, x[0]) ** 2
     for i in range(6):
-        total += cost.S[i] * squared_error(cost, x[i], i)
+        total += cost.S[i] * squared_error(cost.chord and (i == 1 or i == 2), x[i], cost.x_r[i],
+                                           cost.s_r[i], cost.c_r[i])
     return total
 
 

@@ -20,7 +20,7 @@ from dp_swing_ros.dynamics import Pendulum
 from dp_swing_ros.dynamics.model import expand, linearise, of_coefficients
 from dp_swing_ros.dynamics.pendulum import coefficients
 from dp_swing_ros.dynamics.trajectory import step
-from dp_swing_ros.kernels import kernel
+from dp_swing_ros.kernels import inlined, kernel
 from dp_swing_ros.parameters import parameter, Parameters, PendulumParameters
 from dp_swing_ros.state import Array
 
@@ -121,8 +121,10 @@ def pendulums(nominal, constants, z):
         for i in range(len(b)):
             p = z[BODIES + i] + (SMALL if k == i + 1 else 0.0)
             b[i] = nominal[i] * math.exp(p) if i < FACTORS else nominal[i] + p
-        found[k] = coefficients(b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7],
-                                constants[0], constants[1], constants[2])
+        row = coefficients(b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7],
+                           constants[0], constants[1], constants[2])
+        for i in range(len(row)):
+            found[k, i] = row[i]
     return found
 
 
@@ -131,6 +133,14 @@ def forget(prior, share, P):
     """Let bias and bodies become as uncertain as at first, by a share; prior (n - 6,)."""
     for i in range(len(prior)):
         P[BIAS + i, BIAS + i] += max(prior[i] - P[BIAS + i, BIAS + i], 0.0) * share
+
+
+@inlined
+def symmetrise(P):
+    """Replace P by (P + Pᵀ) / 2."""
+    for i in range(len(P)):
+        for j in range(i):
+            P[i, j] = P[j, i] = (P[i, j] + P[j, i]) / 2
 
 
 @kernel
@@ -144,28 +154,33 @@ def predict(model, shifted, force_noise, acceleration_noise, u, steps, z, P):
     """
     n, x, h = len(z), z[:6], model.h
     model = of_coefficients(model, shifted[0])
-    derivatives, following = np.empty((6, 8)), np.empty(6)
-    A, B = derivatives[:, :6], derivatives[:, 6]
+    derivatives, mean, following = np.empty((6, 8)), np.empty(6), np.empty(6)
     F, FP = np.empty((6, n)), np.empty((6, n))   # the rows of x; the others stay as they are
     for _ in range(steps):
-        linearise(model, expand(model, x.reshape((1, 6)), z[6:7] + u), 0, derivatives)
-        F[:, :6], F[:, 6] = A, B
-        for k in range(1, len(shifted)):
-            step(of_coefficients(model, shifted[k]), x, u + z[6], following)
-            F[:, 6 + k] = following
-        step(model, x, u + z[6], x)
+        force = u + z[6]
+        linearise(model, expand(model, np.expand_dims(x, 0), np.array([force])), 0, derivatives)
+        for k in range(len(shifted)):
+            step(of_coefficients(model, shifted[k]), x, force, following)
+            for i in range(6):
+                if k == 0:
+                    mean[i] = following[i]
+                else:
+                    F[i, 6 + k] = (following[i] - mean[i]) / SMALL
         for i in range(6):
-            for k in range(7, n):
-                F[i, k] = (F[i, k] - x[i]) / SMALL
+            x[i] = mean[i]
+            for k in range(7):      # A and B
+                F[i, k] = derivatives[i, k]
         product(F, P, FP)
-        P[:6, :], P[6:, :6] = FP, FP[:, 6:].T
+        for i in range(6):
+            for k in range(6, n):
+                P[i, k] = P[k, i] = FP[i, k]
         product(FP, F.T, P[:6, :6])
         for i in range(6):
             for k in range(6):
-                P[i, k] += force_noise / h * B[i] * B[k]
+                P[i, k] += force_noise / h * F[i, 6] * F[k, 6]
         for i in range(3, 6):
             P[i, i] += acceleration_noise * h
-    P[:, :] = (P + P.T) / 2
+    symmetrise(P)
 
 
 @kernel
@@ -177,20 +192,21 @@ def correct(measured, R, z, P):
     variances of its noise; z (n,), P (n, n).
     """
     distance, n = 0.0, len(z)
+    k, row = np.empty((2, n))
     for i in range(6):
         innovation, S = measured[i] - z[i], P[i, i] + R[i]
         distance += innovation * innovation / S
-        k = P[:, i] / S
-        z += innovation * k
-        # (I - k e_iᵀ) P (I - k e_iᵀ)ᵀ + k r kᵀ
-        row = P[i].copy()
         for a in range(n):
-            P[a] -= k[a] * row
-        column = P[:, i].copy()
+            k[a], row[a] = P[a, i] / S, P[i, a]
+            z[a] += innovation * k[a]
+        # (I - k e_iᵀ) P (I - k e_iᵀ)ᵀ + k r kᵀ
         for a in range(n):
             for b in range(n):
-                P[a, b] += (R[i] * k[a] - column[a]) * k[b]
-    P[:, :] = (P + P.T) / 2
+                P[a, b] -= k[a] * row[b]
+            column = R[i] * k[a] - P[a, i]
+            for b in range(n):
+                P[a, b] += column * k[b]
+    symmetrise(P)
     return math.sqrt(distance)
 
 

@@ -117,7 +117,7 @@ def regulator(model: Any, cost: CostParameters) -> LQR:
 def linearisation(model, x, u):
     """Return A = ∂f/∂x (6, 6) and B = ∂f/∂u (6,)."""
     F = np.empty((6, 8))
-    linearise(model, expand(model, x.reshape((1, 6)), np.full(1, u)), 0, F)
+    linearise(model, expand(model, np.expand_dims(x, 0), np.array([u])), 0, F)
     return F[:, :6].copy(), F[:, 6].copy()
 
 
@@ -148,7 +148,8 @@ def follow_policy(model, cost, lqr_gain, u_max, x_0, X, U, K, horizon):
     if len(X) > 0:
         for i in range(1, 3):
             turns[i] = TURN * np.rint((x_0[i] - X[0, i]) / TURN)
-    states[0] = x_0
+    for i in range(6):
+        states[0, i] = x_0[i]
     for t in range(horizon):
         x = states[t]
         if t < len(U):

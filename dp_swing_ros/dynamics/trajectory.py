@@ -31,7 +31,8 @@ def rollout(model, x_0, U):
     Shapes: x_0 (6,), U (T,) -> (T + 1, 6).
     """
     X = np.empty((len(U) + 1, 6))
-    X[0] = x_0
+    for i in range(6):
+        X[0, i] = x_0[i]
     for t in range(len(U)):
         step(model, X[t], U[t], X[t + 1])
     return X

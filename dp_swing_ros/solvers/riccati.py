@@ -150,7 +150,8 @@ def forward(model, cost, X, U, gaps, k, K, alpha, u_max, X_new, U_new):
     (T, 6), or (0, 6) for none, k (T,), K (T, 6).
     """
     total = 0.0
-    X_new[0] = X[0]
+    for i in range(6):
+        X_new[0, i] = X[0, i]
     for t in range(len(U)):
         u = U[t] + alpha * k[t]
         for i in range(6):

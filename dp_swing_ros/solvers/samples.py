@@ -83,7 +83,8 @@ def follow(model, cost, x_0, offsets, gains, noise, sigma, correlation, u_max, s
     x, th_1, th_2, v, w_1, w_2 = (scratch[0], scratch[1], scratch[2], scratch[3], scratch[4],
                                   scratch[5])
     coloured, total = scratch[6], scratch[7]
-    S, R, renewal = cost.S, cost.R, np.sqrt(np.float32(1) - correlation * correlation)
+    S, R, x_r, s_r, c_r = cost.S, cost.R, cost.x_r, cost.s_r, cost.c_r
+    renewal = np.sqrt(np.float32(1) - correlation * correlation)
     for j in range(6):
         scratch[j, :] = x_0[j]
     scratch[6:, :] = ZERO
@@ -99,12 +100,11 @@ def follow(model, cost, x_0, offsets, gains, noise, sigma, correlation, u_max, s
                      + k_4 * w_1i + k_5 * w_2i + sigma[i] * coloured[i])
             u_i = min(max(force, -u_max), u_max)
             u[i] = u_i
-            total[i] += (S[0] * squared_error(cost, x_i, 0)
-                         + S[1] * squared_error(cost, th_1i, 1)
-                         + S[2] * squared_error(cost, th_2i, 2)
-                         + S[3] * squared_error(cost, v_i, 3)
-                         + S[4] * squared_error(cost, w_1i, 4)
-                         + S[5] * squared_error(cost, w_2i, 5)
+            e_0, e_3, e_4, e_5 = x_i - x_r[0], v_i - x_r[3], w_1i - x_r[4], w_2i - x_r[5]
+            total[i] += (S[0] * e_0 * e_0
+                         + S[1] * squared_error(cost.chord, th_1i, x_r[1], s_r[1], c_r[1])
+                         + S[2] * squared_error(cost.chord, th_2i, x_r[2], s_r[2], c_r[2])
+                         + S[3] * e_3 * e_3 + S[4] * e_4 * e_4 + S[5] * e_5 * e_5
                          + R * u_i * u_i + cost.w * beyond(x_i, cost.x_soft))
             x[i], th_1[i], th_2[i], v[i], w_1[i], w_2[i] = advance(
                 model, x_i, th_1i, th_2i, v_i, w_1i, w_2i, u_i)
@@ -113,7 +113,7 @@ def follow(model, cost, x_0, offsets, gains, noise, sigma, correlation, u_max, s
         J[i] = total[i] + cost.w * beyond(x[i], cost.x_soft)
     for j in range(6):
         for i in range(LANES):
-            scratch[j, i] = angle_error(scratch[j, i] - cost.x_r[j],
+            scratch[j, i] = angle_error(scratch[j, i] - x_r[j],
                                         cost.chord and (j == 1 or j == 2))
     for j in range(6):
         for m in range(6):
