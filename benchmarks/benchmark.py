@@ -19,6 +19,7 @@ import benchmark_page
 from timing import median, race, ratio, Work
 
 from dp_swing_ros import configuration, provenance
+from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.state import Array
 
 PEERS = {'crocoddyl': 'crocoddyl', 'pin': 'pinocchio', 'casadi': 'casadi', 'torch': 'torch',
@@ -60,7 +61,7 @@ def sampling(rounds: int) -> dict[str, Any]:
 
     problem, found = configuration.problem({}), {}
     for samples in SAMPLES:
-        few = max(3, rounds * 256 // samples)
+        few = min(rounds, max(12, rounds * 1024 // samples))
         ticks = {**{f'mppi, {threads} threads': our_tick(problem, samples, threads=threads)
                     for threads in (1, 2)}, **gpu_ticks(problem, samples)}
         for kind in COMPILED:
@@ -96,7 +97,7 @@ def growing(rounds: int) -> dict[str, Any]:
 def starting(rounds: int) -> dict[str, Any]:
     """Measure the start of the node."""
     from startup import start_ups
-    return dict(start_ups(max(rounds // 8, 3)))
+    return {name: start_ups(max(rounds // 8, 3), name) for name in SOLVERS}
 
 
 FAMILIES: dict[str, Callable[[int], dict[str, Any]]] = {

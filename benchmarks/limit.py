@@ -166,7 +166,8 @@ def measure(rounds: int) -> dict[str, Any]:
     """Return the limits, our rate, and the share, as numbers for the page."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, 'sched_getaffinity') else os.cpu_count()
     assert cores is not None
-    contenders = {'rollouts': rollouts(configuration.problem({}))}
+    problem = configuration.problem({})
+    contenders = {'rollouts': rollouts(problem)}
     with ThreadPoolExecutor(cores) as pool:
         for precision in TYPES:
             for bits in sorted({256, widest()} if widest() > 256 else {widest()}):
@@ -188,6 +189,8 @@ def measure(rounds: int) -> dict[str, Any]:
     scale = each / 2
     return {'rates': rates, 'operations': counts, 'per_step': each,
             'instructions': instructions(), 'limit': best,
+            'least': {samples: scale * samples * problem.horizon / rates[best]
+                      for samples in (1024, 8192)},
             'share': Interval(*(scale * number for number in share))._asdict()}
 
 

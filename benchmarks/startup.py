@@ -67,7 +67,7 @@ def first_force(solver: str, cache: Path) -> float:
     return heard[0] - began
 
 
-def start_ups(warm: int, solver: str = 'ilqr') -> dict[str, list[float]]:
+def start_ups(warm: int, solver: str) -> dict[str, list[float]]:
     """Return the times [s] of one cold start and of some warm ones."""
     with tempfile.TemporaryDirectory() as cache:
         cold = first_force(solver, Path(cache))

@@ -112,10 +112,12 @@ def set_gains(model, cost, u_max, X, U, feedback, K):
 
     Shapes: X (N + 1, 6), U (N,), K (N, 6).
     """
-    second_order = not feedback   # no: a literal would compile the backward pass once more
-    if not feedback or not backward(model, cost, X, U, np.empty((0, 6)), u_max, 0.0,
-                                    second_order, np.empty_like(U), K)[0]:
-        K[:] = 0.0
+    if feedback:
+        second_order = not feedback   # a literal False would compile the backward pass once more
+        if backward(model, cost, X, U, np.empty((0, 6)), u_max, 0.0, second_order,
+                    np.empty_like(U), K)[0]:
+            return
+    K[:] = 0.0
 
 
 class MPPI:
