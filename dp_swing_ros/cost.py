@@ -20,7 +20,7 @@ import numpy as np
 
 from dp_swing_ros.dynamics.lanes import blocks, load, STEPS
 from dp_swing_ros.dynamics.trigonometry import sincos
-from dp_swing_ros.kernels import inlined, kernel
+from dp_swing_ros.kernels import kernel
 from dp_swing_ros.state import Array
 
 
@@ -38,7 +38,7 @@ class Cost(NamedTuple):
     w: float        # [1/m^2] weight of the squared distance into the margin
 
 
-@inlined
+@kernel
 def error(cost, x, i):
     """Return the error e_i of component i of the state, which is x, and its slope ∂e_i/∂x_i."""
     difference = x - cost.x_r[i]
@@ -48,7 +48,7 @@ def error(cost, x, i):
     return difference, 1.0
 
 
-@inlined
+@kernel
 def squared_error(chord, x, x_r, s_r, c_r):
     """
     Return e² of a component x in any precision; s_r and c_r are sine and cosine of x_r.
@@ -62,13 +62,13 @@ def squared_error(chord, x, x_r, s_r, c_r):
     return (x - x_r) * (x - x_r)
 
 
-@inlined
+@kernel
 def intrusion(cost, x):
     """Return how far [m] the cart at x is inside the soft margin, with the sign of its side."""
     return math.copysign(max(0.0, abs(x) - cost.x_soft), x)
 
 
-@inlined
+@kernel
 def running(cost, x, u):
     """Return ℓ(x, u)."""
     total = cost.R * u * u + cost.w * intrusion(cost, x[0]) ** 2

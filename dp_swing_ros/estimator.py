@@ -20,7 +20,7 @@ from dp_swing_ros.dynamics import Pendulum
 from dp_swing_ros.dynamics.model import expand, linearise, of_coefficients
 from dp_swing_ros.dynamics.pendulum import coefficients
 from dp_swing_ros.dynamics.trajectory import step
-from dp_swing_ros.kernels import inlined, kernel
+from dp_swing_ros.kernels import kernel
 from dp_swing_ros.parameters import parameter, Parameters, PendulumParameters
 from dp_swing_ros.state import Array
 
@@ -135,7 +135,7 @@ def forget(prior, share, P):
         P[BIAS + i, BIAS + i] += max(prior[i] - P[BIAS + i, BIAS + i], 0.0) * share
 
 
-@inlined
+@kernel
 def symmetrise(P):
     """Replace P by (P + Pᵀ) / 2."""
     for i in range(len(P)):

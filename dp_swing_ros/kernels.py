@@ -48,11 +48,11 @@ if 'NUMBA_CACHE_DIR' not in os.environ:
     setattr(numba.config, 'CACHE_DIR', str(_cache_folder()))
 
 # IEEE division instead of Python's exception: a kernel reports trouble as a non-finite number.
-kernel = numba.njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
-
-# The same, always inlined: a loop vectorises only if no call is left in it.
-inlined = numba.njit(cache=True, nogil=True, error_model='numpy', forceinline=True,
-                     fastmath={'contract'})
+# Always inlined into the kernels that call it: no loop vectorises with a call in it, and a kernel
+# that is called has two versions, its own and the one compiled into its caller, which round
+# differently. Which of them runs would depend on what came out of the cache.
+kernel = numba.njit(cache=True, nogil=True, error_model='numpy', forceinline=True,
+                    fastmath={'contract'})
 
 _clock_gettime: Any = types.ExternalFunction(
     'clock_gettime', types.int32(types.int32, types.voidptr))

@@ -15,12 +15,12 @@ scalars in and out, and no loop within a loop.
 
 from dp_swing_ros.dynamics.pendulum import generalised_force, inverse_inertia
 from dp_swing_ros.dynamics.trigonometry import sincos
-from dp_swing_ros.kernels import inlined
+from dp_swing_ros.kernels import kernel
 
 KEPT = 27    # numbers of a point
 
 
-@inlined
+@kernel
 def jacobian(p, s_1, c_1, s_2, c_2, w_1, w_2, f):
     """
     Return the accelerations a, the three rows of J = ∂a/∂z = D⁻¹ (∂r/∂z - ∂D/∂z a), and more.
@@ -54,7 +54,7 @@ def jacobian(p, s_1, c_1, s_2, c_2, w_1, w_2, f):
             i_11, i_12, i_22)
 
 
-@inlined
+@kernel
 def curvature(p, s_1, c_1, s_2, c_2, w_1, w_2, a, J, inverse, mu_0, mu_1, mu_2):
     """
     Return M = Σ μᵢ ∂²aᵢ/∂z², with a, J and entries of D⁻¹ from `jacobian` at the same point.
@@ -102,7 +102,7 @@ def curvature(p, s_1, c_1, s_2, c_2, w_1, w_2, a, J, inverse, mu_0, mu_1, mu_2):
             g_22, g_33)
 
 
-@inlined
+@kernel
 def keep(p, th_1, th_2, v, w_1, w_2, u, out, i):
     """
     Write what the derivatives at a point need in lane i, and return the accelerations there.
@@ -121,7 +121,7 @@ def keep(p, th_1, th_2, v, w_1, w_2, u, out, i):
     return a
 
 
-@inlined
+@kernel
 def kept_jacobian(kept, i):
     """Return J of the point in lane i, three rows of five."""
     return ((kept[9, i], kept[10, i], kept[11, i], kept[12, i], kept[13, i]),
@@ -129,7 +129,7 @@ def kept_jacobian(kept, i):
             (kept[19, i], kept[20, i], kept[21, i], kept[22, i], kept[23, i]))
 
 
-@inlined
+@kernel
 def kept_curvature(p, kept, i, J, mu_0, mu_1, mu_2):
     """Return M = Σ μᵢ ∂²aᵢ/∂z² of the point in lane i, as `curvature` does."""
     return curvature(p, kept[0, i], kept[1, i], kept[2, i], kept[3, i], kept[4, i], kept[5, i],
@@ -137,7 +137,7 @@ def kept_curvature(p, kept, i, J, mu_0, mu_1, mu_2):
                      (kept[24, i], kept[25, i], kept[26, i]), mu_0, mu_1, mu_2)
 
 
-@inlined
+@kernel
 def along(J, z):
     """Return J z, the three accelerations' change in a direction."""
     (J_00, J_01, J_02, J_03, J_04), (J_10, J_11, J_12, J_13, J_14), (
@@ -148,7 +148,7 @@ def along(J, z):
             J_20 * z_0 + J_21 * z_1 + J_22 * z_2 + J_23 * z_3 + J_24 * z_4)
 
 
-@inlined
+@kernel
 def against(J, m_0, m_1, m_2):
     """Return Jᵀ m, five numbers."""
     (J_00, J_01, J_02, J_03, J_04), (J_10, J_11, J_12, J_13, J_14), (
@@ -158,7 +158,7 @@ def against(J, m_0, m_1, m_2):
             J_04 * m_0 + J_14 * m_1 + J_24 * m_2)
 
 
-@inlined
+@kernel
 def bent(M, z):
     """Return M z of the eleven numbers of `curvature`, five numbers."""
     M_00, M_01, M_02, M_03, M_04, M_11, M_12, M_13, M_14, M_22, M_33 = M

@@ -16,7 +16,7 @@ from dp_swing_ros.dynamics.derivatives import (along, bent, keep, KEPT, kept_cur
                                                kept_jacobian)
 from dp_swing_ros.dynamics.lanes import blocks, direction, LANES, load, STEPS
 from dp_swing_ros.dynamics.pendulum import Pendulum
-from dp_swing_ros.kernels import inlined, kernel
+from dp_swing_ros.kernels import kernel
 
 
 class Euler(NamedTuple):
@@ -61,7 +61,7 @@ def expand(model, X, U):
     return points
 
 
-@inlined
+@kernel
 def tangent(model, J, d, F, m):
     """Write column m of F, along a direction d of (x, u), and return that direction of z."""
     p, h = model

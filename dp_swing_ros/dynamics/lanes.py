@@ -8,19 +8,19 @@ numbers of (x, u) and one of zeros. A loop over lanes, all else in scalars, is w
 turns into vectors; where it can prove that nothing written is read.
 """
 
-from dp_swing_ros.kernels import inlined
+from dp_swing_ros.kernels import kernel
 
 STEPS = 16
 LANES = 8
 
 
-@inlined
+@kernel
 def blocks(U):
     """Return how many blocks the steps of U (T,) fill."""
     return (len(U) + STEPS - 1) // STEPS
 
 
-@inlined
+@kernel
 def load(X, U, first, z):
     """
     Copy the (x, u) of the STEPS steps from first on into lanes; past the end, the last ones again.
@@ -34,7 +34,7 @@ def load(X, U, first, z):
         z[6, i] = U[t]
 
 
-@inlined
+@kernel
 def direction(m):
     """Return the direction m of (x, u)."""
     return (1.0 if m == 0 else 0.0, 1.0 if m == 1 else 0.0, 1.0 if m == 2 else 0.0,

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dp_swing_ros.dynamics.trigonometry import sincos
-from dp_swing_ros.kernels import inlined, kernel
+from dp_swing_ros.kernels import kernel
 from dp_swing_ros.parameters import PendulumParameters
 from dp_swing_ros.state import Array
 
@@ -57,13 +57,13 @@ def coefficients(m_0, m_1, m_2, l_1, l_2, b_0, b_1, b_2, factor_1, factor_2, g):
             m_2 * l_2 ** 2 / 3 + extra_2, g, b_0, b_1, b_2)
 
 
-@inlined
+@kernel
 def of_numbers(c):
     """Return the Pendulum whose fields stand in an array c (10,)."""
     return Pendulum(c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], c[8], c[9])
 
 
-@inlined
+@kernel
 def inverse_inertia(p, s_1, c_1, s_2, c_2):
     """Return the six entries (00, 01, 02, 11, 12, 22) of the inverse of D(θ), (7)-(10)."""
     c_12 = c_1 * c_2 + s_1 * s_2
@@ -80,7 +80,7 @@ def inverse_inertia(p, s_1, c_1, s_2, c_2):
             i_22 * per_det)
 
 
-@inlined
+@kernel
 def generalised_force(p, s_1, c_1, s_2, c_2, w_1, w_2, f):
     """Return r = H f - C q̇ - G - joint friction, (11)-(15)."""
     h_1, h_2, h_12 = p.d_01 * s_1, p.d_02 * s_2, p.d_12 * (s_1 * c_2 - c_1 * s_2)
@@ -92,7 +92,7 @@ def generalised_force(p, s_1, c_1, s_2, c_2, w_1, w_2, f):
     return r_0, r_1, r_2
 
 
-@inlined
+@kernel
 def accelerations(p, s_1, c_1, s_2, c_2, w_1, w_2, f):
     """
     Return a = D⁻¹ r [m/s^2, rad/s^2, rad/s^2].
@@ -113,7 +113,7 @@ def accelerations(p, s_1, c_1, s_2, c_2, w_1, w_2, f):
     return np.reciprocal(p.d_00) * r_0 - m_1 * a_1 - m_2 * a_2, a_1, a_2
 
 
-@inlined
+@kernel
 def derivative(p, th_1, th_2, v, w_1, w_2, u):
     """Return the accelerations of cart and links at a state under the force u [N]."""
     s_1, c_1 = sincos(th_1)

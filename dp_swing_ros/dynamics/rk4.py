@@ -20,7 +20,7 @@ from dp_swing_ros.dynamics.derivatives import (against, along, bent, keep, KEPT,
                                                kept_jacobian)
 from dp_swing_ros.dynamics.lanes import blocks, direction, LANES, load, STEPS
 from dp_swing_ros.dynamics.pendulum import Pendulum
-from dp_swing_ros.kernels import inlined, kernel
+from dp_swing_ros.kernels import kernel
 
 
 class RK4(NamedTuple):
@@ -92,7 +92,7 @@ def expand(model, X, U):
     return points
 
 
-@inlined
+@kernel
 def jacobians(points, t):
     """Return J of the four stages of step t."""
     kept, i = points[t // STEPS], t % STEPS
@@ -100,7 +100,7 @@ def jacobians(points, t):
             kept_jacobian(kept[3], i))
 
 
-@inlined
+@kernel
 def tangent(model, J, d, F, m):
     """
     Write column m of F: `advance`, differentiated in a direction d of (x, u) by the chain rule.
@@ -139,7 +139,7 @@ def linearise(model, points, t, F):
         tangent(model, J, direction(m), F, m)
 
 
-@inlined
+@kernel
 def weighted(weight, costate, ch, later, g, p):
     """
     Return κᵢ = hbᵢ λ + cᵢ₊₁ h ξᵢ₊₁ of a stage from κ and g = Jᵀ κ[3:] of the one after.
@@ -153,20 +153,20 @@ def weighted(weight, costate, ch, later, g, p):
             weight * costate[5] + ch * (later[2] + g[3]))
 
 
-@inlined
+@kernel
 def earlier(ch, later, g, p):
     """Return dκᵢ = cᵢ₊₁ h dξᵢ₊₁ of a stage, but for its first number, which is zero."""
     return (ch * g[0], ch * g[1], -ch * p.b_0 * g[4], ch * (later[0] + g[2]),
             ch * (later[1] + g[3]))
 
 
-@inlined
+@kernel
 def plus(g, more):
     """Return the sum of two tuples of five."""
     return g[0] + more[0], g[1] + more[1], g[2] + more[2], g[3] + more[3], g[4] + more[4]
 
 
-@inlined
+@kernel
 def curvatures(model, points, t, J, costate):
     """Return M of the four stages of step t, from a sweep of costates."""
     p, h, half, third, sixth = model

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from dp_swing_ros.dynamics.model import advance
-from dp_swing_ros.kernels import inlined, kernel
+from dp_swing_ros.kernels import kernel
 from dp_swing_ros.state import Array
 
 
-@inlined
+@kernel
 def step(model, x, u, out):
     """
     Write the next state x⁺ = f(x, u).

@@ -17,7 +17,7 @@ from numba import types
 from numba.extending import overload
 import numpy as np
 
-from dp_swing_ros.kernels import inlined
+from dp_swing_ros.kernels import kernel
 
 F = np.float32
 ONE = F(1.0)
@@ -40,13 +40,13 @@ E_4, E_6, E_8, E_10, E_12, E_14, E_16 = (
     (-1) ** (n // 2) / math.factorial(n) for n in range(4, 17, 2))
 
 
-@inlined
+@kernel
 def bits(x):
     """Return the bits of a number in double precision."""
     return np.float64(x).view(np.int64)
 
 
-@inlined
+@kernel
 def of_bits(i):
     """Return the number in double precision that has these bits."""
     return np.int64(i).view(np.float64)
@@ -68,14 +68,14 @@ def sincos(x):
     return of_bits(s ^ swapped ^ ((i >> 1) << 63)), of_bits(c ^ swapped ^ (((i + 1) >> 1) << 63))
 
 
-@inlined
+@kernel
 def signed(number, n):
     """Return the number, with the other sign where the last bit of n is set."""
     sign = np.int32(np.float32(n).view(np.int32) << 31)
     return np.int32(np.float32(number).view(np.int32) ^ sign).view(np.float32)
 
 
-@inlined
+@kernel
 def sincos_ahead(y):
     """Return sin y and cos y in single precision, for y from -π/2 to π/2."""
     z = y * y

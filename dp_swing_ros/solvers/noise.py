@@ -17,7 +17,7 @@ import math
 import numpy as np
 
 from dp_swing_ros.dynamics.trigonometry import signed, sincos_ahead
-from dp_swing_ros.kernels import inlined, kernel
+from dp_swing_ros.kernels import kernel
 from dp_swing_ros.state import Array
 
 LANES = 64
@@ -32,7 +32,7 @@ L_2, L_3, L_4, L_5, L_6, L_7, L_8 = map(F, (
     -0.064710395430))
 
 
-@inlined
+@kernel
 def logarithm(x):
     """Return log x of a normal positive number in single precision."""
     bits = F(x).view(np.int32)
@@ -42,13 +42,13 @@ def logarithm(x):
     return F(exponent) * LN_2 + (f + f * f * polynomial)
 
 
-@inlined
+@kernel
 def rotated(x, by):
     """Return the 32 bits of x, turned left."""
     return U(U(x << U(by)) | U(x >> U(32 - by)))
 
 
-@inlined
+@kernel
 def drawn(a, b, c, d):
     """Return a whole number of 32 bits, and the state that follows."""
     bits = U(rotated(U(a + d), 7) + a)

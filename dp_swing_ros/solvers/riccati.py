@@ -18,25 +18,25 @@ from dp_swing_ros.cost import running, running_derivatives, terminal, terminal_d
 from dp_swing_ros.dynamics.lanes import LANES, STEPS
 from dp_swing_ros.dynamics.model import curvature, expand, linearise
 from dp_swing_ros.dynamics.trajectory import step
-from dp_swing_ros.kernels import inlined, kernel
+from dp_swing_ros.kernels import kernel
 
 HALVINGS = 9       # of the step, in a line search
 SUFFICIENT = 1e-2  # share of the expected decrease that a step must reach
 
 
-@inlined
+@kernel
 def six(v):
     """Return the first six numbers of v."""
     return v[0], v[1], v[2], v[3], v[4], v[5]
 
 
-@inlined
+@kernel
 def dot(a, b):
     """Return the sum of the products of six numbers."""
     return (a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5])
 
 
-@inlined
+@kernel
 def symmetric(V):
     """Return the rows of a symmetric V (6, 6), as its upper triangle has them."""
     v_00, v_01, v_02, v_03, v_04, v_05 = six(V[0])
@@ -50,7 +50,7 @@ def symmetric(V):
             (v_04, v_14, v_24, v_34, v_44, v_45), (v_05, v_15, v_25, v_35, v_45, v_55))
 
 
-@inlined
+@kernel
 def propagate(F, V_x, V_xx, W, Q_z, Q_zz, BF):
     """
     Write Fᵀ V_x, Fᵀ V_xx F + W and Bᵀ F, column by column.
@@ -71,7 +71,7 @@ def propagate(F, V_x, V_xx, W, Q_z, Q_zz, BF):
         Q_zz[6, j] = W[6, j] + dot(B, Vf)
 
 
-@inlined
+@kernel
 def close(k, K, Q_u, Q_uu, Q_z, Q_zz, V_x, V_xx):
     """
     Write V_x and V_xx that the policy k + K δx leaves, (31), (32), which hold for any k and K.

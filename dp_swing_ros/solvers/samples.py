@@ -15,7 +15,7 @@ import numpy as np
 from dp_swing_ros.cost import squared_error
 from dp_swing_ros.dynamics.model import advance
 from dp_swing_ros.dynamics.trigonometry import sincos
-from dp_swing_ros.kernels import inlined, kernel
+from dp_swing_ros.kernels import kernel
 from dp_swing_ros.solvers.noise import fill, LANES
 
 ZERO, ONE, TWO = np.float32(0.0), np.float32(1.0), np.float32(2.0)
@@ -32,7 +32,7 @@ def single(numbers: Any) -> Any:
     return type(numbers)(*map(convert, numbers))
 
 
-@inlined
+@kernel
 def angle_error(difference, chord):
     """Return the error of an angle; see cost.py."""
     if chord:
@@ -41,7 +41,7 @@ def angle_error(difference, chord):
     return difference
 
 
-@inlined
+@kernel
 def beyond(x, x_soft):
     """Return the squared distance into the soft margin of the track."""
     inside = max(abs(x) - x_soft, ZERO)
@@ -70,7 +70,7 @@ def draw(model, cost, X, U, K, random, sigma, correlation, u_max, V, J):
                V[block], J[block])
 
 
-@inlined
+@kernel
 def follow(model, cost, x_0, offsets, gains, noise, sigma, correlation, u_max, scratch, V, J):
     """
     Follow the policy u = offset + gain x from x_0 with noise added to its forces.

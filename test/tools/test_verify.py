@@ -59,7 +59,7 @@ def test_real_time_comes_out_again(tmp_path, capsys):
 @pytest.mark.parametrize('solver', sorted(SOLVERS))
 def test_solves_that_a_deadline_cut_come_out_again(solver, tmp_path, capsys):
     bag = record(tmp_path, '--solver', solver, '--duration', '3',
-                 mpc='    time_limit: 0.0015\n')
+                 mpc='    time_limit: 0.0005\n')
     cut = [one for one in record_of(Bag(bag)).ticks if one.status == 'DEADLINE']
     assert len(cut) > 3
     assert verified(bag, capsys)[0] == 0

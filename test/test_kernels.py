@@ -1,0 +1,47 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Compiled code: the same numbers whether it comes out of the cache or not; its clock."""
+
+import os
+import subprocess
+import sys
+import time
+
+from dp_swing_ros.kernels import kernel, now
+
+SOLVES = """
+import hashlib, math, numpy as np
+from dp_swing_ros import configuration
+from dp_swing_ros.solvers import SOLVERS
+problem, plans = configuration.problem({}), hashlib.sha256()
+for name, solver in SOLVERS.items():
+    one, random = solver(problem, solver.Parameters()), np.random.default_rng(0)
+    for _ in range(10):
+        plan = one.solve(random.uniform(-3, 3, 6), None, math.inf)
+        plans.update(plan.U.tobytes() + plan.K.tobytes())
+print(plans.hexdigest())
+"""
+
+
+def test_what_the_cache_holds_computes_to_the_bit_what_was_compiled(tmp_path):
+    """So that a bag of a first start is repeated by a second one."""
+    first, second = (subprocess.run(
+        [sys.executable, '-c', SOLVES], env={**os.environ, 'NUMBA_CACHE_DIR': str(tmp_path)},
+        capture_output=True, text=True, check=True).stdout for _ in range(2))
+    assert any(tmp_path.rglob('*.nbc'))
+    assert first == second
+
+
+@kernel
+def until(seconds):
+    began = now()
+    while now() - began < seconds:
+        pass
+    return now() - began
+
+
+def test_a_kernel_s_clock_goes_as_python_s():
+    until(0.0)
+    began = time.perf_counter()
+    inside = until(0.05)
+    assert 0.05 <= inside <= time.perf_counter() - began
