@@ -6,7 +6,7 @@ Time contenders against each other: in turn, in one process, medians of many.
 What else the machine does meets all contenders alike if they take turns, so ratios of medians are
 steadier than the times themselves. Between two turns is a pause, for some threads (OpenMP's, that
 torch uses) go on spinning for a while after their work, on a core that the next one needs; and
-what is short is called once before it is timed, for the one before took its place in the caches.
+what is not long is called once before it is timed: the one before took its place in the caches.
 """
 
 from collections.abc import Callable, Mapping
@@ -21,6 +21,7 @@ from dp_swing_ros.state import Array
 
 SHORTEST = 3e-3     # [s] of a sample; what is faster is repeated within it
 PAUSE = 0.01        # [s] before each sample
+LONG = 0.2          # [s] what takes longer does without the call before its sample
 RESAMPLES = 2000    # of the bootstrap
 CONFIDENCE = 0.95
 
@@ -42,12 +43,12 @@ def race(contenders: Mapping[str, Work], rounds: int) -> dict[str, Array]:
     The first call of each, which may compile, is not timed; another tells how often to repeat what
     is short. Who begins changes from round to round. Shapes: -> (rounds,) each.
     """
-    repeats = {}
+    alone = {}
     for name, work in contenders.items():
         work()
         began = time.perf_counter()
         work()
-        repeats[name] = int(np.clip(SHORTEST / (time.perf_counter() - began), 1, 1000))
+        alone[name] = time.perf_counter() - began
     times: dict[str, list[float]] = {name: [] for name in contenders}
     names = list(contenders)
     gc.collect()
@@ -56,19 +57,19 @@ def race(contenders: Mapping[str, Work], rounds: int) -> dict[str, Array]:
         for number in range(rounds):
             first = number % len(names)
             for name in names[first:] + names[:first]:
-                times[name].append(_sample(contenders[name], repeats[name]))
+                times[name].append(_sample(contenders[name], alone[name]))
             gc.collect(0)
     finally:
         gc.enable()
     return {name: np.array(of_name) for name, of_name in times.items()}
 
 
-def _sample(work: Work, repeats: int) -> float:
+def _sample(work: Work, alone: float) -> float:
     time.sleep(PAUSE)
-    if repeats > 1:
+    if alone < LONG:
         work()
     began, units = time.perf_counter(), 0
-    for _ in range(repeats):
+    for _ in range(int(np.clip(SHORTEST / alone, 1, 1000))):
         units += work()
     return (time.perf_counter() - began) / units
 
