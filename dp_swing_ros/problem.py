@@ -86,7 +86,8 @@ def turns_of(problem: Problem, x: Array) -> Array:
     """
     turns = np.zeros(6)
     if problem.cost.chord:
-        turns[ANGLES] = TURN * np.round((x - problem.cost.x_r)[ANGLES] / TURN)
+        for i in range(ANGLES.start, ANGLES.stop):
+            turns[i] = TURN * np.rint((x[i] - problem.cost.x_r[i]) / TURN)
     return turns
 
 
