@@ -41,7 +41,7 @@ results: setup  ## measure docs/results anew, but for the campaigns (half an hou
 figures: setup  ## the paper's Figs. 2 to 10 and its claims, anew (FIGURES='--seeds 5' for fewer)
 	@$(WITH_ROS) && python benchmarks/paper.py $(FIGURES)
 
-benchmark: setup $(VENV)/.peers  ## us and the peers, in turn, into docs/results/benchmark.md (20 min)
+benchmark: setup $(VENV)/.peers  ## us and the peers, in turn, into docs/results/benchmark.md (11 min)
 	@$(WITH_ROS) && python benchmarks/benchmark.py $(BENCHMARK)
 
 test: setup  ## all tests, linters and type checks (PYTEST='...' for arguments of pytest)

@@ -8,7 +8,6 @@ stay in registers, written in LLVM's own language so that no compiler has a choi
 core. The operations of the rollout kernel are counted by operations.py.
 """
 
-from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 import ctypes
@@ -22,7 +21,6 @@ import sys
 from typing import Any
 
 import llvmlite.binding as llvm
-import numba
 import numpy as np
 from timing import Interval, median, race, ratio, Work
 
@@ -135,7 +133,7 @@ def rollouts(problem: Problem, samples: int = SAMPLES) -> Work:
 
 
 @kernel
-def follow_all(model, cost, x_0, offsets, gains, noise, sigma, u_max, V, J):  # type: ignore
+def follow_all(model, cost, x_0, offsets, gains, noise, sigma, u_max, V, J):
     """Follow many blocks of samples, all on the same noise."""
     scratch = np.empty((8, LANES), np.float32)
     for block in range(len(V)):
@@ -150,16 +148,6 @@ def operations() -> dict[str, dict[str, float]]:
                           text=True, check=True)
     counts: dict[str, dict[str, float]] = json.loads(done.stdout)
     return counts
-
-
-def instructions() -> dict[str, int]:
-    """Count the vector instructions of the compiled rollout kernel, by name and register."""
-    # compiled anew, for numba does not show what it took from its cache
-    compiled = numba.njit(nogil=True, error_model='numpy')(follow_all.py_func)
-    compiled.compile(follow_all.signatures[0])
-    code = '\n'.join(compiled.inspect_asm().values())
-    found = re.findall(r'\b(v(?:mul|add|sub|div|fn?m\w+)ps)\s[^\n]*%(zmm|ymm)', code)
-    return {' '.join(key): number for key, number in Counter(found).most_common()}
 
 
 def measure(rounds: int) -> dict[str, Any]:
@@ -187,8 +175,7 @@ def measure(rounds: int) -> dict[str, Any]:
     # a multiply-add is two operations
     share = ratio(pair[best], pair['rollouts'])
     scale = each / 2
-    return {'rates': rates, 'operations': counts, 'per_step': each,
-            'instructions': instructions(), 'limit': best,
+    return {'rates': rates, 'operations': counts, 'per_step': each, 'limit': best,
             'least': {samples: scale * samples * problem.horizon / rates[best]
                       for samples in (1024, 8192)},
             'share': Interval(*(scale * number for number in share))._asdict()}

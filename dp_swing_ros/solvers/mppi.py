@@ -93,11 +93,11 @@ def improved(model, cost, lqr_gain, u_max, J, X, U, K, others, feedback):
     Shapes: others (n, N), the rest as in Rollout.
     """
     best, N, none = (J, X, U, K), len(U), np.zeros_like(K)
-    for n in range(-1, len(others)):
-        if n < 0:
-            found = follow_policy(model, cost, lqr_gain, u_max, X[0], X[:0], U[:0], K[:0], N)
-        else:
-            found = follow_policy(model, cost, lqr_gain, u_max, X[0], X, others[n], none, N)
+    regulator = follow_policy(model, cost, lqr_gain, u_max, X[0], X[:0], U[:0], K[:0], N)
+    if regulator[0] < J:
+        best = regulator
+    for other in others:
+        found = follow_policy(model, cost, lqr_gain, u_max, X[0], X, other, none, N)
         if found[0] < best[0]:
             best = found
     if best[0] < J:
