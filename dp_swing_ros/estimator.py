@@ -92,6 +92,7 @@ class Estimate(NamedTuple):
     bias: float              # [N]
     bodies: dict[str, float]
     refused: int             # states since the last reset
+    accepted: bool           # not refused, nor the state that a filter begins with after refusals
 
 
 @kernel
@@ -255,10 +256,12 @@ class Estimator:
                 known[BIAS:] = np.clip(known[BIAS:], self.lowest, self.highest)
                 self.in_a_row = 0
                 return self.believe(t, known, variance, x - z[:6], distance)
+        innovation = x - z[:6]
         self.refused, self.in_a_row = self.refused + 1, self.in_a_row + 1
         if self.in_a_row >= about.refusals or not np.all(np.isfinite(z)):
-            return self.begin(t, x)
-        return self.believe(t, z, P, x - z[:6], distance)
+            return self.begin(t, x)._replace(innovation=innovation, distance=distance,
+                                             accepted=False)
+        return self.believe(t, z, P, innovation, distance)._replace(accepted=False)
 
     def moved(self, since: PendulumParameters) -> bool:
         """Tell whether the bodies are believed to be others now, by a share of their prior."""
@@ -281,7 +284,7 @@ class Estimator:
         """Keep a mean and a covariance, and report them."""
         self.t, self.z, self.P = t, z, P
         return Estimate(z[:6].copy(), np.sqrt(np.diag(P)[:6]), innovation, distance,
-                        float(z[BIAS]), self.bodies(z), self.refused)
+                        float(z[BIAS]), self.bodies(z), self.refused, accepted=True)
 
     def predicted(self, forces: list[Force], push: float) -> tuple[Array, Array]:
         """Return mean and covariance after some forces, and a push [N] of unknown size."""

@@ -5,7 +5,8 @@ The receding horizon: from every state a plan, warm-started by the one before.
 
 The measured state is first rolled forward, under the forces already sent, to the time at which
 the new force will act; an estimator filters it before, and tells the bodies that the problem is
-then solved for. From there the last plan is followed as a policy (its gains about its states, the
+then solved for. A state that cannot be is predicted through instead; after `carry_over` without
+one to believe, whatever the reason, the force is zero. From there the last plan is followed as a policy (its gains about its states, the
 regulator past its end): forces alone, shifted, diverge on an unstable plant. Beside it there are
 other starts; the cheapest plan is obeyed.
 """
@@ -23,6 +24,7 @@ from dp_swing_ros.dynamics.trajectory import hold
 from dp_swing_ros.estimator import Estimate, Estimator, EstimatorParameters, Force
 from dp_swing_ros.parameters import parameter, Parameters
 from dp_swing_ros.plan import Plan, Status
+from dp_swing_ros.plausibility import Plausibility
 from dp_swing_ros.problem import policy_rollout, Problem, regulator_rollout
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.solvers.solver import Solver
@@ -30,6 +32,7 @@ from dp_swing_ros.starts import plan_of, solved, StartParameters, Starts
 from dp_swing_ros.state import Array, HANGING, is_upright, LEANING, to_turn_of
 
 REMEMBERED = 64  # forces sent, for the roll forward
+ROUNDING = 1e-6  # [s] a time beyond a limit by less is within it
 OVERTAKEN = 0.5  # [s] a state older than the last by more than this is none that was overtaken
 
 
@@ -41,10 +44,17 @@ class MpcParameters(StartParameters):
     time_limit: float = parameter(
         0.04, 'a solve returns its best plan after this time (real time only)', unit='s',
         minimum=1e-4, finite=False)
+    clock: str = parameter(
+        'announced', 'what the stamps of the states are: stamps, of the clock of the node, so that '
+        'they tell how old a state is; arrival, of some clock, so that a state is as old as it '
+        'came later than others did; lockstep, simulated time that waits for the answer; '
+        'announced, what the publisher of the states says on the topic configuration, else '
+        'arrival', choices=lambda: ['announced', 'stamps', 'arrival', 'lockstep'])
     seed: int = parameter(0, 'seed of the first plan and of random solvers', minimum=0)
-    carry_over: int = parameter(
-        5, 'periods without a state for which the last plan is followed before the force is zero '
-        '(real time only)', minimum=0, maximum=1000)
+    carry_over: float = parameter(
+        0.2, 'time without a believed state (none came, or one that is not finite, out of range, '
+        'frozen or refused by the estimator) after which the force is zero', unit='s',
+        minimum=0.0, finite=False)
     estimator: str = parameter(
         'ekf', 'none: a state is taken as it is measured; ekf: an extended Kalman filter on the '
         'model, which also estimates bodies and a force bias', choices=lambda: ['none', 'ekf'])
@@ -58,6 +68,7 @@ class RecedingHorizon:
         """Take the problem, how it is solved, and the parameters of solver and estimator."""
         self.nominal, self.parameters, self.solver_parameters = problem, parameters, solver
         self.estimator = Estimator(type(problem.model), problem.bodies, estimator)
+        self.plausibility = Plausibility(problem.given[0].track_limit)
         self.reset()
 
     def reset(self) -> None:
@@ -67,11 +78,15 @@ class RecedingHorizon:
         self.solver = self.build(self.problem)
         self.starts = Starts(self.problem, self.parameters, self.parameters.seed, self.build)
         self.estimator.reset()
+        self.plausibility.reset()
         self.estimate: Estimate | None = None
+        self.rejection = ''                 # why the last state was not believed
+        self.believed = -math.inf           # [s] when the force for the last believed state acts
         self.first = math.inf               # [s] time of the first measurement
         self.plan: Plan | None = None
         self.began = 0.0                    # [s] time of the plan's first state
-        self.t = -math.inf                  # [s] time of the last measurement
+        self.latest = -math.inf             # [s] time of the last measurement
+        self.t = -math.inf                  # [s] time of the last one that was used
         self.x: Array | None = None         # and what was measured
         self.sent: deque[tuple[float, float]] = deque(maxlen=REMEMBERED)  # (from when, force)
 
@@ -96,10 +111,16 @@ class RecedingHorizon:
         deadline in seconds of time.perf_counter(). To repeat a tick that a deadline cut short,
         solves are its iterations, solve by solve. Where the solve fails, `stand_in` does. A state
         that a later one overtook adds nothing; a time before the run's first, or long before the
-        last, is a new run. Shapes: x (6,). Raises ValueError where x is not finite.
+        last, is a new run. A state that is not believed is told by `rejection`. Shapes: x (6,).
+        Raises ValueError where x is not finite.
         """
         began, begins = time.perf_counter(), t + delay
-        x_0 = self.roll_forward(self.observe(t, x), self.t, begins)
+        measured = self.observe(t, x)
+        if not self.rejection:
+            self.believed = begins
+        if measured is None or self.is_blind(begins):
+            return self.let_go(begins)
+        x_0 = self.roll_forward(measured, self.t, begins)
         plan = self.solve(x_0, self.left_over(begins), deadline, solves)
         if not plan.usable:
             instead = self.stand_in(begins, x_0)
@@ -132,18 +153,24 @@ class RecedingHorizon:
         solver = SOLVERS[self.parameters.solver](self.problem, limited, self.random)
         return solved(solver, self.problem, x_0, start, math.inf)
 
-    def observe(self, t: float, x: Array) -> Array:
-        """Take a measurement, and return the state at the time of the newest."""
+    def is_blind(self, begins: float) -> bool:
+        """Tell whether a force from a time on [s] comes too long after the last believed state."""
+        return begins - self.believed > self.parameters.carry_over + ROUNDING
+
+    def observe(self, t: float, x: Array) -> Array | None:
+        """Take a measurement; return the state at the time of the newest, None before one."""
         x = np.asarray(x, dtype=float)
         if x.shape != (6,) or not np.all(np.isfinite(x)):
             raise ValueError(f'the state is {x}; expected six finite numbers')
-        if t < self.t and t <= max(self.first, self.t - OVERTAKEN):
+        if t < self.latest and t <= max(self.first, self.latest - OVERTAKEN):
             self.reset()
-        if self.x is None:
-            self.first = t
-        elif t <= self.t:
+        if t <= self.latest:
             return self.x
-        else:
+        self.first, self.latest = min(self.first, t), t
+        self.rejection = self.plausibility.rejection(t, x, self.roll_forward)
+        if self.rejection:
+            return self.x
+        if self.x is not None:
             x = to_turn_of(x, self.x)   # where an encoder wraps, the angle goes on
         if self.parameters.estimator == 'ekf':
             x = self.estimated(t, x)
@@ -153,6 +180,9 @@ class RecedingHorizon:
     def estimated(self, t: float, x: Array) -> Array:
         """Return the state as it is estimated, and solve for the bodies as they are."""
         self.estimate = self.estimator.update(t, x, self.forces_between(self.t, t))
+        if not self.estimate.accepted:
+            self.rejection = (f'the state is {self.estimate.distance:.3g} deviations from its '
+                              'prediction; the estimator refuses it')
         if self.estimator.moved(self.problem.bodies):
             self.pose(self.nominal.with_bodies(replace(
                 self.nominal.bodies, **self.estimate.bodies)))
@@ -176,6 +206,8 @@ class RecedingHorizon:
         begins is the time at which its first force will act [s]; without a state x_0 (6,) the
         last plan's own prediction stands in for it.
         """
+        if self.is_blind(begins):
+            return self.let_go(begins, x_0)
         problem = self.problem
         left = self.left_over(begins)
         if x_0 is None and left is not None:

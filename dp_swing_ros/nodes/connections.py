@@ -54,6 +54,12 @@ def is_heard(node: Node, publisher: Publisher, partners: Topic) -> bool:
         publisher.get_subscription_count() >= len(listeners))
 
 
+def owners(node: Node, topic: Topic) -> set[str]:
+    """Return the full names of the nodes that publish a topic."""
+    return {'/'.join((info.node_namespace.rstrip('/'), info.node_name))
+            for info in node.get_publishers_info_by_topic(node.resolve_topic_name(topic.name))}
+
+
 def _owner(info: TopicEndpointInfo) -> tuple[str, str]:
     return info.node_namespace, info.node_name
 

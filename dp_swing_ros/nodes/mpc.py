@@ -3,7 +3,8 @@
 """
 The controller: from every state a plan, and from the plan a force.
 
-Where states stop coming in real time, the last plan goes on for a while; then the force is zero.
+Where states stop coming in real time, the last plan is followed for a while; then the force is
+zero.
 """
 
 import gc
@@ -12,40 +13,42 @@ import time
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
-from rclpy.clock import Clock
+from rclpy.clock import Clock as RosClock
 from rclpy.clock_type import ClockType
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64
+from std_msgs.msg import Float64, String
 from std_srvs.srv import Trigger
 
+from dp_swing_ros.bags.configurations import from_text
 from dp_swing_ros.estimator import EstimatorParameters
 from dp_swing_ros.mpc import MpcParameters, RecedingHorizon
-from dp_swing_ros.nodes.connections import is_heard, publish, subscribe
+from dp_swing_ros.nodes.connections import is_heard, owners, publish, subscribe
 from dp_swing_ros.nodes.messages import (
     of_estimate, seconds, to_diagnostics, to_state, to_trajectory)
 from dp_swing_ros.nodes.process import ProcessNode, run
 from dp_swing_ros.nodes.ros_parameters import declare, settle
-from dp_swing_ros.nodes.watch import Watch
+from dp_swing_ros.nodes.timing import announcement_of, Clock, Timing
+from dp_swing_ros.nodes.watchdog import Watchdog
 from dp_swing_ros.parameters import (
     CostParameters, LimitParameters, PendulumParameters, PredictionParameters)
 from dp_swing_ros.plan import Plan, Status
 from dp_swing_ros.problem import Problem
 from dp_swing_ros.solvers import SOLVERS
-from dp_swing_ros.topics import DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES, PLAN
+from dp_swing_ros.topics import CONFIGURATION, DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES, PLAN
 
-OTHER_CLOCK = 10.0   # [s] a stamp further from now than this is simulated or recorded time
-MEETING = 2.0        # [s] at most, for whoever sends the states to find the forces
-MEETING_POLL = 0.02  # [s] and for older states to be followed by the newest
-SMOOTHING = 0.1      # share of the newest tick in the mean processing time
+MEETING = 2.0        # [s] at most, to learn who sends the states, and for them to find the forces
+MEETING_POLL = 0.02  # [s]
+SMOOTHING = 0.1      # share of the newest tick in the mean processing time and pace
 SLOW_START = 1.0     # [s] a warm-up longer than this was a compilation
+PACES = (0.01, 100.0)  # slowest and fastest of a simulated clock, in seconds a second
 
 
 class MpcNode(ProcessNode):
     """
     The node. It listens only once everything is compiled, and sends one force a state.
 
-    Where the stamps are simulated time (the plant in lockstep, a bag) there is no latency to make
-    up for and no deadline, so that the result does not depend on the machine.
+    In lockstep there is no latency to make up for and no deadline, so that the result does not
+    depend on the machine.
     """
 
     def __init__(self) -> None:
@@ -56,6 +59,7 @@ class MpcNode(ProcessNode):
         cost = declare(self, CostParameters)
         prediction = declare(self, PredictionParameters)
         self.parameters = declare(self, MpcParameters)
+        self.timing = Timing(self.parameters.clock)
         of_solvers = {name: declare(self, solver.Parameters, name)
                       for name, solver in sorted(SOLVERS.items())}
         of_estimator = declare(self, EstimatorParameters, 'ekf')
@@ -68,21 +72,26 @@ class MpcNode(ProcessNode):
         self.plans = publish(self, PLAN)
         self.diagnostics = publish(self, DIAGNOSTICS)
         self.create_service(Trigger, 'mpc/reset', self.on_reset)
-        self.watch = Watch(self, self.on_silence)
+        subscribe(self, CONFIGURATION, self.on_configuration, kept=True)
+        self.watchdog = Watchdog(self, prediction.step, self.on_silence)
         self.sent = 0    # forces
         self.resets = 0
-        self.waiting: JointState | None = None   # the first state in lockstep
+        self.configured = set[str]()   # the nodes that have announced what they are
+        self.waiting: JointState | None = None   # the newest state, until the meeting is over
+        self.met = False
         self.forget()
 
     def forget(self) -> None:
         """Begin anew."""
         self.horizon.reset()
-        self.watch.forget()
+        self.timing.reset()
+        self.watchdog.forget()
         self.processing = 0.0   # [s] mean time from a state's arrival to its force
         self.transport = 0.0    # [s] of the last state, from the plant
+        self.pace = 1.0         # seconds of this node's clock in a second
         self.carried = 0        # periods since the last state
         self.late_total = 0
-        self.last_stamp = math.nan
+        self.last = (math.nan, math.nan)   # [s] when the last state came, by this clock and truly
 
     def prepare(self) -> None:
         """Compile before the first state, then listen."""
@@ -92,66 +101,97 @@ class MpcNode(ProcessNode):
         gc.collect()
         gc.freeze()   # else the collector looks through all modules in a first tick, for 25 ms
         done = 'compiled' if taken > SLOW_START else 'loaded'
-        self.began = self.get_clock().now().nanoseconds
         # Of several states, the newest. A plant in lockstep may have sent its first one already.
         subscribe(self, JOINT_STATES, self.on_state, depth=1, kept=True)
         self.get_logger().info(f'{done} in {taken:.1f} s; ready')
 
+    def on_configuration(self, message: String) -> None:
+        """Learn from a plant, or from the recording of one, what its stamps are."""
+        try:
+            configuration = from_text(message.data)
+            announcement = announcement_of(configuration)
+        except ValueError as error:
+            self.get_logger().warning(f'{error}; going on without it')
+            return
+        self.configured.add(configuration.node)
+        if announcement is not None:
+            self.timing.announced = announcement
+
     def on_state(self, message: JointState, info: dict[str, int]) -> None:
-        """Answer a state; in real time at once, in lockstep the first when it will be heard."""
-        age = self.get_clock().now().nanoseconds / 1e9 - seconds(message.header.stamp)
-        real_time = abs(age) < OTHER_CLOCK
-        if real_time and info['source_timestamp'] < self.began:
-            return   # in real time what is over is over
-        if real_time or self.sent:
+        """Answer a state; the first as soon as its clock is known and the force will be heard."""
+        if self.met:
             # the force takes as long to the plant as the state took from there
-            self.answer(message, real_time,
-                        (info['received_timestamp'] - info['source_timestamp']) / 1e9)
-        elif self.waiting is None:
+            self.answer(message, (info['received_timestamp'] - info['source_timestamp']) / 1e9)
+            return
+        if self.waiting is None:
             self.met_by = time.monotonic() + MEETING
             self.meeting = self.create_timer(
-                MEETING_POLL, self.on_meeting, clock=Clock(clock_type=ClockType.STEADY_TIME))
+                MEETING_POLL, self.on_meeting, clock=RosClock(clock_type=ClockType.STEADY_TIME))
         self.waiting = message
+        self.on_meeting()
 
     def on_meeting(self) -> None:
-        """Answer the first state as soon as its sender hears, for it would wait forever."""
-        heard = is_heard(self, self.forces, JOINT_STATES)
-        if self.waiting is not None and (heard or time.monotonic() > self.met_by):
+        """Answer the newest state once it can be, or at the latest after a while."""
+        if self.waiting is not None and (
+                self.can_answer() or time.monotonic() > self.met_by):
             self.destroy_timer(self.meeting)
-            self.answer(self.waiting, False)
+            self.met = True
+            self.answer(self.waiting)
 
-    def answer(self, message: JointState, real_time: bool, transport: float = 0.0) -> None:
-        """Send a force, which takes some time [s] to arrive, for a state; tell how it came."""
-        arrival = time.perf_counter()
-        stamp = seconds(message.header.stamp)
-        age = self.get_clock().now().nanoseconds / 1e9 - stamp
+    def can_answer(self) -> bool:
+        """Tell whether the clock of the states is known and, in lockstep, the forces are heard."""
+        announcers = owners(self, JOINT_STATES) & owners(self, CONFIGURATION)
+        if self.timing.given is None and not announcers <= self.configured:
+            return False
+        # a plant in lockstep would wait forever for a force that it did not hear
+        return self.timing.clock is not Clock.LOCKSTEP or is_heard(
+            self, self.forces, JOINT_STATES)
+
+    def answer(self, message: JointState, transport: float = 0.0) -> None:
+        """Send a force, which takes some time [s] to arrive, for a state; report how it came."""
+        arrival, now = time.perf_counter(), self.now()
+        real_time = self.timing.clock is not Clock.LOCKSTEP
+        measured = self.timing.measured(seconds(message.header.stamp), now)
         self.transport, self.carried = max(transport, 0.0), 0
-        delay = max(age, 0.0) + self.processing + self.transport if real_time else 0.0
-        deadline = arrival + self.parameters.time_limit if real_time else math.inf
-        plan, complaint = self.solve(message, stamp, delay, deadline)
-        period, self.last_stamp = stamp - self.last_stamp, stamp
-        late = plan.stats.solve_time > (period if period > 0 else plan.dt)
+        period = now - self.last[0] if real_time else math.nan
+        delay, deadline = measured.age, math.inf
+        if real_time:
+            self.pace = self.pace_since(now, arrival)
+            delay += self.processing + self.transport * self.pace
+            deadline = arrival + self.parameters.time_limit / self.pace
+        self.last = (now, arrival)
+        plan, complaint = self.solve(message, measured.t, delay, deadline)
+        late = plan.stats.solve_time * self.pace > (period if period > 0 else plan.dt)
         force = self.send(plan)
-        taken = time.perf_counter() - arrival
+        taken = (time.perf_counter() - arrival) * self.pace
         if real_time:
             self.processing += SMOOTHING * (taken - self.processing)
-            self.watch.heard(period)
-        self.report(message.header.stamp, plan, complaint, force, late, real_time, delay,
-                    age + taken if real_time else taken)
+            self.watchdog.feed(period)
+        self.report(message.header.stamp, plan, complaint, measured.complaint, force, late,
+                    real_time, delay, measured.age + taken, measured.t)
+
+    def now(self) -> float:
+        """Return the time of this node's clock [s]."""
+        return float(self.get_clock().now().nanoseconds / 1e9)
+
+    def pace_since(self, now: float, arrival: float) -> float:
+        """Return the pace of this node's clock, which may be a simulated one."""
+        if not self.get_clock().ros_time_is_active or not arrival > self.last[1]:
+            return self.pace
+        pace = (now - self.last[0]) / (arrival - self.last[1])
+        return self.pace + SMOOTHING * (min(max(pace, PACES[0]), PACES[1]) - self.pace)
 
     def on_silence(self) -> None:
-        """Go on without a state that should have come; after some, let go."""
+        """Follow the last plan without a state that should have come, for a while."""
         self.carried += 1
-        stamp, delay = self.get_clock().now().to_msg(), self.processing + self.transport
-        begins = seconds(stamp) + delay   # as the record tells it
-        if self.carried > self.parameters.carry_over:
-            self.watch.stop()
-            plan = self.horizon.let_go(begins)
-        else:
-            plan = self.horizon.stand_in(begins)
+        stamp = self.get_clock().now().to_msg()
+        t, delay = seconds(stamp), self.processing + self.transport * self.pace
+        plan = self.horizon.stand_in(t + delay)
+        if plan.stats.status is Status.ZERO:
+            self.watchdog.stop()
         force = self.send(plan)
-        self.report(stamp, plan, f'no state in {self.carried} periods', force, False, True,
-                    delay, 0.0)
+        self.report(stamp, plan, f'no state in {self.carried} periods', '', force, False, True,
+                    delay, 0.0, t)
 
     def send(self, plan: Plan) -> float:
         """Send the first force [N] of a plan, and return it."""
@@ -160,35 +200,40 @@ class MpcNode(ProcessNode):
         self.sent += 1
         return force
 
-    def solve(self, message: JointState, stamp: float, delay: float,
+    def solve(self, message: JointState, t: float, delay: float,
               deadline: float) -> tuple[Plan, str]:
-        """Return the plan, and what was wrong with the state."""
+        """Return the plan for a state measured at a time [s], and what is wrong with the state."""
         try:
-            return self.horizon.update(stamp, to_state(message), delay, deadline), ''
+            plan = self.horizon.update(t, to_state(message), delay, deadline)
+            complaint = self.horizon.rejection
         except ValueError as error:
-            self.get_logger().error(f'{error}; going on without this state',
+            plan, complaint = self.horizon.stand_in(t + delay), str(error)
+        if complaint:
+            self.get_logger().error(f'{complaint}; going on without this state',
                                     throttle_duration_sec=1.0)
-            return self.horizon.stand_in(stamp + delay), str(error)
+        return plan, complaint
 
-    def report(self, stamp: Time, plan: Plan, complaint: str, force: float, late: bool,
-               real_time: bool, delay: float, latency: float) -> None:
+    def report(self, stamp: Time, plan: Plan, complaint: str, warning: str, force: float,
+               late: bool, real_time: bool, delay: float, latency: float, t: float) -> None:
         """Publish the plan and the figures of the tick."""
         self.plans.publish(to_trajectory(plan, stamp))
         stats, estimate = plan.stats, self.horizon.estimate
         self.late_total += late
-        level, text = DiagnosticStatus.OK, stats.status.value
+        level = DiagnosticStatus.OK
         if complaint or stats.status is Status.ZERO:
-            level, text = DiagnosticStatus.ERROR, f'{complaint}; {text}'.lstrip('; ')
-        elif late or stats.status in (Status.LAST_POLICY, Status.REGULATOR):
+            level = DiagnosticStatus.ERROR
+        elif warning or late or stats.status in (Status.LAST_POLICY, Status.REGULATOR):
             level = DiagnosticStatus.WARN
         self.diagnostics.publish(to_diagnostics(
-            stamp, 'mpc', level[0], text,
+            stamp, 'mpc', level[0], '; '.join(filter(None, (
+                complaint, warning, stats.status.value))),
             {'solver': self.solver, 'status': stats.status.name, 'cost': stats.cost,
              'iterations': stats.iterations, 'solve_time': stats.solve_time, 'latency': latency,
              'delay': delay, 'late': late, 'late_total': self.late_total, 'force': force,
              # what it takes to repeat the tick
-             'real_time': real_time, 'solves': ' '.join(map(str, stats.solves)),
+             'real_time': real_time, 'solves': ' '.join(map(str, stats.solves)), 'time': t,
              'carried': self.carried, 'resets': self.resets, 'number': self.sent,
+             'clock': self.timing.clock.name.lower(),
              **(of_estimate(estimate) if estimate is not None else {})}))
 
     def on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:

@@ -23,6 +23,7 @@ class Tick(NamedTuple):
 
     number: int        # of the forces that it has sent
     stamp: int         # [ns] of the state, or of the time at which none had come
+    t: float           # [s] when it was measured, by the controller's clock
     x: Array | None    # as it was measured; None where none came
     delay: float       # [s] from the stamp until the force would act
     real_time: bool
@@ -97,7 +98,8 @@ def _record(bag: Bag, reports: list[Report]) -> Record:
 
 def _tick(report: Report, x: Array | None, resets: int) -> Tick:
     values: dict[str, Any] = report.values
-    return Tick(_number(report), report.stamp, x, float(values['delay']),
+    t = float(values.get('time', report.stamp / BILLION))
+    return Tick(_number(report), report.stamp, t, x, float(values['delay']),
                 bool(values['real_time']), int(values['carried']),
                 int(values['resets']) > resets, tuple(map(int, str(values['solves']).split())),
                 str(values['status']), float(values['cost']), float(values['force']))
@@ -111,13 +113,10 @@ def answer(controller: RecedingHorizon, tick: Tick, counted: bool = True) -> Pla
     """
     if tick.reset:
         controller.reset()
-    t = tick.stamp / BILLION
     if tick.x is not None:
-        return respond(controller, t, tick.x, tick.delay,
+        return respond(controller, tick.t, tick.x, tick.delay,
                        tick.solves if counted and tick.real_time and tick.solves else None)
-    if tick.carried > controller.parameters.carry_over:
-        return controller.let_go(t + tick.delay)
-    return controller.stand_in(t + tick.delay)
+    return controller.stand_in(tick.t + tick.delay)
 
 
 def respond(controller: RecedingHorizon, t: float, x: Array, delay: float,

@@ -1,0 +1,103 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+When a state was measured, by its stamp and its arrival.
+
+Nobody can see from a stamp which clock it was read from. So the controller is told, by its
+parameter `clock`, or by whoever publishes the states, on the topic `configuration`.
+"""
+
+from collections import deque
+from enum import Enum
+import math
+from typing import NamedTuple
+
+from dp_swing_ros.bags.configurations import Configuration
+
+OLDEST = 1.0       # [s] a state older than this cannot be: no plan reaches much further
+AHEAD = 0.005      # [s] a stamp may be this far in the future, where clocks are kept together
+WINDOW = 5.0       # [s] in which the state that came fastest tells the offset of the clocks
+
+
+class Clock(Enum):
+    """What the stamps are; the value says what follows from it."""
+
+    STAMPS = 'stamps are of the clock of this node: a state is as old as its stamp'
+    ARRIVAL = 'stamps are of some clock: a state is as old as it came later than others did'
+    LOCKSTEP = 'stamps are simulated time, which waits for the answer'
+
+
+class Announcement(NamedTuple):
+    """What a plant announces: the clock of its stamps, and in lockstep the age of its states."""
+
+    clock: Clock
+    delay: float  # [s]
+
+
+def announcement_of(configuration: Configuration) -> Announcement | None:
+    """Return what the configuration of a node announces, None where it is not that of a plant."""
+    lockstep = configuration.parameters.get('lockstep')
+    if lockstep is None:
+        return None
+    delay = float(configuration.parameters.get('delay', 0.0))
+    return Announcement(Clock.LOCKSTEP if lockstep else Clock.STAMPS, delay)
+
+
+class Measured(NamedTuple):
+    """When a state was measured [s], how old it is [s], and what is wrong with its stamp."""
+
+    t: float
+    age: float
+    complaint: str = ''
+
+
+class Timing:
+    """Tells when states were measured; remembers how fast they came."""
+
+    def __init__(self, clock: str) -> None:
+        """Take the parameter `clock` of the controller."""
+        self.announced = Announcement(Clock.ARRIVAL, 0.0)
+        self.given = None if clock == 'announced' else Clock[clock.upper()]
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the states before."""
+        self.offsets: deque[tuple[float, float]] = deque()   # of the last states: arrival, offset
+        self.stamp = -math.inf
+
+    @property
+    def clock(self) -> Clock:
+        """Return which clock the stamps are of."""
+        return self.given or self.announced.clock
+
+    def measured(self, stamp: float, now: float) -> Measured:
+        """Return when a state was measured that came now [s] with a stamp [s]."""
+        if self.clock is Clock.LOCKSTEP:
+            return Measured(stamp, self.announced.delay)
+        age = now - stamp
+        relative = self.relative_age(stamp, now)
+        if self.clock is Clock.ARRIVAL:
+            return relative
+        if -AHEAD <= age <= OLDEST:
+            return Measured(stamp, max(age, 0.0))
+        return relative._replace(complaint=(
+            f'the stamp is {abs(age):.3g} s {"old" if age > 0 else "ahead"}; expected one of this '
+            f"node's clock, at most {OLDEST:g} s old; set the parameter clock to arrival"))
+
+    def relative_age(self, stamp: float, now: float) -> Measured:
+        """Return how much later a state came than the fastest of late, whatever its clock."""
+        complaint = ''
+        while self.offsets and self.offsets[0][0] < now - WINDOW:
+            self.offsets.popleft()
+        if stamp == self.stamp:
+            complaint = 'the stamps stand still; no age is known'
+        if complaint or self.jumps(now - stamp):
+            self.offsets.clear()
+        self.stamp = stamp
+        self.offsets.append((now, now - stamp))
+        age = now - stamp - min(offset for _, offset in self.offsets)
+        return Measured(now - age, age, complaint)
+
+    def jumps(self, offset: float) -> bool:
+        """Tell whether an offset of clocks [s] is another than before: a clock was set."""
+        return any(abs(offset - before) > OLDEST for _, before in list(self.offsets)[-1:])

@@ -1,0 +1,103 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""When a state was measured, whatever its stamp says."""
+
+import numpy as np
+import pytest
+
+from dp_swing_ros.bags.configurations import Configuration
+from dp_swing_ros.nodes.timing import announcement_of, Clock, Timing
+
+NOW = 1000.0   # [s]
+
+
+def configuration(**parameters):
+    return Configuration('/plant', parameters, '', '', '', '', {})
+
+
+def ages(timing, stamps, arrivals):
+    """Return the measured ages of states that come one after the other."""
+    return [timing.measured(stamp, now).age for stamp, now in zip(stamps, arrivals)]
+
+
+def test_a_stamp_of_this_clock_tells_the_age():
+    measured = Timing('stamps').measured(NOW - 0.12, NOW)
+    assert measured == (NOW - 0.12, pytest.approx(0.12), '')
+
+
+def test_clocks_that_are_kept_together_may_differ_by_a_little():
+    measured = Timing('stamps').measured(NOW + 0.002, NOW)
+    assert measured.age == 0.0
+    assert not measured.complaint
+
+
+@pytest.mark.parametrize('offset', [-3600.0, -5.0, -1.5, 0.1, 5.0, 3600.0])
+def test_an_age_that_cannot_be_is_never_obeyed(offset):
+    timing = Timing('stamps')
+    for n in range(5):
+        now = NOW + 0.05 * n
+        measured = timing.measured(now + offset, now)
+        assert measured.age == pytest.approx(0.0)
+        assert measured.t == pytest.approx(now)
+        assert 'old' in measured.complaint if offset < 0 else 'ahead' in measured.complaint
+
+
+@pytest.mark.parametrize('offset', [-3600.0, -0.05, 0.0, 0.1, 1e9])
+def test_by_arrival_a_constant_offset_is_none(offset):
+    late = np.array([0.0, 0.004, 0.0, 0.03, 0.001])
+    stamps = NOW + 0.05 * np.arange(5)
+    np.testing.assert_allclose(ages(Timing('arrival'), stamps + offset, stamps + late), late,
+                               atol=1e-6)
+
+
+def test_by_arrival_a_state_that_overtakes_is_in_its_place():
+    timing = Timing('arrival')
+    arrivals = [timing.measured(stamp, now) for stamp, now in (
+        (0.0, NOW), (0.10, NOW + 0.10), (0.05, NOW + 0.11))]
+    np.testing.assert_allclose([each.t - NOW for each in arrivals], [0.0, 0.10, 0.05], atol=1e-9)
+    assert not any(each.complaint for each in arrivals)
+
+
+def test_stamps_that_stand_still_tell_nothing():
+    timing = Timing('arrival')
+    timing.measured(0.0, NOW)
+    for n in range(1, 4):
+        measured = timing.measured(0.0, NOW + 0.05 * n)
+        assert (measured.t, measured.age) == (NOW + 0.05 * n, 0.0)
+        assert 'stand still' in measured.complaint
+
+
+def test_a_clock_that_is_set_begins_anew():
+    timing = Timing('arrival')
+    assert ages(timing, [50.0, 50.05, 7.1, 7.15], [NOW, NOW + 0.05, NOW + 0.1, NOW + 0.15]) == [
+        pytest.approx(0.0, abs=1e-9)] * 4
+
+
+def test_the_fastest_state_counts_for_a_while_only():
+    """Of two clocks that drift apart by 1 ms a second, no age grows without end."""
+    t = NOW + 0.05 * np.arange(2000)
+    found = ages(Timing('arrival'), t * (1 - 1e-3), t)
+    assert max(found) < 0.01
+
+
+@pytest.mark.parametrize(('parameters', 'clock', 'delay'), [
+    ({'lockstep': True, 'delay': 0.07}, Clock.LOCKSTEP, 0.07),
+    ({'lockstep': False, 'delay': 0.07}, Clock.STAMPS, 0.07)])
+def test_a_plant_announces_its_clock(parameters, clock, delay):
+    timing = Timing('announced')
+    assert timing.clock is Clock.ARRIVAL
+    timing.announced = announcement_of(configuration(**parameters))
+    assert (timing.clock, timing.announced.delay) == (clock, delay)
+
+
+def test_in_lockstep_a_state_is_as_old_as_announced():
+    timing = Timing('announced')
+    timing.announced = announcement_of(configuration(lockstep=True, delay=0.07))
+    assert timing.measured(3.5, NOW) == (3.5, 0.07, '')
+
+
+def test_others_announce_nothing_and_a_parameter_says_more():
+    assert announcement_of(configuration(solver='ilqr')) is None
+    timing = Timing('arrival')
+    timing.announced = announcement_of(configuration(lockstep=True))
+    assert timing.clock is Clock.ARRIVAL
