@@ -5,10 +5,12 @@ The receding horizon: from every state a plan, warm-started by the one before.
 
 The measured state is first rolled forward, under the forces already sent, to the time at which
 the new force will act; an estimator filters it before, and tells the bodies that the problem is
-then solved for. A state that cannot be is predicted through instead; after `carry_over` without
-one to believe, whatever the reason, the force is zero. From there the last plan is followed as a policy (its gains about its states, the
+then solved for. From there the last plan is followed as a policy (its gains about its states, the
 regulator past its end): forces alone, shifted, diverge on an unstable plant. Beside it there are
 other starts; the cheapest plan is obeyed.
+
+A state that cannot be is predicted through; after `carry_over` without a state to believe,
+whatever the reason, the force is zero.
 """
 
 from collections import deque
@@ -45,9 +47,9 @@ class MpcParameters(StartParameters):
         0.04, 'a solve returns its best plan after this time (real time only)', unit='s',
         minimum=1e-4, finite=False)
     clock: str = parameter(
-        'announced', 'what the stamps of the states are: stamps, of the clock of the node, so that '
-        'they tell how old a state is; arrival, of some clock, so that a state is as old as it '
-        'came later than others did; lockstep, simulated time that waits for the answer; '
+        'announced', 'what the stamps of the states are: stamps, of the clock of the node, so '
+        'that they say how old a state is; arrival, of some clock, so that a state is as old as '
+        'it came later than others did; lockstep, simulated time that waits for the answer; '
         'announced, what the publisher of the states says on the topic configuration, else '
         'arrival', choices=lambda: ['announced', 'stamps', 'arrival', 'lockstep'])
     seed: int = parameter(0, 'seed of the first plan and of random solvers', minimum=0)

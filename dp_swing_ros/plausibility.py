@@ -58,17 +58,17 @@ class Plausibility:
     def frozen(self, x: Array, predict: Predict) -> str:
         """Return what has not moved though the model did; nothing where all moves."""
         same = np.array([past == x for _, past in self.past])   # (n, 6)
-        whole = _repeated(same.all(axis=1))
-        for i, joint in enumerate(JOINTS):
-            repeated = _repeated(same[:, i])
-            for count, limit, what in ((whole, STILL, 'the state'),
-                                       (repeated, STUCK, f'the position of {joint}')):
-                if count == 1:
-                    continue
-                (since, before), (t, _) = self.past[-count], self.past[-1]
-                if abs(predict(before, since, t)[i] - x[i]) > limit:
-                    return (f'{what} has been the same to the bit for {t - since:.2f} s; expected '
-                            'it to move under the forces sent')
+        for count, columns, limit in (
+                (_repeated(np.asarray(same.all(axis=1))), range(len(JOINTS)), STILL),
+                *((_repeated(same[:, i]), [i], STUCK) for i in range(len(JOINTS)))):
+            if count == 1:
+                continue
+            (since, before), (t, _) = self.past[-count], self.past[-1]
+            moved = np.abs(predict(before, since, t) - x)[columns]
+            if moved.max() > limit:
+                what = JOINTS[columns[0]] if len(columns) == 1 else 'whole state'
+                return (f'the {what} has stood still to the bit for {t - since:.2f} s; expected '
+                        'it to move under the forces sent')
         return ''
 
 

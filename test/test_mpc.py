@@ -12,7 +12,7 @@ import pytest
 from dp_swing_ros import configuration
 from dp_swing_ros.dynamics import Pendulum, RK4
 from dp_swing_ros.dynamics.trajectory import hold
-from dp_swing_ros.plan import Plan, Status
+from dp_swing_ros.plan import Status
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.state import HANGING, is_upright
 

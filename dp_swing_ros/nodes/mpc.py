@@ -176,7 +176,7 @@ class MpcNode(ProcessNode):
 
     def pace_since(self, now: float, arrival: float) -> float:
         """Return the pace of this node's clock, which may be a simulated one."""
-        if not self.get_clock().ros_time_is_active or not arrival > self.last[1]:
+        if not (self.get_parameter('use_sim_time').value and arrival > self.last[1]):
             return self.pace
         pace = (now - self.last[0]) / (arrival - self.last[1])
         return self.pace + SMOOTHING * (min(max(pace, PACES[0]), PACES[1]) - self.pace)

@@ -22,9 +22,8 @@ class Watchdog:
         """Take the node whose timer it is, the period [s] until one is known, and what to call."""
         self.bark, self.first = bark, period
         # a clock that is set must not look like silence, and simulated time may stand still
-        clock = node.get_clock()
-        if not clock.ros_time_is_active:
-            clock = Clock(clock_type=ClockType.STEADY_TIME)
+        simulated = node.get_parameter('use_sim_time').value
+        clock = node.get_clock() if simulated else Clock(clock_type=ClockType.STEADY_TIME)
         self.timer = node.create_timer(1.0, self.on_time, clock=clock, autostart=False)
         self.forget()
 

@@ -156,7 +156,7 @@ def test_a_reset_makes_the_next_tick_a_first_one(peer, start_node, name):
 
 
 def test_in_real_time_the_plan_begins_when_the_force_acts(peer, start_node):
-    talk = Conversation(peer, start_node, {'estimator': 'none', 'clock': 'stamps'})   # it hardly moves
+    talk = Conversation(peer, start_node, {'estimator': 'none', 'clock': 'stamps'})
     for n in range(3):
         talk.send(LEANING + (1e-6 * n, 0, 0, 1.0, 0, 0), peer.node.get_clock().now().to_msg())
     report = talk.report()

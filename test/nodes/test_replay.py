@@ -260,7 +260,8 @@ def forces(bag):
 def test_mpc_gives_the_recorded_forces_to_the_bit(start_node, lockstep_bag, tmp_path):
     original = Bag(lockstep_bag)
     for attempt in range(3):
-        again = answered(start_node, lockstep_bag, tmp_path / str(attempt), rate=0.2)
+        again = answered(start_node, lockstep_bag, tmp_path / str(attempt), rate=0.2,
+                         mpc={'clock': 'lockstep'})
         if len(forces(again)) == len(samples_of(again)) + 1:
             break
     else:

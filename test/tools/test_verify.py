@@ -66,7 +66,7 @@ def test_solves_that_a_deadline_cut_come_out_again(solver, tmp_path, capsys):
 
 
 def test_states_that_did_not_come_in_real_time(tmp_path, capsys):
-    bag = record(tmp_path, '--duration', '4', plant=FAULTS, mpc='    carry_over: 1\n')
+    bag = record(tmp_path, '--duration', '4', plant=FAULTS, mpc='    carry_over: 0.04\n')
     ticks = record_of(Bag(bag)).ticks
     pairs = list(zip(ticks, ticks[1:]))
     assert any(one.carried and not following.carried for one, following in pairs)
