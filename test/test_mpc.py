@@ -57,6 +57,8 @@ def test_an_encoder_that_wraps_changes_nothing():
             if wrap:
                 seen[1:3] = (seen[1:3] + np.pi) % (2 * np.pi) - np.pi
             plan = c.update(0.05 * n, seen)
+            np.testing.assert_allclose(c.x, x, atol=0.01)
+            assert c.estimate.refused == 0
             forces.append(plan.U[0])
             x = plan.X[1]
         return forces

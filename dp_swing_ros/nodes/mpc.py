@@ -10,6 +10,7 @@ zero.
 import gc
 import math
 import time
+from typing import NamedTuple
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -41,6 +42,15 @@ MEETING_POLL = 0.02  # [s]
 SMOOTHING = 0.1      # share of the newest tick in the mean processing time and pace
 SLOW_START = 1.0     # [s] a warm-up longer than this was a compilation
 PACES = (0.01, 100.0)  # slowest and fastest of a simulated clock, in seconds a second
+
+
+class Arrival(NamedTuple):
+    """How a state came."""
+
+    t: float        # [s] when it was measured, by the clock of the controller
+    now: float      # [s] when it came, by the clock of this node
+    steady: float   # [s] and by one that is never set
+    number: int     # that its publisher gave it
 
 
 class MpcNode(ProcessNode):
@@ -77,7 +87,7 @@ class MpcNode(ProcessNode):
         self.sent = 0    # forces
         self.resets = 0
         self.configured = set[str]()   # the nodes that have announced what they are
-        self.waiting: JointState | None = None   # the newest state, until the meeting is over
+        self.waiting: tuple[JointState, int] | None = None   # the newest state, until they met
         self.met = False
         self.forget()
 
@@ -91,7 +101,7 @@ class MpcNode(ProcessNode):
         self.pace = 1.0         # seconds of this node's clock in a second
         self.carried = 0        # periods since the last state
         self.late_total = 0
-        self.last = (math.nan, math.nan)   # [s] when the last state came, by this clock and truly
+        self.last = Arrival(math.nan, math.nan, math.nan, 0)
 
     def prepare(self) -> None:
         """Compile before the first state, then listen."""
@@ -121,13 +131,14 @@ class MpcNode(ProcessNode):
         """Answer a state; the first as soon as its clock is known and the force will be heard."""
         if self.met:
             # the force takes as long to the plant as the state took from there
-            self.answer(message, (info['received_timestamp'] - info['source_timestamp']) / 1e9)
+            self.answer(message, info['publication_sequence_number'],
+                        (info['received_timestamp'] - info['source_timestamp']) / 1e9)
             return
         if self.waiting is None:
             self.met_by = time.monotonic() + MEETING
             self.meeting = self.create_timer(
                 MEETING_POLL, self.on_meeting, clock=RosClock(clock_type=ClockType.STEADY_TIME))
-        self.waiting = message
+        self.waiting = message, info['publication_sequence_number']
         self.on_meeting()
 
     def on_meeting(self) -> None:
@@ -136,7 +147,7 @@ class MpcNode(ProcessNode):
                 self.can_answer() or time.monotonic() > self.met_by):
             self.destroy_timer(self.meeting)
             self.met = True
-            self.answer(self.waiting)
+            self.answer(*self.waiting)
 
     def can_answer(self) -> bool:
         """Tell whether the clock of the states is known and, in lockstep, the forces are heard."""
@@ -147,23 +158,24 @@ class MpcNode(ProcessNode):
         return self.timing.clock is not Clock.LOCKSTEP or is_heard(
             self, self.forces, JOINT_STATES)
 
-    def answer(self, message: JointState, transport: float = 0.0) -> None:
+    def answer(self, message: JointState, number: int, transport: float = 0.0) -> None:
         """Send a force, which takes some time [s] to arrive, for a state; report how it came."""
-        arrival, now = time.perf_counter(), self.now()
+        now, began = self.now(), time.perf_counter()
         real_time = self.timing.clock is not Clock.LOCKSTEP
         measured = self.timing.measured(seconds(message.header.stamp), now)
+        before, self.last = self.last, Arrival(measured.t, now, began, number)
+        # what the publisher sent in between was overwritten while a solve went on
+        period = (measured.t - before.t) / max(number - before.number, 1)
         self.transport, self.carried = max(transport, 0.0), 0
-        period = now - self.last[0] if real_time else math.nan
         delay, deadline = measured.age, math.inf
         if real_time:
-            self.pace = self.pace_since(now, arrival)
+            self.pace = self.pace_since(before)
             delay += self.processing + self.transport * self.pace
-            deadline = arrival + self.parameters.time_limit / self.pace
-        self.last = (now, arrival)
+            deadline = began + self.parameters.time_limit / self.pace
         plan, complaint = self.solve(message, measured.t, delay, deadline)
         late = plan.stats.solve_time * self.pace > (period if period > 0 else plan.dt)
         force = self.send(plan)
-        taken = (time.perf_counter() - arrival) * self.pace
+        taken = (time.perf_counter() - began) * self.pace
         if real_time:
             self.processing += SMOOTHING * (taken - self.processing)
             self.watchdog.feed(period)
@@ -174,11 +186,12 @@ class MpcNode(ProcessNode):
         """Return the time of this node's clock [s]."""
         return float(self.get_clock().now().nanoseconds / 1e9)
 
-    def pace_since(self, now: float, arrival: float) -> float:
+    def pace_since(self, before: Arrival) -> float:
         """Return the pace of this node's clock, which may be a simulated one."""
-        if not (self.get_parameter('use_sim_time').value and arrival > self.last[1]):
+        passed = self.last.steady - before.steady
+        if not (self.get_parameter('use_sim_time').value and passed > 0):
             return self.pace
-        pace = (now - self.last[0]) / (arrival - self.last[1])
+        pace = (self.last.now - before.now) / passed
         return self.pace + SMOOTHING * (min(max(pace, PACES[0]), PACES[1]) - self.pace)
 
     def on_silence(self) -> None:
