@@ -1,0 +1,366 @@
+#!/usr/bin/env python3
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+A pendulum rig that knows dp_swing_ros by its topics alone: rclpy, MuJoCo and default QoS.
+
+It hangs until the first force, keeps wall time (or its own, with --clock), can misbehave as
+sensors and drivers do, and writes at its end what happened as one line of JSON. By hand:
+
+    ros2 run dp_swing_ros mpc & python benchmarks/foreign_plant.py --stamp-offset 0.05; kill %1
+"""
+
+import argparse
+import json
+import math
+from pathlib import Path
+import sys
+import time
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray
+import mujoco
+import numpy as np
+import rclpy
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.utilities import remove_ros_args
+from rosgraph_msgs.msg import Clock as ClockMessage
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64
+
+FORCE_LIMIT = 20.0      # [N] of the drive
+COMMAND_TIMEOUT = 0.25  # [s] after which the drive lets the force go
+CLOCK_RATE = 200.0      # [Hz] of /clock, in simulated time
+SAMPLE = 10             # steps between two rows of the record
+PATIENCE = 15.0         # [s] of wall time for the first force
+LAST_SECOND = 1.0       # [s] in which it must have been upright
+
+# Uniform thin rods of 0.5 kg and 1 m; the tip of the first carries the second.
+MJCF = """
+<mujoco model="rig">
+  <option timestep="0.001" integrator="RK4" gravity="0 0 -9.81">
+    <flag contact="disable"/>
+  </option>
+  <worldbody>
+    <body name="cart">
+      <joint name="cart" type="slide" axis="1 0 0" range="-2.4 2.4" limited="true"
+             solreflimit="0.004 1"/>
+      <inertial pos="0 0 0" mass="1" diaginertia="0.01 0.01 0.01"/>
+      <body name="lower">
+        <joint name="shoulder" type="hinge" axis="0 1 0"/>
+        <inertial pos="0 0 0.5" mass="0.5" diaginertia="{rod} {rod} 1e-5"/>
+        <body name="upper" pos="0 0 1">
+          <joint name="elbow" type="hinge" axis="0 1 0"/>
+          <inertial pos="0 0 0.5" mass="0.5" diaginertia="{rod} {rod} 1e-5"/>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+  <actuator><motor name="drive" joint="cart"/></actuator>
+</mujoco>""".format(rod=0.5 * 1.0 ** 2 / 12)
+
+JOINTS = ['cart', 'joint1', 'joint2']
+EXTRA = {'gripper': (0.04, 0.0), 'lift': (1.2, -0.1)}   # position and velocity
+FAULTS = ('silence', 'nan', 'frozen', 'wrong_names', 'wrong_lengths', 'outlier_constant',
+          'outlier_random')
+
+
+class Pendulum:
+    """The bodies in MuJoCo, whose elbow measures θ2 - θ1."""
+
+    def __init__(self, seed: int) -> None:
+        """Hang, but for a tiny disturbance."""
+        self.model = mujoco.MjModel.from_xml_string(MJCF)
+        self.data = mujoco.MjData(self.model)
+        self.set_state(np.array([0, math.pi, math.pi, 0, 0, 0])
+                       + np.random.default_rng(seed).normal(0, 1e-3, 6))
+
+    def set_state(self, x: np.ndarray) -> None:
+        """Take [x, θ1, θ2, ẋ, θ̇1, θ̇2], both angles from the upward vertical; x (6,)."""
+        self.data.qpos[:] = x[0], x[1], x[2] - x[1]
+        self.data.qvel[:] = x[3], x[4], x[5] - x[4]
+
+    def state(self) -> np.ndarray:
+        """Return what `set_state` takes, (6,)."""
+        q, v = self.data.qpos, self.data.qvel
+        return np.array([q[0], q[1], q[1] + q[2], v[0], v[1], v[1] + v[2]])
+
+    def accelerations(self, force: float) -> np.ndarray:
+        """Return ẍ, θ̈1, θ̈2 under a force [N], (3,)."""
+        self.data.ctrl[0] = force
+        mujoco.mj_forward(self.model, self.data)
+        a = self.data.qacc
+        return np.array([a[0], a[1], a[1] + a[2]])
+
+    def step(self, force: float) -> None:
+        """Advance by a millisecond under a force [N]."""
+        self.data.ctrl[0] = force
+        mujoco.mj_step(self.model, self.data)
+
+
+class Record:
+    """What happened; times [s] count from the first force that is not zero."""
+
+    def __init__(self) -> None:
+        """Begin empty."""
+        self.states: list[list[float]] = []   # t, x, θ1, θ2, ẋ, θ̇1, θ̇2, force applied
+        self.forces: list[list[float]] = []   # t, force, wall time since the last state
+        self.reports: list[tuple[float, str, int, str]] = []   # t, name, level, message
+        self.began = math.nan
+        self.fault_began = self.fault_ended = math.nan
+        self.upright_since = math.nan
+        self.gaps: list[float] = []           # [s] of wall time between two ticks
+
+    def add_state(self, t: float, x: np.ndarray, force: float) -> None:
+        """Take a row, and note since when it is upright."""
+        self.states.append([t, *x.tolist(), force])
+        angles = np.remainder(x[1:3] + math.pi, 2 * math.pi) - math.pi
+        upright = np.abs(angles).max() < 0.1 and np.abs(x[3:]).max() < 1.0
+        if not upright:
+            self.upright_since = math.nan
+        elif math.isnan(self.upright_since):
+            self.upright_since = t
+
+    def add_force(self, t: float, force: float, wait: float) -> None:
+        """Take a force that was received; time begins with the first that is not zero."""
+        if math.isnan(self.began) and force != 0.0:
+            self.began = t
+        self.forces.append([t, force, wait])
+
+    def stay(self, t: float) -> float:
+        """Return for how long [s] it has been upright, since the end of a fault."""
+        latest = np.nanmax([self.upright_since, self.fault_ended, self.began])
+        return 0.0 if math.isnan(self.upright_since) else float(t - latest)
+
+    def zero_after(self) -> float | None:
+        """Return the time from a fault to the first zero force with none but zeros after it."""
+        during = [(t, force) for t, force, _ in self.forces
+                  if self.fault_began <= t < np.nanmin([self.fault_ended, math.inf])]
+        last = max((t for t, force in during if force != 0.0), default=-math.inf)
+        zeros = [t for t, force in during if force == 0.0 and t > last]
+        return zeros[0] - self.fault_began if zeros else None
+
+    def summary(self, end: float, period: float) -> dict:
+        """Return the figures of the run, which ended at t."""
+        forces = [abs(force) if math.isfinite(force) else math.inf for _, force, _ in self.forces]
+        waits = [wait for _, _, wait in self.forces]
+        upright = end - self.upright_since >= LAST_SECOND
+        return {
+            'began': not math.isnan(self.began),
+            'upright': upright,
+            'settling': self.upright_since - self.began if upright else None,
+            'largest_position': max(
+                (abs(row[1]) for row in self.states if row[0] >= self.began), default=0.0),
+            'largest_force': max(forces, default=0.0),
+            'zero_after': self.zero_after(),
+            'recovery': max(self.upright_since - self.fault_ended, 0.0)
+            if upright and not math.isnan(self.fault_ended) else None,
+            'fault_began': known(self.fault_began - self.began),
+            'fault_ended': known(self.fault_ended - self.began),
+            'ticks': len(self.gaps), 'late_ticks': sum(gap > 1.5 * period for gap in self.gaps),
+            'largest_lateness': max(self.gaps, default=period) - period,
+            'median_wait': float(np.median(waits)) if waits else None}
+
+    def rows(self) -> dict:
+        """Return the time series, with times from the first force."""
+        zero = 0.0 if math.isnan(self.began) else self.began
+        return {name: [[round(t - zero, 6), *rest] for t, *rest in getattr(self, name)]
+                for name in ('states', 'forces', 'reports')}
+
+
+def known(number: float) -> float | None:
+    """Return a number, None for NaN."""
+    return None if math.isnan(number) else number
+
+
+class Rig(Node):
+    """The driver: publishes the state at a rate and applies the force when it comes."""
+
+    def __init__(self, options: argparse.Namespace) -> None:
+        """Offer the topics and start the clock."""
+        super().__init__('rig')
+        self.options, self.record = options, Record()
+        self.random = np.random.default_rng([options.seed, 1])
+        self.pendulum = Pendulum(options.seed)
+        self.steps, self.force, self.expires = 0, 0.0, 0.0
+        self.joints = JOINTS + list(EXTRA) if options.permute else list(JOINTS)
+        if options.permute:
+            self.random.shuffle(self.joints)
+        self.good = JointState()   # the last one without a fault
+        self.states = self.create_publisher(JointState, 'joint_states', self.quality())
+        self.create_subscription(Float64, 'force_command', self.on_force, 10)
+        self.create_subscription(DiagnosticArray, '/diagnostics', self.on_diagnostics, 10)
+        self.speed = options.clock or 1.0   # simulated seconds in one of wall time
+        self.started = self.ticked = time.monotonic()
+        self.finished = False
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        if options.clock:
+            self.clocks = self.create_publisher(ClockMessage, '/clock', 10)
+            self.create_timer(1 / (CLOCK_RATE * self.speed), self.on_clock, clock=steady)
+        self.create_timer(1 / (options.rate * self.speed), self.on_tick, clock=steady)
+
+    def quality(self) -> QoSProfile | int:
+        """Return the quality of service of the states; by default, rclpy's."""
+        if self.options.best_effort:
+            return QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+        if self.options.transient_local:
+            return QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        return 10
+
+    def time(self) -> float:
+        """Return the time [s] since the start, as the rig's clock has it."""
+        return (time.monotonic() - self.started) * self.speed
+
+    def advance(self) -> float:
+        """Step the bodies up to now, and return the time [s] that they have reached."""
+        for step in range(self.steps, int(self.time() * 1000)):
+            force = self.force if step / 1000 < self.expires else 0.0
+            if step % SAMPLE == 0:
+                self.record.add_state(step / 1000, self.pendulum.state(), force)
+            self.pendulum.step(force)
+            self.steps = step + 1
+        return self.steps / 1000
+
+    def on_force(self, message: Float64) -> None:
+        """Apply a force from now on, within what the drive can do."""
+        t, force = self.advance(), message.data
+        self.force = min(max(force, -FORCE_LIMIT), FORCE_LIMIT) if math.isfinite(force) else 0.0
+        self.expires = t + COMMAND_TIMEOUT
+        self.record.add_force(t, force, time.monotonic() - self.ticked)
+
+    def on_diagnostics(self, message: DiagnosticArray) -> None:
+        """Record what others report."""
+        self.record.reports += [(self.time(), status.name, status.level[0], status.message)
+                                for status in message.status]
+
+    def on_clock(self) -> None:
+        """Publish simulated time."""
+        self.clocks.publish(ClockMessage(clock=to_time(self.time())))
+
+    def on_tick(self) -> None:
+        """Publish a state, or what a fault makes of it."""
+        now = time.monotonic()
+        self.record.gaps.append(now - self.ticked)
+        self.ticked = now
+        t = self.advance()
+        message = self.measure(t)
+        if self.is_faulty(t):
+            message = self.spoil(message)
+        else:
+            self.good = message
+        if message is not None:
+            self.states.publish(message)
+        self.finished = self.is_over(t)
+
+    def measure(self, t: float) -> JointState:
+        """Return the true state with the stamp that this driver gives it."""
+        x = self.pendulum.state()
+        values = {**dict(zip(JOINTS, zip(x[:3].tolist(), x[3:].tolist()))), **EXTRA}
+        message = JointState(name=list(self.joints),
+                             position=[values[joint][0] for joint in self.joints],
+                             velocity=[values[joint][1] for joint in self.joints])
+        if self.options.stamps == 'now':
+            zero = t if self.options.clock else self.get_clock().now().nanoseconds / 1e9
+            message.header.stamp = to_time(zero - self.options.stamp_offset)
+        return message
+
+    def is_faulty(self, t: float) -> bool:
+        """Return whether the sensor fails at t, and note when that begins and ends."""
+        record, options = self.record, self.options
+        if options.fault is None:
+            return False
+        since = t - record.began - options.fault_at   # NaN before the first force
+        if math.isnan(record.fault_began) and since >= 0:
+            record.fault_began = t
+        if math.isnan(record.fault_ended) and since >= options.fault_for:
+            record.fault_ended = t
+        return not math.isnan(record.fault_began) and math.isnan(record.fault_ended)
+
+    def spoil(self, message: JointState) -> JointState | None:
+        """Return what a failing sensor makes of a message, None for nothing."""
+        joint1 = message.name.index('joint1')
+        match self.options.fault:
+            case 'silence':
+                return None
+            case 'nan':
+                message.position[joint1] = math.nan
+            case 'frozen':
+                message.position, message.velocity = self.good.position, self.good.velocity
+            case 'wrong_names':
+                message.name = [f'axis_{number}' for number in range(len(message.name))]
+            case 'wrong_lengths':
+                message.position = message.position[:-1]
+            case 'outlier_constant':
+                message.position[joint1] = 1e6
+            case 'outlier_random':
+                message.position, message.velocity = self.random.normal(
+                    0, 1e3, (2, len(message.name))).tolist()
+        return message
+
+    def is_over(self, t: float) -> bool:
+        """Return whether the run has lasted long enough."""
+        record, options = self.record, self.options
+        if math.isnan(record.began):
+            return t / self.speed > PATIENCE
+        waiting = options.fault is not None and math.isnan(record.fault_ended)
+        held = options.hold > 0 and not waiting and record.stay(t) >= options.hold
+        return held or t - record.began >= options.duration
+
+
+def to_time(t: float) -> Time:
+    """Return seconds as a stamp."""
+    second, nanosecond = divmod(round(t * 1e9), 1_000_000_000)
+    return Time(sec=second, nanosec=nanosecond)
+
+
+def parse() -> argparse.Namespace:
+    """Return the options of the command line, ROS's own left out."""
+    parser = argparse.ArgumentParser(description=__doc__.strip().split('\n\n')[0])
+    parser.add_argument('--output', type=Path, help='file for the JSON; by default, printed')
+    parser.add_argument('--seed', type=int, default=0, help='of the disturbance at the start')
+    parser.add_argument('--duration', type=float, default=10.0, help='[s] from the first force')
+    parser.add_argument('--hold', type=float, default=0.0,
+                        help='[s] upright after which to end early; 0: never')
+    parser.add_argument('--rate', type=float, default=20.0, help='states/s')
+    parser.add_argument('--stamps', choices=('now', 'zero'), default='now')
+    parser.add_argument('--stamp-offset', type=float, default=0.0,
+                        help='[s] by which stamps lie in the past, though the state is fresh')
+    parser.add_argument('--best-effort', action='store_true')
+    parser.add_argument('--transient-local', action='store_true')
+    parser.add_argument('--permute', action='store_true',
+                        help='shuffle the joints, and add two that are not of the pendulum')
+    parser.add_argument('--clock', type=float, metavar='FACTOR',
+                        help='publish /clock: simulated seconds in one of wall time')
+    parser.add_argument('--fault', choices=FAULTS, help='what becomes of the sensor')
+    parser.add_argument('--fault-at', type=float, default=1.0, help='[s] from the first force')
+    parser.add_argument('--fault-for', type=float, default=1.5, help='[s]')
+    return parser.parse_args(remove_ros_args(sys.argv)[1:])
+
+
+def main() -> None:
+    """Run until the end, or a signal, and write what happened."""
+    options = parse()
+    rclpy.init()
+    rig = Rig(options)
+    executor = SingleThreadedExecutor()
+    executor.add_node(rig)
+    try:
+        while not rig.finished:
+            executor.spin_once(timeout_sec=0.1)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    summary = rig.record.summary(rig.steps / 1000, 1 / (options.rate * rig.speed))
+    if options.output is None:
+        print(json.dumps(summary))
+    else:
+        options.output.write_text(json.dumps({**summary, **rig.record.rows()}))
+    rig.destroy_node()
+    rclpy.try_shutdown()
+
+
+if __name__ == '__main__':
+    main()
