@@ -163,6 +163,8 @@ class Record:
             'fault_ended': known(self.fault_ended - self.began),
             'ticks': len(self.gaps), 'late_ticks': sum(gap > 1.5 * period for gap in self.gaps),
             'largest_lateness': max(self.gaps, default=period) - period,
+            'jitter': float(np.percentile(np.abs(np.array(self.gaps) - period), 95))
+            if self.gaps else None,
             'median_wait': float(np.median(waits)) if waits else None}
 
     def rows(self) -> dict:

@@ -17,7 +17,8 @@ from dp_swing_ros.dynamics.pendulum import derivative
 from dp_swing_ros.parameters import PendulumParameters
 
 ATTEMPTS = 3     # at most, on a machine that is late
-STALL = 0.05     # [s] by which a tick of the rig may be late before a run shows nothing
+STALL = 0.05     # [s] by which a tick of the rig may be late before a run shows nothing,
+JITTER = 0.005   # [s] and by which one in twenty of them may be early or late
 
 
 @pytest.fixture
@@ -41,10 +42,15 @@ def check(name, solver, folder):
         found = foreign.shortcomings(foreign.row(record), name in foreign.FAULTS)
         if not found:
             return
-        stalled = record['began'] and record['largest_lateness'] > STALL
-        assert stalled, f'{name}, {solver}, seed {seed}: {found}'
-    pytest.skip('the machine is too slow for real time: a tick of the rig came '
-                f'{record["largest_lateness"]:.2f} s late')
+        assert is_late(record), f'{name}, {solver}, seed {seed}: {found}'
+    pytest.skip('the machine is too busy for real time: ticks of the rig came up to '
+                f'{record["largest_lateness"]:.3f} s late, 5 % by {record["jitter"]:.3f} s')
+
+
+def is_late(record):
+    """Return whether the rig, which does next to nothing, could not keep its own time."""
+    return record['began'] and (
+        record['largest_lateness'] > STALL or record['jitter'] > JITTER)
 
 
 def rotated(names):
@@ -80,6 +86,40 @@ def test_it_imports_nothing_of_ours():
     imports = [line for line in foreign.PLANT.read_text().splitlines()
                if line.startswith(('import', 'from'))]
     assert imports and not any('dp_swing_ros' in line for line in imports)
+
+
+@pytest.mark.parametrize(('forces', 'expected'), [
+    ([(0.9, 5.0), (1.1, 6.0), (1.2, 0.0), (1.3, 0.0), (2.1, 7.0)], 0.2),
+    ([(1.1, 0.0), (1.2, 3.0), (1.3, 0.0)], 0.3),    # not the first zero, for a force came after it
+    ([(1.1, 0.0), (1.2, 3.0)], None),
+    ([(0.9, 0.0)], None)])
+def test_the_force_is_zero_once_none_but_zeros_follow(forces, expected):
+    record = foreign_plant.Record()
+    record.fault_began, record.fault_ended = 1.0, 2.0
+    for t, force in forces:
+        record.add_force(t, force, 0.0)
+    found = record.zero_after()
+    assert found == (expected if expected is None else pytest.approx(expected))
+
+
+@pytest.mark.parametrize(('reports', 'expected'), [
+    ([(1.1, 0), (1.2, 1), (1.4, 2), (1.9, 2)], True),
+    ([(1.1, 2), (1.2, 2)], True),     # it was not heard of again
+    ([(1.2, 2), (1.5, 0)], False),    # taken back
+    ([(0.9, 2), (2.1, 2)], False)])
+def test_a_fault_is_reported_while_it_lasts(reports, expected):
+    found = foreign.reported({'fault_began': 1.0, 'fault_ended': 2.0, 'reports': [
+        (t, 'mpc', level, '') for t, level in reports]})
+    assert found is expected
+
+
+def test_a_run_is_good_without_shortcomings():
+    good = {'began': True, 'upright': True, 'largest_force': 20.0, 'zero_after': 0.2,
+            'recovery': 4.0, 'reported': True}
+    assert not foreign.shortcomings(good, True)
+    for name, value in (('largest_force', 20.1), ('zero_after', None), ('zero_after', 0.31),
+                        ('recovery', 5.1), ('reported', False), ('upright', False)):
+        assert len(foreign.shortcomings({**good, name: value}, True)) == 1
 
 
 @pytest.mark.timeout(1200)   # most of it, it waits for its turn
