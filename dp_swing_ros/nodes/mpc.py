@@ -21,6 +21,7 @@ from std_msgs.msg import Float64, String
 from std_srvs.srv import Trigger
 
 from dp_swing_ros.bags.configurations import from_text
+from dp_swing_ros.bags.fields import BILLION
 from dp_swing_ros.estimator import EstimatorParameters
 from dp_swing_ros.mpc import MpcParameters, RecedingHorizon
 from dp_swing_ros.nodes.connections import is_heard, owners, publish, subscribe
@@ -39,6 +40,7 @@ from dp_swing_ros.topics import CONFIGURATION, DIAGNOSTICS, FORCE_COMMAND, JOINT
 
 MEETING = 2.0        # [s] at most, to learn who sends the states, and for them to find the forces
 MEETING_POLL = 0.02  # [s]
+LONGEST_TRANSPORT = 0.05  # [s]; beyond, the clocks of two machines differ
 SMOOTHING = 0.1      # share of the newest tick in the mean processing time and pace
 SLOW_START = 1.0     # [s] a warm-up longer than this was a compilation
 PACES = (0.01, 100.0)  # slowest and fastest of a simulated clock, in seconds a second
@@ -87,7 +89,7 @@ class MpcNode(ProcessNode):
         self.sent = 0    # forces
         self.resets = 0
         self.configured = set[str]()   # the nodes that have announced what they are
-        self.waiting: tuple[JointState, int] | None = None   # the newest state, until they met
+        self.waiting: tuple[JointState, dict[str, int]] | None = None   # until they met
         self.met = False
         self.forget()
 
@@ -130,15 +132,13 @@ class MpcNode(ProcessNode):
     def on_state(self, message: JointState, info: dict[str, int]) -> None:
         """Answer a state; the first as soon as its clock is known and the force will be heard."""
         if self.met:
-            # the force takes as long to the plant as the state took from there
-            self.answer(message, info['publication_sequence_number'],
-                        (info['received_timestamp'] - info['source_timestamp']) / 1e9)
+            self.answer(message, info)
             return
         if self.waiting is None:
             self.met_by = time.monotonic() + MEETING
             self.meeting = self.create_timer(
                 MEETING_POLL, self.on_meeting, clock=RosClock(clock_type=ClockType.STEADY_TIME))
-        self.waiting = message, info['publication_sequence_number']
+        self.waiting = message, info
         self.on_meeting()
 
     def on_meeting(self) -> None:
@@ -158,18 +158,23 @@ class MpcNode(ProcessNode):
         return self.timing.clock is not Clock.LOCKSTEP or is_heard(
             self, self.forces, JOINT_STATES)
 
-    def answer(self, message: JointState, number: int, transport: float = 0.0) -> None:
-        """Send a force, which takes some time [s] to arrive, for a state; report how it came."""
+    def answer(self, message: JointState, info: dict[str, int]) -> None:
+        """Send a force for a state, and report how that came about."""
         now, began = self.now(), time.perf_counter()
         real_time = self.timing.clock is not Clock.LOCKSTEP
-        measured = self.timing.measured(seconds(message.header.stamp), now)
-        before, self.last = self.last, Arrival(measured.t, now, began, number)
+        sent = now - (time.time() - info['source_timestamp'] / BILLION) * self.pace
+        measured = self.timing.measured(seconds(message.header.stamp), now, sent)
+        before, self.last = self.last, Arrival(measured.t, now, began,
+                                               info['publication_sequence_number'])
         # what the publisher sent in between was overwritten while a solve went on
-        period = (measured.t - before.t) / max(number - before.number, 1)
-        self.transport, self.carried = max(transport, 0.0), 0
+        period = (measured.t - before.t) / max(self.last.number - before.number, 1)
+        self.carried = 0
         delay, deadline = measured.age, math.inf
         if real_time:
             self.pace = self.pace_since(before)
+            # the force takes as long to the plant as the state took from there
+            transport = (info['received_timestamp'] - info['source_timestamp']) / BILLION
+            self.transport = transport if 0 < transport < LONGEST_TRANSPORT else 0.0
             delay += self.processing + self.transport * self.pace
             deadline = began + self.parameters.time_limit / self.pace
         plan, complaint = self.solve(message, measured.t, delay, deadline)
@@ -184,7 +189,7 @@ class MpcNode(ProcessNode):
 
     def now(self) -> float:
         """Return the time of this node's clock [s]."""
-        return float(self.get_clock().now().nanoseconds / 1e9)
+        return float(self.get_clock().now().nanoseconds / BILLION)
 
     def pace_since(self, before: Arrival) -> float:
         """Return the pace of this node's clock, which may be a simulated one."""

@@ -70,12 +70,16 @@ class Timing:
         """Return which clock the stamps are of."""
         return self.given or self.announced.clock
 
-    def measured(self, stamp: float, now: float) -> Measured:
-        """Return when a state was measured that came now [s] with a stamp [s]."""
+    def measured(self, stamp: float, now: float, sent: float) -> Measured:
+        """
+        Return when a state was measured that came now [s] with a stamp [s].
+
+        It was sent at a time [s] that is right but for a constant offset of the sender's clock.
+        """
         if self.clock is Clock.LOCKSTEP:
             return Measured(stamp, self.announced.delay)
         age = now - stamp
-        relative = self.relative_age(stamp, now)
+        relative = self.relative_age(stamp, now, sent)
         if self.clock is Clock.ARRIVAL:
             return relative
         if -AHEAD <= age <= OLDEST:
@@ -84,19 +88,18 @@ class Timing:
             f'the stamp is {abs(age):.3g} s {"old" if age > 0 else "ahead"}; expected one of this '
             f"node's clock, at most {OLDEST:g} s old; set the parameter clock to arrival"))
 
-    def relative_age(self, stamp: float, now: float) -> Measured:
+    def relative_age(self, stamp: float, now: float, sent: float) -> Measured:
         """Return how much later a state came than the fastest of late, whatever its clock."""
-        complaint = ''
         while self.offsets and self.offsets[0][0] < now - WINDOW:
             self.offsets.popleft()
-        if stamp == self.stamp:
-            complaint = 'the stamps stand still; no age is known'
-        if complaint or self.jumps(now - stamp):
+        stands_still, self.stamp = stamp == self.stamp, stamp
+        offset = now - (sent if stands_still else stamp)
+        if self.jumps(offset):
             self.offsets.clear()
-        self.stamp = stamp
-        self.offsets.append((now, now - stamp))
-        age = now - stamp - min(offset for _, offset in self.offsets)
-        return Measured(now - age, age, complaint)
+        self.offsets.append((now, offset))
+        age = offset - min(before for _, before in self.offsets)
+        return Measured(now - age, age, 'the stamps stand still; the time of sending counts'
+                        if stands_still else '')
 
     def jumps(self, offset: float) -> bool:
         """Tell whether an offset of clocks [s] is another than before: a clock was set."""

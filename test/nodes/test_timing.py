@@ -17,16 +17,16 @@ def configuration(**parameters):
 
 def ages(timing, stamps, arrivals):
     """Return the measured ages of states that come one after the other."""
-    return [timing.measured(stamp, now).age for stamp, now in zip(stamps, arrivals)]
+    return [timing.measured(stamp, now, now).age for stamp, now in zip(stamps, arrivals)]
 
 
 def test_a_stamp_of_this_clock_tells_the_age():
-    measured = Timing('stamps').measured(NOW - 0.12, NOW)
+    measured = Timing('stamps').measured(NOW - 0.12, NOW, NOW)
     assert measured == (NOW - 0.12, pytest.approx(0.12), '')
 
 
 def test_clocks_that_are_kept_together_may_differ_by_a_little():
-    measured = Timing('stamps').measured(NOW + 0.002, NOW)
+    measured = Timing('stamps').measured(NOW + 0.002, NOW, NOW)
     assert measured.age == 0.0
     assert not measured.complaint
 
@@ -36,7 +36,7 @@ def test_an_age_that_cannot_be_is_never_obeyed(offset):
     timing = Timing('stamps')
     for n in range(5):
         now = NOW + 0.05 * n
-        measured = timing.measured(now + offset, now)
+        measured = timing.measured(now + offset, now, now)
         assert measured.age == pytest.approx(0.0)
         assert measured.t == pytest.approx(now)
         assert 'old' in measured.complaint if offset < 0 else 'ahead' in measured.complaint
@@ -52,18 +52,20 @@ def test_by_arrival_a_constant_offset_is_none(offset):
 
 def test_by_arrival_a_state_that_overtakes_is_in_its_place():
     timing = Timing('arrival')
-    arrivals = [timing.measured(stamp, now) for stamp, now in (
+    arrivals = [timing.measured(stamp, now, now) for stamp, now in (
         (0.0, NOW), (0.10, NOW + 0.10), (0.05, NOW + 0.11))]
     np.testing.assert_allclose([each.t - NOW for each in arrivals], [0.0, 0.10, 0.05], atol=1e-9)
     assert not any(each.complaint for each in arrivals)
 
 
-def test_stamps_that_stand_still_tell_nothing():
-    timing = Timing('arrival')
-    timing.measured(0.0, NOW)
-    for n in range(1, 4):
-        measured = timing.measured(0.0, NOW + 0.05 * n)
-        assert (measured.t, measured.age) == (NOW + 0.05 * n, 0.0)
+@pytest.mark.parametrize('offset', [0.0, 0.3, -5.0])   # of the sender's clock
+def test_where_stamps_stand_still_the_time_of_sending_counts(offset):
+    timing, late = Timing('arrival'), [0.002, 0.001, 0.025, 0.001]
+    timing.measured(0.0, NOW, NOW)
+    for n, latency in enumerate(late, 1):
+        sent = NOW + 0.05 * n
+        measured = timing.measured(0.0, sent + latency, sent + offset)
+        assert measured.age == pytest.approx(latency - min(late[:n]), abs=1e-6)
         assert 'stand still' in measured.complaint
 
 
@@ -93,7 +95,7 @@ def test_a_plant_announces_its_clock(parameters, clock, delay):
 def test_in_lockstep_a_state_is_as_old_as_announced():
     timing = Timing('announced')
     timing.announced = announcement_of(configuration(lockstep=True, delay=0.07))
-    assert timing.measured(3.5, NOW) == (3.5, 0.07, '')
+    assert timing.measured(3.5, NOW, NOW) == (3.5, 0.07, '')
 
 
 def test_others_announce_nothing_and_a_parameter_says_more():
