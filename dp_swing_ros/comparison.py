@@ -40,6 +40,15 @@ class Paired(NamedTuple):
     p: float
 
 
+class Ratio(NamedTuple):
+    """The geometric mean of paired ratios, and its 95 % interval by the bootstrap."""
+
+    pairs: int
+    value: float
+    low: float
+    high: float
+
+
 def rate(successes: Sequence[bool]) -> Rate:
     """Count successes."""
     count, runs = sum(successes), len(successes)
@@ -64,12 +73,31 @@ def paired(a: Array, b: Array) -> Paired:
     if len(difference) < 2:
         return Paired(len(difference), *((float(np.median(difference)) if len(difference) else
                                           math.nan), math.nan, math.nan, math.nan))
+    low, high = _bootstrap(difference, np.median)
+    return Paired(len(difference), float(np.median(difference)), low, high, sign_test(
+        int(np.sum(difference > 0)), int(np.sum(difference < 0))))
+
+
+def paired_ratio(a: Array, b: Array) -> Ratio:
+    """
+    Compare positive values of two controllers case by case, a / b, where both are known.
+
+    Shapes: a and b (N,), NaN where unknown. Source as of `paired`.
+    """
+    logarithm = np.log(np.asarray(a, dtype=float) / np.asarray(b, dtype=float))
+    logarithm = logarithm[np.isfinite(logarithm)]
+    if len(logarithm) < 2:
+        return Ratio(len(logarithm), math.nan, math.nan, math.nan)
+    low, high = _bootstrap(logarithm, np.mean)
+    return Ratio(len(logarithm), math.exp(np.mean(logarithm)), math.exp(low), math.exp(high))
+
+
+def _bootstrap(values: Array, statistic: Callable[..., Any]) -> tuple[float, float]:
+    """Return the percentile interval of a statistic."""
     interval = bootstrap(
-        (difference,), np.median, confidence_level=CONFIDENCE, n_resamples=RESAMPLES, batch=100,
+        (values,), statistic, confidence_level=CONFIDENCE, n_resamples=RESAMPLES, batch=100,
         method='percentile', random_state=np.random.default_rng(0)).confidence_interval
-    return Paired(len(difference), float(np.median(difference)), float(interval.low),
-                  float(interval.high), sign_test(int(np.sum(difference > 0)),
-                                                  int(np.sum(difference < 0))))
+    return float(interval.low), float(interval.high)
 
 
 def sign_test(first: int, second: int) -> float:

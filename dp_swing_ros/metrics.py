@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from dp_swing_ros.episode import Episode
+from dp_swing_ros.parameters import CostParameters, LimitParameters
 from dp_swing_ros.plan import Status
 from dp_swing_ros.state import ANGLES, Array, is_upright, to_turn_of, UPRIGHT
 
@@ -43,17 +44,19 @@ class Metrics:
 
     success: bool = quantity('upright to the end')
     settling_time: float = quantity('settling time', 's')
+    settling_offset: float = quantity('cart from the centre when settled', 'm')
     hold_error: float = quantity(f'angle error, last {REST:g} s (RMS)', 'rad', digits=4)
     smoothness: float = quantity(f'force step, last {REST:g} s (std)', 'N', digits=3)
     roughness: float = quantity('force step, all the run (std)', 'N', digits=3)
     largest_force: float = quantity('largest force u', 'N')
     largest_position: float = quantity('largest position x', 'm')
     largest_angle: float = quantity('largest angle error after the start', 'rad')
-    stop_hits: int = quantity('states at an end stop')
+    strikes: int = quantity('track strikes')
     energy: float = quantity('energy of the force, unsigned', 'J')
     impulse: float = quantity('force over time, unsigned', 'N s')
     squared_force: float = quantity('squared force over time', 'N² s', digits=1)
     squared_speed: float = quantity('squared joint speeds over time', 'rad²/s', digits=1)
+    closed_loop_cost: float = quantity('running cost with default weights', digits=0)
     median_solve_time: float = quantity('solve time, median', 'ms', scale=1e3)
     p99_solve_time: float = quantity('solve time, p99', 'ms', scale=1e3)
     largest_solve_time: float = quantity('solve time, largest', 'ms', scale=1e3)
@@ -72,8 +75,9 @@ def measure(episode: Episode, time_limit: float = TIME_LIMIT) -> Metrics:
     Measure a run.
 
     It succeeds when both angles stay within 0.1 rad and all speeds under 1 over its last second
-    (or all of it, where it is shorter); it has settled where that last unbroken stay begins. A
-    solve that takes longer than time_limit [s] misses its deadline.
+    (or all of it, where it is shorter); it has settled where that last unbroken stay begins,
+    wherever the cart is then. A strike is the cart's coming to an end stop, however long it stays
+    there. A solve that takes longer than time_limit [s] misses its deadline.
     """
     t, ticks = np.asarray(episode.t, dtype=float), episode.ticks
     X, U, dt = to_turn_of(episode.X, np.array(UPRIGHT)), episode.U, np.diff(t)
@@ -84,6 +88,7 @@ def measure(episode: Episode, time_limit: float = TIME_LIMIT) -> Metrics:
     return Metrics(
         success=not math.isnan(settled),
         settling_time=settled,
+        settling_offset=_offset(t, X, settled),
         hold_error=_rms(X[rest, ANGLES]),
         # the force of the period that starts at a state
         smoothness=_spread(np.diff(U[rest[:-1]])),
@@ -91,11 +96,12 @@ def measure(episode: Episode, time_limit: float = TIME_LIMIT) -> Metrics:
         largest_force=_largest(U),
         largest_position=_largest(X[:, 0]),
         largest_angle=_largest(X[1:, ANGLES]),
-        stop_hits=int(np.count_nonzero(np.abs(X[:, 0]) >= episode.limits.track_limit - TOUCH)),
+        strikes=strikes(X[:, 0], episode.limits.track_limit),
         energy=float(np.sum(np.abs(np.diff(X[:, 0]) * U))),
         impulse=float(np.sum(np.abs(U) * dt)),
         squared_force=float(np.sum(U ** 2 * dt)),
         squared_speed=float(np.sum(joint_speeds ** 2 * dt)),
+        closed_loop_cost=closed_loop_cost(X, U),
         median_solve_time=_quantile(ticks.solve_time, 0.5),
         p99_solve_time=_quantile(ticks.solve_time, 0.99),
         largest_solve_time=_quantile(ticks.solve_time, 1.0),
@@ -139,6 +145,35 @@ def settling_time(t: Array, X: Array) -> float:
     if first == len(t) or (first > 0 and t[-1] - t[first] < HOLD - 1e-9):
         return math.nan
     return float(t[first])
+
+
+def closed_loop_cost(X: Array, U: Array) -> float:
+    """
+    Return Σ ℓ(x, u) over the periods of a run, by the default weights whatever the controller's.
+
+    Shapes: X (N, 6), U (N - 1,). Source: cost.py, `running`, whose angle error is the chord.
+    """
+    cost, limits = CostParameters(), LimitParameters()
+    error = X[:len(U)] - cost.reference
+    error[:, ANGLES] = 2 * np.sin(error[:, ANGLES] / 2)
+    intrusion = np.maximum(0, np.abs(X[:len(U), 0]) - limits.track_limit + cost.track_margin)
+    return float(np.sum(error ** 2 @ np.array(cost.state_weights) + cost.force_weight * U ** 2
+                        + cost.track_weight * intrusion ** 2)) if len(U) else math.nan
+
+
+def strikes(x: Array, track_limit: float) -> int:
+    """
+    Return how often the cart meets an end stop: entries into |x| ≥ track_limit [m].
+
+    Shapes: x (N,) [m].
+    """
+    at_stop = np.abs(x) >= track_limit - TOUCH
+    return int(np.count_nonzero(np.diff(at_stop.astype(int), prepend=0) > 0))
+
+
+def _offset(t: Array, X: Array, settled: float) -> float:
+    """Return the distance of the cart from the centre at a time [s], NaN where there is none."""
+    return math.nan if math.isnan(settled) else float(np.abs(X[np.searchsorted(t, settled), 0]))
 
 
 def _quantile(values: Array, share: float) -> float:

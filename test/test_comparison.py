@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from synthetic import first, swing_up
 
-from dp_swing_ros.comparison import paired, rate, sign_test, spread, summary, table, wilson
+from dp_swing_ros.comparison import (
+    paired, paired_ratio, rate, sign_test, spread, summary, table, wilson)
 from dp_swing_ros.metrics import measure
 
 
@@ -52,6 +53,15 @@ def test_interval_of_a_paired_difference_covers_it(rng):
 @pytest.mark.parametrize('values', [[], [1.0], [math.nan, math.nan]])
 def test_too_few_pairs_have_no_interval(values):
     assert math.isnan(paired(np.array(values), np.zeros(len(values))).low)
+
+
+def test_a_paired_ratio_is_that_of_the_cases_whatever_their_size(rng):
+    b = np.append(np.exp(rng.normal(0, 3, 60)), math.nan)
+    found = paired_ratio(0.9 * b * np.exp(rng.normal(0, 0.1, 61)), b)
+    assert found.pairs == 60
+    assert found.low < 0.9 < found.high < found.low + 0.1
+    assert paired_ratio(b, b)[1:] == (1.0, 1.0, 1.0)
+    assert math.isnan(paired_ratio(b[:1], b[:1]).value)
 
 
 def test_sign_test_counts_what_is_as_unequal():

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from synthetic import first, PERIOD, swing_up, without_ticks
 
+from dp_swing_ros import configuration
+from dp_swing_ros.cost import running
 from dp_swing_ros.metrics import measure, Outcome, outcome, settling_time
 
 
@@ -131,9 +133,29 @@ def test_the_largest_angle_does_not_count_the_start():
     assert measure(dataclasses.replace(swing_up(), X=X)).largest_angle == pytest.approx(0.35)
 
 
-def test_states_at_an_end_stop_are_counted():
-    assert measure(swing_up()).stop_hits == 0
-    assert measure(with_state(swing_up(), slice(3, 5), [-2.4, 3, 3, 0, 0, 0])).stop_hits == 2
+def test_a_strike_is_an_entry_into_the_end_stop():
+    assert measure(swing_up()).strikes == 0
+    once = with_state(swing_up(), slice(3, 5), [-2.4, 3, 3, 0, 0, 0])
+    assert measure(once).strikes == 1
+    assert measure(with_state(once, 8, [2.4, 3, 3, 0, 0, 0])).strikes == 2
+    assert measure(with_state(once, 0, [2.4, 3, 3, 0, 0, 0])).strikes == 2
+
+
+def test_the_cart_may_be_off_the_centre_when_settled():
+    episode = swing_up()
+    X = episode.X.copy()
+    X[:, 0] = np.linspace(-0.8, 0.0, len(X))
+    metrics = measure(dataclasses.replace(episode, X=X))
+    assert metrics.settling_offset == -X[round(metrics.settling_time / PERIOD), 0] > 0.3
+    assert math.isnan(measure(first(swing_up(), 30)).settling_offset)
+
+
+def test_the_closed_loop_cost_is_that_of_the_default_problem(rng):
+    X, U = rng.normal(size=(81, 6)) * [2.4, 6, 6, 1, 5, 5], rng.normal(0, 8, 80)
+    cost = configuration.problem({}).cost
+    expected = sum(running(cost, x, u) for x, u in zip(X, U))
+    episode = dataclasses.replace(swing_up(), X=X, U=U)
+    assert measure(episode).closed_loop_cost == pytest.approx(expected, rel=1e-12)
 
 
 def test_solves_over_their_limit_are_counted():

@@ -8,21 +8,24 @@ import math
 
 from dp_swing_ros.campaign.scores import CRITERIA, Level
 from dp_swing_ros.campaign.summary import CATCH, DROP, Failure, Standing, Summary
-from dp_swing_ros.comparison import Paired, Rate
+from dp_swing_ros.comparison import Paired, Rate, Ratio
 from dp_swing_ros.scenarios import PROFILE, SCENARIOS
 
 NOTES = """\
 An episode is held when both angles are within 0.1 rad and all speeds below 1 over its last second;
-it has settled where that last stay begins. In brackets are Wilson's 95 % intervals; nothing is
-run twice. Medians are over the held episodes, what is largest over all; force steps are the
-standard deviation of Δu over the last 2 s (hold) and over all of the run. Solve times are over all
-solves of all episodes; a miss is a solve over the time limit of the mpc."""
+it has settled where that last stay begins, with the cart as far from the centre as `off` says. In
+brackets are Wilson's 95 % intervals; nothing is run twice. Medians are over the held episodes, what
+is largest over all; force steps are the standard deviation of Δu over the last 2 s (hold) and over
+all of the run. A strike is the cart's meeting an end stop; strikes are those of all episodes. Σℓ is
+the running cost over the episode, by the default weights for everybody. A miss is a solve over the
+time limit of the mpc."""
 
 DUELS = """\
 On the same cases: what one held and the other did not, with the p of McNemar's exact test, and
 where both held, the median difference (first less second) with its 95 % interval (bootstrap) and
-the p of the sign test. The p are of one test each: among twenty of them one below 0.05 is to be
-expected by chance."""
+the p of the sign test, and the ratio of the closed-loop costs Σℓ (first over second, geometric mean
+of the cases) with its 95 % interval (bootstrap). The p are of one test each: among twenty of them
+one below 0.05 is to be expected by chance."""
 
 
 def markdown(summary: Summary) -> str:
@@ -75,13 +78,15 @@ def share(rate: Rate) -> str:
 
 def _standings(standings: list[Standing]) -> Iterator[str]:
     yield from table([
-        ('contestant', 'held', 'settling [s]', 'hold error [mrad]', 'force step: hold, run [N]',
-         'largest u [N], x [m], θ [rad]', 'Σabs(Δx u) [J]', '∫abs(u) [N s]', '∫u² [N² s]',
+        ('contestant', 'held', 'settling [s]', 'off [m]', 'hold error [mrad]', 'force step: hold, run [N]',
+         'largest u [N], x [m], θ [rad]', 'strikes', 'Σℓ', 'Σabs(Δx u) [J]', '∫abs(u) [N s]',
+         '∫u² [N² s]',
          'solve: median, p99, largest [ms]', 'misses', 'stand-ins'),
         *((f'`{one.contestant}`', share(one.held), number(one.medians['settling_time']),
-           number(one.medians['hold_error'], 2, 1e3),
+           number(one.medians['settling_offset']), number(one.medians['hold_error'], 2, 1e3),
            ', '.join(number(one.medians[name], 3) for name in ('smoothness', 'roughness')),
-           ', '.join(number(value) for value in one.extremes.values()),
+           ', '.join(number(value) for value in one.extremes.values()), str(one.strikes),
+           number(one.medians['closed_loop_cost'], 0),
            number(one.medians['energy'], 1), number(one.medians['impulse'], 1),
            number(one.medians['squared_force'], 0),
            ', '.join(number(value, 2, 1e3) for value in one.solve_time.values()),
@@ -134,10 +139,11 @@ def _duels(summary: Summary) -> Iterator[str]:
     yield ''
     yield from table([
         ('scenario', 'first', 'second', 'cases', 'only first held', 'only second held', 'p',
-         'settling [s]', 'force step at hold [N]', 'force step over the run [N]'),
+         'settling [s]', 'force step at hold [N]', 'force step over the run [N]', 'Σℓ, ratio'),
         *((one.scenario, f'`{one.first}`', f'`{one.second}`', str(one.cases),
            str(one.first_only), str(one.second_only), probability(one.p),
-           *(difference(of) for of in one.differences.values())) for one in summary.duels)])
+           *(difference(of) for of in one.differences.values()), ratio(one.cost))
+          for one in summary.duels)])
 
 
 def probability(p: float) -> str:
@@ -149,6 +155,11 @@ def difference(of: Paired) -> str:
     """Return a paired difference for a cell."""
     return '-' if math.isnan(of.low) else (
         f'{of.median:+.2g} ({of.low:+.2g} to {of.high:+.2g}), p {probability(of.p)}')
+
+
+def ratio(of: Ratio) -> str:
+    """Return a paired ratio for a cell."""
+    return '-' if math.isnan(of.low) else f'{of.value:.3f} ({of.low:.3f} to {of.high:.3f})'
 
 
 def _failures(failures: Sequence[Failure]) -> Iterator[str]:

@@ -13,13 +13,14 @@ import numpy as np
 from dp_swing_ros.campaign.rows import ERROR, Row, solves
 from dp_swing_ros.campaign.scores import (
     CRITERIA, Level, levels, passed_fraction, performance, robustness, SCORED)
-from dp_swing_ros.comparison import Paired, paired, Rate, rate, sign_test
+from dp_swing_ros.comparison import (
+    Paired, paired, paired_ratio, Rate, rate, Ratio, sign_test)
 from dp_swing_ros.metrics import Outcome
 from dp_swing_ros.scenarios import PROFILE, SCENARIOS
 from dp_swing_ros.state import Array
 
 OF_HELD = ('settling_time', 'hold_error', 'smoothness', 'roughness', 'energy', 'impulse',
-           'squared_force', 'squared_speed')
+           'squared_force', 'squared_speed', 'closed_loop_cost', 'settling_offset')
 OF_ALL = ('largest_force', 'largest_position', 'largest_angle')
 SWEPT = ['', PROFILE, *(sweep.parameter for scenario in SCENARIOS.values()
                         for sweep in scenario.sweeps)]  # in the order of reports
@@ -32,7 +33,8 @@ class Standing:
     """
     How a contestant did in a scenario.
 
-    Medians are over the runs that were held, extremes over all; solve times over all solves [s].
+    Medians are over the runs that were held, extremes over all; solve times over all solves [s];
+    strikes are the track strikes of all runs together.
     Dropped are the seeds of a start near the goal from which an angle went beyond DROP.
     """
 
@@ -44,6 +46,7 @@ class Standing:
     extremes: dict[str, float]
     solve_time: dict[str, float]
     solves: int
+    strikes: int
     deadline_misses: int
     stand_ins: int
     sweeps: dict[str, list[Level]]
@@ -72,6 +75,7 @@ class Duel:
     second_only: int
     p: float
     differences: dict[str, Paired]  # first less second
+    cost: Ratio                     # of the closed-loop costs, first over second
 
 
 @dataclasses.dataclass(frozen=True)
@@ -129,7 +133,8 @@ def standing(contestant: str, scenario: str, rows: Sequence[Row]) -> Standing:
         {name: _reduced(np.max, rows, name) for name in OF_ALL},
         {name: float(np.quantile(times, share)) if len(times) else math.nan
          for name, share in (('median', 0.5), ('p99', 0.99), ('largest', 1.0))},
-        len(times), sum(row.metrics.deadline_misses for row in rows),
+        len(times), sum(row.metrics.strikes for row in rows),
+        sum(row.metrics.deadline_misses for row in rows),
         sum(row.metrics.stand_ins for row in rows), levels(rows),
         [row.key.seed for row in rows if scenario == CATCH
          and not row.metrics.largest_angle <= DROP])
@@ -162,16 +167,18 @@ def duel(scenario: str, first: str, second: str, a: Sequence[Row], b: Sequence[R
     lost = sum(other.metrics.success and not one.metrics.success for one, other in pairs)
     # how it settled and held is told by those cases alone that both held
     held = [pair for pair in pairs if pair[0].metrics.success and pair[1].metrics.success]
-    return Duel(scenario, first, second, len(pairs), won, lost, sign_test(won, lost), {
-        name: paired(_values([one for one, _ in held], name),
-                     _values([other for _, other in held], name)) for name in COMPARED})
+    one, other = [pair[0] for pair in held], [pair[1] for pair in held]
+    return Duel(
+        scenario, first, second, len(pairs), won, lost, sign_test(won, lost),
+        {name: paired(_values(one, name), _values(other, name)) for name in COMPARED},
+        paired_ratio(_values(one, 'closed_loop_cost'), _values(other, 'closed_loop_cost')))
 
 
 def why(row: Row) -> str:
     """Return why an episode was not held."""
     if row.outcome == ERROR:
         return row.detail
-    stop = ', after it met an end stop' if row.metrics.stop_hits else ''
+    stop = ', after it met an end stop' if row.metrics.strikes else ''
     return Outcome[row.outcome].value + stop
 
 

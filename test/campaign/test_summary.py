@@ -54,7 +54,7 @@ def test_a_duel_is_over_the_same_cases():
 
 def test_why_an_episode_was_not_held():
     assert why(row(held=False)) == Outcome.NEVER_UP.value
-    assert 'end stop' in why(row(held=False, stop_hits=3))
+    assert 'end stop' in why(row(held=False, strikes=3))
     assert why(error_row()) == 'ValueError: no, "never"'
 
 
