@@ -17,6 +17,7 @@ from pathlib import Path
 import time
 from typing import Any, Callable
 
+import llvmlite.binding
 import numba
 from numba import types
 from numba.core.codegen import get_host_cpu_features
@@ -53,6 +54,18 @@ if 'NUMBA_CACHE_DIR' not in os.environ:
 # differently. Which of them runs would depend on what came out of the cache.
 kernel = numba.njit(cache=True, nogil=True, error_model='numpy', forceinline=True,
                     fastmath={'contract'})
+
+
+def processor() -> str:
+    """Return which processor the kernels are compiled for: its name, a digest of its features."""
+    if numba.config.DISABLE_JIT:
+        return 'interpreted'
+    name = numba.config.CPU_NAME or llvmlite.binding.get_host_cpu_name()
+    features = numba.config.CPU_FEATURES
+    if features is None:
+        features = get_host_cpu_features()
+    return f'{name}-{hashlib.sha256(features.encode()).hexdigest()[:8]}'
+
 
 _clock_gettime: Any = types.ExternalFunction(
     'clock_gettime', types.int32(types.int32, types.voidptr))

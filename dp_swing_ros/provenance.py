@@ -14,9 +14,10 @@ import subprocess
 PACKAGE = Path(__file__).parent
 COMPUTING = ('numpy', 'numba', 'scipy')
 # what no episode depends on
-AFTERWARDS = ('bags/', 'ensemble.py', 'errors.py', 'figures/', 'nodes/', 'provenance.py',
-              'report/', 'rerun/', 'tools/', 'topics.py', 'campaign/report.py',
-              'campaign/scores.py', 'campaign/summary.py', 'comparison.py')
+AFTERWARDS = ('bags/', 'campaign/against.py', 'campaign/manifest.py', 'campaign/report.py',
+              'campaign/runner.py', 'campaign/scores.py', 'campaign/summary.py', 'comparison.py',
+              'ensemble.py', 'errors.py', 'figures/', 'nodes/', 'provenance.py', 'report/',
+              'rerun/', 'tools/', 'topics.py')
 
 
 def cpu() -> str:
@@ -56,11 +57,11 @@ def commit() -> str:
         return 'unknown'
 
 
-def sources() -> str:
-    """Return a digest of all that decides an episode."""
+def sources(without: tuple[str, ...] = AFTERWARDS) -> str:
+    """Return a digest of all that decides an episode, or of all but other modules."""
     digest = hashlib.sha256()
     for path in sorted(PACKAGE.rglob('*.py')):
         place = path.relative_to(PACKAGE).as_posix()
-        if not place.startswith(AFTERWARDS):
+        if not place.startswith(without):
             digest.update(place.encode() + path.read_bytes())
     return digest.hexdigest()[:16]

@@ -7,7 +7,7 @@ import subprocess
 import sys
 import time
 
-from dp_swing_ros.kernels import kernel, now
+from dp_swing_ros.kernels import kernel, now, processor
 
 SOLVES = """
 import hashlib, math, numpy as np
@@ -45,3 +45,14 @@ def test_a_kernel_s_clock_goes_as_python_s():
     began = time.perf_counter()
     inside = until(0.05)
     assert 0.05 <= inside <= time.perf_counter() - began
+
+
+def test_the_processor_is_that_of_the_features_compiled_for():
+    script = 'from dp_swing_ros.kernels import processor; print(processor())'
+
+    def told(**environment):
+        return subprocess.run([sys.executable, '-c', script], env={**os.environ, **environment},
+                              capture_output=True, text=True, check=True).stdout.strip()
+    assert told() == processor()
+    assert told(NUMBA_CPU_FEATURES='+sse2') != processor()
+    assert told(NUMBA_DISABLE_JIT='1') == 'interpreted'

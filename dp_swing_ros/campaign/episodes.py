@@ -9,6 +9,7 @@ import numpy as np
 from dp_swing_ros import configuration
 from dp_swing_ros.campaign.contestants import Contestant
 from dp_swing_ros.campaign.rows import ERROR, Key, Row, UNKNOWN
+from dp_swing_ros.episode import Episode
 from dp_swing_ros.metrics import measure, outcome, TIME_LIMIT
 from dp_swing_ros.scenarios import Case, PERIOD
 from dp_swing_ros.simulation import Controller, simulate
@@ -27,16 +28,29 @@ def key(contestant: Contestant, case: Case) -> Key:
 def play(contestant: Contestant, case: Case) -> Row:
     """Run an episode and measure it; one that raises is a row as well."""
     try:
-        # what leaves the numbers is told by the outcome
+        # what leaves the numbers shows in the outcome
         with np.errstate(all='ignore'):
-            controller = ready(contestant)(case.seed)
-            plant = configuration.plant({**contestant.plant, **case.plant, 'seed': case.seed})
-            episode = simulate(plant, controller, case.duration, contestant.name,
-                               pushes=np.array(case.pushes) if case.pushes else None)
-            metrics = measure(episode, contestant.mpc.get('time_limit', TIME_LIMIT))
+            return measured(contestant, case, simulated(contestant, case))
     except Exception as error:  # noqa: B902
         detail = ' '.join(f'{type(error).__name__}: {error}'.split())
         return Row(key(contestant, case), ERROR, detail, UNKNOWN, np.zeros(0))
+
+
+def simulated(contestant: Contestant, case: Case) -> Episode:
+    """
+    Run an episode.
+
+    Raises ParameterError, and ValueError where the case does not fit the plant.
+    """
+    controller = ready(contestant)(case.seed)
+    plant = configuration.plant({**contestant.plant, **case.plant, 'seed': case.seed})
+    return simulate(plant, controller, case.duration, contestant.name,
+                    pushes=np.array(case.pushes) if case.pushes else None)
+
+
+def measured(contestant: Contestant, case: Case, episode: Episode) -> Row:
+    """Return the row of an episode."""
+    metrics = measure(episode, contestant.mpc.get('time_limit', TIME_LIMIT))
     return Row(key(contestant, case), outcome(episode).name, '', metrics,
                episode.ticks.solve_time)
 

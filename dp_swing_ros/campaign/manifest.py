@@ -10,11 +10,12 @@ from typing import Any
 
 from dp_swing_ros.campaign.contestants import Contestant
 from dp_swing_ros.campaign.rows import CampaignError
+from dp_swing_ros.kernels import processor
 from dp_swing_ros.provenance import (
     commit, COMPUTING, machine, package_version, packages, sources)
 from dp_swing_ros.scenarios import SCENARIOS
 
-DECIDES = ('contestants', 'scenarios', 'duration', 'sources')  # rows depend on these
+DECIDES = ('contestants', 'scenarios', 'duration', 'sources', 'processor')  # rows depend on these
 
 
 def describe(contestants: Iterable[Contestant], scenarios: Iterable[str], seeds: range | None,
@@ -28,8 +29,8 @@ def describe(contestants: Iterable[Contestant], scenarios: Iterable[str], seeds:
                              'levels': SCENARIOS[name].sweeps and (
                                  levels or SCENARIOS[name].levels) or 0}
                       for name in scenarios},
-        'duration': duration, 'sources': sources(), 'version': package_version(),
-        'commit': commit()}
+        'duration': duration, 'sources': sources(), 'processor': processor(),
+        'version': package_version(), 'commit': commit()}
 
 
 def made(command: str) -> dict[str, str]:

@@ -28,9 +28,9 @@ of the cases) with its 95 % interval (bootstrap). The p are of one test each: am
 one below 0.05 is to be expected by chance."""
 
 
-def markdown(summary: Summary) -> str:
-    """Return the page."""
-    parts = [['# Campaign', '', *_header(summary), '', NOTES]]
+def markdown(summary: Summary, title: str = 'Campaign', introduction: Sequence[str] = ()) -> str:
+    """Return the page, its introduction by default what its campaign was made with."""
+    parts = [[f'# {title}', '', *(introduction or made(summary)), '', NOTES]]
     names = list(summary.campaign['scenarios'])
     for scenario in names:
         standings = [one for one in summary.standings if one.scenario == scenario]
@@ -55,12 +55,14 @@ def table(rows: Iterable[Sequence[str]]) -> list[str]:
     return [head, '| --- ' * (head.count(' | ') + 1) + '|', *body]
 
 
-def _header(summary: Summary) -> list[str]:
+def made(summary: Summary) -> list[str]:
+    """Return the lines on where a campaign comes from, and on how many episodes it has."""
     campaign, lines = summary.campaign, []
-    made = campaign.get('made', {})
-    if made:
-        lines = [f'Made by `{made["command"]}` on {made["date"]}, version {campaign["version"]}, '
-                 f'commit {campaign["commit"]}; {made["machine"]}; {made["packages"]}.']
+    about = campaign.get('made', {})
+    if about:
+        lines = [f'Made by `{about["command"]}` on {about["date"]}, version '
+                 f'{campaign["version"]}, commit {campaign["commit"]}; {about["machine"]}; '
+                 f'{about["packages"]}.']
     missing = f', {summary.missing} not run yet' if summary.missing else ''
     return [*lines, f'{summary.episodes} episodes of {campaign["duration"]:g} s{missing}.']
 

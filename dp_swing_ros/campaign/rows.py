@@ -4,17 +4,19 @@
 The table on disk: one row an episode, appended as it comes.
 
 A line is written in one go, so that a campaign that is killed leaves at most its last line torn;
-such a line is dropped when the campaign goes on.
+such a line is dropped when the campaign goes on. What is to be kept for good is compressed.
 """
 
 from collections.abc import Iterable
 import csv
 import dataclasses
+import gzip
 import io
 import math
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple
+import zlib
 
 import numpy as np
 
@@ -57,6 +59,9 @@ class Row:
 NOTHING: dict[Any, Any] = {bool: False, int: 0, float: math.nan}
 UNKNOWN = Metrics(**{field.name: NOTHING[field.type]
                      for field in dataclasses.fields(Metrics)})  # of an episode that raised
+# what a clock decides, and not the seed
+CLOCKED = ('median_solve_time', 'p99_solve_time', 'largest_solve_time', 'median_latency',
+           'p99_latency', 'late_ticks', 'deadline_misses')
 COLUMNS = [*Key._fields, 'outcome', 'detail',
            *(field.name for field in dataclasses.fields(Metrics)), 'solve_times_us']
 
@@ -65,6 +70,18 @@ def solves(rows: Iterable[Row]) -> Array:
     """Return the times of all solves of some rows [s]; a tick without a solve took none."""
     times = np.concatenate([np.zeros(0), *(row.solve_times for row in rows)])
     return times[times > 0]
+
+
+def untimed(row: Row) -> Row:
+    """Return a row without what a clock decided, which other processes disturb."""
+    metrics = dataclasses.replace(row.metrics, **{
+        name: getattr(UNKNOWN, name) for name in CLOCKED})
+    return dataclasses.replace(row, metrics=metrics, solve_times=np.zeros(0))
+
+
+def identical(a: Row, b: Row) -> bool:
+    """Tell whether two rows are the same to the bit, the clock apart."""
+    return _cells(untimed(a)) == _cells(untimed(b))
 
 
 class Table:
@@ -94,15 +111,11 @@ class Table:
 
         Raises CampaignError where it cannot be written.
         """
-        values = dataclasses.astuple(row.metrics)
-        ticks = ' '.join(str(round(time / MICRO)) for time in row.solve_times)
-        self._write([*map(_text, row.key), row.outcome, row.detail, *map(_text, values), ticks])
+        self._write(_cells(row))
         self.rows.append(row)
 
     def _write(self, values: list[str]) -> None:
-        line = io.StringIO()
-        csv.writer(line, lineterminator='\n').writerow(values)
-        data = line.getvalue().encode()
+        data = _line(values)
         try:
             written = self._file.write(data)
         except OSError as error:
@@ -118,13 +131,24 @@ class Table:
         self._file.close()
 
 
+def store(path: Path, rows: Iterable[Row]) -> None:
+    """Write rows as a compressed table, the same bytes for the same rows."""
+    data = b''.join(map(_line, [COLUMNS, *map(_cells, rows)]))
+    path.write_bytes(gzip.compress(data, mtime=0))
+
+
 def read(path: Path) -> list[Row]:
     """
-    Read the whole rows of a table.
+    Read the whole rows of a table, compressed or not.
 
     Raises CampaignError where it is another table.
     """
     data = path.read_bytes()
+    if path.suffix == '.gz':
+        try:
+            data = gzip.decompress(data)
+        except (OSError, EOFError, zlib.error) as error:
+            raise CampaignError(f'{path} cannot be decompressed: {error}') from None
     lines = csv.reader(io.StringIO(data[:_whole(data)].decode(errors='replace'), newline=''))
     header = next(lines, COLUMNS)
     if header != COLUMNS:
@@ -137,6 +161,18 @@ def read(path: Path) -> list[Row]:
             raise CampaignError(f'{path}, line {number}: {error}; remove the line for the episode '
                                 'to be run again') from None
     return rows
+
+
+def _cells(row: Row) -> list[str]:
+    ticks = ' '.join(str(round(time / MICRO)) for time in row.solve_times)
+    return [*map(_text, row.key), row.outcome, row.detail,
+            *map(_text, dataclasses.astuple(row.metrics)), ticks]
+
+
+def _line(values: list[str]) -> bytes:
+    line = io.StringIO()
+    csv.writer(line, lineterminator='\n').writerow(values)
+    return line.getvalue().encode()
 
 
 def _whole(data: bytes) -> int:

@@ -26,23 +26,23 @@ GO_ON = 'call again with the same --output to go on'
 WATCH = 1.0  # [s] between two looks of a worker for its campaign
 
 
-def run(contestants: Sequence[Contestant], cases: Sequence[Case], table: Table, jobs: int,
-        dask: str) -> None:
+def run(episodes: Sequence[tuple[Contestant, Case]], table: Table, jobs: int,
+        dask: str = '') -> None:
     """
-    Play every pair that the table lacks, case by case so that contestants stay level.
+    Play every episode that the table lacks, in their order.
 
     Raises ParameterError where a contestant cannot be made and CampaignError where it cannot go
     on.
     """
     done = {row.key for row in table.rows}
-    todo = [(contestant, case) for case in cases for contestant in contestants
+    todo = [(contestant, case) for contestant, case in episodes
             if key(contestant, case) not in done]
     if not todo:
         return
-    for contestant in contestants:
+    for contestant in {one.label: one for one, _ in todo}.values():
         ready(contestant)  # compiles once for all workers, and refuses what cannot work
     failures = sum(row.outcome != Outcome.HELD.name for row in table.rows)
-    total = len(contestants) * len(cases)
+    total = len(episodes)
     with _workers(jobs, dask), tqdm(total=total, initial=total - len(todo), unit='episode',
                                     smoothing=0.05) as bar:
         rows = Parallel(return_as='generator', batch_size=1)(

@@ -12,9 +12,11 @@ import sys
 from typing import Any
 
 from dp_swing_ros.campaign import manifest
+from dp_swing_ros.campaign.against import compared, refuse_strangers, rivals
 from dp_swing_ros.campaign.contestants import parse_all
+from dp_swing_ros.campaign.episodes import key
 from dp_swing_ros.campaign.report import markdown
-from dp_swing_ros.campaign.rows import CampaignError, read, Table
+from dp_swing_ros.campaign.rows import CampaignError, read, Row, Table
 from dp_swing_ros.campaign.runner import run
 from dp_swing_ros.campaign.summary import plain, summarise, Summary
 from dp_swing_ros.figures import of_campaign
@@ -31,6 +33,7 @@ examples:
   {PROGRAM} --contestants ilqr ilqr:config/paper.yaml tvlqr nothing
   {PROGRAM} --contestants long=ddp:horizon=60+warm_start=forces ddp
   {PROGRAM} --output runs/night            # again, to go on where it stopped
+  {PROGRAM} --scenarios random --seeds 100 --against docs/results/random.csv.gz
 
 A contestant is a solver ({', '.join(SOLVERS)}) or a baseline (tvlqr, nothing), after a colon its
 parameter files or mpc parameters, before an equals sign its name in tables and pictures.
@@ -51,10 +54,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     folder = arguments.output or Path('runs', f'campaign_{datetime.now():%Y%m%d_%H%M%S}')
     try:
         interrupt_on_signals()
+        stored = read(table_of(arguments.against)) if arguments.against else []
         if not arguments.summary_only:
-            play(arguments, folder, shlex.join(['evaluate', *(sys.argv[1:] if argv is None
+            play(arguments, folder, stored, shlex.join(['evaluate', *(sys.argv[1:] if argv is None
                                                               else argv)]))
-        report(folder, arguments.figures)
+        report(folder, arguments.figures, stored, arguments.against)
     except KeyboardInterrupt:
         print(f'evaluate: interrupted; call again with --output {folder} to go on',
               file=sys.stderr)
@@ -91,6 +95,9 @@ def command_line() -> argparse.ArgumentParser:
                              'of an idle machine')
     parser.add_argument('--dask', default='', metavar='ADDRESS',
                         help='run on the Dask cluster of this scheduler, as tcp://host:8786')
+    parser.add_argument('--against', type=Path, metavar='STORED',
+                        help='compare with stored rows, episode by episode: the folder of a '
+                             'campaign, or a table as docs/results/random.csv.gz')
     parser.add_argument('--figures', action=argparse.BooleanOptionalAction, default=True,
                         help='draw the pictures')
     parser.add_argument('--summary-only', action='store_true',
@@ -123,18 +130,27 @@ def duration(text: str) -> float:
     return value
 
 
-def play(arguments: argparse.Namespace, folder: Path, command: str) -> None:
-    """Run what the folder lacks."""
+def play(arguments: argparse.Namespace, folder: Path, stored: Sequence[Row],
+         command: str) -> None:
+    """
+    Run what the folder lacks.
+
+    Raises CampaignError where it is to be compared with other episodes, before any is run.
+    """
     contestants = parse_all(arguments.contestants)
     description = {**manifest.describe(contestants, arguments.scenarios, arguments.seeds,
                                        arguments.levels, arguments.duration),
                    'made': manifest.made(command)}
+    # case by case, so that contestants stay level
+    episodes = [(contestant, case) for case in cases(description) for contestant in contestants]
+    if arguments.against is not None:
+        refuse_strangers([key(*episode) for episode in episodes], stored)
     folder.mkdir(parents=True, exist_ok=True)
     manifest.keep(folder, description)
     print(f'{folder}: {len(contestants)} contestants, {len(cases(description))} cases each',
           flush=True)
     with Table(folder / 'episodes.csv') as table:
-        run(contestants, cases(description), table, arguments.jobs, arguments.dask)
+        run(episodes, table, arguments.jobs, arguments.dask)
 
 
 def cases(description: dict[str, Any]) -> list[Case]:
@@ -144,8 +160,18 @@ def cases(description: dict[str, Any]) -> list[Case]:
                                               description['duration'])]
 
 
-def report(folder: Path, figures: bool) -> Summary:
-    """Write summary and pictures of what the folder holds."""
+def table_of(place: Path) -> Path:
+    """Return the table that a campaign's folder holds, or the table itself."""
+    return place / 'episodes.csv' if place.is_dir() else place
+
+
+def report(folder: Path, figures: bool, stored: Sequence[Row] = (),
+           against: Path | None = None) -> Summary:
+    """
+    Write summary and pictures of what the folder holds, and how it differs from stored rows.
+
+    Raises CampaignError where no episode is stored.
+    """
     description = manifest.load(folder)
     rows = read(folder / 'episodes.csv')
     expected = len(description['contestants']) * len(cases(description))
@@ -153,6 +179,8 @@ def report(folder: Path, figures: bool) -> Summary:
     (folder / 'summary.json').write_text(json.dumps(plain(summary), indent=1) + '\n',
                                          encoding='utf-8')
     page = markdown(summary)
+    if against is not None:
+        page += f'\n{compared(str(against), rivals(rows, stored))}'
     (folder / 'summary.md').write_text(page, encoding='utf-8')
     print(page)
     if figures:

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from results import error_row, row, same
 
-from dp_swing_ros.campaign.rows import CampaignError, read, solves, Table
+from dp_swing_ros.campaign.rows import (
+    CampaignError, identical, read, solves, store, Table, untimed)
 
 SOURCES = Path(__file__).parents[2]
 
@@ -35,6 +36,35 @@ def test_rows_come_back_as_they_were(tmp_path):
     assert len(found) == 3
     for one, other in zip(found, rows):
         assert_same(one, other)
+
+
+def test_stored_rows_come_back_as_they_were_from_the_same_bytes(tmp_path):
+    rows = [row(settling_time=1 / 3), row(held=False, parameter='delay', level=0.1), error_row()]
+    for name in ('one', 'two'):
+        store(tmp_path / f'{name}.csv.gz', rows)
+    for one, other in zip(read(tmp_path / 'one.csv.gz'), rows, strict=True):
+        assert_same(one, other)
+        assert identical(one, other)
+    assert (tmp_path / 'one.csv.gz').read_bytes() == (tmp_path / 'two.csv.gz').read_bytes()
+
+
+def test_a_stored_table_that_is_torn_is_refused(tmp_path):
+    path = tmp_path / 'rows.csv.gz'
+    store(path, [row(seed=seed) for seed in range(9)])
+    path.write_bytes(path.read_bytes()[:-9])
+    with pytest.raises(CampaignError, match='decompressed'):
+        read(path)
+
+
+def test_rows_are_identical_whatever_the_clock_said():
+    one, other = row(settling_time=1.0, p99_solve_time=1.0), row(settling_time=1.0,
+                                                                 solve_times=(0.5,))
+    assert identical(one, other)
+    assert not identical(one, row(settling_time=np.nextafter(1.0, 2.0)))
+    bare = untimed(one)
+    assert identical(bare, one)
+    assert len(bare.solve_times) == bare.metrics.deadline_misses == 0
+    assert np.isnan(bare.metrics.p99_solve_time)
 
 
 def test_a_table_goes_on_where_it_stopped(tmp_path):

@@ -1,5 +1,7 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
+import itertools
+
 from distributed import LocalCluster
 import pytest
 from results import same
@@ -20,7 +22,7 @@ def play(folder, jobs=2, dask='', contestants=CONTESTANTS, seeds=SEEDS):
     cases = [case for name in ('random', 'force_noise')
              for case in SCENARIOS[name].cases(name, seeds, 1, 1.0)]
     with Table(folder / 'episodes.csv') as table:
-        run(parse_all(contestants), cases, table, jobs, dask)
+        run(list(itertools.product(parse_all(contestants), cases)), table, jobs, dask)
     return read(folder / 'episodes.csv')
 
 
@@ -91,8 +93,8 @@ def test_an_episode_that_raises_is_shown_and_the_rest_goes_on(tmp_path, capsys):
     path.write_text('/**/plant:\n  ros__parameters: {rate: 10}\n')
     cases = list(SCENARIOS['pushes'].cases('pushes', range(2), None, 1.0))
     with Table(tmp_path / 'episodes.csv') as table:
-        run(parse_all(['nothing', f'nothing:{path}']), cases, table, 1, '')
+        run(list(itertools.product(parse_all(['nothing', f'nothing:{path}']), cases)), table, 1)
     rows = read(tmp_path / 'episodes.csv')
-    assert [row.outcome == 'ERROR' for row in rows] == [False, True, False, True]
-    assert 'pushes' in rows[1].detail
+    assert [row.outcome == 'ERROR' for row in rows] == [False, False, True, True]
+    assert 'pushes' in rows[2].detail
     assert 'nothing:slow pushes' in capsys.readouterr().err

@@ -1,5 +1,6 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
+import dataclasses
 import json
 import os
 from pathlib import Path
@@ -10,8 +11,9 @@ import sys
 from conftest import wait_until
 from PIL import Image
 import pytest
+from results import row
 
-from dp_swing_ros.campaign.rows import read
+from dp_swing_ros.campaign.rows import read, store
 from dp_swing_ros.tools.evaluate import command_line, main
 
 SOURCES = Path(__file__).parents[2]
@@ -70,6 +72,29 @@ def test_another_campaign_in_its_folder_is_refused(capsys):
     capsys.readouterr()
     assert main([*SMALL, '--seeds', '4']) == 1
     assert '[0, 3]' in one_line(capsys)
+
+
+def test_a_campaign_is_compared_with_a_stored_one_row_by_row(capsys):
+    assert main(SMALL) == 0
+    rows = read(Path('campaign/episodes.csv'))
+    store(Path('stored.csv.gz'), [dataclasses.replace(rows[0], metrics=dataclasses.replace(
+        rows[0].metrics, energy=rows[0].metrics.energy + 1e-9)), *rows[1:]])
+    capsys.readouterr()
+    for place, equal in (('campaign', 3), ('stored.csv.gz', 2)):
+        assert main([*SMALL, '--against', place]) == 0
+        shown = capsys.readouterr().out
+        assert f'## Against {place}' in shown
+        assert f'| hanging | `nothing` | 3 | {equal} | 0 | 0 | 1.000 | - | - |' in shown
+        assert f'## Against {place}' in Path('campaign/summary.md').read_text()
+
+
+def test_what_cannot_be_compared_is_one_line(capsys):
+    store(Path('stored.csv.gz'), [row('ddp', 'random')])
+    assert main([*SMALL, '--against', 'stored.csv.gz']) == 1
+    assert 'stored are ddp in random' in one_line(capsys)
+    assert not Path('campaign').exists()
+    assert main([*SMALL, '--against', 'none.csv.gz']) == 1
+    assert 'none.csv.gz' in one_line(capsys)
 
 
 @pytest.mark.parametrize('arguments, code, word', [

@@ -1,0 +1,80 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Where a stored page comes from: the sentence that names it, and what the sentence says."""
+
+from collections.abc import Iterable
+from datetime import date
+import hashlib
+from pathlib import Path
+import re
+import subprocess
+from typing import NamedTuple
+
+from dp_swing_ros import provenance
+from dp_swing_ros.kernels import processor
+
+TOP = Path(__file__).parents[1]
+GENERATED = ('README.md', 'docs/results', 'docs/figures')   # by `make results`, which they may not stop
+MADE = re.compile(r'Made by `make results PAGES=(?P<page>\w+)` on \S+ at commit '
+                  r'(?P<commit>[\w-]+), sources (?P<sources>[0-9a-f]{16}); '
+                  r'(?P<machine>[^;]*) \((?P<processor>[\w-]+)\); (?P<versions>[^;]*)\.\n')
+
+
+class Stamp(NamedTuple):
+    """What a page says of its origin."""
+
+    page: str
+    commit: str
+    sources: str
+    processor: str
+    versions: str
+
+
+def made(page: str, sources: str, packages: Iterable[str] = provenance.COMPUTING) -> str:
+    """Return the sentence, as a line of Markdown; sources are what decides the page."""
+    return (f'Made by `make results PAGES={page}` on {date.today()} at commit {commit()}, '
+            f'sources {sources}; {provenance.machine()} ({processor()}); {versions(packages)}.\n')
+
+
+def versions(packages: Iterable[str] = provenance.COMPUTING) -> str:
+    """Return the versions of Python and of packages in words."""
+    return ', '.join(f'{name} {number}'
+                     for name, number in provenance.packages(packages).items())
+
+
+def read(page: Path) -> Stamp:
+    """
+    Return what a page says of its origin.
+
+    Raises ValueError where it does not.
+    """
+    found = MADE.search(page.read_text(encoding='utf-8'))
+    if found is None:
+        raise ValueError(f'{page} does not name its commit and sources; run `make results '
+                         f'PAGES={page.stem}`')
+    return Stamp(**{name: found[name] for name in Stamp._fields})
+
+
+def sources_with(*scripts: str) -> str:
+    """Return a digest of the whole package and of some files of this folder."""
+    digest = hashlib.sha256(provenance.sources(()).encode())
+    for script in scripts:
+        digest.update(Path(__file__).with_name(script).read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def commit() -> str:
+    """Return the commit that is checked out, and whether a source was changed since."""
+    head = _git('rev-parse', '--short=10', 'HEAD').strip()
+    return f'{head}-dirty' if changed() else head
+
+
+def changed() -> list[str]:
+    """Return the files that differ from the commit, but for those that are generated."""
+    lines = _git('status', '--porcelain', '--', '.', *(f':(exclude){name}' for name in GENERATED))
+    return [line[3:] for line in lines.splitlines()]
+
+
+def _git(*arguments: str) -> str:
+    return subprocess.run(['git', '-C', str(TOP), *arguments], capture_output=True, text=True,
+                          check=True).stdout
