@@ -33,16 +33,9 @@ docs: setup  ## the reference of parameters
 evaluate: setup  ## run a campaign of episodes without ROS (EVALUATE='...' for its arguments)
 	@$(WITH_ROS) && ros2 run dp_swing_ros evaluate $(EVALUATE)
 
-results: setup  ## measure docs/results anew, but for the campaigns (half an hour)
-	@$(WITH_ROS) && for page in real_time near_goal choices durability mutated_bags; do \
-	  python benchmarks/$$page.py > docs/results/.new && \
-	  mv docs/results/.new docs/results/$${page/mutated/damaged}.md || exit 1; done
-
-figures: setup  ## the paper's Figs. 2 to 10 and its claims, anew (FIGURES='--seeds 5' for fewer)
-	@$(WITH_ROS) && python benchmarks/paper.py $(FIGURES)
-
-benchmark: setup $(VENV)/.peers  ## us and the peers, in turn, into docs/results/benchmark.md (11 min)
-	@$(WITH_ROS) && python benchmarks/benchmark.py $(BENCHMARK)
+results: setup $(if $(filter benchmark,$(or $(PAGES),benchmark)),$(VENV)/.peers)
+results:  ## every published figure anew, under an hour (PAGES='random robustness' for some)
+	@$(WITH_ROS) && python benchmarks/results.py $(PAGES) $(RESULTS)
 
 test: setup  ## all tests, linters and type checks (PYTEST='...' for arguments of pytest)
 	@$(WITH_ROS) && python -m pytest -n auto --maxprocesses 8 $(PYTEST)
@@ -81,5 +74,5 @@ install/.built: $(VENV)/.installed $(SOURCES)
 	  (cd $$tree && find dp_swing_ros -name '*.py' ! -exec test -e '$(CURDIR)/{}' \; -delete); done
 	@touch $@
 
-.PHONY: help setup demo docs evaluate results figures benchmark test shell clean
+.PHONY: help setup demo docs evaluate results test shell clean
 .DEFAULT_GOAL := help

@@ -1,25 +1,21 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""
-What each choice of the default set-up is worth: the pendulum's runs with that choice taken back.
+"""What each choice of the default set-up is worth: the runs with that choice taken back."""
 
-Run by `make results`, which keeps what it prints as docs/results/choices.md; takes minutes.
-"""
-
-import argparse
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from joblib import delayed, Parallel
 import numpy as np
-from tqdm import tqdm
 
-from dp_swing_ros import configuration
-from dp_swing_ros.comparison import wilson
+from dp_swing_ros.campaign.contestants import Contestant
+from dp_swing_ros.campaign.episodes import key
+from dp_swing_ros.campaign.report import share, table
+from dp_swing_ros.campaign.rows import Row
+from dp_swing_ros.comparison import rate
 from dp_swing_ros.estimator import SCALED
-from dp_swing_ros.metrics import measure, Metrics
+from dp_swing_ros.metrics import Metrics
 from dp_swing_ros.parameters import PendulumParameters
 from dp_swing_ros.scenarios import Case, SCENARIOS
-from dp_swing_ros.simulation import simulate
 
 ALL = ('ilqr', 'ddp', 'mppi')
 DURATION = 10.0  # [s]
@@ -80,44 +76,43 @@ CHOICES = [
 ]
 
 
-def episode(choice: Choice, name: str, case: Case) -> Metrics:
-    """Run one case and measure it."""
-    return measure(simulate(
-        configuration.plant({**choice.plant, **case.plant, 'seed': case.seed}),
-        configuration.controller({**choice.mpc, 'solver': name, 'seed': case.seed}),
-        case.duration, name))
+def contestant(choice: Choice, name: str) -> Contestant:
+    """Return a solver with a choice taken back."""
+    return Contestant(f'{name}, {choice.title}', name, choice.plant, choice.mpc)
 
 
-def row(choice: Choice, name: str, runs: list[Metrics]) -> str:
-    """Return a line of the table."""
-    successes = sum(run.success for run in runs)
-    low, high = wilson(successes, len(runs))
+def of_choice(choice: Choice, name: str) -> list[tuple[Contestant, Case]]:
+    """Return the episodes of a row of the page."""
+    cases = SCENARIOS[choice.scenario].cases(
+        choice.scenario, range(choice.seeds), None, DURATION)
+    return [(contestant(choice, name), case) for case in cases]
+
+
+def episodes() -> list[tuple[Contestant, Case]]:
+    """Return the episodes of all rows of the page."""
+    return [episode for choice in CHOICES for name in choice.solvers
+            for episode in of_choice(choice, name)]
+
+
+def line(choice: Choice, name: str, runs: Sequence[Metrics]) -> tuple[str, ...]:
+    """Return a row of the page."""
     settled = [run.settling_time for run in runs if run.success]
-    settling = f'{np.median(settled):.2f}' if settled else '-'
-    return (f'| {choice.title} | {choice.scenario} | `{name}` | {successes} of {len(runs)} '
-            f'({100 * low:.0f}-{100 * high:.0f} %) | {settling} | '
-            f'{np.median([run.smoothness for run in runs]):.3f} |')
+    return (choice.title, choice.scenario, f'`{name}`', share(rate([run.success for run in runs])),
+            f'{np.median(settled):.2f}' if settled else '-',
+            f'{np.median([run.smoothness for run in runs]):.3f}')
 
 
-def main() -> None:
-    """Print the page."""
-    argparse.ArgumentParser(description=__doc__).parse_args()
-    print('# What each choice is worth\n\n'
-          f'Made by `make results` (choices.py): {DURATION:g} s without ROS, in lockstep, of the '
-          'scenarios of [evaluate](../evaluation.md), from their first seed on; each row takes '
-          'one choice of the defaults back. In brackets the 95 % interval (Wilson); the settling '
-          'time is the median of the successes, the force step the median standard deviation of '
-          'Δu over the last 2 s.\n\n'
-          '| taken back | scenario | solver | upright to the end | settling [s] | '
-          'force step [N] |\n| --- | --- | --- | --- | --- | --- |')
-    with Parallel(n_jobs=-1) as parallel:
-        for choice in tqdm(CHOICES):
-            cases = list(SCENARIOS[choice.scenario].cases(
-                choice.scenario, range(choice.seeds), None, DURATION))
-            for name in choice.solvers:
-                runs = parallel(delayed(episode)(choice, name, case) for case in cases)
-                print(row(choice, name, runs), flush=True)
-
-
-if __name__ == '__main__':
-    main()
+def page(rows: Sequence[Row], made: str) -> str:
+    """Return the page from the rows of all runs."""
+    found = {row.key: row.metrics for row in rows}
+    lines = [line(choice, name, [found[key(*episode)] for episode in of_choice(choice, name)])
+             for choice in CHOICES for name in choice.solvers]
+    return '\n'.join([
+        '# What each choice is worth\n', made,
+        f'{DURATION:g} s without ROS, in lockstep, of the scenarios of [evaluate]'
+        '(../evaluation.md), from their first seed on; the rows: [choices.csv.gz](choices.csv.gz). '
+        'Each line takes one choice of the defaults back. In brackets the 95 % interval (Wilson); '
+        'the settling time is the median of the successes, the force step the median standard '
+        'deviation of Δu over the last 2 s.\n',
+        *table([('taken back', 'scenario', 'solver', 'upright to the end', 'settling [s]',
+                 'force step [N]'), *lines]), ''])

@@ -3,16 +3,14 @@
 """
 What a bag keeps when its logger is killed, when the disk is full, and at high rates.
 
-What it prints is docs/results/durability.md; takes ten minutes on a machine that must do nothing
-else. The full disk needs the right to mount one.
+Run by `make results`, which writes docs/results/durability.md; takes minutes on a machine that must
+do nothing else. The full disk needs the right to mount one.
 """
 
 import argparse
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from datetime import date
 from pathlib import Path
-import platform
 import resource
 import subprocess
 import sys
@@ -22,10 +20,10 @@ from typing import NamedTuple
 
 import numpy as np
 from readers import read, Verdicts, whole
+from stamp import made, sources_with, TOP
 from tqdm import tqdm
 import yaml
 
-from dp_swing_ros.provenance import commit, machine
 from dp_swing_ros.tools.isolation import isolated
 from dp_swing_ros.tools.processes import Crew, Process
 
@@ -48,19 +46,23 @@ class Kill(NamedTuple):
 
 
 def main() -> None:
-    """Do it all and print the page."""
+    """Do it all and write the page."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[1])
-    parser.add_argument('--kills', type=int, default=50, help=f'at {SLOW:g} messages/s')
+    parser.add_argument('--kills', type=int, default=30, help=f'at {SLOW:g} messages/s')
     parser.add_argument('--kills-fast', type=int, default=10, help=f'at {FAST:g} messages/s')
     parser.add_argument('--seconds', type=float, default=60.0, help='of full load')
     parser.add_argument('--seed', type=int, default=0, help='of the moments of the kills')
+    parser.add_argument('--docs', type=Path, default=TOP / 'docs')
     arguments = parser.parse_args()
     rng = np.random.default_rng(arguments.seed)
     with isolated(), tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         rows = [row(rate, kills(folder / f'{rate:g}', rate, count, rng))
                 for rate, count in ((SLOW, arguments.kills), (FAST, arguments.kills_fast))]
-        print(page(rows, full_disk(folder / 'disk'), load(folder / 'load', arguments.seconds)))
+        text = page(rows, full_disk(folder / 'disk'), load(folder / 'load', arguments.seconds))
+    results = arguments.docs / 'results'
+    results.mkdir(parents=True, exist_ok=True)
+    (results / 'durability.md').write_text(text, encoding='utf-8')
 
 
 def kills(folder: Path, rate: float, count: int, rng: np.random.Generator) -> list[Kill]:
@@ -204,9 +206,7 @@ def page(rows: list[dict[str, str]], disk: str, loaded: str) -> str:
     """Return the page as Markdown."""
     return '\n'.join([
         '# Durability\n',
-        f'Made by `{" ".join(["python", f"benchmarks/{Path(__file__).name}", *sys.argv[1:]])}` on '
-        f'{date.today()} at commit {commit()}; {machine()}, '
-        f'CPython {platform.python_version()}.\n',
+        made('durability', sources_with('durability.py', 'numbered.py', 'readers.py')),
         '## SIGKILL of the logger\n',
         f'At random moments, with {TOPICS} topics of numbered messages; then '
         '`ros2 run dp_swing_ros recover`. Lost are all messages that had gone out before the kill '

@@ -1,7 +1,7 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Damage a bag in many ways, give it to the tools, and print docs/results/damaged_bags.md.
+Damage a bag in many ways, give it to the tools, and write docs/results/damaged_bags.md.
 
 A tool passes if it ends soon, with exit code 2 and one line, or with a result that is that of the
 undamaged bag or is told to be a part of it. A mutation that fixes the checksums cannot be told
@@ -12,7 +12,6 @@ import argparse
 from collections import Counter
 from collections.abc import Callable, Iterator
 import contextlib
-from datetime import date
 import io
 from pathlib import Path
 import shutil
@@ -26,6 +25,7 @@ import warnings
 
 from mutations import FORGED, MUTATIONS
 import numpy as np
+from stamp import made, sources_with, TOP
 from tqdm import tqdm
 
 from dp_swing_ros.bags import read_episode
@@ -34,7 +34,6 @@ from dp_swing_ros.comparison import table
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.metrics import measure
 from dp_swing_ros.nodes import replay
-from dp_swing_ros.provenance import commit
 from dp_swing_ros.tools import recover, verify
 from dp_swing_ros.tools.isolation import isolated
 
@@ -215,9 +214,9 @@ def run(folder: Path) -> Path:
 def page(counts: Counter[tuple[str, str, str]], seeds: range) -> str:
     """Return the page as Markdown."""
     lines = ['# Damaged bags\n',
-             f'Made by {Path(__file__).name} on {date.today()} at commit {commit()}, with the '
-             f'seeds {seeds.start} to {seeds[-1]}.\n',
-             'A recorded run is damaged and given to each tool. error: exit code 2 and one line; '
+             made('damaged_bags', sources_with('mutated_bags.py', 'mutations.py', 'forgeries.py')),
+             'A recorded run is damaged and given to each tool, with the seeds '
+             f'{seeds.start} to {seeds[-1]}. error: exit code 2 and one line; '
              'result: the table of the undamaged bag; told as partial: a part of it, and it says '
              'so; forged: checksums were made to fit the damage, so nobody can tell it; FAILED: '
              'a traceback, a wrong table or message, or no end after '
@@ -240,11 +239,14 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument('--bag', type=Path, help='folder of a recorded run (default: a new one)')
     parser.add_argument('--count', type=int, default=500)
     parser.add_argument('--seed', type=int, default=0, help='the first one')
+    parser.add_argument('--docs', type=Path, default=TOP / 'docs')
     arguments = parser.parse_args(argv)
     seeds = range(arguments.seed, arguments.seed + arguments.count)
     with tempfile.TemporaryDirectory(prefix='mutated_bags_') as place, isolated():
         counts, fails = play(arguments.bag or run(Path(place, 'run')), seeds)
-    print(page(counts, seeds))
+    results = arguments.docs / 'results'
+    results.mkdir(parents=True, exist_ok=True)
+    (results / 'damaged_bags.md').write_text(page(counts, seeds) + '\n', encoding='utf-8')
     print(*fails, sep='\n', end='\n' if fails else '', file=sys.stderr)
     return 1 if fails else 0
 

@@ -9,76 +9,41 @@ takes minutes.
 """
 
 import argparse
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
-import shlex
 import sys
 from typing import NamedTuple
 
 from joblib import delayed, Parallel
 import numpy as np
-from paper_page import Key, page, summary
+from paper_experiments import (
+    case, contestant, files_of, Key, keys, PERIOD, PICTURES, SEEDS, SETUPS, STARTS, STEPS, TOP)
+from paper_page import page
+from seeded import sources
+from stamp import made
 from tqdm import tqdm
 import yaml
 
-from dp_swing_ros import configuration, figures
+from dp_swing_ros import figures
 from dp_swing_ros.bags import read_episode
+from dp_swing_ros.campaign.episodes import measured, simulated
+from dp_swing_ros.campaign.rows import Row, store, untimed
 from dp_swing_ros.ensemble import Ensemble, ensemble, trial
 from dp_swing_ros.episode import Episode
 from dp_swing_ros.errors import UserError
-from dp_swing_ros.simulation import simulate
-from dp_swing_ros.state import HANGING
 from dp_swing_ros.tools.demo import perform, Run
 from dp_swing_ros.tools.evaluate import positive
 from dp_swing_ros.tools.isolation import isolated
 from dp_swing_ros.tools.processes import interrupt_on_signals
 
-TOP = Path(__file__).parents[1]
-SEED = 0                                      # of the run that is shown whole
-NEAR_GOAL = (0.0, 0.2, 0.2, 0.0, 0.0, 0.0)    # the paper does not tell its own
-STARTS = {'swing-up': HANGING, 'near the goal': NEAR_GOAL}
-STEPS = {'ddp': 150, 'ilqr': 150, 'mppi': 100}
-PERIOD = 0.05                                 # [s]
-PICTURES = {('ddp', 'swing-up'): (2, 3), ('ilqr', 'swing-up'): (4, 5),
-            ('mppi', 'swing-up'): (6, 7), ('ddp', 'near the goal'): (8,),
-            ('ilqr', 'near the goal'): (9,), ('mppi', 'near the goal'): (10,)}
-
-
-class Setup(NamedTuple):
-    """The name in pictures, if drawn; parameter files; what else the mpc is told; for whom."""
-
-    title: str
-    files: tuple[str, ...] = ()
-    mpc: Mapping[str, float] = {}
-    solvers: Collection[str] = tuple(STEPS)
-
-
-SETUPS = {
-    'defaults': Setup("This package's defaults"),
-    'paper': Setup("The paper's own set-up and forward Euler plant",
-                   ('paper', 'paper_euler')),
-    'paper, fine plant': Setup('', ('paper',)),
-    'paper, S_f = S': Setup('', ('paper', 'paper_euler'), {'terminal_scale': 1.0},
-                            ('mppi',))}
-
-
-def files_of(key: Key) -> list[Path]:
-    """Return the parameter files of an experiment."""
-    names = SETUPS[key.setup].files
-    if names and key.solver == 'mppi':
-        names += ('paper_mppi',)
-    return [TOP / 'config' / f'{name}.yaml' for name in names]
+SEED = 0   # of the run that is shown whole
 
 
 def play(key: Key, seed: int) -> Episode:
     """Run an experiment without ROS."""
-    values = configuration.read(files_of(key))
-    plant = {**values['plant'], 'initial_state': STARTS[key.start], 'seed': seed}
-    mpc = {**values['mpc'], **SETUPS[key.setup].mpc, 'solver': key.solver, 'seed': seed}
     with np.errstate(all='ignore'):  # what a far state overflows is seen in the result
-        return simulate(configuration.plant(plant), configuration.controller(mpc),
-                        STEPS[key.solver] * PERIOD, key.solver)
+        return simulated(contestant(key), case(key, seed))
 
 
 def record(key: Key, folder: Path) -> Episode:
@@ -106,22 +71,29 @@ def check(bag: Episode, simulated: Episode) -> int:
     return sum(a.size for a, _ in pairs)
 
 
+class Result(NamedTuple):
+    """The runs of an experiment together, and a row of each."""
+
+    ensemble: Ensemble
+    rows: Sequence[Row]
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run what the command line asks for, write pictures and tables; return the exit code."""
     arguments = _parser().parse_args(argv)
-    command = shlex.join(['benchmarks/paper.py', *(sys.argv[1:] if argv is None else argv)])
     try:
         interrupt_on_signals()
-        measured: dict[Key, Ensemble] = {}
+        found: dict[Key, Result] = {}
         with isolated(), Parallel(n_jobs=-1, return_as='generator') as parallel:
             for key in keys(arguments.figures):
-                measured[key] = _measure(key, arguments, parallel)
-        text = page(measured, command)  # before it changes what the commit is compared with
-        _draw(measured, arguments.docs / 'figures')
+                found[key] = _measure(key, arguments, parallel)
+        ensembles = {key: result.ensemble for key, result in found.items()}
+        _draw(ensembles, arguments.docs / 'figures')
         results = arguments.docs / 'results'
         results.mkdir(parents=True, exist_ok=True)
-        (results / 'paper.md').write_text(text, encoding='utf-8')
-        (results / 'paper.json').write_text(summary(measured), encoding='utf-8')
+        (results / 'paper.md').write_text(page(ensembles, made('paper', sources('paper'))),
+                                          encoding='utf-8')
+        store(results / 'paper.csv.gz', [row for one in found.values() for row in one.rows])
     except KeyboardInterrupt:
         print('paper: interrupted', file=sys.stderr)
         return 130
@@ -134,8 +106,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('--seeds', type=positive, default=100, metavar='N',
-                        help='of each experiment, from 0 on (default: 100)')
+    parser.add_argument('--seeds', type=positive, default=SEEDS, metavar='N',
+                        help=f'of each experiment, from 0 on (default: {SEEDS})')
     parser.add_argument('--figures', nargs='+', type=int, metavar='NUMBER', choices=range(2, 11),
                         default=range(2, 11), help="the paper's, with their experiments "
                                                    '(default: 2 to 10)')
@@ -147,14 +119,7 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def keys(chosen: Collection[int]) -> list[Key]:
-    """Return the experiments of some figures."""
-    return [Key(solver, start, setup) for (solver, start), numbers in PICTURES.items()
-            if not set(numbers).isdisjoint(chosen)
-            for setup, about in SETUPS.items() if solver in about.solvers]
-
-
-def _measure(key: Key, arguments: argparse.Namespace, parallel: Parallel) -> Ensemble:
+def _measure(key: Key, arguments: argparse.Namespace, parallel: Parallel) -> Result:
     """Return the runs of an experiment; the one that is drawn went through the nodes."""
     episodes = list(tqdm(parallel(delayed(play)(key, seed) for seed in range(arguments.seeds)),
                          desc=', '.join(key), total=arguments.seeds))
@@ -163,14 +128,16 @@ def _measure(key: Key, arguments: argparse.Namespace, parallel: Parallel) -> Ens
         shown = record(key, arguments.output / '_'.join(key).replace(' ', '_'))
         print(f'{", ".join(key)}: {check(shown, episodes[SEED])} numbers in the bag of seed '
               f'{SEED}, equal to the bit to the run without ROS', flush=True)
-    return ensemble(shown, [trial(episode) for episode in episodes])
+    rows = [untimed(measured(contestant(key), case(key, seed), episode))
+            for seed, episode in enumerate(episodes)]
+    return Result(ensemble(shown, [trial(episode) for episode in episodes]), rows)
 
 
-def _draw(measured: Mapping[Key, Ensemble], folder: Path) -> None:
+def _draw(experiments: Mapping[Key, Ensemble], folder: Path) -> None:
     """Draw each figure of the experiments that were run."""
     folder.mkdir(parents=True, exist_ok=True)
     for (solver, start), numbers in PICTURES.items():
-        ensembles = {SETUPS[key.setup].title: one for key, one in measured.items()
+        ensembles = {SETUPS[key.setup].title: one for key, one in experiments.items()
                      if key[:2] == (solver, start) and SETUPS[key.setup].title}
         # of a swing-up the paper has snapshots and errors, of a start near the goal errors
         for number, draw in zip(reversed(numbers), (figures.squared_errors, figures.swing_ups)):

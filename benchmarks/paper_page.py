@@ -1,54 +1,41 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The tables of the paper's experiments, as a page and as JSON."""
+"""The tables of the paper's experiments, as a page."""
 
 from collections.abc import Callable, Mapping, Sequence
-from datetime import date
 import itertools
-import json
 import math
-from typing import Any, NamedTuple
 
 import numpy as np
+from paper_experiments import Key
 
-from dp_swing_ros.campaign.summary import DROP, OF_ALL, OF_HELD
+from dp_swing_ros.campaign.summary import DROP
 from dp_swing_ros.comparison import paired, Rate, rate
-from dp_swing_ros.ensemble import Band, band, Ensemble, FIRST, NEAR, Trial
+from dp_swing_ros.ensemble import band, Ensemble, FIRST, NEAR, Trial
 from dp_swing_ros.figures.style import SOLVERS
 from dp_swing_ros.metrics import REST
-from dp_swing_ros.provenance import commit, machine, packages
-from dp_swing_ros.state import Array
 
-EVERY = 5   # states from one that the JSON keeps to the next
 COMPARED = {'upright first [s]': lambda one: one.reached,
             'settled [s]': lambda one: one.metrics.settling_time,
             'force step, 5 s [N]': lambda one: one.roughness,
             'force step, hold [N]': lambda one: one.metrics.smoothness}
 
 
-class Key(NamedTuple):
-    """Which experiment; the names of the set-ups are those of SETUPS in paper.py."""
-
-    solver: str
-    start: str
-    setup: str
-
-
 Measured = Mapping[Key, Ensemble]
 Column = Callable[[Sequence[Trial]], str]
 
 
-def page(measured: Measured, command: str) -> str:
-    """Return the page as Markdown."""
-    versions = ', '.join(f'{name} {version}' for name, version in packages().items())
+def page(measured: Measured, made: str) -> str:
+    """Return the page as Markdown, with the sentence on where it comes from."""
     seeds = max(one.held.runs for one in measured.values())
     tables = [f'## {start[0].upper()}{start[1:]}\n\n{_table(measured, start)}'
               f'{_pairs(measured, start)}'
               for start in dict.fromkeys(key.start for key in measured)]
     return f"""# The paper's experiments in numbers
 
-Made by `{command}` (`make figures`) on {date.today()} at commit {commit()}; {machine()};
-{versions}. What they mean, claim by claim: [the paper's figures and claims](../paper.md).
+{made}
+What they mean, claim by claim: [the paper's figures and claims](../paper.md); the rows:
+[paper.csv.gz](paper.csv.gz).
 
 Seeds 0 to {seeds - 1} of each, in lockstep, first attempts only. Set-ups: `defaults`, and `paper`:
 the parameter files `config/paper.yaml` and `config/paper_euler.yaml`, for MPPI
@@ -139,31 +126,3 @@ COLUMNS: dict[str, Column] = {
 NEAR_GOAL: dict[str, Column] = {
     'dropped': lambda trials: share(rate([one.metrics.largest_angle > DROP for one in trials])),
     'largest angle [rad]': _of('largest_angle', 2)}
-
-
-def summary(measured: Measured) -> str:
-    """Return counts and quantiles as JSON, the errors' at every 0.25 s."""
-    return json.dumps({'quantiles': [0.1, 0.5, 0.9], 'experiments': [
-        {**key._asdict(), 'held': one.held.successes, 'runs': one.held.runs,
-         'metrics': _quantiles(one.trials),
-         't': _rounded(one.shown.t[::EVERY]),
-         'squared_error': [_rounded(part[::EVERY]) for part in one.error]}
-        for key, one in measured.items()]}, separators=(',', ':')).replace(
-            '{"solver"', '\n{"solver"') + '\n'
-
-
-def _quantiles(trials: Sequence[Trial]) -> dict[str, Any]:
-    """Return the quantiles of what is measured over the runs that tell."""
-    found = {}
-    for name in (*OF_HELD, *OF_ALL):
-        values = np.array([getattr(one.metrics, name) for one in trials])
-        known = values[~np.isnan(values)]
-        found[name] = _rounded(band(known)) if len(known) else None
-    return found
-
-
-def _rounded(values: Array | Band) -> Any:
-    """Return values with four significant digits, None where they are beyond all."""
-    if np.ndim(values):
-        return [_rounded(value) for value in values]
-    return float(f'{values:.4g}') if math.isfinite(values) else None

@@ -1,8 +1,8 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The command behind `make figures`, on a few seeds, through the real nodes."""
+"""The command behind `make results PAGES=paper`, on a few seeds, through the real nodes."""
 
-import json
+from collections import Counter
 import os
 from pathlib import Path
 import re
@@ -10,9 +10,12 @@ import subprocess
 import sys
 
 import numpy as np
+import paper_experiments
 from PIL import Image
 
 from dp_swing_ros.bags import read_episode
+from dp_swing_ros.campaign.episodes import key, play
+from dp_swing_ros.campaign.rows import identical, read
 
 TOP = Path(__file__).parents[1]
 LIMIT = 280  # [s] for one call; the first start on a machine compiles
@@ -39,10 +42,12 @@ def test_a_figure_comes_from_bags_that_hold_the_runs_without_ros_to_the_bit(tmp_
     assert (ours.limits.force_limit, theirs.limits.force_limit) == (20.0, np.inf)
     text = (tmp_path / 'results' / 'paper.md').read_text()
     assert '| DDP | defaults | 2 of 2 (34-100 %) |' in text
-    found = json.loads((tmp_path / 'results' / 'paper.json').read_text())['experiments']
-    assert [one['setup'] for one in found] == ['defaults', 'paper', 'paper, fine plant']
-    assert found[0]['metrics']['largest_force'] == [20.0, 20.0, 20.0]
-    assert found[0]['squared_error'][1][0] == [0.0, 0.04, 0.04, 0.0, 0.0, 0.0]
+    rows = read(tmp_path / 'results' / 'paper.csv.gz')
+    assert [row.key.contestant for row in rows[::2]] == [
+        'ddp, defaults', 'ddp, paper', 'ddp, paper, fine plant']
+    assert rows[0].metrics.largest_force == 20.0
+    again = next(one for one in paper_experiments.episodes() if key(*one) == rows[3].key)
+    assert identical(rows[3], play(*again))
 
 
 def test_misuse_is_one_line(tmp_path):
@@ -63,9 +68,9 @@ def test_every_figure_of_the_paper_is_stored_small_and_shown():
 
 
 def test_the_stored_numbers_are_those_of_a_hundred_seeds():
-    stored = json.loads((TOP / 'docs' / 'results' / 'paper.json').read_text())['experiments']
+    stored = Counter(row.key[:2] for row in read(TOP / 'docs' / 'results' / 'paper.csv.gz'))
     assert len(stored) == 20
-    assert {one['runs'] for one in stored} == {100}
+    assert set(stored.values()) == {100}
     text = (TOP / 'docs' / 'results' / 'paper.md').read_text()
     assert len(re.findall(r'^\| (?:DDP|iLQR|MPPI) \|', text, re.MULTILINE)) == len(stored)
 

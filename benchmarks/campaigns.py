@@ -1,0 +1,96 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The campaigns of docs/results that are those of `evaluate`: random, robustness, baselines."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from dp_swing_ros.campaign import manifest
+from dp_swing_ros.campaign.contestants import Contestant, parse_all
+from dp_swing_ros.campaign.report import markdown
+from dp_swing_ros.campaign.rows import Row
+from dp_swing_ros.campaign.summary import summarise
+from dp_swing_ros.figures import of_campaign
+from dp_swing_ros.scenarios import Case, SCENARIOS
+from dp_swing_ros.solvers import SOLVERS
+
+CONFIG = Path(__file__).parents[1] / 'config'
+DURATION = 10.0  # [s]
+
+
+class Campaign(NamedTuple):
+    """
+    One campaign: who goes through what, and which pictures stand on its page.
+
+    Timed are so many seeds of some scenarios. Pictures are by their names in `of_campaign`, each a
+    name of a file and what is written under it.
+    """
+
+    title: str
+    contestants: Sequence[str]
+    scenarios: Sequence[str]
+    seeds: range | None                        # of every scenario, None for its own
+    timed: dict[str, int]
+    pictures: dict[str, tuple[str, str]]
+
+    def description(self) -> dict[str, Any]:
+        """Return it as `evaluate` describes it."""
+        return manifest.describe(self.parsed(), self.scenarios, self.seeds, None, DURATION)
+
+    def parsed(self) -> list[Contestant]:
+        """Return the contestants; raises ParameterError."""
+        return parse_all(self.contestants)
+
+    def episodes(self) -> list[tuple[Contestant, Case]]:
+        """Return all episodes, case by case."""
+        contestants = self.parsed()
+        return [(contestant, case) for name in self.scenarios
+                for case in SCENARIOS[name].cases(name, self.seeds, None, DURATION)
+                for contestant in contestants]
+
+    def is_timed(self, case: Case) -> bool:
+        """Tell whether solve times are those of this case."""
+        return case.seed < self.timed.get(case.scenario, 0)
+
+
+def paper(solver: str, *files: str) -> str:
+    """Return the paper's set-up as a contestant."""
+    parts = '+'.join(str(CONFIG / f'{name}.yaml') for name in ('paper', *files))
+    return f'{solver}_{"euler" if "paper_euler" in files else "paper"}={solver}:{parts}'
+
+
+CAMPAIGNS = {
+    'random': Campaign(
+        'Random starts', tuple(SOLVERS), ('random',), None, {'random': 50},
+        {'starts': ('random_starts', 'Random starts'), 'settling': ('settling', 'Settling'),
+         'solve_times': ('solve_times', 'Solve times')}),
+    'robustness': Campaign(
+        'Robustness', (*SOLVERS, 'tvlqr', 'nothing'),
+        tuple(name for name in SCENARIOS if name != 'random'), None, {'hanging': 20},
+        {'criteria': ('robustness', 'Robustness'), 'sweeps': ('sweeps', 'Sweeps')}),
+    'baselines': Campaign(
+        'Baselines', (
+            *SOLVERS, paper('ilqr'), paper('ddp'), paper('mppi', 'paper_mppi'),
+            paper('ilqr', 'paper_euler'), paper('ddp', 'paper_euler'),
+            paper('mppi', 'paper_mppi', 'paper_euler'), 'tvlqr', 'nothing'),
+        ('hanging', 'random', 'near_goal', 'pushes'), range(20), {'hanging': 20},
+        {'successes': ('baselines', 'Baselines')})}
+
+
+def page(name: str, rows: Sequence[Row], made: str, figures: Path) -> str:
+    """Return the page of a campaign from its rows, and draw its pictures into a folder."""
+    campaign = CAMPAIGNS[name]
+    summary = summarise(campaign.description(), rows, len(rows))
+    drawn = dict(of_campaign(summary, rows))
+    for kind, (file, _) in campaign.pictures.items():
+        if kind in drawn:
+            drawn[kind].savefig(figures / f'{file}.png')
+    shown = [f'![{title}](../figures/{file}.png)\n'
+             for kind, (file, title) in campaign.pictures.items() if kind in drawn]
+    timed = ', '.join(f'seeds 0 to {count - 1} of `{scenario}`'
+                      for scenario, count in campaign.timed.items())
+    return markdown(summary, campaign.title, [
+        made, f'{len(rows)} episodes of {DURATION:g} s; their rows: '
+        f'[{name}.csv.gz]({name}.csv.gz). Solve times and misses are those of {timed}, played by '
+        'one process alone.\n', *shown])

@@ -1,0 +1,117 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""README's figures, from what docs/results stores; between two markers, so that they are written."""
+
+from collections.abc import Sequence
+import json
+from pathlib import Path
+
+import benchmark_page
+import campaigns
+import numpy as np
+
+from dp_swing_ros.campaign.report import share, table
+from dp_swing_ros.campaign.rows import read, Row, solves
+from dp_swing_ros.campaign.summary import summarise
+from dp_swing_ros.comparison import rate
+from dp_swing_ros.solvers import SOLVERS
+
+BEGIN, END = '<!-- made by make results -->\n', '<!-- as far as here -->\n'
+STORED = ('random', 'robustness', 'baselines', 'real_time')
+
+
+def write(readme: Path, results: Path) -> None:
+    """Write the figures into README, where all of them are stored."""
+    missing = [name for name in STORED if not (results / f'{name}.csv.gz').exists()]
+    if missing:
+        print(f'README.md stays: no rows of {", ".join(missing)} yet')
+        return
+    text = readme.read_text(encoding='utf-8')
+    readme.write_text(replaced(text, block(results)), encoding='utf-8')
+
+
+def replaced(text: str, new: str) -> str:
+    """Return the text with what stands between the markers replaced."""
+    before, _, rest = text.partition(BEGIN)
+    _, _, after = rest.partition(END)
+    return f'{before}{BEGIN}{new}{END}{after}'
+
+
+def block(results: Path) -> str:
+    """Return what stands between the markers."""
+    rows = {name: read(results / f'{name}.csv.gz') for name in STORED}
+    parts = ['\n'.join(solvers(rows)), offsets(rows['random']), scores(rows)]
+    benchmark = json.loads((results / 'benchmark.json').read_text(encoding='utf-8'))
+    if 'gradient' in benchmark and 'sampling' in benchmark and 'limit' in benchmark:
+        parts.append(peers(benchmark))
+    return '\n' + '\n\n'.join(parts) + '\n\n'
+
+
+def solvers(rows: dict[str, list[Row]]) -> list[str]:
+    """Return the table of the solvers."""
+    found = {one.contestant: one for one in summary('robustness', rows).scores}
+    return table([
+        ('solver', 'random starts held', 'median settling', 'track strikes',
+         'solve, p99 of 50 ms', 'robustness', 'real time, from hanging'),
+        *((f'`{name}`', *of_solver([row for row in rows['random'] if row.key.contestant == name]),
+           f'{found[name].robustness:.3f}', live([row for row in rows['real_time']
+                                                  if row.key.contestant == name]))
+          for name in SOLVERS)])
+
+
+def of_solver(rows: Sequence[Row]) -> tuple[str, ...]:
+    """Return what a solver did from random starts."""
+    settled = [row.metrics.settling_time for row in rows if row.metrics.success]
+    return (share(rate([row.metrics.success for row in rows])), f'{np.median(settled):.2f} s',
+            str(sum(row.metrics.strikes for row in rows)),
+            f'{1e3 * np.quantile(solves(rows), 0.99):.1f} ms')
+
+
+def live(rows: Sequence[Row]) -> str:
+    """Return what a solver did in real time."""
+    settled = [row.metrics.settling_time for row in rows if row.metrics.success]
+    median = f', {np.median(settled):.2f} s' if settled else ''
+    return f'{sum(row.metrics.success for row in rows)} of {len(rows)}{median}'
+
+
+def offsets(rows: Sequence[Row]) -> str:
+    """Return what settled leaves open."""
+    offset = [row.metrics.settling_offset for row in rows if row.metrics.success]
+    return (f'Held: both angles within 0.1 rad and all speeds below 1 over the last second of 10; '
+            f'settled where that last stay begins.\nThe cart may still be off the centre then: '
+            f'{np.median(offset):.2f} m in the median, {max(offset):.2f} m at most.')
+
+
+def scores(rows: dict[str, list[Row]]) -> str:
+    """Return what the baselines reach."""
+    tvlqr, = (one for one in summary('robustness', rows).scores if one.contestant == 'tvlqr')
+    paper = [sum(row.metrics.success for row in rows['baselines']
+                 if row.key[:2] == (f'{name}_paper', 'hanging')) for name in SOLVERS]
+    runs = len({row.key.seed for row in rows['baselines'] if row.key.scenario == 'hanging'})
+    held = ', '.join(f'{count} of {runs}' for count in paper)
+    return ('Robustness is the mean of the leaderboards\' six criteria: bodies 25 % off, noisy '
+            'velocities, noisy and slow forces,\na known delay of the states, pushes; a TVLQR '
+            f'scores {tvlqr.robustness:.3f}. The paper\'s own set-up, from hanging, with neither '
+            'force nor\ntrack limited, holds where the plant is integrated finely '
+            f'{held} ({", ".join(SOLVERS)}).')
+
+
+def peers(results: dict) -> str:
+    """Return how we compare with peers."""
+    near = results['gradient'][benchmark_page.NEAR]
+    faster = {name: benchmark_page.over_crocoddyl(near, name, 'rk4', 'C++')
+              for name in ('ddp', 'ilqr')}
+    ticks = results['sampling']['1024']['ticks']
+    ours = benchmark_page.fastest(ticks, 'mppi, ')
+    compiled, twin = (benchmark_page.over(ticks, ours, kind) for kind in ('compiled', 'twin'))
+    return ('[In one run with its peers](docs/results/benchmark.md), an iteration of DDP is '
+            f'{faster["ddp"]:.0f} times faster than\ncrocoddyl\'s with the same RK4 model (iLQR '
+            f'{faster["ilqr"]:.0f}), and an update of MPPI with 1,024 samples\n{compiled:.0f} '
+            f'(compiled) to {twin:.0f} times faster than pytorch_mppi\'s; the rollouts use '
+            f'{100 * results["limit"]["share"]["value"]:.0f} % of the\nmost multiply-adds a '
+            'second that were measured on the machine.')
+
+
+def summary(name: str, rows: dict[str, list[Row]]):
+    """Return the summary of a stored campaign."""
+    return summarise(campaigns.CAMPAIGNS[name].description(), rows[name], len(rows[name]))

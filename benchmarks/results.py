@@ -1,0 +1,177 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Make the published figures anew from one commit: the pages of docs/results, README's table.
+
+Behind `make results`. What was played stays under runs/results until the sources change, so that a
+call that is stopped goes on where it was; a page that is there is put in its place again.
+"""
+
+import argparse
+from collections.abc import Callable, Sequence
+from pathlib import Path
+import shutil
+import subprocess
+import sys
+import time
+from typing import NamedTuple
+
+import campaigns
+import choices
+import near_goal
+import readme
+import seeded
+import stamp
+
+from dp_swing_ros.campaign.rows import CampaignError, store
+from dp_swing_ros.kernels import processor
+from dp_swing_ros.parameters import ParameterError
+from dp_swing_ros.tools.processes import interrupt_on_signals
+
+HERE = Path(__file__).parent
+KEPT = stamp.TOP / 'runs' / 'results'
+DOCS = stamp.TOP / 'docs'
+OK, FAILED, MISUSED, INTERRUPTED = 0, 1, 2, 130  # exit codes
+
+
+class Failure(Exception):
+    """A page could not be made; what was played is kept."""
+
+
+class Page(NamedTuple):
+    """
+    One page: how long it takes on two cores, what decides it, and how it is written.
+
+    `write` is given a folder for results/ and figures/ and one to keep what was played in.
+    """
+
+    minutes: float
+    sources: Callable[[], str]
+    write: Callable[[Path, Path], None]
+
+
+def of_rows(name: str, minutes: float) -> Page:
+    """Return a page that is written from the rows of its episodes."""
+    def write(docs: Path, kept: Path) -> None:
+        rows, made = seeded.played(name, kept), stamp.made(name, seeded.sources(name))
+        store(docs / 'results' / f'{name}.csv.gz', rows)
+        text = {'near_goal': near_goal.page, 'choices': choices.page}[name](rows, made) \
+            if name not in campaigns.CAMPAIGNS else \
+            campaigns.page(name, rows, made, docs / 'figures')
+        (docs / 'results' / f'{name}.md').write_text(text, encoding='utf-8')
+    return Page(minutes, lambda: seeded.sources(name), write)
+
+
+def of_script(name: str, minutes: float, *files: str,
+              sources: Callable[[], str] | None = None) -> Page:
+    """Return a page that a script writes; it and other files of this folder decide it."""
+    def write(docs: Path, kept: Path) -> None:
+        command = [sys.executable, str(HERE / files[0]), '--docs', str(docs)]
+        if subprocess.run(command).returncode:
+            raise Failure(f'{" ".join(command)} failed; what it wrote stands above')
+    return Page(minutes, sources or (lambda: stamp.sources_with(*files)), write)
+
+
+PAGES = {
+    'random': of_rows('random', 5),
+    'robustness': of_rows('robustness', 7),
+    'baselines': of_rows('baselines', 4),
+    'choices': of_rows('choices', 5),
+    'near_goal': of_rows('near_goal', 1),
+    'paper': of_script('paper', 7, 'paper.py', sources=lambda: seeded.sources('paper')),
+    'real_time': of_script('real_time', 4, 'real_time.py'),
+    'durability': of_script('durability', 6, 'durability.py', 'numbered.py', 'readers.py'),
+    'damaged_bags': of_script('damaged_bags', 4, 'mutated_bags.py', 'mutations.py',
+                              'forgeries.py'),
+    'benchmark': of_script(
+        'benchmark', 12, 'benchmark.py', 'benchmark_figures.py', 'benchmark_page.py', 'growth.py',
+        'limit.py', 'operations.py', 'paper_method.py', 'peers_gradient.py', 'peers_sampling.py',
+        'peers_solvers.py', 'startup.py', 'timing.py')}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Make the pages that the command line asks for; return the exit code."""
+    arguments = command_line().parse_args(argv)
+    try:
+        interrupt_on_signals()
+        if not arguments.dirty and (changed := stamp.changed()):
+            print(f'results: error: {", ".join(changed)} differ from the commit {stamp.commit()}; '
+                  'commit first, or call with --dirty for pages that say so', file=sys.stderr)
+            return MISUSED
+        make(arguments.pages or list(PAGES), arguments.again)
+    except KeyboardInterrupt:
+        print('results: interrupted; call again to go on', file=sys.stderr)
+        return INTERRUPTED
+    except (CampaignError, Failure, OSError, ParameterError) as error:
+        print(f'results: error: {error}', file=sys.stderr)
+        return FAILED
+    return OK
+
+
+def command_line() -> argparse.ArgumentParser:
+    """Return the parser of the arguments."""
+    parser = argparse.ArgumentParser(
+        prog='benchmarks/results.py', description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('pages', nargs='*', metavar='PAGE', type=name_of_page,
+                        help=f'of {", ".join(PAGES)} (default: all)')
+    parser.add_argument('--dirty', action='store_true',
+                        help='though sources differ from the commit; the pages say so')
+    parser.add_argument('--again', action='store_true',
+                        help='forget what was played from the same sources')
+    return parser
+
+
+def name_of_page(text: str) -> str:
+    """Read the name of a page."""
+    if text not in PAGES:
+        raise argparse.ArgumentTypeError(f'unknown page {text!r}; expected of {", ".join(PAGES)}')
+    return text
+
+
+def make(names: Sequence[str], again: bool) -> None:
+    """
+    Make pages, one after the other, and README's table of all that are there.
+
+    Raises Failure, CampaignError or OSError; what was finished stays.
+    """
+    expected = spent = 0.0    # [min] of the pages that were made here
+    for number, name in enumerate(names, 1):
+        pace = spent / expected if expected else 1.0
+        left = pace * sum(PAGES[other].minutes for other in names[number - 1:])
+        print(f'== {name}, page {number} of {len(names)}: {pace * PAGES[name].minutes:.0f} min; '
+              f'{left:.0f} min left of all', flush=True)
+        began = time.monotonic()
+        if place(name, again):
+            print('   made from the same sources before; --again makes it anew')
+        else:
+            expected += PAGES[name].minutes
+            spent += (time.monotonic() - began) / 60
+    readme.write(stamp.TOP / 'README.md', DOCS / 'results')
+    print(f'== {len(names)} pages, {spent:.1f} min', flush=True)
+
+
+def place(name: str, again: bool) -> bool:
+    """
+    Put a page into docs, made anew unless it was made from the same sources; tell whether it was.
+
+    A page is put there as a whole, or not at all.
+    """
+    kept = KEPT / f'{name}_{PAGES[name].sources()}_{processor()}'
+    if again:
+        shutil.rmtree(kept, ignore_errors=True)
+    finished = kept / 'docs'
+    was_there = finished.exists()
+    if not was_there:
+        begun = kept / 'begun'
+        shutil.rmtree(begun, ignore_errors=True)
+        for folder in ('results', 'figures'):
+            (begun / folder).mkdir(parents=True)
+        PAGES[name].write(begun, kept)
+        begun.rename(finished)
+    shutil.copytree(finished, DOCS, dirs_exist_ok=True)
+    return was_there
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,65 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The pages of docs/results that seeds decide: their episodes, how these are played and kept."""
+
+from collections.abc import Callable, Sequence
+import hashlib
+from pathlib import Path
+from typing import NamedTuple
+
+import campaigns
+import choices
+import near_goal
+import paper_experiments
+
+from dp_swing_ros import provenance
+from dp_swing_ros.campaign.contestants import Contestant
+from dp_swing_ros.campaign.episodes import key
+from dp_swing_ros.campaign.rows import Row, Table, untimed
+from dp_swing_ros.campaign.runner import run
+from dp_swing_ros.scenarios import Case
+
+Episodes = list[tuple[Contestant, Case]]
+
+
+class Seeded(NamedTuple):
+    """All episodes of a page, and of which of them one process alone tells the solve times."""
+
+    episodes: Callable[[], Episodes]
+    timed: Callable[[Case], bool]
+
+
+SEEDED = {
+    **{name: Seeded(campaign.episodes, campaign.is_timed)
+       for name, campaign in campaigns.CAMPAIGNS.items()},
+    'near_goal': Seeded(near_goal.episodes, lambda case: False),
+    'choices': Seeded(choices.episodes, lambda case: False),
+    'paper': Seeded(paper_experiments.episodes, lambda case: False)}
+
+
+def sources(page: str) -> str:
+    """Return a digest of all that decides the rows of a page: the code and the parameters."""
+    text = provenance.sources() + repr(SEEDED[page].episodes())
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def played(page: str, folder: Path) -> list[Row]:
+    """
+    Play the episodes of a page that a folder lacks, and return the rows of all in order.
+
+    Those that are timed come first, one after the other; what the clock says of others is left
+    out. Raises ParameterError and CampaignError.
+    """
+    episodes, is_timed = SEEDED[page].episodes(), SEEDED[page].timed
+    alone = [one for one in episodes if is_timed(one[1])]
+    together = [one for one in episodes if not is_timed(one[1])]
+    with Table(folder / 'timed.csv') as timed, Table(folder / 'others.csv') as others:
+        run(alone, timed, jobs=1)
+        run(together, others, jobs=-1)
+        return in_order(episodes, [*timed.rows, *map(untimed, others.rows)])
+
+
+def in_order(episodes: Episodes, rows: Sequence[Row]) -> list[Row]:
+    """Return the rows of all episodes; KeyError where one is missing."""
+    found = {row.key: row for row in rows}
+    return [found[key(*episode)] for episode in episodes]
