@@ -3,19 +3,19 @@
 """
 Measure this package and its peers on the same problems, in turn, and write the page about it.
 
-Run by `make benchmark`, on a machine that must do nothing else: docs/results/benchmark.md, .json
+Run by `make results`, on a machine that must do nothing else: docs/results/benchmark.md, .json
 and docs/figures/benchmark_*.png. What is not installed is left out, and the page says so.
 """
 
 import argparse
 from collections.abc import Callable
-from datetime import date
 import json
 from pathlib import Path
 from typing import Any
 
 import benchmark_figures
 import benchmark_page
+from stamp import made, sources_with
 from timing import median, race, ratio, Work
 
 from dp_swing_ros import configuration, provenance
@@ -24,6 +24,9 @@ from dp_swing_ros.state import Array
 
 PEERS = {'crocoddyl': 'crocoddyl', 'pin': 'pinocchio', 'casadi': 'casadi', 'torch': 'torch',
          'pytorch_mppi': 'pytorch_mppi', 'mujoco': 'mujoco'}   # distribution: module
+FILES = ('benchmark.py', 'benchmark_figures.py', 'benchmark_page.py', 'growth.py', 'limit.py',
+         'operations.py', 'paper_method.py', 'peers_gradient.py', 'peers_sampling.py',
+         'peers_solvers.py', 'startup.py', 'timing.py')   # what decides the page
 SAMPLES = (256, 1024, 8192, 65536)
 COMPILED = {'compiled': True, 'closed': False, 'twin': False}
 
@@ -48,10 +51,10 @@ def gradient(rounds: int) -> dict[str, Any]:
 
 
 def whole_solves(rounds: int) -> dict[str, Any]:
-    """Compare whole solves with CasADi."""
+    """Compare solves to the same cost with CasADi."""
     from peers_solvers import solves
-    works, costs = solves()
-    return {**compared(works, rounds), 'costs': costs}
+    works, reached = solves()
+    return {**compared(works, rounds), 'reached': reached}
 
 
 def sampling(rounds: int) -> dict[str, Any]:
@@ -108,14 +111,13 @@ FAMILIES: dict[str, Callable[[int], dict[str, Any]]] = {
 def main() -> None:
     """Measure, and write."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--rounds', type=int, default=40, help='of each comparison')
+    parser.add_argument('--rounds', type=int, default=24, help='of each comparison')
     parser.add_argument('--only', nargs='+', choices=FAMILIES, default=list(FAMILIES))
     parser.add_argument('--docs', type=Path, default=Path(__file__).parents[1] / 'docs')
     arguments = parser.parse_args()
     results: dict[str, Any] = {
-        'date': str(date.today()), 'commit': provenance.commit(),
-        'machine': provenance.machine(), 'rounds': arguments.rounds,
-        'versions': provenance.packages([*provenance.COMPUTING, *installed()]), 'missing': {}}
+        'made': made('benchmark', sources_with(*FILES), [*provenance.COMPUTING, *installed()]),
+        'rounds': arguments.rounds, 'missing': {}}
     for name in arguments.only:
         print(name, flush=True)
         try:

@@ -3,15 +3,15 @@
 """
 How many multiply-adds the machine can do a second, and what share of them the rollouts use.
 
-The limit is measured, not read from a data sheet: independent chains of fused multiply-adds that
-stay in registers, written in LLVM's own language so that no compiler has a choice, one thread a
-core. The operations of the rollout kernel are counted by operations.py.
+The limit is measured, not read from a data sheet, and the best of what is measured: independent
+chains of fused multiply-adds that stay in registers, written in LLVM's own language so that no
+compiler has a choice, on one core and on all; and the matrix product of NumPy's BLAS. The rollouts,
+on one core and on all, are held against it. operations.py counts the operations of their kernel.
 """
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 import ctypes
-from functools import partial
 import json
 import os
 from pathlib import Path
@@ -32,11 +32,11 @@ from dp_swing_ros.solvers.samples import follow, single
 from dp_swing_ros.state import HANGING
 
 CHAINS = 12           # enough to fill two units of four cycles, few enough for 16 registers
-ROUNDS = 200_000      # of all chains in a sample
+ROUNDS = 2_000_000    # of all chains in a sample, long beside the start of a thread
 SIZE = 1024           # of the matrix product that the limit is compared with
 TYPES = {'float32': ('float', 'f32', ctypes.c_float, 4),
          'float64': ('double', 'f64', ctypes.c_double, 8)}
-SAMPLES = 1024
+SAMPLES = 8192         # many blocks, long beside the start of a thread
 
 
 def chains(precision: str, bits: int) -> str:
@@ -101,9 +101,11 @@ def widest() -> int:
     return 512 if features.get('avx512f') else 256 if features.get('avx2') else 128
 
 
-def on_cores(run: Callable[[], int], cores: int, pool: ThreadPoolExecutor) -> int:
-    """Do the work on several cores at once."""
-    return sum(done.result() for done in [pool.submit(run) for _ in range(cores)])
+def shared(works: Sequence[Work], pool: ThreadPoolExecutor) -> Work:
+    """Return all works at once, each on a core of its own; their units add up."""
+    if len(works) == 1:
+        return works[0]
+    return lambda: sum(done.result() for done in [pool.submit(work) for work in works])
 
 
 def product(precision: str) -> Work:
@@ -155,30 +157,42 @@ def measure(rounds: int) -> dict[str, Any]:
     cores = len(os.sched_getaffinity(0)) if hasattr(os, 'sched_getaffinity') else os.cpu_count()
     assert cores is not None
     problem = configuration.problem({})
-    contenders = {'rollouts': rollouts(problem)}
     with ThreadPoolExecutor(cores) as pool:
-        for precision in TYPES:
-            for bits in sorted({256, widest()} if widest() > 256 else {widest()}):
-                spinner = Spinner(precision, bits)
-                for number in sorted({1, cores}):
-                    contenders[f'{precision}, {bits} bits, {number} of {cores} cores'] = (
-                        spinner.run if number == 1
-                        else partial(on_cores, spinner.run, number, pool))
-            contenders[f'{precision}, matrix product'] = product(precision)
-        times = race(contenders, rounds)
-    best = f'float32, {widest()} bits, 1 of {cores} cores'
-    # these two in turn and nothing between: the machine's clock and neighbours change
-    pair = race({name: contenders[name] for name in (best, 'rollouts')}, 8 * rounds)
-    rates = {name: 1 / median(of_name).value for name, of_name in times.items()}
+        contenders = machine_works(cores, pool)
+        ours = {spread_over(number, cores, 'rollouts'): shared(
+            [rollouts(problem) for _ in range(number)], pool) for number in sorted({1, cores})}
+        times = race({**ours, **contenders}, rounds)
+        rates = {name: 1 / median(of_name).value for name, of_name in times.items()}
+        limit = max((name for name in contenders if 'float32' in name), key=rates.__getitem__)
+        best = max(ours, key=rates.__getitem__)
+        # these two in turn and nothing between: the machine's clock and neighbours change
+        pair = race({limit: contenders[limit], best: ours[best]}, 4 * rounds)
     counts = operations()
     each = sum(counts['sample'].values())
-    # a multiply-add is two operations
-    share = ratio(pair[best], pair['rollouts'])
-    scale = each / 2
-    return {'rates': rates, 'operations': counts, 'per_step': each, 'limit': best,
-            'least': {samples: scale * samples * problem.horizon / rates[best]
+    scale = each / 2   # a multiply-add is two operations
+    return {'rates': rates, 'operations': counts, 'per_step': each, 'limit': limit, 'best': best,
+            'least': {samples: scale * samples * problem.horizon / rates[limit]
                       for samples in (1024, 8192)},
-            'share': Interval(*(scale * number for number in share))._asdict()}
+            'share': Interval(*(scale * number for number in ratio(pair[limit], pair[best])))
+            ._asdict()}
+
+
+def machine_works(cores: int, pool: ThreadPoolExecutor) -> dict[str, Work]:
+    """Return what may reach the limit."""
+    works: dict[str, Work] = {}
+    for precision in TYPES:
+        for bits in sorted({256, widest()} if widest() > 256 else {widest()}):
+            spinner = Spinner(precision, bits)
+            for number in sorted({1, cores}):
+                works[spread_over(number, cores, f'{precision}, {bits} bits')] = shared(
+                    [spinner.run] * number, pool)
+        works[f'{precision}, matrix product'] = product(precision)
+    return works
+
+
+def spread_over(number: int, cores: int, name: str) -> str:
+    """Return the name of a work on some of the cores."""
+    return f'{name}, {number} of {cores} cores'
 
 
 if __name__ == '__main__':

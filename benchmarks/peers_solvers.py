@@ -6,9 +6,14 @@ CasADi on the default problem: multiple shooting, solved whole by IPOPT or by Fa
 The same equations, the same RK4 step, cost, bounds and horizon; the variables are the states and
 the forces. IPOPT takes exact Hessians of the expanded graph, and MUMPS; Fatrop knows the structure
 in time, so the variables and constraints stand stage by stage.
+
+From one guess they end in different optima, so what is timed is the way to the same cost: every
+contender stops after the fewest iterations that bring it within 1 % of the cost that all reach, the
+largest of those they end at. Of a peer's iterate the forces count, followed by the model.
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,12 +30,11 @@ from dp_swing_ros.state import Array, HANGING
 
 TOLERANCE = 1e-4     # of our solvers' default, and of theirs
 ITERATIONS = 500
+CLOSE = 1.01          # times the cost that all reach
 DISTURBANCE = (0.001, 0.001, -0.001, 0.01, 0.01, 0.01)   # of the warm-started solve's state
 OPTIONS = {
-    'ipopt': {'ipopt.print_level': 0, 'ipopt.sb': 'yes', 'ipopt.tol': TOLERANCE,
-              'ipopt.max_iter': ITERATIONS},
-    'fatrop': {'fatrop.print_level': 0, 'fatrop.tol': TOLERANCE, 'structure_detection': 'auto',
-               'fatrop.max_iter': ITERATIONS}}
+    'ipopt': {'ipopt.print_level': 0, 'ipopt.sb': 'yes', 'ipopt.tol': TOLERANCE},
+    'fatrop': {'fatrop.print_level': 0, 'fatrop.tol': TOLERANCE, 'structure_detection': 'auto'}}
 WARM = {'ipopt': {'ipopt.warm_start_init_point': 'yes', 'ipopt.mu_init': 1e-4,
                   'ipopt.warm_start_bound_push': 1e-6, 'ipopt.warm_start_mult_bound_push': 1e-6},
         'fatrop': {}}
@@ -78,7 +82,7 @@ def functions(problem: Problem) -> tuple[Any, Any, Any]:
 class Transcription:
     """The problem as a nonlinear program, and one solver of it; the goal is upright."""
 
-    def __init__(self, problem: Problem, solver: str, warm: bool) -> None:
+    def __init__(self, problem: Problem, solver: str, warm: bool, iterations: int) -> None:
         """Write down variables and constraints, stage by stage."""
         import casadi as ca
 
@@ -96,7 +100,8 @@ class Transcription:
             J += running(states[t], forces[t])
         g = ca.vertcat(*constraints)
         options = {**OPTIONS[solver], **(WARM[solver] if warm else {}), 'expand': True,
-                   'print_time': False, 'error_on_fail': False}
+                   'print_time': False, 'error_on_fail': False,
+                   f'{solver}.max_iter': iterations}
         if solver == 'fatrop':
             options['equality'] = [True] * g.numel()
         self.solver = ca.nlpsol('solver', solver, {
@@ -121,16 +126,19 @@ def guesses(problem: Problem) -> dict[str, Guess]:
     """Return a first solve from hanging, and a later one: a plan shifted, the state disturbed."""
     x_0, random = np.array(HANGING), np.random.default_rng(0).uniform(-10, 10, problem.horizon)
     first = Guess(x_0, rollout(problem.model, x_0, random), random)
-    X, U = ours(problem, 'ilqr', first)()
+    X, U = ours(problem, 'ilqr', first, ITERATIONS)()
     U = np.append(U[1:], 0.0)
     x_1 = X[1] + DISTURBANCE
     return {'first': first, 'warm': Guess(x_1, rollout(problem.model, X[1], U), U)}
 
 
-def ours(problem: Problem, name: str, guess: Guess) -> Callable[[], tuple[Array, Array]]:
-    """Return a whole solve of ours."""
+Solve = Callable[[], tuple[Array, Array]]   # states and forces
+
+
+def ours(problem: Problem, name: str, guess: Guess, iterations: int) -> Solve:
+    """Return a solve of ours of so many iterations at most."""
     solver = SOLVERS[name](problem, SOLVERS[name].Parameters(
-        iterations=ITERATIONS, tolerance=TOLERANCE))
+        iterations=iterations, tolerance=TOLERANCE))
     plan = plan_of(problem, guess.X, guess.U, Status.COMPLETE)
 
     def solve() -> tuple[Array, Array]:
@@ -139,25 +147,54 @@ def ours(problem: Problem, name: str, guess: Guess) -> Callable[[], tuple[Array,
     return solve
 
 
-def solves() -> tuple[dict[str, Work], dict[str, float]]:
-    """Return whole solves of all contenders, and the costs that they reach."""
-    problem = configuration.problem({})
-    makes: dict[str, Callable[[], tuple[Array, Array]]] = {}
-    for kind, guess in guesses(problem).items():
-        for name in ('ilqr', 'ddp'):
-            makes[f'{name}, {kind}'] = ours(problem, name, guess)
-        for name in OPTIONS:
-            transcription = Transcription(problem, name, kind == 'warm')
-            makes[f'casadi {name}, {kind}'] = lambda by=transcription, to=guess: by.solve(to)
-    costs = {}
-    for name, make in makes.items():
-        X, U = make()
-        # theirs within the tolerance of the constraints, so followed by the model
-        costs[name] = trajectory_cost(problem.cost, rollout(problem.model, X[0], U), U)
+def theirs(problem: Problem, name: str, guess: Guess, warm: bool, iterations: int) -> Solve:
+    """Return a solve of CasADi of so many iterations at most."""
+    transcription = Transcription(problem, name, warm, iterations)
+    return lambda: transcription.solve(guess)
 
-    def work(make: Callable[[], tuple[Array, Array]]) -> Work:
-        def run() -> int:
-            make()
-            return 1
-        return run
-    return {name: work(make) for name, make in makes.items()}, costs
+
+def contenders(problem: Problem, guess: Guess, warm: bool) -> dict[str, Callable[[int], Solve]]:
+    """Return all contenders from a guess, each by the number of its iterations."""
+    return {**{name: partial(ours, problem, name, guess) for name in ('ilqr', 'ddp')},
+            **{f'casadi {name}': partial(theirs, problem, name, guess, warm)
+               for name in OPTIONS}}
+
+
+def solves() -> tuple[dict[str, Work], dict[str, dict[str, float]]]:
+    """Return the solves of all contenders to the same cost, and their costs and iterations."""
+    problem = configuration.problem({})
+    works: dict[str, Work] = {}
+    reached: dict[str, dict[str, float]] = {}
+    for kind, guess in guesses(problem).items():
+        makes = contenders(problem, guess, kind == 'warm')
+        costs = {name: cost_of(problem, make(ITERATIONS)) for name, make in makes.items()}
+        goal = CLOSE * max(costs.values())
+        for name, make in makes.items():
+            number = fewest(lambda count, by=make: cost_of(problem, by(count)) <= goal)
+            works[f'{name}, {kind}'] = work(make(number))
+            reached[f'{name}, {kind}'] = {'goal': goal, 'iterations': number,
+                                          'end': costs[name]}
+    return works, reached
+
+
+def cost_of(problem: Problem, solve: Solve) -> float:
+    """Return the cost of what is found; theirs are within the tolerance, so it is followed."""
+    X, U = solve()
+    return trajectory_cost(problem.cost, rollout(problem.model, X[0], U), U)
+
+
+def fewest(reaches: Callable[[int], bool], most: int = ITERATIONS) -> int:
+    """Return the fewest iterations that reach a goal, by bisection: more never undo it."""
+    low, high = 0, most
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if reaches(middle) else (middle, high)
+    return high
+
+
+def work(solve: Solve) -> Work:
+    """Return a solve as what is timed."""
+    def run() -> int:
+        solve()
+        return 1
+    return run

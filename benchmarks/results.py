@@ -16,6 +16,7 @@ import sys
 import time
 from typing import NamedTuple
 
+import benchmark
 import campaigns
 import choices
 import near_goal
@@ -83,10 +84,7 @@ PAGES = {
     'durability': of_script('durability', 6, 'durability.py', 'numbered.py', 'readers.py'),
     'damaged_bags': of_script('damaged_bags', 4, 'mutated_bags.py', 'mutations.py',
                               'forgeries.py'),
-    'benchmark': of_script(
-        'benchmark', 12, 'benchmark.py', 'benchmark_figures.py', 'benchmark_page.py', 'growth.py',
-        'limit.py', 'operations.py', 'paper_method.py', 'peers_gradient.py', 'peers_sampling.py',
-        'peers_solvers.py', 'startup.py', 'timing.py')}
+    'benchmark': of_script('benchmark', 12, *benchmark.FILES)}
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -54,6 +54,40 @@ def test_the_limit_is_reached_in_full_registers():
     assert spinner.run() == spinner.multiply_adds
 
 
+def test_the_limit_is_the_best_of_all_that_is_measured(monkeypatch):
+    limit = pytest.importorskip('limit')
+    monkeypatch.setattr(limit, 'ROUNDS', 20_000)
+    found = limit.measure(2)
+    rates = {name: rate for name, rate in found['rates'].items() if 'float32' in name}
+    assert any('matrix product' in name for name in rates)
+    assert found['rates'][found['limit']] == max(rates.values())
+    ours = {name: rate for name, rate in found['rates'].items() if 'rollouts' in name}
+    assert found['rates'][found['best']] == max(ours.values())
+
+
+def test_solves_are_timed_to_the_same_cost(problem, monkeypatch):
+    import peers_solvers as peers
+    monkeypatch.setattr(peers, 'OPTIONS', {})   # ours alone: CasADi need not be installed
+    works, reached = peers.solves()
+    assert set(works) == set(reached) == {
+        'ilqr, first', 'ddp, first', 'ilqr, warm', 'ddp, warm'}
+    for kind in ('first', 'warm'):
+        of_kind = [of for name, of in reached.items() if name.endswith(kind)]
+        assert len({of['goal'] for of in of_kind}) == 1
+        assert of_kind[0]['goal'] == pytest.approx(1.01 * max(of['end'] for of in of_kind))
+    guess = peers.guesses(problem)['first']
+    goal, number = reached['ilqr, first']['goal'], reached['ilqr, first']['iterations']
+    costs = [peers.cost_of(problem, peers.ours(problem, 'ilqr', guess, count))
+             for count in (number - 1, number)]
+    assert costs[1] <= goal < costs[0]
+
+
+def test_the_fewest_that_reach_a_goal_are_found():
+    import peers_solvers as peers
+    assert [peers.fewest(lambda count, of=of: count >= of) for of in (1, 2, 77, 500)] == [
+        1, 2, 77, 500]
+
+
 @pytest.mark.parametrize('kind', ['twin', 'closed'])
 def test_torch_has_our_step_and_cost(kind, problem, rng):
     peers = pytest.importorskip('peers_sampling')
@@ -131,7 +165,7 @@ def test_the_page_says_met_missed_and_what_is_missing():
                        'autograd ddp, step by step': {'ddp': {'value': 3000, 'low': 1, 'high': 2}},
                        'autograd ddp, batched': {'ddp': {'value': 300, 'low': 1, 'high': 2}}}}
     page = benchmark_page.page({
-        'date': 'today', 'commit': 'c', 'machine': 'm', 'versions': {}, 'rounds': 3,
+        'made': 'Made today.\n', 'rounds': 3,
         'missing': {'solves': 'casadi is not installed'}, 'paper': race})
     assert '3e+03 | met |' in page
     assert '300 | **missed** |' in page
