@@ -35,7 +35,7 @@ evaluate: setup  ## run a campaign of episodes without ROS (EVALUATE='...' for i
 
 results: setup $(if $(filter benchmark,$(or $(PAGES),benchmark)),$(VENV)/.peers)
 results:  ## every published figure anew, under an hour (PAGES='random robustness' for some)
-	@$(WITH_ROS) && python benchmarks/results.py $(PAGES) $(RESULTS)
+	@$(WITH_ROS) && python benchmarks/published.py $(PAGES) $(RESULTS)
 
 test: setup  ## all tests, linters and type checks (PYTEST='...' for arguments of pytest)
 	@$(WITH_ROS) && python -m pytest -n auto --maxprocesses 8 $(PYTEST)

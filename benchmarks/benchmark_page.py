@@ -105,9 +105,9 @@ def page(results: dict[str, Any]) -> str:
     """Return the page as Markdown."""
     parts = [
         '# Against peers, and the limit of the machine', results['made'].strip(),
-        f'Contenders take turns in one process; medians of up to {results["rounds"]} rounds, in brackets the 95 % interval '
-        '(bootstrap over rounds). Ours solve in one thread where nothing else is said; so do '
-        'crocoddyl and CasADi. Of MPPI the faster of one and two threads is compared, ours and '
+        f'Contenders take turns in one process; medians of up to {results["rounds"]} rounds, in '
+        'brackets the 95 % interval (bootstrap over rounds). Ours solve in one thread where '
+        'nothing else is said; so do crocoddyl and CasADi. Of MPPI the faster of one and two threads is compared, ours and '
         'theirs.',
         '## Targets', table(['target', 'aim', 'measured', ''], (
             [one.what, f'{"at least" if one.more else "at most"} {one.aim:g}',
@@ -149,7 +149,8 @@ def page(results: dict[str, Any]) -> str:
                         limit['operations']['sample'].items())
             + f'. The limit is the best of the single-precision rates above, {limit["limit"]}. '
             f'The share is the operations per second of {limit["best"]}, over two per '
-            'multiply-add of the limit. With the whole of it, the rollouts of an update would take '
+            'multiply-add of the limit. With the whole of it, the rollouts of an update would '
+            'take '
             + ', '.join(f'{1e3 * least:.2g} ms at {samples:,} samples'
                         for samples, least in limit['least'].items()) + '.']
     if 'growth' in results:

@@ -3,8 +3,8 @@
 """
 What a bag keeps when its logger is killed, when the disk is full, and at high rates.
 
-Run by `make results`, which writes docs/results/durability.md; takes minutes on a machine that must
-do nothing else. The full disk needs the right to mount one.
+Run by `make results`, for docs/results/durability.md; takes minutes on a machine that must do
+nothing else. The full disk needs the right to mount one.
 """
 
 import argparse

@@ -5,8 +5,8 @@ How many multiply-adds the machine can do a second, and what share of them the r
 
 The limit is measured, not read from a data sheet, and the best of what is measured: independent
 chains of fused multiply-adds that stay in registers, written in LLVM's own language so that no
-compiler has a choice, on one core and on all; and the matrix product of NumPy's BLAS. The rollouts,
-on one core and on all, are held against it. operations.py counts the operations of their kernel.
+compiler has a choice, on one core and on all; and the matrix product of NumPy's BLAS. Rollouts, on
+one core and on all, are held against it. operations.py counts the operations of their kernel.
 """
 
 from collections.abc import Sequence

@@ -58,7 +58,7 @@ def page(rows: Sequence[Row], made: str) -> str:
     unknown = sorted(set(seeds) - known)
     return '\n'.join([
         '# Near the goal\n', made,
-        f'Starts at rest with both angles within ±0.3 rad (the paper\'s Figs. 8-10), seeds '
+        "Starts at rest with both angles within ±0.3 rad (the paper's Figs. 8-10), seeds "
         f'{seeds[0]} to {seeds[-1]}, {DURATION:g} s, defaults, so 20 N at most; the rows: '
         '[near_goal.csv.gz](near_goal.csv.gz). Held is what stays within '
         f'{DROPPED:g} rad, and upright to the end; dropped what leaves {DROPPED:g} rad.\n',

@@ -4,7 +4,7 @@
 Run the paper's six experiments anew, draw its Figs. 2 to 10, and measure what it claims.
 
 Each with the defaults and with the paper's own set-up: once through the nodes in lockstep, read
-back from the bag, and over many seeds without ROS by the same classes. Run by `make figures`;
+back from the bag, and over many seeds without ROS by the same classes. Run by `make results`;
 takes minutes.
 """
 

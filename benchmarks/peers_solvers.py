@@ -7,9 +7,9 @@ The same equations, the same RK4 step, cost, bounds and horizon; the variables a
 the forces. IPOPT takes exact Hessians of the expanded graph, and MUMPS; Fatrop knows the structure
 in time, so the variables and constraints stand stage by stage.
 
-From one guess they end in different optima, so what is timed is the way to the same cost: every
-contender stops after the fewest iterations that bring it within 1 % of the cost that all reach, the
-largest of those they end at. Of a peer's iterate the forces count, followed by the model.
+From one guess they end in different optima, so what is timed is the way to the same cost: each
+contender stops after the fewest iterations that bring it within 1 % of the cost that all reach,
+the largest of those they end at. Of a peer's iterate the forces count, followed by the model.
 """
 
 from collections.abc import Callable

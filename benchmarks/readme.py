@@ -1,6 +1,6 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""README's figures, from what docs/results stores; between two markers, so that they are written."""
+"""README's figures: from what docs/results stores, written between two markers."""
 
 from collections.abc import Sequence
 import json
@@ -89,10 +89,10 @@ def scores(rows: dict[str, list[Row]]) -> str:
                  if row.key[:2] == (f'{name}_paper', 'hanging')) for name in SOLVERS]
     runs = len({row.key.seed for row in rows['baselines'] if row.key.scenario == 'hanging'})
     held = ', '.join(f'{count} of {runs}' for count in paper)
-    return ('Robustness is the mean of the leaderboards\' six criteria: bodies 25 % off, noisy '
-            'velocities, noisy and slow forces,\na known delay of the states, pushes; a TVLQR '
-            f'scores {tvlqr.robustness:.3f}. The paper\'s own set-up, from hanging, with neither '
-            'force nor\ntrack limited, holds where the plant is integrated finely '
+    return ("Robustness is the mean of the leaderboards' six criteria: bodies 25 % off, noisy "
+            'velocities, noisy and slow\nforces, a known delay of the states, pushes; a TVLQR '
+            f"scores {tvlqr.robustness:.3f}. The paper's own set-up, from\nhanging, with neither "
+            'force nor track limited, holds where the plant is integrated finely\n'
             f'{held} ({", ".join(SOLVERS)}).')
 
 
@@ -105,9 +105,9 @@ def peers(results: dict) -> str:
     ours = benchmark_page.fastest(ticks, 'mppi, ')
     compiled, twin = (benchmark_page.over(ticks, ours, kind) for kind in ('compiled', 'twin'))
     return ('[In one run with its peers](docs/results/benchmark.md), an iteration of DDP is '
-            f'{faster["ddp"]:.0f} times faster than\ncrocoddyl\'s with the same RK4 model (iLQR '
+            f"{faster['ddp']:.0f} times faster than\ncrocoddyl's with the same RK4 model (iLQR "
             f'{faster["ilqr"]:.0f}), and an update of MPPI with 1,024 samples\n{compiled:.0f} '
-            f'(compiled) to {twin:.0f} times faster than pytorch_mppi\'s; the rollouts use '
+            f"(compiled) to {twin:.0f} times faster than pytorch_mppi's; the rollouts use "
             f'{100 * results["limit"]["share"]["value"]:.0f} % of the\nmost multiply-adds a '
             'second that were measured on the machine.')
 

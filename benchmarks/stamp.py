@@ -14,7 +14,8 @@ from dp_swing_ros import provenance
 from dp_swing_ros.kernels import processor
 
 TOP = Path(__file__).parents[1]
-GENERATED = ('README.md', 'docs/results', 'docs/figures')   # by `make results`, which they may not stop
+# by `make results`, which they may not stop
+GENERATED = ('README.md', 'docs/results', 'docs/figures')
 MADE = re.compile(r'Made by `make results PAGES=(?P<page>\w+)` on \S+ at commit '
                   r'(?P<commit>[\w-]+), sources (?P<sources>[0-9a-f]{16}); '
                   r'(?P<machine>[^;]*) \((?P<processor>[\w-]+)\); (?P<versions>[^;]*)\.\n')

@@ -58,10 +58,11 @@ kernel = numba.njit(cache=True, nogil=True, error_model='numpy', forceinline=Tru
 
 def processor() -> str:
     """Return which processor the kernels are compiled for: its name, a digest of its features."""
-    if numba.config.DISABLE_JIT:
+    config: Any = numba.config   # its names are made when it is imported
+    if config.DISABLE_JIT:
         return 'interpreted'
-    name = numba.config.CPU_NAME or llvmlite.binding.get_host_cpu_name()
-    features = numba.config.CPU_FEATURES
+    name = config.CPU_NAME or llvmlite.binding.get_host_cpu_name()
+    features = config.CPU_FEATURES
     if features is None:
         features = get_host_cpu_features()
     return f'{name}-{hashlib.sha256(features.encode()).hexdigest()[:8]}'

@@ -116,7 +116,7 @@ def test_mujoco_rolls_out_our_model(problem, rng):
 
 @pytest.mark.parametrize('actuation', ['python', 'C++'])
 def test_crocoddyl_solves_our_problem(actuation):
-    pytest.importorskip('crocoddyl', reason='crocoddyl is not installed; see make benchmark')
+    pytest.importorskip('crocoddyl', reason='crocoddyl is not installed; see make results')
     import peers_gradient as peers
     theirs = peers.Crocoddyl('rk4', actuation, False, 'near the goal')
     ours = peers.problem('rk4', False)
@@ -127,7 +127,7 @@ def test_crocoddyl_solves_our_problem(actuation):
 
 @pytest.mark.parametrize('actuation', ['python', 'C++'])
 def test_crocoddyl_has_our_cost(actuation):
-    pytest.importorskip('crocoddyl', reason='crocoddyl is not installed; see make benchmark')
+    pytest.importorskip('crocoddyl', reason='crocoddyl is not installed; see make results')
     import peers_gradient as peers
     theirs = peers.Crocoddyl('euler', actuation, False, 'swing-up')
     X = np.linalg.solve(peers.RELATIVE, np.array(theirs.xs).T).T
@@ -137,7 +137,7 @@ def test_crocoddyl_has_our_cost(actuation):
 
 
 def test_casadi_has_our_step_and_cost(problem, rng):
-    pytest.importorskip('casadi', reason='casadi is not installed; see make benchmark')
+    pytest.importorskip('casadi', reason='casadi is not installed; see make results')
     import peers_solvers as peers
     f, of_running, of_terminal = peers.functions(problem)
     for x, u in zip(rng.normal(size=(20, 6)), 10 * rng.normal(size=20)):

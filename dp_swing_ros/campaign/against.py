@@ -14,9 +14,9 @@ from dp_swing_ros.comparison import Paired, paired, paired_ratio, Ratio, sign_te
 ABOUT = """\
 Pairs are the episodes of the same contestant, scenario, level and seed; identical are those whose
 rows are equal to the bit, the clock apart. What only one of the two held comes with the p of
-McNemar's exact test; where both held, the median difference of the settling times (now less stored)
-with its 95 % interval (bootstrap) and the p of the sign test, and the ratio of the closed-loop costs
-(now over stored, geometric mean) with its 95 % interval (bootstrap)."""
+McNemar's exact test; where both held, the median difference of the settling times (now less
+stored) with its 95 % interval (bootstrap) and the p of the sign test, and the ratio of the
+closed-loop costs (now over stored, geometric mean) with its 95 % interval (bootstrap)."""
 
 
 class Rivals(NamedTuple):

@@ -13,19 +13,19 @@ from dp_swing_ros.scenarios import PROFILE, SCENARIOS
 
 NOTES = """\
 An episode is held when both angles are within 0.1 rad and all speeds below 1 over its last second;
-it has settled where that last stay begins, with the cart as far from the centre as `off` says. In
-brackets are Wilson's 95 % intervals; nothing is run twice. Medians are over the held episodes, what
-is largest over all; force steps are the standard deviation of Δu over the last 2 s (hold) and over
-all of the run. A strike is the cart's meeting an end stop; strikes are those of all episodes. Σℓ is
-the running cost over the episode, by the default weights for everybody. A miss is a solve over the
-time limit of the mpc."""
+it has settled where that last stay begins, with the cart off the centre as the column says. In
+brackets are Wilson's 95 % intervals; nothing is run twice. Medians are over the held episodes,
+what is largest over all; force steps are the standard deviation of Δu over the last 2 s (hold) and
+over all of the run. A strike is the cart's meeting an end stop; counted are those of all episodes.
+Σℓ is the running cost over the episode, by the default weights for everybody. A miss is a solve
+over the time limit of the mpc."""
 
 DUELS = """\
 On the same cases: what one held and the other did not, with the p of McNemar's exact test, and
 where both held, the median difference (first less second) with its 95 % interval (bootstrap) and
-the p of the sign test, and the ratio of the closed-loop costs Σℓ (first over second, geometric mean
-of the cases) with its 95 % interval (bootstrap). The p are of one test each: among twenty of them
-one below 0.05 is to be expected by chance."""
+the p of the sign test, and the ratio of the closed-loop costs Σℓ (first over second, geometric
+mean of the cases) with its 95 % interval (bootstrap). The p are of one test each: among twenty of
+them one below 0.05 is to be expected by chance."""
 
 
 def markdown(summary: Summary, title: str = 'Campaign', introduction: Sequence[str] = ()) -> str:
@@ -80,10 +80,10 @@ def share(rate: Rate) -> str:
 
 def _standings(standings: list[Standing]) -> Iterator[str]:
     yield from table([
-        ('contestant', 'held', 'settling [s]', 'off [m]', 'hold error [mrad]', 'force step: hold, run [N]',
-         'largest u [N], x [m], θ [rad]', 'strikes', 'Σℓ', 'Σabs(Δx u) [J]', '∫abs(u) [N s]',
-         '∫u² [N² s]',
-         'solve: median, p99, largest [ms]', 'misses', 'stand-ins'),
+        ('contestant', 'held', 'settling [s]', 'off [m]', 'hold error [mrad]',
+         'force step: hold, run [N]', 'largest u [N], x [m], θ [rad]', 'strikes', 'Σℓ',
+         'Σabs(Δx u) [J]', '∫abs(u) [N s]', '∫u² [N² s]', 'solve: median, p99, largest [ms]',
+         'misses', 'stand-ins'),
         *((f'`{one.contestant}`', share(one.held), number(one.medians['settling_time']),
            number(one.medians['settling_offset']), number(one.medians['hold_error'], 2, 1e3),
            ', '.join(number(one.medians[name], 3) for name in ('smoothness', 'roughness')),

@@ -56,8 +56,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         interrupt_on_signals()
         stored = read(table_of(arguments.against)) if arguments.against else []
         if not arguments.summary_only:
-            play(arguments, folder, stored, shlex.join(['evaluate', *(sys.argv[1:] if argv is None
-                                                              else argv)]))
+            command = shlex.join(['evaluate', *(sys.argv[1:] if argv is None else argv)])
+            play(arguments, folder, stored, command)
         report(folder, arguments.figures, stored, arguments.against)
     except KeyboardInterrupt:
         print(f'evaluate: interrupted; call again with --output {folder} to go on',

@@ -93,15 +93,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         interrupt_on_signals()
         if not arguments.dirty and (changed := stamp.changed()):
-            print(f'results: error: {", ".join(changed)} differ from the commit {stamp.commit()}; '
-                  'commit first, or call with --dirty for pages that say so', file=sys.stderr)
+            print(f'make results: error: {", ".join(changed)} differ from the commit '
+                  f'{stamp.commit()}; commit first, or call with RESULTS=--dirty for pages that '
+                  'say so', file=sys.stderr)
             return MISUSED
         make(arguments.pages or list(PAGES), arguments.again)
     except KeyboardInterrupt:
-        print('results: interrupted; call again to go on', file=sys.stderr)
+        print('make results: interrupted; call again to go on', file=sys.stderr)
         return INTERRUPTED
     except (CampaignError, Failure, OSError, ParameterError) as error:
-        print(f'results: error: {error}', file=sys.stderr)
+        print(f'make results: error: {error}', file=sys.stderr)
         return FAILED
     return OK
 
@@ -109,7 +110,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def command_line() -> argparse.ArgumentParser:
     """Return the parser of the arguments."""
     parser = argparse.ArgumentParser(
-        prog='benchmarks/results.py', description=__doc__,
+        prog='benchmarks/published.py', description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('pages', nargs='*', metavar='PAGE', type=name_of_page,
                         help=f'of {", ".join(PAGES)} (default: all)')
@@ -141,7 +142,7 @@ def make(names: Sequence[str], again: bool) -> None:
               f'{left:.0f} min left of all', flush=True)
         began = time.monotonic()
         if place(name, again):
-            print('   made from the same sources before; --again makes it anew')
+            print('   made from the same sources before; RESULTS=--again makes it anew')
         else:
             expected += PAGES[name].minutes
             spent += (time.monotonic() - began) / 60
