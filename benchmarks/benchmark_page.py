@@ -107,7 +107,8 @@ def page(results: dict[str, Any]) -> str:
         '# Against peers, and the limit of the machine', results['made'].strip(),
         f'Contenders take turns in one process; medians of up to {results["rounds"]} rounds, in '
         'brackets the 95 % interval (bootstrap over rounds). Ours solve in one thread where '
-        'nothing else is said; so do crocoddyl and CasADi. Of MPPI the faster of one and two threads is compared, ours and '
+        'nothing else is said; so do crocoddyl and CasADi. Of MPPI the faster of one and two '
+        'threads is compared, ours and '
         'theirs.',
         '## Targets', table(['target', 'aim', 'measured', ''], (
             [one.what, f'{"at least" if one.more else "at most"} {one.aim:g}',

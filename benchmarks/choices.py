@@ -112,7 +112,8 @@ def page(rows: Sequence[Row], made: str) -> str:
         f'{DURATION:g} s without ROS, in lockstep, of the scenarios of [evaluate]'
         '(../evaluation.md), from their first seed on; the rows: '
         '[choices.csv.gz](choices.csv.gz). Each line takes one choice of the defaults back. In '
-        'brackets the 95 % interval (Wilson); the settling time is the median of the successes, the force step the median standard '
+        'brackets the 95 % interval (Wilson); the settling time is the median of the successes, '
+        'the force step the median standard '
         'deviation of Δu over the last 2 s.\n',
         *table([('taken back', 'scenario', 'solver', 'upright to the end', 'settling [s]',
                  'force step [N]'), *lines]), ''])
