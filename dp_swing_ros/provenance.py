@@ -17,7 +17,7 @@ COMPUTING = ('numpy', 'numba', 'scipy')
 AFTERWARDS = ('bags/', 'campaign/against.py', 'campaign/manifest.py', 'campaign/report.py',
               'campaign/runner.py', 'campaign/scores.py', 'campaign/summary.py', 'comparison.py',
               'ensemble.py', 'errors.py', 'figures/', 'nodes/', 'provenance.py', 'report/',
-              'rerun/', 'tools/', 'topics.py')
+              'rerun/', 'tools/', 'topics.py', 'urdf.py')
 
 
 def cpu() -> str:
