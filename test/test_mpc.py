@@ -3,6 +3,10 @@
 """The receding horizon: shift, delay, turns of the angles, fallbacks, resets."""
 
 from dataclasses import replace
+import os
+from pathlib import Path
+import subprocess
+import sys
 import time
 
 from controllers import controller, plant
@@ -305,6 +309,42 @@ def test_warming_up_changes_nothing():
     cold, warm = controller('mppi'), controller('mppi')
     warm.warm_up()
     np.testing.assert_array_equal(warm.update(0.0, FALLING).U, cold.update(0.0, FALLING).U)
+
+
+@pytest.mark.parametrize('solver', sorted(SOLVERS))
+def test_after_warming_up_no_tick_compiles(solver):
+    """Kernels are compiled, or loaded, by their first call with arguments of a kind."""
+    code = f"""
+import sys
+from numba.core.dispatcher import Dispatcher
+from controllers import controller, plant
+
+def compiled():
+    return {{kernel.py_func.__qualname__: len(kernel.overloads)
+            for name, module in list(sys.modules.items()) if name.startswith('dp_swing_ros')
+            for kernel in vars(module).values() if isinstance(kernel, Dispatcher)}}
+
+c, p = controller({solver!r}), plant(delay=0.02)
+p.advance(0.05)
+p.reset()
+c.warm_up()
+before = compiled()
+for n in range(60):
+    measured = p.measure()
+    if measured is None or n == 20:
+        plan = c.stand_in(p.t)
+    else:
+        plan = c.update(measured.t, measured.x + (n == 30), 0.02)
+    p.obey(plan.first_force(20.0))
+    p.advance(0.05)
+assert len(before) > 50, before
+print(sorted(name for name, count in compiled().items() if count != before[name]))
+"""
+    done = subprocess.run(
+        [sys.executable, '-c', code], capture_output=True, text=True, check=True,
+        env={**os.environ, 'PYTHONPATH': os.pathsep.join(
+            [str(Path(__file__).parent), str(Path(__file__).parents[1])])})
+    assert done.stdout.strip() == '[]'
 
 
 @pytest.mark.parametrize('solver', sorted(SOLVERS))
