@@ -13,6 +13,8 @@ WITH_ROS := source $(BIN)/activate && source install/setup.bash
 SOURCES := package.xml setup.py setup.cfg resource/dp_swing_ros $(wildcard config/*) \
 	$(shell find dp_swing_ros -type f ! -name '*.pyc')
 DOWNLOADS := sed -u -n 's/^ *Downloading \([^-]*-[^-]*\)-.* (\(.* MB\))$$/  \1 (\2)/p; /^Install/s/:.*/ .../p'
+INSTALL = $(BIN)/python -m pip install --no-input -c constraints.txt $(addprefix --group ,$(1)) | \
+	$(DOWNLOADS) || $(call FAIL,pip could not install the groups $(1); what it said stands above)
 FAIL = { echo "make: $(1)" >&2; exit 1; }
 
 # A sourced ROS installation, or another checkout's, would shadow the wheels.
@@ -37,7 +39,7 @@ results: setup $(if $(filter benchmark,$(or $(PAGES),benchmark)),$(VENV)/.peers)
 results:  ## every published figure anew, under an hour (PAGES='random robustness' for some)
 	@$(WITH_ROS) && python benchmarks/published.py $(PAGES) $(RESULTS)
 
-test: setup  ## all tests, linters and type checks (PYTEST='...' for arguments of pytest)
+test: setup $(VENV)/.installed-test  ## all tests, linters and type checks (PYTEST='...' for arguments of pytest)
 	@$(WITH_ROS) && python -m pytest -n auto --maxprocesses 8 $(PYTEST)
 
 shell: setup  ## a shell in which ros2 run dp_swing_ros ... works
@@ -53,16 +55,18 @@ $(VENV)/.installed: pyproject.toml constraints.txt scripts/ros2
 	@[ -x $(BIN)/pip ] || $(PYTHON) -m venv $(VENV) || \
 	  $(call FAIL,$(PYTHON) cannot make a virtual environment; install python3-venv)
 	@$(BIN)/python -m pip install --quiet 'pip>=25.1' && \
-	  $(BIN)/python -m pip install --no-input -c constraints.txt \
-	    --group run --group ros --group test | $(DOWNLOADS) || \
-	  $(call FAIL,pip could not install the packages; what it said stands above)
+	  $(call INSTALL,run ros)
 	@rm -f $(BIN)/ros2
 	@command -v ros2 >/dev/null || install -m 755 scripts/ros2 $(BIN)/ros2
 	@touch $@
 
+$(VENV)/.installed-test: $(VENV)/.installed
+	@echo '== what the tests need, and torch, into $(VENV)'
+	@$(call INSTALL,test)
+	@touch $@
+
 $(VENV)/.peers: $(VENV)/.installed
-	@$(BIN)/python -m pip install --no-input -c constraints.txt --group peers | $(DOWNLOADS) || \
-	  $(call FAIL,pip could not install the peers; what it said stands above)
+	@$(call INSTALL,peers)
 	@touch $@
 
 # A module that is gone from the sources must not live on in what was built from them.

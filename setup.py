@@ -1,15 +1,34 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Install the package where ROS expects it; colcon calls this."""
+"""Install the package: by colcon where ROS expects it, by pip for what needs no ROS."""
 
 from glob import glob
 from pathlib import Path
+import sys
 from xml.etree import ElementTree
 
 from setuptools import find_packages, setup
 
 PACKAGE = 'dp_swing_ros'
 manifest = ElementTree.parse(Path(__file__).resolve().with_name('package.xml'))
+
+# Of a wheel, pip puts every script on the PATH, where `logger` would hide the system's; colcon
+# puts them where `ros2 run` looks. What makes a wheel calls one of these commands, colcon none.
+for_pip = not {'bdist_wheel', 'dist_info', 'editable_wheel'}.isdisjoint(sys.argv)
+ONE_FOR_ALL = ['dp_swing_ros = dp_swing_ros.__main__:main']
+EXECUTABLES = [
+    'plant = dp_swing_ros.nodes.plant:main',
+    'mpc = dp_swing_ros.nodes.mpc:main',
+    'logger = dp_swing_ros.nodes.logger:main',
+    'replay = dp_swing_ros.nodes.replay:main',
+    'analyse = dp_swing_ros.tools.analyse:main',
+    'compare = dp_swing_ros.tools.compare:main',
+    'demo = dp_swing_ros.tools.demo:main',
+    'evaluate = dp_swing_ros.tools.evaluate:main',
+    'recover = dp_swing_ros.tools.recover:main',
+    'parameters = dp_swing_ros.tools.parameters:main',
+    'verify = dp_swing_ros.tools.verify:main',
+]
 
 setup(
     name=PACKAGE,
@@ -25,23 +44,30 @@ setup(
         (f'share/{PACKAGE}', ['package.xml']),
         (f'share/{PACKAGE}/config', sorted(glob('config/*'))),
     ],
-    install_requires=['setuptools'],
-    # `colcon test` runs pytest only for a package that asks for it here
-    extras_require={'test': ['pytest']},
-    zip_safe=True,
-    entry_points={
-        'console_scripts': [
-            'plant = dp_swing_ros.nodes.plant:main',
-            'mpc = dp_swing_ros.nodes.mpc:main',
-            'logger = dp_swing_ros.nodes.logger:main',
-            'replay = dp_swing_ros.nodes.replay:main',
-            'analyse = dp_swing_ros.tools.analyse:main',
-            'compare = dp_swing_ros.tools.compare:main',
-            'demo = dp_swing_ros.tools.demo:main',
-            'evaluate = dp_swing_ros.tools.evaluate:main',
-            'recover = dp_swing_ros.tools.recover:main',
-            'parameters = dp_swing_ros.tools.parameters:main',
-            'verify = dp_swing_ros.tools.verify:main',
-        ],
+    python_requires='>=3.10',
+    # all that needs no ROS; pyproject.toml has the same for `make setup`
+    install_requires=[
+        'jinja2',
+        'joblib',
+        'lz4',
+        'matplotlib',
+        'mcap',
+        'mcap-ros2-support',
+        'numba',
+        'numpy',
+        'pandas',
+        'pillow',
+        'pyyaml',
+        'scipy',
+        'tqdm',
+        'zstandard',
+    ],
+    extras_require={
+        'dask': ['distributed'],
+        'torch': ['torch'],
+        # `colcon test` runs pytest only for a package that asks for it here
+        'test': ['pytest'],
     },
+    zip_safe=False,
+    entry_points={'console_scripts': ONE_FOR_ALL if for_pip else EXECUTABLES},
 )

@@ -73,7 +73,7 @@ def kills(folder: Path, rate: float, count: int, rng: np.random.Generator) -> li
     serve a logger that was killed, which takes more of it with every one.
     """
     found = []
-    for n in tqdm(range(count), f'kills at {rate:g}/s'):
+    for n in tqdm(range(count), f'kills at {rate:g}/s', disable=None):
         own = folder / str(n)
         own.mkdir(parents=True)
         with publisher(own, rate, TOPICS), Crew() as crew:

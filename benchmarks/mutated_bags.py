@@ -186,7 +186,7 @@ def play(bag: Path, seeds: range) -> tuple[Counter[tuple[str, str, str]], list[s
     whole = Whole(bag, shown(bag), messages(bag))
     counts: Counter[tuple[str, str, str]] = Counter()
     fails = []
-    for seed in tqdm(seeds, desc='mutations', leave=False, file=sys.stderr):
+    for seed in tqdm(seeds, desc='mutations', leave=False, disable=None):
         kind = list(MUTATIONS)[seed % len(MUTATIONS)]
         for tool in TOOLS:
             with tempfile.TemporaryDirectory(prefix='mutated_bags_') as place:

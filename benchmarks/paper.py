@@ -122,7 +122,7 @@ def _parser() -> argparse.ArgumentParser:
 def _measure(key: Key, arguments: argparse.Namespace, parallel: Parallel) -> Result:
     """Return the runs of an experiment; the one that is drawn went through the nodes."""
     episodes = list(tqdm(parallel(delayed(play)(key, seed) for seed in range(arguments.seeds)),
-                         desc=', '.join(key), total=arguments.seeds))
+                         desc=', '.join(key), total=arguments.seeds, disable=None))
     shown = episodes[SEED]
     if SETUPS[key.setup].title:
         shown = record(key, arguments.output / '_'.join(key).replace(' ', '_'))

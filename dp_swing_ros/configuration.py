@@ -33,6 +33,9 @@ OF_MPC: Groups = [('', MpcParameters), ('', PredictionParameters), ('', CostPara
                   ('ekf', EstimatorParameters),
                   *((name, SOLVERS[name].Parameters) for name in sorted(SOLVERS))]
 NODES: dict[str, Groups] = {'plant': SHARED + OF_PLANT, 'mpc': SHARED + OF_MPC}
+PACKAGE = Path(__file__).parent
+# where config/ lies: beside the package in a checkout, below share/ where it is installed
+HOMES = [PACKAGE.parent, *(folder / 'share' / PACKAGE.name for folder in PACKAGE.parents[:4])]
 OF_EVERY_NODE = ('use_sim_time', 'start_type_description_service')  # rclpy's own
 
 
@@ -79,6 +82,12 @@ def _groups(node: str, values: Values) -> list[Any]:
             for (_, group), named in zip(NODES[node], fields)]
 
 
+def locate(path: Path) -> Path:
+    """Return where a parameter file is: as named from here, or else among the package's own."""
+    places = (path, *(home / path for home in HOMES))
+    return next((place for place in places if place.is_file()), path)
+
+
 def read(paths: Iterable[Path]) -> dict[str, dict[str, Any]]:
     """
     Return what ROS parameter files tell each of NODES, where files differ the later's.
@@ -86,7 +95,7 @@ def read(paths: Iterable[Path]) -> dict[str, dict[str, Any]]:
     Raises ParameterError where a file is none, or is for other nodes.
     """
     found: dict[str, dict[str, Any]] = {node: {} for node in NODES}
-    for path in paths:
+    for path in map(locate, paths):
         for pattern, values in _sections(path):
             # /**/mpc and /second/mpc are for an mpc, /** is for any node
             name = pattern.rsplit('/', 1)[-1]

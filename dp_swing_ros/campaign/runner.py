@@ -44,7 +44,7 @@ def run(episodes: Sequence[tuple[Contestant, Case]], table: Table, jobs: int,
     failures = sum(row.outcome != Outcome.HELD.name for row in table.rows)
     total = len(episodes)
     with _workers(jobs, dask), tqdm(total=total, initial=total - len(todo), unit='episode',
-                                    smoothing=0.05) as bar:
+                                    smoothing=0.05, disable=None) as bar:
         rows = Parallel(return_as='generator', batch_size=1)(
             delayed(_work)(os.getpid(), contestant, case) for contestant, case in todo)
         try:
@@ -83,7 +83,11 @@ def _workers(jobs: int, dask: str) -> Iterator[None]:
         with parallel_config(backend='loky', n_jobs=jobs, inner_max_num_threads=1):
             yield
         return
-    from distributed import CancelledError, Client, KilledWorker  # slow, and few have a cluster
+    try:   # slow, and few have a cluster
+        from distributed import CancelledError, Client, KilledWorker
+    except ModuleNotFoundError:
+        raise CampaignError('--dask needs the Python package distributed, which is not '
+                            'installed; pip install distributed') from None
     try:
         with Client(dask, timeout=CONNECTION) as client:
             _check(client.run(sources), dask)

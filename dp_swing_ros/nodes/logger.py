@@ -14,50 +14,19 @@ from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from dp_swing_ros.bags.definitions import schema
-from dp_swing_ros.bags.fields import BILLION
-from dp_swing_ros.bags.mcap_file import Storage
 from dp_swing_ros.bags.writer import BagWriter, Recorded
 from dp_swing_ros.errors import BagError
 from dp_swing_ros.nodes.connections import message_class
 from dp_swing_ros.nodes.offers import described, Request, request_for
+from dp_swing_ros.nodes.parameters import LoggerParameters
 from dp_swing_ros.nodes.process import ProcessNode, run
 from dp_swing_ros.nodes.ros_parameters import declare, settle
 from dp_swing_ros.nodes.sequences import Tally
-from dp_swing_ros.parameters import parameter, ParameterError, Parameters
-from dp_swing_ros.topics import TOPICS
+from dp_swing_ros.parameters import ParameterError
 
 LOOK_PERIOD = 0.05   # [s] between looks for new publishers
 TURN = 0.01          # [s] at most for what waits on one topic, then it is the others' turn
 DRAIN_TIME = 0.5     # [s] at most for what waits at the end
-
-
-@dataclasses.dataclass(frozen=True)
-class LoggerParameters(Parameters):
-    """What to record, where, and how safely."""
-
-    output: str = parameter(
-        '', 'folder of the bag, which must not exist; empty: named by the time, here')
-    topics: tuple[str, ...] = parameter(
-        tuple(topic.name for topic in TOPICS), 'topics to record, as soon as they have publishers')
-    flush_period: float = parameter(
-        0.05, 'longest time that a message stays in the process, which a kill would lose',
-        unit='s', minimum=0.001)
-    chunk_size: int = parameter(
-        1 << 20, 'size of uncompressed messages after which they are written at once',
-        unit='bytes', minimum=1024)
-    fsync: bool = parameter(
-        False, 'wait for the disk at each flush, so that messages survive a power cut, too')
-    max_bagfile_size: int = parameter(
-        0, 'size after which the next file of the bag begins (0: never)', unit='bytes', minimum=0)
-    max_bagfile_duration: float = parameter(
-        0.0, 'time after which the next file of the bag begins (0: never)', unit='s', minimum=0.0)
-    progress_period: float = parameter(
-        5.0, 'time between two lines on the progress (0: none)', unit='s', minimum=0.0)
-
-    def to_storage(self) -> Storage:
-        """Return what concerns the files."""
-        return Storage(self.chunk_size, self.fsync, self.max_bagfile_size,
-                       round(self.max_bagfile_duration * BILLION))
 
 
 @dataclasses.dataclass

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The replay node: plays a bag back onto its topics with its recorded timing."""
 
-import dataclasses
 from pathlib import Path
 import time
 from typing import Callable
@@ -16,45 +15,20 @@ from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
 from dp_swing_ros.bags.fields import BILLION
-from dp_swing_ros.bags.playback import Cue, cues_of, excerpt, LATE, ORDERS, Playback, SENT
+from dp_swing_ros.bags.playback import Cue, cues_of, excerpt, LATE, Playback
 from dp_swing_ros.bags.reader import Bag, Offer
 from dp_swing_ros.errors import BagError
 from dp_swing_ros.nodes.connections import publish_again, subscribe
 from dp_swing_ros.nodes.messages import to_stamp
+from dp_swing_ros.nodes.parameters import ReplayParameters
 from dp_swing_ros.nodes.process import ProcessNode, run
 from dp_swing_ros.nodes.ros_parameters import declare, settle
-from dp_swing_ros.parameters import parameter, ParameterError, Parameters
+from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.topics import FORCE_COMMAND, JOINT_STATES, Topic
 
 LOOK_PERIOD = 0.02  # [s] between looks for subscribers
 QUIET = 0.3         # [s] without another subscriber: all have been found
 BATCH = 100         # messages at once, so that signals and services are heard in between
-
-
-@dataclasses.dataclass(frozen=True)
-class ReplayParameters(Parameters):
-    """What to play, and how; named as the options of `ros2 bag play` are."""
-
-    bag: str = parameter('', 'folder of the bag to play, or its .mcap file; must be given')
-    partial: bool = parameter(False, 'play what there is of a bag whose logger was killed')
-    # a list of none would tell nobody what it is to be a list of
-    topics: tuple[str, ...] = parameter(('',), 'topics to play; empty: all')
-    rate: float = parameter(1.0, 'times as fast as recorded', minimum=1e-3)
-    start_offset: float = parameter(
-        0.0, 'where to begin, after the first message of the bag', unit='s', minimum=0.0)
-    playback_duration: float = parameter(
-        0.0, 'how much of the bag to play, in its own time (0 or less: all)', unit='s')
-    message_order: str = parameter(
-        SENT, 'the time that counts of each message: when it was sent, or when it was received',
-        choices=lambda: list(ORDERS))
-    loop: bool = parameter(False, 'begin again after the last message')
-    clock: float = parameter(
-        0.0, 'publish the time of the bag on /clock so often, and before every message, for '
-        'nodes with use_sim_time (0: not at all)', unit='Hz', minimum=0.0, maximum=1e4)
-    start_paused: bool = parameter(False, 'wait for the service replay/resume or replay/play_next')
-    wait: float = parameter(
-        2.0, 'at most, for subscribers of the topics to be found', unit='s', minimum=0.0)
-    delay: float = parameter(0.0, 'before the first message', unit='s', minimum=0.0)
 
 
 class ReplayNode(ProcessNode):

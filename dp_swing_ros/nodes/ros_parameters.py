@@ -10,7 +10,7 @@ user gave ends in a ParameterError.
 from array import array
 import dataclasses
 import math
-from typing import Any, Iterable, TypeVar
+from typing import Any, TypeVar
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.node import Node
@@ -19,6 +19,7 @@ from std_msgs.msg import String
 
 from dp_swing_ros.bags.configurations import Configuration
 from dp_swing_ros.nodes.connections import publish
+from dp_swing_ros.nodes.parameters import expected, full_name
 from dp_swing_ros.parameters import checked, Parameters, unknown
 from dp_swing_ros.provenance import commit, machine, package_version, packages, sources
 from dp_swing_ros.topics import CONFIGURATION
@@ -37,7 +38,7 @@ def declare(node: Node, group: type[Group], prefix: str = '') -> Group:
     """
     values = {}
     for field in dataclasses.fields(group):
-        name = _name(field, prefix)
+        name = full_name(field, prefix)
         values[field.name] = checked(field, _given(node, name, field.default), name)
         # The override is left aside: it is in the value already, there in its declared type.
         node.declare_parameter(name, _to_ros(values[field.name]), _descriptor(field),
@@ -60,22 +61,6 @@ def settle(node: Node) -> None:
             sorted(node.list_parameters([], 0).names))},
         package_version(), commit(), sources(), machine(), packages())
     publish(node, CONFIGURATION).publish(String(data=configuration.to_text()))
-
-
-def table(groups: Iterable[tuple[str, type[Parameters]]]) -> str:
-    """Return the Markdown table of the parameters of (prefix, group) pairs."""
-    rows = ['| parameter | default | unit | range | description |',
-            '| --- | --- | --- | --- | --- |']
-    for prefix, group in groups:
-        for field in dataclasses.fields(group):
-            cells = (f'`{_name(field, prefix)}`', f'`{_shown(field.default)}`',
-                     field.metadata['unit'], _expected(field), field.metadata['description'])
-            rows.append('| ' + ' | '.join(cell.replace('|', r'\|') for cell in cells) + ' |')
-    return '\n'.join(rows) + '\n'
-
-
-def _name(field: dataclasses.Field, prefix: str) -> str:
-    return f'{prefix}.{field.name}' if prefix else field.name
 
 
 def _overrides(node: Node) -> dict[str, Parameter]:
@@ -107,7 +92,7 @@ def _descriptor(field: dataclasses.Field) -> ParameterDescriptor:
     low, high = about['minimum'], about['maximum']
     if low is None and high is None or isinstance(field.default, tuple):
         # ROS knows no range of the elements of a list.
-        descriptor.additional_constraints = _expected(field)
+        descriptor.additional_constraints = expected(field)
     elif isinstance(field.default, int):
         descriptor.integer_range = [IntegerRange(
             from_value=-LARGEST_INTEGER if low is None else int(low),
@@ -117,29 +102,3 @@ def _descriptor(field: dataclasses.Field) -> ParameterDescriptor:
             from_value=-math.inf if low is None else float(low),
             to_value=math.inf if high is None else float(high))]
     return descriptor
-
-
-def _expected(field: dataclasses.Field) -> str:
-    about = field.metadata
-    if about['choices'] is not None:
-        return 'one of ' + ', '.join(about['choices']())
-    bounds = []
-    if about['minimum'] is not None:
-        bounds.append(f'at least {about["minimum"]:g}')
-    if about['maximum'] is not None:
-        bounds.append(f'at most {about["maximum"]:g}')
-    text = ', '.join(bounds)
-    if about['size'] is not None:
-        each = f', each {text}' if text else ''
-        return f'{about["size"]} numbers{each}'
-    return text
-
-
-def _shown(value: Any) -> str:
-    if isinstance(value, tuple):
-        return f'[{", ".join(_shown(element) for element in value)}]'
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, float) and math.isinf(value):
-        return '.inf'
-    return f'{value:g}' if isinstance(value, float) else str(value)

@@ -18,7 +18,7 @@ import time
 import numpy as np
 
 from dp_swing_ros.kernels import kernel
-from dp_swing_ros.parameters import parameter, Parameters
+from dp_swing_ros.parameters import parameter, ParameterError, Parameters
 from dp_swing_ros.plan import Plan, SolverStats, Status
 from dp_swing_ros.problem import follow_policy, Problem, Rollout
 from dp_swing_ros.solvers.noise import LANES, state_from
@@ -129,7 +129,7 @@ class MPPI:
         """
         Take the problem, and spread the sizes of the noise.
 
-        Raises ParameterError where the device is none of this machine.
+        Raises ParameterError where the device is none of this machine, or torch is missing.
         """
         self.problem, self.parameters = problem, parameters
         self.random = np.random.default_rng(seed)
@@ -144,8 +144,13 @@ class MPPI:
         self.parts = list(map(slice, ends[:-1], ends[1:]))   # of the blocks, one for each thread
         self.device = None
         if parameters.device != 'cpu':
-            from dp_swing_ros.solvers.device import OnDevice   # torch takes seconds to import
-
+            try:   # torch takes seconds to import, and only this needs it
+                from dp_swing_ros.solvers.device import OnDevice
+            except ModuleNotFoundError:
+                raise ParameterError(
+                    f'parameter mppi.device is {parameters.device!r}, but torch is not installed; '
+                    'pip install torch, for cuda a CUDA build of it, or choose mppi.device cpu'
+                ) from None
             self.device = OnDevice(problem, parameters, sigma)
 
     def solve(self, x_0: Array, warm_start: Plan | None, deadline: float) -> Plan:

@@ -15,6 +15,7 @@ from dp_swing_ros.comparison import table
 from dp_swing_ros.episode import Episode
 from dp_swing_ros.metrics import measure
 from dp_swing_ros.report import named, page, Recording, recording, Shown
+from dp_swing_ros.tools import program
 from dp_swing_ros.tools.over_bags import add_partial, beside, exit_code
 
 PICTURES = {
@@ -39,7 +40,7 @@ def _analyse(arguments: argparse.Namespace) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog='ros2 run dp_swing_ros analyse',
+        prog=program('analyse'),
         description='Print the table of recorded runs, draw their pictures, and write it all into '
                     'one page, report.html, from the bags alone.')
     parser.add_argument('bags', type=Path, nargs='+', metavar='BAG',
@@ -87,11 +88,11 @@ def draw(episode: Episode, folder: Path, animate: bool = True) -> list[Path]:
     """Draw all pictures of a run into a folder and return their paths; show progress."""
     folder.mkdir(parents=True, exist_ok=True)
     paths = []
-    for name, picture in tqdm(PICTURES.items(), desc='pictures', leave=False):
+    for name, picture in tqdm(PICTURES.items(), desc='pictures', leave=False, disable=None):
         paths.append(folder / f'{name}.png')
         picture(episode).savefig(paths[-1])
     if animate:
         paths.append(folder / 'animation.gif')
-        figures.animation(episode, paths[-1],
-                          lambda times: tqdm(times, desc='animation', leave=False))
+        figures.animation(episode, paths[-1], lambda times: tqdm(
+            times, desc='animation', leave=False, disable=None))
     return paths

@@ -15,6 +15,7 @@ from dp_swing_ros.comparison import aligned
 from dp_swing_ros.rerun.counterfactual import Fork, fork
 from dp_swing_ros.rerun.runs import Run
 from dp_swing_ros.solvers import SOLVERS
+from dp_swing_ros.tools import program
 from dp_swing_ros.tools.over_bags import add_bag, add_partial, beside, exit_code
 from dp_swing_ros.topics import DISTURBANCE
 
@@ -41,7 +42,7 @@ def _compare(arguments: argparse.Namespace) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog='ros2 run dp_swing_ros compare',
+        prog=program('compare'),
         description='Let each solver take over a recorded run at a tick, in simulation: with the '
                     'recorded parameters and seeds, as if it had seen every state until then. '
                     'Tabulates and draws the cost to go: the recorded running cost over the '
@@ -84,7 +85,8 @@ def _forks(run: Run, arguments: argparse.Namespace) -> list[Fork]:
     duration = arguments.duration
     ticks = [run.tick_at(arguments.at, duration)] if arguments.every is None \
         else run.ticks_every(arguments.every, duration)
-    with tqdm(total=len(ticks) * len(solvers), desc='take-overs', leave=False) as bar:
+    with tqdm(total=len(ticks) * len(solvers), desc='take-overs', leave=False,
+              disable=None) as bar:
         return [fork(run, tick, solvers, duration, bar.update) for tick in ticks]
 
 

@@ -15,11 +15,13 @@ import numpy as np
 from tqdm import tqdm
 
 from dp_swing_ros.comparison import spread, summary, table
+from dp_swing_ros.configuration import locate
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.metrics import measure, Metrics
 from dp_swing_ros.report import named, recording
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.state import to_turn_of, UPRIGHT
+from dp_swing_ros.tools import program
 from dp_swing_ros.tools.analyse import write
 from dp_swing_ros.tools.isolation import isolated
 from dp_swing_ros.tools.observer import Observer
@@ -68,7 +70,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def command_line() -> argparse.ArgumentParser:
     """Return the parser of the arguments."""
     parser = argparse.ArgumentParser(
-        prog='ros2 run dp_swing_ros demo',
+        prog=program('demo'),
         description='Swing the pendulum up with three ROS processes: plant, mpc and logger. '
                     'Leaves a bag, pictures, a report and the logs; the exit code is 0 if '
                     'every run ended upright.')
@@ -106,7 +108,8 @@ def runs_of(arguments: argparse.Namespace) -> list[Run]:
 
     Raises UserError for what cannot work.
     """
-    for file in arguments.params:
+    files = tuple(map(locate, arguments.params))
+    for file in files:
         if not file.is_file():
             raise UserError(f'--params {file} is not a file')
     name = f'{arguments.solver}_{datetime.now():%Y%m%d_%H%M%S}'
@@ -118,7 +121,7 @@ def runs_of(arguments: argparse.Namespace) -> list[Run]:
         own = folder / f'seed_{seed}' if arguments.runs > 1 else folder
         own.mkdir(parents=True, exist_ok=True)
         runs.append(Run(arguments.solver, seed, arguments.duration, arguments.lockstep,
-                        tuple(arguments.params), own))
+                        files, own))
     return runs
 
 
@@ -174,7 +177,6 @@ def _await(ready: Mapping[Process, Callable[[], set[str]]], observer: Observer,
     """Wait until each process is among the names it looks for, and show what they say."""
     end = time.monotonic() + READY
     waiting = list(ready)
-    # disable=None: on a terminal only
     with tqdm(bar_format='{desc} ({elapsed})', leave=False, disable=None) as line:
         while waiting:
             names = ' and '.join(process.name for process in waiting)
@@ -199,7 +201,7 @@ def _follow(observer: Observer, plant: Process, others: Sequence[Process],
     """Show the pendulum until the plant ends itself."""
     start = time.monotonic()
     with tqdm(total=duration, bar_format='{n:5.2f}/{total:g} s |{bar}| {desc}',
-              mininterval=0.1 if sys.stderr.isatty() else 2.0) as bar:
+              disable=None) as bar:
         while plant.running:
             for process in others:
                 process.check()

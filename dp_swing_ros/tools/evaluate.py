@@ -23,10 +23,11 @@ from dp_swing_ros.figures import of_campaign
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.scenarios import Case, SCENARIOS
 from dp_swing_ros.solvers import SOLVERS
+from dp_swing_ros.tools import program
 from dp_swing_ros.tools.processes import interrupt_on_signals
 
 OK, FAILED, MISUSED, INTERRUPTED = 0, 1, 2, 130  # exit codes
-PROGRAM = 'ros2 run dp_swing_ros evaluate'
+PROGRAM = program('evaluate')
 EXAMPLES = f"""\
 examples:
   {PROGRAM} --scenarios hanging random --seeds 50
@@ -147,9 +148,9 @@ def play(arguments: argparse.Namespace, folder: Path, stored: Sequence[Row],
         refuse_strangers([key(*episode) for episode in episodes], stored)
     folder.mkdir(parents=True, exist_ok=True)
     manifest.keep(folder, description)
-    print(f'{folder}: {len(contestants)} contestants, {len(cases(description))} cases each',
-          flush=True)
     with Table(folder / 'episodes.csv') as table:
+        print(f'{folder}: {len(contestants)} contestants, {len(cases(description))} cases each; '
+              f'{len(table.rows)} episodes are there already', flush=True)
         run(episodes, table, arguments.jobs, arguments.dask)
 
 

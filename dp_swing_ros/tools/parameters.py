@@ -6,9 +6,8 @@ import argparse
 from collections.abc import Sequence
 
 from dp_swing_ros.configuration import Groups, OF_MPC, OF_PLANT, SHARED
-from dp_swing_ros.nodes.logger import LoggerParameters
-from dp_swing_ros.nodes.replay import ReplayParameters
-from dp_swing_ros.nodes.ros_parameters import table
+from dp_swing_ros.nodes.parameters import LoggerParameters, ReplayParameters, table
+from dp_swing_ros.tools import program
 
 SECTIONS: dict[str, Groups] = {
     'The bodies and their limits (plant and mpc)': SHARED, 'plant': OF_PLANT, 'mpc': OF_MPC,
@@ -33,7 +32,7 @@ def reference() -> str:
 def main(argv: Sequence[str] | None = None) -> int:
     """Print the page."""
     argparse.ArgumentParser(
-        prog='ros2 run dp_swing_ros parameters',
+        prog=program('parameters'),
         description='Print all parameters of all nodes, with default, unit, range and '
                     'description, as Markdown.').parse_args(argv)
     print(reference(), end='')

@@ -12,6 +12,7 @@ from tqdm import tqdm
 
 from dp_swing_ros.bags.fields import BILLION
 from dp_swing_ros.bags.recovery import described, recover, Recovery
+from dp_swing_ros.tools import program
 from dp_swing_ros.tools.over_bags import beside, exit_code
 
 LINES = 20  # of losses, before only their number is told
@@ -26,7 +27,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _recover(bag: Path, output: Path) -> int:
     try:
-        with tqdm(desc='bytes', unit='B', unit_scale=True, leave=False, delay=1) as bar:
+        with tqdm(desc='bytes', unit='B', unit_scale=True, leave=False, delay=1,
+                  disable=None) as bar:
             def progress(done: int, size: int) -> None:
                 bar.total = size
                 bar.update(done - bar.n)
@@ -44,7 +46,7 @@ def _recover(bag: Path, output: Path) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog='ros2 run dp_swing_ros recover',
+        prog=program('recover'),
         description='Write a whole bag of what can be saved of a truncated or damaged one, and '
                     'tell what was saved and what is gone. The damaged one is left as it is.')
     parser.add_argument('bag', type=Path, metavar='BAG',

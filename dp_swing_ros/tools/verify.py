@@ -11,6 +11,7 @@ from tqdm import tqdm
 from dp_swing_ros.bags.fields import BILLION
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.rerun.verification import Verification, verify
+from dp_swing_ros.tools import program
 from dp_swing_ros.tools.over_bags import add_bag, add_partial, exit_code
 
 IDENTICAL, DIFFERS, UNKNOWN = 0, 1, 2  # exit codes
@@ -24,13 +25,13 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _verify(arguments: argparse.Namespace) -> int:
     found = verify(Bag(arguments.bag, arguments.partial),
-                   lambda ticks: tqdm(ticks, desc='ticks', leave=False))
+                   lambda ticks: tqdm(ticks, desc='ticks', leave=False, disable=None))
     return _differs(found) if found.differences else _identical(found)
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog='ros2 run dp_swing_ros verify',
+        prog=program('verify'),
         description='Solve every recorded tick again, with the recorded parameters, seeds and, '
                     'in real time, numbers of iterations, and demand the recorded forces to the '
                     'bit. The exit code is 0 where all are, 1 where one is not, and 2 where that '

@@ -10,7 +10,8 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
-from dp_swing_ros.nodes.ros_parameters import declare, settle, table
+from dp_swing_ros.nodes.parameters import table
+from dp_swing_ros.nodes.ros_parameters import declare, settle
 from dp_swing_ros.parameters import parameter, ParameterError, Parameters
 
 

@@ -1,0 +1,172 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The package as pip installs it, without colcon, ROS and torch; and what colcon has instead."""
+
+from importlib.metadata import distribution
+import os
+from pathlib import Path
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+
+import pytest
+
+from dp_swing_ros.__main__ import BY_COLCON, NODES, TOOLS
+
+TOP = Path(__file__).parents[1]
+BUILT = shutil.ignore_patterns('.*', 'build', 'install', 'log', 'runs', '*.egg-info',
+                               '__pycache__')
+# an interpreter in which these are not installed
+WITHOUT = """
+import sys
+from importlib.abc import MetaPathFinder
+
+class Refused(MetaPathFinder):
+    def find_spec(self, name, path=None, target=None):
+        if name.partition('.')[0] in {absent}:
+            raise ModuleNotFoundError(f'No module named {{name!r}}', name=name)
+
+sys.meta_path.insert(0, Refused())
+"""
+ABSENT = {'rclpy', 'ament_index_python', 'builtin_interfaces', 'diagnostic_msgs', 'rcl_interfaces',
+          'rosgraph_msgs', 'sensor_msgs', 'std_msgs', 'std_srvs', 'trajectory_msgs', 'torch',
+          'distributed'}
+
+
+class Installed:
+    """The package in a prefix of its own, and Python to run it in an empty folder."""
+
+    def __init__(self, prefix, here):
+        self.prefix, self.here = prefix, here
+        self.site, = prefix.glob('lib/python*/site-packages')
+        self.environment = {name: os.environ[name] for name in ('PATH', 'HOME')
+                            if name in os.environ}
+        self.environment['PYTHONPATH'] = f'{here}{os.pathsep}{self.site}'
+
+    def python(self, *arguments):
+        return subprocess.run([sys.executable, *map(str, arguments)], cwd=self.here, text=True,
+                              env=self.environment, capture_output=True, timeout=280)
+
+    def tool(self, *arguments):
+        return self.python('-m', 'dp_swing_ros', *arguments)
+
+
+@pytest.fixture(scope='module')
+def installed(tmp_path_factory):
+    folder = tmp_path_factory.mktemp('pip')
+    shutil.copytree(TOP, folder / 'sources', ignore=BUILT)
+    subprocess.run([sys.executable, '-m', 'pip', 'install', '--quiet', '--no-index', '--no-deps',
+                    '--no-build-isolation', '--prefix', folder / 'prefix', folder / 'sources'],
+                   check=True, cwd=folder)
+    here = folder / 'elsewhere'
+    here.mkdir()
+    (here / 'sitecustomize.py').write_text(WITHOUT.format(absent=sorted(ABSENT)))
+    return Installed(folder / 'prefix', here)
+
+
+def test_pip_puts_one_name_on_the_path(installed):
+    assert [script.name for script in (installed.prefix / 'bin').iterdir()] == ['dp_swing_ros']
+    done = installed.python(installed.prefix / 'bin' / 'dp_swing_ros', 'verify', '--help')
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith('usage: dp_swing_ros verify')
+
+
+def test_colcon_has_every_tool_and_node_where_ros2_run_looks():
+    scripts = {entry.name for entry in distribution('dp_swing_ros').entry_points
+               if entry.group == 'console_scripts'}
+    assert scripts == {*TOOLS, *NODES, *BY_COLCON}
+
+
+@pytest.mark.parametrize('tool', TOOLS)
+def test_a_tool_needs_no_ros(tool, installed):
+    done = installed.tool(tool, '--help')
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith(f'usage: python -m dp_swing_ros {tool}')
+
+
+@pytest.mark.parametrize('name', [*NODES, *BY_COLCON])
+def test_what_needs_ros_is_refused_in_one_line(name, installed):
+    done = installed.tool(name)
+    assert done.returncode == 2
+    assert re.fullmatch(rf'dp_swing_ros: error: {name} needs the Python module \w+, which is not '
+                        'installed; source .*\n', done.stderr)
+
+
+def test_parameters_of_all_nodes_are_printed_without_ros(installed):
+    assert installed.tool('parameters').stdout == (TOP / 'docs' / 'parameters.md').read_text()
+
+
+def test_a_campaign_finds_the_parameter_files_that_were_installed(installed):
+    done = installed.tool('evaluate', '--contestants', 'ilqr:config/paper.yaml', '--scenarios',
+                          'hanging', '--seeds', '1', '--duration', '0.5', '--jobs', '1',
+                          '--no-figures', '--output', 'campaign')
+    assert done.returncode == 0, done.stderr
+    page = (installed.here / 'campaign' / 'summary.md').read_text()
+    assert '`ilqr:paper` | 0 of 1' in page
+    assert 'version not installed' not in page
+
+
+def snippets():
+    """Return the pieces of Python in README that say, or stand where it says, `without ROS`."""
+    text = (TOP / 'README.md').read_text()
+    return [code for code in re.findall(r'```python\n(.*?)```', text, re.DOTALL)
+            if 'needs no ROS' in code or 'simulate(' in code]
+
+
+def test_what_readme_says_needs_no_ros_needs_none(installed, lockstep_bag):
+    (installed.here / 'my_bag').symlink_to(lockstep_bag)
+    codes = snippets()
+    assert len(codes) == 2
+    for code in codes:
+        (installed.here / 'snippet.py').write_text(code)
+        done = installed.python('snippet.py')
+        assert done.returncode == 0, done.stderr
+
+
+def test_a_bag_is_analysed_into_a_whole_page(installed, lockstep_bag):
+    done = installed.tool('analyse', lockstep_bag, '--no-animation', '--output', 'analysis')
+    assert (done.returncode, done.stderr) == (0, '')
+    page = (installed.here / 'analysis' / 'report.html').read_text()
+    assert (TOP / 'dp_swing_ros' / 'report' / 'style.css').read_text()[:200] in page
+
+
+def test_pip_and_make_install_the_same(installed):
+    groups = tomllib.loads((TOP / 'pyproject.toml').read_text())['dependency-groups']
+    about = next(installed.site.glob('dp_swing_ros-*.dist-info/METADATA')).read_text()
+    needed = re.findall(r'^Requires-Dist: ([\w-]+)$', about, re.MULTILINE)
+    assert sorted(needed) == sorted(groups['run'])
+    assert 'Requires-Dist: torch; extra == "torch"' in about
+
+
+def test_nothing_that_the_demo_imports_brings_torch(installed):
+    modules = ['tools.demo', 'tools.analyse', *(f'nodes.{name}' for name in NODES)]
+    imports = '; '.join(f'import dp_swing_ros.{module}' for module in modules)
+    done = subprocess.run(
+        [sys.executable, '-c', f"""
+import sys
+{imports}
+from dp_swing_ros import configuration
+for name in configuration.SOLVERS:
+    configuration.controller({{'solver': name}})
+print([name for name in ('torch', 'distributed') if name in sys.modules])
+"""], capture_output=True, text=True, check=True)
+    assert done.stdout == '[]\n'
+
+
+def test_a_cluster_without_dask_is_refused_in_one_line(installed):
+    done = installed.tool('evaluate', '--contestants', 'nothing', '--scenarios', 'hanging',
+                          '--seeds', '1', '--dask', 'tcp://127.0.0.1:1', '--output', 'cluster')
+    assert done.returncode == 1
+    assert done.stderr == ('evaluate: error: --dask needs the Python package distributed, which '
+                           'is not installed; pip install distributed\n')
+
+
+@pytest.mark.parametrize('device', ['cuda', 'torch'])
+def test_a_device_without_torch_is_refused_in_one_line(device, installed):
+    done = installed.tool('evaluate', '--contestants', f'mppi:mppi.device={device}',
+                          '--scenarios', 'hanging', '--seeds', '1', '--output', device)
+    assert done.returncode == 2
+    assert re.fullmatch(rf"evaluate: error: parameter mppi.device is '{device}', but torch is not "
+                        r'installed; .*pip install.*\n', done.stderr)
