@@ -3,6 +3,9 @@
 
 import dataclasses
 import math
+from pathlib import Path
+import subprocess
+import sys
 
 from matplotlib.collections import LineCollection
 import numpy as np
@@ -12,8 +15,12 @@ from synthetic import first, swing_up, without_ticks
 
 from dp_swing_ros import figures
 from dp_swing_ros.dynamics.pendulum import joints
+from dp_swing_ros.figures.curves import unwrapped
+from dp_swing_ros.figures.sketch import sketch
 from dp_swing_ros.parameters import LimitParameters
 
+TOP = Path(__file__).parents[1]
+README, FIGURES = TOP / 'README.md', TOP / 'docs' / 'figures'
 STILLS = [figures.snapshots, figures.squared_error, figures.timeline, figures.hero]
 
 
@@ -105,10 +112,30 @@ def test_timeline_shows_force_limits_and_the_period():
     assert times.get_xlabel() == 'time [s]'
 
 
-def test_timeline_ends_at_zero_whatever_the_turn():
-    angles = figures.timeline(swing_up()).axes[0]
-    for line in angles.lines:
-        assert line.get_ydata()[-1] == pytest.approx(0.0)
+@pytest.mark.parametrize('turn', [0, -2 * math.pi, 4 * math.pi])
+def test_hanging_is_pi_on_whatever_turn_and_side_it_was_measured(turn):
+    episode = swing_up()
+    X = episode.X.copy()
+    X[:, 1] += turn - 0.01
+    X[:, 2] += turn + 0.01
+    for line in figures.timeline(dataclasses.replace(episode, X=X)).axes[0].lines:
+        assert line.get_ydata()[0] == pytest.approx(math.pi, abs=0.02)
+        assert round(line.get_ydata()[-1] / math.pi, 1) in (0.0, 2.0)
+
+
+def test_angles_that_a_sensor_wraps_are_drawn_as_they_turned():
+    episode = swing_up()
+    X = episode.X.copy()
+    X[:, 1:3] = np.angle(np.exp(1j * X[:, 1:3]))
+    wrapped, whole = (np.array([line.get_ydata() for line in figures.timeline(one).axes[0].lines])
+                      for one in (dataclasses.replace(episode, X=X), episode))
+    np.testing.assert_allclose(wrapped, whole, atol=1e-9)
+
+
+def test_a_start_next_to_upright_is_drawn_there():
+    X = swing_up().X
+    X[:, 1:3] = np.array([0.2, -0.3]) + 2 * np.pi
+    np.testing.assert_allclose(unwrapped(X)[0], [0.2, -0.3])
 
 
 def test_timeline_marks_late_ticks():
@@ -119,11 +146,24 @@ def test_timeline_marks_late_ticks():
 
 def test_hero_stands_every_cart_above_its_moment():
     speed = 3.4
-    film, force = figures.hero(swing_up(), seconds=2.0, speed=speed).axes
+    figure = figures.hero(swing_up(), seconds=2.0, speed=speed)
+    film, force = figure.axes
     assert film.get_xlim() == pytest.approx(speed * np.array(force.get_xlim()))
     assert sum(isinstance(artist, LineCollection) for artist in film.collections) == 2
     carts = [patch.get_x() + patch.get_width() / 2 for patch in film.patches]
-    np.testing.assert_allclose(carts, speed * 0.25 * np.arange(9), atol=1e-9)
+    np.testing.assert_allclose(carts, speed * np.array([*0.25 * np.arange(9), 2.5]), atol=1e-9)
+
+
+def test_hero_goes_on_to_the_end_of_the_run():
+    episode = swing_up(duration=6.0)
+    figure = figures.hero(episode)
+    film, force = figure.axes
+    assert [label.get_text() for label in force.get_xticklabels()][-2:] == ['4.0', '6.0']
+    assert 'upright from 1.70 to 6.0 s' in figure.texts[-1].get_text()
+    last = joints(episode.X[-1], episode.bodies)
+    np.testing.assert_allclose(film.lines[-2].get_ydata(), last[1:, 1], atol=1e-9)
+    fallen = figures.hero(first(episode, 31))
+    assert 'not upright at the end, 1.5 s' in fallen.texts[-1].get_text()
 
 
 def test_states_between_the_recorded_follow_the_speeds():
@@ -162,3 +202,18 @@ def test_odd_runs_are_animated_without_a_warning(name, tmp_path):
 def test_run_without_states_cannot_be_animated(tmp_path):
     with pytest.raises(ValueError, match='without states'):
         figures.animation(ODD['no state'], tmp_path / 'animation.gif')
+
+
+def test_sketch_names_every_coordinate_length_and_sign(tmp_path):
+    texts = ' '.join(text.get_text() for text in sketch().axes[0].texts)
+    for symbol in ('$x$', '$u$', r'$\theta_1$', r'$\theta_2$', '$l_1$, $m_1$', '$l_2$, $m_2$',
+                   '$m_0$', 'hanging', 'upright', 'clockwise positive', '−2.4 m'):
+        assert symbol in texts, symbol
+
+
+def test_the_sketch_is_made_by_a_command_and_shown_near_the_top(tmp_path):
+    subprocess.run([sys.executable, '-m', 'dp_swing_ros.figures.sketch', tmp_path / 'made.png'],
+                   check=True)
+    with Image.open(tmp_path / 'made.png') as made, Image.open(FIGURES / 'pendulum.png') as stored:
+        assert made.size == stored.size
+    assert 'docs/figures/pendulum.png' in README.read_text().split('## ')[1]

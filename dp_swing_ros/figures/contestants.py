@@ -8,11 +8,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from dp_swing_ros.figures.style import ALARM, FAINT, FORCE, INK, LINK1, LINK2
+from dp_swing_ros.figures.style import ALARM, FAINT, FORCE, INK, LINK1, LINK2, plain
 
 OWN = {'ilqr': LINK1, 'ddp': LINK2, 'mppi': FORCE, 'tvlqr': ALARM, 'nothing': FAINT}
 DASHES = ('-', (0, (4, 1.5)), (0, (1, 1)), (0, (5, 1, 1, 1)))  # of a first, second ... variant
-ENTRY = 1.3  # [inch] of a legend
+ENTRY, WORDY = 1.3, 2.1  # [inch] of a legend
 MARKERS = ('o', 's', '^', 'D')
 
 
@@ -27,6 +27,10 @@ class Look(NamedTuple):
     def line(self) -> dict[str, Any]:
         """Return the arguments of a line."""
         return {'color': self.colour, 'linestyle': self.dash}
+
+    def mark(self) -> dict[str, Any]:
+        """Return the arguments of a point on its interval."""
+        return {**self.point(), 'linestyle': '-', 'linewidth': 1.4}
 
     def point(self) -> dict[str, Any]:
         """Return the arguments of a point."""
@@ -46,13 +50,16 @@ def looks(campaign: dict[str, Any]) -> dict[str, Look]:
     return found
 
 
-def name_contestants(figure: Figure, shown: dict[str, Look], points: bool = False) -> None:
-    """Put a legend of the contestants below a picture."""
+def name_contestants(figure: Figure, shown: dict[str, Look], points: bool = False,
+                     words: dict[str, str] | None = None) -> None:
+    """Put a legend of the contestants below a picture, by their labels or some words for each."""
+    entry = ENTRY if words is None else WORDY
     figure.legend(
-        handles=[Line2D([], [], label=label, **(look.line() | (look.point() if points else {})))
+        handles=[Line2D([], [], label=plain((words or {}).get(label, label)),
+                        **(look.mark() if points else look.line()))
                  for label, look in shown.items()],
         loc='outside lower center', handlelength=2.6,
-        ncols=max(1, min(len(shown), int(figure.get_size_inches()[0] / ENTRY))))
+        ncols=max(1, min(len(shown), int(figure.get_size_inches()[0] / entry))))
 
 
 def as_share(axes: Axes, along: str) -> None:

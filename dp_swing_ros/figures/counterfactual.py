@@ -2,108 +2,150 @@
 # SPDX-License-Identifier: Apache-2.0
 """What each solver would have done from a recorded tick on, and what that would have cost."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+import itertools
 import math
 from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, MaxNLocator, MultipleLocator, NullFormatter
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
 import numpy as np
 
 from dp_swing_ros.figures.contestants import OWN
-from dp_swing_ros.figures.curves import in_turns
-from dp_swing_ros.figures.style import INK, legend, limit_lines, SOLVERS, styled, SYMBOLS
+from dp_swing_ros.figures.curves import mark_turns, unwrapped, UPRIGHT_AT
+from dp_swing_ros.figures.style import (
+    ALARM, FAINT, INK, legend, limit_lines, plain, SOLVERS, styled, SYMBOLS)
 from dp_swing_ros.parameters import LimitParameters
 from dp_swing_ros.rerun.counterfactual import Fork
 from dp_swing_ros.rerun.runs import Course
 from dp_swing_ros.state import ANGLES
 
-RECORDED = '#c3cbd3'  # a wide band that the lines of those who do the same lie upon
-WIDTHS = (7.0, 4.2, 2.6, 1.1)
-MOST = 5 * np.pi      # [rad] of an axis with a tick at every half turn
-SMALLEST = 1e-3       # a regret below is drawn as none
+SPARE = (ALARM, '#56B4E9', '#E69F00')  # of solvers that have no colour of their own
+DASH = 5         # [line widths]
+STRIP = 0.85      # [inch] of a force
+REST = 1.0        # [s] that is shown of what all have held
+SMALLEST = 1e-3   # a regret below is drawn as none
 
 
 @styled
 def counterfactual(fork: Fork, limits: LimitParameters) -> Figure:
-    """Draw the run until a tick, what followed, what else might have, and the costs."""
-    figure = Figure(figsize=(9.6, 9.8), layout='constrained')
-    grid = figure.add_gridspec(5, 2, height_ratios=(1.0, 1.0, 0.8, 0.9, 0.3 + 0.2 * len(
-        fork.courses())))
-    first = figure.add_subplot(grid[0, :])
-    panels = [first, *(figure.add_subplot(grid[row, :], sharex=first) for row in (1, 2, 3))]
-    for course, look in _looks(fork):
-        _draw_course(panels, fork.past, course, look)
-    _name_panels(panels, limits)
-    for axes in panels:
+    """Draw the run until a tick and what followed: together, then each one's force and cost."""
+    shown = _looks(fork)
+    figure = Figure(figsize=(9.6, 5.6 + STRIP * len(shown)), layout='constrained')
+    grid = figure.add_gridspec(3 + len(shown), 2, width_ratios=(2.6, 1.0), height_ratios=(
+        1.5, 1.5, 1.3, *[STRIP] * len(shown)))
+    first = figure.add_subplot(grid[0, 0])
+    left = [first, *(figure.add_subplot(grid[row, 0], sharex=first)
+                     for row in range(1, 3 + len(shown)))]
+    for (course, colour), dash in zip(shown, _dashes(fork)):
+        _draw_states(left[:3], fork, course, {'color': colour, 'linestyle': dash})
+    _name_states(left[:3], limits)
+    for axes, (course, colour) in zip(left[3:], shown):
+        _draw_force(axes, fork, course, colour, limits)
+    for axes in left:
         axes.axvline(fork.at, color=INK, linewidth=1, linestyle=(0, (1, 1.5)))
         axes.grid(True)
-        axes.margins(x=0.01)
-        axes.tick_params('x', labelbottom=axes is panels[-1])
-    panels[-1].set_xlabel('time [s]')
-    figure.align_ylabels(panels)
-    legend(first)
-    _draw_bars(figure.add_subplot(grid[4, 0]), fork, 'cost to go', lambda course: course.cost)
-    _draw_bars(figure.add_subplot(grid[4, 1]), fork, 'regret', fork.regret)
+        axes.tick_params('x', labelbottom=axes is left[-1])
+    first.set_xlim(fork.past.t[0], _end(fork))
+    left[-1].set_xlabel('time [s]')
+    figure.align_ylabels(left)
+    _list_names(figure.add_subplot(grid[:3, 1]), fork)
+    _draw_costs(figure.add_subplot(grid[3:, 1]), fork)
     figure.suptitle(f'Had another solver taken over at {fork.at:.2f} s')
     return figure
 
 
-def _looks(fork: Fork) -> list[tuple[Course, dict[str, Any]]]:
-    """Return the courses and the look of their lines: each thinner, so that all can be seen."""
-    recorded = {'color': RECORDED, 'label': f'recorded: {_name(fork.recorded)}'}
-    others = [{'color': OWN[course.solver], 'label': _name(course)} for course in fork.others]
-    return [(course, {**look, 'linewidth': width}) for course, look, width in zip(
-        (fork.recorded, *fork.others), (recorded, *others), WIDTHS)]
+def _dashes(fork: Fork) -> list[Any]:
+    """Return line styles whose dashes fall into each other's gaps: lines that agree all show."""
+    others = len(fork.others)
+    return ['-', *((DASH * n, (DASH, DASH * (others - 1))) if others > 1 else '-'
+                   for n in range(others))]
 
 
-def _name(course: Course) -> str:
-    return SOLVERS.get(course.solver, course.solver)
+def _looks(fork: Fork) -> list[tuple[Course, str]]:
+    """Return the courses, the recorded first, and their colours."""
+    spare = itertools.cycle(SPARE)
+    return [(fork.recorded, INK), *((course, OWN.get(course.solver) or next(spare))
+                                    for course in fork.others)]
 
 
-def _draw_course(panels: Sequence[Axes], past: Course, course: Course,
+def _label(fork: Fork, course: Course) -> str:
+    name = plain(SOLVERS.get(course.solver, course.solver))
+    return f'recorded ({name})' if course is fork.recorded else name
+
+
+def _end(fork: Fork) -> float:
+    """Return when all who hold the pendulum have held it for a while; else the end of the run."""
+    settled = [course.settled for course, _ in _looks(fork)]
+    return float(np.nanmin([fork.recorded.t[-1], max(settled) + REST]))
+
+
+def _draw_states(panels: Sequence[Axes], fork: Fork, course: Course,
                  look: dict[str, Any]) -> None:
-    t, X, U = course.t, course.X, course.U
-    if look['color'] == RECORDED:
-        t, X = np.append(past.t, t[1:]), np.vstack((past.X, X[1:]))
-        U = np.append(past.U, U)
-    th_1, th_2, position, force = panels
-    for axes, i in ((th_1, 1), (th_2, 2), (position, 0)):
-        axes.plot(t, X[:, i], **look)
-    force.stairs(U, t, baseline=None, **look)
+    t, X = course.t, course.X
+    if course is fork.recorded:
+        t, X = np.append(fork.past.t, t[1:]), np.vstack((fork.past.X, X[1:]))
+    # all on the turn of the recorded run, which begins as every picture begins
+    base = fork.past.X[:1] if len(fork.past.X) else fork.recorded.X[:1]
+    shift = unwrapped(base)[0] - base[0, ANGLES]
+    th_1, th_2, position = panels
+    for axes, values in ((th_1, X[:, 1] + shift[0]), (th_2, X[:, 2] + shift[1]),
+                         (position, X[:, 0])):
+        axes.plot(t, values, **look)
 
 
-def _name_panels(panels: Sequence[Axes], limits: LimitParameters) -> None:
-    th_1, th_2, position, force = panels
+def _name_states(panels: Sequence[Axes], limits: LimitParameters) -> None:
+    th_1, th_2, position = panels
     for axes, symbol in zip((th_1, th_2), SYMBOLS[ANGLES]):
-        low, high = axes.get_ylim()
-        axes.yaxis.set_major_locator(MultipleLocator(np.pi * math.ceil((high - low) / MOST)))
-        axes.yaxis.set_major_formatter(FuncFormatter(in_turns))
-        axes.set_ylabel(f'angle {symbol} [rad]\n0 is upright')
-    limit_lines(position, limits.track_limit, 'end stops')
-    position.set_ylabel('position $x$ [m]')
-    limit_lines(force, limits.force_limit, 'limits')
-    force.set_ylabel('force $u$ [N]')
+        mark_turns(axes)
+        axes.set_ylabel(f'{symbol} [rad]\n{UPRIGHT_AT}')
+    limit_lines(position, limits.track_limit, '')
+    position.set_ylabel('$x$ [m]')
 
 
-def _draw_bars(axes: Axes, fork: Fork, what: str, figure_of: Callable[[Course], float]) -> None:
-    courses = [course for course, _ in _looks(fork)]
-    values = [figure_of(course) for course in courses]
-    labels = ['recorded', *(_name(course) for course in fork.others)]
-    colours = [RECORDED, *(OWN[course.solver] for course in fork.others)]
-    axes.barh(range(len(values)), np.nan_to_num(values), height=0.62, color=colours)
-    largest = max(np.nan_to_num(values).max(), SMALLEST)
-    for row, (value, course) in enumerate(zip(values, courses)):
-        fell = '' if not math.isnan(course.settled) else '  not held'
-        axes.text(max(np.nan_to_num(value), 0.0) + 0.015 * largest, row, f'{value:,.2f}{fell}',
-                  va='center', size=8)
-    axes.set(xlim=(0.0, 1.55 * largest), ylim=(len(values) - 0.4, -0.6), xlabel=what)
-    axes.set_yticks(range(len(values)), labels)
-    axes.xaxis.set_major_locator(MaxNLocator(5))
+def _draw_force(axes: Axes, fork: Fork, course: Course, colour: str,
+                limits: LimitParameters) -> None:
+    """Draw one force as an area; before the tick it is everybody's, the recorded one."""
+    if len(fork.past.U):
+        axes.stairs(fork.past.U, fork.past.t, fill=True, color=FAINT)
+    axes.stairs(course.U, course.t, fill=True, color=colour)
+    limit_lines(axes, limits.force_limit, '')
+    axes.set_ylabel('$u$ [N]')
+
+
+def _list_names(axes: Axes, fork: Fork) -> None:
+    axes.set_axis_off()
+    axes.legend(handles=[Line2D([], [], color=colour, linewidth=2.4, label=_label(fork, course))
+                         for course, colour in _looks(fork)],
+                loc='upper left', fontsize='medium', borderaxespad=0.0)
+    axes.text(0.0, 0.0, 'many-coloured: lines that agree\ndotted: the take-over\n'
+                        'dashed grey: limits of track and force\n'
+                        'grey: the force until the take-over', va='bottom', size='small',
+              transform=axes.transAxes)
+
+
+def _draw_costs(axes: Axes, fork: Fork) -> None:
+    """Draw the costs to go beside the forces that they are of, with the regret in words."""
+    shown = _looks(fork)
+    values = np.nan_to_num([course.cost for course, _ in shown])
+    axes.barh(range(len(shown)), values, height=0.34, color=[colour for _, colour in shown])
+    for row, (course, _) in enumerate(shown):
+        axes.text(0.0, row - 0.24, _verdict(fork, course), va='bottom', size='small')
+    axes.set(ylim=(len(shown) - 0.5, -0.5), xlim=(0.0, 1.02 * max(values.max(), SMALLEST)),
+             xlabel='cost to go, without unit')
+    axes.set_yticks([])
+    axes.spines['left'].set_visible(False)
+    axes.xaxis.set_major_locator(MaxNLocator(3))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f'{value:,g}'))
-    axes.tick_params('y', length=0)
-    axes.grid(True, axis='x')
+
+
+def _verdict(fork: Fork, course: Course) -> str:
+    regret = fork.regret(course)
+    above = 'the least' if regret == 0 else f'regret {regret:,.4g}'
+    held = 'not held' if math.isnan(course.settled) else f'settled at {course.settled:.2f} s'
+    return f'{_label(fork, course)}: {course.cost:,.0f}, {above}\n{held}'
 
 
 @styled
@@ -112,10 +154,11 @@ def regret(forks: Sequence[Fork]) -> Figure:
     figure = Figure(figsize=(9.6, 5.8), layout='constrained')
     least, regrets = figure.subplots(2, 1, sharex=True, height_ratios=(0.6, 1.0))
     _draw_least(least, forks)
-    for n, (_, look) in enumerate(_looks(forks[0])):
-        _draw_regret(regrets, forks, n, look)
+    for n, (course, colour) in enumerate(_looks(forks[0])):
+        _draw_regret(regrets, forks, n, colour, _label(forks[0], course))
     regrets.set_yscale('symlog', linthresh=SMALLEST)
-    regrets.set(ylim=(-SMALLEST / 2, None), xlabel='taken over at [s]', ylabel='regret')
+    regrets.set(ylim=(-SMALLEST / 2, None), xlabel='taken over at [s]',
+                ylabel='regret, without unit')
     for axes in (least, regrets):
         axes.grid(True)
         axes.margins(x=0.02)
@@ -135,12 +178,11 @@ def _draw_least(axes: Axes, forks: Sequence[Fork]) -> None:
     axes.set_ylabel('least cost to go')
 
 
-def _draw_regret(axes: Axes, forks: Sequence[Fork], n: int, look: dict[str, Any]) -> None:
+def _draw_regret(axes: Axes, forks: Sequence[Fork], n: int, colour: str, label: str) -> None:
     at = [fork.at for fork in forks]
-    courses = [list(fork.courses().values())[n] for fork in forks]
+    courses = [(fork.recorded, *fork.others)[n] for fork in forks]
     values = [fork.regret(course) for fork, course in zip(forks, courses)]
-    axes.plot(at, values, color=look['color'], linewidth=look['linewidth'] / 2, alpha=0.45)
-    axes.plot([], [], 'o', color=look['color'], label=look['label'])
+    axes.plot(at, values, color=colour, linewidth=1.0, label=label)
     for x, y, course in zip(at, values, courses):
-        axes.plot(x, y, 'o', color=look['color'], markersize=3 + look['linewidth'],
-                  markerfacecolor='white' if math.isnan(course.settled) else look['color'])
+        axes.plot(x, y, 'o', color=colour, markersize=5,
+                  markerfacecolor='white' if math.isnan(course.settled) else colour)

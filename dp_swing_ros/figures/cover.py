@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The picture for a first look."""
 
+import math
+
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgba
@@ -13,7 +15,10 @@ from dp_swing_ros.episode import Episode
 from dp_swing_ros.figures.pendulum import Drawing, FINE, TRACK
 from dp_swing_ros.figures.sampling import states_at, times_of
 from dp_swing_ros.figures.style import FAINT, FORCE, limit_lines, LINK1, LINK2, styled, title
+from dp_swing_ros.metrics import settling_time
 from dp_swing_ros.state import Array
+
+CUT = 0.5   # [s] on the film between what it shows and the last state
 
 
 @styled
@@ -21,24 +26,52 @@ def hero(episode: Episode, seconds: float = 4.0, speed: float = 3.4) -> Figure:
     """
     Draw the swing-up as on film that runs past the cart: again and again, to the right with time.
 
-    The film runs at `speed` [m/s], so that every cart stands above the force of its moment.
+    The film runs at `speed` [m/s], so that every cart stands above the force of its moment. Of a
+    longer run than `seconds` [s] it is cut, and goes on with the last state.
     """
+    length = float(episode.t[-1] - episode.t[0]) if len(episode.t) else 0.0
+    cut = length > seconds + CUT
     times = times_of(episode, FINE, seconds)
     places = _places_on_film(episode, times, speed)
-    figure, film, force = _hero_axes(places, speed)
+    figure, film, force = _hero_axes(places, speed, seconds + CUT if cut else 0.0)
     _draw_ghosts(film, places)
     keys = times_of(episode, 0.25, seconds)
     for t, strength in zip(keys, np.linspace(0.3, 1.0, len(keys))):
         x = states_at(episode, np.array([t]))[0]
         Drawing(film, episode.bodies, strength=strength).show(x, speed * (t - keys[0]) - x[0])
     if len(episode.U):
-        force.stairs(episode.U, episode.t - episode.t[0], baseline=0, fill=True, color=FORCE,
+        t = episode.t - episode.t[0]
+        shown = int(np.count_nonzero(t[:-1] < seconds - 1e-9))
+        force.stairs(episode.U[:shown], t[:shown + 1], baseline=0, fill=True, color=FORCE,
                      alpha=0.85)
+    if cut:
+        _draw_end(film, force, episode, seconds, speed)
     limit_lines(force, episode.limits.force_limit, '')
     figure.text(0.055, 0.94, f'Swing-up by {title(episode)}', size=15, va='top',
                 weight='bold')
-    figure.text(0.055, 0.865, 'every 0.25 s, seen from the cart', size=10, va='top')
+    figure.text(0.055, 0.865, f'every 0.25 s, seen from the cart;\n{_ending(episode, length)}',
+                size=10, va='top')
     return figure
+
+
+def _draw_end(film: Axes, force: Axes, episode: Episode, seconds: float, speed: float) -> None:
+    """Draw the last state beyond a cut of the film, and its time."""
+    x, place = states_at(episode, episode.t[-1:])[0], speed * (seconds + CUT)
+    Drawing(film, episode.bodies).show(x, place - x[0])
+    film.text(speed * (seconds + CUT / 2), TRACK, '⋯', size=18, ha='center', va='center',
+              backgroundcolor='white', zorder=2)
+    force.axvspan(seconds, seconds + CUT - 0.01, color='white', zorder=3)
+    force.text(seconds + CUT / 2, 0.0, '⋯', size=14, ha='center', va='center', zorder=4)
+    ticks = np.arange(0.0, seconds + 1e-9, 0.5)
+    force.set_xticks([*ticks, seconds + CUT], [
+        *(f'{tick:.1f}' for tick in ticks), f'{episode.t[-1] - episode.t[0]:.1f}'])
+
+
+def _ending(episode: Episode, length: float) -> str:
+    settled = settling_time(np.asarray(episode.t, dtype=float), episode.X)
+    if math.isnan(settled):
+        return f'not upright at the end, {length:.1f} s'
+    return f'upright from {settled - episode.t[0]:.2f} to {length:.1f} s'
 
 
 def _places_on_film(episode: Episode, times: Array, speed: float) -> Array:
@@ -48,10 +81,10 @@ def _places_on_film(episode: Episode, times: Array, speed: float) -> Array:
     return joints(X, episode.bodies)
 
 
-def _hero_axes(places: Array, speed: float) -> tuple[Figure, Axes, Axes]:
+def _hero_axes(places: Array, speed: float, until: float) -> tuple[Figure, Axes, Axes]:
     """Return a figure with room for places (M, 3, 2) [m] above an axis of time to its scale."""
     finite = places[np.isfinite(places).all(axis=(1, 2))].reshape(-1, 2)
-    corners = np.vstack([finite, [(0.0, -1.0), (speed, 1.0)]])
+    corners = np.vstack([finite, [(0.0, -1.0), (speed * max(until, 1.0), 1.0)]])
     left, bottom = corners.min(axis=0) - (0.5, 0.25)
     right, top = corners.max(axis=0) + (0.5, 0.25)
     width, strip, below, margin = 11.0, 0.9, 0.5, 0.6  # [inch]

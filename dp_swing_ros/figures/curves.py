@@ -16,6 +16,9 @@ from dp_swing_ros.figures.style import (
 from dp_swing_ros.state import ANGLES, Array, SIZE, to_turn_of, UPRIGHT
 
 ERROR_FLOOR = 1e-8  # squared errors below are drawn here: a log axis has no zero
+NEAR_HANGING = 0.5  # [rad] a start this close to hanging is drawn around +π, never around -π
+MOST = 5 * np.pi    # [rad] of an axis with a tick at every half turn
+UPRIGHT_AT = '0, ±2π: upright'
 
 
 @styled
@@ -61,22 +64,31 @@ def timeline(episode: Episode) -> Figure:
 
 
 def _draw_angles(axes: Axes, episode: Episode) -> None:
-    for angle, symbol, colour in zip(angles_of(episode).T, SYMBOLS[ANGLES], (LINK1, LINK2)):
+    for angle, symbol, colour in zip(unwrapped(episode.X).T, SYMBOLS[ANGLES], (LINK1, LINK2)):
         axes.plot(episode.t, angle, color=colour, label=symbol)
     mark_turns(axes)
-    axes.set_ylabel('angle [rad]\n0 is upright')
+    axes.set_ylabel(f'angle [rad]\n{UPRIGHT_AT}')
     legend(axes)
 
 
-def angles_of(episode: Episode) -> Array:
-    """Return the angles (N, 2) [rad], whole turns away, so that the run ends next to upright."""
-    angles = episode.X[:, ANGLES]
-    return angles - 2 * np.pi * np.nan_to_num(np.round(angles[-1:] / (2 * np.pi)))
+def unwrapped(X: Array) -> Array:
+    """
+    Return the angles of a run as they turned, from a start that every picture draws alike.
+
+    The start lies within half a turn of upright, and hanging is +π, though a sensor says -π.
+    Shapes: X (N, 6) -> (N, 2) [rad].
+    """
+    angles = np.array(X[:, ANGLES], dtype=float)
+    jumps = np.nan_to_num(np.round(np.diff(angles, axis=0) / (2 * np.pi)))
+    angles[1:] -= 2 * np.pi * np.cumsum(jumps, axis=0)
+    beyond = (angles[:1] - np.pi - NEAR_HANGING) / (2 * np.pi)
+    return angles - 2 * np.pi * np.nan_to_num(np.ceil(beyond))
 
 
 def mark_turns(axes: Axes) -> None:
     """Let an axis of angles count in π."""
-    axes.yaxis.set_major_locator(MultipleLocator(np.pi))
+    low, high = axes.get_ylim()
+    axes.yaxis.set_major_locator(MultipleLocator(np.pi * math.ceil((high - low) / MOST)))
     axes.yaxis.set_major_formatter(FuncFormatter(in_turns))
 
 

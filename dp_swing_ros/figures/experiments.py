@@ -19,36 +19,38 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MultipleLocator, NullLo
 import numpy as np
 
 from dp_swing_ros.ensemble import Band, Ensemble
+from dp_swing_ros.episode import Episode
 from dp_swing_ros.figures.curves import ERROR_FLOOR, in_turns
 from dp_swing_ros.figures.filmstrip import snapshot
 from dp_swing_ros.figures.pendulum import room_for
 from dp_swing_ros.figures.sampling import times_of
 from dp_swing_ros.figures.style import (
-    ALARM, dark, FAINT, FORCE, SQUARES, styled, SYMBOLS, tint)
+    ALARM, dark, FAINT, FORCE, INK, SQUARES, styled, SYMBOLS, tint)
+from dp_swing_ros.metrics import settling_time
 from dp_swing_ros.state import ANGLES, Array, SIZE, to_turn_of, UPRIGHT
 
 SHADES = (FORCE, ALARM)  # of the set-ups
-COLUMNS = 4              # of the pictures of a run
+ROWS, COLUMNS = 3, 4     # of the pictures of a run
+STEPS = (0.1, 0.2, 0.25, 0.5, 1.0)  # [s] between two of them
 CEILING = 1e6            # squared errors above are not looked for
 
 
 @styled
 def swing_ups(ensembles: Mapping[str, Ensemble], heading: str) -> Figure:
-    """Draw each set-up's run every 0.5 s, and below, how far from upright all its runs are."""
-    most = max(len(times_of(one.shown, 0.5)) for one in ensembles.values())
-    rows = math.ceil(most / COLUMNS)
+    """Draw each set-up's run at some moments, and below, how far from upright all its runs are."""
     half_width = max(room_for(one.shown) for one in ensembles.values())
-    picture = 5.0 / COLUMNS * 2.2 / half_width + 0.16  # [inch] high
-    figure = Figure(figsize=(10.4, 2.75 + rows * picture),
+    picture = 5.0 / COLUMNS * 2.2 / half_width + 0.2  # [inch] high
+    figure = Figure(figsize=(10.4, 3.0 + ROWS * picture),
                     layout=ConstrainedLayoutEngine(w_pad=0.03, h_pad=0.03))
     halves = figure.subfigures(1, len(ensembles), squeeze=False, wspace=0.04)
     for half, colour, (name, one) in zip(halves.flat, SHADES, ensembles.items()):
         half.suptitle(f'{name}\n{_count(one)}', size='medium', color=colour, weight='bold')
         film, below = half.subfigures(2, 1, squeeze=False,
-                                      height_ratios=(rows * picture, 1.9)).flat
-        _draw_film(film, one, rows, half_width)
+                                      height_ratios=(ROWS * picture, 1.9)).flat
+        _draw_film(film, one, half_width)
         _draw_angle(below.subplots(), one, colour)
-    figure.suptitle(f'{heading}: every 0.5 s (green: upright), and the angles of all runs')
+    figure.suptitle(f'{heading}: the way up and the end (bold: upright), and the angles of all '
+                    'runs')
     return figure
 
 
@@ -59,14 +61,38 @@ def _count(one: Ensemble) -> str:
             f'({100 * held.low:.0f}-{100 * held.high:.0f} %), force up to {strongest:.0f} N')
 
 
-def _draw_film(film: SubFigure, one: Ensemble, rows: int, half_width: float) -> None:
-    panels = film.subplots(rows, COLUMNS, sharex=True, sharey=True, squeeze=False)
+def moments(episode: Episode) -> Array:
+    """
+    Return the times (M,) [s] that tell most of a run: evenly until it has settled, and the last.
+
+    As close to each other as the pictures allow.
+    """
+    t, pictures = np.asarray(episode.t, dtype=float), ROWS * COLUMNS
+    settled = settling_time(t, episode.X)
+    until = float(t[-1] if math.isnan(settled) else settled) - t[0]
+    period = next((step for step in STEPS if until <= (pictures - 2) * step + 1e-9),
+                  until / (pictures - 2))
+    found = times_of(episode, period, period * math.ceil(until / period - 1e-9))
+    return found if found[-1] > t[-1] - 1e-9 else np.append(found, t[-1])
+
+
+def _draw_film(film: SubFigure, one: Ensemble, half_width: float) -> None:
+    panels = film.subplots(ROWS, COLUMNS, sharex=True, sharey=True, squeeze=False)
     for axes in panels.flat:
         axes.set_axis_off()
-    for axes, t in zip(panels.flat, times_of(one.shown, 0.5)):
+    for axes, t in zip(panels.flat, moments(one.shown)):
         axes.set_axis_on()
         snapshot(axes, one.shown, t, half_width)
         axes.tick_params(labelleft=False, labelbottom=False)
+    _draw_scale(panels[0, 0], half_width)
+
+
+def _draw_scale(axes: Axes, half_width: float) -> None:
+    """Draw a metre."""
+    bottom, _ = axes.get_ylim()
+    left, height = -0.95 * half_width, 0.93 * bottom
+    axes.plot([left, left + 1.0], [height, height], color=INK, linewidth=2, zorder=6)
+    axes.text(left + 0.5, height, '1 m', size='small', ha='center', va='bottom', zorder=6)
 
 
 def _draw_angle(axes: Axes, one: Ensemble, colour: str) -> None:

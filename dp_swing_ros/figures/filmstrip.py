@@ -12,7 +12,7 @@ import numpy as np
 from dp_swing_ros.episode import Episode
 from dp_swing_ros.figures.pendulum import Drawing, fading, room_for, scene, trail_of
 from dp_swing_ros.figures.sampling import states_at, times_of
-from dp_swing_ros.figures.style import FORCE, INK, LINK2, PAPER, styled, title
+from dp_swing_ros.figures.style import LINK2, PAPER, styled, title
 from dp_swing_ros.state import is_upright
 
 
@@ -33,7 +33,7 @@ def snapshots(episode: Episode) -> Figure:
         snapshot(axes, episode, t, half_width)
     for axes in panels.flat[len(times):]:
         axes.set_axis_off()
-    figure.suptitle(f'{title(episode)}: the pendulum every {period:g} s (green: upright)')
+    figure.suptitle(f'{title(episode)}: the pendulum every {period:g} s (bold: upright)')
     figure.supxlabel('x [m]')
     figure.supylabel('z [m]')
     return figure
@@ -57,6 +57,7 @@ def snapshot(axes: Axes, episode: Episode, t: float, half_width: float) -> None:
     axes.tick_params(length=0, labelsize='x-small')
     axes.xaxis.set_major_locator(MultipleLocator(1.0))
     axes.yaxis.set_major_locator(MultipleLocator(1.0))
-    upright = bool(is_upright(x))
-    axes.set_title(f'{t - episode.t[0]:.1f} s', fontsize='small', pad=2,
-                   color=FORCE if upright else INK, weight='bold' if upright else 'normal')
+    after = t - episode.t[0]
+    digits = 1 if abs(after - round(after, 1)) < 1e-6 else 2
+    axes.set_title(f'{after:.{digits}f} s', fontsize='small', pad=2,
+                   weight='bold' if is_upright(x) else 'normal')

@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 import numpy as np
 
 from dp_swing_ros.episode import Episode
-from dp_swing_ros.figures.curves import angles_of, in_decades, mark_turns
+from dp_swing_ros.figures.curves import in_decades, mark_turns, unwrapped, UPRIGHT_AT
 from dp_swing_ros.figures.style import (
     ALARM, FORCE, INK, limit_lines, LINK1, LINK2, plain, styled, SYMBOLS)
 from dp_swing_ros.state import ANGLES
@@ -33,7 +33,7 @@ def overlay(episodes: Mapping[str, Episode]) -> Figure:
         _draw(panels, episode, {'color': colour, 'linestyle': dash, 'linewidth': width})
     for angle, symbol in zip(panels, SYMBOLS[ANGLES]):
         mark_turns(angle)
-        angle.set_ylabel(f'{symbol} [rad]\n0 is upright')
+        angle.set_ylabel(f'{symbol} [rad]\n{UPRIGHT_AT}')
     for axes, label in zip(panels[2:], ('position $x$ [m]', 'force $u$ [N]', 'solve time [ms]')):
         axes.set_ylabel(label)
     _draw_limits(panels[2:4], list(episodes.values()))
@@ -49,7 +49,7 @@ def overlay(episodes: Mapping[str, Episode]) -> Figure:
 
 
 def _draw(panels: list[Axes], episode: Episode, look: dict) -> None:
-    for axes, angle in zip(panels, angles_of(episode).T):
+    for axes, angle in zip(panels, unwrapped(episode.X).T):
         axes.plot(episode.t, angle, **look)
     panels[2].plot(episode.t, episode.X[:, 0], **look)
     if len(episode.U):

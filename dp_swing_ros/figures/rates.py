@@ -1,15 +1,17 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Success rates with their intervals, and the robustness score's criteria."""
+"""Success rates with their intervals, by scenario, and as the plant gets worse."""
+
+import math
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 import numpy as np
 
-from dp_swing_ros.campaign.scores import CRITERIA
 from dp_swing_ros.campaign.summary import Standing, Summary
 from dp_swing_ros.figures.contestants import as_share, Look, looks, name_contestants
 from dp_swing_ros.figures.style import FAINT, INK, PAPER, styled
+from dp_swing_ros.scenarios import SCENARIOS
 
 LINE = 0.19  # [inch] a contestant in a scenario
 
@@ -44,41 +46,59 @@ def successes(summary: Summary) -> Figure:
 def _draw_rate(axes: Axes, one: Standing, y: float, look: Look) -> None:
     held = one.held
     axes.plot([held.low, held.high], [y, y], color=look.colour, linewidth=1.4,
-              solid_capstyle='butt', alpha=0.6)
+              solid_capstyle='butt')
     axes.plot([held.successes / held.runs], [y], linestyle='none', markersize=4.5,
               clip_on=False, zorder=4, **look.point())
-    axes.text(1.035, y, f'{held.successes} of {held.runs}', va='center', size=7.5, color=INK,
+    axes.text(1.035, y, f'{held.successes} of {held.runs}', va='center', size='small', color=INK,
               clip_on=False)
 
 
 @styled
 def criteria(summary: Summary) -> Figure | None:
-    """Draw the passed fraction of each robustness criterion, and their mean; None without any."""
-    shown = looks(summary.campaign)
-    names = [name for name in CRITERIA
-             if any(name in score.criteria for score in summary.scores)]
-    if not names:
+    """Draw the episodes held over each way that the plant gets worse; None without any."""
+    scenarios = [name for name in summary.campaign['scenarios']
+                 if SCENARIOS[name].sweeps or SCENARIOS[name].criterion]
+    scenarios = [name for name in scenarios
+                 if any(one.scenario == name for one in summary.standings)]
+    if not scenarios:
         return None
-    columns = [*names, 'mean'] if len(names) == len(CRITERIA) else names
-    figure = Figure(figsize=(1.4 + 1.15 * len(columns), 3.9), layout='constrained')
+    shown = looks(summary.campaign)
+    figure = Figure(figsize=(1.6 + 1.2 * len(scenarios), 4.2), layout='constrained')
     axes = figure.subplots()
-    width = 0.8 / len(shown)
-    for n, score in enumerate(summary.scores):
-        look = shown[score.contestant]
-        values = [score.criteria.get(name, score.robustness) for name in columns]
-        x = np.arange(len(columns)) + width * (n - (len(shown) - 1) / 2)
-        axes.vlines(x, 0.0, values, color=look.colour, linewidth=1.2, alpha=0.5)
-        axes.plot(x, values, linestyle='none', markersize=6, zorder=4, clip_on=False,
-                  **look.point())
-    if 'mean' in columns:
-        axes.axvspan(len(columns) - 1.5, len(columns) - 0.5, color=PAPER, zorder=0)
-    for boundary in np.arange(len(columns) - 1) + 0.5:
+    width = 0.74 / len(shown)
+    for one in summary.standings:
+        if one.scenario in scenarios:
+            place = list(shown).index(one.contestant) - (len(shown) - 1) / 2
+            _draw_upright(axes, one, scenarios.index(one.scenario) + width * place,
+                          shown[one.contestant])
+    for boundary in np.arange(len(scenarios) - 1) + 0.5:
         axes.axvline(boundary, color=FAINT, linewidth=0.5)
-    axes.set_xticks(np.arange(len(columns)), [name.replace('_', '\n') for name in columns])
-    axes.set(xlim=(-0.5, len(columns) - 0.5), ylabel='levels that pass')
+    axes.set_xticks(np.arange(len(scenarios)), [_range(name) for name in scenarios])
+    axes.set(xlim=(-0.5, len(scenarios) - 0.5),
+             ylabel='episodes held over all levels,\nwith 95 % intervals (Wilson)')
     axes.tick_params('x', length=0)
     as_share(axes, 'y')
     axes.grid(True, axis='y')
-    name_contestants(figure, shown, points=True)
-    figure.suptitle('Robustness by criterion')
+    name_contestants(figure, shown, points=True, words={
+        score.contestant: f'{score.contestant}, robustness {score.robustness:.3f}'
+        for score in summary.scores if not math.isnan(score.robustness)})
+    figure.suptitle('Who still holds the pendulum as the plant gets worse')
     return figure
+
+
+def _range(name: str) -> str:
+    """Return the name of a scenario, and what its first sweep goes through."""
+    words = name.replace('_', '\n')
+    if not SCENARIOS[name].sweeps:
+        return words
+    sweep = SCENARIOS[name].sweeps[0]
+    between = ' ' if len(sweep.unit) < 3 else '\n'
+    return f'{words}\n{sweep.low:g} to {sweep.high:g}{between}{sweep.unit}'.rstrip()
+
+
+def _draw_upright(axes: Axes, one: Standing, x: float, look: Look) -> None:
+    held = one.held
+    axes.plot([x, x], [held.low, held.high], color=look.colour, linewidth=1.4,
+              solid_capstyle='butt', clip_on=False)
+    axes.plot([x], [held.successes / held.runs], linestyle='none', markersize=5, zorder=4,
+              clip_on=False, **look.point())

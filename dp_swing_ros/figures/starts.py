@@ -5,23 +5,28 @@
 from collections.abc import Sequence
 import math
 
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 import numpy as np
+from scipy.stats import binned_statistic_2d
 
 from dp_swing_ros.campaign.rows import Row
 from dp_swing_ros.campaign.summary import Summary
 from dp_swing_ros.figures.curves import in_turns
-from dp_swing_ros.figures.style import INK, styled
+from dp_swing_ros.figures.style import ALARM, plain, styled
 from dp_swing_ros.scenarios import SCENARIOS
 
 SCENARIO = 'random'
-EDGE = 1.06 * math.pi  # [rad]
+EACH = 7         # starts in a cell, about
+COLOURS = 'cividis'
 
 
 @styled
 def starts(summary: Summary, rows: Sequence[Row]) -> Figure | None:
-    """Draw the random starts, coloured by settling time, failures crossed; None without any."""
+    """Draw the settling times over the angles of random starts, and failures; None without any."""
     groups = {label: [row for row in rows if row.key[:2] == (label, SCENARIO)]
               for label in summary.campaign['contestants']}
     groups = {label: group for label, group in groups.items() if group}
@@ -29,27 +34,51 @@ def starts(summary: Summary, rows: Sequence[Row]) -> Figure | None:
         return None
     columns = min(len(groups), 3)
     lines = math.ceil(len(groups) / columns)
-    figure = Figure(figsize=(1.2 + 3.0 * columns, 0.9 + 3.1 * lines), layout='constrained')
+    figure = Figure(figsize=(max(1.4 + 2.6 * columns, 4.6), 1.3 + 2.9 * lines),
+                    layout='constrained')
     panels = figure.subplots(lines, columns, sharex=True, sharey=True, squeeze=False)
+    scale = _scale([row for group in groups.values() for row in group])
     for axes, (label, group) in zip(panels.flat, groups.items()):
-        angles = np.array([_angles(row, summary.campaign['duration']) for row in group])
-        times = np.array([row.metrics.settling_time for row in group])
-        failed = np.isnan(times)
-        points = axes.scatter(*angles[~failed].T, c=times[~failed], s=12, vmin=0.0, vmax=6.0,
-                              cmap='viridis_r', linewidths=0)
-        axes.plot(*angles[failed].T, 'x', color=INK, markersize=6, markeredgewidth=1.8)
-        axes.set_title(f'{label}: {np.count_nonzero(~failed)} of {len(group)}', size=9)
-        axes.set(xlim=(-EDGE, EDGE), ylim=(-EDGE, EDGE), aspect='equal')
-        for axis in (axes.xaxis, axes.yaxis):
-            axis.set_major_locator(MultipleLocator(np.pi))
-            axis.set_major_formatter(in_turns)
+        _draw_starts(axes, label, group, summary.campaign['duration'], scale)
     for unused in panels.flat[len(groups):]:
         unused.set_axis_off()
-    figure.colorbar(points, ax=panels, extend='max', shrink=0.8, label='settling time [s]')
+    figure.colorbar(ScalarMappable(scale, COLOURS), ax=panels, extend='both', shrink=0.8,
+                    label='median settling time [s]')
     figure.supxlabel(r'$\theta_1$ at the start [rad]')
     figure.supylabel(r'$\theta_2$ at the start [rad]')
-    figure.suptitle('Random starts; crosses were not held')
+    figure.suptitle('How long a random start takes, by its angles\n'
+                    '(0 is upright; crosses: not held)')
     return figure
+
+
+def _scale(rows: Sequence[Row]) -> Normalize:
+    """Return the range of colours: that of most settling times, so that differences show."""
+    times = [row.metrics.settling_time for row in rows]
+    known = np.array([time for time in times if not math.isnan(time)] or [0.0])
+    low, high = np.quantile(known, (0.1, 0.9))
+    return Normalize(low, max(high, low + 0.1))
+
+
+def _draw_starts(axes: Axes, label: str, group: Sequence[Row], duration: float,
+                 scale: Normalize) -> None:
+    """Draw cells of starts, some in each, by the median of their settling times."""
+    angles = np.array([_angles(row, duration) for row in group])
+    times = np.array([row.metrics.settling_time for row in group])
+    failed = np.isnan(times)
+    cells = min(max(round(math.sqrt(len(group) / EACH)), 1), 16)
+    if not failed.all():
+        medians = binned_statistic_2d(*angles[~failed].T, times[~failed], 'median', cells,
+                                      [(-math.pi, math.pi)] * 2).statistic
+        axes.imshow(medians.T, origin='lower', extent=(-math.pi, math.pi) * 2, norm=scale,
+                    cmap=COLOURS, interpolation='nearest')
+    axes.plot(*angles[failed].T, 'x', color=ALARM, markersize=6, markeredgewidth=1.8)
+    axes.set_title(f'{plain(label)}: {np.count_nonzero(~failed)} of {len(group)} held, median '
+                   f'{np.median(times[~failed]) if not failed.all() else math.nan:.2f} s',
+                   size='medium')
+    axes.set(xlim=(-math.pi, math.pi), ylim=(-math.pi, math.pi), aspect='equal')
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(MultipleLocator(np.pi))
+        axis.set_major_formatter(in_turns)
 
 
 def _angles(row: Row, duration: float) -> tuple[float, float]:

@@ -5,19 +5,25 @@
 import math
 
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 import numpy as np
 
 from dp_swing_ros.campaign.scores import Level
 from dp_swing_ros.campaign.summary import Summary
-from dp_swing_ros.figures.contestants import Look, looks
-from dp_swing_ros.figures.style import FAINT, INK, styled, tint
+from dp_swing_ros.figures.contestants import looks
+from dp_swing_ros.figures.style import FAINT, LINK1, plain, styled
 from dp_swing_ros.scenarios import PROFILE, SCENARIOS
 
-COLUMNS = 3
+COLUMNS = 2
 UNITS = {sweep.parameter: sweep.unit for scenario in SCENARIOS.values()
          for sweep in scenario.sweeps}
+# what the numbers are that have no unit
+MEASURES = {PROFILE: 'number', 'state_loss': 'share', 'command_loss': 'share',
+            'actuator_response': 'share of the way in a step'}
+SHARES = LinearSegmentedColormap.from_list('shares', ['white', LINK1])
 
 
 @styled
@@ -31,49 +37,47 @@ def sweeps(summary: Summary) -> Figure | None:
     if not panels:
         return None
     rows = math.ceil(len(panels) / COLUMNS)
-    figure = Figure(figsize=(11.0, 0.9 + rows * (0.75 + 0.2 * len(shown))), layout='constrained')
-    places = figure.subplots(rows, COLUMNS, squeeze=False).flat
-    for axes, ((scenario, parameter), strips) in zip(places, panels.items()):
-        _draw_panel(axes, scenario, parameter, strips, shown)
-    for unused in places[len(panels):]:
+    figure = Figure(figsize=(8.4, 1.0 + rows * (0.75 + 0.17 * len(shown))), layout='constrained')
+    places = figure.subplots(rows, COLUMNS, squeeze=False)
+    for axes, ((scenario, parameter), strips) in zip(places.flat, panels.items()):
+        _draw_panel(axes, scenario, parameter, strips, list(shown))
+    for unused in places.flat[len(panels):]:
         unused.set_axis_off()
-    figure.suptitle('Where each breaks: the stronger the colour, the more episodes of a level '
-                    'were held; crossed, not more than half')
+    bar = figure.colorbar(ScalarMappable(Normalize(0.0, 1.0), SHARES), ax=places,
+                          location='bottom', aspect=60, shrink=0.6, fraction=0.02, pad=0.01,
+                          label='episodes held at a level; with more than half, it passes')
+    bar.set_ticks([0.0, 0.5, 1.0], labels=['0', '50', '100 %'])
+    figure.suptitle('Where each breaks')
     return figure
 
 
 def _draw_panel(axes: Axes, scenario: str, parameter: str, strips: dict[str, list[Level]],
-                shown: dict[str, Look]) -> None:
-    labels = [label for label in shown if label in strips]
+                contestants: list[str]) -> None:
+    labels = [label for label in contestants if label in strips]
     for row, label in enumerate(labels):
-        _draw_strip(axes, row, strips[label], shown[label])
+        _draw_strip(axes, row, strips[label])
     values = [level.value for levels in strips.values() for level in levels]
     half = _pitch(sorted(set(values))) / 2
     axes.set(xlim=(min(values) - half, max(values) + half), ylim=(len(labels) - 0.4, -0.6))
-    axes.set_yticks(range(len(labels)), labels, size=8)
+    axes.set_yticks(range(len(labels)), [plain(label) for label in labels])
     axes.xaxis.set_major_locator(MaxNLocator(6, integer=parameter == PROFILE))
     axes.tick_params('y', length=0)
     axes.spines[:].set_visible(False)
-    axes.set_title(_name(scenario, parameter), size=9, loc='left')
+    axes.set_title(_name(scenario, parameter), size='medium', loc='left')
 
 
 def _name(scenario: str, parameter: str) -> str:
-    words, unit = parameter.replace('_', ' ').replace(' factor', ''), UNITS.get(parameter, '')
-    if scenario == 'model' and not unit:
-        return f'model: {words}, share of the nominal'
+    words = parameter.replace('_', ' ').replace(' factor', '')
+    unit = UNITS.get(parameter) or MEASURES.get(parameter, 'of the nominal')
     before = f'{scenario}: ' if scenario in ('model', 'pushes') else ''
-    return f'{before}{words} [{unit}]' if unit else f'{before}{words}'
+    return f'{before}{words} [{unit}]'
 
 
-def _draw_strip(axes: Axes, row: int, levels: list[Level], look: Look) -> None:
+def _draw_strip(axes: Axes, row: int, levels: list[Level]) -> None:
     width = _pitch([level.value for level in levels])
     shares = np.array([level.held / level.runs for level in levels])
-    axes.bar([level.value for level in levels], 0.78, width, row - 0.39, linewidth=0.8,
-             color=[tint(look.colour, share) for share in shares],
-             edgecolor=['white' if level.passed else FAINT for level in levels])
-    for level, share in zip(levels, shares):
-        if not level.passed:
-            axes.plot([level.value], [row], 'x', color=INK, markersize=3, markeredgewidth=0.8)
+    axes.bar([level.value for level in levels], 0.8, width, row - 0.4, linewidth=0.5,
+             color=SHARES(shares), edgecolor=FAINT)
 
 
 def _pitch(values: list[float]) -> float:

@@ -44,3 +44,33 @@ def test_pictures_are_not_blank_and_drawn_without_a_warning(draw, name, tmp_path
     draw(ODD[name]).savefig(tmp_path / 'picture.png', dpi=50)
     with Image.open(tmp_path / 'picture.png') as image:
         assert np.asarray(image.convert('L')).std() > 5
+
+
+def test_every_solver_is_drawn_however_many_there_are():
+    others = [course(name, 10, 80, 100.0) for name in ('ilqr', 'ddp', 'mppi', 'mine', 'yours')]
+    figure = counterfactual(made_up()._replace(others=others), LimitParameters())
+    th_1, *_ = figure.axes
+    assert len([line for line in th_1.lines if len(line.get_xdata()) > 2]) == 6
+    forces = [axes for axes in figure.axes if axes.get_ylabel() == '$u$ [N]']
+    assert len(forces) == 6
+    colours = [line.get_color() for line in th_1.lines[:6]]
+    assert len(set(colours)) == 6
+    assert {line.get_linewidth() for line in th_1.lines[:6]} == {th_1.lines[0].get_linewidth()}
+
+
+def test_the_cost_is_drawn_once_and_the_regret_is_in_words():
+    figure = counterfactual(made_up(), LimitParameters())
+    bars, = [axes for axes in figure.axes if axes.get_xlabel() == 'cost to go, without unit']
+    assert [bar.get_width() for bar in bars.patches] == [120.0, 100.0, 100.5, 1000.0]
+    assert [text.get_text().split('\n')[0] for text in bars.texts] == [
+        'recorded (iLQR): 120, regret 20', 'iLQR: 100, the least', 'DDP: 100, regret 0.5',
+        'MPPI: 1,000, regret 900']
+    assert not [axes for axes in figure.axes if axes.get_xlabel() == 'regret']
+
+
+def test_angles_begin_at_hanging_whatever_turn_was_recorded():
+    fork = made_up()
+    for part in (fork.past, fork.recorded, *fork.others):
+        part.X[:, 1] -= 2 * np.pi
+    th_1, *_ = counterfactual(fork, LimitParameters()).axes
+    assert th_1.lines[0].get_ydata()[0] == pytest.approx(np.pi)

@@ -1,5 +1,6 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
+from matplotlib.text import Text
 import numpy as np
 from PIL import Image
 import pytest
@@ -9,9 +10,9 @@ from dp_swing_ros.campaign.summary import summarise
 from dp_swing_ros.figures import of_campaign
 from dp_swing_ros.figures.contestants import looks
 from dp_swing_ros.figures.distributions import settling, solve_times
-from dp_swing_ros.figures.rates import successes
+from dp_swing_ros.figures.rates import criteria, successes
 from dp_swing_ros.figures.starts import starts
-from dp_swing_ros.figures.sweeps import sweeps
+from dp_swing_ros.figures.sweeps import SHARES, sweeps
 
 NAMES = ('ilqr', 'mppi', 'ilqr:paper')
 SCENARIOS = ('random', 'model', 'delay', 'pushes')
@@ -87,15 +88,50 @@ def test_solve_times_are_shares_of_solves():
     np.testing.assert_allclose(line.get_ydata(), [1.0, 2 / 3, 1 / 3])
 
 
-def test_a_strip_has_a_cell_a_level_and_a_cross_where_it_fails():
+def test_a_strip_has_a_cell_a_level_and_its_shade_is_the_share():
     panel = sweeps(summary_of(ROWS)).axes[0]
-    assert 'link1 mass' in panel.get_title(loc='left')
+    assert panel.get_title(loc='left') == 'model: link1 mass [of the nominal]'
     assert len(panel.patches) == 3 * 5
-    assert [line.get_xdata()[0] for line in panel.lines] == [1.25] * 3
+    shades = [patch.get_facecolor() for patch in panel.patches[:5]]
+    assert shades == [SHARES(1.0)] * 4 + [SHARES(0.0)]
+
+
+def test_every_sweep_has_a_unit_and_every_text_can_be_read():
+    figure = sweeps(summary_of(ROWS))
+    assert all('[' in axes.get_title(loc='left') for axes in figure.axes if axes.get_title('left'))
+    assert min(text.get_fontsize() for text in figure.findobj(Text) if text.get_text()) >= 9
+
+
+def test_robustness_is_shown_with_intervals():
+    figure = criteria(summary_of(ROWS))
+    axes, = figure.axes
+    bars = [line for line in axes.lines if len(line.get_xdata()) == 2
+            and line.get_xdata()[0] == line.get_xdata()[1] and line.get_linestyle() == '-']
+    intervals = {tuple(np.round(line.get_ydata(), 6)) for line in bars}
+    expected = {tuple(np.round(one.held[2:], 6)) for one in summary_of(ROWS).standings
+                if one.scenario != 'random'}
+    assert expected <= intervals
+    assert [label.get_text() for label in axes.get_xticklabels()] == [
+        'model\n0.75 to 1.25', 'delay\n0 to 0.15 s', 'pushes']
+
+
+def test_the_legend_of_intervals_has_their_lines():
+    figure = successes(summary_of(ROWS))
+    legend, = figure.legends
+    drawn = {(line.get_color(), line.get_linestyle()) for line in figure.axes[0].lines
+             if len(line.get_xdata()) == 2}
+    assert {(line.get_color(), line.get_linestyle()) for line in legend.get_lines()} <= drawn
 
 
 def test_starts_are_at_the_angles_of_their_seeds():
     panel = starts(summary_of(ROWS), ROWS).axes[0]
-    assert len(panel.collections[0].get_offsets()) == 5
     assert len(panel.lines[0].get_xdata()) == 1
-    assert np.all(np.abs(panel.collections[0].get_offsets()) <= np.pi)
+    assert np.all(np.abs(panel.lines[0].get_xydata()) <= np.pi)
+    assert panel.get_title() == 'ilqr: 5 of 6 held, median 4.00 s'
+
+
+def test_starts_that_are_all_held_differ_in_their_colours():
+    rows = [row('ilqr', 'random', seed, settling_time=1.5 + 0.001 * seed) for seed in range(700)]
+    image, = starts(summary_of(rows, ['ilqr'], ['random']), rows).axes[0].images
+    shades = image.norm(image.get_array())
+    assert np.ptp(shades) > 0.5

@@ -17,7 +17,7 @@ def test_every_run_is_in_every_panel_in_its_own_colour():
         np.testing.assert_array_equal(force.patches[n].get_data().values, run.U)
         np.testing.assert_allclose(times.lines[n].get_ydata(), 1e3 * run.ticks.solve_time)
         for axes in (th_1, th_2):
-            assert axes.lines[n].get_ydata()[-1] == pytest.approx(0.0)
+            assert axes.lines[n].get_ydata()[0] == pytest.approx(np.pi)
     (legend,) = figure.legends
     assert [text.get_text() for text in legend.get_texts()] == ['one', 'two']
     colours = [line.get_color() for line in legend.get_lines()]
