@@ -68,11 +68,11 @@ def _draw_angle(axes: Axes, ends: Array, number: int, colour: str) -> None:
     end, before = (np.array([np.sin(a), np.cos(a)]) * radius + ends[0]
                    for a in (angle, angle - 0.14))
     axes.annotate('', end, before, arrowprops={**ARROW, 'color': colour})
-    middle = np.array([np.sin(angle / 2), np.cos(angle / 2)]) * (radius + 0.17) + ends[0]
-    axes.text(*middle, rf'$\theta_{number}$', color=colour, ha='center', va='center',
+    right, up = np.array([np.sin(angle / 2), np.cos(angle / 2)]) * (radius + 0.17) + ends[0]
+    axes.text(right, up, rf'$\theta_{number}$', color=colour, ha='center', va='center',
               size='x-large')
-    across = np.array([np.cos(angle), -np.sin(angle)])
-    axes.text(*(ends.mean(axis=0) + 0.12 * across), f'$l_{number}$, $m_{number}$', color=colour,
+    right, up = ends.mean(axis=0) + 0.12 * np.array([np.cos(angle), -np.sin(angle)])
+    axes.text(right, up, f'$l_{number}$, $m_{number}$', color=colour,
               ha='left', va='top', size='large')
 
 

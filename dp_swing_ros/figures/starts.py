@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
-from matplotlib.ticker import MultipleLocator
+from matplotlib.ticker import FuncFormatter, MultipleLocator
 import numpy as np
 from scipy.stats import binned_statistic_2d
 
@@ -78,7 +78,7 @@ def _draw_starts(axes: Axes, label: str, group: Sequence[Row], duration: float,
     axes.set(xlim=(-math.pi, math.pi), ylim=(-math.pi, math.pi), aspect='equal')
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(MultipleLocator(np.pi))
-        axis.set_major_formatter(in_turns)
+        axis.set_major_formatter(FuncFormatter(in_turns))
 
 
 def _angles(row: Row, duration: float) -> tuple[float, float]:
