@@ -124,7 +124,7 @@ def our_iteration(problem: Problem, second_order: bool) -> tuple[Work, Callable[
     X_new, U_new, infinite = np.empty_like(X), np.empty_like(U), np.inf
 
     def policy() -> Policy:
-        backward(problem.model, problem.cost, X, U, gaps, infinite, 0.0, second_order, k, K)
+        backward(problem.model, problem.cost, X, U, gaps, infinite, 0.0, float(second_order), k, K)
         return Policy(k, K)
 
     def run() -> int:

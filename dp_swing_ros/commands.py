@@ -6,9 +6,8 @@ from collections import deque
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from dp_swing_ros.parameters import PlantParameters
+from dp_swing_ros.streams import Stream, stream
 
 
 class Command(NamedTuple):
@@ -26,11 +25,11 @@ class Commands:
     A command is never obeyed after a newer one: what would begin later than a newer one is stale.
     """
 
-    def __init__(self, parameters: PlantParameters, loss: np.random.SeedSequence,
-                 lateness: np.random.SeedSequence) -> None:
-        """Take how commands fare, and the seeds of their fates."""
+    def __init__(self, parameters: PlantParameters) -> None:
+        """Take how commands fare, and the seed of their fates."""
         self.parameters = parameters
-        self.loss, self.lateness = np.random.default_rng(loss), np.random.default_rng(lateness)
+        self.loss = stream(parameters.seed, Stream.COMMAND_LOSS)
+        self.lateness = stream(parameters.seed, Stream.COMMAND_JITTER)
         self.force = 0.0            # [N] held until the next
         self.expires = math.inf     # [s] when it no longer is
         self.expired = False        # whether the force is zero for want of a command

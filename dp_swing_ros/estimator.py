@@ -19,7 +19,7 @@ import numpy as np
 from dp_swing_ros.dynamics import Pendulum
 from dp_swing_ros.dynamics.model import expand, linearise, of_coefficients
 from dp_swing_ros.dynamics.pendulum import coefficients
-from dp_swing_ros.dynamics.trajectory import step
+from dp_swing_ros.dynamics.trajectory import step, steps_in
 from dp_swing_ros.kernels import kernel
 from dp_swing_ros.parameters import parameter, Parameters, PendulumParameters
 from dp_swing_ros.state import Array
@@ -294,7 +294,9 @@ class Estimator:
         shifted = pendulums(self.bodies_0, self.constants, z)
         pendulum = Pendulum(*shifted[0].tolist())
         for u, duration in forces:
-            steps = math.ceil(duration / LONGEST_STEP - 1e-9)
+            steps = steps_in(duration, LONGEST_STEP)
+            if steps < 1:
+                continue
             predict(self.kind.of(pendulum, duration / steps), shifted,
                     HELD * (about.force_noise ** 2 + push ** 2),
                     HELD * about.acceleration_noise ** 2, u, steps, z, P)

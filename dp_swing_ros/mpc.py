@@ -22,7 +22,7 @@ import time
 
 import numpy as np
 
-from dp_swing_ros.dynamics.trajectory import hold
+from dp_swing_ros.dynamics.trajectory import hold, ROUNDING
 from dp_swing_ros.estimator import Estimate, Estimator, EstimatorParameters, Force
 from dp_swing_ros.parameters import parameter, Parameters
 from dp_swing_ros.plan import Plan, Status
@@ -32,6 +32,7 @@ from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.solvers.solver import Solver
 from dp_swing_ros.starts import plan_of, solved, StartParameters, Starts
 from dp_swing_ros.state import Array, HANGING, is_upright, LEANING, to_turn_of
+from dp_swing_ros.streams import Stream, stream
 
 REMEMBERED = 64  # forces sent, for the roll forward
 ROUNDING = 1e-6  # [s] a time beyond a limit by less is within it
@@ -75,7 +76,7 @@ class RecedingHorizon:
 
     def reset(self) -> None:
         """Forget everything: the next tick is a first tick, with the same random numbers."""
-        self.random = np.random.default_rng(self.parameters.seed)
+        self.random = stream(self.parameters.seed, Stream.SOLVER)
         self.problem = self.nominal
         self.solver = self.build(self.problem)
         self.starts = Starts(self.problem, self.parameters, self.parameters.seed, self.build)
@@ -244,10 +245,10 @@ class RecedingHorizon:
         """Return the forces that act between two times [s]; before the first sent it is zero."""
         forces: list[Force] = []
         for begins, u in chain(reversed(self.sent), [(t, 0.0)]):   # what was sent later replaces
-            if until <= t:
+            if until - t <= ROUNDING:
                 break
             begins = max(begins, t)
-            if begins < until:
+            if until - begins > ROUNDING:
                 forces.insert(0, Force(u, until - begins))
                 until = begins
         return forces

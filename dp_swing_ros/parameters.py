@@ -151,6 +151,13 @@ class LimitParameters(Parameters):
         finite=False)
 
 
+def _models() -> list[str]:
+    # looked up when a value is checked: the models are built of these parameters
+    from dp_swing_ros.dynamics import MODELS
+
+    return list(MODELS)
+
+
 @dataclasses.dataclass(frozen=True)
 class PlantParameters(Parameters):
     """The plant beside its bodies and limits: schedule, start, integrator and disturbances."""
@@ -162,8 +169,7 @@ class PlantParameters(Parameters):
         unit='m, rad, m/s, rad/s', size=SIZE)
     physics_step: float = parameter(0.005, 'longest step of the integrator', unit='s',
                                     minimum=1e-5, maximum=1.0)
-    integrator: str = parameter('rk4', 'integrator of the plant',
-                                choices=lambda: ['rk4', 'euler'])
+    integrator: str = parameter('rk4', 'integrator of the plant', choices=_models)
     lockstep: bool = parameter(
         False, 'wait for one force after each state instead of running in real time')
     duration: float = parameter(0.0, 'the plant ends itself after this time (0: never)', unit='s',
@@ -227,4 +233,4 @@ class PredictionParameters(Parameters):
     horizon: int = parameter(30, 'number of steps of a plan, N', minimum=1, maximum=1000)
     step: float = parameter(0.05, 'duration of one step of a plan', unit='s', minimum=1e-4,
                             maximum=1.0)
-    model: str = parameter('rk4', 'how one step is predicted', choices=lambda: ['rk4', 'euler'])
+    model: str = parameter('rk4', 'how one step is predicted', choices=_models)

@@ -20,7 +20,7 @@ from dp_swing_ros.state import Array
 
 BODIES, LIMITS = PendulumParameters(), LimitParameters()
 PERIOD = 1 / PlantParameters().rate    # [s]
-START, PUSHES = 1, 2                   # streams of random numbers beside those of the noises
+START, PUSHES = 1, 2                   # before the seed: streams beside those of streams.py
 
 RANDOM_START = (1.0, math.pi, math.pi, 1.0, 3.0, 3.0)  # largest of each state, either way
 NEAR_GOAL = 0.3                        # [rad] largest angle at the start of near_goal

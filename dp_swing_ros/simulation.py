@@ -17,14 +17,13 @@ import numpy as np
 from dp_swing_ros.commands import Commands
 from dp_swing_ros.dynamics import MODELS, Pendulum
 from dp_swing_ros.dynamics.pendulum import stop
-from dp_swing_ros.dynamics.trajectory import step
+from dp_swing_ros.dynamics.trajectory import ROUNDING, step, steps_in
 from dp_swing_ros.episode import Episode, Ticks
 from dp_swing_ros.kernels import kernel
 from dp_swing_ros.parameters import LimitParameters, PendulumParameters, PlantParameters
 from dp_swing_ros.plan import Plan
 from dp_swing_ros.state import Array
-
-ROUNDING = 1e-9  # a time [s] or a share of a step that is none
+from dp_swing_ros.streams import Stream, stream
 
 
 class Measurement(NamedTuple):
@@ -71,11 +70,11 @@ class Plant:
 
     def reset(self) -> None:
         """Go back to the initial state, at rest from all commands, noise from its beginning."""
-        seeds = np.random.SeedSequence(self.parameters.seed)
-        self.random = np.random.default_rng(seeds)
-        loss, *fates = seeds.spawn(3)
-        self.state_loss = np.random.default_rng(loss)
-        self.commands = Commands(self.parameters, *fates)
+        seed = self.parameters.seed
+        self.sensor_noise = stream(seed, Stream.SENSOR_NOISE)
+        self.force_noise = stream(seed, Stream.FORCE_NOISE)
+        self.state_loss = stream(seed, Stream.STATE_LOSS)
+        self.commands = Commands(self.parameters)
         self.t = 0.0                                        # [s]
         self.x = np.array(self.parameters.initial_state)
         self.force = 0.0                                    # [N] of the actuator in the last step
@@ -84,7 +83,7 @@ class Plant:
 
     def begin_period(self, push: float) -> None:
         """Draw the noise of a new period, and push the cart through it [N]."""
-        self.noise = self.random.normal(0.0, self.parameters.force_noise)
+        self.noise = self.force_noise.normal(0.0, self.parameters.force_noise)
         self.push = push
         self.period_began = self.t
         self.acted = 0.0         # [s] of integration since then
@@ -120,7 +119,7 @@ class Plant:
     def hold(self, duration: float) -> None:
         """Integrate for a time [s] under one command."""
         physics_step = self.parameters.physics_step
-        steps = math.ceil(duration / physics_step - ROUNDING)
+        steps = steps_in(duration, physics_step)
         if steps < 1:
             return
         limit = self.limits.force_limit
@@ -147,12 +146,21 @@ class Plant:
         k = self.parameters.actuator_response
         return 1 - (1 - k) ** share if k < 1 else k
 
+    def is_seen(self) -> bool:
+        """Return whether a delay has passed, so that the first measurement can have arrived."""
+        return self.past[0].t <= self.t - self.parameters.delay + ROUNDING
+
     def measure(self) -> Measurement | None:
-        """Return the state as it was a delay ago, with the noise of the sensors, unless lost."""
+        """
+        Return the state as it was a delay ago, with the noise of the sensors.
+
+        None where that measurement is lost, or cannot have arrived yet.
+        """
         t, x = self.past[0]
         noise = np.repeat((self.parameters.position_noise, self.parameters.velocity_noise), 3)
-        measured = Measurement(t, x + self.random.normal(0.0, noise))
-        return None if self.state_loss.random() < self.parameters.state_loss else measured
+        measured = Measurement(t, x + self.sensor_noise.normal(0.0, noise))
+        lost = self.state_loss.random() < self.parameters.state_loss
+        return measured if self.is_seen() and not lost else None
 
 
 class Controller(Protocol):
@@ -207,7 +215,7 @@ def answer(plant: Plant, controller: Controller) -> Plan:
     measured = plant.measure()
     if measured is None:
         return controller.stand_in(plant.t)
-    return controller.update(round(measured.t * 1e9) / 1e9, measured.x, plant.t - measured.t)
+    return controller.update(round(measured.t * 1e9) / 1e9, measured.x, plant.parameters.delay)
 
 
 def ticks_of(t: list[float], plans: list[Plan], period: float) -> Ticks:

@@ -23,6 +23,7 @@ from dp_swing_ros.plan import Plan, SolverStats, Status
 from dp_swing_ros.problem import policy_rollout, Problem, regulator_rollout, turns_of
 from dp_swing_ros.solvers.solver import Solver
 from dp_swing_ros.state import Array, is_upright
+from dp_swing_ros.streams import Stream, stream
 
 SHORT = 30  # steps; over more, a start that is not yet good diverges, and solves end anywhere
 
@@ -77,7 +78,7 @@ class Starts:
         """Take what is to be solved, and how to build its solver for a shorter horizon."""
         self.parameters, self.build = parameters, build
         self.pose(problem)
-        self.random_forces = np.random.default_rng(seed)
+        self.random_forces = stream(seed, Stream.STARTS)
         self.first_kinds = (self.catch, self.regulator, self.rest)
         self.later_kinds = cycle((self.catch, self.random, self.regulator))
 

@@ -11,6 +11,8 @@ from dp_swing_ros.dynamics.model import advance
 from dp_swing_ros.kernels import kernel
 from dp_swing_ros.state import Array
 
+ROUNDING = 1e-9  # a time [s], or a share of a step, that is none
+
 
 @kernel
 def step(model, x, u, out):
@@ -38,12 +40,19 @@ def rollout(model, x_0, U):
     return X
 
 
+def steps_in(duration: float, longest: float) -> int:
+    """Return how many steps of a length at most [s] make a time [s]; what is rounding has none."""
+    return math.ceil(duration / longest - ROUNDING)
+
+
 def hold(model: Any, x: Array, u: float, duration: float) -> Array:
     """
     Return the state after any duration [s] under a held force, in steps of at most the model's.
 
     Shapes: x (6,) -> (6,).
     """
-    steps = max(math.ceil(duration / model.h - 1e-9), 1)
+    steps = steps_in(duration, model.h)
+    if steps < 1:
+        return x
     resized = type(model).of(model.pendulum, duration / steps)
     return rollout(resized, x, np.full(steps, u))[-1]

@@ -30,8 +30,8 @@ class PlantNode(ProcessNode):
     """
     The node; in real time nobody waits for anybody, in lockstep it waits for one force a state.
 
-    In lockstep the stamps are simulated time, from zero; where a state is lost nobody can answer,
-    so the last command acts for another period.
+    In lockstep the stamps are simulated time, from zero; where a state is lost, or the first has
+    not arrived yet, nobody can answer, so the last command acts for another period.
     """
 
     def __init__(self) -> None:
@@ -143,7 +143,7 @@ class PlantNode(ProcessNode):
         """Publish the measured state and the mean force of the period that ends, and go on."""
         measured = self.plant.measure()
         if measured is None:
-            self.lost_states += 1
+            self.lost_states += self.plant.is_seen()
         else:
             self.states.publish(to_joint_state(self.stamp(measured.t), measured.x,
                                                self.plant.mean_force))

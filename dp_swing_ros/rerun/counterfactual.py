@@ -82,7 +82,7 @@ def take_over(run: Run, tick: Tick, solver: str, end: int) -> list[Sample]:
         if measured is not None:
             age = plant.t - measured.t
             samples.append(Sample(now - round(age * BILLION), measured.x, plant.mean_force))
-            force = reply(controller, samples[-1], age if tick.real_time else 0.0)
+            force = reply(controller, samples[-1], age if tick.real_time else tick.delay)
         elif tick.real_time:
             force = controller.stand_in(now / BILLION).first_force(run.problem.u_max)
         else:
@@ -91,7 +91,7 @@ def take_over(run: Run, tick: Tick, solver: str, end: int) -> list[Sample]:
 
 
 def reply(controller: RecedingHorizon, sample: Sample, delay: float) -> float:
-    """Return the force [N] for a state; in lockstep no delay is made up for."""
+    """Return the force [N] for a state of an age [s]."""
     return respond(controller, sample.stamp / BILLION, sample.x, delay).first_force(
         controller.nominal.u_max)
 

@@ -15,8 +15,11 @@ from dp_swing_ros.solvers.riccati import backward, line_search
 from dp_swing_ros.solvers.solver import policy_of
 from dp_swing_ros.state import Array
 
-MU_FIRST = 1e-3   # regularisation after a first failure
+MU_FIRST = 1.0     # regularisation after a first failure
 MU_FACTOR = 6.0
+# The share of the tensor terms is cut where they made the expansion indefinite, and grows with
+# every step that helps. The tensor is seldom too large by a little: see docs/model.md.
+TENSOR_CUT, TENSOR_GROWTH, TENSOR_LEAST = 0.1, 1.5, 1e-3
 ENDS = (Status.CONVERGED, Status.ITERATION_LIMIT, Status.DEADLINE, Status.STALLED, Status.FAILED)
 CONVERGED, ITERATION_LIMIT, DEADLINE, STALLED, FAILED = range(len(ENDS))
 
@@ -55,9 +58,10 @@ def descend(model, cost, lqr_gain, u_max, horizon, x_0, X, U, K, second_order, i
     """
     Follow a policy from x_0 and lower its cost; one call, for each takes some microseconds.
 
-    An iteration is one backward pass and, where that succeeds, one line search. A failure of
-    either raises μ, so the loop always ends; and as long as μ is up, the tensor terms, which made
-    the expansion indefinite, are left out.
+    An iteration is one backward pass and, where that succeeds, one line search. Where the pass
+    fails, a smaller share of the tensor terms is taken, and none in the end, as in iLQR, whose
+    expansion is positive; where the search fails, μ is raised. Only a pass without μ shows that
+    the descent has converged: μ shortens the step, and so what it promises.
     Returns how it ended (of ENDS), the cost, the number of iterations, and X, U and K.
     Shapes: as in follow_policy.
     """
@@ -65,14 +69,17 @@ def descend(model, cost, lqr_gain, u_max, horizon, x_0, X, U, K, second_order, i
     J, X, U, K = follow_policy(model, cost, lqr_gain, u_max, x_0, X, U, K, horizon)
     X_new, U_new, K_new, k = np.empty_like(X), np.empty_like(U), np.empty_like(K), np.empty_like(U)
     mu, iteration, end, gaps = 0.0, 0, ITERATION_LIMIT, np.empty((0, 6))
+    tensor = 1.0 if second_order else 0.0
     while iteration < iterations:
         if now() - began > seconds:
             end = DEADLINE
             break
         iteration += 1
-        positive, slope, bend = backward(model, cost, X, U, gaps, u_max, mu,
-                                         second_order and mu == 0, k, K_new)
-        if positive and -slope <= tolerance * J:
+        positive, slope, bend = backward(model, cost, X, U, gaps, u_max, mu, tensor, k, K_new)
+        if not positive and tensor > 0:
+            tensor = tensor * TENSOR_CUT if tensor > TENSOR_LEAST else 0.0
+            continue
+        if positive and mu == 0 and -slope <= tolerance * J:
             K, end = K_new, CONVERGED
             break
         J_new = line_search(model, cost, X, U, J, k, K_new, slope, bend, u_max,
@@ -80,6 +87,8 @@ def descend(model, cost, lqr_gain, u_max, horizon, x_0, X, U, K, second_order, i
         if J_new < J:
             J, X, X_new, U, U_new, K, K_new = J_new, X_new, X, U_new, U, K_new, K
             mu = mu / MU_FACTOR if mu > MU_FIRST else 0.0
+            if second_order:
+                tensor = min(max(tensor * TENSOR_GROWTH, TENSOR_LEAST), 1.0)
             continue
         mu = max(mu * MU_FACTOR, MU_FIRST)
         if mu > largest_mu:

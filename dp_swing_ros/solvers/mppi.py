@@ -24,7 +24,7 @@ from dp_swing_ros.problem import follow_policy, Problem, Rollout
 from dp_swing_ros.solvers.noise import LANES, state_from
 from dp_swing_ros.solvers.riccati import backward
 from dp_swing_ros.solvers.samples import average, draw, single
-from dp_swing_ros.solvers.solver import policy_of, Seed
+from dp_swing_ros.solvers.solver import generator, policy_of, Seed
 from dp_swing_ros.state import Array
 
 F = np.float32
@@ -110,13 +110,13 @@ def set_gains(model, cost, u_max, X, U, feedback, K):
     """
     Write the gains of one Riccati pass about a trajectory, zeros where there is no such pass.
 
+    A force on its bound does not follow the state; every other does, for MPPI takes no step k that
+    could end on the bound.
     Shapes: X (N + 1, 6), U (N,), K (N, 6).
     """
-    if feedback:
-        second_order = not feedback   # a literal False would compile the backward pass once more
-        if backward(model, cost, X, U, np.empty((0, 6)), u_max, 0.0, second_order,
-                    np.empty_like(U), K)[0]:
-            return
+    if feedback and backward(model, cost, X, U, np.empty((0, 6)), u_max, 0.0, 0.0,
+                             np.empty(0), K)[0]:
+        return
     K[:] = 0.0
 
 
@@ -132,7 +132,7 @@ class MPPI:
         Raises ParameterError where the device is none of this machine, or torch is missing.
         """
         self.problem, self.parameters = problem, parameters
-        self.random = np.random.default_rng(seed)
+        self.random = generator(seed)
         self.model, self.cost = single(problem.model), single(problem.cost)
         # whole blocks; what the last one has beyond the samples weighs nothing
         blocks, sigma = -(-parameters.samples // LANES), sizes(parameters)

@@ -20,7 +20,7 @@ from dp_swing_ros.dynamics.model import curvature, expand, linearise
 from dp_swing_ros.dynamics.trajectory import step
 from dp_swing_ros.kernels import kernel
 
-HALVINGS = 9       # of the step, in a line search
+HALVINGS = 14      # of the step, in a line search
 SUFFICIENT = 1e-2  # share of the expected decrease that a step must reach
 
 
@@ -93,19 +93,20 @@ def close(k, K, Q_u, Q_uu, Q_z, Q_zz, V_x, V_xx):
 
 
 @kernel
-def backward(model, cost, X, U, gaps, u_max, mu, second_order, k, K):
+def backward(model, cost, X, U, gaps, u_max, mu, tensor, k, K):
     """
     Write the policy δu = k + K δx, and return whether Q_uu stayed positive and two slopes.
 
-    The expected change of the cost under α k is α slope + α² / 2 bend. With second_order the
-    expansion holds the tensor terms Σ V'_x[i] ∂²f_i of DDP; without, it is iLQR. The gaps are
+    The expected change of the cost under α k is α slope + α² / 2 bend. The expansion holds a share
+    `tensor` of the terms Σ V'_x[i] ∂²f_i: with 1 it is DDP, with 0 iLQR. The gaps are
     f(X[t], U[t]) - X[t + 1], which the policy closes; a trajectory of the model has none.
-    Shapes: X (T + 1, 6), U (T,), gaps (T, 6), or (0, 6) for none, k (T,), K (T, 6).
+    Shapes: X (T + 1, 6), U (T,), gaps (T, 6), or (0, 6) for none, k (T,), or (0,) where the forces
+    stay as they are, K (T, 6).
     """
     # rows of one array, so that the compiler sees what does not overlap; F = [A, B, 0]
-    work = np.zeros((30, LANES))
+    work = np.zeros((31, LANES))
     F, W, Q_zz, V_xx = work[:6], work[6:13], work[13:20], work[20:26]
-    V_x, Q_z, BF, gain = work[26], work[27], work[28], work[29]
+    V_x, Q_z, BF, gain, weighted = work[26], work[27], work[28], work[29], work[30]
     slope = bend = 0.0
     terminal_derivatives(cost, X[len(U)], V_x, V_xx)
     l_x, l_xx = running_derivatives(cost, X, U)
@@ -115,8 +116,10 @@ def backward(model, cost, X, U, gaps, u_max, mu, second_order, k, K):
             for i in range(6):
                 for j in range(6):
                     V_x[i] += V_xx[i, j] * gaps[t, j]
-        if second_order:
-            curvature(model, points, t, V_x, F, W)
+        if tensor > 0:
+            for i in range(6):
+                weighted[i] = tensor * V_x[i]
+            curvature(model, points, t, weighted, F, W)
         else:
             linearise(model, points, t, F)
         propagate(F, V_x, V_xx, W, Q_z, Q_zz, BF)                    # (26)-(30)
@@ -129,17 +132,20 @@ def backward(model, cost, X, U, gaps, u_max, mu, second_order, k, K):
         Q_uu_mu = Q_uu + mu * BF[6]
         if not Q_uu_mu > 0:
             return False, slope, bend
-        best = -Q_u / Q_uu_mu
-        k[t] = min(max(best, -u_max - U[t]), u_max - U[t])
-        share = -1 / Q_uu_mu if k[t] == best else 0.0
+        change, follows = 0.0, abs(U[t]) < u_max
+        if len(k) > 0:
+            best = -Q_u / Q_uu_mu
+            change = k[t] = min(max(best, -u_max - U[t]), u_max - U[t])
+            follows = change == best
+        share = -1 / Q_uu_mu if follows else 0.0
         for j in range(LANES):   # on the bound the best force does not follow the state
             gain[j] = share * (Q_zz[6, j] + mu * BF[j])
         for i in range(6):
             K[t, i] = gain[i]
 
-        slope += k[t] * Q_u
-        bend += k[t] * Q_uu * k[t]
-        close(k[t], gain, Q_u, Q_uu, Q_z, Q_zz, V_x, V_xx)
+        slope += change * Q_u
+        bend += change * Q_uu * change
+        close(change, gain, Q_u, Q_uu, Q_z, Q_zz, V_x, V_xx)
     return True, slope, bend
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from dp_swing_ros.plan import Plan
 from dp_swing_ros.problem import Problem
 from dp_swing_ros.state import Array
+from dp_swing_ros.streams import Stream, stream
 
 Seed: TypeAlias = int | np.random.Generator   # of a solver: a number, or one that goes on
 
@@ -31,6 +32,11 @@ class Solver(Protocol):
         in seconds of time.perf_counter() and may be infinite; lateness is a status, no error.
         Shapes: x_0 (6,). Raises ValueError where x_0 is not finite.
         """
+
+
+def generator(seed: Seed) -> np.random.Generator:
+    """Return the random generator of a solver with this seed."""
+    return seed if isinstance(seed, np.random.Generator) else stream(seed, Stream.SOLVER)
 
 
 class Policy(NamedTuple):

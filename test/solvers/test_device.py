@@ -14,6 +14,7 @@ from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.problem import policy_rollout, Rollout
 from dp_swing_ros.solvers.mppi import MPPI, MPPIParameters, opened
 from dp_swing_ros.solvers.noise import fill, state_from
+from dp_swing_ros.solvers.solver import generator
 from dp_swing_ros.state import HANGING
 
 torch = pytest.importorskip('torch')
@@ -44,7 +45,7 @@ def test_forces_and_costs_are_those_of_the_kernel(device, model, values, rng):
     cpu, other = (solver(kind, values={'horizon': 20, 'model': model, **values})
                   for kind in ('cpu', device))
     best, noise = policy(cpu.problem, rng), np.empty_like(cpu.V)
-    random = state_from(np.random.default_rng(0))   # that of the seed 0
+    random = state_from(generator(0))   # that of the seed 0
     for block in noise:
         fill(random, block.reshape(-1))
     J = cpu.draw(best)

@@ -39,7 +39,7 @@ def pass_back(problem, X, U, *more):
     return backward(problem.model, problem.cost, X, U, np.zeros((N, 6)), *more)
 
 
-def plain(problem, X, U, mu, second_order, gaps=np.zeros((N, 6))):
+def plain(problem, X, U, mu, tensor, gaps=np.zeros((N, 6))):
     """Return k and K of (26)-(32), (36), (37) with autograd's derivatives and no force bound."""
     import torch
     A, B, second = (part.numpy() for part in expand(
@@ -52,7 +52,7 @@ def plain(problem, X, U, mu, second_order, gaps=np.zeros((N, 6))):
         l_x, l_xx = (part[t // STEPS, :, t % STEPS] for part in of_cost)
         a, b = A[t], B[t][:, None]
         V_x = V_x + V_xx @ gaps[t]
-        W = np.einsum('i,ijk->jk', V_x, second[t]) * second_order
+        W = np.einsum('i,ijk->jk', V_x, second[t]) * tensor
         Q_x = l_x + a.T @ V_x
         Q_u = 2 * problem.cost.R * U[t] + b.T @ V_x
         Q_xx = np.diag(l_xx) + a.T @ V_xx @ a + W[:6, :6]
@@ -68,13 +68,13 @@ def plain(problem, X, U, mu, second_order, gaps=np.zeros((N, 6))):
     return k, K
 
 
-@pytest.mark.parametrize('second_order', [False, True], ids=['ilqr', 'ddp'])
+@pytest.mark.parametrize('tensor', [0.0, 0.3, 1.0], ids=['ilqr', 'between', 'ddp'])
 @pytest.mark.parametrize('mu', [0.0, 10.0])
-def test_gains_are_the_paper_s(problem, trajectory, second_order, mu):
+def test_gains_are_the_paper_s(problem, trajectory, tensor, mu):
     X, U = trajectory
     k, K = np.empty(N), np.empty((N, 6))
-    positive, slope, bend = pass_back(problem, X, U, math.inf, mu, second_order, k, K)
-    k_plain, K_plain = plain(problem, X, U, mu, second_order)
+    positive, slope, bend = pass_back(problem, X, U, math.inf, mu, tensor, k, K)
+    k_plain, K_plain = plain(problem, X, U, mu, tensor)
     assert positive
     np.testing.assert_allclose(k, k_plain, rtol=1e-7)
     np.testing.assert_allclose(K, K_plain, rtol=1e-7, atol=1e-9)
@@ -84,19 +84,19 @@ def test_gains_are_the_paper_s(problem, trajectory, second_order, mu):
 def test_gains_about_a_path_with_gaps(problem, trajectory, rng):
     X, U = trajectory
     k, K, gaps = np.empty(N), np.empty((N, 6)), rng.normal(0.0, 1e-4, (N, 6))
-    assert backward(problem.model, problem.cost, X, U, gaps, math.inf, 0.0, True, k, K)[0]
-    k_plain, K_plain = plain(problem, X, U, 0.0, True, gaps)
+    assert backward(problem.model, problem.cost, X, U, gaps, math.inf, 0.0, 1.0, k, K)[0]
+    k_plain, K_plain = plain(problem, X, U, 0.0, 1.0, gaps)
     np.testing.assert_allclose(k, k_plain, rtol=1e-7)
     np.testing.assert_allclose(K, K_plain, rtol=1e-7, atol=1e-9)
-    assert not np.allclose(k, plain(problem, X, U, 0.0, True)[0])
+    assert not np.allclose(k, plain(problem, X, U, 0.0, 1.0)[0])
 
 
-@pytest.mark.parametrize('second_order', [False, True], ids=['ilqr', 'ddp'])
-def test_the_slope_is_the_cost_s(problem, trajectory, second_order):
+@pytest.mark.parametrize('tensor', [0.0, 1.0], ids=['ilqr', 'ddp'])
+def test_the_slope_is_the_cost_s(problem, trajectory, tensor):
     """For a small α the cost changes by α slope."""
     X, U = trajectory
     k, K = np.empty(N), np.empty((N, 6))
-    _, slope, _ = pass_back(problem, X, U, math.inf, 0.0, second_order, k, K)
+    _, slope, _ = pass_back(problem, X, U, math.inf, 0.0, tensor, k, K)
     J = trajectory_cost(problem.cost, X, U)
     X_new, U_new = np.empty_like(X), np.empty_like(U)
     change = forward(problem.model, problem.cost, X, U, np.zeros((N, 6)), k, K, 1e-7, math.inf,
@@ -108,7 +108,7 @@ def test_on_the_bound_the_force_stays_and_does_not_follow(problem, trajectory):
     X, U = trajectory
     k, K = np.empty(N), np.empty((N, 6))
     u_max = 0.5
-    pass_back(problem, X, U, u_max, 0.0, False, k, K)
+    pass_back(problem, X, U, u_max, 0.0, 0.0, k, K)
     on_bound = np.isclose(np.abs(U + k), u_max)
     assert 0 < on_bound.sum() < N
     assert np.all(np.abs(U + k) <= u_max + 1e-12)
@@ -123,7 +123,7 @@ def test_a_linear_problem_is_solved_in_one_step(problem):
     X = rollout(problem.model, x, U)
     k, K = np.empty(N), np.empty((N, 6))
     J = trajectory_cost(problem.cost, X, U)
-    _, slope, bend = pass_back(problem, X, U, 20.0, 0.0, False, k, K)
+    _, slope, bend = pass_back(problem, X, U, 20.0, 0.0, 0.0, k, K)
     X_new, U_new = np.empty_like(X), np.empty_like(U)
     J_new = line_search(problem.model, problem.cost, X, U, J, k, K, slope, bend,
                         20.0, X_new, U_new)
@@ -135,4 +135,4 @@ def test_a_curvature_that_is_not_positive_is_reported(problem, trajectory):
     X, U = trajectory
     concave = problem.cost._replace(P=-problem.cost.P)
     k, K = np.empty(N), np.empty((N, 6))
-    assert not pass_back(replace(problem, cost=concave), X, U, 20.0, 0.0, False, k, K)[0]
+    assert not pass_back(replace(problem, cost=concave), X, U, 20.0, 0.0, 0.0, k, K)[0]

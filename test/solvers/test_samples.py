@@ -120,6 +120,15 @@ def test_threads_draw_each_its_part(samples):
     np.testing.assert_array_equal(again.draw(best), shared.J.reshape(-1)[:samples])
 
 
+def test_every_force_within_the_bound_follows_the_state():
+    solver = mppi()
+    for n in range(10):
+        x_0 = np.array(HANGING) + 0.1 * n
+        plan = solver.solve(x_0, None, np.inf)
+        follows = np.any(plan.K != 0.0, axis=1)
+        np.testing.assert_array_equal(follows, np.abs(plan.U) < solver.problem.u_max)
+
+
 def test_the_paper_s_mppi_is_a_choice_of_parameters(rng):
     """White noise of one size about forces alone, a fixed temperature."""
     solver = mppi(samples=100, iterations=1, temperature=0.01, temperature_scale='fixed',

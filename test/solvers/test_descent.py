@@ -1,0 +1,57 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""How iLQR and DDP fare from cold starts, and what their status promises."""
+
+import math
+
+import numpy as np
+import pytest
+
+from dp_swing_ros import configuration
+from dp_swing_ros.plan import Status
+from dp_swing_ros.scenarios import SCENARIOS
+from dp_swing_ros.solvers import SOLVERS
+from dp_swing_ros.solvers.riccati import backward
+
+COUNT = 200
+PROBLEM = configuration.problem({})
+SHARES = (1.0, *np.geomspace(1e-3, 1.0, 200), 0.0)
+
+
+def cold_solves(name, **parameters):
+    """Return what comes of zero forces from every start of the scenario `random`."""
+    solver = SOLVERS[name](PROBLEM, SOLVERS[name].Parameters(**parameters))
+    cases = SCENARIOS['random'].cases('random', range(COUNT), None, 10.0)
+    return [solver.solve(np.array(case.plant['initial_state']), None, math.inf)
+            for case in cases]
+
+
+def promise(plan, tensor):
+    """Return by what share a step without regularisation promises to lower the cost."""
+    k, K = np.empty(len(plan.U)), np.empty_like(plan.K)
+    positive, slope, _ = backward(PROBLEM.model, PROBLEM.cost, plan.X, plan.U, np.empty((0, 6)),
+                                  PROBLEM.u_max, 0.0, tensor, k, K)
+    return -slope / plan.stats.cost if positive else math.inf
+
+
+@pytest.mark.parametrize('name', ['ilqr', 'ddp'])
+def test_most_cold_starts_converge_within_the_iterations_of_a_tick(name):
+    ends = [plan.stats.status for plan in cold_solves(name)]
+    assert ends.count(Status.CONVERGED) >= 150
+
+
+@pytest.mark.parametrize(('name', 'shares'), [('ilqr', (0.0,)), ('ddp', SHARES)])
+def test_what_has_converged_promises_nothing_without_regularisation(name, shares):
+    """In DDP that of the share of the tensor at the end, which the plan does not name."""
+    converged = [plan for plan in cold_solves(name, iterations=500)
+                 if plan.stats.status is Status.CONVERGED]
+    assert len(converged) > 0.95 * COUNT
+    tolerance = SOLVERS[name].Parameters().tolerance
+    assert all(min(promise(plan, share) for share in shares) <= tolerance for plan in converged)
+
+
+@pytest.mark.parametrize('name', ['ilqr', 'ddp'])
+def test_every_solve_ends(name):
+    """Even where nothing is good enough, μ ends it."""
+    plans = cold_solves(name, tolerance=0.0, iterations=10_000)[:20]
+    assert {plan.stats.status for plan in plans} <= {Status.CONVERGED, Status.STALLED}
