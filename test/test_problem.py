@@ -44,6 +44,15 @@ def test_a_policy_goes_on_with_the_regulator():
     np.testing.assert_allclose(X, rollout(p.model, x, U), atol=1e-12)
 
 
+def test_what_is_left_of_a_plan_is_completed_by_the_regulator():
+    p = problem(prediction=PredictionParameters(horizon=30))
+    whole = regulator_rollout(p, np.array([0.005, 0.001, 0.0, 0.0, 0.0, 0.0]))
+    started = policy_rollout(p, whole.X[10], whole.X[10:], whole.U[10:], whole.K[10:])
+    assert started.X.shape == (31, 6)
+    np.testing.assert_allclose(started.X[:20], whole.X[10:30], atol=1e-9)
+    assert started.U[25] == pytest.approx(-p.lqr.K @ started.X[25], rel=1e-3)
+
+
 @pytest.mark.parametrize(('change', 'words'), [
     ({'limits': LimitParameters(force_limit=0.0)}, 'force_limit'),
     ({'cost': CostParameters(state_weights=(0, 100, 100, 2, 6, 0.1))}, 'state_weights'),

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """How the contestants of a campaign look in all of its pictures."""
 
+from collections.abc import Iterable
+from itertools import cycle
 from typing import Any, NamedTuple
 
 from matplotlib.axes import Axes
@@ -11,6 +13,7 @@ from matplotlib.lines import Line2D
 from dp_swing_ros.figures.style import ALARM, FAINT, FORCE, INK, LINK1, LINK2, plain
 
 OWN = {'ilqr': LINK1, 'ddp': LINK2, 'mppi': FORCE, 'tvlqr': ALARM, 'nothing': FAINT}
+OTHERS = ('#E69F00', '#56B4E9', INK)  # of solvers that are not ours, in turn
 DASHES = ('-', (0, (4, 1.5)), (0, (1, 1)), (0, (5, 1, 1, 1)))  # of a first, second ... variant
 ENTRY, WORDY = 1.3, 2.1  # [inch] of a legend
 MARKERS = ('o', 's', '^', 'D')
@@ -38,14 +41,21 @@ class Look(NamedTuple):
                 'markerfacecolor': self.colour if self.filled else 'white'}
 
 
+def colours(names: Iterable[str]) -> dict[str, str]:
+    """Return a colour for each solver or baseline; those that are not ours take turns."""
+    others = cycle(OTHERS)
+    return {name: OWN[name] if name in OWN else next(others) for name in dict.fromkeys(names)}
+
+
 def looks(campaign: dict[str, Any]) -> dict[str, Look]:
     """Return the look of every contestant in a campaign's description."""
     seen: dict[str, int] = {}
     found = {}
+    colour = colours(about['name'] for about in campaign['contestants'].values())
     for label, about in campaign['contestants'].items():
         variant = seen.setdefault(about['name'], 0)
         seen[about['name']] += 1
-        found[label] = Look(OWN.get(about['name'], INK), DASHES[variant % len(DASHES)],
+        found[label] = Look(colour[about['name']], DASHES[variant % len(DASHES)],
                             MARKERS[variant % len(MARKERS)], variant == 0)
     return found
 

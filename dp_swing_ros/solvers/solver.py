@@ -28,8 +28,11 @@ class Solver(Protocol):
         """
         Return the best plan found from x_0 until the deadline, never worse than the warm start.
 
+        A plan is a trajectory of the problem's model from x_0 with forces within its bound.
         warm_start is followed as a policy from x_0; None stands for zero forces. The deadline is
-        in seconds of time.perf_counter() and may be infinite; lateness is a status, no error.
+        in seconds of time.perf_counter() and may be infinite; it is looked at before every
+        iteration, and lateness is a status, no error. Where no plan is finite, the status is
+        FAILED.
         Shapes: x_0 (6,). Raises ValueError where x_0 is not finite.
         """
 

@@ -12,6 +12,7 @@ from dp_swing_ros.plan import Status
 from dp_swing_ros.scenarios import SCENARIOS
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.solvers.riccati import backward
+from dp_swing_ros.state import HANGING
 
 COUNT = 200
 PROBLEM = configuration.problem({})
@@ -55,3 +56,24 @@ def test_every_solve_ends(name):
     """Even where nothing is good enough, μ ends it."""
     plans = cold_solves(name, tolerance=0.0, iterations=10_000)[:20]
     assert {plan.stats.status for plan in plans} <= {Status.CONVERGED, Status.STALLED}
+
+
+@pytest.mark.parametrize('name', ['ilqr', 'ddp'])
+def test_near_the_goal_the_plan_is_the_regulator_s(name):
+    """Where the problem is linear and unbounded, its optimum is known."""
+    p = configuration.problem({'force_limit': math.inf})
+    x = np.array([1e-3, 1e-4, -1e-4, 0.0, 0.0, 0.0])
+    plan = SOLVERS[name](p, SOLVERS[name].Parameters()).solve(x, None, math.inf)
+    assert plan.U[0] == pytest.approx(-p.lqr.K @ x, rel=1e-3)
+    assert plan.stats.cost == pytest.approx(x @ p.lqr.P @ x, rel=1e-3)
+    np.testing.assert_allclose(plan.K[0], -p.lqr.K, rtol=1e-3)
+
+
+@pytest.mark.parametrize('name', ['ilqr', 'ddp'])
+def test_without_time_the_plan_is_the_warm_start(name):
+    """So a recorded tick without an iteration can be solved again."""
+    solver = SOLVERS[name](PROBLEM, SOLVERS[name].Parameters())
+    warm = solver.solve(np.array(HANGING), None, math.inf)
+    plan = solver.solve(np.array(HANGING), warm, -math.inf)
+    assert plan.stats.status is Status.DEADLINE
+    np.testing.assert_array_equal(plan.U, warm.U)

@@ -120,6 +120,18 @@ def test_threads_draw_each_its_part(samples):
     np.testing.assert_array_equal(again.draw(best), shared.J.reshape(-1)[:samples])
 
 
+@pytest.mark.parametrize('values', [{}, {'device': 'torch', 'samples': 64}])
+def test_near_the_goal_the_plan_is_the_regulator_s(values):
+    """Where the problem is linear and unbounded, its optimum is known."""
+    p = Problem.of(PendulumParameters(), LimitParameters(force_limit=np.inf), CostParameters(),
+                   PredictionParameters())
+    x, plan = np.array([1e-3, 1e-4, -1e-4, 0.0, 0.0, 0.0]), None
+    for _ in range(3):
+        plan = MPPI(p, MPPIParameters(**values)).solve(x, plan, np.inf)
+    assert plan.U[0] == pytest.approx(-p.lqr.K @ x, rel=0.02)
+    assert plan.stats.cost == pytest.approx(x @ p.lqr.P @ x, rel=0.02)
+
+
 def test_every_force_within_the_bound_follows_the_state():
     solver = mppi()
     for n in range(10):
