@@ -35,7 +35,7 @@ from dp_swing_ros.state import Array, HANGING, is_upright, LEANING, to_turn_of
 from dp_swing_ros.streams import Stream, stream
 
 REMEMBERED = 64  # forces sent, for the roll forward
-ROUNDING = 1e-6  # [s] a time beyond a limit by less is within it
+RESOLUTION = 1e-6  # [s] of times since 1970, as they are held
 OVERTAKEN = 0.5  # [s] a state older than the last by more than this is none that was overtaken
 
 
@@ -158,7 +158,7 @@ class RecedingHorizon:
 
     def is_blind(self, begins: float) -> bool:
         """Tell whether a force from a time on [s] comes too long after the last believed state."""
-        return begins - self.believed > self.parameters.carry_over + ROUNDING
+        return begins - self.believed > self.parameters.carry_over + RESOLUTION
 
     def observe(self, t: float, x: Array) -> Array | None:
         """Take a measurement; return the state at the time of the newest, None before one."""

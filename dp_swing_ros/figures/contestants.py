@@ -10,10 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from dp_swing_ros.figures.style import ALARM, FAINT, FORCE, INK, LINK1, LINK2, plain
+from dp_swing_ros.figures.style import ALARM, FAINT, FORCE, LINK1, LINK2, plain
 
 OWN = {'ilqr': LINK1, 'ddp': LINK2, 'mppi': FORCE, 'tvlqr': ALARM, 'nothing': FAINT}
-OTHERS = ('#E69F00', '#56B4E9', INK)  # of solvers that are not ours, in turn
+OTHERS = ('#E69F00', '#56B4E9', '#7F4F9E')  # of solvers that are not ours, in turn
 DASHES = ('-', (0, (4, 1.5)), (0, (1, 1)), (0, (5, 1, 1, 1)))  # of a first, second ... variant
 ENTRY, WORDY = 1.3, 2.1  # [inch] of a legend
 MARKERS = ('o', 's', '^', 'D')

@@ -3,7 +3,6 @@
 """What each solver would have done from a recorded tick on, and what that would have cost."""
 
 from collections.abc import Sequence
-import itertools
 import math
 from typing import Any
 
@@ -13,16 +12,15 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
 import numpy as np
 
-from dp_swing_ros.figures.contestants import OWN
+from dp_swing_ros.figures.contestants import colours
 from dp_swing_ros.figures.curves import mark_turns, unwrapped, UPRIGHT_AT
 from dp_swing_ros.figures.style import (
-    ALARM, FAINT, INK, legend, limit_lines, plain, SOLVERS, styled, SYMBOLS)
+    FAINT, INK, legend, limit_lines, plain, SOLVERS, styled, SYMBOLS)
 from dp_swing_ros.parameters import LimitParameters
 from dp_swing_ros.rerun.counterfactual import Fork
 from dp_swing_ros.rerun.runs import Course
 from dp_swing_ros.state import ANGLES
 
-SPARE = (ALARM, '#56B4E9', '#E69F00')  # of solvers that have no colour of their own
 DASH = 5         # [line widths]
 STRIP = 0.85      # [inch] of a force
 REST = 1.0        # [s] that is shown of what all have held
@@ -66,9 +64,8 @@ def _dashes(fork: Fork) -> list[Any]:
 
 def _looks(fork: Fork) -> list[tuple[Course, str]]:
     """Return the courses, the recorded first, and their colours."""
-    spare = itertools.cycle(SPARE)
-    return [(fork.recorded, INK), *((course, OWN.get(course.solver) or next(spare))
-                                    for course in fork.others)]
+    colour = colours(course.solver for course in fork.others)
+    return [(fork.recorded, INK), *((course, colour[course.solver]) for course in fork.others)]
 
 
 def _label(fork: Fork, course: Course) -> str:
