@@ -17,10 +17,10 @@ manifest = ElementTree.parse(Path(__file__).resolve().with_name('package.xml'))
 for_pip = not {'bdist_wheel', 'dist_info', 'editable_wheel'}.isdisjoint(sys.argv)
 ONE_FOR_ALL = ['dp_swing_ros = dp_swing_ros.__main__:main']
 EXECUTABLES = [
-    'plant = dp_swing_ros.nodes.plant:main',
-    'mpc = dp_swing_ros.nodes.mpc:main',
-    'logger = dp_swing_ros.nodes.logger:main',
-    'replay = dp_swing_ros.nodes.replay:main',
+    'plant = dp_swing_ros.nodes.executables:plant',
+    'mpc = dp_swing_ros.nodes.executables:mpc',
+    'logger = dp_swing_ros.nodes.executables:logger',
+    'replay = dp_swing_ros.nodes.executables:replay',
     'analyse = dp_swing_ros.tools.analyse:main',
     'compare = dp_swing_ros.tools.compare:main',
     'demo = dp_swing_ros.tools.demo:main',

@@ -15,13 +15,12 @@ import time
 
 import numpy as np
 import rclpy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Float64
 
-from dp_swing_ros.nodes.connections import publish
-from dp_swing_ros.topics import KEPT, Topic
-
-TYPE = 'std_msgs/msg/Float64'
+KEPT = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE,
+                  durability=DurabilityPolicy.TRANSIENT_LOCAL)
 PAUSE = 0.0005  # [s] between looks at the clock
 
 
@@ -39,7 +38,8 @@ def main() -> None:
         signal.signal(number, lambda number, _: ended.append(number))
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node('numbered')
-    publishers = [publish(node, Topic(f'number_{n}', TYPE, KEPT)) for n in range(arguments.topics)]
+    publishers = [node.create_publisher(Float64, f'number_{n}', KEPT)
+                  for n in range(arguments.topics)]
     while not ended and not all(each.get_subscription_count() for each in publishers):
         time.sleep(0.01)
     times: list[list[int]] = []

@@ -10,13 +10,11 @@ or in a YAML file; here the same names and files make the same objects without a
 from collections.abc import Iterable, Mapping
 import dataclasses
 from pathlib import Path
-import re
 from typing import Any
-
-import yaml
 
 from dp_swing_ros.estimator import EstimatorParameters
 from dp_swing_ros.mpc import MpcParameters, RecedingHorizon
+from dp_swing_ros.parameter_files import ANY_NODE, is_of_rclpy, sections
 from dp_swing_ros.parameters import (
     checked, CostParameters, LimitParameters, ParameterError, Parameters, PendulumParameters,
     PlantParameters, PredictionParameters, unknown)
@@ -36,7 +34,6 @@ NODES: dict[str, Groups] = {'plant': SHARED + OF_PLANT, 'mpc': SHARED + OF_MPC}
 PACKAGE = Path(__file__).parent
 # where config/ lies: beside the package in a checkout, below share/ where it is installed
 HOMES = [PACKAGE.parent, *(folder / 'share' / PACKAGE.name for folder in PACKAGE.parents[:4])]
-OF_EVERY_NODE = ('use_sim_time', 'start_type_description_service')  # rclpy's own
 
 
 def plant(values: Values) -> Plant:
@@ -72,9 +69,8 @@ def controller(values: Values) -> RecedingHorizon:
 
 def _groups(node: str, values: Values) -> list[Any]:
     """Return the groups of a node, in the order of NODES, and refuse names that it lacks."""
-    fields = [{f'{prefix}.{field.name}' if prefix else field.name: field
-               for field in dataclasses.fields(group)} for prefix, group in NODES[node]]
-    known = {name for group in fields for name in group}
+    fields = [_fields(prefix, group) for prefix, group in NODES[node]]
+    known = _names(node)
     for name in sorted(set(values) - known):
         raise unknown(name, node, known)
     return [group(**{field.name: checked(field, values[name], name)
@@ -92,63 +88,31 @@ def read(paths: Iterable[Path]) -> dict[str, dict[str, Any]]:
     """
     Return what ROS parameter files tell each of NODES, where files differ the later's.
 
+    Of what is for any node (/**) each takes what is its own, as the nodes do.
     Raises ParameterError where a file is none, or is for other nodes.
     """
     found: dict[str, dict[str, Any]] = {node: {} for node in NODES}
     for path in map(locate, paths):
-        for pattern, values in _sections(path):
+        for pattern, values in sections(path):
             # /**/mpc and /second/mpc are for an mpc, /** is for any node
             name = pattern.rsplit('/', 1)[-1]
-            if name not in (*NODES, '**'):
+            if name in ANY_NODE:
+                for node in NODES:
+                    found[node].update({key: values[key] for key in _names(node) & set(values)})
+            elif name in NODES:
+                found[name].update({key: value for key, value in values.items()
+                                    if not is_of_rclpy(key)})
+            else:
                 raise ParameterError(f'{path} has parameters for {pattern!r}; expected nodes '
                                      f'called {" or ".join(NODES)}')
-            for node in NODES if name == '**' else (name,):
-                found[node].update(values)
     return found
 
 
-class _Loader(yaml.SafeLoader):
-    """YAML as rcl reads it: 1e-4 is a number too, though YAML 1.1 wants 1.0e-4."""
+def _names(node: str) -> set[str]:
+    return {name for prefix, group in NODES[node] for name in _fields(prefix, group)}
 
 
-_Loader.add_implicit_resolver('tag:yaml.org,2002:float', re.compile(r'[-+]?\d+[eE][-+]?\d+$'),
-                              list('-+0123456789'))
-
-
-def value_of(text: str) -> Any:
-    """
-    Return the value of a parameter given as text, as on the command line of ROS.
-
-    Raises ParameterError.
-    """
-    try:
-        return yaml.load(text, _Loader)
-    except yaml.YAMLError:
-        raise ParameterError(f'{text!r} is not the value of a parameter') from None
-
-
-def _sections(path: Path) -> list[tuple[str, dict[str, Any]]]:
-    """Return the patterns of nodes in a file, and the parameters for each."""
-    try:
-        content = yaml.load(path.read_text(encoding='utf-8'), _Loader)
-    except (OSError, UnicodeError) as error:
-        raise ParameterError(f'cannot read the parameter file {path}: {error}') from None
-    except yaml.YAMLError as error:
-        raise ParameterError(f'the parameter file {path} is not YAML: '
-                             f'{" ".join(str(error).split())}') from None
-    sections = content.items() if isinstance(content, dict) else ()
-    if not sections or not all(isinstance(section, dict) and isinstance(
-            section.get('ros__parameters'), dict) for _, section in sections):
-        raise ParameterError(f'{path} is not a ROS parameter file; expected '
-                             '`/**/mpc:` with `ros__parameters:` below, as in config/paper.yaml')
-    return [(str(pattern), {name: value for name, value in _flat(section['ros__parameters'])
-                            if name not in OF_EVERY_NODE}) for pattern, section in sections]
-
-
-def _flat(values: Mapping[str, Any], prefix: str = '') -> Iterable[tuple[str, Any]]:
-    """Name what is nested as ROS does: mppi: {samples: 9} is mppi.samples."""
-    for name, value in values.items():
-        if isinstance(value, dict):
-            yield from _flat(value, f'{prefix}{name}.')
-        else:
-            yield f'{prefix}{name}', value
+def _fields(prefix: str, group: type[Parameters]) -> dict[str, Any]:
+    """Return the fields of a group by the full names of their parameters."""
+    return {f'{prefix}.{field.name}' if prefix else field.name: field
+            for field in dataclasses.fields(group)}

@@ -196,6 +196,9 @@ class PlantParameters(Parameters):
         0.0, 'probability that a command is lost', minimum=0.0, maximum=1.0)
     state_loss: float = parameter(
         0.0, 'probability that a state is lost', minimum=0.0, maximum=1.0)
+    disturbance_limit: float = parameter(
+        100.0, 'a disturbance is refused where those of a period would exceed this', unit='N',
+        minimum=0.0)
     seed: int = parameter(0, 'seed of all noises, losses and latenesses', minimum=0)
 
 

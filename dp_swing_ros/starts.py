@@ -64,7 +64,7 @@ def plan_of(problem: Problem, X: Array, U: Array, status: Status,
 def solved(solver: Solver, problem: Problem, x_0: Array, start: Plan, deadline: float) -> Plan:
     """Solve from a start, the goal on the turn where it ends; see Solver.solve."""
     turns = turns_of(problem, start.X[-1])
-    if not turns.any():
+    if not turns.any() or not np.all(np.isfinite(start.X)):   # what diverges ends on no turn
         return solver.solve(x_0, start, deadline)
     plan = solver.solve(x_0 - turns, replace(start, X=start.X - turns), deadline)
     return replace(plan, X=plan.X + turns)

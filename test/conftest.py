@@ -59,15 +59,15 @@ def wait_until(condition, timeout=PATIENCE):
 class NodeProcess:
     """An executable of the package, started as the user starts it."""
 
-    def __init__(self, name, log, parameters=(), arguments=(), environment=()):
+    def __init__(self, name, log, parameters=(), arguments=(), environment=(), options=()):
         words = [f'{key}:={json.dumps(value)}' for key, value in dict(parameters).items()]
         ros = ['--ros-args'] if words or arguments else []
         for word in words:
             ros += ['-p', word]
-        self.log = log
+        self.name, self.log = name, log
         with log.open('wb') as output:
             self.popen = subprocess.Popen(
-                ['ros2', 'run', 'dp_swing_ros', name, *ros, *arguments],
+                ['ros2', 'run', 'dp_swing_ros', name, *options, *ros, *arguments],
                 stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT,
                 start_new_session=True,
                 env={**os.environ, 'PYTHONUNBUFFERED': '1', **dict(environment)})
@@ -75,6 +75,10 @@ class NodeProcess:
     def output(self):
         """Return all that it has printed so far."""
         return self.log.read_text(errors='replace')
+
+    def complaint(self):
+        """Return what it has printed but its first line."""
+        return self.output().removeprefix(f'{self.name}: loading\n')
 
     def wait_for(self, text, timeout=PATIENCE):
         """Wait until it prints the text; fail if it ends or is silent instead."""
@@ -123,9 +127,10 @@ def start_node(tmp_path):
     """Return a function that starts a node; at the end of the test no process is left."""
     started = []
 
-    def start(name, parameters=(), arguments=(), environment=()):
+    def start(name, parameters=(), arguments=(), environment=(), options=()):
         log = tmp_path / f'{name}_{len(started)}.log'
-        started.append(NodeProcess(name, log, parameters, arguments, environment))
+        started.append(NodeProcess(name, log, parameters, arguments, environment,
+                                   options))
         return started[-1]
 
     yield start

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from dp_swing_ros import configuration
+from dp_swing_ros.parameter_files import value_of
 from dp_swing_ros.parameters import ParameterError
 
 CONFIG = Path(__file__).parents[1] / 'config'
@@ -83,6 +84,18 @@ plant:
                 'force_limit': math.inf}}
 
 
+def test_what_is_for_any_node_is_taken_by_those_that_have_it(tmp_path):
+    path = written(tmp_path, """
+/**:
+  ros__parameters: {solver: ddp, cart_mass: 1.2, frame_rate: 30, qos_overrides: {/t: {d: 1}}}
+second:
+  mpc:
+    ros__parameters: {horizon: 20}
+""")
+    assert configuration.read([path]) == {
+        'plant': {'cart_mass': 1.2}, 'mpc': {'solver': 'ddp', 'cart_mass': 1.2, 'horizon': 20}}
+
+
 @pytest.mark.parametrize('text, words', [
     ('a: [', ['not YAML']), ('', ['not a ROS parameter file']),
     ('horizon: 3', ['not a ROS parameter file']),
@@ -103,5 +116,5 @@ def test_a_file_that_is_not_there_is_named(tmp_path):
 @pytest.mark.parametrize('text, value', [
     ('3', 3), ('1e-4', 1e-4), ('[1.0, 2]', [1.0, 2]), ('true', True), ('lqr', 'lqr')])
 def test_texts_are_values_as_ros_reads_them(text, value):
-    assert configuration.value_of(text) == value
-    assert type(configuration.value_of(text)) is type(value)
+    assert value_of(text) == value
+    assert type(value_of(text)) is type(value)

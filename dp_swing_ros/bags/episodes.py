@@ -28,14 +28,16 @@ class Sample(NamedTuple):
     force: float  # [N] over the period before
 
 
-def read_episode(path: Path | str, partial: bool = False) -> Episode:
+def read_episode(path: Path | str, partial: bool = False,
+                 namespace: str | None = None) -> Episode:
     """
     Read the run in a bag, given its folder or its MCAP file.
 
-    A file without an end, as a logger leaves that was killed, is read only if `partial`.
+    A file without an end, as a logger leaves that was killed, is read only if `partial`. Of
+    several pendulums the namespace, such as '/second', says which.
     Raises BagError, saying what was found, what is expected and what to do.
     """
-    return episode_of(Bag(path, partial))
+    return episode_of(Bag(path, partial, namespace))
 
 
 def episode_of(bag: Bag) -> Episode:
@@ -67,10 +69,11 @@ def samples_of(bag: Bag) -> list[Sample]:
 
 
 def reports_of(bag: Bag) -> list[Report]:
-    """Return what the controller said of its ticks, in order; nothing where there was none."""
+    """Return the controller's reports on its ticks, in order; nothing where there was none."""
     if not bag.has(DIAGNOSTICS):
         return []
-    reports = [bag.parse(from_diagnostics, message, CONTROLLER)
+    driven = f'/{bag.entries_of(JOINT_STATES)[0].topic.lstrip("/")}'
+    reports = [bag.parse(from_diagnostics, message, CONTROLLER, driven)
                for message in bag.of(DIAGNOSTICS)]
     return sorted((report for report in reports if report is not None),
                   key=lambda report: report.stamp)

@@ -82,10 +82,17 @@ def from_trajectory(message: Any) -> Trajectory:
         U=np.array([point.effort[0] for point in points[:-1]]))
 
 
-def from_diagnostics(message: Any, name: str) -> Report | None:
-    """Return what the node of this name says in a DiagnosticArray; None if it says nothing."""
+def from_diagnostics(message: Any, name: str, hardware: str = '') -> Report | None:
+    """
+    Return the status of this name in a DiagnosticArray; None if there is none.
+
+    With hardware, the topic of the joint states, it is that of the node of this name in any
+    namespace that drives it. Bags from before names had namespaces do not say what is driven.
+    """
     for status in message.status:
-        if status.name == name:
+        driven = hardware and status.hardware_id
+        if driven == hardware and name == status.name.rsplit('/', 1)[-1] \
+                or not driven and name == status.name:
             level = status.level[0] if isinstance(status.level, bytes) else status.level
             return Report(nanoseconds(message.header.stamp), level, status.message,
                           {pair.key: _value(pair.value) for pair in status.values})

@@ -44,14 +44,16 @@ class Offer(NamedTuple):
 class Bag:
     """The messages in a bag of one pendulum."""
 
-    def __init__(self, path: Path | str, partial: bool = False) -> None:
+    def __init__(self, path: Path | str, partial: bool = False,
+                 namespace: str | None = None) -> None:
         """
         Read the folder of a bag, or its MCAP file.
 
-        A file without an end, as a logger leaves that was killed, is read only if `partial`.
+        A file without an end, as a logger leaves that was killed, is read only if `partial`. Of
+        several pendulums the namespace, such as '/second', says which.
         Raises BagError, saying what was found, what is expected and what to do.
         """
-        self.path = Path(path)
+        self.path, self.namespace = Path(path), namespace
         files = files_of(self.path)
         missing = missing_files(self.path, files)
         if missing and not partial:
@@ -120,8 +122,8 @@ class Bag:
             raise BagError(f'{self} has nothing on {topic.name}: {found}; '
                            'record a run with the logger')
         if len(names) > 1:
-            raise BagError(f'{self} has several pendulums: {found}; '
-                           'record each with a logger in its namespace')
+            raise BagError(f'{self} has several pendulums: {found}; choose one with --namespace, '
+                           f'as in --namespace {_namespace(names[-1], topic)}')
         entries = [entry for entry in self.entries if entry.topic == names[0]]
         for entry in entries:
             if entry.type.replace('/msg/', '/') != topic.type.replace('/msg/', '/'):
@@ -130,8 +132,12 @@ class Bag:
         return entries
 
     def _names(self, topic: Topic) -> list[str]:
-        return [name for name in self.topics
-                if name == topic.name or name.endswith('/' + topic.name.lstrip('/'))]
+        names = [name for name in self.topics
+                 if name == topic.name or name.endswith('/' + topic.name.lstrip('/'))]
+        if self.namespace is None or topic.name.startswith('/'):
+            return names
+        chosen = f'/{self.namespace.strip("/")}'
+        return [name for name in names if _namespace(name, topic) == chosen]
 
     def decoded(self, entry: Entry) -> Any:
         """
@@ -161,6 +167,10 @@ class Bag:
             return parse(*arguments)
         except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
             raise BagError(f'{self} is not one of this pendulum: {_one_line(error)}') from None
+
+
+def _namespace(name: str, topic: Topic) -> str:
+    return f'/{name.removesuffix(topic.name).strip("/")}'
 
 
 def _one_line(error: Exception) -> str:

@@ -10,6 +10,7 @@ from typing import Any
 
 from dp_swing_ros import configuration
 from dp_swing_ros.baselines import BASELINES
+from dp_swing_ros.parameter_files import value_of
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.simulation import Controller
 from dp_swing_ros.solvers import SOLVERS
@@ -53,7 +54,7 @@ def parse(text: str) -> Contestant:
     files = [Path(part) for part in parts if '=' not in part]
     given = [part.split('=', 1) for part in parts if '=' in part]
     values = configuration.read(files)
-    mpc = {**values['mpc'], **{name: configuration.value_of(value) for name, value in given}}
+    mpc = {**values['mpc'], **{name: value_of(value) for name, value in given}}
     shown = '+'.join(part if '=' in part else Path(part).stem for part in parts)
     label = match['label'] or match['name'] + (f':{shown}' if shown else '')
     return Contestant(label, match['name'], values['plant'], mpc)

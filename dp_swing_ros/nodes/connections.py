@@ -2,43 +2,112 @@
 # SPDX-License-Identifier: Apache-2.0
 """Publishers and subscriptions of the topics, with their quality of service."""
 
+from contextlib import contextmanager
 from enum import IntEnum
 from importlib import import_module
-from typing import Any, Callable, TypeVar
+import time
+from typing import Any, Callable, Iterable, Iterator, TypeVar
 
 from rclpy.duration import Duration
+from rclpy.exceptions import InvalidParameterException, InvalidParameterTypeException
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import (
+    DurabilityPolicy, LivelinessPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy)
+from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 import yaml
 
 from dp_swing_ros.bags.reader import Offer
 from dp_swing_ros.errors import BagError
-from dp_swing_ros.topics import KEPT, Topic
+from dp_swing_ros.parameter_files import QOS_OVERRIDES
+from dp_swing_ros.parameters import ParameterError
+from dp_swing_ros.topics import Topic
 
 Policy = TypeVar('Policy', bound=IntEnum)
 
+DEPTH = 10          # messages that wait for a slow partner
+LASTING = 1000      # messages that replay keeps for whoever asks for those before its time
+QUIET = 0.3         # [s] without another subscription: all have been found
+OVERRIDABLE = QoSOverridingOptions([
+    QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY,
+    QoSPolicyKind.DURABILITY])
+
 
 def publish(node: Node, topic: Topic) -> Publisher:
-    """Make a reliable publisher that keeps its last messages for subscribers that join late."""
-    profile = QoSProfile(depth=topic.depth, reliability=ReliabilityPolicy.RELIABLE,
-                         durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    return node.create_publisher(message_class(topic.type), topic.name, profile)
+    """
+    Make a reliable publisher; of a latched topic its last message waits for who joins late.
+
+    Raises ParameterError where a parameter overrides this quality of service impossibly.
+    """
+    profile = QoSProfile(depth=1 if topic.latched else DEPTH,
+                         reliability=ReliabilityPolicy.RELIABLE,
+                         durability=DurabilityPolicy.TRANSIENT_LOCAL if topic.latched
+                         else DurabilityPolicy.VOLATILE)
+    with _overrides_checked(node, topic):
+        return node.create_publisher(message_class(topic.type), topic.name, profile,
+                                     qos_overriding_options=OVERRIDABLE)
 
 
 def subscribe(node: Node, topic: Topic, callback: Callable[..., None],
-              depth: int = 10, kept: bool = False) -> Subscription:
+              depth: int = DEPTH, sensor: bool = False) -> Subscription:
     """
-    Make a reliable subscription; with kept, also for what was sent before it was made.
+    Make a reliable subscription; a sensor's is best effort, so that every publisher is heard.
+
+    That of a latched topic hears also what was sent before it was made.
 
     The callback may take a second argument, the information that comes with a message.
+    Raises ParameterError as `publish`.
     """
-    profile = QoSProfile(depth=depth, reliability=ReliabilityPolicy.RELIABLE,
-                         durability=DurabilityPolicy.TRANSIENT_LOCAL if kept
+    profile = QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT if sensor
+                         else ReliabilityPolicy.RELIABLE,
+                         durability=DurabilityPolicy.TRANSIENT_LOCAL if topic.latched
                          else DurabilityPolicy.VOLATILE)
-    return node.create_subscription(message_class(topic.type), topic.name, callback, profile)
+    with _overrides_checked(node, topic):
+        return node.create_subscription(message_class(topic.type), topic.name, callback, profile,
+                                        qos_overriding_options=OVERRIDABLE)
+
+
+@contextmanager
+def _overrides_checked(node: Node, topic: Topic) -> Iterator[None]:
+    # rclpy raises as many kinds of errors as there are mistakes to make in an override
+    prefix = f'{QOS_OVERRIDES}{node.resolve_topic_name(topic.name)}.'
+    try:
+        yield
+    except (AttributeError, InvalidParameterException, InvalidParameterTypeException,
+            RuntimeError, TypeError, ValueError) as error:
+        if not any(name.startswith(prefix) for name in node._parameter_overrides):
+            raise
+        raise ParameterError(f'a parameter {prefix}... is impossible: {error}; expected as in '
+                             f'{prefix}publisher.durability:=transient_local') from None
+
+
+class Audience:
+    """The subscriptions of some publishers: complete when no more are found for a while."""
+
+    def __init__(self, publishers: Iterable[Publisher], patience: float) -> None:
+        """Take the publishers, and how long to wait for the first subscription at most [s]."""
+        self.publishers = list(publishers)
+        self.found, self.since = 0, time.monotonic()
+        self.give_up = self.since + patience
+
+    def complete(self) -> bool:
+        """Tell whether to wait no longer; to be asked every now and then."""
+        now = time.monotonic()
+        found = sum(publisher.get_subscription_count() for publisher in self.publishers)
+        if found != self.found:
+            self.found, self.since = found, now
+        return now > self.give_up or found > 0 and now > self.since + QUIET
+
+
+def listeners(node: Node, publisher: Publisher, partners: Topic) -> set[bytes]:
+    """Return the subscriptions of a publisher's topic by nodes that publish another topic."""
+    senders = node.get_publishers_info_by_topic(node.resolve_topic_name(partners.name))
+    wanted = set(map(_owner, senders))
+    return {bytes(each.endpoint_gid)
+            for each in node.get_subscriptions_info_by_topic(publisher.topic_name)
+            if _owner(each) in wanted}
 
 
 def is_heard(node: Node, publisher: Publisher, partners: Topic) -> bool:
@@ -85,7 +154,7 @@ def _strongest(text: str) -> QoSProfile:
     try:
         profiles = yaml.safe_load(text) or [{}]
         strongest = QoSProfile(
-            depth=max([KEPT, *(each.get('depth', 0) for each in profiles)]),
+            depth=max([LASTING, *(each.get('depth', 0) for each in profiles)]),
             reliability=min(_policy(ReliabilityPolicy, each.get('reliability', 'reliable'))
                             for each in profiles),
             durability=min(_policy(DurabilityPolicy, each.get('durability', 'volatile'))

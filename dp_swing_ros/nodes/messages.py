@@ -51,10 +51,12 @@ def to_trajectory(plan: Plan, stamp: Time) -> JointTrajectory:
 
 
 def to_diagnostics(stamp: Time, name: str, level: int, message: str,
-                   values: Mapping[str, float | int | str]) -> DiagnosticArray:
-    """Convert what a node says of itself; numbers are written so that they read back the same."""
+                   values: Mapping[str, float | int | str],
+                   hardware: str = '') -> DiagnosticArray:
+    """Convert a node's status; numbers are written so that they read back the same."""
     pairs = [KeyValue(key=key, value=_text(value)) for key, value in values.items()]
-    status = DiagnosticStatus(level=bytes([level]), name=name, message=message, values=pairs)
+    status = DiagnosticStatus(level=bytes([level]), name=name, message=message,
+                              hardware_id=hardware, values=pairs)
     return DiagnosticArray(header=Header(stamp=stamp), status=[status])
 
 

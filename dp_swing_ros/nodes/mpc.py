@@ -25,8 +25,9 @@ from dp_swing_ros.bags.fields import BILLION
 from dp_swing_ros.estimator import EstimatorParameters
 from dp_swing_ros.mpc import MpcParameters, RecedingHorizon
 from dp_swing_ros.nodes.connections import is_heard, owners, publish, subscribe
+from dp_swing_ros.nodes.diagnostics import Diagnostics
 from dp_swing_ros.nodes.messages import (
-    of_estimate, seconds, to_diagnostics, to_state, to_trajectory)
+    of_estimate, seconds, to_state, to_trajectory)
 from dp_swing_ros.nodes.process import ProcessNode, run
 from dp_swing_ros.nodes.ros_parameters import declare, settle
 from dp_swing_ros.nodes.timing import announcement_of, Clock, Timing
@@ -36,7 +37,7 @@ from dp_swing_ros.parameters import (
 from dp_swing_ros.plan import Plan, Status
 from dp_swing_ros.problem import Problem
 from dp_swing_ros.solvers import SOLVERS
-from dp_swing_ros.topics import CONFIGURATION, DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES, PLAN
+from dp_swing_ros.topics import CONFIGURATION, FORCE_COMMAND, JOINT_STATES, PLAN
 
 MEETING = 2.0        # [s] at most, to learn who sends the states, and for them to find the forces
 MEETING_POLL = 0.02  # [s]
@@ -77,21 +78,21 @@ class MpcNode(ProcessNode):
         of_estimator = declare(self, EstimatorParameters, 'ekf')
         settle(self)
         self.solver = self.parameters.solver
-        self.horizon = RecedingHorizon(Problem.of(bodies, limits, cost, prediction),
-                                       self.parameters, of_solvers[self.solver], of_estimator)
+        self.build = lambda: RecedingHorizon(   # which compiles, at the first start
+            Problem.of(bodies, limits, cost, prediction), self.parameters,
+            of_solvers[self.solver], of_estimator)
         self.u_max = limits.force_limit
         self.forces = publish(self, FORCE_COMMAND)
         self.plans = publish(self, PLAN)
-        self.diagnostics = publish(self, DIAGNOSTICS)
+        self.diagnostics = Diagnostics(self)
         self.create_service(Trigger, 'mpc/reset', self.on_reset)
-        subscribe(self, CONFIGURATION, self.on_configuration, kept=True)
+        subscribe(self, CONFIGURATION, self.on_configuration)
         self.watchdog = Watchdog(self, prediction.step, self.on_silence)
         self.sent = 0    # forces
         self.resets = 0
         self.configured = set[str]()   # the nodes that have announced what they are
         self.waiting: tuple[JointState, dict[str, int]] | None = None   # until they met
         self.met = False
-        self.forget()
 
     def forget(self) -> None:
         """Begin anew."""
@@ -109,12 +110,16 @@ class MpcNode(ProcessNode):
         """Compile before the first state, then listen."""
         self.get_logger().info(f'preparing the solver {self.solver!r} (the first start on a '
                                'machine compiles for half a minute; later ones take a second)')
-        taken = self.horizon.warm_up()
+        began = time.perf_counter()
+        self.horizon = self.build()
+        self.forget()
+        self.horizon.warm_up()
+        taken = time.perf_counter() - began
         gc.collect()
         gc.freeze()   # else the collector looks through all modules in a first tick, for 25 ms
         done = 'compiled' if taken > SLOW_START else 'loaded'
-        # Of several states, the newest. A plant in lockstep may have sent its first one already.
-        subscribe(self, JOINT_STATES, self.on_state, depth=1, kept=True)
+        # Of several states, the newest. A plant in lockstep sends an unanswered one again.
+        subscribe(self, JOINT_STATES, self.on_state, depth=1, sensor=True)
         self.get_logger().info(f'{done} in {taken:.1f} s; ready')
 
     def on_configuration(self, message: String) -> None:
@@ -242,8 +247,8 @@ class MpcNode(ProcessNode):
             level = DiagnosticStatus.ERROR
         elif warning or late or stats.status in (Status.LAST_POLICY, Status.REGULATOR):
             level = DiagnosticStatus.WARN
-        self.diagnostics.publish(to_diagnostics(
-            stamp, 'mpc', level[0], '; '.join(filter(None, (
+        self.diagnostics.publish(
+            stamp, level, '; '.join(filter(None, (
                 complaint, warning, stats.status.value))),
             {'solver': self.solver, 'status': stats.status.name, 'cost': stats.cost,
              'iterations': stats.iterations, 'solve_time': stats.solve_time, 'latency': latency,
@@ -252,7 +257,7 @@ class MpcNode(ProcessNode):
              'real_time': real_time, 'solves': ' '.join(map(str, stats.solves)), 'time': t,
              'carried': self.carried, 'resets': self.resets, 'number': self.sent,
              'clock': self.timing.clock.name.lower(),
-             **(of_estimate(estimate) if estimate is not None else {})}))
+             **(of_estimate(estimate) if estimate is not None else {})})
 
     def on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Forget the last plan and restart the random numbers."""

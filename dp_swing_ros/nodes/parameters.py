@@ -6,10 +6,10 @@ What logger and replay are told, and the tables of all parameters; needs no ROS.
 Plant and mpc have theirs where the plant and the controller are: see configuration.NODES.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 import dataclasses
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 from dp_swing_ros.bags.fields import BILLION
 from dp_swing_ros.bags.mcap_file import Storage
@@ -73,16 +73,32 @@ class ReplayParameters(Parameters):
     delay: float = parameter(0.0, 'before the first message', unit='s', minimum=0.0)
 
 
-def table(groups: Iterable[tuple[str, type[Parameters]]]) -> str:
-    """Return the Markdown table of the parameters of (prefix, group) pairs."""
-    rows = ['| parameter | default | unit | range | description |',
-            '| --- | --- | --- | --- | --- |']
+class Row(NamedTuple):
+    """A parameter as it is shown."""
+
+    name: str
+    default: str
+    unit: str
+    expected: str
+    description: str
+
+
+def rows(groups: Iterable[tuple[str, type[Parameters]]]) -> Iterator[Row]:
+    """Yield the parameters of (prefix, group) pairs."""
     for prefix, group in groups:
         for field in dataclasses.fields(group):
-            cells = (f'`{full_name(field, prefix)}`', f'`{_shown(field.default)}`',
-                     field.metadata['unit'], expected(field), field.metadata['description'])
-            rows.append('| ' + ' | '.join(cell.replace('|', r'\|') for cell in cells) + ' |')
-    return '\n'.join(rows) + '\n'
+            yield Row(full_name(field, prefix), _shown(field.default), field.metadata['unit'],
+                      expected(field), field.metadata['description'])
+
+
+def table(groups: Iterable[tuple[str, type[Parameters]]]) -> str:
+    """Return the Markdown table of the parameters of (prefix, group) pairs."""
+    lines = ['| parameter | default | unit | range | description |',
+             '| --- | --- | --- | --- | --- |']
+    for row in rows(groups):
+        cells = row._replace(name=f'`{row.name}`', default=f'`{row.default}`')
+        lines.append('| ' + ' | '.join(cell.replace('|', r'\|') for cell in cells) + ' |')
+    return '\n'.join(lines) + '\n'
 
 
 def full_name(field: dataclasses.Field, prefix: str) -> str:

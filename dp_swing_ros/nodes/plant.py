@@ -7,31 +7,37 @@ import time
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
+import numpy as np
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from std_msgs.msg import Float64, String
 from std_srvs.srv import Trigger
 
-from dp_swing_ros.nodes.connections import is_heard, publish, subscribe
-from dp_swing_ros.nodes.messages import to_diagnostics, to_joint_state, to_stamp
+from dp_swing_ros.nodes.connections import Audience, is_heard, listeners, publish, subscribe
+from dp_swing_ros.nodes.diagnostics import Diagnostics
+from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
 from dp_swing_ros.nodes.process import ProcessNode, run
 from dp_swing_ros.nodes.ros_parameters import declare, settle
 from dp_swing_ros.parameters import LimitParameters, PendulumParameters, PlantParameters
 from dp_swing_ros.simulation import Plant
 from dp_swing_ros.topics import (
-    DIAGNOSTICS, DISTURBANCE, FORCE_COMMAND, JOINT_STATES, ROBOT_DESCRIPTION)
+    DISTURBANCE, FORCE_COMMAND, JOINT_STATES, ROBOT_DESCRIPTION)
 from dp_swing_ros.urdf import urdf
 
 REPORT_PERIOD = 1.0  # [s] between two diagnostics
-LOCKSTEP_POLL = 0.02  # [s] between two looks for a controller
+PATIENCE = 2.0       # [s] at most for subscriptions to be found before the first state
+LOOK_PERIOD = 0.02   # [s] between two looks for them
+NEWCOMER_PERIOD = 0.1  # [s] between two looks for a controller that joins a lockstep
+MEETING = 0.3        # [s] until it hears what is sent to it: discovery goes one way at a time
 
 
 class PlantNode(ProcessNode):
     """
     The node; in real time nobody waits for anybody, in lockstep it waits for one force a state.
 
-    In lockstep the stamps are simulated time, from zero; where a state is lost, or the first has
-    not arrived yet, nobody can answer, so the last command acts for another period.
+    With use_sim_time real time is that of /clock. In lockstep the stamps are simulated time, from
+    zero; where a state is lost, or the first has not arrived yet, nobody can answer, so the last
+    command acts for another period.
     """
 
     def __init__(self) -> None:
@@ -41,12 +47,18 @@ class PlantNode(ProcessNode):
         limits = declare(self, LimitParameters)
         self.parameters = declare(self, PlantParameters)
         settle(self)
+        self.get_logger().info('preparing the integrator')   # compiled at the first start
         self.plant = Plant(bodies, limits, self.parameters)
         self.period = 1 / self.parameters.rate
         self.push = 0.0          # [N] asked for the next period
         self.skipped = self.refused = self.commands = self.lost_commands = self.lost_states = 0
+        self.refused_pushes = self.reported_refusals = 0
+        simulated = self.get_parameter('use_sim_time').value
+        self.clock = self.get_clock() if simulated else Clock(clock_type=ClockType.STEADY_TIME)
+        self.begun = False       # with the first state
+        self.sent_at = -math.inf
         self.states = publish(self, JOINT_STATES)
-        self.diagnostics = publish(self, DIAGNOSTICS)
+        self.diagnostics = Diagnostics(self)
         self.description = publish(self, ROBOT_DESCRIPTION)
         self.description.publish(String(data=urdf(bodies, limits)))
         self.create_service(Trigger, 'plant/reset', self.on_reset)
@@ -54,35 +66,68 @@ class PlantNode(ProcessNode):
         subscribe(self, DISTURBANCE, self.on_disturbance)
 
     def prepare(self) -> None:
-        """Compile the integrator, then start the clock."""
+        """Compile the integrator, then look for those who are to hear the first state."""
         Plant(self.plant.bodies, self.plant.limits, self.parameters).advance(self.period)
         subscribe(self, FORCE_COMMAND, self.on_force)
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.start()
-        if self.parameters.lockstep:
+        lockstep = self.parameters.lockstep
+        self.audience = Audience([self.states, self.diagnostics.publisher, self.description],
+                                 math.inf if lockstep else PATIENCE)
+        self.search = self.create_timer(LOOK_PERIOD, self.on_search,
+                                        clock=Clock(clock_type=ClockType.STEADY_TIME))
+        if lockstep:
             self.get_logger().info('lockstep: waiting for a controller')
-            self.search = self.create_timer(LOCKSTEP_POLL, self.on_search, clock=steady)
         else:
-            self.create_timer(self.period, self.on_tick, clock=steady)
-            self.publish_state()
+            self.get_logger().info(f'{self.parameters.rate:g} states a second' + (
+                ', as /clock goes' if self.clock is self.get_clock() else ''))
 
     def start(self) -> None:
         """Let the plant's time begin now."""
-        self.began = time.monotonic()
+        self.began = self.newest = self.clock.now().nanoseconds
         self.epoch = 0 if self.parameters.lockstep else self.get_clock().now().nanoseconds
         self.timed_out = False       # and said so
         self.reported = -math.inf
         self.waiting = False         # for the force that answers the last state
+        self.begun = True
 
     def on_search(self) -> None:
-        """Begin the lockstep as soon as a controller can hear the first state."""
-        if is_heard(self, self.states, FORCE_COMMAND):
-            self.destroy_timer(self.search)
-            self.publish_state()
+        """Begin as soon as the first state will be heard, in lockstep by a controller too."""
+        if not self.audience.complete() or self.clock.now().nanoseconds == 0:
+            return   # a simulated clock is zero until its first message
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        if not self.parameters.lockstep:
+            self.start()
+            self.create_timer(self.period, self.on_tick, clock=self.clock)
+        elif is_heard(self, self.states, FORCE_COMMAND):
+            self.start()
+            self.joined = dict.fromkeys(listeners(self, self.states, FORCE_COMMAND), -math.inf)
+            self.create_timer(NEWCOMER_PERIOD, self.on_newcomers, clock=steady)
+        else:
+            return
+        self.destroy_timer(self.search)
+        self.publish_state()
+
+    def on_newcomers(self) -> None:
+        """Send an unanswered state again to a controller that joined after it was sent."""
+        now = time.monotonic()
+        self.joined = {each: self.joined.get(each, now)
+                       for each in listeners(self, self.states, FORCE_COMMAND)}
+        if self.waiting and any(self.sent_at < joined < now - MEETING
+                                for joined in self.joined.values()):
+            self.states.publish(self.sent)
+            self.sent_at = now
+
+    def elapsed(self) -> float:
+        """Return the time since the start [s]; where the clock jumps back, it does not."""
+        now = self.clock.now().nanoseconds
+        if now < self.newest:
+            self.began += now - self.newest
+            self.epoch += now - self.newest
+        self.newest = now
+        return (now - self.began) / 1e9
 
     def on_tick(self) -> None:
         """Publish the state of now; a tick that came late is not made up for."""
-        now = time.monotonic() - self.began
+        now = self.elapsed()
         passed = now - self.plant.period_began
         self.skipped += max(round(passed / self.period) - 1, 0)
         self.advance_to(now)
@@ -97,9 +142,10 @@ class PlantNode(ProcessNode):
                                     once=True)
             return
         self.commands += 1
+        if not self.begun:
+            return
         if not self.parameters.lockstep:
-            now = time.monotonic() - self.began
-            self.advance_to(now)
+            self.advance_to(self.elapsed())
             self.obey(force, self.parameters.command_timeout)
         elif self.waiting:
             self.obey(force)
@@ -113,15 +159,22 @@ class PlantNode(ProcessNode):
             self.publish_state()
 
     def on_disturbance(self, message: Float64) -> None:
-        """Push the cart through the whole of the next period."""
-        if math.isfinite(message.data):
-            self.push += message.data
+        """Push the cart through the whole of the next period, if not beyond all bounds."""
+        push, limit = self.push + message.data, self.parameters.disturbance_limit
+        if abs(push) <= limit:   # which no NaN is
+            self.push = push
+            return
+        self.refused_pushes += 1
+        self.get_logger().error(
+            f'refused a disturbance of {message.data:g} N: those of this period would be {push:g} '
+            f'N; expected {limit:g} N at most (disturbance_limit)', throttle_duration_sec=1.0)
 
     def on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Go back to the initial state; in lockstep, to time zero too."""
         self.plant.reset()
-        self.start()
-        self.publish_state()
+        if self.begun:
+            self.start()
+            self.publish_state()
         response.success, response.message = True, 'the plant is back at its initial state'
         return response
 
@@ -145,8 +198,9 @@ class PlantNode(ProcessNode):
         if measured is None:
             self.lost_states += self.plant.is_seen()
         else:
-            self.states.publish(to_joint_state(self.stamp(measured.t), measured.x,
-                                               self.plant.mean_force))
+            self.sent = to_joint_state(self.stamp(measured.t), measured.x, self.plant.mean_force)
+            self.sent_at = time.monotonic()
+            self.states.publish(self.sent)
         if self.plant.t - self.reported >= REPORT_PERIOD:
             self.report()
         if self.parameters.duration and self.plant.t >= self.parameters.duration - 1e-9:
@@ -164,13 +218,22 @@ class PlantNode(ProcessNode):
     def report(self) -> None:
         """Publish what the plant counts."""
         self.reported = self.plant.t
-        level = DiagnosticStatus.WARN if self.timed_out else DiagnosticStatus.OK
-        message = 'no force arrives; it is zero' if self.timed_out else 'obeys the force'
-        self.diagnostics.publish(to_diagnostics(
-            self.stamp(self.plant.t), 'plant', level[0], message,
+        self.diagnostics.publish(
+            self.stamp(self.plant.t), *self.verdict(),
             {'time': self.plant.t, 'commands': self.commands, 'refused': self.refused,
-             'skipped_ticks': self.skipped, 'lost_commands': self.lost_commands,
-             'lost_states': self.lost_states}))
+             'refused_disturbances': self.refused_pushes, 'skipped_ticks': self.skipped,
+             'lost_commands': self.lost_commands, 'lost_states': self.lost_states})
+        self.reported_refusals = self.refused + self.refused_pushes
+
+    def verdict(self) -> tuple[bytes, str]:
+        """Return the level of the status, and why."""
+        if not np.all(np.isfinite(self.plant.x)):
+            return DiagnosticStatus.ERROR, 'the state is not finite; call plant/reset'
+        if self.timed_out:
+            return DiagnosticStatus.WARN, 'no force arrives; it is zero'
+        if self.refused + self.refused_pushes > self.reported_refusals:
+            return DiagnosticStatus.WARN, 'refused a force or a disturbance'
+        return DiagnosticStatus.OK, 'obeys the force'
 
 
 def main(args: list[str] | None = None) -> int:

@@ -27,6 +27,7 @@ from rclpy.utilities import remove_ros_args
 
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.nodes.forced_exit import exit_after
+from dp_swing_ros.nodes.ros_parameters import settle_topics
 from dp_swing_ros.parameters import ParameterError
 
 POLL = 0.05  # [s] a signal is seen after this time at the latest
@@ -82,6 +83,9 @@ class _Signals:
                 work()
         except _Interrupt:
             pass
+        except Exception:
+            if not self.requested:   # else what was interrupted may fail in ways of its own
+                raise
         finally:
             self._interruptible = False
 
@@ -136,6 +140,8 @@ def _one_line(error: Exception) -> str:
 def _live(node: ProcessNode, signals: _Signals) -> None:
     try:
         signals.cut_short(node.prepare)
+        if not signals.requested:
+            settle_topics(node)
         _spin(node, signals)
     finally:
         node.close()

@@ -18,7 +18,7 @@ from dp_swing_ros.bags.fields import BILLION
 from dp_swing_ros.bags.playback import Cue, cues_of, excerpt, LATE, Playback
 from dp_swing_ros.bags.reader import Bag, Offer
 from dp_swing_ros.errors import BagError
-from dp_swing_ros.nodes.connections import publish_again, subscribe
+from dp_swing_ros.nodes.connections import Audience, publish_again, subscribe
 from dp_swing_ros.nodes.messages import to_stamp
 from dp_swing_ros.nodes.parameters import ReplayParameters
 from dp_swing_ros.nodes.process import ProcessNode, run
@@ -27,7 +27,6 @@ from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.topics import FORCE_COMMAND, JOINT_STATES, Topic
 
 LOOK_PERIOD = 0.02  # [s] between looks for subscribers
-QUIET = 0.3         # [s] without another subscriber: all have been found
 BATCH = 100         # messages at once, so that signals and services are heard in between
 
 
@@ -82,8 +81,7 @@ class ReplayNode(ProcessNode):
         self.serve('toggle_paused', lambda: self.set_paused(not self.paused))
         self.serve('is_paused', self.is_paused)
         self.serve('play_next', self.play_next)
-        self.subscribers, self.since = 0, time.monotonic()
-        self.give_up = self.since + self.parameters.wait
+        self.audience = Audience(self.outputs.values(), self.parameters.wait)
         self.begin_at: float | None = None
         self.search = self.create_timer(LOOK_PERIOD, self.on_search, clock=steady)
 
@@ -91,10 +89,7 @@ class ReplayNode(ProcessNode):
         """Begin when no more subscribers are found, or after the time that there is for it."""
         now = time.monotonic()
         if self.begin_at is None:
-            found = sum(each.get_subscription_count() for each in self.outputs.values())
-            if found != self.subscribers:
-                self.subscribers, self.since = found, now
-            if now > self.give_up or found and now > self.since + QUIET:
+            if self.audience.complete():
                 self.begin_at = now + self.parameters.delay
         if self.begin_at is not None and now >= self.begin_at:
             self.destroy_timer(self.search)

@@ -9,8 +9,11 @@ user gave ends in a ParameterError.
 
 from array import array
 import dataclasses
+from itertools import pairwise
 import math
-from typing import Any, TypeVar
+from pathlib import Path
+import sys
+from typing import Any, Callable, TypeVar
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.node import Node
@@ -20,6 +23,7 @@ from std_msgs.msg import String
 from dp_swing_ros.bags.configurations import Configuration
 from dp_swing_ros.nodes.connections import publish
 from dp_swing_ros.nodes.parameters import expected, full_name
+from dp_swing_ros.parameter_files import ANY_NODE, QOS_OVERRIDES, sections
 from dp_swing_ros.parameters import checked, Parameters, unknown
 from dp_swing_ros.provenance import commit, machine, package_version, packages, sources
 from dp_swing_ros.topics import CONFIGURATION
@@ -52,15 +56,45 @@ def settle(node: Node) -> None:
 
     Raises ParameterError, naming the closest match and all the choices.
     """
-    for name in sorted(_overrides(node)):
-        if not node.has_parameter(name):
-            raise unknown(name, node.get_name(), node.list_parameters([], 0).names)
+    _refuse_unknown(node, lambda name: not name.startswith(QOS_OVERRIDES))
     configuration = Configuration(
         node.get_fully_qualified_name(),
         {each.name: _plain(each.value) for each in node.get_parameters(
-            sorted(node.list_parameters([], 0).names))},
+            sorted(node.list_parameters([], 0).names))
+         if not each.name.startswith(QOS_OVERRIDES)},
         package_version(), commit(), sources(), machine(), packages())
     publish(node, CONFIGURATION).publish(String(data=configuration.to_text()))
+
+
+def settle_topics(node: Node) -> None:
+    """
+    Refuse overrides of a quality of service that no topic of the node has; after the last topic.
+
+    Raises ParameterError, as `settle`.
+    """
+    _refuse_unknown(node, lambda name: name.startswith(QOS_OVERRIDES))
+
+
+def _refuse_unknown(node: Node, concerned: Callable[[str], bool]) -> None:
+    for name in sorted(filter(concerned, _overrides(node))):
+        if not node.has_parameter(name) and name not in _for_any_node(sys.argv, node.get_name()):
+            raise unknown(name, node.get_name(),
+                          filter(concerned, node.list_parameters([], 0).names))
+
+
+def _for_any_node(arguments: list[str], node: str) -> set[str]:
+    """Return the names that parameter files give to any node (/**), and nothing to this one."""
+    given = list(pairwise(arguments))
+    shared, own = set[str](), {value.split(':=')[0].rsplit(':', 1)[-1]
+                               for option, value in given if option in ('-p', '--param')}
+    for path in (value for option, value in given if option == '--params-file'):
+        for pattern, values in sections(Path(path)):
+            name = pattern.rsplit('/', 1)[-1]
+            if name in ANY_NODE:
+                shared |= set(values)
+            elif name == node:
+                own |= set(values)
+    return shared - own
 
 
 def _overrides(node: Node) -> dict[str, Parameter]:

@@ -35,13 +35,14 @@ class Recording(NamedTuple):
     lost: dict[str, int]    # per topic, where the logger told
 
 
-def recording(path: Path | str, partial: bool = False) -> Recording:
+def recording(path: Path | str, partial: bool = False,
+              namespace: str | None = None) -> Recording:
     """
-    Read all that a bag tells of its run, given its folder or its MCAP file.
+    Read all that a bag tells of its run, given its folder or its MCAP file; see read_episode.
 
     Raises BagError as `read_episode`, and where metadata.yaml is damaged.
     """
-    bag = Bag(path, partial)
+    bag = Bag(path, partial, namespace)
     episode = episode_of(bag)
     received = [entry.received for entry in bag.entries]
     return Recording(

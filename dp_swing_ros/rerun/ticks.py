@@ -9,9 +9,9 @@ from dp_swing_ros.bags.configurations import Configuration, configurations_of
 from dp_swing_ros.bags.episodes import CONTROLLER, reports_of, samples_of
 from dp_swing_ros.bags.fields import BILLION, Report
 from dp_swing_ros.bags.reader import Bag
-from dp_swing_ros.configuration import OF_EVERY_NODE
 from dp_swing_ros.errors import BagError
 from dp_swing_ros.mpc import RecedingHorizon
+from dp_swing_ros.parameter_files import is_of_rclpy
 from dp_swing_ros.plan import Plan
 from dp_swing_ros.state import Array
 
@@ -55,7 +55,7 @@ def told(bag: Bag, node: str) -> Configuration:
                        'with the topic configuration')
     return found[node]._replace(parameters={
         name: value for name, value in found[node].parameters.items()
-        if name not in OF_EVERY_NODE})
+        if not is_of_rclpy(name)})
 
 
 def record_of(bag: Bag) -> Record:

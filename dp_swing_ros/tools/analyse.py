@@ -16,7 +16,7 @@ from dp_swing_ros.episode import Episode
 from dp_swing_ros.metrics import measure
 from dp_swing_ros.report import named, page, Recording, recording, Shown
 from dp_swing_ros.tools import program
-from dp_swing_ros.tools.over_bags import add_partial, beside, exit_code
+from dp_swing_ros.tools.over_bags import add_namespace, add_partial, beside, exit_code
 
 PICTURES = {
     'hero': figures.hero, 'snapshots': figures.snapshots,
@@ -30,7 +30,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _analyse(arguments: argparse.Namespace) -> int:
-    runs = named([recording(bag, arguments.partial) for bag in arguments.bags])
+    runs = named([recording(bag, arguments.partial, arguments.namespace)
+                  for bag in arguments.bags])
     print(table({name: measure(run.episode) for name, run in runs.items()}), end='\n\n')
     folder = arguments.output or place_for(arguments.bags)
     for path in write(runs, folder, arguments.animation):
@@ -52,6 +53,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument('--animation', action=argparse.BooleanOptionalAction, default=True,
                         help='write the animation as a GIF too, which takes longest')
     add_partial(parser)
+    add_namespace(parser)
     return parser
 
 

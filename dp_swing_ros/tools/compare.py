@@ -16,7 +16,8 @@ from dp_swing_ros.rerun.counterfactual import Fork, fork
 from dp_swing_ros.rerun.runs import Run
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tools import program
-from dp_swing_ros.tools.over_bags import add_bag, add_partial, beside, exit_code
+from dp_swing_ros.tools.over_bags import (
+    add_bag, add_namespace, add_partial, beside, exit_code)
 from dp_swing_ros.topics import DISTURBANCE
 
 AT = 0.5  # [s] the pendulum moves, and everything is still open
@@ -29,7 +30,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _compare(arguments: argparse.Namespace) -> int:
-    bag = Bag(arguments.bag, arguments.partial)
+    bag = Bag(arguments.bag, arguments.partial, arguments.namespace)
     run = Run(bag)
     forks = _forks(run, arguments)
     print(table(forks[0]) if arguments.every is None else regrets(forks))
@@ -63,6 +64,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument('--output', type=Path, metavar='DIR',
                         help='folder for the picture (default: BAG_analysis, beside the bag)')
     add_partial(parser)
+    add_namespace(parser)
     return parser
 
 

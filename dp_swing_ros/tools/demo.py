@@ -13,6 +13,7 @@ import time
 
 import numpy as np
 from tqdm import tqdm
+import yaml
 
 from dp_swing_ros.comparison import spread, summary, table
 from dp_swing_ros.configuration import locate
@@ -26,9 +27,11 @@ from dp_swing_ros.tools.analyse import write
 from dp_swing_ros.tools.isolation import isolated
 from dp_swing_ros.tools.observer import Observer
 from dp_swing_ros.tools.processes import Crew, interrupt_on_signals, Process, ProcessError
+from dp_swing_ros.topics import DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES, PLAN
 
 READY = 180.0   # [s] for logger and mpc to come up; the first start of the mpc compiles
 MEETING = 3.0   # [s] to find the nodes that are there already, however they announce themselves
+KEPT = 1000     # messages of a topic: the logger may find it late
 COLUMNS = 5     # of more runs than this the table shows the spread
 SILENCE = 20.0  # [s] without a state: something hangs
 OK, FAILED, MISUSED, INTERRUPTED = 0, 1, 2, 130  # exit codes
@@ -142,21 +145,30 @@ def perform(run: Run) -> Path:
     """
     bag = run.folder / 'bag'
     shared = {'seed': run.seed}
+    files = (*run.parameter_files, kept(run.folder / 'qos.yaml'))
     with Crew() as crew, Observer() as observer:
         logger = crew.start('logger', {'output': str(bag), 'progress_period': 0.0},
                             run.folder / 'logger.log')
-        mpc = crew.start('mpc', {'solver': run.solver, **shared}, run.folder / 'mpc.log',
-                         run.parameter_files)
+        mpc = crew.start('mpc', {'solver': run.solver, **shared}, run.folder / 'mpc.log', files)
         # the mpc listens once it has compiled; the logger, only to what somebody publishes
         _await({logger: observer.nodes, mpc: observer.listeners}, observer, crew)
         plant = crew.start(
             'plant', {'duration': run.duration, 'lockstep': run.lockstep, **shared},
-            run.folder / 'plant.log', run.parameter_files)
+            run.folder / 'plant.log', files)
         _follow(observer, plant, [mpc, logger], run.duration)
         plant.finish()
         mpc.end()  # it sends a last zero force, which belongs into the bag
         logger.end()
     return bag
+
+
+def kept(file: Path) -> Path:
+    """Write parameters by which plant and mpc keep what they publish until the logger hears."""
+    overrides = {f'qos_overrides./{topic.name.lstrip("/")}.publisher':
+                 {'durability': 'transient_local', 'depth': KEPT}
+                 for topic in (JOINT_STATES, FORCE_COMMAND, PLAN, DIAGNOSTICS)}
+    file.write_text(yaml.safe_dump({'/**': {'ros__parameters': overrides}}), encoding='utf-8')
+    return file
 
 
 def _refuse_company() -> None:

@@ -25,6 +25,13 @@ def add_partial(parser: argparse.ArgumentParser) -> None:
                         help='read what there is of a bag whose logger was killed')
 
 
+def add_namespace(parser: argparse.ArgumentParser) -> None:
+    """Let a command line choose one of several pendulums in a bag."""
+    parser.add_argument('--namespace', metavar='NAME',
+                        help='of several pendulums in a bag, that whose topics lie in this '
+                             'namespace, such as /second (/ for the one in none)')
+
+
 def beside(bag: Path, what: str) -> Path:
     """Return the folder for what is made of a bag: beside it, where rosbag2 does not look."""
     bag = bag.resolve()

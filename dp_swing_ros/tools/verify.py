@@ -12,7 +12,7 @@ from dp_swing_ros.bags.fields import BILLION
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.rerun.verification import Verification, verify
 from dp_swing_ros.tools import program
-from dp_swing_ros.tools.over_bags import add_bag, add_partial, exit_code
+from dp_swing_ros.tools.over_bags import add_bag, add_namespace, add_partial, exit_code
 
 IDENTICAL, DIFFERS, UNKNOWN = 0, 1, 2  # exit codes
 
@@ -24,7 +24,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _verify(arguments: argparse.Namespace) -> int:
-    found = verify(Bag(arguments.bag, arguments.partial),
+    found = verify(Bag(arguments.bag, arguments.partial, arguments.namespace),
                    lambda ticks: tqdm(ticks, desc='ticks', leave=False, disable=None))
     return _differs(found) if found.differences else _identical(found)
 
@@ -38,6 +38,7 @@ def _parser() -> argparse.ArgumentParser:
                     'cannot be told.')
     add_bag(parser)
     add_partial(parser)
+    add_namespace(parser)
     return parser
 
 

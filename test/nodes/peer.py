@@ -17,10 +17,10 @@ PATIENCE = 30.0  # [s]
 class Peer:
     """Records topics, publishes and calls services; spins only while it waits."""
 
-    def __init__(self):
+    def __init__(self, name='peer'):
         self.context = rclpy.Context()
         rclpy.init(context=self.context, signal_handler_options=SignalHandlerOptions.NO)
-        self.node = Node('peer', context=self.context)
+        self.node = Node(name, context=self.context)
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)
 

@@ -71,6 +71,15 @@ def test_reports_keep_their_numbers():
     assert from_diagnostics(message, 'plant') is None
 
 
+@pytest.mark.parametrize('name, hardware, found', [
+    ('mpc', '', True), ('mpc', '/joint_states', True), ('second/mpc', '/joint_states', True),
+    ('mpc', '/second/joint_states', False), ('second/mpc', '/second/joint_states', False),
+    ('second/mpc', '', False), ('plant', '/joint_states', False)])
+def test_of_several_controllers_that_of_the_pendulum_is_read(name, hardware, found):
+    message = sent(to_diagnostics(STAMP, name, 0, '', {}, hardware))
+    assert (from_diagnostics(message, 'mpc', '/joint_states') is not None) == found
+
+
 @pytest.mark.parametrize('time', [0, 1, 999_999_999, 1_000_000_000, 1_795_225_249_631_521_481])
 def test_times_are_exact(time):
     assert nanoseconds(to_stamp(time)) == time

@@ -6,10 +6,13 @@ import math
 import signal
 import time
 
+from diagnostic_msgs.msg import DiagnosticStatus
 import numpy as np
 from peer import Peer
 import pytest
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
 from dp_swing_ros.dynamics import Pendulum, RK4
@@ -251,8 +254,48 @@ def test_the_estimate_is_reported(peer, start_node):
 def test_impossible_parameters_end_it_with_one_line(start_node, parameters, words):
     node = start_node('mpc', parameters)
     assert node.wait() == 2
-    assert len(node.output().strip().splitlines()) == 1
-    assert all(word in node.output() for word in words), node.output()
+    assert 'Traceback' not in node.output()
+    last = node.output().strip().splitlines()[-1]
+    assert last.startswith('mpc: error: ') and all(word in last for word in words), node.output()
+
+
+@pytest.mark.parametrize('durability', ['VOLATILE', 'TRANSIENT_LOCAL'])
+@pytest.mark.parametrize('reliability', ['RELIABLE', 'BEST_EFFORT'])
+def test_every_kind_of_publisher_is_heard(peer, start_node, reliability, durability):
+    forces = peer.record(FORCE_COMMAND)
+    node = start_node('mpc')
+    node.wait_for('ready')
+    states = peer.node.create_publisher(JointState, 'joint_states', QoSProfile(
+        depth=1, reliability=ReliabilityPolicy[reliability],
+        durability=DurabilityPolicy[durability]))
+    assert peer.until(states.get_subscription_count)
+    peer.spin(0.5)
+    states.publish(to_joint_state(to_stamp(0), LEANING, 0.0))
+    assert peer.until(lambda: forces), node.output()
+
+
+def test_a_second_master_is_a_warning_in_the_diagnostics(peer, start_node):
+    talk = Conversation(peer, start_node)
+    peer.publisher(JOINT_STATES)
+    peer.node.create_publisher(Float64, 'force_command', 10)
+
+    def last():
+        found = [from_diagnostics(each, 'mpc: topics') for each in talk.reports]
+        return found[-1] if found else None
+    assert peer.until(lambda: last() and last().values['rivals'] == 2)
+    assert last().level == DiagnosticStatus.WARN[0]
+    assert '/joint_states has 2 publishers' in last().message
+    assert '/force_command has 2 publishers, /mpc, /peer' in last().message
+
+
+@pytest.mark.parametrize('step', [0.5, 1.0])
+@pytest.mark.parametrize('solver', sorted(SOLVERS))
+def test_long_steps_end_in_no_traceback(peer, start_node, solver, step):
+    talk = Conversation(peer, start_node, {'step': step, 'solver': solver})
+    for x in (LEANING, HANGING):
+        assert abs(talk.send(x)) <= 20.0
+    assert talk.node.stop() == 0
+    assert 'Traceback' not in talk.node.output()
 
 
 def test_a_signal_while_it_compiles_ends_it(start_node, tmp_path):

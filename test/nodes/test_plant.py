@@ -5,17 +5,22 @@
 import itertools
 import math
 import signal
+import time
 from xml.etree import ElementTree
 
 from controllers import plant
+from diagnostic_msgs.msg import DiagnosticStatus
 import numpy as np
 from peer import Peer
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, String
 from std_srvs.srv import Trigger
 
-from dp_swing_ros.nodes.messages import from_diagnostics, seconds, to_state
+from dp_swing_ros.nodes.messages import from_diagnostics, seconds, to_stamp, to_state
+from dp_swing_ros.nodes.offers import request_for
 from dp_swing_ros.topics import DIAGNOSTICS, DISTURBANCE, FORCE_COMMAND, JOINT_STATES
 
 
@@ -255,6 +260,14 @@ def test_a_namespace_gives_a_second_pendulum(peer, start_node):
     assert peer.until(lambda: len(states) > 3)
 
 
+def test_the_status_says_whose_it_is(peer, start_node):
+    reports = peer.record(DIAGNOSTICS)
+    start_node('plant', arguments=['-r', '__ns:=/second'])
+    assert peer.until(lambda: reports)
+    assert (reports[0].status[0].name, reports[0].status[0].hardware_id) == (
+        'second/plant', '/second/joint_states')
+
+
 @pytest.mark.parametrize(('parameters', 'words'), [
     ({'link1_masss': 1.0}, ("unknown parameter 'link1_masss'", "did you mean 'link1_mass'")),
     ({'link1_mass': -1.0}, ('link1_mass', 'at least 0.001 kg')),
@@ -263,5 +276,170 @@ def test_a_namespace_gives_a_second_pendulum(peer, start_node):
 def test_impossible_parameters_end_it_with_one_line(start_node, parameters, words):
     node = start_node('plant', parameters)
     assert node.wait() == 2
-    assert len(node.output().strip().splitlines()) == 1
-    assert all(word in node.output() for word in words)
+    assert len(node.complaint().strip().splitlines()) == 1
+    assert all(word in node.complaint() for word in words)
+
+
+def late_states(peer):
+    """Return a list that fills with the states as a reader asks for them that comes late."""
+    states, name = [], '/joint_states'
+    assert peer.until(lambda: peer.node.get_publishers_info_by_topic(name))
+    profile = request_for(peer.node.get_publishers_info_by_topic(name)).to_profile()
+    peer.node.create_subscription(JointState, name, states.append, profile)
+    return states
+
+
+def test_who_comes_late_gets_a_fresh_state(peer, start_node):
+    first_states(peer, start_node, 20)
+    late = late_states(peer)
+    assert peer.until(lambda: late)
+    assert peer.node.get_clock().now().nanoseconds / 1e9 - seconds(late[0].header.stamp) < 0.3
+
+
+def test_states_are_kept_for_who_asks_for_it(peer, start_node):
+    node, states = first_states(peer, start_node, 20, **{
+        'qos_overrides./joint_states.publisher.durability': 'transient_local',
+        'qos_overrides./joint_states.publisher.depth': 1000})
+    late = late_states(peer)
+    assert peer.until(lambda: late)
+    assert late[0] == states[0]
+    assert node.stop() == 0
+
+
+@pytest.mark.parametrize(('name', 'value', 'words'), [
+    ('/joint_states.publisher.durability', 'for ever', 'is impossible'),
+    ('/joint_states.publisher.depth', 'deep', 'is impossible'),
+    ('/joint_state.publisher.depth', 9, "did you mean 'qos_overrides./joint_states.publisher.")])
+def test_impossible_overrides_end_it_with_one_line(start_node, name, value, words):
+    node = start_node('plant', {f'qos_overrides.{name}': value})
+    assert node.wait() == 2
+    last = node.output().strip().splitlines()[-1]
+    assert last.startswith('plant: error: ') and words in last, node.output()
+    assert 'Traceback' not in node.output()
+
+
+def test_the_first_state_waits_for_all_who_listen(peer, start_node):
+    node = start_node('plant')
+    node.wait_for('states a second')
+    states = peer.record(JOINT_STATES)   # found later than the plant is ready
+    other = peer.record(JOINT_STATES)
+    assert peer.until(lambda: len(other) > 2)
+    assert to_state(states[0]).tolist() == to_state(other[0]).tolist() == [
+        0.0, math.pi, math.pi, 0.0, 0.0, 0.0]
+    assert states[0].header.stamp == other[0].header.stamp
+
+
+def topics_of(reports, node='plant'):
+    """Return the reports of a node on its topics."""
+    found = (from_diagnostics(report, f'{node}: topics') for report in reports)
+    return [report for report in found if report is not None]
+
+
+def test_who_cannot_hear_is_an_error_in_the_diagnostics(peer, start_node):
+    reports = peer.record(DIAGNOSTICS)
+    first_states(peer, start_node)
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    deaf = peer.node.create_subscription(JointState, 'joint_states', print, latched)
+    assert peer.until(lambda: topics_of(reports))
+    report = topics_of(reports)[0]
+    assert report.level == DiagnosticStatus.ERROR[0]
+    assert '/joint_states from /plant to /peer: Volatile publisher' in report.message
+    peer.node.destroy_subscription(deaf)
+    assert peer.until(lambda: topics_of(reports)[-1].level == DiagnosticStatus.OK[0])
+
+
+def test_a_second_master_is_a_warning_in_the_diagnostics(peer, start_node):
+    reports = peer.record(DIAGNOSTICS)
+    first_states(peer, start_node)
+    peer.publisher(FORCE_COMMAND)
+    peer.spin(1.5)
+    assert not topics_of(reports)
+    peer.publisher(FORCE_COMMAND)
+    assert peer.until(lambda: topics_of(reports))
+    report = topics_of(reports)[0]
+    assert report.level == DiagnosticStatus.WARN[0]
+    assert '/force_command has 2 publishers, /peer, /peer; expected one' in report.message
+
+
+@pytest.mark.parametrize('pushes', [[1e6], [math.nan], [60.0, 60.0, 60.0]], ids=str)
+def test_a_push_beyond_all_bounds_is_refused(peer, start_node, pushes):
+    reports = peer.record(DIAGNOSTICS)
+    states = peer.record(JOINT_STATES)
+    node = start_node('plant', {'lockstep': True})
+    forces, disturbances = peer.publisher(FORCE_COMMAND), peer.publisher(DISTURBANCE)
+    assert peer.until(lambda: states)
+    for push in pushes:
+        disturbances.publish(Float64(data=push))
+    node.wait_for('refused a disturbance')
+    peer.spin(0.3)
+    for n in range(1, 25):
+        forces.publish(Float64(data=0.0))
+        assert peer.until(lambda: len(states) > n)
+    accepted = 60.0 if len(pushes) > 1 else 0.0
+    p = plant()
+    p.begin_period(0.0)
+    p.advance(0.05)
+    p.begin_period(accepted)
+    p.advance(0.05)
+    np.testing.assert_array_equal(to_state(states[2]), p.x)
+    report = [r for r in (from_diagnostics(r, 'plant') for r in reports) if r][-1]
+    assert report.level == DiagnosticStatus.WARN[0]
+    assert report.values['refused_disturbances'] == max(len(pushes) - 1, 1)
+
+
+def test_a_state_that_is_not_finite_is_an_error_in_the_diagnostics(peer, start_node):
+    reports = peer.record(DIAGNOSTICS)
+    first_states(peer, start_node, force_limit=math.inf)
+    peer.publisher(FORCE_COMMAND).publish(Float64(data=1e300))
+
+    def last():
+        return [r for r in (from_diagnostics(r, 'plant') for r in reports) if r][-1]
+    assert peer.until(lambda: last().level == DiagnosticStatus.ERROR[0])
+    assert last().message == 'the state is not finite; call plant/reset'
+
+
+@pytest.mark.parametrize('factor', [0.5, 2.0])
+def test_with_simulated_time_it_goes_as_the_clock_does(peer, start_node, factor):
+    clock = peer.node.create_publisher(Clock, '/clock', 10)
+    states = peer.record(JOINT_STATES)
+    start_node('plant', {'use_sim_time': True, 'initial_state': [0.0, 0.1, 0.1, 0.0, 0.0, 0.0]})
+    assert peer.until(lambda: clock.get_subscription_count())
+    began = time.monotonic()
+
+    def spin(until):
+        while len(states) < until and time.monotonic() < began + 30:
+            now = 100.0 + (time.monotonic() - began) * factor
+            clock.publish(Clock(clock=to_stamp(now)))
+            peer.spin(0.005)
+    spin(10)
+    stamps = [seconds(state.header.stamp) for state in states]
+    assert np.median(np.diff(stamps)) == pytest.approx(0.05, abs=0.02)
+    assert 100.0 <= stamps[0] < 110.0
+    p = plant(initial_state=(0.0, 0.1, 0.1, 0.0, 0.0, 0.0))
+    p.advance(stamps[-1] - stamps[0])
+    np.testing.assert_allclose(to_state(states[-1]), p.x, atol=1e-6)
+    began = time.monotonic()   # the simulator begins anew: the clock jumps back
+    spin(20)
+    assert 100.0 <= seconds(states[-1].header.stamp) < stamps[-1] + 1.0
+    assert len(states) >= 20
+
+
+def test_in_lockstep_a_controller_that_joins_late_gets_the_unanswered_state(peer, start_node):
+    states = peer.record(JOINT_STATES)
+    start_node('plant', {'lockstep': True})
+    peer.publisher(FORCE_COMMAND).publish(Float64(data=3.0))
+    assert peer.until(lambda: states)
+    peer.spin(1.0)
+    before = len(states)
+    other = Peer('second_controller')
+    heard = other.record(JOINT_STATES)
+    forces = other.publisher(FORCE_COMMAND)
+    assert other.until(lambda: heard)
+    other.spin(1.0)
+    peer.spin(0.2)
+    assert heard == [states[-1]] and len(states) == before + 1
+    forces.publish(Float64(data=1.0))
+    assert other.until(lambda: len(heard) == 2)
+    assert seconds(heard[1].header.stamp) == pytest.approx(
+        seconds(heard[0].header.stamp) + 0.05)
+    other.close()

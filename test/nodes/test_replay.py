@@ -105,8 +105,8 @@ def test_what_it_cannot_play_is_one_line(replay, tmp_path, parameters, says):
     write_bag(tmp_path / 'bag', MESSAGES)
     node = replay(**{'bag': tmp_path / 'bag', **parameters})
     assert node.wait() == 2
-    assert node.output().startswith('replay: error: ') and says in node.output()
-    assert node.output().count('\n') == 1
+    assert node.complaint().startswith('replay: error: ') and says in node.complaint()
+    assert node.complaint().count('\n') == 1
 
 
 def test_bag_without_an_end_is_played_if_asked_for(replay, tmp_path):

@@ -1,0 +1,87 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What a node publishes on /diagnostics: its status, and what is wrong with its topics.
+
+A status carries the node's full name, so that of several pendulums each has its own, and as
+hardware the topic of the joint states that it drives.
+"""
+
+from collections.abc import Iterator, Mapping
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+from rclpy.qos import qos_check_compatible, QoSCompatibility
+from rclpy.topic_endpoint_info import TopicEndpointInfo
+
+from dp_swing_ros.nodes.connections import publish
+from dp_swing_ros.nodes.messages import to_diagnostics
+from dp_swing_ros.topics import DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES
+
+LOOK_PERIOD = 1.0  # [s] between looks at the topics
+SINGLE = (JOINT_STATES, FORCE_COMMAND)  # one publisher each, or nobody knows whom to obey
+
+
+class Diagnostics:
+    """Publishes the status of a node, and once a second that of its topics while it is not OK."""
+
+    def __init__(self, node: Node) -> None:
+        """Take the node whose status it is."""
+        self.node = node
+        self.name = node.get_fully_qualified_name().lstrip('/')
+        self.hardware = node.resolve_topic_name(JOINT_STATES.name)
+        self.publisher = publish(node, DIAGNOSTICS)
+        self.faulty = False   # the topics were, at the last look
+        node.create_timer(LOOK_PERIOD, self.on_look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def publish(self, stamp: Time, level: bytes, message: str,
+                values: Mapping[str, float | int | str]) -> None:
+        """Publish the node's status."""
+        self.publisher.publish(to_diagnostics(stamp, self.name, level[0], message, values,
+                                              self.hardware))
+
+    def on_look(self) -> None:
+        """Publish what is wrong with the topics, and once that nothing is any more."""
+        errors, warnings = list(incompatible(self.node)), list(rivals(self.node))
+        if not (errors or warnings or self.faulty):
+            return
+        self.faulty = bool(errors or warnings)
+        level = DiagnosticStatus.ERROR if errors else \
+            DiagnosticStatus.WARN if warnings else DiagnosticStatus.OK
+        self.publisher.publish(to_diagnostics(
+            self.node.get_clock().now().to_msg(), f'{self.name}: topics', level[0],
+            '; '.join(errors + warnings) or 'one publisher each, heard by all',
+            {'incompatible': len(errors), 'rivals': len(warnings)}, self.hardware))
+
+
+def rivals(node: Node) -> Iterator[str]:
+    """Yield each topic that has more publishers than the one it is for, and who they are."""
+    for topic in SINGLE:
+        name = node.resolve_topic_name(topic.name)
+        if node.count_publishers(name) > 1:
+            owners = sorted(map(owner, node.get_publishers_info_by_topic(name)))
+            yield f'{name} has {len(owners)} publishers, {", ".join(owners)}; expected one'
+
+
+def incompatible(node: Node) -> Iterator[str]:
+    """Yield who is on a topic of a node and neither hears it nor is heard, and why."""
+    own = node.get_fully_qualified_name()
+    topics = {each.topic_name for each in node.publishers}
+    topics |= {each.topic_name for each in node.subscriptions}
+    for name in sorted(topics):
+        for sender in node.get_publishers_info_by_topic(name):
+            for listener in node.get_subscriptions_info_by_topic(name):
+                if own not in (owner(sender), owner(listener)):
+                    continue
+                fit, why = qos_check_compatible(sender.qos_profile, listener.qos_profile)
+                if fit == QoSCompatibility.ERROR:
+                    yield (f'{name} from {owner(sender)} to {owner(listener)}: '
+                           f'{why.replace("ERROR: ", "").strip(";")}; set qos_overrides of one')
+
+
+def owner(endpoint: TopicEndpointInfo) -> str:
+    """Return the full name of the node that an endpoint is of."""
+    return f'{endpoint.node_namespace.rstrip("/")}/{endpoint.node_name}'

@@ -1,0 +1,70 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What --help prints of a node: what it does, its topics, its parameters."""
+
+from collections.abc import Iterator
+import textwrap
+from typing import NamedTuple
+
+from dp_swing_ros.configuration import Groups, NODES
+from dp_swing_ros.nodes.parameters import LoggerParameters, ReplayParameters, rows
+from dp_swing_ros.topics import (
+    CONFIGURATION, DIAGNOSTICS, DISTURBANCE, FORCE_COMMAND, JOINT_STATES, PLAN,
+    ROBOT_DESCRIPTION, Topic)
+
+WIDTH = 99
+USAGE = """\
+usage: ros2 run dp_swing_ros {name} [-h] [--ros-args [-p PARAMETER:=VALUE ...]
+           [--params-file FILE ...] [-r __ns:=/NAMESPACE] [-r TOPIC:=OTHER ...]]"""
+
+
+class About(NamedTuple):
+    """What a node does, and by which topics and services."""
+
+    does: str
+    publishes: tuple[Topic, ...]
+    subscribes: tuple[Topic, ...]
+    services: tuple[str, ...]
+    groups: Groups
+
+
+NODE: dict[str, About] = {
+    'plant': About(
+        'Integrates the double pendulum on its cart, publishes its state at a fixed rate and '
+        'obeys the force: in real time, on /clock with use_sim_time, or in lockstep.',
+        (JOINT_STATES, DIAGNOSTICS, ROBOT_DESCRIPTION, CONFIGURATION),
+        (FORCE_COMMAND, DISTURBANCE), ('plant/reset',), NODES['plant']),
+    'mpc': About(
+        'Solves for a plan from each state, warm-started by the last one, and publishes the '
+        'force that it begins with.',
+        (FORCE_COMMAND, PLAN, DIAGNOSTICS, CONFIGURATION), (JOINT_STATES,), ('mpc/reset',),
+        NODES['mpc']),
+    'logger': About(
+        'Writes topics to an MCAP bag that rosbag2 opens.',
+        (CONFIGURATION,), (), (), [('', LoggerParameters)]),
+    'replay': About(
+        'Plays a bag back onto its topics with its recorded timing.',
+        (CONFIGURATION,), (), tuple(f'replay/{name}' for name in (
+            'pause', 'resume', 'toggle_paused', 'is_paused', 'play_next')),
+        [('', ReplayParameters)])}
+
+
+def help_of(name: str) -> str:
+    """Return the help on a node."""
+    return '\n'.join(_lines(name, NODE[name]))
+
+
+def _lines(name: str, about: About) -> Iterator[str]:
+    yield USAGE.format(name=name)
+    yield from ('', *textwrap.wrap(about.does, WIDTH))
+    for title, topics in (('publishes', about.publishes), ('subscribes', about.subscribes)):
+        if topics:
+            yield from ('', f'{title}:', *(f'  {each.name:18} {each.type}' for each in topics))
+    if about.services:
+        yield from ('', 'services (std_srvs/srv/Trigger):')
+        yield from (f'  {each}' for each in about.services)
+    yield from ('', 'parameters, with their defaults:')
+    for row in rows(about.groups):
+        yield f'  {row.name}:={row.default} {row.unit}'.rstrip()
+        text = f'{row.description} ({row.expected})' if row.expected else row.description
+        yield from textwrap.wrap(text, WIDTH, initial_indent=' ' * 6, subsequent_indent=' ' * 6)
