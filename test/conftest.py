@@ -37,6 +37,12 @@ os.environ['ROS_LOG_DIR'] = LOGS.name
 os.environ['FASTRTPS_DEFAULT_PROFILES_FILE'] = str(
     Path(__file__).parents[1] / 'config' / 'fast_discovery.xml')
 
+# A script ignores SIGINT for what it starts in the background, nohup SIGHUP. So do these tests,
+# but by a handler, which unlike SIG_IGN ends at exec: what they start obeys, as in a terminal.
+for number in ENDING:
+    if signal.getsignal(number) is signal.SIG_IGN:
+        signal.signal(number, lambda *_: None)
+
 PATIENCE = 60.0  # [s] for what should take one
 
 

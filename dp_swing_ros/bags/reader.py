@@ -15,7 +15,7 @@ from dp_swing_ros.bags.metadata import information
 from dp_swing_ros.bags.records import MAGIC
 from dp_swing_ros.bags.salvage import contents, Scan
 from dp_swing_ros.errors import BagError
-from dp_swing_ros.topics import Topic
+from dp_swing_ros.topics import JOINT_STATES, Topic
 
 R = TypeVar('R')
 ENDLESS = (Reason.CUT, Reason.NO_END)
@@ -62,6 +62,9 @@ class Bag:
         self.offers: dict[str, Offer] = {}  # by topic
         self.entries = [entry for file in files for entry in self._entries(file, partial)]
         self.topics = sorted({entry.topic for entry in self.entries})
+        if namespace is not None and not self.has(JOINT_STATES):
+            raise BagError(f'{self} has no {JOINT_STATES.name} in the namespace {namespace!r}: '
+                           f'it holds messages of {", ".join(self.topics) or "no topic"}')
 
     def __repr__(self) -> str:
         return f'the bag {str(self.path)!r}'

@@ -65,7 +65,11 @@ class PublisherNode(ProcessNode):
         print(self.number, flush=True)
 
 
-sys.exit(run(PublisherNode, ['publisher']))
+kept = ['--ros-args']
+for topic in ('joint_states', 'force_command'):
+    for policy in ('durability:=transient_local', 'depth:=1000'):
+        kept += ['-p', f'qos_overrides./{topic}.publisher.{policy}']
+sys.exit(run(PublisherNode, ['publisher', *kept]))
 """
 
 
@@ -292,7 +296,8 @@ def test_any_publisher_is_heard(log, peer, tmp_path):
 
 
 def test_publisher_that_keeps_nothing_joins_one_that_does(log, peer, tmp_path):
-    first = publish(peer.node, DISTURBANCE)
+    first = peer.node.create_publisher(Float64, DISTURBANCE.name, QoSProfile(
+        depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL))
     first.publish(Float64(data=1.0))
     logger = log()
     assert peer.until(first.get_subscription_count)

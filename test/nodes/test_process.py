@@ -112,6 +112,13 @@ def test_signal_ends_it_in_order(start, name, number):
     assert time.monotonic() - before < 5.0
 
 
+def test_tests_in_the_background_of_a_script_start_what_obeys():
+    here = f'{__file__}::test_signal_ends_it_in_order'
+    command = f'trap "" INT HUP; exec {sys.executable} -m pytest -q {here} -k idle'
+    run = subprocess.run(['bash', '-c', command], capture_output=True, text=True)
+    assert run.returncode == 0, run.stdout
+
+
 def test_signal_cuts_preparation_short(start):
     process = start(*mode('prepare'))
     wait_for(process, 'prepare')
