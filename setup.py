@@ -25,6 +25,7 @@ EXECUTABLES = [
     'compare = dp_swing_ros.tools.compare:main',
     'demo = dp_swing_ros.tools.demo:main',
     'evaluate = dp_swing_ros.tools.evaluate:main',
+    'export = dp_swing_ros.tools.export:main',
     'recover = dp_swing_ros.tools.recover:main',
     'parameters = dp_swing_ros.tools.parameters:main',
     'verify = dp_swing_ros.tools.verify:main',
@@ -64,6 +65,7 @@ setup(
     ],
     extras_require={
         'dask': ['distributed'],
+        'parquet': ['pyarrow'],
         'torch': ['torch'],
         # `colcon test` runs pytest only for a package that asks for it here
         'test': ['pytest'],

@@ -15,6 +15,7 @@ TOOLS = {
     'analyse': "a bag's table, figures and report, from the bag alone",
     'compare': 'what each solver would have done from a tick on',
     'evaluate': 'seeded campaigns: rates, scores, comparisons, pictures',
+    'export': 'a run as CSV or Parquet tables, with units',
     'parameters': 'all parameters of all nodes',
     'recover': 'a whole bag of a truncated or damaged one',
     'verify': 'every recorded tick solved again, to the bit'}

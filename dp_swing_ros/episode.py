@@ -10,7 +10,7 @@ from typing import NamedTuple, TYPE_CHECKING
 import numpy as np
 
 from dp_swing_ros.parameters import LimitParameters, PendulumParameters
-from dp_swing_ros.state import Array
+from dp_swing_ros.state import Array, wrapped
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -50,22 +50,26 @@ class Episode:
     solver: str
     bodies: PendulumParameters
     limits: LimitParameters
+    incomplete: str = ''  # how many messages of how many a bag held; empty where all
 
-    def to_frame(self) -> DataFrame:
+    def to_frame(self, whole_turns: bool = False) -> DataFrame:
         """
         Return the run as a pandas frame: a row a state, its index the time [s].
 
         Beside the state [m, rad, m/s, rad/s] stand the force [N] of the period that begins there
         and what the controller said of its tick for this state (of two, the later); what there
-        is not is missing: the last force, a tick that a state has none of. `attrs` holds solver,
-        bodies and limits.
+        is not is missing: the last force, a tick that a state has none of. The angles are in
+        (-π, π], 0 upright; with `whole_turns` they are as measured, without jumps. `attrs` holds
+        solver, bodies and limits, and how many messages of how many the bag had if not all.
         """
         import pandas  # here: it takes half a second, which no node should wait for
 
-        frame = pandas.DataFrame(self.X, pandas.Index(self.t, name='t [s]'), STATE)
+        X = self.X if whole_turns else wrapped(self.X)
+        frame = pandas.DataFrame(X, pandas.Index(self.t, name='t [s]'), STATE)
         frame['force'] = np.append(self.U, [np.nan] * (len(self.t) - len(self.U)))
         of_ticks = pandas.DataFrame(self.ticks._asdict()).astype({
             'iterations': 'Int64', 'late': 'boolean', 'status': object})
         frame = frame.join(of_ticks.drop_duplicates('t', keep='last').set_index('t'))
-        frame.attrs = {'solver': self.solver, 'bodies': self.bodies, 'limits': self.limits}
+        frame.attrs = {'solver': self.solver, 'bodies': self.bodies, 'limits': self.limits,
+                       'incomplete': self.incomplete}
         return frame

@@ -7,9 +7,8 @@ from pathlib import Path
 import re
 from typing import Any
 
-import yaml
-
 from dp_swing_ros.parameters import ParameterError
+from dp_swing_ros.plain_yaml import parse, parse_file, PlainLoader, YamlError
 
 OF_EVERY_NODE = ('use_sim_time', 'start_type_description_service')  # rclpy's own
 QOS_OVERRIDES = 'qos_overrides.'  # how rclpy's parameters of a topic begin
@@ -21,7 +20,7 @@ def is_of_rclpy(name: str) -> bool:
     return name in OF_EVERY_NODE or name.startswith(QOS_OVERRIDES)
 
 
-class _Loader(yaml.SafeLoader):
+class _Loader(PlainLoader):
     """YAML as rcl reads it: 1e-4 is a number too, though YAML 1.1 wants 1.0e-4."""
 
 
@@ -36,9 +35,10 @@ def value_of(text: str) -> Any:
     Raises ParameterError.
     """
     try:
-        return yaml.load(text, _Loader)
-    except yaml.YAMLError:
-        raise ParameterError(f'{text!r} is not the value of a parameter') from None
+        return parse(text, _Loader)
+    except YamlError as error:
+        raise ParameterError(f'{text[:80]!r} is not the value of a parameter: '
+                             f'{error}') from None
 
 
 def sections(path: Path) -> list[tuple[str, dict[str, Any]]]:
@@ -48,12 +48,11 @@ def sections(path: Path) -> list[tuple[str, dict[str, Any]]]:
     Raises ParameterError where it is none.
     """
     try:
-        content = yaml.load(path.read_text(encoding='utf-8'), _Loader)
-    except (OSError, UnicodeError) as error:
+        content = parse_file(path, _Loader)
+    except OSError as error:
         raise ParameterError(f'cannot read the parameter file {path}: {error}') from None
-    except yaml.YAMLError as error:
-        raise ParameterError(f'the parameter file {path} is not YAML: '
-                             f'{" ".join(str(error).split())}') from None
+    except YamlError as error:
+        raise ParameterError(f'the parameter file {path} is not YAML: {error}') from None
     found = list(_sections(content))
     if not found or not all(isinstance(values, dict) for _, values in found):
         raise ParameterError(f'{path} is not a ROS parameter file; expected '

@@ -15,6 +15,8 @@ from typing import Any, Callable, Iterable
 from dp_swing_ros.state import HANGING, SIZE, UPRIGHT
 
 INFINITE = math.inf
+LARGEST = 2 ** 63 - 1  # whole number that a ROS parameter holds
+SHOWN = 200  # [characters] of a value in an error
 WORDS = {bool: 'true or false', int: 'a whole number', float: 'a number', str: 'a text'}
 
 
@@ -61,7 +63,7 @@ def checked(field: dataclasses.Field, value: Any, name: str = '') -> Any:
     kind, about = type(default), field.metadata
 
     def refuse(expected: str) -> ParameterError:
-        return ParameterError(f'parameter {name or field.name!r} is {value!r}; '
+        return ParameterError(f'parameter {name or field.name!r} is {_shown(value)}; '
                               f'expected {expected} ({about["description"]})')
 
     if kind is tuple:
@@ -76,7 +78,16 @@ def checked(field: dataclasses.Field, value: Any, name: str = '') -> Any:
     return value
 
 
+def _shown(value: Any) -> str:
+    try:
+        return repr(value)[:SHOWN]
+    except ValueError:  # Python writes whole numbers of 4,300 digits at most
+        return 'beyond all bounds'
+
+
 def _converted(value: Any, kind: type, refuse: Callable[[str], ParameterError]) -> Any:
+    if isinstance(value, int) and abs(value) > LARGEST:
+        raise refuse('a whole number of 63 bits at most')
     # A whole number will do for a number; true and false are neither.
     if kind is float and isinstance(value, numbers.Real) and not isinstance(value, bool):
         return float(value)

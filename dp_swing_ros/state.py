@@ -35,6 +35,18 @@ def to_turn_of(x: Array, reference: Array) -> Array:
     return shifted
 
 
+def wrapped(x: Array) -> Array:
+    """
+    Shift the angles of x by whole turns into (-π, π]: 0 is upright, π hangs.
+
+    Shapes: x (..., 6).
+    """
+    shifted = to_turn_of(x, np.zeros(SIZE))
+    angles = shifted[..., ANGLES]
+    angles[angles <= -np.pi] += 2 * np.pi
+    return shifted
+
+
 def is_upright(x: Array, angle: float = 0.1, speed: float = 1.0) -> Array:
     """
     Tell whether both angles [rad] and all three speeds [m/s, rad/s] are within the bounds.

@@ -10,6 +10,7 @@ import pytest
 from synthetic import first, swing_up, without_ticks
 
 from dp_swing_ros.episode import STATE, Ticks
+from dp_swing_ros.state import wrapped
 
 COLUMNS = [*STATE, 'force', 'cost', 'iterations', 'solve_time', 'latency', 'late', 'status']
 
@@ -20,13 +21,22 @@ def test_frame_has_a_row_a_state_with_force_and_tick():
     assert list(frame.columns) == COLUMNS
     assert frame.index.name == 't [s]'
     np.testing.assert_array_equal(frame.index, episode.t)
-    np.testing.assert_array_equal(frame[list(STATE)], episode.X)
+    np.testing.assert_array_equal(frame[list(STATE)], wrapped(episode.X))
+    np.testing.assert_array_equal(episode.to_frame(whole_turns=True)[list(STATE)], episode.X)
     np.testing.assert_array_equal(frame['force'][:-1], episode.U)
     np.testing.assert_array_equal(frame['solve_time'][:-1], episode.ticks.solve_time)
     assert frame['status'].iloc[0] == 'CONVERGED'
     assert frame.iloc[-1, 6:].isna().all()
     assert frame.attrs == {
-        'solver': 'ilqr', 'bodies': episode.bodies, 'limits': episode.limits}
+        'solver': 'ilqr', 'bodies': episode.bodies, 'limits': episode.limits, 'incomplete': ''}
+
+
+def test_zero_is_upright_in_a_frame_whatever_the_turn():
+    episode = swing_up()     # θ2 turns a round on
+    assert episode.X[-1, 2] == pytest.approx(2 * np.pi)
+    last = episode.to_frame().iloc[-1]
+    assert (last['theta1'], last['theta2']) == pytest.approx((0.0, 0.0), abs=1e-12)
+    assert episode.to_frame(whole_turns=True).iloc[-1]['theta2'] == episode.X[-1, 2]
 
 
 def test_ticks_of_a_frame_stand_by_their_states():

@@ -6,11 +6,13 @@ from typing import Any, Callable, NamedTuple, TypeVar
 
 from mcap.records import Channel, Schema
 from mcap_ros2.decoder import DecoderFactory
-import yaml
 
 from dp_swing_ros.bags.writer import Recorded
+from dp_swing_ros.plain_yaml import parse, YamlError
 
 D = TypeVar('D', Schema, Channel)
+FIELDS = 2000  # lines of a definition: reading one takes the square of their number
+DEFINITION = 1 << 18  # [bytes]
 PADDING = 12  # [bytes] that a body may have more than its definition asks for
 
 
@@ -94,20 +96,11 @@ def has_surplus(decode: Callable[[bytes], Any], data: bytes) -> bool:
     return True
 
 
-class _Loader(yaml.SafeLoader):
-    """Reads no aliases: a few of them unfold to more than there is memory."""
-
-    def compose_node(self, parent: Any, index: Any) -> Any:
-        if self.check_event(yaml.AliasEvent):
-            raise yaml.YAMLError('an alias')
-        return super().compose_node(parent, index)
-
-
 def recorded(line: Line) -> Recorded:
     """Return the topic of a channel as it is written again."""
     try:
-        profiles = yaml.load(line.metadata.get('offered_qos_profiles', ''), _Loader)
-    except Exception:  # noqa: B902  of texts that are no YAML
+        profiles = parse(line.metadata.get('offered_qos_profiles', ''))
+    except YamlError:
         profiles = None
     return Recorded(line.topic, line.type, line.definition.decode(),
                     line.metadata.get('topic_type_hash', ''),
@@ -122,6 +115,9 @@ def _decoder(channel: Channel, schema: Schema | None) -> Callable[[bytes], Any] 
     def decode(data: bytes) -> Any:
         # Only who asks for a message minds whether its definition can be read.
         if not prepared:
+            if len(schema.data) > DEFINITION or schema.data.count(b'\n') > FIELDS:
+                raise ValueError(f'its definition is longer than {DEFINITION} bytes or '
+                                 f'{FIELDS} lines')
             found: Any = DecoderFactory().decoder_for(channel.message_encoding, schema)
             prepared.append(found)
         return prepared[0](Body(data))

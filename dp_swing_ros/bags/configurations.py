@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import yaml
 
 from dp_swing_ros.bags.reader import Bag
+from dp_swing_ros.plain_yaml import parse, YamlError
 from dp_swing_ros.topics import CONFIGURATION
 
 TEXTS = ('node', 'version', 'commit', 'sources', 'machine')
@@ -51,10 +52,9 @@ def from_text(text: str) -> Configuration:
     Raises ValueError where the text is something else.
     """
     try:
-        content = yaml.safe_load(text)
-    except Exception as error:  # noqa: B902
-        # A text such as '!!int ""' fails within the types that YAML knows.
-        raise ValueError(f'a configuration is not YAML: {" ".join(str(error).split())}') from None
+        content = parse(text)
+    except YamlError as error:
+        raise ValueError(f'a configuration is not YAML: {error}') from None
     if not isinstance(content, dict) or not set(Configuration._fields) <= set(content) \
             or not all(isinstance(content[field], dict) for field in ('parameters', 'packages')) \
             or not all(isinstance(content[field], str) for field in TEXTS):

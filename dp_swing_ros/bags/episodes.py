@@ -51,7 +51,7 @@ def episode_of(bag: Bag) -> Episode:
         U=np.array([sample.force for sample in samples[1:]]),
         ticks=bag.parse(_ticks, reports, start),
         solver=str(reports[-1].values.get('solver', '')) if reports else '',
-        bodies=bodies, limits=limits)
+        bodies=bodies, limits=limits, incomplete=bag.incomplete)
 
 
 def samples_of(bag: Bag) -> list[Sample]:

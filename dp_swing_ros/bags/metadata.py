@@ -8,7 +8,11 @@ from typing import Any, NamedTuple
 
 import yaml
 
+from dp_swing_ros.plain_yaml import parse_file
+
 METADATA = 'metadata.yaml'
+RECOVERED = 'recovered_of'  # in custom_data: of how many messages a bag is what was left
+UNKNOWN = 'unknown'
 VERSION = 9
 
 
@@ -60,9 +64,39 @@ def metadata(topics: Iterable[Recorded], files: Sequence[Contents],
         'custom_data': dict(custom), 'ros_distro': 'jazzy'}})
 
 
-def information(folder: Path) -> Any:
-    """Return what a metadata.yaml tells; what is none raises whatever reading it comes to."""
-    return yaml.safe_load((folder / METADATA).read_bytes())['rosbag2_bagfile_information']
+class Described(NamedTuple):
+    """What the metadata.yaml of a bag says of it."""
+
+    messages: int | None    # of the folder or file asked for; None where it does not say
+    files: list[str]
+    custom: dict[str, str]
+
+
+def described(path: Path) -> Described | None:
+    """
+    Return what metadata.yaml says of a bag's folder, or of one of its files; None without one.
+
+    Raises ValueError where it is damaged.
+    """
+    folder = path if path.is_dir() else path.parent
+    if not (folder / METADATA).is_file():
+        return None
+    try:
+        about = parse_file(folder / METADATA)['rosbag2_bagfile_information']
+        files = {str(each['path']): each for each in about.get('files') or ()}
+        one = about if path.is_dir() else files.get(path.name, {})
+        count = one.get('message_count')
+        return Described(None if count is None else int(count),
+                         [str(name) for name in about['relative_file_paths']],
+                         {str(key): str(value)
+                          for key, value in (about.get('custom_data') or {}).items()})
+    except (AttributeError, KeyError, OSError, TypeError, ValueError) as error:
+        raise ValueError(f'{str(folder / METADATA)!r} is not what rosbag2 writes') from error
+
+
+def incomplete(count: int, expected: int | str) -> str:
+    """Return what every tool says of a bag that holds so many messages of those recorded."""
+    return f'Incomplete: {count} of {expected} messages'
 
 
 def to_yaml(data: Any) -> str:

@@ -11,7 +11,7 @@ from mcap.records import Message
 
 from dp_swing_ros.bags.channels import Channels
 from dp_swing_ros.bags.damage import Damage, Reason
-from dp_swing_ros.bags.metadata import information
+from dp_swing_ros.bags.metadata import Described, described, incomplete, RECOVERED, UNKNOWN
 from dp_swing_ros.bags.records import MAGIC
 from dp_swing_ros.bags.salvage import contents, Scan
 from dp_swing_ros.errors import BagError
@@ -19,6 +19,8 @@ from dp_swing_ros.topics import JOINT_STATES, Topic
 
 R = TypeVar('R')
 ENDLESS = (Reason.CUT, Reason.NO_END)
+SQLITE = b'SQLite format 3\0'
+NAMED = 10  # files that an error names at most
 
 
 class Entry(NamedTuple):
@@ -51,11 +53,13 @@ class Bag:
 
         A file without an end, as a logger leaves that was killed, is read only if `partial`. Of
         several pendulums the namespace, such as '/second', says which.
+        `incomplete` says how many messages are there of how many, and is empty where all are.
         Raises BagError, saying what was found, what is expected and what to do.
         """
-        self.path, self.namespace = Path(path), namespace
+        self.path, self.partial, self.namespace = Path(path), partial, namespace
         files = files_of(self.path)
         missing = missing_files(self.path, files)
+        self._cut = bool(missing)
         if missing and not partial:
             raise BagError(f'{self} lacks {", ".join(missing)}, which its metadata.yaml names; '
                            'put the file there or ask for what is there (partial)')
@@ -65,18 +69,32 @@ class Bag:
         if namespace is not None and not self.has(JOINT_STATES):
             raise BagError(f'{self} has no {JOINT_STATES.name} in the namespace {namespace!r}: '
                            f'it holds messages of {", ".join(self.topics) or "no topic"}')
+        self.incomplete = self._incomplete(described_or_none(self.path))
 
     def __repr__(self) -> str:
         return f'the bag {str(self.path)!r}'
 
+    def _incomplete(self, about: Described | None) -> str:
+        count = len(self.entries)
+        counted = about.messages if about is not None else None
+        before = about.custom.get(RECOVERED) if about is not None else None
+        if before is not None:
+            return incomplete(count, before)
+        if counted is None:
+            return incomplete(count, UNKNOWN) if self._cut else ''
+        return incomplete(count, counted) if count < counted else ''
+
     def _entries(self, file: Path, partial: bool) -> Iterator[Entry]:
         data, channels, count = contents(file), Channels(), 0
         if data[:len(MAGIC)] != MAGIC:
+            if data[:len(SQLITE)] == SQLITE:
+                raise BagError(f'{str(file)!r} is of sqlite3; {_conversion(file.parent)}')
             raise BagError(f'{str(file)!r} is no MCAP file; if it was one, {_remedy(self.path)} '
                            'of what is left')
         for item in Scan(data):
             if isinstance(item, Damage):
                 if item.reason in ENDLESS and partial:
+                    self._cut = True
                     return
                 self._object(file, item, count)
             elif isinstance(item.record, Message):
@@ -204,10 +222,16 @@ def missing_files(path: Path, files: list[Path]) -> list[str]:
 
 def listed_files(path: Path) -> list[str] | None:
     """Return the files that metadata.yaml names; None where it is missing or no metadata."""
+    about = described_or_none(path) if path.is_dir() else None
+    return None if about is None else about.files
+
+
+def described_or_none(path: Path) -> Described | None:
+    """Return what metadata.yaml says; None also where it is damaged: a bag is read without."""
     try:
-        return [str(name) for name in information(path)['relative_file_paths']]
-    except Exception:  # noqa: B902
-        return None  # a bag is read without it, and it may hold anything
+        return described(path)
+    except ValueError:
+        return None
 
 
 def _files(path: Path) -> list[Path]:
@@ -215,12 +239,23 @@ def _files(path: Path) -> list[Path]:
         return [path]
     if not path.exists():
         raise BagError(f'there is no bag {str(path)!r}')
+    if not path.is_dir():
+        raise BagError(f'cannot read {str(path)!r}: it is neither a folder nor a regular file')
     files = sorted(path.glob('*.mcap'), key=_in_order)
     if not files:
-        found = ', '.join(sorted(file.name for file in path.iterdir())) or 'nothing'
+        names = sorted(file.name for file in path.iterdir())
+        found = ', '.join([*names[:NAMED], *(['...'] if len(names) > NAMED else [])]) or 'nothing'
         raise BagError(f'{str(path)!r} is no bag with an MCAP file, it holds {found}; '
-                       '`ros2 bag convert` turns other storages into MCAP')
+                       f'a bag of another storage: {_conversion(path)}')
     return files
+
+
+def _conversion(folder: Path) -> str:
+    source, target = (shlex.quote(str(folder.resolve()) + end) for end in ('', '_mcap'))
+    return (f'`rosbags-convert --src {source} --dst {target} --dst-storage mcap` (pip install '
+            f'rosbags) makes one of MCAP, and so does `ros2 bag convert -i {source} -o mcap.yaml` '
+            f'with `output_bags: [{{uri: {target}, storage_id: mcap, all_topics: true}}]` in '
+            'mcap.yaml')
 
 
 def _in_order(file: Path) -> list[int | str]:

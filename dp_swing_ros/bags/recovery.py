@@ -11,7 +11,9 @@ from mcap.records import Message
 
 from dp_swing_ros.bags.channels import Channels, has_surplus, Line, recorded
 from dp_swing_ros.bags.damage import Damage, Reason
-from dp_swing_ros.bags.reader import files_of, listed_files, missing_files
+from dp_swing_ros.bags.metadata import incomplete, RECOVERED, UNKNOWN
+from dp_swing_ros.bags.reader import (
+    described_or_none, files_of, listed_files, missing_files)
 from dp_swing_ros.bags.salvage import contents, Scan
 from dp_swing_ros.bags.writer import BagWriter, Recorded
 from dp_swing_ros.errors import BagError
@@ -64,12 +66,29 @@ class Recovery:
     faults: dict[tuple[Fault, str], int] = dataclasses.field(default_factory=dict)
     notes: list[str] = dataclasses.field(default_factory=list)
     told: int | None = 0  # messages by the bag's own count, if it is whole
+    counted: int | None = None  # messages as metadata.yaml counts them
+    before: str | None = None   # of how many the bag was already what was left
     unvouched: int = 0    # saved, but no checksum tells whether they are as they were
 
     @property
     def saved(self) -> int:
         """The number of messages."""
         return sum(account.saved for account in self.topics.values())
+
+    @property
+    def recorded(self) -> str | None:
+        """How many messages there once were, as far as known; None where all are saved."""
+        known = [count for count in (self.counted, self.told) if count]
+        if self.before is not None:
+            return self.before
+        if known:
+            return str(known[0]) if self.saved < known[0] else None
+        return UNKNOWN if self.damages or self.faults else None
+
+    @property
+    def incomplete(self) -> str:
+        """What every tool says of a bag that lacks messages; empty where all are saved."""
+        return '' if self.recorded is None else incomplete(self.saved, self.recorded)
 
     @property
     def whole(self) -> bool:
@@ -107,6 +126,7 @@ def recover(path: Path, output: Path, progress: Progress = lambda done, size: No
                          message.sequence)
     finally:
         if writer is not None:
+            writer.custom |= {RECOVERED: found.recorded} if found.recorded else {}
             writer.close()
     if writer is None:
         raise BagError(f'{str(path)!r} has nothing to save: '
@@ -125,7 +145,9 @@ def described(found: Recovery) -> Iterator[str]:
 
 def _examine(path: Path, definitions: dict[Path, Channels]) -> Recovery:
     """Look for damage, and gather what each file says of its channels anywhere."""
-    found = Recovery()
+    found, about = Recovery(), described_or_none(path)
+    if about is not None:
+        found.counted, found.before = about.messages, about.custom.get(RECOVERED)
     if path.is_dir() and listed_files(path) is None:
         found.notes.append('metadata.yaml is missing or damaged')
     found.notes += [f'{name}, which metadata.yaml names, is missing'

@@ -11,6 +11,7 @@ import mmap
 import os
 from pathlib import Path
 import re
+import stat
 from typing import Iterator, NamedTuple
 
 from mcap.opcode import Opcode
@@ -45,11 +46,19 @@ def contents(file: Path) -> Buffer:
     Raises BagError.
     """
     try:
-        with file.open('rb') as stream:
-            size = os.fstat(stream.fileno()).st_size
+        with open(file, 'rb', opener=_without_waiting) as stream:
+            about = os.fstat(stream.fileno())
+            if not stat.S_ISREG(about.st_mode):
+                raise BagError(f'cannot read {str(file)!r}: it is not a regular file')
+            size = about.st_size
             return mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) if size else b''
     except OSError as error:
         raise BagError(f'cannot read {str(file)!r}: {error.strerror}') from None
+
+
+def _without_waiting(path: str, flags: int) -> int:
+    # a named pipe would wait for its writer
+    return os.open(path, flags | os.O_NONBLOCK)
 
 
 class Scan:

@@ -27,9 +27,10 @@ from dp_swing_ros.figures.overlaid import overlay
 from dp_swing_ros.figures.rates import criteria, successes
 from dp_swing_ros.figures.sampling import states_at
 from dp_swing_ros.figures.starts import starts
+from dp_swing_ros.figures.style import mark
 from dp_swing_ros.figures.sweeps import sweeps
 
-__all__ = ['animation', 'counterfactual', 'ERROR_FLOOR', 'hero', 'of_campaign', 'overlay',
+__all__ = ['animation', 'counterfactual', 'ERROR_FLOOR', 'hero', 'mark', 'of_campaign', 'overlay',
            'regret', 'snapshots', 'squared_error', 'squared_errors', 'states_at', 'swing_ups',
            'timeline']
 

@@ -16,7 +16,7 @@ from dp_swing_ros.episode import Episode
 from dp_swing_ros.figures.pendulum import CART_SIZE, Drawing, fading, room_for, scene, trail_of
 from dp_swing_ros.figures.sampling import force_at, states_at, times_of
 from dp_swing_ros.figures.style import (
-    FAINT, FORCE, INK, LINK1, LINK2, styled, tint, title)
+    FAINT, FORCE, INK, LINK1, LINK2, mark, styled, tint, title, WARNING)
 from dp_swing_ros.state import Array
 
 FRAME = 0.05              # [s] between the pictures of an animation
@@ -45,7 +45,7 @@ def _palette() -> Image.Image:
     # Pillow looks up colours coarsely: white stays white only if nothing is close to it
     strengths = np.linspace(0.1, 1.0, 40)
     colours = [(1.0, 1.0, 1.0), *(tint(colour, strength) for strength in strengths
-                                  for colour in (INK, FAINT, LINK1, LINK2, FORCE))]
+                                  for colour in (INK, FAINT, LINK1, LINK2, FORCE, WARNING))]
     palette = Image.new('P', (1, 1))
     palette.putpalette(np.round(255 * np.array(colours)).astype(np.uint8).tobytes())
     return palette
@@ -66,6 +66,7 @@ class _Film:
         self._figure.text(0.04, 0.93, title(episode), size=13, weight='bold')
         self._clock = self._figure.text(0.46, 0.93, '', size=11)
         self._force = self._figure.text(0.96, 0.93, '', size=11, ha='right', color=FORCE)
+        mark(self._figure, episode.incomplete)
         self._drawing = Drawing(self._axes, episode.bodies, size=1.2)
 
     def picture(self, t: float) -> Array:

@@ -10,12 +10,14 @@ from typing import Any, ParamSpec, TypeVar
 import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
 
 from dp_swing_ros.episode import Episode
 
 # Okabe and Ito's palette: told apart by colour-blind readers, on white and in grey
 INK, FAINT, PAPER = '#26323e', '#9aa5b1', '#f4f6f8'
 LINK1, LINK2, CART, FORCE, ALARM = '#0072B2', '#D55E00', '#26323e', '#009E73', '#CC79A7'
+WARNING = '#b3261e'
 COLOURS = (CART, LINK1, LINK2) * 2  # of the six states
 SYMBOLS = ('$x$', r'$\theta_1$', r'$\theta_2$',
            r'$\dot x$', r'$\dot\theta_1$', r'$\dot\theta_2$')
@@ -44,6 +46,13 @@ def styled(draw: Callable[P, R]) -> Callable[P, R]:
 def title(episode: Episode) -> str:
     """Return the name of who controlled a run."""
     return plain(SOLVERS.get(episode.solver, episode.solver or 'no controller'))
+
+
+def mark(figure: Figure, text: str) -> None:
+    """Write what a reader must know above a picture, in its margin; nothing if it is empty."""
+    if text:
+        figure.text(0.995, 0.995, plain(text), size=9, weight='bold', color=WARNING, ha='right',
+                    va='top', bbox={'color': 'white', 'pad': 1.5}, zorder=10)
 
 
 def plain(text: str) -> str:

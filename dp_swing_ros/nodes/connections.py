@@ -17,12 +17,12 @@ from rclpy.qos import (
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
-import yaml
 
 from dp_swing_ros.bags.reader import Offer
 from dp_swing_ros.errors import BagError
 from dp_swing_ros.parameter_files import QOS_OVERRIDES
 from dp_swing_ros.parameters import ParameterError
+from dp_swing_ros.plain_yaml import parse
 from dp_swing_ros.topics import Topic
 
 Policy = TypeVar('Policy', bound=IntEnum)
@@ -152,7 +152,7 @@ def publish_again(node: Node, name: str, offer: Offer) -> Publisher:
 def _strongest(text: str) -> QoSProfile:
     # What is offered satisfies each subscription that one of the profiles in the bag did.
     try:
-        profiles = yaml.safe_load(text) or [{}]
+        profiles = parse(text) or [{}]
         strongest = QoSProfile(
             depth=max([LASTING, *(each.get('depth', 0) for each in profiles)]),
             reliability=min(_policy(ReliabilityPolicy, each.get('reliability', 'reliable'))
@@ -166,7 +166,7 @@ def _strongest(text: str) -> QoSProfile:
             if times:
                 setattr(strongest, name, min(Duration(
                     seconds=each['sec'], nanoseconds=each['nsec']) for each in times))
-    except (AttributeError, KeyError, TypeError, yaml.YAMLError) as error:
+    except (ArithmeticError, AttributeError, KeyError, TypeError, ValueError) as error:
         raise ValueError(f'its quality of service is {text[:80]!r}: '
                          f'{" ".join(str(error).split())}') from None
     return strongest

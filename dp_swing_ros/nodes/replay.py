@@ -68,6 +68,8 @@ class ReplayNode(ProcessNode):
         self.listen()
         self.get_logger().info(f'{len(cues)} messages over {span / BILLION:.3f} s of {bag}, '
                                f'at rate {p.rate:g}')
+        if bag.incomplete:
+            self.get_logger().warning(bag.incomplete)
 
     def listen(self) -> None:
         """Offer the services and the clock, and look for subscribers."""

@@ -8,12 +8,10 @@ from datetime import datetime, timezone
 from pathlib import Path
 from typing import NamedTuple
 
-import yaml
-
 from dp_swing_ros.bags.configurations import Configuration, configurations_of
 from dp_swing_ros.bags.episodes import episode_of
 from dp_swing_ros.bags.fields import BILLION
-from dp_swing_ros.bags.metadata import information, METADATA
+from dp_swing_ros.bags.metadata import described
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.episode import Episode
 from dp_swing_ros.errors import BagError
@@ -33,6 +31,7 @@ class Recording(NamedTuple):
     took: float             # [s] until the last was
     counts: dict[str, int]  # messages per topic
     lost: dict[str, int]    # per topic, where the logger told
+    incomplete: str         # how many messages of how many; empty where all are there
 
 
 def recording(path: Path | str, partial: bool = False,
@@ -49,19 +48,19 @@ def recording(path: Path | str, partial: bool = False,
         bag.path, episode, configurations_of(bag), bag.of(ROBOT_DESCRIPTION)[-1].data,
         datetime.fromtimestamp(min(received) // BILLION, timezone.utc),
         (max(received) - min(received)) / BILLION,
-        dict(sorted(Counter(entry.topic for entry in bag.entries).items())), _lost(bag.path))
+        dict(sorted(Counter(entry.topic for entry in bag.entries).items())), _lost(bag.path),
+        bag.incomplete)
 
 
 def _lost(path: Path) -> dict[str, int]:
-    folder = path if path.is_dir() else path.parent
-    if not (folder / METADATA).is_file():  # as after a logger that was killed
-        return {}
     try:
-        told = information(folder).get('custom_data') or {}
-        return {key.removeprefix(LOST): int(count) for key, count in told.items()
+        about = described(path)
+        if about is None:  # as after a logger that was killed
+            return {}
+        return {key.removeprefix(LOST): int(count) for key, count in about.custom.items()
                 if key.startswith(LOST)}
-    except (AttributeError, KeyError, TypeError, ValueError, yaml.YAMLError):
-        raise BagError(f'{str(folder / METADATA)!r} is not what rosbag2 writes; '
+    except ValueError:
+        raise BagError(f'the metadata.yaml of {str(path)!r} is not what rosbag2 writes; '
                        '`ros2 bag reindex` makes it anew') from None
 
 

@@ -33,6 +33,9 @@ def _analyse(arguments: argparse.Namespace) -> int:
     runs = named([recording(bag, arguments.partial, arguments.namespace)
                   for bag in arguments.bags])
     print(table({name: measure(run.episode) for name, run in runs.items()}), end='\n\n')
+    notice = incomplete(runs)
+    if notice:
+        print(notice, end='\n\n')
     folder = arguments.output or place_for(arguments.bags)
     for path in write(runs, folder, arguments.animation):
         print(path)
@@ -57,6 +60,12 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
+def incomplete(runs: Mapping[str, Recording]) -> str:
+    """Return which runs, by their names, lack messages; empty where none does."""
+    return '\n'.join(f'{name}: {run.incomplete}' if len(runs) > 1 else run.incomplete
+                     for name, run in runs.items() if run.incomplete)
+
+
 def place_for(bags: Sequence[Path]) -> Path:
     """Return the folder for what is made of bags."""
     if len(bags) == 1:
@@ -79,7 +88,9 @@ def write(runs: Mapping[str, Recording], folder: Path, animate: bool = True) -> 
     overlay = None
     if len(runs) > 1:
         overlay = folder / 'overlay.png'
-        figures.overlay({name: run.episode for name, run in runs.items()}).savefig(overlay)
+        figure = figures.overlay({name: run.episode for name, run in runs.items()})
+        figures.mark(figure, incomplete(runs))
+        figure.savefig(overlay)
         paths.append(overlay)
     paths.append(folder / 'report.html')
     paths[-1].write_text(page(shown, overlay), encoding='utf-8')
@@ -92,7 +103,9 @@ def draw(episode: Episode, folder: Path, animate: bool = True) -> list[Path]:
     paths = []
     for name, picture in tqdm(PICTURES.items(), desc='pictures', leave=False, disable=None):
         paths.append(folder / f'{name}.png')
-        picture(episode).savefig(paths[-1])
+        figure = picture(episode)
+        figures.mark(figure, episode.incomplete)
+        figure.savefig(paths[-1])
     if animate:
         paths.append(folder / 'animation.gif')
         figures.animation(episode, paths[-1], lambda times: tqdm(

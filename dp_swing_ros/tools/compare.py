@@ -34,6 +34,8 @@ def _compare(arguments: argparse.Namespace) -> int:
     run = Run(bag)
     forks = _forks(run, arguments)
     print(table(forks[0]) if arguments.every is None else regrets(forks))
+    if bag.incomplete:
+        print(bag.incomplete)
     if bag.has(DISTURBANCE):
         print(f'note: pushes ({len(bag.of(DISTURBANCE))} on {DISTURBANCE.name}) are only in '
               'what was recorded')
@@ -100,6 +102,7 @@ def _draw(forks: list[Fork], run: Run, arguments: argparse.Namespace) -> Path:
             forks[0], run.limits)
     else:
         path, figure = folder / 'regret.png', figures.regret(forks)
+    figures.mark(figure, run.bag.incomplete)
     figure.savefig(path)
     return path
 

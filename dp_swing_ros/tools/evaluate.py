@@ -20,7 +20,7 @@ from dp_swing_ros.campaign.rows import CampaignError, read, Row, Table
 from dp_swing_ros.campaign.runner import run
 from dp_swing_ros.campaign.summary import plain, summarise, Summary
 from dp_swing_ros.figures import of_campaign
-from dp_swing_ros.parameters import ParameterError
+from dp_swing_ros.parameters import LARGEST, ParameterError
 from dp_swing_ros.scenarios import Case, SCENARIOS
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tools import program
@@ -28,6 +28,8 @@ from dp_swing_ros.tools.processes import interrupt_on_signals
 
 OK, FAILED, MISUSED, INTERRUPTED = 0, 1, 2, 130  # exit codes
 PROGRAM = program('evaluate')
+SEEDS = 100_000      # of a scenario: a case each is held in memory
+LEVELS = 10_000
 EXAMPLES = f"""\
 examples:
   {PROGRAM} --scenarios hanging random --seeds 50
@@ -111,15 +113,17 @@ def seeds(text: str) -> range:
     begin, _, end = text.rpartition(':')
     found = range(int(begin or 0), int(end))
     if not found or found.start < 0:
-        raise argparse.ArgumentTypeError(f'{text} has no seeds')
+        raise argparse.ArgumentTypeError(f'{text[:80]} has no seeds')
+    if found.stop - found.start > SEEDS or found.stop > LARGEST:
+        raise argparse.ArgumentTypeError(f'{text[:80]} are not up to {SEEDS} seeds of 63 bits')
     return found
 
 
 def positive(text: str) -> int:
     """Read a whole number from 1 on."""
     value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f'{text} is not a whole number above 0')
+    if not 1 <= value <= LEVELS:
+        raise argparse.ArgumentTypeError(f'{text[:80]} is not a whole number from 1 to {LEVELS}')
     return value
 
 

@@ -38,9 +38,12 @@ def _recover(bag: Path, output: Path) -> int:
         print(f'recover: interrupted; {output} holds a part, if it is there', file=sys.stderr)
         raise
     if found.whole:
-        print(f'{bag} is whole: {found.saved} messages; nothing was written')
+        print(f'{bag} {"has nothing to repair" if found.incomplete else "is whole"}: '
+              f'{found.saved} messages; nothing was written')
     else:
         print(report(found, bag, output))
+    if found.incomplete:
+        print(found.incomplete)
     return 0
 
 
