@@ -3,9 +3,12 @@
 """Bags that real nodes record, and copies of them that are not as they were."""
 
 import os
+import struct
 import subprocess
 
 from rclpy.serialization import deserialize_message, serialize_message
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import StoragePlugin, Writer
 
 from dp_swing_ros.bags.definitions import schema
 from dp_swing_ros.bags.reader import Bag
@@ -53,6 +56,48 @@ def rewritten(bag, folder, topic, change, more=None):
         if data is not None:
             writer.write(entry.topic, data, entry.received, entry.sent, entry.sequence)
     writer.close()
+    return folder
+
+
+def repeated(bag, folder, topic, number):
+    """Write a bag again, one message of a topic twice with all that it says of itself."""
+    types = {f'/{one.name.lstrip("/")}': one.type for one in TOPICS}
+    writer, entries = BagWriter(folder), Bag(bag).entries
+    for name in sorted({entry.topic for entry in entries}):
+        writer.add(Recorded(name, types[name], schema(types[name]), '', []))
+    for entry in entries:
+        for _ in range(1 + (entry.topic == f'/{topic.name}' and entry.sequence == number)):
+            writer.write(entry.topic, entry.data, entry.received, entry.sent, entry.sequence)
+    writer.close()
+    return folder
+
+
+def converted(bag, folder, storage, change):
+    """
+    Convert a bag by rosbags, which numbers no message, the forces changed; back to MCAP at last.
+
+    change is given the forces in their order and returns others.
+    """
+    made = folder.with_name('converted') if storage == 'sqlite3' else folder
+    with AnyReader([bag]) as reader, Writer(
+            made, version=9, storage_plugin=StoragePlugin[storage.upper()]) as writer:
+        connections = {each.id: writer.add_connection(
+            each.topic, each.msgtype, msgdef=each.msgdef.data, rihs01=each.digest)
+            for each in reader.connections}
+        forces = []
+        for connection, time, data in reader.messages():
+            if connection.topic == '/force_command':
+                topic = connections[connection.id]
+                forces.append((time, *struct.unpack_from('<d', data, 4)))
+            else:
+                writer.write(connections[connection.id], time, data)
+        times, numbers = map(list, zip(*forces))
+        for n, number in enumerate(change(numbers)):
+            writer.write(topic, times[min(n, len(times) - 1)],
+                         struct.pack('<4sd', b'\x00\x01\x00\x00', number))
+    if storage == 'sqlite3':
+        subprocess.run(['rosbags-convert', '--src', str(made), '--dst', str(folder),
+                        '--dst-storage', 'mcap'], check=True)
     return folder
 
 

@@ -1,24 +1,42 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a recorded controller, asked again, sends the recorded forces to the bit."""
+"""
+Whether a recorded run, done again, is the recorded one to the bit.
+
+From the recorded states the controller solves again: forces, costs, iterations and plans. From
+the recorded forces the plant of a lockstep run integrates again: states, and forces applied. Both
+together are the whole run. What the bag lacks for that is not passed over.
+"""
 
 from collections.abc import Callable, Iterable
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from dp_swing_ros import configuration, provenance
-from dp_swing_ros.bags.configurations import Configuration
-from dp_swing_ros.bags.episodes import CONTROLLER
+from dp_swing_ros.bags.configurations import Configuration, configurations_of
+from dp_swing_ros.bags.episodes import CONTROLLER, samples_of
+from dp_swing_ros.bags.fields import BILLION, from_trajectory, nanoseconds, Trajectory
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.mpc import RecedingHorizon
-from dp_swing_ros.rerun.ticks import answer, record_of, Tick, told
-from dp_swing_ros.topics import FORCE_COMMAND
+from dp_swing_ros.plan import Plan
+from dp_swing_ros.rerun.plant_again import compared, figures, forces_by_stamp, published
+from dp_swing_ros.rerun.runs import PLANT
+from dp_swing_ros.rerun.sent import commands_of, paired, Pairing
+from dp_swing_ros.rerun.ticks import answer, Record, record_of, Tick, told
+from dp_swing_ros.simulation import Plant
+from dp_swing_ros.topics import DISTURBANCE, FORCE_COMMAND, PLAN, ROBOT_DESCRIPTION
+from dp_swing_ros.urdf import from_urdf, urdf
+
+SHOWN = 5  # numbers of ticks in a sentence
 
 
 class Difference(NamedTuple):
-    """A tick that was recorded otherwise than it comes out again."""
+    """What was recorded otherwise than it comes out again."""
 
-    tick: Tick
+    of: str     # what there are several of: ticks, states, forces
+    place: str
     text: str   # of what differs, and by how much
 
 
@@ -26,70 +44,164 @@ class Verification(NamedTuple):
     """What came of it."""
 
     solver: str
-    ticks: int               # that were asked again
+    ticks: int               # that were solved again
+    plans: int               # that were compared
+    states: int              # that the plant gave again
     real_time: bool
     differences: list[Difference]
-    unheard: int             # forces that were sent, and are not in the bag
-    gap: str                 # what ends the record early
+    unchecked: list[str]     # what the bag should hold for it, and does not
+    beyond: list[str]        # what no bag of this kind could be checked for
     elsewhere: list[str]     # what is other here than where it was recorded
+    incomplete: str          # how many messages of how many the bag holds
 
 
 def verify(bag: Bag, progress: Callable[[list[Tick]], Iterable[Tick]]) -> Verification:
     """
-    Ask the controller of a bag again, tick by tick.
+    Do the run in a bag again, tick by tick.
 
     `progress` goes through the ticks. Raises BagError where it is not known what the controller
     was told or given, and ParameterError where this one cannot be told so.
     """
     config, record = told(bag, CONTROLLER), record_of(bag)
     controller = configuration.controller(config.parameters)
-    sent = forces_of(bag)
+    pairing, plans = paired(record, commands_of(bag)), Plans(bag)
     differences = list[Difference]()
     for tick in progress(record.ticks):
-        text = differs(controller, tick) or was_sent(tick, sent)
+        plan = answer(controller, tick)
+        text = differs(controller, plan, tick) or was_sent(tick, pairing) \
+            or plans.difference(plan, tick)
         if text:
-            differences.append(Difference(tick, text))
+            differences.append(Difference('ticks', _place(tick), text))
+    differences += [Difference('forces', f'a force at {command.time} ns', f'{command.force!r} N '
+                               f'on {FORCE_COMMAND.name}, which no tick sent')
+                    for command in pairing.surplus]
+    again = PlantAgain(bag, record)
     return Verification(
-        controller.parameters.solver, len(record.ticks),
-        any(tick.real_time for tick in record.ticks), differences,
-        sum(tick.number not in sent for tick in record.ticks), record.gap, elsewhere(config))
+        controller.parameters.solver, len(record.ticks), plans.compared, again.states,
+        any(tick.real_time for tick in record.ticks), differences + again.differences,
+        [*_gap(record), *_lacks(f'on {FORCE_COMMAND.name}', pairing.missing),
+         *_lacks(f'on {PLAN.name}', plans.missing), *_unfinished(bag)],
+        [*plans.beyond, *again.beyond], elsewhere(config), bag.incomplete)
 
 
-def forces_of(bag: Bag) -> dict[int, list[float]]:
-    """Return the forces on their topic [N] by the numbers that their publishers gave them."""
-    found: dict[int, list[float]] = {}
-    for entry in bag.entries_of(FORCE_COMMAND) if bag.has(FORCE_COMMAND) else ():
-        force = bag.parse(lambda message: float(message.data), bag.decoded(entry))
-        found.setdefault(entry.sequence, []).append(force)
-    return found
+class Plans:
+    """The plans in a bag, by the stamps that they answer, one after the other."""
+
+    def __init__(self, bag: Bag) -> None:
+        """Read them; raises BagError."""
+        self.compared = 0
+        self.missing = list[Tick]()   # whose plan is not there
+        self.beyond = [] if bag.has(PLAN) else [f'the plans, for the bag has no {PLAN.name}']
+        self._found: dict[int, list[Trajectory]] = {}
+        for message in bag.of(PLAN) if bag.has(PLAN) else ():
+            self._found.setdefault(nanoseconds(message.header.stamp), []).append(
+                bag.parse(from_trajectory, message))
+
+    def difference(self, plan: Plan, tick: Tick) -> str:
+        """Return how the recorded plan of a tick differs; nothing where it does not."""
+        if self.beyond:
+            return ''
+        found = self._found.get(tick.stamp)
+        if not found:
+            self.missing.append(tick)
+            return ''
+        self.compared += 1
+        return _of_plans(found.pop(0), plan)
 
 
-def differs(controller: RecedingHorizon, tick: Tick) -> str:
+class PlantAgain:
+    """What becomes of the plant under the recorded forces, where that can be known."""
+
+    def __init__(self, bag: Bag, record: Record) -> None:
+        """Integrate a lockstep run again; raises BagError and ParameterError."""
+        self.states = 0
+        self.differences = list[Difference]()
+        config = configurations_of(bag).get(PLANT)
+        if config is None:
+            self.beyond = ['states and efforts, for the bag has no parameters of the plant']
+            return
+        plant = configuration.plant(told(bag, PLANT).parameters)
+        self.differences += _of_description(bag, plant)
+        self.beyond = _why_not(bag, plant)
+        if not self.beyond:
+            samples = samples_of(bag)
+            self.states, found = compared(samples, published(
+                plant, forces_by_stamp(record.ticks), samples[-1].stamp), not record.gap)
+            self.differences += [
+                Difference('states', f'the state at {stamp} ns ({stamp / BILLION:.3f} s)', text)
+                for stamp, text in found.items()]
+
+
+def _why_not(bag: Bag, plant: Plant) -> list[str]:
+    if not plant.parameters.lockstep:
+        return ['states and efforts, which in real time depend on when each force arrived']
+    if bag.has(DISTURBANCE):
+        return [f'states and efforts, which depend on when each {DISTURBANCE.name} arrived']
+    return []
+
+
+def _of_description(bag: Bag, plant: Plant) -> list[Difference]:
+    """Return whether the robot description is not that of the plant's parameters."""
+    if not bag.has(ROBOT_DESCRIPTION):
+        return []
+    described = bag.parse(from_urdf, bag.of(ROBOT_DESCRIPTION)[-1].data)
+    if described == from_urdf(urdf(plant.bodies, plant.limits)):
+        return []
+    return [Difference('descriptions', 'the robot description',
+                       'its bodies and limits are not the parameters of the plant')]
+
+
+def _gap(record: Record) -> list[str]:
+    return [f'{record.gap}; from there on nothing can be verified, for a tick depends on all '
+            'before it'] if record.gap else []
+
+
+def _lacks(where: str, missing: list[Tick]) -> list[str]:
+    numbers = [str(tick.number) for tick in missing[:SHOWN]]
+    more = f' and {len(missing) - SHOWN} more' if len(missing) > SHOWN else ''
+    return [f'the bag has nothing {where} of tick {", ".join(numbers)}{more}'] if missing else []
+
+
+def _unfinished(bag: Bag) -> list[str]:
+    # who asks for a part is content with it
+    return [f'{bag.incomplete}; ask for what is there (partial)'] \
+        if bag.incomplete and not bag.partial else []
+
+
+def _place(tick: Tick) -> str:
+    return f'tick {tick.number} at {tick.stamp} ns ({tick.stamp / BILLION:.3f} s), {tick.status}'
+
+
+def differs(controller: RecedingHorizon, plan: Plan, tick: Tick) -> str:
     """Return how a tick's answer differs from the recorded one; nothing where it does not."""
-    plan = answer(controller, tick)
     force, stats = plan.first_force(controller.nominal.u_max), plan.stats
     if not _same(force, tick.force):
-        return _figures('force', 'N', tick.force, force)
+        return figures('force', 'N', tick.force, force)
     if not _same(stats.cost, tick.cost):
-        return _figures('cost', '', tick.cost, stats.cost)
+        return figures('cost', '', tick.cost, stats.cost)
     if stats.solves != tick.solves:
         return f'iterations {tick.solves} recorded, {stats.solves} now, for the same force'
     return ''
 
 
-def was_sent(tick: Tick, sent: dict[int, list[float]]) -> str:
+def was_sent(tick: Tick, pairing: Pairing) -> str:
     """Return how the force on the topic differs from the one reported; nothing if it does not."""
-    # someone else may have sent forces too, with the same numbers
-    forces = sent.get(tick.number)
-    if forces is None or tick.force in forces:
+    if tick.number not in pairing.others:
         return ''
-    return _figures(f'force on {FORCE_COMMAND.name}', 'N', forces[-1], tick.force)
+    return figures(f'force on {FORCE_COMMAND.name}', 'N', pairing.others[tick.number], tick.force)
 
 
-def _figures(name: str, unit: str, recorded: float, again: float) -> str:
-    before, after, apart = (f'{number!r} {unit}'.strip()
-                            for number in (recorded, again, abs(again - recorded)))
-    return f'{name} {before} recorded, {after} now: {apart} apart'
+def _of_plans(recorded: Trajectory, plan: Plan) -> str:
+    """Return how a recorded plan differs; nothing where it does not."""
+    times = np.array([round(n * plan.dt * BILLION) for n in range(len(plan.X))]) / BILLION
+    for name, before, after in (('times', recorded.t, times), ('states', recorded.X, plan.X),
+                                ('forces', recorded.U, plan.U)):
+        if before.shape != after.shape:
+            return f'{name} of the plan of shape {before.shape} recorded, {after.shape} now'
+        apart = float(np.max(np.abs(before - after), initial=0.0))
+        if not np.array_equal(before, after, equal_nan=True):
+            return f'{name} of the plan: {apart!r} apart'
+    return ''
 
 
 def _same(a: float, b: float) -> bool:

@@ -1,14 +1,14 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""`ros2 run dp_swing_ros verify BAG`: every recorded tick again, to the bit."""
+"""`ros2 run dp_swing_ros verify BAG`: a recorded run again, to the bit."""
 
 import argparse
+from collections import Counter
 from collections.abc import Sequence
 import sys
 
 from tqdm import tqdm
 
-from dp_swing_ros.bags.fields import BILLION
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.rerun.verification import Verification, verify
 from dp_swing_ros.tools import program
@@ -33,9 +33,10 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog=program('verify'),
         description='Solve every recorded tick again, with the recorded parameters, seeds and, '
-                    'in real time, numbers of iterations, and demand the recorded forces to the '
-                    'bit. The exit code is 0 where all are, 1 where one is not, and 2 where that '
-                    'cannot be told.')
+                    'in real time, numbers of iterations, and demand the recorded forces and '
+                    'plans to the bit; in lockstep, simulate the plant again too, and demand its '
+                    'states. The exit code is 0 where all are, 1 where one is not, and 2 where '
+                    'that cannot be told.')
     add_bag(parser)
     add_partial(parser)
     add_namespace(parser)
@@ -46,29 +47,45 @@ def _identical(found: Verification) -> int:
     if found.ticks:
         print(f'{found.ticks} ticks of {found.solver} in {_mode(found)}: every force is the '
               'recorded one to the bit')
-    if found.unheard:
-        print(f'{found.unheard} of these forces are not on force_command in the bag')
+    if found.plans:
+        print(f'{found.plans} plans: all states and forces are the recorded ones to the bit')
+    if found.states:
+        print(f'{found.states} states: the plant simulated again gives them and the forces '
+              'applied to the bit')
+    if found.states and not (found.unchecked or found.incomplete):
+        print('so the whole run, simulated again from its parameters alone, is the recorded one')
     if found.ticks and found.elsewhere:
         print(f'note: recorded elsewhere ({"; ".join(found.elsewhere)}), which changed nothing')
-    if found.gap:
-        print(f'verify: error: {found.gap}; from there on nothing can be verified, for a tick '
-              'depends on all before it', file=sys.stderr)
-        return UNKNOWN
-    return IDENTICAL
+    return _remarks(found) or IDENTICAL
 
 
 def _differs(found: Verification) -> int:
-    tick, text = found.differences[0]
-    print(f'tick {tick.number} at {tick.stamp} ns ({tick.stamp / BILLION:.3f} s), {tick.status}, '
-          f'differs: {text}')
-    print(f'{len(found.differences)} of {found.ticks} ticks of {found.solver} in {_mode(found)} '
-          'differ; after the first, one may follow from another')
+    first, counts = found.differences[0], Counter(each.of for each in found.differences)
+    print(f'{first.place}, differs: {first.text}')
+    if counts['ticks']:
+        print(f'{counts["ticks"]} of {found.ticks} ticks of {found.solver} in {_mode(found)} '
+              'differ; after the first, one may follow from another')
+    if counts['forces']:
+        print(f'{counts["forces"]} forces on force_command are of no tick')
+    if counts['states']:
+        print(f'{counts["states"]} of {found.states} states differ from those of the plant '
+              'simulated again')
     print(f'likely cause: {"; ".join(found.elsewhere)}' if found.elsewhere else
           'code, packages and machine are the same: the bag was changed, or the run depended on '
           'what is not recorded')
-    if found.gap:
-        print(f'{found.gap}, and nothing after it was looked at')
+    _remarks(found)
     return DIFFERS
+
+
+def _remarks(found: Verification) -> int:
+    """Say what was not checked; return the exit code if it should have been."""
+    if found.incomplete:
+        print(found.incomplete)
+    for text in found.beyond:
+        print(f'not checked: {text}')
+    for text in found.unchecked:
+        print(f'verify: error: {text}', file=sys.stderr)
+    return UNKNOWN if found.unchecked else IDENTICAL
 
 
 def _mode(found: Verification) -> str:

@@ -5,13 +5,15 @@
 import re
 
 import pytest
-from real_bags import record, rewritten, tick, value_of, with_value
+from real_bags import converted, record, repeated, rewritten, tick, value_of, with_value
+from std_msgs.msg import String
 
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.rerun.ticks import record_of
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tools.verify import main
-from dp_swing_ros.topics import CONFIGURATION, DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES
+from dp_swing_ros.topics import (
+    CONFIGURATION, DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES, PLAN, ROBOT_DESCRIPTION)
 
 FAULTS = ('    position_noise: 0.002\n    velocity_noise: 0.05\n    force_noise: 1.0\n'
           '    state_loss: 0.4\n')
@@ -31,10 +33,22 @@ def verified(bag, capsys):
     return code, shown.out.splitlines(), shown.err.split('\r')[-1].strip()
 
 
+def drop(_):
+    return None
+
+
+def whole(count, solver):
+    """Return what is said of a lockstep run that comes out again."""
+    return [f'{count} ticks of {solver} in lockstep: every force is the recorded one to the bit',
+            f'{count} plans: all states and forces are the recorded ones to the bit',
+            f'{count} states: the plant simulated again gives them and the forces applied to '
+            'the bit',
+            'so the whole run, simulated again from its parameters alone, is the recorded one']
+
+
 @pytest.mark.parametrize('solver', sorted(SOLVERS))
 def test_lockstep_comes_out_again(bags, solver, capsys):
-    assert verified(bags[solver], capsys)[:2] == (0, [
-        f'21 ticks of {solver} in lockstep: every force is the recorded one to the bit'])
+    assert verified(bags[solver], capsys)[:2] == (0, whole(21, solver))
 
 
 @pytest.mark.parametrize('solver', sorted(SOLVERS))
@@ -43,7 +57,9 @@ def test_noise_lost_states_and_what_the_estimator_makes_of_them(solver, tmp_path
     ticks = record_of(Bag(bag)).ticks
     assert len(ticks) < 35
     code, lines, _ = verified(bag, capsys)
+    # noise and losses come from seeds, so the plant comes out again too
     assert (code, lines[0].split()[0]) == (0, str(len(ticks)))
+    assert lines[-1] == whole(0, solver)[-1]
 
 
 def test_real_time_comes_out_again(tmp_path, capsys):
@@ -53,7 +69,9 @@ def test_real_time_comes_out_again(tmp_path, capsys):
     # the plant ends first: the mpc carries on, then lets go
     assert ticks[-1].status == 'ZERO'
     assert verified(bag, capsys)[:2] == (0, [
-        f'{len(ticks)} ticks of ilqr in real time: every force is the recorded one to the bit'])
+        f'{len(ticks)} ticks of ilqr in real time: every force is the recorded one to the bit',
+        f'{len(ticks)} plans: all states and forces are the recorded ones to the bit',
+        'not checked: states and efforts, which in real time depend on when each force arrived'])
 
 
 @pytest.mark.parametrize('solver', sorted(SOLVERS))
@@ -88,7 +106,7 @@ def test_a_changed_force_is_named(bags, tmp_path, capsys):
     assert re.match(r'tick 7 at 300000000 ns \(0\.300 s\), CONVERGED, differs: '
                     r'force on force_command .* recorded, .* now: 1\.\d+e-09 N apart', lines[0])
     assert lines[1].startswith('1 of 21 ticks of ilqr in lockstep differ')
-    assert lines[2].startswith('code, packages and machine are the same')
+    assert lines[-1].startswith('code, packages and machine are the same')
 
 
 @pytest.mark.parametrize('key, value, text', [
@@ -124,13 +142,13 @@ def test_other_code_is_the_likely_cause_only_of_a_difference(bags, tmp_path, cap
     other = rewritten(bags['ddp'], tmp_path / 'other', CONFIGURATION,
                       told('sources: ', 'sources: old'))
     code, lines, _ = verified(other, capsys)
-    assert (code, len(lines)) == (0, 2)
-    assert re.match(r'note: recorded elsewhere \(code old\w+ there, \w+ here\)', lines[1])
+    assert (code, lines[:4]) == (0, whole(21, 'ddp'))
+    assert re.match(r'note: recorded elsewhere \(code old\w+ there, \w+ here\)', lines[4])
     changed = rewritten(other, tmp_path / 'changed', DIAGNOSTICS,
                         tick(4, with_value('force', '1')))
     code, lines, _ = verified(changed, capsys)
     assert code == 1
-    assert lines[2].startswith('likely cause: code old')
+    assert lines[-1].startswith('likely cause: code old')
 
 
 @pytest.mark.parametrize('missing', [1, 8])
@@ -138,7 +156,8 @@ def test_nothing_is_said_of_ticks_after_a_gap(bags, missing, tmp_path, capsys):
     bag = rewritten(bags['ilqr'], tmp_path / 'bag', DIAGNOSTICS, tick(missing, lambda _: None))
     code, lines, error = verified(bag, capsys)
     assert code == 2
-    assert [line.split()[0] for line in lines] == ['7'] * (missing > 1)
+    # the plant is known up to the state that no known force answers
+    assert [line.split()[0] for line in lines] == {1: ['1'], 8: ['7', '7', '8']}[missing]
     assert f'error: tick {missing} is missing (the next is {missing + 1})' in error
 
 
@@ -146,20 +165,134 @@ def test_a_missing_state_is_a_gap(bags, tmp_path, capsys):
     bag = rewritten(bags['ilqr'], tmp_path / 'bag', JOINT_STATES, lambda message: (
         None if message.header.stamp.nanosec == 250_000_000 else message))
     code, lines, error = verified(bag, capsys)
-    assert (code, lines[0].split()[0]) == (2, '5')
+    assert (code, [line.split()[0] for line in lines]) == (2, ['5', '5', '5'])
     assert 'the state of tick 6 is missing (250000000 ns)' in error
 
 
-def test_a_force_that_the_bag_lost_is_told(bags, tmp_path, capsys):
-    count = iter(range(100))
-    bag = rewritten(bags['ilqr'], tmp_path / 'bag', FORCE_COMMAND,
-                    lambda message: None if next(count) == 3 else message)
+def changed_once(number, change):
+    """Return what changes one message of a topic."""
+    count = iter(range(1, 1000))
+    return lambda message: change(message) if next(count) == number else message
+
+
+@pytest.mark.parametrize('topic', [FORCE_COMMAND, PLAN])
+def test_what_the_bag_lacks_is_not_passed_over(bags, topic, tmp_path, capsys):
+    bag = rewritten(bags['ilqr'], tmp_path / 'bag', topic, changed_once(4, drop))
+    code, lines, error = verified(bag, capsys)
+    assert (code, lines[0]) == (2, whole(21, 'ilqr')[0])
+    assert error == f'verify: error: the bag has nothing on {topic.name} of tick 4'
+    assert not any(line.startswith('so the whole run') for line in lines)
+
+
+def test_a_bag_without_forces_is_not_passed_over(bags, tmp_path, capsys):
+    bag = rewritten(bags['ilqr'], tmp_path / 'bag', FORCE_COMMAND, drop)
+    code, _, error = verified(bag, capsys)
+    assert code == 2
+    assert 'nothing on force_command of tick 1, 2, 3, 4, 5 and 16 more' in error
+
+
+def test_a_bag_without_plans_says_so(bags, tmp_path, capsys):
+    code, lines, _ = verified(rewritten(bags['ilqr'], tmp_path / 'bag', PLAN, drop), capsys)
+    assert code == 0
+    assert 'not checked: the plans, for the bag has no mpc/plan' in lines
+
+
+def move(field, place, by):
+    """Return what changes a number of a JointState, or of the third point of a plan."""
+    def change(message):
+        numbers = getattr(message.points[2] if hasattr(message, 'points') else message, field)
+        numbers[place] += by
+        return message
+    return change
+
+
+@pytest.mark.parametrize('topic, change, text', [
+    (JOINT_STATES, move('effort', 0, 1e-9), r'the state at 150000000 ns \(0\.150 s\), differs: '
+     r'effort \S+ N recorded, \S+ N now: 1\.\d+e-09 N apart'),
+    (PLAN, move('effort', 0, 1e-9), r'tick 4 at 150000000 ns .*: forces of the plan: \S+ apart'),
+    (PLAN, move('positions', 1, 1e-9), r'tick 4 at .*: states of the plan: \S+ apart')])
+def test_a_changed_effort_or_plan_is_named(bags, topic, change, text, tmp_path, capsys):
+    bag = rewritten(bags['ddp'], tmp_path / 'bag', topic, changed_once(4, change))
     code, lines, _ = verified(bag, capsys)
-    assert (code, lines[1:]) == (0, ['1 of these forces are not on force_command in the bag'])
+    assert code == 1
+    assert re.match(text, lines[0])
+    assert lines[1].startswith('1 of 21 ')
 
 
-def drop(_):
-    return None
+def of_plant(old, new):
+    """Return what changes the configuration of the plant."""
+    def change(message):
+        if 'node: /plant' in message.data:
+            assert old in message.data
+            message.data = message.data.replace(old, new)
+        return message
+    return change
+
+
+@pytest.mark.parametrize('topic, change, text', [
+    (CONFIGURATION, of_plant('cart_mass: 1.0', 'cart_mass: 1.1'), 'the robot description, diff'),
+    (CONFIGURATION, of_plant('physics_step: 0.005', 'physics_step: 0.01'), 'the state at '),
+    (CONFIGURATION, of_plant('  rate: 20.0', '  rate: 40.0'), 'the state at '),
+    (ROBOT_DESCRIPTION, lambda message: String(data=message.data.replace(
+        'value="9.81"', 'value="9.8"')), 'the robot description, differs: its bodies and limits')])
+def test_changed_parameters_of_the_plant_are_named(bags, topic, change, text, tmp_path, capsys):
+    code, lines, _ = verified(rewritten(bags['ddp'], tmp_path / 'bag', topic, change), capsys)
+    assert code == 1
+    assert lines[0].startswith(text)
+
+
+def doubled(forces):
+    return forces[:7] + forces[6:]
+
+
+def swapped(forces):
+    return [*forces[:6], forces[7], forces[6], *forces[8:]]
+
+
+def altered(forces):
+    return [*forces[:6], forces[6] * (1 + 1e-15), *forces[7:]]
+
+
+@pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
+@pytest.mark.parametrize('change, code, text', [
+    (lambda forces: forces, 0, 'every force is the recorded one to the bit'),
+    (doubled, 1, '1 forces on force_command are of no tick'),
+    (swapped, 1, '2 of 21 ticks of ddp in lockstep differ'),
+    (altered, 1, '1 of 21 ticks of ddp in lockstep differ'),
+    (lambda forces: forces[:6] + forces[7:], 2, 'nothing on force_command of tick 7'),
+    (lambda forces: forces[1:], 2, 'nothing on force_command of tick '),
+    (lambda forces: forces[:-3], 2, 'nothing on force_command of tick 20, 21'),
+    (lambda forces: [0.5, *forces], 1, '1 forces on force_command are of no tick'),
+    (lambda forces: [*forces, 0.5], 1, '1 forces on force_command are of no tick'),
+    (lambda forces: [], 2, 'nothing on force_command of tick 1, 2, 3, 4, 5 and 16 more')])
+def test_converted_bags_have_no_numbers_and_are_checked_all_the_same(
+        bags, storage, change, code, text, tmp_path, capsys):
+    bag = converted(bags['ddp'], tmp_path / 'bag', storage, change)
+    assert {entry.sequence for entry in Bag(bag).entries} == {0}
+    found, lines, error = verified(bag, capsys)
+    assert (found, text in '\n'.join([*lines, error])) == (code, True)
+
+
+@pytest.mark.parametrize('number', [1, 7, 21])
+def test_doubled_forces_with_their_numbers_are_named(bags, number, tmp_path, capsys):
+    bag = repeated(bags['ddp'], tmp_path / 'bag', FORCE_COMMAND, number)
+    code, lines, _ = verified(bag, capsys)
+    assert code == 1
+    assert re.match(r'a force at \d+ ns, differs: \S+ N on force_command, which no tick sent',
+                    lines[0])
+
+
+def test_a_bag_whose_metadata_counts_more_is_not_passed_over(bags, tmp_path, capsys):
+    bag = rewritten(bags['ddp'], tmp_path / 'bag', FORCE_COMMAND, lambda message: message)
+    about = bag / 'metadata.yaml'
+    count = len(Bag(bag).entries)
+    about.write_text(about.read_text().replace(
+        f'message_count: {count}\n', f'message_count: {count + 9}\n'))
+    code, lines, error = verified(bag, capsys)
+    assert code == 2
+    assert f'Incomplete: {count} of {count + 9} messages' in lines
+    assert f'Incomplete: {count} of {count + 9} messages; ask for what is there' in error
+    assert main([str(bag), '--partial']) == 0
 
 
 def again(message):
@@ -202,3 +335,5 @@ def test_missing_and_damaged_bags_are_one_line(bags, tmp_path, capsys):
     cut.write_bytes(next(bags['ilqr'].glob('*.mcap')).read_bytes()[:-200])
     assert verified(cut, capsys)[0] == 2
     assert main([str(cut), '--partial']) == 0
+    count = len(Bag(cut, partial=True).entries)
+    assert f'Incomplete: {count} of unknown messages' in capsys.readouterr().out
