@@ -123,7 +123,8 @@ def positive(text: str) -> int:
     """Read a whole number from 1 on."""
     value = int(text)
     if not 1 <= value <= LEVELS:
-        raise argparse.ArgumentTypeError(f'{text[:80]} is not a whole number from 1 to {LEVELS}')
+        raise argparse.ArgumentTypeError(f'{text[:80]} is not a whole number above 0 and up '
+                                         f'to {LEVELS}')
     return value
 
 

@@ -111,7 +111,7 @@ def test_parameter_files_do_not_unfold(tmp_path, text):
     (['--seeds', '0:99999999999'], 'are not up to 100000 seeds'),
     (['--seeds', '9' * 400], 'are not up to 100000 seeds'),
     (['--seeds', f'{"9" * 400}:1{"0" * 400}'], 'are not up to 100000 seeds'),
-    (['--levels', '99999999999'], 'is not a whole number from 1 to 10000'),
+    (['--levels', '99999999999'], 'is not a whole number above 0 and up to 10000'),
     (['--contestants', f'ilqr:seed={"9" * 400}'], 'a whole number of 1329 bits')])
 def test_numbers_of_a_campaign_are_bounded(tmp_path, arguments, text):
     code, shown = called('tools.evaluate', arguments, tmp_path)

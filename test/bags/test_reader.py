@@ -2,7 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 import io
+import re
+import shlex
 import struct
+import subprocess
 
 from mcap.writer import Writer
 import numpy as np
@@ -128,6 +131,18 @@ def test_unknown_channel_is_told(path):
     path.write_bytes(content[:place] + struct.pack('<BQ', 5, len(body)) + body + content[place:])
     with pytest.raises(BagError, match='after 1 messages, then has a message of the unknown ch'):
         Bag(path)
+
+
+def test_sqlite3_names_the_command_that_converts_it(file):
+    other, storage = file.parent.with_name('other'), ['--dst-storage', 'sqlite3']
+    subprocess.run(['rosbags-convert', '--src', file.parent, '--dst', other, *storage],
+                   check=True)
+    for path in (other, other / 'other.db3'):
+        with pytest.raises(BagError, match='rosbags-convert') as error:
+            Bag(path)
+        command = re.search('`(rosbags-convert .*?)`', str(error.value))[1]
+    subprocess.run(shlex.split(command), check=True)
+    assert len(read_episode(other.with_name('other_mcap')).t) == len(read_episode(file).t)
 
 
 def test_places_that_are_no_bag(tmp_path):
