@@ -194,8 +194,8 @@ def test_places_without_a_bag(tmp_path):
     with pytest.raises(BagError, match='it holds nothing'):
         read_episode(tmp_path)
     (tmp_path / 'bag_0.db3').write_text('SQLite')
-    with pytest.raises(BagError, match='it holds bag_0.db3; .*`rosbags-convert --src .* --dst-storage '
-                       'mcap`.*`ros2 bag convert -i .*storage_id: mcap'):
+    with pytest.raises(BagError, match='it holds bag_0.db3; .*`rosbags-convert --src .*`ros2 bag '
+                       'convert -i .*storage_id: mcap'):
         read_episode(tmp_path)
     with pytest.raises(BagError, match='is no MCAP file'):
         read_episode(tmp_path / 'bag_0.db3')

@@ -64,7 +64,7 @@ def test_damaged_bag_becomes_a_whole_one(bag, original, capsys):
             if row and row[0] in ('/joint_states', '/diagnostics', '/force_command')}
     assert sum(lost.values()) == len(entries(original)) - len(found)
     assert main([str(new)]) == 0
-    assert 'is whole' in capsys.readouterr().out
+    assert 'has nothing to repair' in capsys.readouterr().out
 
 
 def test_other_readers_take_it(bag, original):
