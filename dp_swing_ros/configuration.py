@@ -18,7 +18,6 @@ from dp_swing_ros.parameter_files import ANY_NODE, is_of_rclpy, sections
 from dp_swing_ros.parameters import (
     checked, CostParameters, LimitParameters, ParameterError, Parameters, PendulumParameters,
     PlantParameters, PredictionParameters, unknown)
-from dp_swing_ros.plain_yaml import parse, parse_file, PlainLoader, YamlError
 from dp_swing_ros.problem import Problem
 from dp_swing_ros.simulation import Plant
 from dp_swing_ros.solvers import SOLVERS

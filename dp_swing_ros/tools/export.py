@@ -10,7 +10,9 @@ from pathlib import Path
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.bags.tables import plans_of, states_of
 from dp_swing_ros.errors import UserError
-from dp_swing_ros.tools.over_bags import add_bag, add_partial, beside, exit_code
+from dp_swing_ros.tools import program
+from dp_swing_ros.tools.over_bags import (
+    add_bag, add_namespace, add_partial, beside, exit_code)
 
 FORMATS = ('csv', 'parquet')
 
@@ -23,7 +25,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _export(arguments: argparse.Namespace) -> int:
     output = output_for(arguments.bag, arguments.output, arguments.format)
-    bag = Bag(arguments.bag, arguments.partial)
+    bag = Bag(arguments.bag, arguments.partial, arguments.namespace)
     tables = {output: states_of(bag, arguments.whole_turns),
               output.with_stem(f'{output.stem}_plans'): plans_of(bag, arguments.whole_turns)}
     output.parent.mkdir(parents=True, exist_ok=True)
@@ -40,7 +42,7 @@ def _export(arguments: argparse.Namespace) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog='ros2 run dp_swing_ros export',
+        prog=program('export'),
         description='Write a recorded run as two tables: a row a state, with the force and what '
                     'the controller said of its tick, its estimate too; and, in FILE_plans, a row '
                     'a step of a plan. The columns name their units; angles are in (-pi, pi], 0 '
@@ -54,6 +56,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument('--whole-turns', action='store_true',
                         help='keep the turns of the angles, which then have no jumps')
     add_partial(parser)
+    add_namespace(parser)
     return parser
 
 
