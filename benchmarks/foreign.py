@@ -1,30 +1,28 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Measure the mpc on a rig that shares no code with it, and print docs/results/foreign.md.
+Measure the mpc on a rig that shares no code with it: the page docs/results/foreign.md.
 
-Runs go in real time, one after the other, on a machine that must do nothing else. Each is kept in
-a file, so that a second start goes on where the first was stopped.
+Runs go in real time, one on each core, on a machine that must do nothing else. Each is kept in a
+file, so that a second start goes on where the first was stopped.
 """
 
 import argparse
 from collections.abc import Iterable
-from datetime import date
-import hashlib
 import json
-import os
 from pathlib import Path
-import platform
 import subprocess
 import sys
 import tempfile
 import time
 from typing import Any, NamedTuple
 
+from joblib import delayed, Parallel
 import numpy as np
+import pandas as pd
+from stamp import made, sources_with, TOP
 
 from dp_swing_ros.comparison import wilson
-from dp_swing_ros.provenance import commit, PACKAGE
 from dp_swing_ros.tools.isolation import isolated
 from dp_swing_ros.tools.processes import Crew, Process
 
@@ -78,6 +76,12 @@ class Case(NamedTuple):
     condition: str
     solver: str
     seed: int
+
+
+def play(case: Case) -> tuple[Case, dict[str, Any]]:
+    """Do one run in a ROS domain of its own, and return its figures."""
+    with isolated(), tempfile.TemporaryDirectory() as folder:
+        return case, row(measure(case, Path(folder)))
 
 
 def measure(case: Case, folder: Path) -> dict[str, Any]:
@@ -156,10 +160,7 @@ def seconds(time: float | None) -> str:
 
 def digest() -> str:
     """Return a digest of the package and of the rig, all that decides a run."""
-    found = hashlib.sha256()
-    for path in [*sorted(PACKAGE.rglob('*.py')), Path(__file__), PLANT]:
-        found.update(path.name.encode() + path.read_bytes())
-    return found.hexdigest()[:16]
+    return sources_with(Path(__file__).name, PLANT.name)
 
 
 def stored(file: Path, sources: str) -> dict[Case, dict[str, Any]]:
@@ -172,22 +173,21 @@ def stored(file: Path, sources: str) -> dict[Case, dict[str, Any]]:
     return found
 
 
-def do(cases: list[Case], file: Path) -> dict[Case, dict[str, Any]]:
+def do(cases: list[Case], file: Path, jobs: int) -> dict[Case, dict[str, Any]]:
     """Do the runs that the file does not hold yet, add each to it, and return all."""
     sources = digest()
     found = stored(file, sources)
     rest = [case for case in cases if case not in found]
     began = time.monotonic()
     file.parent.mkdir(parents=True, exist_ok=True)
-    for done, case in enumerate(rest):
-        with tempfile.TemporaryDirectory() as folder:
-            found[case] = row(measure(case, Path(folder)))
+    runs = Parallel(n_jobs=jobs, return_as='generator_unordered')(map(delayed(play), rest))
+    for done, (case, figures) in enumerate(runs, 1):
+        found[case] = figures
         with file.open('a') as output:
-            print(json.dumps({'sources': sources, 'case': case, 'figures': found[case]}),
-                  file=output)
-        left = (time.monotonic() - began) / (done + 1) * (len(rest) - done - 1)
-        what = ', '.join(shortcomings(found[case], case.condition in FAULTS)) or 'good'
-        print(f'{done + 1}/{len(rest)} {case.condition} {case.solver} {case.seed}: {what}; '
+            print(json.dumps({'sources': sources, 'case': case, 'figures': figures}), file=output)
+        left = (time.monotonic() - began) / done * (len(rest) - done)
+        what = ', '.join(shortcomings(figures, case.condition in FAULTS)) or 'good'
+        print(f'{done}/{len(rest)} {case.condition} {case.solver} {case.seed}: {what}; '
               f'{left / 60:.0f} min left', file=sys.stderr, flush=True)
     return found
 
@@ -242,10 +242,7 @@ def table(titles: tuple[str, ...], cells: Any, names: Iterable[str],
 def page(found: dict[Case, dict[str, Any]]) -> str:
     """Return the page as Markdown."""
     return '\n'.join([
-        '# On a rig that shares nothing with us\n',
-        f'Made by `make results` ({Path(__file__).name}) on {date.today()} at commit {commit()}, '
-        f'sources {digest()}; {os.cpu_count()} shared cores, {platform.machine()}, CPython '
-        f'{platform.python_version()}.\n',
+        '# On a rig that shares nothing with us\n', made('foreign', digest()),
         f'The rig ({PLANT.name}) imports nothing of this package: a node of rclpy with default '
         'QoS that steps a MuJoCo model at 1 ms against the wall clock, limits the force to '
         f'{FORCE_LIMIT:g} N and the track to 2.4 m, lets the force go 0.25 s after the last '
@@ -254,7 +251,8 @@ def page(found: dict[Case, dict[str, Any]]) -> str:
         f'once upright for {HOLD:g} s or after {LIMIT:g} s; upright: both angles within 0.1 rad '
         'and all speeds under 1 (m/s, rad/s) through the last second; settled where that last '
         'stay begins, counted from the first force. In brackets the 95 % interval (Wilson). '
-        'Late ticks are those of the rig: more than one and a half periods after the last.\n',
+        'Late ticks are those of the rig: more than one and a half periods after the last. The '
+        'rows: [foreign.csv.gz](foreign.csv.gz).\n',
         *table(SWING_UP, swing_up_cells, [*CONDITIONS, *SIMULATED], found),
         '## A sensor that fails\n',
         f'The sensor fails for 1.5 s, {" or ".join(f"{t:g}" for t in FAULT_TIMES)} s after the '
@@ -262,7 +260,7 @@ def page(found: dict[Case, dict[str, Any]]) -> str:
         f'zero force within {ZERO_WITHIN:g} s and until the fault ends, no force above '
         f'{FORCE_LIMIT:g} N, a warning or an error in /diagnostics all the while, upright again '
         f'within {RECOVERY_WITHIN:g} s of its end.\n',
-        *table(FAULTY, fault_cells, FAULTS, found)]).rstrip()
+        *table(FAULTY, fault_cells, FAULTS, found)])
 
 
 def main() -> None:
@@ -274,15 +272,21 @@ def main() -> None:
     parser.add_argument('--runs', type=int, default=10, help='of each condition without a fault')
     parser.add_argument('--few', type=int, default=2,
                         help='runs of each fault, and in simulated time')
-    parser.add_argument('--rows', type=Path, default=Path('runs/foreign.jsonl'),
+    parser.add_argument('--jobs', type=int, default=2, help='runs at a time')
+    parser.add_argument('--rows', type=Path, default=TOP / 'runs' / 'foreign.jsonl',
                         help='file that keeps the runs')
+    parser.add_argument('--docs', type=Path, default=TOP / 'docs')
     arguments = parser.parse_args()
     cases = [Case(name, solver, seed) for name in arguments.conditions
              for solver in arguments.solvers
              for seed in range(arguments.runs if name in CONDITIONS else arguments.few)]
-    with isolated():
-        found = do(cases, arguments.rows)
-    print(page({case: found[case] for case in cases}))
+    every = do(cases, arguments.rows, arguments.jobs)
+    found = {case: every[case] for case in cases}
+    results = arguments.docs / 'results'
+    results.mkdir(parents=True, exist_ok=True)
+    pd.DataFrame([{**case._asdict(), **figures} for case, figures in found.items()]).to_csv(
+        results / 'foreign.csv.gz', index=False)
+    (results / 'foreign.md').write_text(page(found), encoding='utf-8')
 
 
 if __name__ == '__main__':
