@@ -22,7 +22,7 @@ import time
 
 import numpy as np
 
-from dp_swing_ros.dynamics.trajectory import hold, ROUNDING
+from dp_swing_ros.dynamics.trajectory import hold
 from dp_swing_ros.estimator import Estimate, Estimator, EstimatorParameters, Force
 from dp_swing_ros.parameters import parameter, Parameters
 from dp_swing_ros.plan import Plan, Status
@@ -245,10 +245,10 @@ class RecedingHorizon:
         """Return the forces that act between two times [s]; before the first sent it is zero."""
         forces: list[Force] = []
         for begins, u in chain(reversed(self.sent), [(t, 0.0)]):   # what was sent later replaces
-            if until - t <= ROUNDING:
+            if until - t <= RESOLUTION:
                 break
             begins = max(begins, t)
-            if until - begins > ROUNDING:
+            if until - begins > RESOLUTION:
                 forces.insert(0, Force(u, until - begins))
                 until = begins
         return forces

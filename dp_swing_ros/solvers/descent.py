@@ -18,7 +18,7 @@ from dp_swing_ros.state import Array
 MU_FIRST = 1.0     # regularisation after a first failure
 MU_FACTOR = 6.0
 # The share of the tensor terms is cut where they made the expansion indefinite, and grows with
-# every step that helps. The tensor is seldom too large by a little: see docs/model.md.
+# every step that helps: see docs/model.md.
 TENSOR_CUT, TENSOR_GROWTH, TENSOR_LEAST = 0.1, 1.5, 1e-3
 ENDS = (Status.CONVERGED, Status.ITERATION_LIMIT, Status.DEADLINE, Status.STALLED, Status.FAILED)
 CONVERGED, ITERATION_LIMIT, DEADLINE, STALLED, FAILED = range(len(ENDS))
