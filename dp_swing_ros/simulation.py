@@ -183,6 +183,7 @@ def simulate(plant: Plant, controller: Controller, duration: float, solver: str 
     """
     Run the closed loop for a time [s] in lockstep, and return the true states and forces.
 
+    The first tick is when the first measurement can have arrived; before, the force is zero.
     on_tick is called with the time and the plan of every tick; pushes are the forces [N] on the
     cart beside the actuator's, one for each period. Raises ValueError where they are not.
     """
@@ -196,23 +197,31 @@ def simulate(plant: Plant, controller: Controller, duration: float, solver: str 
     t, X, U, plans = [plant.t], [plant.x.copy()], [], []
     for n in range(count):
         plan = answer(plant, controller)
-        plant.obey(plan.control(0.0, plan.X[0]))
+        if plan is not None:
+            plant.obey(plan.control(0.0, plan.X[0]))
+            plans.append(plan)
         plant.begin_period(float(pushes[n]))
         plant.advance(period)
         t.append(plant.t)
         X.append(plant.x.copy())
         U.append(plant.mean_force)
-        plans.append(plan)
-        if on_tick is not None:
+        if on_tick is not None and plan is not None:
             on_tick(plant.t, plan)
-    return Episode(np.array(t), np.array(X), np.array(U), ticks_of(t[:-1], plans, period),
+    first = count - len(plans)
+    return Episode(np.array(t), np.array(X), np.array(U), ticks_of(t[first:-1], plans, period),
                    solver, plant.bodies, plant.limits)
 
 
-def answer(plant: Plant, controller: Controller) -> Plan:
-    """Return the controller's plan for the state as it is measured, or for none."""
-    # the nodes say the time in whole nanoseconds, and this is to be their run to the bit
+def answer(plant: Plant, controller: Controller) -> Plan | None:
+    """
+    Return the controller's plan for the state as it is measured, or for one that is lost.
+
+    None as long as there is nothing to answer.
+    """
     measured = plant.measure()
+    if not plant.is_seen():
+        return None
+    # the nodes say the time in whole nanoseconds, and this is to be their run to the bit
     if measured is None:
         return controller.stand_in(plant.t)
     return controller.update(round(measured.t * 1e9) / 1e9, measured.x, plant.parameters.delay)

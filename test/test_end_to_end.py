@@ -14,14 +14,17 @@ from mcap_ros2.decoder import DecoderFactory
 import numpy as np
 from PIL import Image
 import pytest
+from real_bags import record
 from rosbags.highlevel import AnyReader
 
+from dp_swing_ros import configuration
 from dp_swing_ros.bags import read_episode
 from dp_swing_ros.bags.configurations import configurations_of
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.errors import BagError
 from dp_swing_ros.metrics import measure, outcome
 from dp_swing_ros.provenance import commit, machine
+from dp_swing_ros.simulation import simulate
 from dp_swing_ros.solvers import SOLVERS
 
 LIMIT = 280  # [s] for one call; the first start on a machine compiles
@@ -95,6 +98,35 @@ def test_same_seed_gives_the_same_run_to_the_bit(tmp_path):
     np.testing.assert_array_equal(first.X, second.X)
     np.testing.assert_array_equal(first.U, second.U)
     np.testing.assert_array_equal(first.ticks.cost, second.ticks.cost)
+
+
+class Watched:
+    """A plant that remembers what was measured."""
+
+    def __init__(self, plant):
+        self.plant, self.measured = plant, []
+
+    def __getattr__(self, name):
+        return getattr(self.plant, name)
+
+    def measure(self):
+        found = self.plant.measure()
+        self.measured += [] if found is None else [found]
+        return found
+
+
+@pytest.mark.parametrize('delay', [0.0, 0.05, 0.07])
+def test_a_lockstep_run_is_the_one_without_ros_to_the_bit(delay, tmp_path):
+    faults = {'velocity_noise': 0.02, 'force_noise': 0.5, 'command_jitter': 0.02,
+              'command_loss': 0.1, 'actuator_response': 0.5, 'delay': delay}
+    bag = record(tmp_path, '--duration', '3', '--lockstep', '--solver', 'mppi', '--seed', '4',
+                 plant=''.join(f'    {name}: {value}\n' for name, value in faults.items()))
+    recorded = read_episode(bag)
+    plant = Watched(configuration.plant({**faults, 'seed': 4}))
+    simulate(plant, configuration.controller({'solver': 'mppi', 'seed': 4}), 3.0)
+    X = np.array([measured.x for measured in plant.measured])
+    assert len(X) >= 58 and len(recorded.X) == len(X) + 1   # the last one is not answered
+    np.testing.assert_array_equal(recorded.X[:-1], X)
 
 
 def undisturbed(folder, *arguments):

@@ -443,3 +443,13 @@ def test_in_lockstep_a_controller_that_joins_late_gets_the_unanswered_state(peer
     assert seconds(heard[1].header.stamp) == pytest.approx(
         seconds(heard[0].header.stamp) + 0.05)
     other.close()
+
+
+def test_what_has_not_arrived_yet_is_not_lost(peer, start_node):
+    reports = peer.record(DIAGNOSTICS)
+    node, states = first_states(peer, start_node, delay=0.6)
+    assert peer.until(lambda: len(reports) >= 2), node.output()
+    values = [from_diagnostics(report, 'plant').values for report in reports]
+    assert all(value['lost_states'] == 0 for value in values)
+    np.testing.assert_allclose(to_state(states[0]), [0, math.pi, math.pi, 0, 0, 0], atol=1e-9)
+    assert node.stop() == 0
