@@ -1,6 +1,7 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 import itertools
+import os
 
 from distributed import LocalCluster
 import pytest
@@ -69,14 +70,19 @@ def test_a_scheduler_that_is_not_there_is_told(tmp_path, monkeypatch):
         play(tmp_path, dask='tcp://127.0.0.1:1')
 
 
-def test_only_what_is_missing_is_run(alone, tmp_path, capsys):
+def test_only_what_is_missing_is_run(alone, tmp_path, monkeypatch):
     path = tmp_path / 'episodes.csv'
     play(tmp_path, jobs=1, seeds=range(2))
     before = path.read_bytes()
-    rows = play(tmp_path, jobs=1)
+    screen, terminal = os.openpty()
+    with os.fdopen(terminal, 'w') as stderr, monkeypatch.context() as patch:
+        patch.setattr('sys.stderr', stderr)
+        rows = play(tmp_path, jobs=1)
+    shown = os.read(screen, 1 << 16).decode()
+    os.close(screen)
     assert path.read_bytes().startswith(before)
     assert sorted(map(str, map(timeless, rows))) == sorted(map(str, map(timeless, alone)))
-    assert '8/16' in capsys.readouterr().err
+    assert '8/16' in shown
     play(tmp_path, jobs=1)
     assert len(read(path)) == 16
 
