@@ -205,6 +205,17 @@ def test_it_starts_anew_after_a_long_gap_and_remembers_the_bodies(rng):
     assert estimate.bodies == last.bodies
 
 
+def test_what_is_known_of_the_bodies_is_forgotten_in_its_memory(rng):
+    """The variances go back to those of the beginning by the share of the memory that passed."""
+    e, _ = swung(PendulumParameters(), rng)
+    known = np.diag(e.P)[BIAS:]
+    assert np.all(known[1:1 + len(SCALED)] < 0.5 * e.prior[1:1 + len(SCALED)])
+    # hanging still, it learns nothing of them: what is left is what it forgets
+    _, P = e.predicted([Force(0.0, 0.3)], 0.0)
+    share = 0.3 / e.parameters.memory
+    np.testing.assert_allclose(np.diag(P)[BIAS:], known + share * (e.prior - known), rtol=1e-9)
+
+
 def test_a_short_gap_is_bridged():
     e, model = estimator(), RK4.of(Pendulum.of(BODIES), 0.01)
     e.update(0.0, SWINGING, [])
