@@ -14,10 +14,10 @@ import subprocess
 PACKAGE = Path(__file__).parent
 COMPUTING = ('numpy', 'numba', 'scipy')
 # what no episode depends on
-AFTERWARDS = ('bags/', 'campaign/against.py', 'campaign/manifest.py', 'campaign/report.py',
-              'campaign/runner.py', 'campaign/scores.py', 'campaign/summary.py', 'comparison.py',
-              'ensemble.py', 'errors.py', 'figures/', 'nodes/', 'provenance.py', 'report/',
-              'rerun/', 'tools/', 'topics.py', 'urdf.py')
+AFTERWARDS = ('__main__.py', 'bags/', 'campaign/against.py', 'campaign/manifest.py',
+              'campaign/report.py', 'campaign/runner.py', 'campaign/scores.py',
+              'campaign/summary.py', 'comparison.py', 'ensemble.py', 'errors.py', 'figures/',
+              'nodes/', 'provenance.py', 'report/', 'rerun/', 'tools/', 'topics.py', 'urdf.py')
 
 
 def cpu() -> str:

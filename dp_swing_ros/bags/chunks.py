@@ -36,6 +36,8 @@ def unpack(data: bytes, compression: str, size: int, checksum: int) -> Unpacked:
 
 
 def _pieces(data: bytes, compression: str) -> Iterator[bytes]:
+    if not data:
+        return   # of nothing at all zstandard would read for ever
     try:
         if compression == 'zstd':
             stream = zstandard.ZstdDecompressor().stream_reader(data)

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import zstandard
 
+from dp_swing_ros.bags.chunks import unpack
 from dp_swing_ros.bags.damage import Damage, Reason
 from dp_swing_ros.bags.records import MAGIC
 from dp_swing_ros.bags.salvage import Scan
@@ -185,3 +186,9 @@ def test_nothing_of_it_is_anything(rng):
         numbers, damages = scan(data)
         assert not numbers
         assert damages
+
+
+@pytest.mark.parametrize('compression', ['zstd', 'lz4', ''])
+def test_a_chunk_of_no_bytes_is_nothing(compression):
+    """Where zeros have overwritten the length of a chunk; zstandard reads it for ever."""
+    assert unpack(b'', compression, 4830, 0) == (b'', False, False)
