@@ -104,10 +104,10 @@ class Audience:
 def listeners(node: Node, publisher: Publisher, partners: Topic) -> set[bytes]:
     """Return the subscriptions of a publisher's topic by nodes that publish another topic."""
     senders = node.get_publishers_info_by_topic(node.resolve_topic_name(partners.name))
-    wanted = set(map(_owner, senders))
+    wanted = set(map(owner, senders))
     return {bytes(each.endpoint_gid)
             for each in node.get_subscriptions_info_by_topic(publisher.topic_name)
-            if _owner(each) in wanted}
+            if owner(each) in wanted}
 
 
 def is_heard(node: Node, publisher: Publisher, partners: Topic) -> bool:
@@ -118,19 +118,19 @@ def is_heard(node: Node, publisher: Publisher, partners: Topic) -> bool:
     """
     senders = node.get_publishers_info_by_topic(node.resolve_topic_name(partners.name))
     listeners = node.get_subscriptions_info_by_topic(publisher.topic_name)
-    wanted, found = (set(map(_owner, infos)) for infos in (senders, listeners))
+    wanted, found = (set(map(owner, infos)) for infos in (senders, listeners))
     return bool(wanted) and wanted <= found and (
         publisher.get_subscription_count() >= len(listeners))
 
 
 def owners(node: Node, topic: Topic) -> set[str]:
     """Return the full names of the nodes that publish a topic."""
-    return {'/'.join((info.node_namespace.rstrip('/'), info.node_name))
-            for info in node.get_publishers_info_by_topic(node.resolve_topic_name(topic.name))}
+    return set(map(owner, node.get_publishers_info_by_topic(node.resolve_topic_name(topic.name))))
 
 
-def _owner(info: TopicEndpointInfo) -> tuple[str, str]:
-    return info.node_namespace, info.node_name
+def owner(endpoint: TopicEndpointInfo) -> str:
+    """Return the full name of the node that an endpoint is of."""
+    return f'{endpoint.node_namespace.rstrip("/")}/{endpoint.node_name}'
 
 
 def publish_again(node: Node, name: str, offer: Offer) -> Publisher:

@@ -15,9 +15,8 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.qos import qos_check_compatible, QoSCompatibility
-from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from dp_swing_ros.nodes.connections import publish
+from dp_swing_ros.nodes.connections import owner, publish
 from dp_swing_ros.nodes.messages import to_diagnostics
 from dp_swing_ros.topics import DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES
 
@@ -80,8 +79,3 @@ def incompatible(node: Node) -> Iterator[str]:
                 if fit == QoSCompatibility.ERROR:
                     yield (f'{name} from {owner(sender)} to {owner(listener)}: '
                            f'{why.replace("ERROR: ", "").strip(";")}; set qos_overrides of one')
-
-
-def owner(endpoint: TopicEndpointInfo) -> str:
-    """Return the full name of the node that an endpoint is of."""
-    return f'{endpoint.node_namespace.rstrip("/")}/{endpoint.node_name}'
