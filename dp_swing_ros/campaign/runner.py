@@ -9,6 +9,7 @@ import os
 import sys
 import threading
 import time
+import warnings
 
 from joblib import delayed, Parallel, parallel_config
 from joblib.externals.loky.process_executor import TerminatedWorkerError
@@ -58,6 +59,10 @@ def run(episodes: Sequence[tuple[Contestant, Case]], table: Table, jobs: int,
         except TerminatedWorkerError:
             raise CampaignError('a worker process was killed, perhaps for want of memory; '
                                 f'{GO_ON}') from None
+        finally:
+            with warnings.catch_warnings():
+                warnings.simplefilter('ignore')   # joblib's, about episodes that an end cuts off
+                rows.close()
 
 
 def _work(campaign: int, contestant: Contestant, case: Case) -> Row:

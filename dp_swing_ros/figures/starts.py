@@ -72,7 +72,7 @@ def _draw_starts(axes: Axes, label: str, group: Sequence[Row], duration: float,
         axes.imshow(medians.T, origin='lower', extent=(-math.pi, math.pi) * 2, norm=scale,
                     cmap=COLOURS, interpolation='nearest')
     axes.plot(*angles[failed].T, 'x', color=ALARM, markersize=6, markeredgewidth=1.8)
-    axes.set_title(f'{plain(label)}: {np.count_nonzero(~failed)} of {len(group)} held, median '
+    axes.set_title(f'{plain(label)}\n{np.count_nonzero(~failed)} of {len(group)} held, median '
                    f'{np.median(times[~failed]) if not failed.all() else math.nan:.2f} s',
                    size='medium')
     axes.set(xlim=(-math.pi, math.pi), ylim=(-math.pi, math.pi), aspect='equal')

@@ -88,14 +88,16 @@ def opened(model, cost, lqr_gain, u_max, horizon, x_0, X, U, K, feedback):
 @kernel
 def improved(model, cost, lqr_gain, u_max, J, X, U, K, others, feedback):
     """
-    Return the cheapest of a rollout, the regulator's and those of other forces, with new gains.
+    Return the cheapest of a rollout and those of other forces, with new gains.
 
+    With feedback the regulator's rollout is among them; the paper's MPPI knows no regulator.
     Shapes: others (n, N), the rest as in Rollout.
     """
     best, N, none = (J, X, U, K), len(U), np.zeros_like(K)
-    regulator = follow_policy(model, cost, lqr_gain, u_max, X[0], X[:0], U[:0], K[:0], N)
-    if regulator[0] < J:
-        best = regulator
+    if feedback:
+        regulator = follow_policy(model, cost, lqr_gain, u_max, X[0], X[:0], U[:0], K[:0], N)
+        if regulator[0] < J:
+            best = regulator
     for other in others:
         found = follow_policy(model, cost, lqr_gain, u_max, X[0], X, other, none, N)
         if found[0] < best[0]:

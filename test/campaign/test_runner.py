@@ -1,7 +1,11 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
+import contextlib
+import fcntl
 import itertools
 import os
+import struct
+import termios
 
 from distributed import LocalCluster
 import pytest
@@ -70,16 +74,26 @@ def test_a_scheduler_that_is_not_there_is_told(tmp_path, monkeypatch):
         play(tmp_path, dask='tcp://127.0.0.1:1')
 
 
+def everything(screen):
+    """Return what a terminal showed until its last writer closed it, and close it."""
+    shown = bytearray()
+    with contextlib.suppress(OSError):   # which is how a terminal ends
+        while piece := os.read(screen, 1 << 16):
+            shown += piece
+    os.close(screen)
+    return shown.decode()
+
+
 def test_only_what_is_missing_is_run(alone, tmp_path, monkeypatch):
     path = tmp_path / 'episodes.csv'
     play(tmp_path, jobs=1, seeds=range(2))
     before = path.read_bytes()
     screen, terminal = os.openpty()
+    fcntl.ioctl(terminal, termios.TIOCSWINSZ, struct.pack('4H', 24, 80, 0, 0))   # it has no size
     with os.fdopen(terminal, 'w') as stderr, monkeypatch.context() as patch:
         patch.setattr('sys.stderr', stderr)
         rows = play(tmp_path, jobs=1)
-    shown = os.read(screen, 1 << 16).decode()
-    os.close(screen)
+    shown = everything(screen)
     assert path.read_bytes().startswith(before)
     assert sorted(map(str, map(timeless, rows))) == sorted(map(str, map(timeless, alone)))
     assert '8/16' in shown

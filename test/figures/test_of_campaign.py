@@ -127,7 +127,7 @@ def test_starts_are_at_the_angles_of_their_seeds():
     panel = starts(summary_of(ROWS), ROWS).axes[0]
     assert len(panel.lines[0].get_xdata()) == 1
     assert np.all(np.abs(panel.lines[0].get_xydata()) <= np.pi)
-    assert panel.get_title() == 'ilqr: 5 of 6 held, median 4.00 s'
+    assert panel.get_title() == 'ilqr\n5 of 6 held, median 4.00 s'
 
 
 def test_starts_that_are_all_held_differ_in_their_colours():

@@ -10,7 +10,8 @@ from dp_swing_ros.dynamics import MODELS
 from dp_swing_ros.dynamics.trajectory import rollout
 from dp_swing_ros.parameters import (CostParameters, LimitParameters, PendulumParameters,
                                      PredictionParameters)
-from dp_swing_ros.problem import Problem, Rollout
+from dp_swing_ros.plan import Plan, SolverStats, Status
+from dp_swing_ros.problem import Problem, regulator_rollout, Rollout
 from dp_swing_ros.solvers.mppi import MPPI, MPPIParameters
 from dp_swing_ros.solvers.noise import fill, LANES, state_from
 from dp_swing_ros.solvers.samples import average, draw, single
@@ -149,3 +150,20 @@ def test_the_paper_s_mppi_is_a_choice_of_parameters(rng):
     plan = solver.solve(np.array(HANGING), None, np.inf)
     assert np.abs(plan.U).max() > 0
     np.testing.assert_array_equal(plan.K, 0.0)
+
+
+@pytest.mark.parametrize('feedback', [True, False])
+def test_the_regulator_is_a_candidate_where_samples_follow_policies(feedback):
+    """Two quiet samples about full force cannot hold what is nearly upright; it can."""
+    solver = mppi(samples=2, iterations=1, smallest_noise=1e-3, largest_noise=1e-3,
+                  feedback=feedback)
+    x_0, U = np.array([0.0, 0.02, 0.02, 0.0, 0.0, 0.0]), np.full(N, 20.0)
+    X = rollout(solver.problem.model, x_0, U)
+    poor = Plan(X, U, np.zeros((N, 6)), solver.problem.dt,
+                SolverStats(Status.COMPLETE, np.inf, 0, 0.0))
+    plan = solver.solve(x_0, poor, np.inf)
+    held = regulator_rollout(solver.problem, x_0)
+    if feedback:
+        assert plan.stats.cost == held.J
+    else:
+        assert plan.stats.cost > 10 * held.J
