@@ -59,7 +59,6 @@ def test_folder_with_something_in_it_is_not_overwritten(here, capsys):
 
 def test_missing_ros2_is_one_line(monkeypatch, capsys):
     monkeypatch.setenv('PATH', '')
-    monkeypatch.setenv('ROS_DOMAIN_ID', '1')
     monkeypatch.setenv('FASTRTPS_DEFAULT_PROFILES_FILE', '')
     assert demo.main([]) == 2
     error = capsys.readouterr().err
