@@ -38,8 +38,17 @@ def test_a_whole_turn_is_no_deviation(plan):
 
 
 def test_between_steps_the_plan_is_interpolated(plan):
-    x = (plan.X[1] + plan.X[2]) / 2
-    assert plan.control(0.075, x) == pytest.approx((plan.U[1] + plan.U[2]) / 2)
+    left = plan.shifted(0.0625)
+    for part, whole in ((left.X, plan.X), (left.U, plan.U), (left.K, plan.K)):
+        np.testing.assert_allclose(part[0], 0.75 * whole[1] + 0.25 * whole[2])
+    assert (len(left.U), len(left.K)) == (4, 4)
+
+
+def test_over_the_last_step_force_and_gain_are_held(plan):
+    left = plan.shifted(0.2125)
+    np.testing.assert_allclose(left.X, [0.75 * plan.X[4] + 0.25 * plan.X[5]])
+    np.testing.assert_allclose(left.U, plan.U[4:])
+    np.testing.assert_allclose(left.K, plan.K[4:])
 
 
 @pytest.mark.parametrize('elapsed', [0.3, 0.30000000001, 0.29999999999])

@@ -40,6 +40,12 @@ def test_the_same_seed_gives_the_same_numbers_and_another_seed_others():
         assert not np.isin(first, stream(4, purpose).random(1000)).any()
 
 
+def test_what_a_number_was_given_to_stays():
+    assert [Stream(number).name for number in range(len(Stream))] == [
+        'SENSOR_NOISE', 'FORCE_NOISE', 'STATE_LOSS', 'COMMAND_LOSS', 'COMMAND_JITTER', 'STARTS',
+        'SOLVER']
+
+
 def test_a_solver_built_with_a_seed_draws_what_the_controller_s_does():
     c = controller('mppi', 7)
     alone = SOLVERS['mppi'](c.problem, c.solver_parameters, 7)
