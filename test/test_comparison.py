@@ -50,6 +50,10 @@ def test_interval_of_a_paired_difference_covers_it(rng):
     assert covered >= 35
 
 
+def test_pairs_that_are_equal_speak_for_neither():
+    assert paired(np.array([2.0, 3.0, 4.0, 1.0, 1.0]), np.ones(5)).p == sign_test(3, 0)
+
+
 @pytest.mark.parametrize('values', [[], [1.0], [math.nan, math.nan]])
 def test_too_few_pairs_have_no_interval(values):
     assert math.isnan(paired(np.array(values), np.zeros(len(values))).low)
@@ -62,6 +66,13 @@ def test_a_paired_ratio_is_that_of_the_cases_whatever_their_size(rng):
     assert found.low < 0.9 < found.high < found.low + 0.1
     assert paired_ratio(b, b)[1:] == (1.0, 1.0, 1.0)
     assert math.isnan(paired_ratio(b[:1], b[:1]).value)
+
+
+def test_the_interval_of_a_ratio_is_that_of_95_percent(rng):
+    a = np.exp(rng.normal(0, 0.1, 200))
+    found = paired_ratio(a, np.ones(200))
+    assert math.log(found.high / found.low) == pytest.approx(
+        2 * 1.96 * np.std(np.log(a)) / math.sqrt(200), rel=0.05)
 
 
 def test_sign_test_counts_what_is_as_unequal():

@@ -68,10 +68,13 @@ def test_a_run_that_starts_upright_settles_at_once():
 def test_hold_error_is_that_of_both_angles_in_the_last_two_seconds():
     episode = swing_up()
     X = episode.X.copy()
-    X[-41:, 1] = 0.03
+    X[-42, 1:3] = 0.09
+    X[-41:-20, 1] = 0.03
+    X[-20:, 1] = 0.05
     X[-41:, 2] = 2 * np.pi - 0.04
     metrics = measure(dataclasses.replace(episode, X=X))
-    assert metrics.hold_error == pytest.approx(math.sqrt((0.03 ** 2 + 0.04 ** 2) / 2))
+    squares = (21 * 0.03 ** 2 + 20 * 0.05 ** 2) / 41 + 0.04 ** 2
+    assert metrics.hold_error == pytest.approx(math.sqrt(squares / 2))
 
 
 def test_smoothness_is_the_spread_of_the_steps_of_the_force():
@@ -178,7 +181,10 @@ def test_outcome_of_a_success():
 @pytest.mark.parametrize('up, expected', [
     ([], Outcome.NEVER_UP), ([(20, 30)], Outcome.NEVER_HELD), ([(20, 41)], Outcome.FELL),
     ([(20, 41), (70, 81)], Outcome.FELL), ([(70, 81)], Outcome.TOO_LATE),
-    ([(5, 15), (20, 30)], Outcome.NEVER_HELD), ([(40, 81)], Outcome.HELD)])
+    ([(5, 15), (20, 30)], Outcome.NEVER_HELD), ([(40, 81)], Outcome.HELD),
+    # 20 periods are a second, in whatever way they round
+    ([(20, 40)], Outcome.NEVER_HELD), *(([(n, n + 21)], Outcome.FELL) for n in range(60)),
+    ([(61, 81)], Outcome.TOO_LATE), ([(60, 81)], Outcome.HELD)])
 def test_outcome_says_how_a_run_failed(up, expected):
     X = np.tile([0, np.pi, np.pi, 0, 0, 0], (81, 1))
     for begin, end in up:
