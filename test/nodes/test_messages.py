@@ -25,6 +25,7 @@ def test_state_comes_back_to_the_bit():
     message = sent(to_joint_state(STAMP, X, 7.5))
     assert np.array_equal(to_state(message), X)
     assert to_force(message) == 7.5
+    assert list(message.effort) == [7.5, 0.0, 0.0]   # the joints are free
     assert nanoseconds(message.header.stamp) == 1_795_225_249_631_521_481
 
 
@@ -33,6 +34,8 @@ def test_joints_are_found_by_name():
                          position=[3.0, 9.0, 1.0, 2.0], velocity=[6.0, 9.0, 4.0, 5.0])
     assert to_state(message).tolist() == [1, 2, 3, 4, 5, 6]
     assert np.isnan(to_force(message))
+    message.effort = [0.3, 0.9, 7.5, 0.2]
+    assert to_force(message) == 7.5
 
 
 def test_nan_is_left_to_the_controller():

@@ -42,6 +42,14 @@ def test_an_age_that_cannot_be_is_never_obeyed(offset):
         assert 'old' in measured.complaint if offset < 0 else 'ahead' in measured.complaint
 
 
+@pytest.mark.parametrize('offset', [-3600.0, 0.1, 3600.0])
+def test_beside_stamps_that_cannot_be_a_state_is_as_old_as_it_came_later(offset):
+    late = np.array([0.0, 0.004, 0.0, 0.03, 0.001])
+    stamps = NOW + 0.05 * np.arange(5)
+    np.testing.assert_allclose(ages(Timing('stamps'), stamps + offset, stamps + late), late,
+                               atol=1e-6)
+
+
 @pytest.mark.parametrize('offset', [-3600.0, -0.05, 0.0, 0.1, 1e9])
 def test_by_arrival_a_constant_offset_is_none(offset):
     late = np.array([0.0, 0.004, 0.0, 0.03, 0.001])
