@@ -11,6 +11,7 @@ import numpy as np
 from peer import Peer
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
@@ -205,6 +206,29 @@ def test_after_a_single_state_the_force_ends_too(peer, start_node):
     assert peer.until(lambda: talk.forces[-1].data == 0.0)
 
 
+@pytest.mark.parametrize('period', [0.02, 0.2])
+def test_silence_is_half_a_period_more_or_25_ms_by_the_clock_of_the_node(peer, start_node, period):
+    clock = peer.node.create_publisher(Clock, '/clock', 10)
+    talk = Conversation(peer, start_node, {'clock': 'stamps', 'use_sim_time': True})
+    assert peer.until(clock.get_subscription_count)
+
+    def tell(time):
+        now = to_stamp(100.0 + time)
+        clock.publish(Clock(clock=now))
+        peer.spin(0.2)
+        return now
+    for n in range(6):
+        talk.send(LEANING * (1 + 1e-3 * n), tell(period * n))
+    peer.spin(0.2)
+    before = len(talk.forces)   # there may be more than states, until the period is known
+    patience = period + max(0.5 * period, 0.025)
+    tell(5 * period + patience - 0.002)
+    peer.spin(0.5)
+    assert len(talk.forces) == before
+    tell(5 * period + patience + 0.002)
+    assert peer.until(lambda: len(talk.forces) == before + 1)
+
+
 def test_ticks_that_outlast_the_period_of_the_states_are_counted(peer, start_node):
     """States that come while a solve goes on overwrite each other, so the mpc hears few."""
     talk = Conversation(peer, start_node, {'solver': 'mppi', 'mppi.samples': 65536,
@@ -219,6 +243,19 @@ def test_ticks_that_outlast_the_period_of_the_states_are_counted(peer, start_nod
     late = [int(each['late']) for each in values]
     assert sum(late) >= 3
     assert [each['late_total'] for each in values] == np.cumsum(late).tolist()
+
+
+def test_states_that_were_overwritten_count_in_the_period(peer, start_node):
+    talk = Conversation(peer, start_node, {'solver': 'mppi', 'mppi.samples': 65536,
+                                           'estimator': 'none'})
+    talk.send(LEANING)
+    stamps = [to_stamp(1_000_000 * n) for n in range(1, 500)]
+    for n, stamp in enumerate(stamps):
+        talk.states.publish(to_joint_state(stamp, LEANING * (1 + 1e-4 * n), 0.0))
+    assert peer.until(lambda: stamps[-1] in [each.header.stamp for each in talk.reports])
+    assert len(talk.reports) < 250
+    # no solve takes less than the millisecond from one state to the next
+    assert all(from_diagnostics(each, 'mpc').values['late'] for each in talk.reports[1:])
 
 
 def test_in_lockstep_it_waits_for_ever(peer, start_node):
