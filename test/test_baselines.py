@@ -60,6 +60,21 @@ def test_a_start_near_the_goal_is_regulated_at_once(turns, reference):
     assert metrics.largest_angle < 0.1
 
 
+def test_near_is_what_costs_the_regulators_less(reference):
+    x = np.array([0.0, 0.3, 0.3, 0.0, 0.0, 0.0])
+    assert TVLQR(PROBLEM, reference).skips(x)
+    assert not TVLQR(PROBLEM, reference).skips(np.array(HANGING))
+    assert not TVLQR(PROBLEM, reference._replace(V=1e-9 * reference.V)).skips(x)
+
+
+def test_a_swing_up_of_another_turn_is_the_same(reference):
+    turns = np.array([0.0, 2 * np.pi, -2 * np.pi, 0.0, 0.0, 0.0])
+    here, there = (TVLQR(PROBLEM, reference).update(0.0, HANGING + more, 0.0)
+                   for more in (0 * turns, turns))
+    np.testing.assert_allclose(there.U, here.U, atol=1e-6)
+    np.testing.assert_allclose(there.X, here.X + turns, atol=1e-6)
+
+
 def test_without_a_state_it_goes_on_with_what_it_predicted(reference):
     controller = TVLQR(PROBLEM, reference)
     plan = controller.update(0.0, np.array(HANGING), 0.0)

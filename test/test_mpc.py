@@ -110,6 +110,13 @@ def test_then_to_the_regulator_near_the_goal_and_to_zero_elsewhere(monkeypatch):
     assert c.update(0.0, np.array(HANGING)).stats.status is Status.ZERO
 
 
+def test_what_is_carried_over_counts_from_when_the_last_state_s_force_acts():
+    c = controller(estimator='none', carry_over=0.2)
+    c.update(0.0, FALLING, delay=0.1)
+    assert c.stand_in(0.29).stats.status is Status.LAST_POLICY
+    assert c.stand_in(0.31).stats.status is Status.ZERO
+
+
 def fail(c, monkeypatch):
     """Make the next solve end without a usable plan, as one from a state beyond numbers does."""
     lost = c.solver.solve(BEYOND, None, np.inf)

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where the solves of a tick start."""
 
+from dataclasses import replace
+
 from controllers import controller
 import numpy as np
 import pytest
@@ -72,6 +74,17 @@ def test_the_regulator_replaces_a_worse_last_plan():
     c, _, left = after_a_plan(of_solver={'iterations': 1})
     np.testing.assert_allclose(starts_of(c, UP, left)[0].U,        # somebody lifted it
                                regulator_rollout(c.problem, UP).U, rtol=1e-8)
+
+
+def test_the_regulator_goes_to_the_turn_where_the_last_plan_ends():
+    c, _, left = after_a_plan(of_solver={'iterations': 1})
+    turns = np.zeros(6)
+    turns[ANGLES] = 2 * np.pi * (1 + np.round(left.X[-1, ANGLES] / (2 * np.pi)))
+    ended = replace(left, X=left.X + turns)
+    goal = np.zeros(6)
+    goal[ANGLES] = 2 * np.pi * np.round(ended.X[-1, ANGLES] / (2 * np.pi))
+    start = starts_of(c, UP + goal, ended)[0]
+    np.testing.assert_allclose(start.X, regulator_rollout(c.problem, UP).X + goal, atol=1e-8)
 
 
 def test_the_paper_s_warm_start_is_forces_alone():

@@ -92,6 +92,13 @@ def test_weights_are_boltzmann_s():
     np.testing.assert_allclose(w, [*expected / expected.sum(), 0, 0], rtol=1e-5)
 
 
+def test_a_relative_temperature_counts_from_the_best_to_the_best_tenth(rng):
+    J = np.arange(100, dtype=F)
+    w = mppi(temperature=0.2, temperature_scale='relative').weights(rng.permutation(7 + 3 * J))
+    expected = np.exp(-3 * J / (0.2 * 3 * 10))
+    np.testing.assert_allclose(np.sort(w)[::-1], expected / expected.sum(), rtol=1e-5)
+
+
 def test_weights_survive_costs_that_are_all_lost():
     w = mppi().weights(np.full(40, np.nan, F))
     assert w.sum() == pytest.approx(1.0, rel=1e-5)
