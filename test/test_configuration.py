@@ -84,13 +84,14 @@ plant:
                 'force_limit': math.inf}}
 
 
-def test_what_is_for_any_node_is_taken_by_those_that_have_it(tmp_path):
-    path = written(tmp_path, """
-/**:
-  ros__parameters: {solver: ddp, cart_mass: 1.2, frame_rate: 30, qos_overrides: {/t: {d: 1}}}
+@pytest.mark.parametrize('pattern', ['/**', '/*', '/**/*'])
+def test_what_is_for_any_node_is_taken_by_those_that_have_it(pattern, tmp_path):
+    path = written(tmp_path, f"""
+{pattern}:
+  ros__parameters: {{solver: ddp, cart_mass: 1.2, frame_rate: 30, qos_overrides: {{/t: {{d: 1}}}}}}
 second:
   mpc:
-    ros__parameters: {horizon: 20}
+    ros__parameters: {{horizon: 20}}
 """)
     assert configuration.read([path]) == {
         'plant': {'cart_mass': 1.2}, 'mpc': {'solver': 'ddp', 'cart_mass': 1.2, 'horizon': 20}}

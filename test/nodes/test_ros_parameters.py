@@ -1,8 +1,10 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
+from contextlib import nullcontext
 import dataclasses
 import math
+import sys
 
 import pytest
 import rclpy
@@ -12,7 +14,8 @@ from rclpy.signals import SignalHandlerOptions
 
 from dp_swing_ros.nodes.parameters import table
 from dp_swing_ros.nodes.ros_parameters import declare, settle
-from dp_swing_ros.parameters import parameter, ParameterError, Parameters
+from dp_swing_ros.parameters import (
+    parameter, ParameterError, Parameters, PredictionParameters)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -122,6 +125,21 @@ def test_parameters_of_other_nodes_are_not_meant(make_node):
     settle(node)
 
 
+@pytest.mark.parametrize('own, more, refused', [
+    ('', [], False), ('example:\n  ros__parameters: {smaples: 5}\n', [], True),
+    ('', ['-p', 'smaples:=5'], True), ('', ['-p', 'example:smaples:=5'], True)])
+def test_unknown_names_for_any_node_are_for_others_unless_told_to_this_one(
+        make_node, tmp_path, monkeypatch, own, more, refused):
+    file = tmp_path / 'parameters.yaml'
+    file.write_text('/**:\n  ros__parameters: {smaples: 5}\n' + own)
+    arguments = ['--params-file', str(file), *more]
+    monkeypatch.setattr(sys, 'argv', ['example', '--ros-args', *arguments])
+    node = make_node(*arguments)
+    declare(node, Example)
+    with pytest.raises(ParameterError) if refused else nullcontext():
+        settle(node)
+
+
 def test_descriptors_tell_everything(make_node):
     node = make_node()
     declare(node, Example)
@@ -132,6 +150,9 @@ def test_descriptors_tell_everything(make_node):
             rate.floating_point_range[0].to_value) == (1.0, 1000.0)
     assert (samples.integer_range[0].from_value,
             samples.integer_range[0].to_value) == (1, 2 ** 63 - 1)
+    declare(node, PredictionParameters)
+    horizon = node.describe_parameter('horizon').integer_range[0]
+    assert (horizon.from_value, horizon.to_value) == (1, 1000)
     assert node.describe_parameter('kind').additional_constraints == 'one of rk4, euler'
     assert node.describe_parameter('weights').additional_constraints == \
         '2 numbers, each at least 0'
