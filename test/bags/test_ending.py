@@ -19,7 +19,7 @@ def begun(tmp_path):
         file = McapFile(tmp_path / name, TOPICS, Storage())
         for n in range(90):
             topic = TOPICS[0 if n < 45 else n % 2]
-            file.write(topic.name, bytes([n]), 100 + (n ^ 1), n, n)
+            file.write(topic.name, bytes([n]), 100 + (n ^ 64), n, n)
             if n % 3 == 2:
                 file.flush()
         return file

@@ -5,7 +5,7 @@
 import pytest
 import yaml
 
-from dp_swing_ros.bags.metadata import Contents, metadata, Recorded
+from dp_swing_ros.bags.metadata import Contents, described, metadata, Recorded
 
 FOREVER = {'sec': 9223372036, 'nsec': 854775807}
 QOS = {'history': 'keep_last', 'depth': 100, 'reliability': 'reliable',
@@ -93,6 +93,19 @@ def test_a_bag_without_messages(topics):
     empty = Contents('bag_0.mcap', {topic.name: 0 for topic in topics}, 0, 0)
     about = decoded(BAG, yaml.safe_load(metadata(topics, [empty], {})))
     assert about['rosbag2_bagfile_information']['message_count'] == 0
+
+
+def test_a_file_without_messages_has_no_time():
+    empty = Contents('bag_2.mcap', {'/a': 0}, 0, 0)
+    about = yaml.safe_load(metadata(TOPICS, [*FILES, empty], {}))['rosbag2_bagfile_information']
+    assert about['starting_time']['nanoseconds_since_epoch'] == START
+    assert about['duration']['nanoseconds'] == 50
+
+
+def test_of_a_file_its_own_messages_are_told(tmp_path):
+    (tmp_path / 'metadata.yaml').write_text(metadata(TOPICS, FILES, {}))
+    assert [described(path).messages for path in (
+        tmp_path, *(tmp_path / f'bag_{n}.mcap' for n in range(3)))] == [8, 3, 5, None]
 
 
 def test_people_can_read_it():

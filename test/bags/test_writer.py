@@ -219,6 +219,7 @@ def test_split_bag(tmp_path, storage):
     paths = about['relative_file_paths']
     assert len(paths) > 10
     assert paths == [f'bag_{n}.mcap' for n in range(len(paths))]
+    assert sorted(os.listdir(folder)) == sorted([*paths, 'metadata.yaml'])
     assert [entry.sequence for entry in Bag(folder).entries] == [*range(120)]
     assert (about['message_count'], about['duration']['nanoseconds']) == (120, 119 * PERIOD)
     assert about['custom_data']['lost:/odd'] == '3'

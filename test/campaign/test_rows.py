@@ -56,6 +56,13 @@ def test_a_stored_table_that_is_torn_is_refused(tmp_path):
         read(path)
 
 
+@pytest.mark.parametrize('name', [
+    'median_solve_time', 'p99_solve_time', 'largest_solve_time', 'median_latency', 'p99_latency',
+    'late_ticks', 'deadline_misses'])
+def test_what_a_clock_decides_makes_no_other_row(name):
+    assert identical(row(**{name: 1}), row(**{name: 2}))
+
+
 def test_rows_are_identical_whatever_the_clock_said():
     one, other = row(settling_time=1.0, p99_solve_time=1.0), row(settling_time=1.0,
                                                                  solve_times=(0.5,))

@@ -13,11 +13,12 @@ from dp_swing_ros.metrics import Outcome
 
 
 def test_standing_takes_medians_of_what_was_held_and_extremes_of_all():
-    rows = [row(settling_time=1.0, largest_position=1.0), row(settling_time=3.0),
-            row(held=False, largest_position=2.4, deadline_misses=2), error_row()]
+    rows = [row(settling_time=1.0, energy=1.0, largest_position=1.0),
+            row(settling_time=3.0, energy=3.0),
+            row(held=False, energy=9.0, largest_position=2.4, deadline_misses=2), error_row()]
     one = standing('ilqr', 'hanging', rows)
     assert (one.held.successes, one.held.runs, one.errors) == (2, 4, 1)
-    assert one.medians['settling_time'] == 2.0
+    assert (one.medians['settling_time'], one.medians['energy']) == (2.0, 2.0)
     assert one.extremes['largest_position'] == 2.4
     assert one.deadline_misses == 2
 

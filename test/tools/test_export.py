@@ -1,17 +1,21 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
+from diagnostic_msgs.msg import KeyValue
 import numpy as np
 import pandas
 import pytest
+from real_bags import rewritten
+from recorded_bags import record
 from recorded_runs import write_bag
 from synthetic import swing_up
 
 from dp_swing_ros.bags import read_episode
 from dp_swing_ros.bags.tables import STATES
-from dp_swing_ros.state import wrapped
+from dp_swing_ros.state import JOINTS, wrapped
 from dp_swing_ros.tools import export
 from dp_swing_ros.tools.export import main
+from dp_swing_ros.topics import DIAGNOSTICS
 
 READ = {'csv': pandas.read_csv, 'parquet': pandas.read_parquet}
 
@@ -35,6 +39,21 @@ def test_states_come_back_to_the_bit_with_units(bag, kind, tmp_path, capsys):
     assert set(frame['status'].dropna()) == {'CONVERGED'}
     assert frame[['theta1 [rad]', 'theta2 [rad]']].abs().to_numpy().max() <= np.pi
     assert len(READ[kind](path.with_stem('run_plans'))) == 0    # none was recorded
+
+
+@pytest.mark.parametrize('options, angle', [([], 7.0 - 2 * np.pi), (['--whole-turns'], 7.0)])
+def test_the_angles_of_an_estimate_are_as_those_of_the_state(options, angle, tmp_path):
+    def estimated(message):
+        message.status[0].values += [KeyValue(key=f'estimate_{joint}_position', value='7.0')
+                                     for joint in JOINTS]
+        return message
+
+    bag = rewritten(record(tmp_path / 'whole').parent, tmp_path / 'bag', DIAGNOSTICS, estimated)
+    assert main([str(bag), *options, '--output', str(tmp_path / 'run.csv')]) == 0
+    row = pandas.read_csv(tmp_path / 'run.csv').iloc[0]
+    for joint, expected in zip(JOINTS, (7.0, angle, angle)):
+        unit = 'm' if joint == 'cart' else 'rad'
+        assert row[f'estimate_{joint}_position [{unit}]'] == pytest.approx(expected)
 
 
 def test_whole_turns_are_kept_when_asked(bag, tmp_path):
