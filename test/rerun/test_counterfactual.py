@@ -7,7 +7,7 @@ import pytest
 from real_bags import record
 
 from dp_swing_ros.bags.reader import Bag
-from dp_swing_ros.rerun.counterfactual import fork, shadow
+from dp_swing_ros.rerun.counterfactual import fork, plant_at, shadow
 from dp_swing_ros.rerun.runs import Run
 from dp_swing_ros.solvers import SOLVERS
 
@@ -90,6 +90,12 @@ def test_a_shadow_goes_by_the_forces_that_were_sent(runs):
     assert sent[:-1] == [one.force for one in run.record.ticks[:tick.number - 1]]
     assert sent[-1] == force
     assert controller.t == tick.stamp / 1e9
+
+
+def test_until_it_sends_one_the_force_before_acts(faulty):
+    run = faulty[0]
+    acting = [plant_at(run, tick).commands.force for tick in run.record.ticks]
+    assert acting == [0.0, *(tick.force for tick in run.record.ticks[:-1])]
 
 
 @pytest.mark.parametrize('mode', [0, 1])
