@@ -13,6 +13,7 @@ import re
 import signal
 import sys
 import tempfile
+import threading
 import time
 import traceback
 from types import FrameType
@@ -64,6 +65,7 @@ class _Signals:
     def __init__(self) -> None:
         self.requested = False
         self._interruptible = False
+        self._report, sys.unraisablehook = sys.unraisablehook, self._again
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             # nohup ignores SIGHUP, and means it.
             if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:
@@ -74,6 +76,14 @@ class _Signals:
         if self._interruptible:
             self._interruptible = False
             raise _Interrupt
+
+    def _again(self, ignored: 'sys.UnraisableHookArgs') -> None:
+        """Interrupt again, a little later: Python drops what is raised in a destructor."""
+        if ignored.exc_type is _Interrupt:
+            self._interruptible = True
+            threading.Timer(POLL, os.kill, (os.getpid(), signal.SIGINT)).start()
+        else:
+            self._report(ignored)
 
     def cut_short(self, work: Callable[[], None]) -> None:
         """Do the work unless a signal came before it; one that comes during it ends it."""

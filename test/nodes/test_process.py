@@ -27,6 +27,12 @@ class Example(Parameters):
     rate: float = parameter(20.0, 'a rate', unit='Hz', minimum=1.0)
 
 
+class Dying:
+    def __del__(self):
+        print('dying', flush=True)
+        time.sleep(2)
+
+
 class ExampleNode(ProcessNode):
     linger = 0.2
 
@@ -40,6 +46,9 @@ class ExampleNode(ProcessNode):
     def prepare(self):
         print('prepare', flush=True)
         if self.mode == 'prepare':
+            time.sleep(60)
+        if self.mode == 'destructor':
+            Dying()
             time.sleep(60)
         print('ready', flush=True)
 
@@ -122,6 +131,13 @@ def test_tests_in_the_background_of_a_script_start_what_obeys():
 def test_signal_cuts_preparation_short(start):
     process = start(*mode('prepare'))
     wait_for(process, 'prepare')
+    process.send_signal(signal.SIGINT)
+    assert end(process) == (0, 'closed\n', '')
+
+
+def test_a_signal_in_a_destructor_is_not_lost(start):
+    process = start(*mode('destructor'))
+    wait_for(process, 'dying')
     process.send_signal(signal.SIGINT)
     assert end(process) == (0, 'closed\n', '')
 
