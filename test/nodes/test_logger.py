@@ -314,6 +314,26 @@ def test_publisher_that_keeps_nothing_joins_one_that_does(log, peer, tmp_path):
     assert sorted(numbers(recorded(tmp_path / 'bag')['/disturbance'])) == [1, 2, 3]
 
 
+def test_what_a_publisher_sent_before_it_was_heard_is_not_lost(log, peer, tmp_path):
+    first = peer.node.create_publisher(Float64, DISTURBANCE.name, 10)
+    logger = log()
+    assert peer.until(first.get_subscription_count)
+    first.publish(Float64(data=1.0))
+    other = Peer('other')   # which has still to find the logger
+    second = other.node.create_publisher(Float64, DISTURBANCE.name, 10)
+    for _ in range(500):
+        second.publish(Float64(data=-1.0))
+    assert other.until(second.get_subscription_count)
+    other.spin(1.0)
+    second.publish(Float64(data=2.0))
+    other.spin(0.2)
+    other.close()
+    assert logger.stop() == 0
+    heard = numbers(recorded(tmp_path / 'bag')['/disturbance'])
+    assert heard[0] == 1.0 and heard[-1] == 2.0 and len(heard) < 500
+    assert f'/disturbance: {len(heard)} written, 0 lost' in logger.output()
+
+
 def test_type_that_is_not_installed_is_left_out(start, peer):
     # The definitions are looked for in the installation, which this logger does not find.
     code = ('import sys; sys.prefix = "/nowhere"; from dp_swing_ros.nodes.logger import main; '
