@@ -91,8 +91,9 @@ def scores(rows: dict[str, list[Row]]) -> str:
     held = ', '.join(f'{count} of {runs}' for count in paper)
     return ("Robustness is the mean of the leaderboards' six criteria: bodies 25 % off, noisy "
             'velocities, noisy and slow\nforces, a known delay of the states, pushes; a TVLQR '
-            f"scores {tvlqr.robustness:.3f}. The paper's own set-up, from\nhanging, with neither "
-            'force nor track limited, holds where the plant is integrated finely\n'
+            f"scores {tvlqr.robustness:.3f}. The paper's own set-up, from\nhanging, on an "
+            'endless track and with a force that is limited for MPPI alone (75 N), holds\nwhere '
+            'the plant is integrated finely '
             f'{held} ({", ".join(SOLVERS)}).')
 
 
