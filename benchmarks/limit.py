@@ -22,7 +22,7 @@ from typing import Any
 
 import llvmlite.binding as llvm
 import numpy as np
-from timing import Interval, median, race, ratio, Work
+from timing import median, race, Work
 
 from dp_swing_ros import configuration
 from dp_swing_ros.kernels import kernel
@@ -153,7 +153,7 @@ def operations() -> dict[str, dict[str, float]]:
 
 
 def measure(rounds: int) -> dict[str, Any]:
-    """Return the limits, our rate, and the share, as numbers for the page."""
+    """Return the limits and our rates as numbers for the page."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, 'sched_getaffinity') else os.cpu_count()
     assert cores is not None
     problem = configuration.problem({})
@@ -165,16 +165,12 @@ def measure(rounds: int) -> dict[str, Any]:
         rates = {name: 1 / median(of_name).value for name, of_name in times.items()}
         limit = max((name for name in contenders if 'float32' in name), key=rates.__getitem__)
         best = max(ours, key=rates.__getitem__)
-        # these two in turn and nothing between: the machine's clock and neighbours change
-        pair = race({limit: contenders[limit], best: ours[best]}, 4 * rounds)
     counts = operations()
     each = sum(counts['sample'].values())
     scale = each / 2   # a multiply-add is two operations
     return {'rates': rates, 'operations': counts, 'per_step': each, 'limit': limit, 'best': best,
             'least': {samples: scale * samples * problem.horizon / rates[limit]
-                      for samples in (1024, 8192)},
-            'share': Interval(*(scale * number for number in ratio(pair[limit], pair[best])))
-            ._asdict()}
+                      for samples in (1024, 8192)}}
 
 
 def machine_works(cores: int, pool: ThreadPoolExecutor) -> dict[str, Work]:

@@ -63,6 +63,8 @@ def test_the_limit_is_the_best_of_all_that_is_measured(monkeypatch):
     assert found['rates'][found['limit']] == max(rates.values())
     ours = {name: rate for name, rate in found['rates'].items() if 'rollouts' in name}
     assert found['rates'][found['best']] == max(ours.values())
+    assert benchmark_page.share(found) == pytest.approx(
+        found['per_step'] * max(ours.values()) / (2 * max(rates.values())))
 
 
 def test_solves_are_timed_to_the_same_cost(problem, monkeypatch):
