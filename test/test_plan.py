@@ -42,6 +42,8 @@ def test_between_steps_the_plan_is_interpolated(plan):
     for part, whole in ((left.X, plan.X), (left.U, plan.U), (left.K, plan.K)):
         np.testing.assert_allclose(part[0], 0.75 * whole[1] + 0.25 * whole[2])
     assert (len(left.U), len(left.K)) == (4, 4)
+    x = (plan.X[1] + plan.X[2]) / 2
+    assert plan.control(0.075, x) == pytest.approx((plan.U[1] + plan.U[2]) / 2)
 
 
 def test_over_the_last_step_force_and_gain_are_held(plan):

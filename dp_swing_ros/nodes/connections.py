@@ -103,8 +103,7 @@ class Audience:
 
 def listeners(node: Node, publisher: Publisher, partners: Topic) -> set[bytes]:
     """Return the subscriptions of a publisher's topic by nodes that publish another topic."""
-    senders = node.get_publishers_info_by_topic(node.resolve_topic_name(partners.name))
-    wanted = set(map(owner, senders))
+    wanted = owners(node, partners)
     return {bytes(each.endpoint_gid)
             for each in node.get_subscriptions_info_by_topic(publisher.topic_name)
             if owner(each) in wanted}
@@ -116,10 +115,9 @@ def is_heard(node: Node, publisher: Publisher, partners: Topic) -> bool:
 
     Until then a message may be lost to them: discovery goes one way at a time.
     """
-    senders = node.get_publishers_info_by_topic(node.resolve_topic_name(partners.name))
+    wanted = owners(node, partners)
     listeners = node.get_subscriptions_info_by_topic(publisher.topic_name)
-    wanted, found = (set(map(owner, infos)) for infos in (senders, listeners))
-    return bool(wanted) and wanted <= found and (
+    return bool(wanted) and wanted <= set(map(owner, listeners)) and (
         publisher.get_subscription_count() >= len(listeners))
 
 

@@ -212,20 +212,20 @@ def test_silence_is_half_a_period_more_or_25_ms_by_the_clock_of_the_node(peer, s
     talk = Conversation(peer, start_node, {'clock': 'stamps', 'use_sim_time': True})
     assert peer.until(clock.get_subscription_count)
 
-    def tell(time):
+    def advance(time):
         now = to_stamp(100.0 + time)
         clock.publish(Clock(clock=now))
         peer.spin(0.2)
         return now
     for n in range(6):
-        talk.send(LEANING * (1 + 1e-3 * n), tell(period * n))
+        talk.send(LEANING * (1 + 1e-3 * n), advance(period * n))
     peer.spin(0.2)
     before = len(talk.forces)   # there may be more than states, until the period is known
     patience = period + max(0.5 * period, 0.025)
-    tell(5 * period + patience - 0.002)
+    advance(5 * period + patience - 0.002)
     peer.spin(0.5)
     assert len(talk.forces) == before
-    tell(5 * period + patience + 0.002)
+    advance(5 * period + patience + 0.002)
     assert peer.until(lambda: len(talk.forces) == before + 1)
 
 

@@ -442,11 +442,11 @@ def test_ticks_that_the_clock_leaves_out_are_counted(peer, start_node):
     states, reports = peer.record(JOINT_STATES), peer.record(DIAGNOSTICS)
     start_node('plant', {'use_sim_time': True})
 
-    def told(now, count):
+    def stepped(now, count):
         clock.publish(Clock(clock=to_stamp(now)))
         return len(states) >= count
     for count, now in enumerate((100.0, 100.05, 100.15, 101.0), 1):
-        assert peer.until(lambda: told(now, count))
+        assert peer.until(lambda: stepped(now, count))
     assert peer.until(lambda: len(reports) >= 2)
     assert [from_diagnostics(report, 'plant').values['skipped_ticks'] for report in reports] == [
         0, 1 + 16]
