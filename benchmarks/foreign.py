@@ -32,7 +32,7 @@ FORCE_LIMIT = 20.0          # [N] default of the mpc
 ZERO_WITHIN = 0.3           # [s] from a fault's beginning
 RECOVERY_WITHIN = 5.0       # [s] from its end
 FAULT_TIMES = (1.0, 3.0)    # [s] in the middle of the swing-up, and while it holds
-LIMIT, HOLD = 12.0, 1.0     # [s] of a run at most, and upright at its end
+LIMIT, HOLD = 20.0, 1.0     # [s] of a run at most, and upright at its end
 READY = 'ready'             # what the mpc prints once it listens
 START = 120.0               # [s] for that, where nothing is compiled yet
 SLACK = 30.0                # [s] of wall time for the rig to start and end
@@ -135,21 +135,27 @@ def row(record: dict[str, Any]) -> dict[str, Any]:
     return figures
 
 
-def shortcomings(figures: dict[str, Any], fault: bool) -> list[str]:
-    """Return in words what a run lacks of success."""
+def failures(figures: dict[str, Any], fault: bool) -> list[str]:
+    """Return in words what must not happen in any run, and did."""
     found = []
     if figures['largest_force'] > FORCE_LIMIT:
         found.append(f'a force of {figures["largest_force"]:.3g} N')
     if not figures['upright']:
         found.append('not upright at the end' if figures['began'] else 'no force at all')
     if fault and figures['began']:
-        zero, recovery = figures['zero_after'], figures['recovery']
+        zero = figures['zero_after']
         if zero is None or zero > ZERO_WITHIN:
             found.append(f'zero force after {seconds(zero)} s of the fault')
-        if recovery is not None and recovery > RECOVERY_WITHIN:
-            found.append(f'upright {recovery:.2f} s after the fault')
         if not figures['reported']:
             found.append('the fault is not in /diagnostics')
+    return found
+
+
+def shortcomings(figures: dict[str, Any], fault: bool) -> list[str]:
+    """Return in words what a run lacks of success: its failures, and a slow recovery."""
+    found, recovery = failures(figures, fault), figures['recovery']
+    if recovery is not None and recovery > RECOVERY_WITHIN:
+        found.append(f'upright {recovery:.2f} s after the fault')
     return found
 
 
@@ -241,6 +247,7 @@ def table(titles: tuple[str, ...], cells: Any, names: Iterable[str],
 
 def page(found: dict[Case, dict[str, Any]]) -> str:
     """Return the page as Markdown."""
+    faulty = [run for case, run in found.items() if case.condition in FAULTS]
     return '\n'.join([
         '# On a rig that shares nothing with us\n', made('foreign', digest()),
         f'The rig ({PLANT.name}) imports nothing of this package: a node of rclpy with default '
@@ -259,7 +266,10 @@ def page(found: dict[Case, dict[str, Any]]) -> str:
         'first force (even and odd seeds): during the swing-up, or while it holds. Required: '
         f'zero force within {ZERO_WITHIN:g} s and until the fault ends, no force above '
         f'{FORCE_LIMIT:g} N, a warning or an error in /diagnostics all the while, upright again '
-        f'within {RECOVERY_WITHIN:g} s of its end.\n',
+        f'within {RECOVERY_WITHIN:g} s of its end. Meanwhile the pendulum swings freely, at times '
+        'over the top, so that a recovery can take long. Of all runs '
+        f'{rate(not failures(run, True) for run in faulty)} were safe and upright at the end, '
+        f'{rate(not shortcomings(run, True) for run in faulty)} in time as well.\n',
         *table(FAULTY, fault_cells, FAULTS, found)])
 
 
@@ -270,16 +280,18 @@ def main() -> None:
                         help=f'of {", ".join(ALL)}')
     parser.add_argument('--solvers', nargs='+', choices=SOLVERS, default=SOLVERS)
     parser.add_argument('--runs', type=int, default=10, help='of each condition without a fault')
-    parser.add_argument('--few', type=int, default=2,
-                        help='runs of each fault, and in simulated time')
+    parser.add_argument('--faulty', type=int, default=6, help='of each fault')
+    parser.add_argument('--simulated', type=int, default=2, help='of each simulated clock')
     parser.add_argument('--jobs', type=int, default=2, help='runs at a time')
     parser.add_argument('--rows', type=Path, default=TOP / 'runs' / 'foreign.jsonl',
                         help='file that keeps the runs')
     parser.add_argument('--docs', type=Path, default=TOP / 'docs')
     arguments = parser.parse_args()
+    runs = {**dict.fromkeys(CONDITIONS, arguments.runs),
+            **dict.fromkeys(SIMULATED, arguments.simulated),
+            **dict.fromkeys(FAULTS, arguments.faulty)}
     cases = [Case(name, solver, seed) for name in arguments.conditions
-             for solver in arguments.solvers
-             for seed in range(arguments.runs if name in CONDITIONS else arguments.few)]
+             for solver in arguments.solvers for seed in range(runs[name])]
     every = do(cases, arguments.rows, arguments.jobs)
     found = {case: every[case] for case in cases}
     results = arguments.docs / 'results'

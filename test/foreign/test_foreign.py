@@ -16,7 +16,8 @@ from dp_swing_ros.dynamics import Pendulum
 from dp_swing_ros.dynamics.pendulum import derivative
 from dp_swing_ros.parameters import PendulumParameters
 
-ATTEMPTS = 3     # at most, on a machine that is late
+ATTEMPTS = 5     # at most, on a machine that is late
+SLOW = 2         # recoveries that are too many
 STALL = 0.05     # [s] by which a tick of the rig may be late before a run shows nothing,
 JITTER = 0.005   # [s] and by which one in twenty of them may be early or late
 
@@ -32,17 +33,24 @@ def alone():
 
 def check(name, solver, folder):
     """
-    Fail if a run has a shortcoming.
+    Fail if a run fails, or if of those up to now more recovered slowly than in time.
 
     Where the rig's own ticks came too late the machine is to blame: it runs again, and after some
     attempts the test is skipped, for it shows nothing.
     """
+    slow, good = [], 0   # a recovery is a matter of chance: a few in a hundred take too long
     for seed in range(ATTEMPTS):
         record = foreign.measure(foreign.Case(name, solver, seed), folder)
-        found = foreign.shortcomings(foreign.row(record), name in foreign.FAULTS)
-        if not found:
+        figures, fault = foreign.row(record), name in foreign.FAULTS
+        found = foreign.shortcomings(figures, fault)
+        if found and is_late(record):
+            continue
+        assert not foreign.failures(figures, fault), f'{name}, {solver}, seed {seed}: {found}'
+        slow += found
+        good += not found
+        assert len(slow) < SLOW, f'{name}, {solver}: {slow}'
+        if good > len(slow):
             return
-        assert is_late(record), f'{name}, {solver}, seed {seed}: {found}'
     pytest.skip('the machine is too busy for real time: ticks of the rig came up to '
                 f'{record["largest_lateness"]:.3f} s late, 5 % by {record["jitter"]:.3f} s')
 
@@ -119,7 +127,9 @@ def test_a_run_is_good_without_shortcomings():
     assert not foreign.shortcomings(good, True)
     for name, value in (('largest_force', 20.1), ('zero_after', None), ('zero_after', 0.31),
                         ('recovery', 5.1), ('reported', False), ('upright', False)):
-        assert len(foreign.shortcomings({**good, name: value}, True)) == 1
+        bad = {**good, name: value}
+        assert len(foreign.shortcomings(bad, True)) == 1
+        assert bool(foreign.failures(bad, True)) is (name != 'recovery')
 
 
 @pytest.mark.timeout(1200)   # most of it, it waits for its turn
