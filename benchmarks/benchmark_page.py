@@ -156,8 +156,9 @@ def page(results: dict[str, Any]) -> str:
                         limit['operations']['sample'].items())
             + f'. The limit is the best of the single-precision rates above, {limit["limit"]}. '
             f'The share is the operations per second of {limit["best"]}, over two per '
-            'multiply-add of the limit. With the whole of it, the rollouts of an update would '
-            'take '
+            f'multiply-add of the limit: {100 * limit["share"]["value"]:.1f} % '
+            f'({100 * limit["share"]["low"]:.1f}-{100 * limit["share"]["high"]:.1f}). With the '
+            'whole of it, the rollouts of an update would take '
             + ', '.join(f'{1e3 * least:.2g} ms at {samples:,} samples'
                         for samples, least in limit['least'].items()) + '.']
     if 'growth' in results:

@@ -22,7 +22,7 @@ from typing import Any
 
 import llvmlite.binding as llvm
 import numpy as np
-from timing import median, race, Work
+from timing import Interval, median, race, ratio, Work
 
 from dp_swing_ros import configuration
 from dp_swing_ros.kernels import kernel
@@ -153,7 +153,7 @@ def operations() -> dict[str, dict[str, float]]:
 
 
 def measure(rounds: int) -> dict[str, Any]:
-    """Return the limits and our rates as numbers for the page."""
+    """Return the limits, our rates, and the share, as numbers for the page."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, 'sched_getaffinity') else os.cpu_count()
     assert cores is not None
     problem = configuration.problem({})
@@ -170,7 +170,9 @@ def measure(rounds: int) -> dict[str, Any]:
     scale = each / 2   # a multiply-add is two operations
     return {'rates': rates, 'operations': counts, 'per_step': each, 'limit': limit, 'best': best,
             'least': {samples: scale * samples * problem.horizon / rates[limit]
-                      for samples in (1024, 8192)}}
+                      for samples in (1024, 8192)},
+            'share': Interval(*(scale * number for number in ratio(times[limit], times[best])))
+            ._asdict()}
 
 
 def machine_works(cores: int, pool: ThreadPoolExecutor) -> dict[str, Work]:
