@@ -6,8 +6,9 @@ The receding horizon: from every state a plan, warm-started by the one before.
 The measured state is first rolled forward, under the forces already sent, to the time at which
 the new force will act; an estimator filters it before, and tells the bodies that the problem is
 then solved for. From there the last plan is followed as a policy (its gains about its states, the
-regulator past its end): forces alone, shifted, diverge on an unstable plant. Beside it there are
-other starts; the cheapest plan is obeyed.
+regulator past its end): forces alone, shifted, diverge on an unstable plant. Where states come
+faster than the steps of a plan, the plan of a whole step ago is followed instead if it is cheaper.
+Beside it there are other starts; the cheapest plan is obeyed.
 
 A state that cannot be is predicted through; after `carry_over` without a state to believe,
 whatever the reason, the force is zero.
@@ -30,7 +31,7 @@ from dp_swing_ros.plausibility import Plausibility
 from dp_swing_ros.problem import policy_rollout, Problem, regulator_rollout
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.solvers.solver import Solver
-from dp_swing_ros.starts import plan_of, solved, StartParameters, Starts
+from dp_swing_ros.starts import cost_of, plan_of, solved, StartParameters, Starts
 from dp_swing_ros.state import Array, HANGING, is_upright, LEANING, to_turn_of
 from dp_swing_ros.streams import Stream, stream
 
@@ -88,6 +89,7 @@ class RecedingHorizon:
         self.first = math.inf               # [s] time of the first measurement
         self.plan: Plan | None = None
         self.began = 0.0                    # [s] time of the plan's first state
+        self.plans: deque[tuple[float, Plan]] = deque(maxlen=REMEMBERED)  # it and those before it
         self.latest = -math.inf             # [s] time of the last measurement
         self.t = -math.inf                  # [s] time of the last one that was used
         self.x: Array | None = None         # and what was measured
@@ -124,7 +126,7 @@ class RecedingHorizon:
         if measured is None or self.is_blind(begins):
             return self.let_go(begins)
         x_0 = self.roll_forward(measured, self.t, begins)
-        plan = self.solve(x_0, self.left_over(begins), deadline, solves)
+        plan = self.solve(x_0, self.warm_start(x_0, begins), deadline, solves)
         if not plan.usable:
             instead = self.stand_in(begins, x_0)
             return replace(instead, stats=instead.stats._replace(solves=plan.stats.solves))
@@ -233,6 +235,7 @@ class RecedingHorizon:
         X = np.tile(self.problem.cost.x_r if x_0 is None else x_0, (N + 1, 1))
         self.sent.append((begins, 0.0))
         self.plan = None    # it predicts nothing, so the next tick is a first one
+        self.plans.clear()
         return plan_of(self.problem, X, np.zeros(N), Status.ZERO)
 
     def roll_forward(self, x: Array, t: float, until: float) -> Array:
@@ -257,6 +260,22 @@ class RecedingHorizon:
         """Tell that at the last tick another force [N] was sent than that of its plan."""
         self.sent[-1] = (self.sent[-1][0], force)
 
+    def warm_start(self, x_0: Array, begins: float) -> Plan | None:
+        """
+        Return the rest of the last plan from a time on [s], or of the one of a whole step ago.
+
+        Between its steps a plan is interpolated, which blurs its forces, and with every tick more
+        so; after a whole step it is not. The cheaper one counts. Shapes: x_0 (6,).
+        """
+        left, dt = self.left_over(begins), self.problem.dt
+        if left is None:
+            return None
+        began, plan = min(self.plans, key=lambda each: abs(begins - each[0] - dt))
+        if plan is self.plan:
+            return left
+        return min(left, plan.shifted(begins - began),
+                   key=lambda rest: cost_of(self.problem, x_0, rest))
+
     def left_over(self, begins: float) -> Plan | None:
         """Return the rest of the last plan from a time on [s], None where nothing is left."""
         if self.plan is None:
@@ -267,5 +286,6 @@ class RecedingHorizon:
     def remember(self, plan: Plan, begins: float) -> Plan:
         """Keep the plan for the next tick, and the force that it begins with."""
         self.plan, self.began = plan, begins
+        self.plans.append((begins, plan))
         self.sent.append((begins, float(plan.U[0])))
         return plan

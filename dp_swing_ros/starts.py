@@ -61,6 +61,11 @@ def plan_of(problem: Problem, X: Array, U: Array, status: Status,
                 SolverStats(status, J, 0, 0.0))
 
 
+def cost_of(problem: Problem, x_0: Array, plan: Plan) -> float:
+    """Return what it costs to follow a plan as a policy from x_0 (6,)."""
+    return policy_rollout(problem, x_0 - turns_of(problem, plan.X[-1]), plan.X, plan.U, plan.K).J
+
+
 def solved(solver: Solver, problem: Problem, x_0: Array, start: Plan, deadline: float) -> Plan:
     """Solve from a start, the goal on the turn where it ends; see Solver.solve."""
     turns = turns_of(problem, start.X[-1])
@@ -127,9 +132,8 @@ class Starts:
             U = np.append(left.U, np.zeros(problem.horizon - len(left.U)))
             return plan_of(problem, rollout(problem.model, x_0, U), U, Status.COMPLETE)
         turns = turns_of(problem, left.X[-1])
-        here = policy_rollout(problem, x_0 - turns, left.X, left.U, left.K)
         regulator = regulator_rollout(problem, x_0 - turns)
-        return left if here.J <= regulator.J else replace(
+        return left if cost_of(problem, x_0, left) <= regulator.J else replace(
             left, X=regulator.X + turns, U=regulator.U, K=regulator.K)
 
     def catch(self, x_0: Array) -> Plan | None:

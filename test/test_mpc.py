@@ -16,7 +16,9 @@ import pytest
 from dp_swing_ros import configuration
 from dp_swing_ros.dynamics import Pendulum, RK4
 from dp_swing_ros.dynamics.trajectory import hold
+from dp_swing_ros.metrics import measure
 from dp_swing_ros.plan import Status
+from dp_swing_ros.simulation import simulate
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.state import HANGING, is_upright
 
@@ -51,6 +53,13 @@ def test_a_delay_over_several_ticks_replays_every_force_sent():
         x = hold(c.problem.model, x, u, duration)
     del c.sent[-1]
     np.testing.assert_allclose(c.roll_forward(FALLING, 0.15, 0.27), x, rtol=1e-12)
+
+
+@pytest.mark.parametrize(('solver', 'seed'), [('mppi', 10), ('mppi', 16), ('ilqr', 13)])
+def test_at_five_ticks_a_step_it_is_swung_up_as_at_one(solver, seed):
+    """Interpolated from tick to tick, a plan lost its edges; then link 2 went on spinning."""
+    metrics = measure(simulate(plant(rate=100.0), controller(solver, seed), 4.0))
+    assert metrics.success and metrics.settling_time < 3.0
 
 
 def test_an_encoder_that_wraps_changes_nothing():

@@ -8,7 +8,9 @@ from controllers import controller
 import numpy as np
 import pytest
 
+from dp_swing_ros.dynamics.trajectory import hold
 from dp_swing_ros.problem import regulator_rollout
+from dp_swing_ros.starts import cost_of
 from dp_swing_ros.state import ANGLES, HANGING
 
 HANGS = np.array(HANGING)
@@ -115,3 +117,28 @@ def test_the_catch_of_a_whole_turn_is_the_same(turn):
     caught = controller().starts.catch(x)
     np.testing.assert_allclose(caught.X[0], x)
     np.testing.assert_allclose(caught.X[-1, ANGLES], turn, atol=0.05)
+
+
+def test_several_ticks_a_step_start_from_the_cheaper_of_two_rests():
+    """The last plan's, and that of the plan of a whole step ago, which is not interpolated."""
+    c, x, chosen = controller('mppi', estimator='none'), HANGS, []
+    plans = []
+    for n in range(16):
+        begins = 0.01 * n
+        if n >= 5:
+            rests = c.left_over(begins), plans[n - 5].shifted(0.05)
+            np.testing.assert_array_equal(rests[1].U, plans[n - 5].U[1:])
+            costs = [cost_of(c.problem, x, rest) for rest in rests]
+            start = c.warm_start(x, begins)
+            np.testing.assert_array_equal(start.U, rests[int(np.argmin(costs))].U)
+            chosen.append(int(np.argmin(costs)))
+        plans.append(c.update(begins, x))
+        x = hold(c.problem.model, x, plans[-1].U[0], 0.01)
+    assert set(chosen) == {0, 1}
+
+
+def test_at_one_tick_a_step_the_last_plan_is_the_start():
+    c, x, left = after_a_plan()
+    np.testing.assert_array_equal(c.warm_start(x, 0.05).U, left.U)
+    c.update(0.05, x)
+    np.testing.assert_array_equal(c.warm_start(x, 0.1).U, c.plan.U[1:])
