@@ -89,7 +89,7 @@ class RecedingHorizon:
         self.first = math.inf               # [s] time of the first measurement
         self.plan: Plan | None = None
         self.began = 0.0                    # [s] time of the plan's first state
-        self.plans: deque[tuple[float, Plan]] = deque(maxlen=REMEMBERED)  # it and those before it
+        self.plans: list[tuple[float, Plan]] = []   # it and those of the step before it
         self.latest = -math.inf             # [s] time of the last measurement
         self.t = -math.inf                  # [s] time of the last one that was used
         self.x: Array | None = None         # and what was measured
@@ -286,6 +286,7 @@ class RecedingHorizon:
     def remember(self, plan: Plan, begins: float) -> Plan:
         """Keep the plan for the next tick, and the force that it begins with."""
         self.plan, self.began = plan, begins
-        self.plans.append((begins, plan))
+        step_ago = begins - self.problem.dt
+        self.plans = [each for each in self.plans if each[0] >= step_ago] + [(begins, plan)]
         self.sent.append((begins, float(plan.U[0])))
         return plan
