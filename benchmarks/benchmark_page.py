@@ -42,12 +42,6 @@ def over_crocoddyl(race: dict[str, Any], ours: str, *words: str) -> float:
                for kind, solvers in KINDS.items() for solver in solvers)
 
 
-def share(limit: dict[str, Any]) -> float:
-    """Return what share of the best limit the best of our rates uses."""
-    rates: dict[str, float] = limit['rates']   # of multiply-adds, each two operations, and steps
-    return float(limit['per_step'] / 2 * rates[limit['best']] / rates[limit['limit']])
-
-
 def targets(results: dict[str, Any]) -> list[Target]:
     """Return the targets of what was measured."""
     found = []
@@ -73,7 +67,7 @@ def targets(results: dict[str, Any]) -> list[Target]:
                                 over(results['paper'], 'ddp', 'autograd ddp', kind), True))
     if 'limit' in results:
         found.append(Target('share of the most multiply-adds measured [%]', 40,
-                            100 * share(results['limit']), True))
+                            100 * results['limit']['share']['value'], True))
     if 'growth' in results:
         growth = results['growth']
         for name, aim in (('ilqr', 0.2), ('ddp', 0.2), ('mppi', 1.5)):

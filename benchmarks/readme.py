@@ -109,7 +109,7 @@ def peers(results: dict) -> str:
             f"{faster['ddp']:.0f} times faster than\ncrocoddyl's with the same RK4 model (iLQR "
             f'{faster["ilqr"]:.0f}), and an update of MPPI with 1,024 samples\n{compiled:.0f} '
             f"(compiled) to {twin:.0f} times faster than pytorch_mppi's; the rollouts use "
-            f'{100 * benchmark_page.share(results["limit"]):.0f} % of the\nmost multiply-adds a '
+            f'{100 * results["limit"]["share"]["value"]:.0f} % of the\nmost multiply-adds a '
             'second that were measured on the machine.')
 
 
