@@ -31,7 +31,7 @@ from dp_swing_ros.plausibility import Plausibility
 from dp_swing_ros.problem import policy_rollout, Problem, regulator_rollout
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.solvers.solver import Solver
-from dp_swing_ros.starts import cost_of, plan_of, solved, StartParameters, Starts
+from dp_swing_ros.starts import plan_of, solved, StartParameters, Starts
 from dp_swing_ros.state import Array, HANGING, is_upright, LEANING, to_turn_of
 from dp_swing_ros.streams import Stream, stream
 
@@ -87,9 +87,8 @@ class RecedingHorizon:
         self.rejection = ''                 # why the last state was not believed
         self.believed = -math.inf           # [s] when the force for the last believed state acts
         self.first = math.inf               # [s] time of the first measurement
-        self.plan: Plan | None = None
-        self.began = 0.0                    # [s] time of the plan's first state
-        self.plans: list[tuple[float, Plan]] = []   # it and those of the step before it
+        # of the last step, the newest at the end: [s] time of the first state, and the plan
+        self.plans: list[tuple[float, Plan]] = []
         self.latest = -math.inf             # [s] time of the last measurement
         self.t = -math.inf                  # [s] time of the last one that was used
         self.x: Array | None = None         # and what was measured
@@ -126,18 +125,18 @@ class RecedingHorizon:
         if measured is None or self.is_blind(begins):
             return self.let_go(begins)
         x_0 = self.roll_forward(measured, self.t, begins)
-        plan = self.solve(x_0, self.warm_start(x_0, begins), deadline, solves)
+        plan = self.solve(x_0, self.rests(begins), deadline, solves)
         if not plan.usable:
             instead = self.stand_in(begins, x_0)
             return replace(instead, stats=instead.stats._replace(solves=plan.stats.solves))
         return self.remember(replace(plan, stats=plan.stats._replace(
             solve_time=time.perf_counter() - began)), begins)
 
-    def solve(self, x_0: Array, left: Plan | None, deadline: float,
+    def solve(self, x_0: Array, rests: Sequence[Plan], deadline: float,
               solves: Sequence[int] | None = None) -> Plan:
         """Solve from each start while there is time; return the cheapest usable plan."""
         plans = list[Plan]()
-        for start in self.starts.of(x_0, left):
+        for start in self.starts.of(x_0, rests):
             if solves is None:
                 plan = solved(self.solver, self.problem, x_0, start, deadline)
             else:
@@ -234,8 +233,7 @@ class RecedingHorizon:
         N = self.problem.horizon
         X = np.tile(self.problem.cost.x_r if x_0 is None else x_0, (N + 1, 1))
         self.sent.append((begins, 0.0))
-        self.plan = None    # it predicts nothing, so the next tick is a first one
-        self.plans.clear()
+        self.plans = []    # it predicts nothing, so the next tick is a first one
         return plan_of(self.problem, X, np.zeros(N), Status.ZERO)
 
     def roll_forward(self, x: Array, t: float, until: float) -> Array:
@@ -260,32 +258,29 @@ class RecedingHorizon:
         """Tell that at the last tick another force [N] was sent than that of its plan."""
         self.sent[-1] = (self.sent[-1][0], force)
 
-    def warm_start(self, x_0: Array, begins: float) -> Plan | None:
+    def rests(self, begins: float) -> list[Plan]:
         """
-        Return the rest of the last plan from a time on [s], or of the one of a whole step ago.
+        Return the rest of the last plan from a time on [s], if any, and of one a whole step older.
 
         Between its steps a plan is interpolated, which blurs its forces, and with every tick more
-        so; after a whole step it is not. The cheaper one counts. Shapes: x_0 (6,).
+        so; after a whole step it is not.
         """
-        left, dt = self.left_over(begins), self.problem.dt
+        left = self.left_over(begins)
         if left is None:
-            return None
-        began, plan = min(self.plans, key=lambda each: abs(begins - each[0] - dt))
-        if plan is self.plan:
-            return left
-        return min(left, plan.shifted(begins - began),
-                   key=lambda rest: cost_of(self.problem, x_0, rest))
+            return []
+        began, plan = min(self.plans, key=lambda each: abs(begins - each[0] - self.problem.dt))
+        return [left] if plan is self.plans[-1][1] else [left, plan.shifted(begins - began)]
 
     def left_over(self, begins: float) -> Plan | None:
         """Return the rest of the last plan from a time on [s], None where nothing is left."""
-        if self.plan is None:
+        if not self.plans:
             return None
-        left = self.plan.shifted(begins - self.began)
+        began, plan = self.plans[-1]
+        left = plan.shifted(begins - began)
         return left if len(left.U) > 0 else None
 
     def remember(self, plan: Plan, begins: float) -> Plan:
         """Keep the plan for the next tick, and the force that it begins with."""
-        self.plan, self.began = plan, begins
         step_ago = begins - self.problem.dt
         self.plans = [each for each in self.plans if each[0] >= step_ago] + [(begins, plan)]
         self.sent.append((begins, float(plan.U[0])))

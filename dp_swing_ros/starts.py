@@ -8,7 +8,7 @@ first tick solves from several starts and, until the pendulum is up, every later
 than the last plan, taken in turn; the cheapest plan is obeyed.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, cycle, islice, repeat
 import math
@@ -61,11 +61,6 @@ def plan_of(problem: Problem, X: Array, U: Array, status: Status,
                 SolverStats(status, J, 0, 0.0))
 
 
-def cost_of(problem: Problem, x_0: Array, plan: Plan) -> float:
-    """Return what it costs to follow a plan as a policy from x_0 (6,)."""
-    return policy_rollout(problem, x_0 - turns_of(problem, plan.X[-1]), plan.X, plan.U, plan.K).J
-
-
 def solved(solver: Solver, problem: Problem, x_0: Array, start: Plan, deadline: float) -> Plan:
     """Solve from a start, the goal on the turn where it ends; see Solver.solve."""
     turns = turns_of(problem, start.X[-1])
@@ -94,18 +89,18 @@ class Starts:
         self.scout = self.build(self.short) if problem.horizon > SHORT else None
         self.bounded: Catch | None = None   # made when needed: it takes a millisecond
 
-    def of(self, x_0: Array, left: Plan | None) -> Iterator[Plan]:
+    def of(self, x_0: Array, rests: Sequence[Plan]) -> Iterator[Plan]:
         """
-        Yield the starts of a tick from what is left of the last plan, None at a first tick.
+        Yield the starts of a tick from what is left of the last plans, none at a first tick.
 
         Shapes: x_0 (6,).
         """
-        if left is None:
+        if not rests:
             yield self.first(x_0)
             count = self.parameters.first_starts - 1
             plans = self.plans(chain(self.first_kinds, repeat(self.random)), x_0, count)
         else:
-            yield self.last(x_0, left)
+            yield self.last(x_0, rests)
             if is_upright(x_0 - self.problem.cost.x_r):
                 return
             plans = self.plans(self.later_kinds, x_0, self.parameters.other_starts)
@@ -125,16 +120,20 @@ class Starts:
             U = np.zeros_like(U)
         return plan_of(self.problem, rollout(self.problem.model, x_0, U), U, Status.COMPLETE)
 
-    def last(self, x_0: Array, left: Plan) -> Plan:
-        """Return what is left of the last plan, or the regulator where that is cheaper."""
+    def last(self, x_0: Array, rests: Sequence[Plan]) -> Plan:
+        """Return the cheapest of what is left of the last plans and the regulator."""
         problem = self.problem
+        turns = [turns_of(problem, rest.X[-1]) for rest in rests]
+        costs = [policy_rollout(problem, x_0 - turn, rest.X, rest.U, rest.K).J
+                 for rest, turn in zip(rests, turns)]
+        best = costs.index(min(costs))
+        left, turn = rests[best], turns[best]
         if self.parameters.warm_start == 'forces':
             U = np.append(left.U, np.zeros(problem.horizon - len(left.U)))
             return plan_of(problem, rollout(problem.model, x_0, U), U, Status.COMPLETE)
-        turns = turns_of(problem, left.X[-1])
-        regulator = regulator_rollout(problem, x_0 - turns)
-        return left if cost_of(problem, x_0, left) <= regulator.J else replace(
-            left, X=regulator.X + turns, U=regulator.U, K=regulator.K)
+        regulator = regulator_rollout(problem, x_0 - turn)
+        return left if costs[best] <= regulator.J else replace(
+            left, X=regulator.X + turn, U=regulator.U, K=regulator.K)
 
     def catch(self, x_0: Array) -> Plan | None:
         """Return the regulator for a bounded force, None out of its reach."""

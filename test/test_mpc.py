@@ -382,13 +382,12 @@ def test_tick_that_a_deadline_cut_short_can_be_repeated(solver):
 def test_the_next_tick_goes_by_the_force_that_was_sent():
     x = np.array(HANGING)
     own, other = controller(estimator='none'), controller(estimator='none')
-    for c in (own, other):
-        c.update(0.0, x)
-    own.obeyed(float(own.plan.U[0]))
+    sent, _ = [float(c.update(0.0, x).U[0]) for c in (own, other)]
+    own.obeyed(sent)
     other.obeyed(-7.0)
     model = own.problem.model
     x = x + (0, 0, 0, 0.1, 0, 0)
-    for c, force in ((own, own.plan.U[0]), (other, -7.0)):
+    for c, force in ((own, sent), (other, -7.0)):
         plan = c.update(1 / 64, x, 1 / 64)
         np.testing.assert_array_equal(plan.X[0], hold(model, x, force, 1 / 64))
 

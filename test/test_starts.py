@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from dp_swing_ros.dynamics.trajectory import hold
-from dp_swing_ros.problem import regulator_rollout
-from dp_swing_ros.starts import cost_of
+from dp_swing_ros.problem import policy_rollout, regulator_rollout
 from dp_swing_ros.state import ANGLES, HANGING
 
 HANGS = np.array(HANGING)
@@ -19,7 +18,7 @@ UP = np.array([0.1, 0.01, 0.01, 0.0, 0.0, 0.0])
 
 
 def starts_of(c, x_0, left=None):
-    return list(c.starts.of(x_0, left))
+    return list(c.starts.of(x_0, [] if left is None else [left]))
 
 
 def after_a_plan(x_0=HANGS, **parameters):
@@ -126,10 +125,11 @@ def test_several_ticks_a_step_start_from_the_cheaper_of_two_rests():
     for n in range(16):
         begins = 0.01 * n
         if n >= 5:
-            rests = c.left_over(begins), plans[n - 5].shifted(0.05)
+            rests = c.rests(begins)
+            np.testing.assert_array_equal(rests[0].U, c.left_over(begins).U)
             np.testing.assert_array_equal(rests[1].U, plans[n - 5].U[1:])
-            costs = [cost_of(c.problem, x, rest) for rest in rests]
-            start = c.warm_start(x, begins)
+            costs = [policy_rollout(c.problem, x, rest.X, rest.U, rest.K).J for rest in rests]
+            start = c.starts.last(x, rests)
             np.testing.assert_array_equal(start.U, rests[int(np.argmin(costs))].U)
             chosen.append(int(np.argmin(costs)))
         plans.append(c.update(begins, x))
@@ -139,6 +139,8 @@ def test_several_ticks_a_step_start_from_the_cheaper_of_two_rests():
 
 def test_at_one_tick_a_step_the_last_plan_is_the_start():
     c, x, left = after_a_plan()
-    np.testing.assert_array_equal(c.warm_start(x, 0.05).U, left.U)
-    c.update(0.05, x)
-    np.testing.assert_array_equal(c.warm_start(x, 0.1).U, c.plan.U[1:])
+    rest, = c.rests(0.05)
+    np.testing.assert_array_equal(rest.U, left.U)
+    plan = c.update(0.05, x)
+    rest, = c.rests(0.1)
+    np.testing.assert_array_equal(rest.U, plan.U[1:])

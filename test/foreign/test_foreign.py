@@ -33,7 +33,7 @@ def alone():
 
 def check(name, solver, folder):
     """
-    Fail if a run fails, or if of those up to now more recovered slowly than in time.
+    Fail if a run fails, or if too many recover slowly before more of them do so in time.
 
     Where the rig's own ticks came too late the machine is to blame: it runs again, and after some
     attempts the test is skipped, for it shows nothing.
