@@ -19,8 +19,8 @@ from stamp import made, sources_with
 from timing import median, race, ratio, Work
 
 from dp_swing_ros import configuration, provenance
+from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.solvers import SOLVERS
-from dp_swing_ros.state import Array
 
 PEERS = {'crocoddyl': 'crocoddyl', 'pin': 'pinocchio', 'casadi': 'casadi', 'torch': 'torch',
          'pytorch_mppi': 'pytorch_mppi', 'mujoco': 'mujoco'}   # distribution: module
@@ -46,7 +46,7 @@ def ratios_of(name: str, times: dict[str, Array]) -> dict[str, dict[str, float]]
 
 def gradient(rounds: int) -> dict[str, Any]:
     """Compare iterations with crocoddyl."""
-    from peers_gradient import descents, STARTS
+    from peers_gradient import STARTS, descents
     return {start: compared(descents(start), rounds) for start in STARTS}
 
 

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from dp_swing_ros.campaign import manifest
-from dp_swing_ros.campaign.contestants import Contestant, parse_all
-from dp_swing_ros.campaign.report import markdown
-from dp_swing_ros.campaign.rows import Row
-from dp_swing_ros.campaign.summary import summarise
+from dp_swing_ros.evaluation.campaign import manifest
+from dp_swing_ros.evaluation.campaign.contestants import Contestant, parse_all
+from dp_swing_ros.evaluation.campaign.report import markdown
+from dp_swing_ros.evaluation.campaign.rows import Row
+from dp_swing_ros.evaluation.campaign.summary import summarise
+from dp_swing_ros.evaluation.scenarios import Case, SCENARIOS
 from dp_swing_ros.figures import of_campaign
-from dp_swing_ros.scenarios import Case, SCENARIOS
 from dp_swing_ros.solvers import SOLVERS
 
 CONFIG = Path(__file__).parents[1] / 'config'

@@ -7,15 +7,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dp_swing_ros.campaign.contestants import Contestant
-from dp_swing_ros.campaign.episodes import key
-from dp_swing_ros.campaign.report import share, table
-from dp_swing_ros.campaign.rows import Row
-from dp_swing_ros.comparison import rate
-from dp_swing_ros.estimator import SCALED
-from dp_swing_ros.metrics import Metrics
-from dp_swing_ros.parameters import PendulumParameters
-from dp_swing_ros.scenarios import Case, SCENARIOS
+from dp_swing_ros.control.estimator import SCALED
+from dp_swing_ros.evaluation.campaign.contestants import Contestant
+from dp_swing_ros.evaluation.campaign.episodes import key
+from dp_swing_ros.evaluation.campaign.report import share, table
+from dp_swing_ros.evaluation.campaign.rows import Row
+from dp_swing_ros.evaluation.comparison import rate
+from dp_swing_ros.evaluation.metrics import Metrics
+from dp_swing_ros.evaluation.scenarios import Case, SCENARIOS
+from dp_swing_ros.pendulum.parameters import PendulumParameters
 
 ALL = ('ilqr', 'ddp', 'mppi')
 DURATION = 10.0  # [s]

@@ -22,7 +22,7 @@ import numpy as np
 import pandas as pd
 from stamp import made, sources_with, TOP
 
-from dp_swing_ros.comparison import wilson
+from dp_swing_ros.evaluation.comparison import wilson
 from dp_swing_ros.tools.isolation import isolated
 from dp_swing_ros.tools.processes import Crew, Process
 

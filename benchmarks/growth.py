@@ -10,16 +10,15 @@ import numpy as np
 from timing import exponent, Interval, median, race, Work
 
 from dp_swing_ros import configuration
-from dp_swing_ros.campaign.contestants import parse
-from dp_swing_ros.campaign.episodes import play
-from dp_swing_ros.plan import Status
-from dp_swing_ros.problem import Problem
-from dp_swing_ros.problem import regulator_rollout
-from dp_swing_ros.scenarios import SCENARIOS
-from dp_swing_ros.simulation import answer
+from dp_swing_ros.control.starts import plan_of
+from dp_swing_ros.evaluation.campaign.contestants import parse
+from dp_swing_ros.evaluation.campaign.episodes import play
+from dp_swing_ros.evaluation.scenarios import SCENARIOS
+from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.problem.plan import Status
+from dp_swing_ros.problem.problem import Problem, regulator_rollout
+from dp_swing_ros.simulation.closed_loop import answer
 from dp_swing_ros.solvers import SOLVERS
-from dp_swing_ros.starts import plan_of
-from dp_swing_ros.state import Array
 
 HORIZONS = (15, 30, 60, 120, 240)
 SAMPLES = (256, 1024, 4096, 16384, 65536)

@@ -26,10 +26,10 @@ from timing import Interval, median, race, ratio, Work
 
 from dp_swing_ros import configuration
 from dp_swing_ros.kernels import kernel
-from dp_swing_ros.problem import Problem
+from dp_swing_ros.pendulum.state import HANGING
+from dp_swing_ros.problem.problem import Problem
 from dp_swing_ros.solvers.noise import LANES
 from dp_swing_ros.solvers.samples import follow, single
-from dp_swing_ros.state import HANGING
 
 CHAINS = 12           # enough to fill two units of four cycles, few enough for 16 registers
 ROUNDS = 2_000_000    # of all chains in a sample, long beside the start of a thread

@@ -32,9 +32,9 @@ from tqdm import tqdm
 
 from dp_swing_ros.bags import read_episode
 from dp_swing_ros.bags.reader import Bag
-from dp_swing_ros.comparison import table
 from dp_swing_ros.errors import UserError
-from dp_swing_ros.metrics import measure
+from dp_swing_ros.evaluation.comparison import table
+from dp_swing_ros.evaluation.metrics import measure
 from dp_swing_ros.nodes import replay
 from dp_swing_ros.tools import analyse as analysis, recover, verify
 from dp_swing_ros.tools.isolation import isolated

@@ -12,15 +12,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from dp_swing_ros import configuration
-from dp_swing_ros.campaign.contestants import Contestant, parse_all
-from dp_swing_ros.campaign.report import share, spans, table
-from dp_swing_ros.campaign.rows import Row
-from dp_swing_ros.catch import Catch
-from dp_swing_ros.comparison import rate
-from dp_swing_ros.problem import Problem
-from dp_swing_ros.scenarios import Case, SCENARIOS
+from dp_swing_ros.control.bounded_lqr import Catch
+from dp_swing_ros.evaluation.campaign.contestants import Contestant, parse_all
+from dp_swing_ros.evaluation.campaign.report import share, spans, table
+from dp_swing_ros.evaluation.campaign.rows import Row
+from dp_swing_ros.evaluation.comparison import rate
+from dp_swing_ros.evaluation.scenarios import Case, SCENARIOS
+from dp_swing_ros.pendulum.state import ANGLES, Array
+from dp_swing_ros.problem.problem import Problem
 from dp_swing_ros.solvers import SOLVERS
-from dp_swing_ros.state import ANGLES, Array
 
 DROPPED = 0.4   # [rad]
 STEPS = 60      # of the plan that might hold it

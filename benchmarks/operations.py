@@ -19,10 +19,11 @@ from typing import Any
 import numpy as np
 
 from dp_swing_ros import configuration
-from dp_swing_ros.dynamics import model, pendulum, trigonometry
-from dp_swing_ros.problem import Problem
+from dp_swing_ros.pendulum import equations as pendulum, model
+from dp_swing_ros.pendulum.models import trigonometry
+from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.problem.problem import Problem
 from dp_swing_ros.solvers import samples
-from dp_swing_ros.state import Array
 
 made: dict[tuple, 'Remembering'] = {}   # by the operation and its operands
 

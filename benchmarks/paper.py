@@ -27,11 +27,11 @@ import yaml
 
 from dp_swing_ros import figures
 from dp_swing_ros.bags import read_episode
-from dp_swing_ros.campaign.episodes import measured, simulated
-from dp_swing_ros.campaign.rows import Row, store, untimed
-from dp_swing_ros.ensemble import Ensemble, ensemble, trial
-from dp_swing_ros.episode import Episode
 from dp_swing_ros.errors import UserError
+from dp_swing_ros.evaluation.campaign.episodes import measured, simulated
+from dp_swing_ros.evaluation.campaign.rows import Row, store, untimed
+from dp_swing_ros.evaluation.ensemble import Ensemble, ensemble, trial
+from dp_swing_ros.simulation.episode import Episode
 from dp_swing_ros.tools.demo import perform, Run
 from dp_swing_ros.tools.evaluate import positive
 from dp_swing_ros.tools.isolation import isolated

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from dp_swing_ros import configuration
-from dp_swing_ros.campaign.contestants import Contestant
-from dp_swing_ros.scenarios import Case
-from dp_swing_ros.state import HANGING
+from dp_swing_ros.evaluation.campaign.contestants import Contestant
+from dp_swing_ros.evaluation.scenarios import Case
+from dp_swing_ros.pendulum.state import HANGING
 
 TOP = Path(__file__).parents[1]
 SEEDS = 100

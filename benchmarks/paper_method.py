@@ -19,11 +19,11 @@ from torch import Tensor
 from torch.func import jacrev
 
 from dp_swing_ros import configuration
-from dp_swing_ros.dynamics.torch_twin import expand, rk4_step
-from dp_swing_ros.dynamics.trajectory import rollout
-from dp_swing_ros.problem import Problem
+from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.pendulum.torch_twin import expand, rk4_step
+from dp_swing_ros.pendulum.trajectory import rollout
+from dp_swing_ros.problem.problem import Problem
 from dp_swing_ros.solvers.riccati import backward, forward
-from dp_swing_ros.state import Array
 
 START = (0.2, 0.05, -0.03, 0.0, 0.0, 0.0)
 

@@ -9,11 +9,11 @@ import math
 import numpy as np
 from paper_experiments import Key
 
-from dp_swing_ros.campaign.summary import DROP
-from dp_swing_ros.comparison import paired, Rate, rate
-from dp_swing_ros.ensemble import band, Ensemble, FIRST, NEAR, Trial
+from dp_swing_ros.evaluation.campaign.summary import DROP
+from dp_swing_ros.evaluation.comparison import paired, Rate, rate
+from dp_swing_ros.evaluation.ensemble import band, Ensemble, FIRST, NEAR, Trial
+from dp_swing_ros.evaluation.metrics import REST
 from dp_swing_ros.figures.style import SOLVERS
-from dp_swing_ros.metrics import REST
 
 COMPARED = {'upright first [s]': lambda one: one.reached,
             'settled [s]': lambda one: one.metrics.settling_time,

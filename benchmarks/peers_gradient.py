@@ -21,13 +21,13 @@ import numpy as np
 from timing import Work
 
 from dp_swing_ros import configuration
-from dp_swing_ros.dynamics.trajectory import rollout
-from dp_swing_ros.parameters import PendulumParameters
-from dp_swing_ros.plan import Plan, Status
-from dp_swing_ros.problem import Problem
+from dp_swing_ros.control.starts import plan_of
+from dp_swing_ros.pendulum.parameters import PendulumParameters
+from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.pendulum.trajectory import rollout
+from dp_swing_ros.problem.plan import Plan, Status
+from dp_swing_ros.problem.problem import Problem
 from dp_swing_ros.solvers import SOLVERS
-from dp_swing_ros.starts import plan_of
-from dp_swing_ros.state import Array
 
 RUNNING = (10.0, 100.0, 0.0, 2.0, 6.0, 0.0)              # S
 TERMINAL = (1e4, 1e5, 1e5, 2e3, 6e3, 1e2)                # P, in Pinocchio's coordinates

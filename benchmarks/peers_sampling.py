@@ -20,13 +20,13 @@ from timing import Work
 import torch
 from torch import Tensor
 
-from dp_swing_ros.dynamics.torch_twin import rk4_advance, rk4_step
-from dp_swing_ros.parameters import PendulumParameters
-from dp_swing_ros.plan import Status
-from dp_swing_ros.problem import Problem
+from dp_swing_ros.control.starts import plan_of
+from dp_swing_ros.pendulum.parameters import PendulumParameters
+from dp_swing_ros.pendulum.state import Array, HANGING
+from dp_swing_ros.pendulum.torch_twin import rk4_advance, rk4_step
+from dp_swing_ros.problem.plan import Status
+from dp_swing_ros.problem.problem import Problem
 from dp_swing_ros.solvers.mppi import MPPI
-from dp_swing_ros.starts import plan_of
-from dp_swing_ros.state import Array, HANGING
 
 NOISE = 5.0      # [N] standard deviation of pytorch_mppi's samples
 Step = Callable[[Tensor, Tensor], Tensor]

@@ -20,13 +20,13 @@ import numpy as np
 from timing import Work
 
 from dp_swing_ros import configuration
-from dp_swing_ros.cost import trajectory_cost
-from dp_swing_ros.dynamics.trajectory import rollout
-from dp_swing_ros.plan import Status
-from dp_swing_ros.problem import Problem
+from dp_swing_ros.control.starts import plan_of
+from dp_swing_ros.pendulum.state import Array, HANGING
+from dp_swing_ros.pendulum.trajectory import rollout
+from dp_swing_ros.problem.cost import trajectory_cost
+from dp_swing_ros.problem.plan import Status
+from dp_swing_ros.problem.problem import Problem
 from dp_swing_ros.solvers import SOLVERS
-from dp_swing_ros.starts import plan_of
-from dp_swing_ros.state import Array, HANGING
 
 TOLERANCE = 1e-4     # of our solvers' default, and of theirs
 ITERATIONS = 500

@@ -24,7 +24,7 @@ import readme
 import seeded
 import stamp
 
-from dp_swing_ros.campaign.rows import CampaignError, store
+from dp_swing_ros.evaluation.campaign.rows import CampaignError, store
 from dp_swing_ros.kernels import processor
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.tools.processes import interrupt_on_signals

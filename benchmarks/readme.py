@@ -10,10 +10,10 @@ import benchmark_page
 import campaigns
 import numpy as np
 
-from dp_swing_ros.campaign.report import share, table
-from dp_swing_ros.campaign.rows import read, Row, solves
-from dp_swing_ros.campaign.summary import summarise
-from dp_swing_ros.comparison import rate
+from dp_swing_ros.evaluation.campaign.report import share, table
+from dp_swing_ros.evaluation.campaign.rows import read, Row, solves
+from dp_swing_ros.evaluation.campaign.summary import summarise
+from dp_swing_ros.evaluation.comparison import rate
 from dp_swing_ros.solvers import SOLVERS
 
 BEGIN, END = '<!-- made by make results -->\n', '<!-- as far as here -->\n'

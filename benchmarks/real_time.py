@@ -14,10 +14,10 @@ import tempfile
 from stamp import made, sources_with, TOP
 
 from dp_swing_ros.bags import read_episode
-from dp_swing_ros.campaign.report import share, table
-from dp_swing_ros.campaign.rows import Key, Row, store
-from dp_swing_ros.comparison import rate, spread
-from dp_swing_ros.metrics import measure, outcome
+from dp_swing_ros.evaluation.campaign.report import share, table
+from dp_swing_ros.evaluation.campaign.rows import Key, Row, store
+from dp_swing_ros.evaluation.comparison import rate, spread
+from dp_swing_ros.evaluation.metrics import measure, outcome
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tools.demo import perform, Run
 from dp_swing_ros.tools.isolation import isolated

@@ -17,7 +17,7 @@ import time
 
 import numpy as np
 
-from dp_swing_ros.state import HANGING
+from dp_swing_ros.pendulum.state import HANGING
 
 PERIOD = 0.05     # [s]
 PATIENCE = 180.0  # [s]
@@ -32,6 +32,7 @@ def first_force(solver: str, cache: Path) -> float:
     import rclpy
     from rclpy.executors import SingleThreadedExecutor
     from rclpy.node import Node
+
     from dp_swing_ros.nodes.connections import publish, subscribe
     from dp_swing_ros.nodes.messages import to_joint_state
     from dp_swing_ros.topics import FORCE_COMMAND, JOINT_STATES

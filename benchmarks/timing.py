@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import t as student
 
-from dp_swing_ros.state import Array
+from dp_swing_ros.pendulum.state import Array
 
 SHORTEST = 3e-3     # [s] of a sample; what is faster is repeated within it
 PAUSE = 0.01        # [s] before each sample

@@ -12,14 +12,15 @@ import dataclasses
 from pathlib import Path
 from typing import Any
 
-from dp_swing_ros.estimator import EstimatorParameters
-from dp_swing_ros.mpc import MpcParameters, RecedingHorizon
-from dp_swing_ros.parameter_files import ANY_NODE, is_of_rclpy, sections
-from dp_swing_ros.parameters import (
-    checked, CostParameters, LimitParameters, ParameterError, Parameters, PendulumParameters,
-    PlantParameters, PredictionParameters, unknown)
-from dp_swing_ros.problem import Problem
-from dp_swing_ros.simulation import Plant
+from dp_swing_ros.control.estimator import EstimatorParameters
+from dp_swing_ros.control.receding_horizon import MpcParameters, RecedingHorizon
+from dp_swing_ros.parameters import checked, ParameterError, Parameters, unknown
+from dp_swing_ros.parameters.files import ANY_NODE, is_of_rclpy, sections
+from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
+from dp_swing_ros.problem.parameters import CostParameters, PredictionParameters
+from dp_swing_ros.problem.problem import Problem
+from dp_swing_ros.simulation.parameters import PlantParameters
+from dp_swing_ros.simulation.plant import Plant
 from dp_swing_ros.solvers import SOLVERS
 
 Values = Mapping[str, Any]               # by the full name of the parameter

@@ -14,10 +14,12 @@ import subprocess
 PACKAGE = Path(__file__).parent
 COMPUTING = ('numpy', 'numba', 'scipy')
 # what no episode depends on
-AFTERWARDS = ('__main__.py', 'bags/', 'campaign/against.py', 'campaign/manifest.py',
-              'campaign/report.py', 'campaign/runner.py', 'campaign/scores.py',
-              'campaign/summary.py', 'comparison.py', 'ensemble.py', 'errors.py', 'figures/',
-              'nodes/', 'provenance.py', 'report/', 'rerun/', 'tools/', 'topics.py', 'urdf.py')
+AFTERWARDS = ('__main__.py', 'bags/', 'errors.py', 'evaluation/campaign/against.py',
+              'evaluation/campaign/manifest.py', 'evaluation/campaign/report.py',
+              'evaluation/campaign/runner.py', 'evaluation/campaign/scores.py',
+              'evaluation/campaign/summary.py', 'evaluation/comparison.py',
+              'evaluation/ensemble.py', 'figures/', 'nodes/', 'pendulum/urdf.py',
+              'provenance.py', 'report/', 'rerun/', 'tools/', 'topics.py')
 
 
 def cpu() -> str:

@@ -2,11 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Controllers and plants for the tests, from parameters by name."""
 
-from dp_swing_ros.mpc import MpcParameters, RecedingHorizon
-from dp_swing_ros.parameters import (CostParameters, LimitParameters, PendulumParameters,
-                                     PlantParameters, PredictionParameters)
-from dp_swing_ros.problem import Problem
-from dp_swing_ros.simulation import Plant
+from dp_swing_ros.control.receding_horizon import MpcParameters, RecedingHorizon
+from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
+from dp_swing_ros.problem.parameters import CostParameters, PredictionParameters
+from dp_swing_ros.problem.problem import Problem
+from dp_swing_ros.simulation.parameters import PlantParameters
+from dp_swing_ros.simulation.plant import Plant
 from dp_swing_ros.solvers import SOLVERS
 
 LIMITS = LimitParameters()

@@ -9,8 +9,8 @@ import time
 import numpy as np
 
 from dp_swing_ros.parameters import parameter, Parameters
-from dp_swing_ros.plan import Plan, SolverStats, Status
-from dp_swing_ros.problem import policy_rollout
+from dp_swing_ros.problem.plan import Plan, SolverStats, Status
+from dp_swing_ros.problem.problem import policy_rollout
 from dp_swing_ros.solvers.solver import policy_of
 
 SAMPLES, ELITE = 40, 8

@@ -12,7 +12,7 @@ from dp_swing_ros import topics
 from dp_swing_ros.bags.definitions import schema
 from dp_swing_ros.bags.writer import BagWriter, Recorded
 from dp_swing_ros.nodes.messages import to_diagnostics, to_joint_state, to_stamp
-from dp_swing_ros.urdf import urdf
+from dp_swing_ros.pendulum.urdf import urdf
 
 START = 1_795_225_249_000_000_000  # [ns]
 ENDLESS = {'sec': 9223372036, 'nsec': 854775807}

@@ -11,7 +11,7 @@ from dp_swing_ros.bags.configurations import Configuration
 from dp_swing_ros.bags.definitions import schema
 from dp_swing_ros.bags.writer import BagWriter, Recorded
 from dp_swing_ros.nodes.messages import to_diagnostics, to_joint_state, to_stamp
-from dp_swing_ros.urdf import urdf
+from dp_swing_ros.pendulum.urdf import urdf
 
 START = 1_000_000_000_000  # [ns]
 

@@ -8,8 +8,8 @@ import math
 import numpy as np
 from synthetic import first, swing_up
 
-from dp_swing_ros.campaign.rows import ERROR, Key, Row, UNKNOWN
-from dp_swing_ros.metrics import measure
+from dp_swing_ros.evaluation.campaign.rows import ERROR, Key, Row, UNKNOWN
+from dp_swing_ros.evaluation.metrics import measure
 
 HELD = measure(swing_up())
 FALLEN = measure(first(swing_up(), 30))

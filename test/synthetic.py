@@ -6,8 +6,8 @@ import dataclasses
 
 import numpy as np
 
-from dp_swing_ros.episode import Episode, Ticks
-from dp_swing_ros.parameters import LimitParameters, PendulumParameters
+from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
+from dp_swing_ros.simulation.episode import Episode, Ticks
 
 PERIOD = 0.05  # [s]
 

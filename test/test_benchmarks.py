@@ -10,8 +10,8 @@ import timing
 import torch
 
 from dp_swing_ros import configuration
-from dp_swing_ros.cost import running, terminal, trajectory_cost
-from dp_swing_ros.dynamics.trajectory import rollout
+from dp_swing_ros.pendulum.trajectory import rollout
+from dp_swing_ros.problem.cost import running, terminal, trajectory_cost
 
 
 @pytest.fixture
@@ -107,8 +107,9 @@ def test_torch_has_our_step_and_cost(kind, problem, rng):
 
 def test_mujoco_rolls_out_our_model(problem, rng):
     pytest.importorskip('mujoco')
-    from mujoco import MjData, rollout as theirs
     import peers_sampling as peers
+    from mujoco import MjData
+    from mujoco import rollout as theirs
     X, U = rng.normal(size=(50, 6)), 10 * rng.normal(size=50)
     model = peers.mujoco_model(problem.bodies, problem.dt)
     states, _ = theirs.rollout(model, MjData(model), peers.mujoco_states(X), U[:, None, None])

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from dp_swing_ros import configuration
-from dp_swing_ros.parameter_files import value_of
 from dp_swing_ros.parameters import ParameterError
+from dp_swing_ros.parameters.files import value_of
 
 CONFIG = Path(__file__).parents[1] / 'config'
 

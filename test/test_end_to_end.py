@@ -22,9 +22,9 @@ from dp_swing_ros.bags import read_episode
 from dp_swing_ros.bags.configurations import configurations_of
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.errors import BagError
-from dp_swing_ros.metrics import measure, outcome
+from dp_swing_ros.evaluation.metrics import measure, outcome
 from dp_swing_ros.provenance import commit, machine
-from dp_swing_ros.simulation import simulate
+from dp_swing_ros.simulation.closed_loop import simulate
 from dp_swing_ros.solvers import SOLVERS
 
 LIMIT = 280  # [s] for one call; the first start on a machine compiles

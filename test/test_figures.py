@@ -14,10 +14,10 @@ import pytest
 from synthetic import first, swing_up, without_ticks
 
 from dp_swing_ros import figures
-from dp_swing_ros.dynamics.pendulum import joints
 from dp_swing_ros.figures.curves import unwrapped
 from dp_swing_ros.figures.sketch import sketch
-from dp_swing_ros.parameters import LimitParameters
+from dp_swing_ros.pendulum.equations import joints
+from dp_swing_ros.pendulum.parameters import LimitParameters
 
 TOP = Path(__file__).parents[1]
 README, FIGURES = TOP / 'README.md', TOP / 'docs' / 'figures'

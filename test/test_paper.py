@@ -14,8 +14,8 @@ import paper_experiments
 from PIL import Image
 
 from dp_swing_ros.bags import read_episode
-from dp_swing_ros.campaign.episodes import key, play
-from dp_swing_ros.campaign.rows import identical, read
+from dp_swing_ros.evaluation.campaign.episodes import key, play
+from dp_swing_ros.evaluation.campaign.rows import identical, read
 
 TOP = Path(__file__).parents[1]
 LIMIT = 280  # [s] for one call; the first start on a machine compiles

@@ -92,17 +92,17 @@ def test_a_solver_is_added_as_the_recipe_says(copy, bag):
 def test_a_model_is_added_as_the_recipe_says(copy):
     """The file is that of Euler's steps under another name, which is all that a test can write."""
     registry, = blocks('Add a dynamics model')
-    dynamics = copy / PACKAGE / 'dynamics'
-    (dynamics / 'midpoint.py').write_text(
-        (dynamics / 'euler.py').read_text().replace('Euler', 'Midpoint'))
-    with (dynamics / '__init__.py').open('a') as init:
+    pendulum = copy / PACKAGE / 'pendulum'
+    (pendulum / 'midpoint.py').write_text(
+        (pendulum / 'euler.py').read_text().replace('Euler', 'Midpoint'))
+    with (pendulum / 'models.py').open('a') as init:
         init.write(registry)
     shown = run(copy, '-m', 'pytest', '-q', '-p', 'no:cacheprovider',
-                'test/dynamics/test_models.py', '-k', 'midpoint')
+                'test/pendulum/test_models.py', '-k', 'midpoint')
     assert ' passed' in shown
     # without the compiler, which would take a minute for all of a new model
     shown = run(copy, '-c', 'from dp_swing_ros import configuration\n'
-                'from dp_swing_ros.simulation import simulate\n'
+                'from dp_swing_ros.simulation.closed_loop import simulate\n'
                 'for name in ("ilqr", "ddp", "mppi"):\n'
                 '    controller = configuration.controller({\n'
                 '        "model": "midpoint", "solver": name, "horizon": 3,\n'

@@ -22,10 +22,10 @@ import seeded
 import stamp
 
 from dp_swing_ros import provenance
-from dp_swing_ros.campaign.episodes import key, play
-from dp_swing_ros.campaign.rows import identical, read, store
+from dp_swing_ros.evaluation.campaign.episodes import key, play
+from dp_swing_ros.evaluation.campaign.rows import identical, read, store
+from dp_swing_ros.evaluation.scenarios import PERIOD
 from dp_swing_ros.kernels import processor
-from dp_swing_ros.scenarios import PERIOD
 from dp_swing_ros.solvers import SOLVERS
 
 TOP = Path(__file__).parents[1]
@@ -108,8 +108,9 @@ def test_what_is_no_longer_the_stored_row_is_seen():
 
 
 def test_the_digest_is_of_the_modules_that_an_episode_needs_and_no_others():
-    script = ('import sys, dp_swing_ros.campaign.contestants, dp_swing_ros.campaign.episodes, '
-              'dp_swing_ros.scenarios, dp_swing_ros.solvers.device\n'
+    script = ('import sys, dp_swing_ros.evaluation.campaign.contestants, '
+              'dp_swing_ros.evaluation.campaign.episodes, '
+              'dp_swing_ros.evaluation.scenarios, dp_swing_ros.solvers.device\n'
               'print(*(m for m in sys.modules if m.startswith("dp_swing_ros.")))')
     loaded = subprocess.run([sys.executable, '-c', script], capture_output=True, text=True,
                             check=True, cwd=TOP).stdout.split()
@@ -180,11 +181,11 @@ def test_a_campaign_s_page_has_tables_pictures_and_rows(elsewhere, monkeypatch):
 
 
 def test_a_dirty_tree_is_refused(elsewhere, monkeypatch, capsys):
-    monkeypatch.setattr(stamp, 'changed', lambda: ['dp_swing_ros/mpc.py'])
+    monkeypatch.setattr(stamp, 'changed', lambda: ['dp_swing_ros/configuration.py'])
     assert published.main(['near_goal']) == 2
     error = capsys.readouterr().err
     assert error.count('\n') == 1
-    assert 'dp_swing_ros/mpc.py' in error
+    assert 'dp_swing_ros/configuration.py' in error
     assert '--dirty' in error
     assert not (elsewhere / 'kept').exists()
 

@@ -8,7 +8,7 @@ from controllers import controller, plant
 import numpy as np
 import pytest
 
-from dp_swing_ros.scenarios import PUSHES, SCENARIOS, START
+from dp_swing_ros.evaluation.scenarios import PUSHES, SCENARIOS, START
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.streams import Stream, stream
 

@@ -8,7 +8,7 @@ from mcap.records import Channel, Schema
 from mcap_ros2.decoder import DecoderFactory
 
 from dp_swing_ros.bags.writer import Recorded
-from dp_swing_ros.plain_yaml import parse, YamlError
+from dp_swing_ros.parameters.plain_yaml import parse, YamlError
 
 D = TypeVar('D', Schema, Channel)
 FIELDS = 2000  # lines of a definition: reading one takes the square of their number

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import yaml
 
 from dp_swing_ros.bags.reader import Bag
-from dp_swing_ros.plain_yaml import parse, YamlError
+from dp_swing_ros.parameters.plain_yaml import parse, YamlError
 from dp_swing_ros.topics import CONFIGURATION
 
 TEXTS = ('node', 'version', 'commit', 'sources', 'machine')

@@ -10,12 +10,12 @@ import numpy as np
 from dp_swing_ros.bags.fields import (
     BILLION, from_diagnostics, nanoseconds, Report, to_force, to_state)
 from dp_swing_ros.bags.reader import Bag
-from dp_swing_ros.episode import Episode, Ticks
 from dp_swing_ros.errors import BagError
-from dp_swing_ros.parameters import LimitParameters, PendulumParameters
-from dp_swing_ros.state import Array
+from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
+from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.pendulum.urdf import from_urdf
+from dp_swing_ros.simulation.episode import Episode, Ticks
 from dp_swing_ros.topics import DIAGNOSTICS, JOINT_STATES, ROBOT_DESCRIPTION
-from dp_swing_ros.urdf import from_urdf
 
 CONTROLLER = 'mpc'  # who reports a tick in the diagnostics
 

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dp_swing_ros.state import Array, JOINTS
+from dp_swing_ros.pendulum.state import Array, JOINTS
 
 BILLION = 1_000_000_000  # nanoseconds in a second
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import yaml
 
-from dp_swing_ros.plain_yaml import parse_file
+from dp_swing_ros.parameters.plain_yaml import parse_file
 
 METADATA = 'metadata.yaml'
 RECOVERED = 'recovered_of'  # in custom_data: of how many messages a bag is what was left

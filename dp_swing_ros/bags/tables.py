@@ -12,9 +12,9 @@ import numpy as np
 from dp_swing_ros.bags.episodes import reports_of, samples_of
 from dp_swing_ros.bags.fields import BILLION, from_trajectory, nanoseconds
 from dp_swing_ros.bags.reader import Bag
-from dp_swing_ros.episode import STATE
-from dp_swing_ros.parameters import PendulumParameters
-from dp_swing_ros.state import ANGLES, JOINTS, UNITS, wrapped
+from dp_swing_ros.pendulum.parameters import PendulumParameters
+from dp_swing_ros.pendulum.state import ANGLES, JOINTS, UNITS, wrapped
+from dp_swing_ros.simulation.episode import STATE
 from dp_swing_ros.topics import PLAN
 
 if TYPE_CHECKING:

@@ -13,9 +13,8 @@ from collections.abc import Iterator, Sequence
 
 from matplotlib.figure import Figure
 
-from dp_swing_ros.campaign.rows import Row
-from dp_swing_ros.campaign.summary import Summary
-
+from dp_swing_ros.evaluation.campaign.rows import Row
+from dp_swing_ros.evaluation.campaign.summary import Summary
 from dp_swing_ros.figures.counterfactual import counterfactual, regret
 from dp_swing_ros.figures.cover import hero
 from dp_swing_ros.figures.curves import ERROR_FLOOR, squared_error, timeline

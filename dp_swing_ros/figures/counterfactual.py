@@ -16,10 +16,10 @@ from dp_swing_ros.figures.contestants import colours
 from dp_swing_ros.figures.curves import mark_turns, unwrapped, UPRIGHT_AT
 from dp_swing_ros.figures.style import (
     FAINT, INK, legend, limit_lines, plain, SOLVERS, styled, SYMBOLS)
-from dp_swing_ros.parameters import LimitParameters
+from dp_swing_ros.pendulum.parameters import LimitParameters
+from dp_swing_ros.pendulum.state import ANGLES
 from dp_swing_ros.rerun.counterfactual import Fork
 from dp_swing_ros.rerun.runs import Course
-from dp_swing_ros.state import ANGLES
 
 DASH = 5         # [line widths]
 STRIP = 0.85      # [inch] of a force

@@ -10,13 +10,13 @@ from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 import numpy as np
 
-from dp_swing_ros.dynamics.pendulum import joints
-from dp_swing_ros.episode import Episode
+from dp_swing_ros.evaluation.metrics import settling_time
 from dp_swing_ros.figures.pendulum import Drawing, FINE, TRACK
 from dp_swing_ros.figures.sampling import states_at, times_of
 from dp_swing_ros.figures.style import FAINT, FORCE, limit_lines, LINK1, LINK2, styled, title
-from dp_swing_ros.metrics import settling_time
-from dp_swing_ros.state import Array
+from dp_swing_ros.pendulum.equations import joints
+from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.simulation.episode import Episode
 
 CUT = 0.5   # [s] on the film between what it shows and the last state
 

@@ -9,11 +9,11 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MultipleLocator, NullFormatter
 import numpy as np
 
-from dp_swing_ros.episode import Episode
 from dp_swing_ros.figures.style import (
     ALARM, CART, COLOURS, FAINT, FORCE, legend, limit_lines, LINK1, LINK2, SQUARES, styled,
     SYMBOLS, title)
-from dp_swing_ros.state import ANGLES, Array, SIZE, to_turn_of, UPRIGHT
+from dp_swing_ros.pendulum.state import ANGLES, Array, SIZE, to_turn_of, UPRIGHT
+from dp_swing_ros.simulation.episode import Episode
 
 ERROR_FLOOR = 1e-8  # squared errors below are drawn here: a log axis has no zero
 NEAR_HANGING = 0.5  # [rad] a start this close to hanging is drawn around +π, never around -π

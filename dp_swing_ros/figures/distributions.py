@@ -8,12 +8,12 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 import numpy as np
 
-from dp_swing_ros.campaign.rows import Row, solves
-from dp_swing_ros.campaign.summary import Summary
+from dp_swing_ros.evaluation.campaign.rows import Row, solves
+from dp_swing_ros.evaluation.campaign.summary import Summary
+from dp_swing_ros.evaluation.metrics import TIME_LIMIT
+from dp_swing_ros.evaluation.scenarios import SCENARIOS
 from dp_swing_ros.figures.contestants import as_share, looks, name_contestants
 from dp_swing_ros.figures.style import FAINT, INK, styled
-from dp_swing_ros.metrics import TIME_LIMIT
-from dp_swing_ros.scenarios import SCENARIOS
 
 GOAL = 0.01  # [s] a solve should take no longer than this but for one in a hundred
 

@@ -18,16 +18,16 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, MultipleLocator, NullLocator
 import numpy as np
 
-from dp_swing_ros.ensemble import Band, Ensemble
-from dp_swing_ros.episode import Episode
+from dp_swing_ros.evaluation.ensemble import Band, Ensemble
+from dp_swing_ros.evaluation.metrics import settling_time
 from dp_swing_ros.figures.curves import ERROR_FLOOR, in_turns
 from dp_swing_ros.figures.filmstrip import snapshot
 from dp_swing_ros.figures.pendulum import room_for
 from dp_swing_ros.figures.sampling import times_of
 from dp_swing_ros.figures.style import (
     ALARM, dark, FAINT, FORCE, INK, SQUARES, styled, SYMBOLS, tint)
-from dp_swing_ros.metrics import settling_time
-from dp_swing_ros.state import ANGLES, Array, SIZE, to_turn_of, UPRIGHT
+from dp_swing_ros.pendulum.state import ANGLES, Array, SIZE, to_turn_of, UPRIGHT
+from dp_swing_ros.simulation.episode import Episode
 
 SHADES = (FORCE, ALARM)  # of the set-ups
 ROWS, COLUMNS = 3, 4     # of the pictures of a run

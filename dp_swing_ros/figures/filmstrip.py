@@ -9,11 +9,11 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 import numpy as np
 
-from dp_swing_ros.episode import Episode
 from dp_swing_ros.figures.pendulum import Drawing, fading, room_for, scene, trail_of
 from dp_swing_ros.figures.sampling import states_at, times_of
 from dp_swing_ros.figures.style import LINK2, PAPER, styled, title
-from dp_swing_ros.state import is_upright
+from dp_swing_ros.pendulum.state import is_upright
+from dp_swing_ros.simulation.episode import Episode
 
 
 @styled

@@ -12,12 +12,12 @@ from matplotlib.patches import FancyArrow
 import numpy as np
 from PIL import Image
 
-from dp_swing_ros.episode import Episode
 from dp_swing_ros.figures.pendulum import CART_SIZE, Drawing, fading, room_for, scene, trail_of
 from dp_swing_ros.figures.sampling import force_at, states_at, times_of
 from dp_swing_ros.figures.style import (
     FAINT, FORCE, INK, LINK1, LINK2, mark, styled, tint, title, WARNING)
-from dp_swing_ros.state import Array
+from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.simulation.episode import Episode
 
 FRAME = 0.05              # [s] between the pictures of an animation
 LONGEST_ANIMATION = 30.0  # [s]

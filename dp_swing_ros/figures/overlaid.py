@@ -9,11 +9,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 import numpy as np
 
-from dp_swing_ros.episode import Episode
 from dp_swing_ros.figures.curves import in_decades, mark_turns, unwrapped, UPRIGHT_AT
 from dp_swing_ros.figures.style import (
     ALARM, FORCE, INK, limit_lines, LINK1, LINK2, plain, styled, SYMBOLS)
-from dp_swing_ros.state import ANGLES
+from dp_swing_ros.pendulum.state import ANGLES
+from dp_swing_ros.simulation.episode import Episode
 
 RUNS = (LINK1, LINK2, FORCE, ALARM, INK, '#56B4E9', '#E69F00')  # the rest of the palette at last
 DASHES = ('-', (0, (4, 1.5)), (0, (1, 1)))  # where there are more runs than colours

@@ -8,12 +8,12 @@ from matplotlib.colors import to_rgba
 from matplotlib.patches import FancyBboxPatch
 import numpy as np
 
-from dp_swing_ros.dynamics.pendulum import joints
-from dp_swing_ros.episode import Episode
 from dp_swing_ros.figures.sampling import states_at
 from dp_swing_ros.figures.style import CART, FAINT, INK, LINK1, LINK2, tint
-from dp_swing_ros.parameters import PendulumParameters
-from dp_swing_ros.state import Array
+from dp_swing_ros.pendulum.equations import joints
+from dp_swing_ros.pendulum.parameters import PendulumParameters
+from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.simulation.episode import Episode
 
 CART_SIZE = (0.44, 0.22)  # [m]
 TRACK = -0.15             # [m] height of the track under the joint of the cart

@@ -8,10 +8,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 import numpy as np
 
-from dp_swing_ros.campaign.summary import Standing, Summary
+from dp_swing_ros.evaluation.campaign.summary import Standing, Summary
+from dp_swing_ros.evaluation.scenarios import SCENARIOS
 from dp_swing_ros.figures.contestants import as_share, Look, looks, name_contestants
 from dp_swing_ros.figures.style import FAINT, INK, PAPER, styled
-from dp_swing_ros.scenarios import SCENARIOS
 
 LINE = 0.19  # [inch] a contestant in a scenario
 

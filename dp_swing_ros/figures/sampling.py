@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from dp_swing_ros.episode import Episode
-from dp_swing_ros.state import Array
+from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.simulation.episode import Episode
 
 
 def states_at(episode: Episode, times: Array) -> Array:

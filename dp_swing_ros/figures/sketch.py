@@ -14,11 +14,11 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Arc
 import numpy as np
 
-from dp_swing_ros.dynamics.pendulum import joints
 from dp_swing_ros.figures.pendulum import CART_SIZE, Drawing, TRACK
 from dp_swing_ros.figures.style import CART, FAINT, FORCE, INK, LINK1, LINK2, styled
-from dp_swing_ros.parameters import LimitParameters, PendulumParameters
-from dp_swing_ros.state import Array
+from dp_swing_ros.pendulum.equations import joints
+from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
+from dp_swing_ros.pendulum.state import Array
 
 SHOWN = (0.55, 0.45, 1.05, 0.0, 0.0, 0.0)   # a state with all its coordinates above zero
 ARROW = {'arrowstyle': '-|>', 'shrinkA': 0, 'shrinkB': 0, 'linewidth': 1.6}

@@ -13,11 +13,11 @@ from matplotlib.ticker import FuncFormatter, MultipleLocator
 import numpy as np
 from scipy.stats import binned_statistic_2d
 
-from dp_swing_ros.campaign.rows import Row
-from dp_swing_ros.campaign.summary import Summary
+from dp_swing_ros.evaluation.campaign.rows import Row
+from dp_swing_ros.evaluation.campaign.summary import Summary
+from dp_swing_ros.evaluation.scenarios import SCENARIOS
 from dp_swing_ros.figures.curves import in_turns
 from dp_swing_ros.figures.style import ALARM, plain, styled
-from dp_swing_ros.scenarios import SCENARIOS
 
 SCENARIO = 'random'
 EACH = 7         # starts in a cell, about

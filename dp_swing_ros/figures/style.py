@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
-from dp_swing_ros.episode import Episode
+from dp_swing_ros.simulation.episode import Episode
 
 # Okabe and Ito's palette: told apart by colour-blind readers, on white and in grey
 INK, FAINT, PAPER = '#26323e', '#9aa5b1', '#f4f6f8'

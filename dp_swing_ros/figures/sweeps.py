@@ -11,11 +11,11 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 import numpy as np
 
-from dp_swing_ros.campaign.scores import Level
-from dp_swing_ros.campaign.summary import Summary
+from dp_swing_ros.evaluation.campaign.scores import Level
+from dp_swing_ros.evaluation.campaign.summary import Summary
+from dp_swing_ros.evaluation.scenarios import PROFILE, SCENARIOS
 from dp_swing_ros.figures.contestants import looks
 from dp_swing_ros.figures.style import FAINT, LINK1, plain, styled
-from dp_swing_ros.scenarios import PROFILE, SCENARIOS
 
 COLUMNS = 2
 UNITS = {sweep.parameter: sweep.unit for scenario in SCENARIOS.values()

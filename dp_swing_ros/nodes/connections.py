@@ -20,9 +20,9 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from dp_swing_ros.bags.reader import Offer
 from dp_swing_ros.errors import BagError
-from dp_swing_ros.parameter_files import QOS_OVERRIDES
 from dp_swing_ros.parameters import ParameterError
-from dp_swing_ros.plain_yaml import parse
+from dp_swing_ros.parameters.files import QOS_OVERRIDES
+from dp_swing_ros.parameters.plain_yaml import parse
 from dp_swing_ros.topics import Topic
 
 Policy = TypeVar('Policy', bound=IntEnum)

@@ -17,9 +17,9 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from dp_swing_ros.bags.fields import (
     from_diagnostics, from_trajectory, Report, seconds, split, to_state, Trajectory)
-from dp_swing_ros.estimator import Estimate
-from dp_swing_ros.plan import Plan
-from dp_swing_ros.state import Array, JOINTS
+from dp_swing_ros.control.estimator import Estimate
+from dp_swing_ros.pendulum.state import Array, JOINTS
+from dp_swing_ros.problem.plan import Plan
 
 __all__ = ['Report', 'Trajectory', 'from_diagnostics', 'from_trajectory', 'of_estimate', 'seconds',
            'to_diagnostics', 'to_joint_state', 'to_stamp', 'to_state', 'to_trajectory']

@@ -22,20 +22,19 @@ from std_srvs.srv import Trigger
 
 from dp_swing_ros.bags.configurations import from_text
 from dp_swing_ros.bags.fields import BILLION
-from dp_swing_ros.estimator import EstimatorParameters
-from dp_swing_ros.mpc import MpcParameters, RecedingHorizon
+from dp_swing_ros.control.estimator import EstimatorParameters
+from dp_swing_ros.control.receding_horizon import MpcParameters, RecedingHorizon
 from dp_swing_ros.nodes.connections import is_heard, owners, publish, subscribe
 from dp_swing_ros.nodes.diagnostics import Diagnostics
-from dp_swing_ros.nodes.messages import (
-    of_estimate, seconds, to_state, to_trajectory)
+from dp_swing_ros.nodes.messages import of_estimate, seconds, to_state, to_trajectory
 from dp_swing_ros.nodes.process import ProcessNode, run
 from dp_swing_ros.nodes.ros_parameters import declare, settle
 from dp_swing_ros.nodes.timing import announcement_of, Clock, Timing
 from dp_swing_ros.nodes.watchdog import Watchdog
-from dp_swing_ros.parameters import (
-    CostParameters, LimitParameters, PendulumParameters, PredictionParameters)
-from dp_swing_ros.plan import Plan, Status
-from dp_swing_ros.problem import Problem
+from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
+from dp_swing_ros.problem.parameters import CostParameters, PredictionParameters
+from dp_swing_ros.problem.plan import Plan, Status
+from dp_swing_ros.problem.problem import Problem
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.topics import CONFIGURATION, FORCE_COMMAND, JOINT_STATES, PLAN
 

@@ -18,11 +18,11 @@ from dp_swing_ros.nodes.diagnostics import Diagnostics
 from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
 from dp_swing_ros.nodes.process import ProcessNode, run
 from dp_swing_ros.nodes.ros_parameters import declare, settle
-from dp_swing_ros.parameters import LimitParameters, PendulumParameters, PlantParameters
-from dp_swing_ros.simulation import Plant
-from dp_swing_ros.topics import (
-    DISTURBANCE, FORCE_COMMAND, JOINT_STATES, ROBOT_DESCRIPTION)
-from dp_swing_ros.urdf import urdf
+from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
+from dp_swing_ros.pendulum.urdf import urdf
+from dp_swing_ros.simulation.parameters import PlantParameters
+from dp_swing_ros.simulation.plant import Plant
+from dp_swing_ros.topics import DISTURBANCE, FORCE_COMMAND, JOINT_STATES, ROBOT_DESCRIPTION
 
 REPORT_PERIOD = 1.0  # [s] between two diagnostics
 PATIENCE = 2.0       # [s] at most for subscriptions to be found before the first state

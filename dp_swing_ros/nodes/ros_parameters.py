@@ -23,8 +23,8 @@ from std_msgs.msg import String
 from dp_swing_ros.bags.configurations import Configuration
 from dp_swing_ros.nodes.connections import publish
 from dp_swing_ros.nodes.parameters import expected, full_name
-from dp_swing_ros.parameter_files import ANY_NODE, QOS_OVERRIDES, sections
 from dp_swing_ros.parameters import checked, Parameters, unknown
+from dp_swing_ros.parameters.files import ANY_NODE, QOS_OVERRIDES, sections
 from dp_swing_ros.provenance import commit, machine, package_version, packages, sources
 from dp_swing_ros.topics import CONFIGURATION
 

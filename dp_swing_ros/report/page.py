@@ -13,14 +13,14 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 import numpy as np
 
-from dp_swing_ros.comparison import rows
-from dp_swing_ros.episode import Episode
+from dp_swing_ros.evaluation.comparison import rows
+from dp_swing_ros.evaluation.metrics import measure, outcome
 from dp_swing_ros.figures import style
 from dp_swing_ros.figures.pendulum import room_for
 from dp_swing_ros.figures.sampling import force_at, states_at, times_of
-from dp_swing_ros.metrics import measure, outcome
 from dp_swing_ros.report.recording import Recording
 from dp_swing_ros.report.settings import differences, provenances, settings
+from dp_swing_ros.simulation.episode import Episode
 
 FRAME = 0.02   # [s] between the pictures of the animation
 FRAMES = 3000  # at most; those of a long run are further apart

@@ -13,8 +13,8 @@ from dp_swing_ros.bags.episodes import episode_of
 from dp_swing_ros.bags.fields import BILLION
 from dp_swing_ros.bags.metadata import described
 from dp_swing_ros.bags.reader import Bag
-from dp_swing_ros.episode import Episode
 from dp_swing_ros.errors import BagError
+from dp_swing_ros.simulation.episode import Episode
 from dp_swing_ros.topics import ROBOT_DESCRIPTION
 
 LOST = 'lost:'  # before the name of a topic, in what a logger adds to metadata.yaml

@@ -18,10 +18,10 @@ import numpy as np
 from dp_swing_ros import configuration
 from dp_swing_ros.bags.episodes import Sample
 from dp_swing_ros.bags.fields import BILLION
-from dp_swing_ros.mpc import RecedingHorizon
+from dp_swing_ros.control.receding_horizon import RecedingHorizon
 from dp_swing_ros.rerun.runs import Course, Run
 from dp_swing_ros.rerun.ticks import answer, respond, Tick
-from dp_swing_ros.simulation import Plant
+from dp_swing_ros.simulation.plant import Plant
 
 ROUNDING = 100  # [ns] stamps are whole nanoseconds
 

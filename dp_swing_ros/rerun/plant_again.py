@@ -11,9 +11,9 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from dp_swing_ros.bags.episodes import Sample
 from dp_swing_ros.bags.fields import BILLION
+from dp_swing_ros.pendulum.state import NAMES, UNITS
 from dp_swing_ros.rerun.ticks import Tick
-from dp_swing_ros.simulation import Plant
-from dp_swing_ros.state import NAMES, UNITS
+from dp_swing_ros.simulation.plant import Plant
 
 
 def published(plant: Plant, forces: Mapping[int, float], end: int) -> Iterator[Sample]:

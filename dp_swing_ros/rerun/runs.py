@@ -12,14 +12,14 @@ from dp_swing_ros import configuration
 from dp_swing_ros.bags.episodes import CONTROLLER, Sample, samples_of
 from dp_swing_ros.bags.fields import BILLION
 from dp_swing_ros.bags.reader import Bag
-from dp_swing_ros.cost import running
+from dp_swing_ros.control.receding_horizon import MpcParameters
 from dp_swing_ros.errors import UserError
-from dp_swing_ros.metrics import settling_time
-from dp_swing_ros.mpc import MpcParameters
-from dp_swing_ros.parameters import LimitParameters
-from dp_swing_ros.problem import Problem
+from dp_swing_ros.evaluation.metrics import settling_time
+from dp_swing_ros.pendulum.parameters import LimitParameters
+from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.problem.cost import running
+from dp_swing_ros.problem.problem import Problem
 from dp_swing_ros.rerun.ticks import Record, record_of, Tick, told
-from dp_swing_ros.state import Array
 
 PLANT = 'plant'
 

@@ -9,11 +9,11 @@ from dp_swing_ros.bags.configurations import Configuration, configurations_of
 from dp_swing_ros.bags.episodes import CONTROLLER, reports_of, samples_of
 from dp_swing_ros.bags.fields import BILLION, Report
 from dp_swing_ros.bags.reader import Bag
+from dp_swing_ros.control.receding_horizon import RecedingHorizon
 from dp_swing_ros.errors import BagError
-from dp_swing_ros.mpc import RecedingHorizon
-from dp_swing_ros.parameter_files import is_of_rclpy
-from dp_swing_ros.plan import Plan
-from dp_swing_ros.state import Array
+from dp_swing_ros.parameters.files import is_of_rclpy
+from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.problem.plan import Plan
 
 NEEDED = ('force', 'cost', 'status', 'real_time', 'delay', 'solves', 'carried', 'resets', 'number')
 

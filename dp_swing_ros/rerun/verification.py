@@ -19,15 +19,15 @@ from dp_swing_ros.bags.configurations import Configuration, configurations_of
 from dp_swing_ros.bags.episodes import CONTROLLER, samples_of
 from dp_swing_ros.bags.fields import BILLION, from_trajectory, nanoseconds, Trajectory
 from dp_swing_ros.bags.reader import Bag
-from dp_swing_ros.mpc import RecedingHorizon
-from dp_swing_ros.plan import Plan
+from dp_swing_ros.control.receding_horizon import RecedingHorizon
+from dp_swing_ros.pendulum.urdf import from_urdf, urdf
+from dp_swing_ros.problem.plan import Plan
 from dp_swing_ros.rerun.plant_again import compared, figures, forces_by_stamp, published
 from dp_swing_ros.rerun.runs import PLANT
 from dp_swing_ros.rerun.sent import commands_of, paired, Pairing
 from dp_swing_ros.rerun.ticks import answer, Record, record_of, Tick, told
-from dp_swing_ros.simulation import Plant
+from dp_swing_ros.simulation.plant import Plant
 from dp_swing_ros.topics import DISTURBANCE, FORCE_COMMAND, PLAN, ROBOT_DESCRIPTION
-from dp_swing_ros.urdf import from_urdf, urdf
 
 SHOWN = 5  # numbers of ticks in a sentence
 

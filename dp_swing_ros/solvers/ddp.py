@@ -6,11 +6,11 @@ DDP: the dynamics are expanded to second order in each iteration.
 Source: the paper, II-C, (22)-(37), with the errata of docs/model.md.
 """
 
-from dp_swing_ros.plan import Plan
-from dp_swing_ros.problem import Problem
+from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.problem.plan import Plan
+from dp_swing_ros.problem.problem import Problem
 from dp_swing_ros.solvers.descent import DescentParameters, solve
 from dp_swing_ros.solvers.solver import Seed
-from dp_swing_ros.state import Array
 
 
 class DDP:

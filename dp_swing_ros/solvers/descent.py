@@ -9,11 +9,11 @@ import numpy as np
 
 from dp_swing_ros.kernels import kernel, now
 from dp_swing_ros.parameters import parameter, Parameters
-from dp_swing_ros.plan import Plan, SolverStats, Status
-from dp_swing_ros.problem import follow_policy, Problem
+from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.problem.plan import Plan, SolverStats, Status
+from dp_swing_ros.problem.problem import follow_policy, Problem
 from dp_swing_ros.solvers.riccati import backward, line_search
 from dp_swing_ros.solvers.solver import policy_of
-from dp_swing_ros.state import Array
 
 MU_FIRST = 1.0     # regularisation after a first failure
 MU_FACTOR = 6.0

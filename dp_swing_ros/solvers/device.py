@@ -18,11 +18,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from dp_swing_ros.dynamics.torch_twin import ADVANCES, Numbers
 from dp_swing_ros.parameters import ParameterError
-from dp_swing_ros.problem import Problem, Rollout
+from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.pendulum.torch_twin import ADVANCES, Numbers
+from dp_swing_ros.problem.problem import Problem, Rollout
 from dp_swing_ros.solvers.mppi import NEGLIGIBLE
-from dp_swing_ros.state import Array
 
 DEVICES = {'cuda': 'cuda', 'torch': 'cpu'}   # by the value of the parameter
 

@@ -6,11 +6,11 @@ iLQR: the dynamics are expanded to first order in each iteration.
 Source: the paper, II-C without the tensor terms of (28)-(30).
 """
 
-from dp_swing_ros.plan import Plan
-from dp_swing_ros.problem import Problem
+from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.problem.plan import Plan
+from dp_swing_ros.problem.problem import Problem
 from dp_swing_ros.solvers.descent import DescentParameters, solve
 from dp_swing_ros.solvers.solver import Seed
-from dp_swing_ros.state import Array
 
 
 class ILQR:

@@ -19,13 +19,13 @@ import numpy as np
 
 from dp_swing_ros.kernels import kernel
 from dp_swing_ros.parameters import parameter, ParameterError, Parameters
-from dp_swing_ros.plan import Plan, SolverStats, Status
-from dp_swing_ros.problem import follow_policy, Problem, Rollout
+from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.problem.plan import Plan, SolverStats, Status
+from dp_swing_ros.problem.problem import follow_policy, Problem, Rollout
 from dp_swing_ros.solvers.noise import LANES, state_from
 from dp_swing_ros.solvers.riccati import backward
 from dp_swing_ros.solvers.samples import average, draw, single
 from dp_swing_ros.solvers.solver import generator, policy_of, Seed
-from dp_swing_ros.state import Array
 
 F = np.float32
 NEGLIGIBLE = F(60)   # weights below exp(-60) are none

@@ -16,9 +16,9 @@ import math
 
 import numpy as np
 
-from dp_swing_ros.dynamics.trigonometry import signed, sincos_ahead
 from dp_swing_ros.kernels import kernel
-from dp_swing_ros.state import Array
+from dp_swing_ros.kernels.trigonometry import signed, sincos_ahead
+from dp_swing_ros.pendulum.state import Array
 
 LANES = 64
 F, U = np.float32, np.uint32

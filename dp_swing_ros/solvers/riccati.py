@@ -14,11 +14,11 @@ trajectory optimization", IROS 2012, (11).
 
 import numpy as np
 
-from dp_swing_ros.cost import running, running_derivatives, terminal, terminal_derivatives
-from dp_swing_ros.dynamics.lanes import LANES, STEPS
-from dp_swing_ros.dynamics.model import curvature, expand, linearise
-from dp_swing_ros.dynamics.trajectory import step
 from dp_swing_ros.kernels import kernel
+from dp_swing_ros.kernels.lanes import LANES, STEPS
+from dp_swing_ros.pendulum.model import curvature, expand, linearise
+from dp_swing_ros.pendulum.trajectory import step
+from dp_swing_ros.problem.cost import running, running_derivatives, terminal, terminal_derivatives
 
 HALVINGS = 14      # of the step, in a line search
 SUFFICIENT = 1e-2  # share of the expected decrease that a step must reach

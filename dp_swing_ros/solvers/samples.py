@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from dp_swing_ros.cost import squared_error
-from dp_swing_ros.dynamics.model import advance
-from dp_swing_ros.dynamics.trigonometry import sincos
 from dp_swing_ros.kernels import kernel
+from dp_swing_ros.kernels.trigonometry import sincos
+from dp_swing_ros.pendulum.model import advance
+from dp_swing_ros.problem.cost import squared_error
 from dp_swing_ros.solvers.noise import fill, LANES
 
 ZERO, ONE, TWO = np.float32(0.0), np.float32(1.0), np.float32(2.0)

@@ -7,9 +7,9 @@ from typing import NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 
-from dp_swing_ros.plan import Plan
-from dp_swing_ros.problem import Problem
-from dp_swing_ros.state import Array
+from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.problem.plan import Plan
+from dp_swing_ros.problem.problem import Problem
 from dp_swing_ros.streams import Stream, stream
 
 Seed: TypeAlias = int | np.random.Generator   # of a solver: a number, or one that goes on

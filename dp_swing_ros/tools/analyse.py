@@ -11,10 +11,10 @@ import re
 from tqdm import tqdm
 
 from dp_swing_ros import figures
-from dp_swing_ros.comparison import table
-from dp_swing_ros.episode import Episode
-from dp_swing_ros.metrics import measure
+from dp_swing_ros.evaluation.comparison import table
+from dp_swing_ros.evaluation.metrics import measure
 from dp_swing_ros.report import named, page, Recording, recording, Shown
+from dp_swing_ros.simulation.episode import Episode
 from dp_swing_ros.tools import program
 from dp_swing_ros.tools.over_bags import add_namespace, add_partial, beside, exit_code
 

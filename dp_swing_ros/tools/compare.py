@@ -11,13 +11,12 @@ from tqdm import tqdm
 
 from dp_swing_ros import figures
 from dp_swing_ros.bags.reader import Bag
-from dp_swing_ros.comparison import aligned
+from dp_swing_ros.evaluation.comparison import aligned
 from dp_swing_ros.rerun.counterfactual import Fork, fork
 from dp_swing_ros.rerun.runs import Run
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tools import program
-from dp_swing_ros.tools.over_bags import (
-    add_bag, add_namespace, add_partial, beside, exit_code)
+from dp_swing_ros.tools.over_bags import add_bag, add_namespace, add_partial, beside, exit_code
 from dp_swing_ros.topics import DISTURBANCE
 
 AT = 0.5  # [s] the pendulum moves, and everything is still open

@@ -15,13 +15,13 @@ import numpy as np
 from tqdm import tqdm
 import yaml
 
-from dp_swing_ros.comparison import spread, summary, table
 from dp_swing_ros.configuration import locate
 from dp_swing_ros.errors import UserError
-from dp_swing_ros.metrics import measure, Metrics
+from dp_swing_ros.evaluation.comparison import spread, summary, table
+from dp_swing_ros.evaluation.metrics import measure, Metrics
+from dp_swing_ros.pendulum.state import to_turn_of, UPRIGHT
 from dp_swing_ros.report import named, recording
 from dp_swing_ros.solvers import SOLVERS
-from dp_swing_ros.state import to_turn_of, UPRIGHT
 from dp_swing_ros.tools import program
 from dp_swing_ros.tools.analyse import write
 from dp_swing_ros.tools.isolation import isolated

@@ -11,17 +11,17 @@ import shlex
 import sys
 from typing import Any
 
-from dp_swing_ros.campaign import manifest
-from dp_swing_ros.campaign.against import compared, refuse_strangers, rivals
-from dp_swing_ros.campaign.contestants import parse_all
-from dp_swing_ros.campaign.episodes import key
-from dp_swing_ros.campaign.report import markdown
-from dp_swing_ros.campaign.rows import CampaignError, read, Row, Table
-from dp_swing_ros.campaign.runner import run
-from dp_swing_ros.campaign.summary import plain, summarise, Summary
+from dp_swing_ros.evaluation.campaign import manifest
+from dp_swing_ros.evaluation.campaign.against import compared, refuse_strangers, rivals
+from dp_swing_ros.evaluation.campaign.contestants import parse_all
+from dp_swing_ros.evaluation.campaign.episodes import key
+from dp_swing_ros.evaluation.campaign.report import markdown
+from dp_swing_ros.evaluation.campaign.rows import CampaignError, read, Row, Table
+from dp_swing_ros.evaluation.campaign.runner import run
+from dp_swing_ros.evaluation.campaign.summary import plain, summarise, Summary
+from dp_swing_ros.evaluation.scenarios import Case, SCENARIOS
 from dp_swing_ros.figures import of_campaign
 from dp_swing_ros.parameters import LARGEST, ParameterError
-from dp_swing_ros.scenarios import Case, SCENARIOS
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tools import program
 from dp_swing_ros.tools.processes import interrupt_on_signals

@@ -13,7 +13,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from dp_swing_ros.bags.fields import seconds, to_state
 from dp_swing_ros.nodes.connections import subscribe
-from dp_swing_ros.state import Array
+from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.topics import JOINT_STATES
 
 

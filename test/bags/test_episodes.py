@@ -18,10 +18,9 @@ from dp_swing_ros.bags.definitions import schema
 from dp_swing_ros.bags.writer import BagWriter, Recorded
 from dp_swing_ros.errors import BagError
 from dp_swing_ros.nodes.messages import to_diagnostics, to_joint_state, to_stamp
-from dp_swing_ros.parameters import LimitParameters, PendulumParameters
-from dp_swing_ros.topics import (
-    DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES, ROBOT_DESCRIPTION, TOPICS)
-from dp_swing_ros.urdf import urdf
+from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
+from dp_swing_ros.pendulum.urdf import urdf
+from dp_swing_ros.topics import DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES, ROBOT_DESCRIPTION, TOPICS
 
 START = 1_795_225_249_000_000_000
 PERIOD = 50_000_000

@@ -9,7 +9,7 @@ import pytest
 from synthetic import swing_up
 
 from dp_swing_ros.figures import counterfactual, regret
-from dp_swing_ros.parameters import LimitParameters
+from dp_swing_ros.pendulum.parameters import LimitParameters
 from dp_swing_ros.rerun.counterfactual import Fork
 from dp_swing_ros.rerun.runs import Course
 

@@ -8,10 +8,10 @@ from PIL import Image
 import pytest
 from synthetic import swing_up
 
-from dp_swing_ros.ensemble import ensemble, trial
+from dp_swing_ros.evaluation.ensemble import ensemble, trial
+from dp_swing_ros.evaluation.metrics import settling_time
 from dp_swing_ros.figures import ERROR_FLOOR, squared_errors, swing_ups
 from dp_swing_ros.figures.experiments import moments
-from dp_swing_ros.metrics import settling_time
 
 
 def of(*rises, duration=4.0):

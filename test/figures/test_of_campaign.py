@@ -6,7 +6,7 @@ from PIL import Image
 import pytest
 from results import campaign, error_row, row
 
-from dp_swing_ros.campaign.summary import summarise
+from dp_swing_ros.evaluation.campaign.summary import summarise
 from dp_swing_ros.figures import of_campaign
 from dp_swing_ros.figures.contestants import looks
 from dp_swing_ros.figures.distributions import settling, solve_times

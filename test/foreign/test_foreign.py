@@ -12,9 +12,8 @@ import foreign_plant
 import numpy as np
 import pytest
 
-from dp_swing_ros.dynamics import Pendulum
-from dp_swing_ros.dynamics.pendulum import derivative
-from dp_swing_ros.parameters import PendulumParameters
+from dp_swing_ros.pendulum.equations import derivative, Pendulum
+from dp_swing_ros.pendulum.parameters import PendulumParameters
 
 ATTEMPTS = 5     # at most, on a machine that is late
 SLOW = 2         # recoveries that are too many

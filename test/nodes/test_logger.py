@@ -24,9 +24,9 @@ import yaml
 from dp_swing_ros.bags import read_episode
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.nodes.connections import publish
-from dp_swing_ros.parameters import LimitParameters, PendulumParameters
+from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
+from dp_swing_ros.pendulum.urdf import urdf
 from dp_swing_ros.topics import DISTURBANCE, FORCE_COMMAND, ROBOT_DESCRIPTION
-from dp_swing_ros.urdf import urdf
 
 NUMBERED = Path(__file__).parents[2] / 'benchmarks' / 'numbered.py'
 

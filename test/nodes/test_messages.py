@@ -8,9 +8,9 @@ from sensor_msgs.msg import JointState
 
 from dp_swing_ros.bags.fields import nanoseconds, to_force
 from dp_swing_ros.nodes.messages import (
-    from_diagnostics, from_trajectory, seconds, to_diagnostics, to_joint_state, to_stamp,
-    to_state, to_trajectory)
-from dp_swing_ros.plan import Plan, SolverStats, Status
+    from_diagnostics, from_trajectory, seconds, to_diagnostics, to_joint_state, to_stamp, to_state,
+    to_trajectory)
+from dp_swing_ros.problem.plan import Plan, SolverStats, Status
 
 STAMP = to_stamp(1_795_225_249_631_521_481)
 X = np.array([0.1, -0.2, 3.0, 0.4, -5.0, 6.0])

@@ -16,13 +16,14 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
-from dp_swing_ros.dynamics import Pendulum, RK4
-from dp_swing_ros.dynamics.trajectory import rollout
 from dp_swing_ros.nodes.messages import (
     from_diagnostics, from_trajectory, seconds, to_joint_state, to_stamp)
-from dp_swing_ros.parameters import PendulumParameters
+from dp_swing_ros.pendulum.equations import Pendulum
+from dp_swing_ros.pendulum.parameters import PendulumParameters
+from dp_swing_ros.pendulum.rk4 import RK4
+from dp_swing_ros.pendulum.state import HANGING
+from dp_swing_ros.pendulum.trajectory import rollout
 from dp_swing_ros.solvers import SOLVERS
-from dp_swing_ros.state import HANGING
 from dp_swing_ros.topics import DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES, PLAN
 
 LEANING = np.array([0.1, 0.02, -0.01, 0.0, 0.05, 0.0])

@@ -23,9 +23,9 @@ from dp_swing_ros.bags import read_episode
 from dp_swing_ros.bags.episodes import reports_of, samples_of
 from dp_swing_ros.bags.fields import nanoseconds
 from dp_swing_ros.bags.reader import Bag, Offer
-from dp_swing_ros.comparison import table
 from dp_swing_ros.errors import BagError
-from dp_swing_ros.metrics import measure
+from dp_swing_ros.evaluation.comparison import table
+from dp_swing_ros.evaluation.metrics import measure
 from dp_swing_ros.nodes.connections import publish_again
 from dp_swing_ros.topics import FORCE_COMMAND
 

@@ -14,8 +14,8 @@ from rclpy.signals import SignalHandlerOptions
 
 from dp_swing_ros.nodes.parameters import table
 from dp_swing_ros.nodes.ros_parameters import declare, settle
-from dp_swing_ros.parameters import (
-    parameter, ParameterError, Parameters, PredictionParameters)
+from dp_swing_ros.parameters import parameter, ParameterError, Parameters
+from dp_swing_ros.problem.parameters import PredictionParameters
 
 
 @dataclasses.dataclass(frozen=True)

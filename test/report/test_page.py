@@ -13,7 +13,7 @@ import pytest
 from recorded_runs import told, write_bag
 from synthetic import first, swing_up, without_ticks
 
-from dp_swing_ros.metrics import measure
+from dp_swing_ros.evaluation.metrics import measure
 from dp_swing_ros.report import named, page, recording, Shown
 
 VOID = {'img', 'input', 'link', 'meta'}

@@ -9,8 +9,8 @@ from synthetic import first, swing_up, without_ticks
 import yaml
 
 from dp_swing_ros.errors import BagError
+from dp_swing_ros.pendulum.urdf import urdf
 from dp_swing_ros.report import named, recording
-from dp_swing_ros.urdf import urdf
 
 
 def lose(bag, told_of):

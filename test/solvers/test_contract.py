@@ -13,18 +13,19 @@ from cross_entropy import CrossEntropy
 import numpy as np
 import pytest
 
-from dp_swing_ros.cost import trajectory_cost
-from dp_swing_ros.dynamics import MODELS
-from dp_swing_ros.dynamics.torch_twin import ADVANCES
-from dp_swing_ros.dynamics.trajectory import rollout
-from dp_swing_ros.mpc import MpcParameters
-from dp_swing_ros.parameters import (CostParameters, LimitParameters, ParameterError,
-                                     PendulumParameters, PredictionParameters)
-from dp_swing_ros.plan import Plan, SolverStats, Status
-from dp_swing_ros.problem import policy_rollout, Problem
+from dp_swing_ros.control.receding_horizon import MpcParameters
+from dp_swing_ros.parameters import ParameterError
+from dp_swing_ros.pendulum.models import MODELS
+from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
+from dp_swing_ros.pendulum.state import HANGING
+from dp_swing_ros.pendulum.torch_twin import ADVANCES
+from dp_swing_ros.pendulum.trajectory import rollout
+from dp_swing_ros.problem.cost import trajectory_cost
+from dp_swing_ros.problem.parameters import CostParameters, PredictionParameters
+from dp_swing_ros.problem.plan import Plan, SolverStats, Status
+from dp_swing_ros.problem.problem import policy_rollout, Problem
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.solvers.solver import policy_of
-from dp_swing_ros.state import HANGING
 
 STATES = {'hanging': np.array(HANGING),
           'falling': np.array([0.3, 0.2, -0.2, 0.5, 1.0, -1.0]),

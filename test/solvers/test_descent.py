@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from dp_swing_ros import configuration
-from dp_swing_ros.plan import Status
-from dp_swing_ros.scenarios import SCENARIOS
+from dp_swing_ros.evaluation.scenarios import SCENARIOS
+from dp_swing_ros.pendulum.state import HANGING
+from dp_swing_ros.problem.plan import Status
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.solvers.riccati import backward
-from dp_swing_ros.state import HANGING
 
 COUNT = 200
 PROBLEM = configuration.problem({})

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from dp_swing_ros import configuration
-from dp_swing_ros.dynamics import MODELS
-from dp_swing_ros.dynamics.torch_twin import ADVANCES
 from dp_swing_ros.parameters import ParameterError
-from dp_swing_ros.problem import policy_rollout, Rollout
+from dp_swing_ros.pendulum.models import MODELS
+from dp_swing_ros.pendulum.state import HANGING
+from dp_swing_ros.pendulum.torch_twin import ADVANCES
+from dp_swing_ros.problem.problem import policy_rollout, Rollout
 from dp_swing_ros.solvers.mppi import MPPI, MPPIParameters, opened
 from dp_swing_ros.solvers.noise import fill, state_from
 from dp_swing_ros.solvers.solver import generator
-from dp_swing_ros.state import HANGING
 
 torch = pytest.importorskip('torch')
 SAMPLES = 200

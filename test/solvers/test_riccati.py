@@ -8,13 +8,13 @@ import math
 import numpy as np
 import pytest
 
-from dp_swing_ros.cost import running_derivatives, terminal_derivatives, trajectory_cost
-from dp_swing_ros.dynamics.lanes import STEPS
-from dp_swing_ros.dynamics.torch_twin import expand
-from dp_swing_ros.dynamics.trajectory import rollout
-from dp_swing_ros.parameters import (CostParameters, LimitParameters, PendulumParameters,
-                                     PredictionParameters)
-from dp_swing_ros.problem import Problem, regulator_rollout
+from dp_swing_ros.kernels.lanes import STEPS
+from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
+from dp_swing_ros.pendulum.torch_twin import expand
+from dp_swing_ros.pendulum.trajectory import rollout
+from dp_swing_ros.problem.cost import running_derivatives, terminal_derivatives, trajectory_cost
+from dp_swing_ros.problem.parameters import CostParameters, PredictionParameters
+from dp_swing_ros.problem.problem import Problem, regulator_rollout
 from dp_swing_ros.solvers.riccati import backward, forward, line_search
 
 N = 12

@@ -5,17 +5,17 @@
 import numpy as np
 import pytest
 
-from dp_swing_ros.cost import trajectory_cost
-from dp_swing_ros.dynamics import MODELS
-from dp_swing_ros.dynamics.trajectory import rollout
-from dp_swing_ros.parameters import (CostParameters, LimitParameters, PendulumParameters,
-                                     PredictionParameters)
-from dp_swing_ros.plan import Plan, SolverStats, Status
-from dp_swing_ros.problem import Problem, regulator_rollout, Rollout
+from dp_swing_ros.pendulum.models import MODELS
+from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
+from dp_swing_ros.pendulum.state import HANGING
+from dp_swing_ros.pendulum.trajectory import rollout
+from dp_swing_ros.problem.cost import trajectory_cost
+from dp_swing_ros.problem.parameters import CostParameters, PredictionParameters
+from dp_swing_ros.problem.plan import Plan, SolverStats, Status
+from dp_swing_ros.problem.problem import Problem, regulator_rollout, Rollout
 from dp_swing_ros.solvers.mppi import MPPI, MPPIParameters
 from dp_swing_ros.solvers.noise import fill, LANES, state_from
 from dp_swing_ros.solvers.samples import average, draw, single
-from dp_swing_ros.state import HANGING
 
 N = 20
 F = np.float32

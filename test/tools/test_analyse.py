@@ -11,8 +11,8 @@ from recorded_runs import write_bag
 from synthetic import swing_up, without_ticks
 
 from dp_swing_ros.bags import read_episode
-from dp_swing_ros.comparison import table
-from dp_swing_ros.metrics import measure, outcome
+from dp_swing_ros.evaluation.comparison import table
+from dp_swing_ros.evaluation.metrics import measure, outcome
 from dp_swing_ros.tools.analyse import main
 from dp_swing_ros.tools.over_bags import beside
 

@@ -13,7 +13,7 @@ from PIL import Image
 import pytest
 from results import row
 
-from dp_swing_ros.campaign.rows import read, store
+from dp_swing_ros.evaluation.campaign.rows import read, store
 from dp_swing_ros.tools.evaluate import command_line, main
 
 SOURCES = Path(__file__).parents[2]

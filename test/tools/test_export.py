@@ -12,7 +12,7 @@ from synthetic import swing_up
 
 from dp_swing_ros.bags import read_episode
 from dp_swing_ros.bags.tables import STATES
-from dp_swing_ros.state import JOINTS, wrapped
+from dp_swing_ros.pendulum.state import JOINTS, wrapped
 from dp_swing_ros.tools import export
 from dp_swing_ros.tools.export import main
 from dp_swing_ros.topics import DIAGNOSTICS

@@ -1,0 +1,168 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Where the solves of a tick start: the last plan first, then others.
+
+A local solver ends in the optimum that its start leads to, and MPPI draws about its start. So the
+first tick solves from several starts and, until the pendulum is up, every later one from one more
+than the last plan, taken in turn; the cheapest plan is obeyed.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain, cycle, islice, repeat
+import math
+
+import numpy as np
+
+from dp_swing_ros.control.bounded_lqr import Catch
+from dp_swing_ros.parameters import parameter, Parameters
+from dp_swing_ros.pendulum.state import Array, is_upright
+from dp_swing_ros.pendulum.trajectory import rollout
+from dp_swing_ros.problem.cost import trajectory_cost
+from dp_swing_ros.problem.plan import Plan, SolverStats, Status
+from dp_swing_ros.problem.problem import policy_rollout, Problem, regulator_rollout, turns_of
+from dp_swing_ros.solvers.solver import Solver
+from dp_swing_ros.streams import Stream, stream
+
+SHORT = 30  # steps; over more, a start that is not yet good diverges, and solves end anywhere
+
+
+@dataclass(frozen=True)
+class StartParameters(Parameters):
+    """Where the solves of a tick start."""
+
+    initial_plan: str = parameter(
+        'random', 'forces of the first plan: random, as in the paper, or zero',
+        choices=lambda: ['random', 'zero'])
+    initial_force: float = parameter(
+        10.0, 'bound of the random forces of a start', unit='N', minimum=0.0)
+    warm_start: str = parameter(
+        'policy', 'policy: the last plan with its gains, then the regulator, or the regulator '
+        'from here if that is cheaper; forces: the last forces, then zero, as in the paper',
+        choices=lambda: ['policy', 'forces'])
+    first_starts: int = parameter(
+        6, 'starts solved from at the first tick; 1: the first plan alone, as in the paper',
+        minimum=1, maximum=1000)
+    other_starts: int = parameter(
+        1, 'starts solved from beside the last plan at later ticks, until upright; 0 as in the '
+        'paper', minimum=0, maximum=1000)
+
+
+def plan_of(problem: Problem, X: Array, U: Array, status: Status,
+            K: Array | None = None) -> Plan:
+    """
+    Make a plan that no solver made; without gains, one without feedback.
+
+    Shapes: X (T + 1, 6), U (T,), K (T, 6).
+    """
+    J = trajectory_cost(problem.cost, X, U)
+    return Plan(X, U, np.zeros((len(U), 6)) if K is None else K, problem.dt,
+                SolverStats(status, J, 0, 0.0))
+
+
+def solved(solver: Solver, problem: Problem, x_0: Array, start: Plan, deadline: float) -> Plan:
+    """Solve from a start, the goal on the turn where it ends; see Solver.solve."""
+    turns = turns_of(problem, start.X[-1])
+    if not turns.any() or not np.all(np.isfinite(start.X)):   # what diverges ends on no turn
+        return solver.solve(x_0, start, deadline)
+    plan = solver.solve(x_0 - turns, replace(start, X=start.X - turns), deadline)
+    return replace(plan, X=plan.X + turns)
+
+
+class Starts:
+    """The starts of every tick; holds the random generator, and whose turn it is."""
+
+    def __init__(self, problem: Problem, parameters: StartParameters, seed: int,
+                 build: Callable[[Problem], Solver]) -> None:
+        """Take what is to be solved, and how to build its solver for a shorter horizon."""
+        self.parameters, self.build = parameters, build
+        self.pose(problem)
+        self.random_forces = stream(seed, Stream.STARTS)
+        self.first_kinds = (self.catch, self.regulator, self.rest)
+        self.later_kinds = cycle((self.catch, self.random, self.regulator))
+
+    def pose(self, problem: Problem) -> None:
+        """Start for another problem from now on."""
+        self.problem = problem
+        self.short = replace(problem, horizon=min(problem.horizon, SHORT))
+        self.scout = self.build(self.short) if problem.horizon > SHORT else None
+        self.bounded: Catch | None = None   # made when needed: it takes a millisecond
+
+    def of(self, x_0: Array, rests: Sequence[Plan]) -> Iterator[Plan]:
+        """
+        Yield the starts of a tick from what is left of the last plans, none at a first tick.
+
+        Shapes: x_0 (6,).
+        """
+        if not rests:
+            yield self.first(x_0)
+            count = self.parameters.first_starts - 1
+            plans = self.plans(chain(self.first_kinds, repeat(self.random)), x_0, count)
+        else:
+            yield self.last(x_0, rests)
+            if is_upright(x_0 - self.problem.cost.x_r):
+                return
+            plans = self.plans(self.later_kinds, x_0, self.parameters.other_starts)
+        yield from plans
+
+    def plans(self, kinds: Iterable[Callable[[Array], Plan | None]], x_0: Array,
+              count: int) -> Iterator[Plan]:
+        """Yield as many plans of these kinds; fewer where a wild state has none."""
+        made = (kind(x_0) for kind in islice(kinds, count + len(self.first_kinds)))
+        return islice((plan for plan in made
+                       if plan is not None and np.all(np.isfinite(plan.X))), count)
+
+    def first(self, x_0: Array) -> Plan:
+        """Return the start of a run: random forces, or none."""
+        U = self.draw(self.problem.horizon)
+        if self.parameters.initial_plan == 'zero':
+            U = np.zeros_like(U)
+        return plan_of(self.problem, rollout(self.problem.model, x_0, U), U, Status.COMPLETE)
+
+    def last(self, x_0: Array, rests: Sequence[Plan]) -> Plan:
+        """Return the cheapest of what is left of the last plans and the regulator."""
+        problem = self.problem
+        turns = [turns_of(problem, rest.X[-1]) for rest in rests]
+        costs = [policy_rollout(problem, x_0 - turn, rest.X, rest.U, rest.K).J
+                 for rest, turn in zip(rests, turns)]
+        best = costs.index(min(costs))
+        left, turn = rests[best], turns[best]
+        if self.parameters.warm_start == 'forces':
+            U = np.append(left.U, np.zeros(problem.horizon - len(left.U)))
+            return plan_of(problem, rollout(problem.model, x_0, U), U, Status.COMPLETE)
+        regulator = regulator_rollout(problem, x_0 - turn)
+        return left if costs[best] <= regulator.J else replace(
+            left, X=regulator.X + turn, U=regulator.U, K=regulator.K)
+
+    def catch(self, x_0: Array) -> Plan | None:
+        """Return the regulator for a bounded force, None out of its reach."""
+        self.bounded = self.bounded or Catch(self.short)
+        caught = self.bounded.start(x_0)
+        return None if caught is None else plan_of(
+            self.short, caught.X, caught.U, Status.COMPLETE, caught.K)
+
+    def regulator(self, x_0: Array) -> Plan:
+        """Follow the regulator."""
+        return self.scouted(x_0, regulator_rollout(self.short, x_0).U)
+
+    def rest(self, x_0: Array) -> Plan:
+        """Send no force."""
+        return self.scouted(x_0, np.zeros(self.short.horizon))
+
+    def random(self, x_0: Array) -> Plan:
+        """Send random forces."""
+        return self.scouted(x_0, self.draw(self.short.horizon))
+
+    def draw(self, steps: int) -> Array:
+        """Draw random forces (steps,)."""
+        bound = min(self.parameters.initial_force, self.problem.u_max)
+        return self.random_forces.uniform(-bound, bound, steps)
+
+    def scouted(self, x_0: Array, U: Array) -> Plan:
+        """Follow forces over the short horizon; if it is shorter than the real one, solve it."""
+        plan = plan_of(self.short, rollout(self.short.model, x_0, U), U, Status.COMPLETE)
+        if self.scout is None or not np.all(np.isfinite(plan.X)):
+            return plan
+        # some milliseconds at most, so the deadline is looked at after it
+        return solved(self.scout, self.short, x_0, plan, math.inf)

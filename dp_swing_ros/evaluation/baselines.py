@@ -1,0 +1,163 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Controllers to compare the receding horizon with: one that solved long ago, one that never does.
+
+Each is built as BASELINES[name](problem)(seed), and then is a Controller of closed_loop.py; the
+seed changes nothing.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+import math
+import time
+from typing import NamedTuple
+
+import numpy as np
+
+from dp_swing_ros.control.starts import plan_of
+from dp_swing_ros.pendulum.state import Array, HANGING, is_upright, to_turn_of, UPRIGHT
+from dp_swing_ros.pendulum.trajectory import hold, rollout
+from dp_swing_ros.problem.plan import Plan, SolverStats, Status
+from dp_swing_ros.problem.problem import linearisation, policy_rollout, Problem
+from dp_swing_ros.simulation.closed_loop import Controller
+from dp_swing_ros.solvers.ilqr import ILQR
+
+SWING_UP = 3.0     # [s] that the offline swing-up takes
+MARGIN = 0.8       # share of the force that it may use; the rest is left for feedback
+STARTS = 40        # random forces that it is solved from
+ITERATIONS = 1000  # at most, in each of these solves
+FINE = 0.005       # [s] steps of the model that it is tried on
+
+
+class Reference(NamedTuple):
+    """A swing-up as a policy, and what it costs to start off it: eᵀ V e with e = x - X[0]."""
+
+    plan: Plan
+    V: Array  # (6, 6)
+
+
+def swing_up(problem: Problem) -> Reference:
+    """
+    Solve for swing-ups from hanging, and return the cheapest that its regulator brings to hold.
+
+    Raises ValueError where it holds none.
+    """
+    N = round(SWING_UP / problem.dt)
+    bound = MARGIN * min(problem.u_max, 1e3)  # an unlimited force needs no margin
+    long = replace(problem, horizon=N, u_max=bound)
+    solver = ILQR(long, ILQR.Parameters(iterations=ITERATIONS))
+    random, x_0 = np.random.default_rng(0), np.array(HANGING)
+    found: list[Reference] = []
+    for _ in range(STARTS):
+        U = random.uniform(-1, 1, N) * min(bound, 10.0)
+        start = plan_of(long, rollout(problem.model, x_0, U), U, Status.COMPLETE)
+        plan = solver.solve(x_0, start, math.inf)
+        if is_upright(plan.X[-1]) and is_held(problem, reference := stabilised(problem, plan)):
+            found.append(reference)
+    if not found:
+        raise ValueError(f'no swing-up of {SWING_UP:g} s in {STARTS} solves; a TVLQR needs one')
+    return min(found, key=lambda reference: reference.plan.stats.cost)
+
+
+def is_held(problem: Problem, reference: Reference) -> bool:
+    """Tell whether the regulated swing-up ends upright in finer steps and short of the margin."""
+    fine = type(problem.model).of(problem.model.pendulum, FINE)
+    controller, x = TVLQR(problem, reference), np.array(HANGING)
+    for n in range(2 * len(reference.plan.U)):
+        force = controller.update(n * problem.dt, x, 0.0).U[0]
+        x = hold(fine, x, force, problem.dt)
+        if not abs(x[0]) < problem.cost.x_soft:
+            return False
+    return bool(is_upright(x))
+
+
+def stabilised(problem: Problem, plan: Plan) -> Reference:
+    """
+    Give a trajectory the gains of its time-varying linear-quadratic regulator.
+
+    From V = P of the infinite horizon back: V ← S + Aᵀ V (A + B K), K = -(R + BᵀVB)⁻¹ BᵀVA.
+    """
+    K, V = np.empty_like(plan.K), problem.lqr.P
+    for t in range(len(plan.U) - 1, -1, -1):
+        A, B = linearisation(problem.model, plan.X[t], plan.U[t])
+        K[t] = -(B @ V @ A) / (problem.cost.R + B @ V @ B)
+        V = np.diag(problem.cost.S) + A.T @ V @ (A + np.outer(B, K[t]))
+    return Reference(replace(plan, K=K), V)
+
+
+class TVLQR:
+    """
+    Follows a swing-up solved beforehand in time, then regulates.
+
+    A run that starts nearer to the goal than to the swing-up's beginning is regulated at once.
+    """
+
+    def __init__(self, problem: Problem, reference: Reference) -> None:
+        """Take the reference of swing_up."""
+        self.problem, self.reference = problem, reference
+        self.joined: float | None = None  # [s] when the reference would have begun
+        self.last: Plan | None = None     # what was answered last, and from when
+        self.began = 0.0
+
+    def update(self, t: float, x: Array, delay: float) -> Plan:
+        """Return the policy followed from the measured state on; see Controller.update."""
+        began = time.perf_counter()
+        if self.joined is None:
+            self.joined = t - (self.reference.plan.duration if self.skips(x) else 0.0)
+        left = self.reference.plan.shifted(t + delay - self.joined)
+        turns = to_turn_of(left.X[:1], x) - left.X[:1]
+        _, X, U, _ = policy_rollout(self.problem, x, left.X + turns, left.U, left.K)
+        return self.answer(X, U, Status.CONVERGED, t + delay, began)
+
+    def stand_in(self, begins: float) -> Plan:
+        """Go on with what the last answer predicted; see Controller.stand_in."""
+        began = time.perf_counter()
+        if self.last is None:
+            X, U = np.tile(HANGING, (2, 1)), np.zeros(1)
+        else:
+            left = self.last.shifted(min(begins - self.began, self.last.duration - self.last.dt))
+            X, U = left.X, left.U
+        return self.answer(X, U, Status.LAST_POLICY, begins, began)
+
+    def skips(self, x: Array) -> bool:
+        """Tell whether a start (6,) is nearer to the goal, as the regulators measure it."""
+        from_start = to_turn_of(x - self.reference.plan.X[0], np.array(UPRIGHT))
+        from_goal = to_turn_of(x - self.problem.cost.x_r, np.array(UPRIGHT))
+        return bool(from_goal @ self.problem.lqr.P @ from_goal
+                    < from_start @ self.reference.V @ from_start)
+
+    def answer(self, X: Array, U: Array, status: Status, begins: float, began: float) -> Plan:
+        """Make the plan, and remember it."""
+        plan = plan_of(self.problem, X, U, status)
+        self.last = replace(plan, stats=plan.stats._replace(
+            solve_time=time.perf_counter() - began))
+        self.began = begins
+        return self.last
+
+
+class Nothing:
+    """Never applies a force: what the plant does alone."""
+
+    def __init__(self, problem: Problem) -> None:
+        """Take the problem for the duration of a step."""
+        self.problem = problem
+
+    def update(self, t: float, x: Array, delay: float) -> Plan:
+        """Return a plan of zero force that predicts nothing; see Controller.update."""
+        return Plan(np.tile(x, (2, 1)), np.zeros(1), np.zeros((1, 6)), self.problem.dt,
+                    SolverStats(Status.COMPLETE, math.nan, 0, 0.0))
+
+    def stand_in(self, begins: float) -> Plan:
+        """Return the same without a state; see Controller.stand_in."""
+        return self.update(begins, np.array(HANGING), 0.0)
+
+
+def tvlqr(problem: Problem) -> Callable[[int], Controller]:
+    """Solve once for all seeds."""
+    reference = swing_up(problem)
+    return lambda seed: TVLQR(problem, reference)
+
+
+BASELINES: dict[str, Callable[[Problem], Callable[[int], Controller]]] = {
+    'tvlqr': tvlqr, 'nothing': lambda problem: lambda seed: Nothing(problem)}

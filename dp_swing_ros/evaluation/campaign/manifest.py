@@ -1,0 +1,81 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a campaign is, kept beside its table: rows of two campaigns must never mix."""
+
+from collections.abc import Iterable
+from datetime import datetime
+import json
+from pathlib import Path
+from typing import Any
+
+from dp_swing_ros.evaluation.campaign.contestants import Contestant
+from dp_swing_ros.evaluation.campaign.rows import CampaignError
+from dp_swing_ros.evaluation.scenarios import SCENARIOS
+from dp_swing_ros.kernels import processor
+from dp_swing_ros.provenance import commit, COMPUTING, machine, package_version, packages, sources
+
+DECIDES = ('contestants', 'scenarios', 'duration', 'sources', 'processor')  # rows depend on these
+
+
+def describe(contestants: Iterable[Contestant], scenarios: Iterable[str], seeds: range | None,
+             levels: int | None, duration: float) -> dict[str, Any]:
+    """Return the description of a campaign, ready for JSON."""
+    return {
+        'contestants': {contestant.label: {
+            'name': contestant.name, 'plant': contestant.plant, 'mpc': contestant.mpc}
+            for contestant in contestants},
+        'scenarios': {name: {'seeds': _bounds(seeds or SCENARIOS[name].seeds),
+                             'levels': SCENARIOS[name].sweeps and (
+                                 levels or SCENARIOS[name].levels) or 0}
+                      for name in scenarios},
+        'duration': duration, 'sources': sources(), 'processor': processor(),
+        'version': package_version(), 'commit': commit()}
+
+
+def made(command: str) -> dict[str, str]:
+    """Return when, where and with what a campaign is made."""
+    return {
+        'command': command, 'date': f'{datetime.now():%Y-%m-%d %H:%M}', 'machine': machine(),
+        'packages': ', '.join(f'{name} {version}' for name, version in packages(
+            (*COMPUTING, 'joblib')).items())}
+
+
+def _bounds(seeds: range) -> list[int]:
+    return [seeds.start, seeds.stop]
+
+
+def keep(folder: Path, description: dict[str, Any]) -> None:
+    """
+    Write the description into the folder, or find it there.
+
+    Raises CampaignError where the folder holds another campaign.
+    """
+    path = folder / 'campaign.json'
+    description = json.loads(json.dumps(description))
+    if not path.exists():
+        path.write_text(json.dumps(description, indent=1) + '\n', encoding='utf-8')
+        return
+    before = load(folder)
+    for part in DECIDES:
+        if before.get(part) != description[part]:
+            raise CampaignError(
+                f'{folder} holds a campaign with other {part}: {_short(before.get(part))}, now '
+                f'{_short(description[part])}; give another --output')
+
+
+def load(folder: Path) -> dict[str, Any]:
+    """
+    Read the description of the campaign in a folder.
+
+    Raises CampaignError where there is none.
+    """
+    path = folder / 'campaign.json'
+    try:
+        return json.loads(path.read_text(encoding='utf-8'))
+    except (OSError, ValueError) as error:
+        raise CampaignError(f'{folder} holds no campaign: {error}') from None
+
+
+def _short(value: Any) -> str:
+    text = json.dumps(value, ensure_ascii=False)
+    return text if len(text) <= 200 else f'{text[:200]}...'

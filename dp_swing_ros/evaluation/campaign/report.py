@@ -1,0 +1,194 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""A summary as Markdown."""
+
+from collections.abc import Iterable, Iterator, Sequence
+import itertools
+import math
+
+from dp_swing_ros.evaluation.campaign.scores import CRITERIA, Level
+from dp_swing_ros.evaluation.campaign.summary import CATCH, DROP, Failure, Standing, Summary
+from dp_swing_ros.evaluation.comparison import Paired, Rate, Ratio
+from dp_swing_ros.evaluation.scenarios import PROFILE, SCENARIOS
+
+NOTES = """\
+An episode is held when both angles are within 0.1 rad and all speeds below 1 over its last second;
+it has settled where that last stay begins, with the cart off the centre as the column says. In
+brackets are Wilson's 95 % intervals; nothing is run twice. Medians are over the held episodes,
+what is largest over all; force steps are the standard deviation of Δu over the last 2 s (hold) and
+over all of the run. A strike is the cart's meeting an end stop; counted are those of all episodes.
+Σℓ is the running cost over the episode, by the default weights for everybody. A miss is a solve
+over the time limit of the mpc."""
+
+DUELS = """\
+On the same cases: what one held and the other did not, with the p of McNemar's exact test, and
+where both held, the median difference (first less second) with its 95 % interval (bootstrap) and
+the p of the sign test, and the ratio of the closed-loop costs Σℓ (first over second, geometric
+mean of the cases) with its 95 % interval (bootstrap). The p are of one test each: among twenty of
+them one below 0.05 is to be expected by chance."""
+
+
+def markdown(summary: Summary, title: str = 'Campaign', introduction: Sequence[str] = ()) -> str:
+    """Return the page, its introduction by default what its campaign was made with."""
+    parts = [[f'# {title}', '', *(introduction or made(summary)), '', NOTES]]
+    names = list(summary.campaign['scenarios'])
+    for scenario in names:
+        standings = [one for one in summary.standings if one.scenario == scenario]
+        if standings:
+            parts.append([f'## {scenario}', '', f'{SCENARIOS[scenario].about}.', '',
+                          *_standings(standings)])
+        if scenario == CATCH:
+            parts.append([f'Went beyond ±{DROP:g} rad: {_dropped(standings)}.'])
+    parts.append(['## Scores', '', *_scores(summary)])
+    if any(one.sweeps for one in summary.standings):
+        parts.append(['## Where each breaks', '', *_breaks(summary)])
+    if summary.duels:
+        parts.append(['## Against each other', '', *_duels(summary)])
+    parts.append(['## What was not held, and why', '', *_failures(summary.failures)])
+    return '\n\n'.join('\n'.join(part) for part in parts) + '\n'
+
+
+def table(rows: Iterable[Sequence[str]]) -> list[str]:
+    """Return the lines of a table; the first row is its head."""
+    head, *body = (f'| {" | ".join(cell.replace("|", chr(92) + "|") for cell in row)} |'
+                   for row in rows)
+    return [head, '| --- ' * (head.count(' | ') + 1) + '|', *body]
+
+
+def made(summary: Summary) -> list[str]:
+    """Return the lines on where a campaign comes from, and on how many episodes it has."""
+    campaign, lines = summary.campaign, []
+    about = campaign.get('made', {})
+    if about:
+        lines = [f'Made by `{about["command"]}` on {about["date"]}, version '
+                 f'{campaign["version"]}, commit {campaign["commit"]}; {about["machine"]}; '
+                 f'{about["packages"]}.']
+    missing = f', {summary.missing} not run yet' if summary.missing else ''
+    return [*lines, f'{summary.episodes} episodes of {campaign["duration"]:g} s{missing}.']
+
+
+def number(value: float, digits: int = 2, scale: float = 1.0) -> str:
+    """Return a number for a cell."""
+    return '-' if math.isnan(value) else f'{scale * value:.{digits}f}'
+
+
+def share(rate: Rate) -> str:
+    """Return successes of runs with their interval."""
+    return (f'{rate.successes} of {rate.runs} '
+            f'({100 * rate.low:.1f}-{100 * rate.high:.1f} %)')
+
+
+def _standings(standings: list[Standing]) -> Iterator[str]:
+    yield from table([
+        ('contestant', 'held', 'settling [s]', 'off [m]', 'hold error [mrad]',
+         'force step: hold, run [N]', 'largest u [N], x [m], θ [rad]', 'strikes', 'Σℓ',
+         'Σabs(Δx u) [J]', '∫abs(u) [N s]', '∫u² [N² s]', 'solve: median, p99, largest [ms]',
+         'misses', 'stand-ins'),
+        *((f'`{one.contestant}`', share(one.held), number(one.medians['settling_time']),
+           number(one.medians['settling_offset']), number(one.medians['hold_error'], 2, 1e3),
+           ', '.join(number(one.medians[name], 3) for name in ('smoothness', 'roughness')),
+           ', '.join(number(value) for value in one.extremes.values()), str(one.strikes),
+           number(one.medians['closed_loop_cost'], 0),
+           number(one.medians['energy'], 1), number(one.medians['impulse'], 1),
+           number(one.medians['squared_force'], 0),
+           ', '.join(number(value, 2, 1e3) for value in one.solve_time.values()),
+           str(one.deadline_misses), str(one.stand_ins)) for one in standings)])
+
+
+def _dropped(standings: list[Standing]) -> str:
+    return '; '.join(
+        f'`{one.contestant}` {len(one.dropped)} of {one.held.runs}'
+        + (f' (seeds {spans(one.dropped)})' if one.dropped else '') for one in standings)
+
+
+def _scores(summary: Summary) -> Iterator[str]:
+    yield ('Performance is the mean over `hanging`; robustness the mean of the six fractions of '
+           'levels that pass, with more than half of their runs.')
+    yield ''
+    yield from table([('contestant', 'performance', 'robustness', *CRITERIA), *(
+        (f'`{one.contestant}`', number(one.performance, 3), number(one.robustness, 3),
+         *(number(one.criteria.get(name, math.nan), 3) for name in CRITERIA))
+        for one in summary.scores)])
+
+
+def _breaks(summary: Summary) -> Iterator[str]:
+    yield 'Levels that pass, and those that fail.'
+    yield ''
+    names = list(summary.campaign['contestants'])
+    cells: dict[tuple[str, str], dict[str, str]] = {}
+    for one in summary.standings:
+        for parameter, levels in one.sweeps.items():
+            cells.setdefault((one.scenario, parameter), {})[one.contestant] = (
+                f'{sum(level.passed for level in levels)} of {len(levels)}' + failing(levels))
+    yield from table([('scenario', 'swept', *(f'`{name}`' for name in names)), *(
+        (scenario, parameter, *(row.get(name, '-') for name in names))
+        for (scenario, parameter), row in cells.items())])
+
+
+def failing(levels: Sequence[Level]) -> str:
+    """Return the levels that fail, neighbours as ranges."""
+    ranges = []
+    for passed, run in itertools.groupby(levels, key=lambda level: level.passed):
+        values = [level.value for level in run]
+        if not passed:
+            ranges.append(f'{values[0]:.3g}' if len(values) == 1 else
+                          f'{values[0]:.3g} to {values[-1]:.3g}')
+    return f'; fails at {", ".join(ranges)}' if ranges else ''
+
+
+def _duels(summary: Summary) -> Iterator[str]:
+    yield DUELS
+    yield ''
+    yield from table([
+        ('scenario', 'first', 'second', 'cases', 'only first held', 'only second held', 'p',
+         'settling [s]', 'force step at hold [N]', 'force step over the run [N]', 'Σℓ, ratio'),
+        *((one.scenario, f'`{one.first}`', f'`{one.second}`', str(one.cases),
+           str(one.first_only), str(one.second_only), probability(one.p),
+           *(difference(of) for of in one.differences.values()), ratio(one.cost))
+          for one in summary.duels)])
+
+
+def probability(p: float) -> str:
+    """Return a p for a cell."""
+    return '-' if math.isnan(p) else '< 0.001' if p < 0.001 else f'{p:.3f}'
+
+
+def difference(of: Paired) -> str:
+    """Return a paired difference for a cell."""
+    return '-' if math.isnan(of.low) else (
+        f'{of.median:+.2g} ({of.low:+.2g} to {of.high:+.2g}), p {probability(of.p)}')
+
+
+def ratio(of: Ratio) -> str:
+    """Return a paired ratio for a cell."""
+    return '-' if math.isnan(of.low) else f'{of.value:.3f} ({of.low:.3f} to {of.high:.3f})'
+
+
+def _failures(failures: Sequence[Failure]) -> Iterator[str]:
+    if not failures:
+        yield 'Everything was held.'
+        return
+    groups: dict[tuple[str, str, str], list[Failure]] = {}
+    for one in failures:
+        groups.setdefault((one.scenario, one.contestant, one.why), []).append(one)
+    yield from table([('scenario', 'contestant', 'why', 'episodes', 'which'), *(
+        (scenario, f'`{contestant}`', reason, str(len(group)), which(group))
+        for (scenario, contestant, reason), group in groups.items())])
+
+
+def which(failures: Sequence[Failure]) -> str:
+    """Return the seeds of failures, level by level where something is swept."""
+    places: dict[str, list[int]] = {}
+    for one in failures:
+        swept = one.level is not None and one.parameter != PROFILE
+        place = f'{one.parameter} {one.level:.3g}: ' if swept else ''
+        places.setdefault(place, []).append(one.seed)
+    return '; '.join(f'{place}{"seeds" if len(seeds) > 1 else "seed"} {spans(seeds)}'
+                     for place, seeds in places.items())
+
+
+def spans(seeds: Iterable[int]) -> str:
+    """Return whole numbers, neighbours as ranges."""
+    runs = itertools.groupby(enumerate(sorted(seeds)), key=lambda pair: pair[1] - pair[0])
+    ends = [[number for _, number in run] for _, run in runs]
+    return ', '.join(str(run[0]) if len(run) == 1 else f'{run[0]}-{run[-1]}' for run in ends)

@@ -1,0 +1,203 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The table on disk: one row an episode, appended as it comes.
+
+A line is written in one go, so that a campaign that is killed leaves at most its last line torn;
+such a line is dropped when the campaign goes on. What is to be kept for good is compressed.
+"""
+
+from collections.abc import Iterable
+import csv
+import dataclasses
+import gzip
+import io
+import math
+from pathlib import Path
+from types import TracebackType
+from typing import Any, NamedTuple
+import zlib
+
+import numpy as np
+
+from dp_swing_ros.evaluation.metrics import Metrics
+from dp_swing_ros.pendulum.state import Array
+
+MICRO = 1e-6
+ERROR = 'ERROR'  # the outcome of an episode that raised
+
+
+class CampaignError(Exception):
+    """A campaign cannot go on; the message says why, and what to do. What was run is kept."""
+
+
+class Key(NamedTuple):
+    """Which episode a row is of; see scenarios.Case."""
+
+    contestant: str
+    scenario: str
+    parameter: str
+    level: float | None
+    seed: int
+
+
+@dataclasses.dataclass(frozen=True)
+class Row:
+    """
+    One episode: how it ended, its metrics, and the solve time of each tick.
+
+    Shapes: solve_times (M,) [s], to the microsecond.
+    """
+
+    key: Key
+    outcome: str     # the name of an Outcome, or ERROR
+    detail: str      # of the error
+    metrics: Metrics
+    solve_times: Array
+
+
+NOTHING: dict[Any, Any] = {bool: False, int: 0, float: math.nan}
+UNKNOWN = Metrics(**{field.name: NOTHING[field.type]
+                     for field in dataclasses.fields(Metrics)})  # of an episode that raised
+# what a clock decides, and not the seed
+CLOCKED = ('median_solve_time', 'p99_solve_time', 'largest_solve_time', 'median_latency',
+           'p99_latency', 'late_ticks', 'deadline_misses')
+COLUMNS = [*Key._fields, 'outcome', 'detail',
+           *(field.name for field in dataclasses.fields(Metrics)), 'solve_times_us']
+
+
+def solves(rows: Iterable[Row]) -> Array:
+    """Return the times of all solves of some rows [s]; a tick without a solve took none."""
+    times = np.concatenate([np.zeros(0), *(row.solve_times for row in rows)])
+    return times[times > 0]
+
+
+def untimed(row: Row) -> Row:
+    """Return a row without what a clock decided, which other processes disturb."""
+    metrics = dataclasses.replace(row.metrics, **{
+        name: getattr(UNKNOWN, name) for name in CLOCKED})
+    return dataclasses.replace(row, metrics=metrics, solve_times=np.zeros(0))
+
+
+def identical(a: Row, b: Row) -> bool:
+    """Tell whether two rows are the same to the bit, the clock apart."""
+    return _cells(untimed(a)) == _cells(untimed(b))
+
+
+class Table:
+    """The rows of a campaign, those on disk already and those to come."""
+
+    def __init__(self, path: Path) -> None:
+        """
+        Open the table, or make it, and drop a torn last line.
+
+        Raises CampaignError where the file is another table, or its place cannot be written.
+        """
+        self.path = path
+        self.rows = read(path) if path.exists() else []
+        try:
+            with path.open('ab') as file:
+                file.truncate(_whole(path.read_bytes()))
+            # without a buffer there is nothing that a full disk could tear later
+            self._file = path.open('ab', buffering=0)
+            if self._file.tell() == 0:
+                self._write(COLUMNS)
+        except OSError as error:
+            raise CampaignError(f'cannot write {path}: {error.strerror}') from None
+
+    def append(self, row: Row) -> None:
+        """
+        Keep a row.
+
+        Raises CampaignError where it cannot be written.
+        """
+        self._write(_cells(row))
+        self.rows.append(row)
+
+    def _write(self, values: list[str]) -> None:
+        data = _line(values)
+        try:
+            written = self._file.write(data)
+        except OSError as error:
+            raise CampaignError(f'cannot write {self.path}: {error.strerror}') from None
+        if written < len(data):
+            raise CampaignError(f'cannot write {self.path}: no room for a whole row')
+
+    def __enter__(self) -> 'Table':
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 trace: TracebackType | None) -> None:
+        self._file.close()
+
+
+def store(path: Path, rows: Iterable[Row]) -> None:
+    """Write rows as a compressed table, the same bytes for the same rows."""
+    data = b''.join(map(_line, [COLUMNS, *map(_cells, rows)]))
+    path.write_bytes(gzip.compress(data, mtime=0))
+
+
+def read(path: Path) -> list[Row]:
+    """
+    Read the whole rows of a table, compressed or not.
+
+    Raises CampaignError where it is another table.
+    """
+    data = path.read_bytes()
+    if path.suffix == '.gz':
+        try:
+            data = gzip.decompress(data)
+        except (OSError, EOFError, zlib.error) as error:
+            raise CampaignError(f'{path} cannot be decompressed: {error}') from None
+    lines = csv.reader(io.StringIO(data[:_whole(data)].decode(errors='replace'), newline=''))
+    header = next(lines, COLUMNS)
+    if header != COLUMNS:
+        raise CampaignError(f'{path} is not the table of a campaign of this version')
+    rows = []
+    for number, cells in enumerate(lines, 2):
+        try:
+            rows.append(_row(dict(zip(COLUMNS, cells, strict=True))))
+        except (ValueError, KeyError) as error:
+            raise CampaignError(f'{path}, line {number}: {error}; remove the line for the episode '
+                                'to be run again') from None
+    return rows
+
+
+def _cells(row: Row) -> list[str]:
+    ticks = ' '.join(str(round(time / MICRO)) for time in row.solve_times)
+    return [*map(_text, row.key), row.outcome, row.detail,
+            *map(_text, dataclasses.astuple(row.metrics)), ticks]
+
+
+def _line(values: list[str]) -> bytes:
+    line = io.StringIO()
+    csv.writer(line, lineterminator='\n').writerow(values)
+    return line.getvalue().encode()
+
+
+def _whole(data: bytes) -> int:
+    """Return the length of the lines that are whole."""
+    return data.rfind(b'\n') + 1
+
+
+def _row(cells: dict[str, str]) -> Row:
+    key = Key(cells['contestant'], cells['scenario'], cells['parameter'],
+              float(cells['level']) if cells['level'] else None, int(cells['seed']))
+    metrics = Metrics(**{field.name: _value(field.type, cells[field.name])
+                         for field in dataclasses.fields(Metrics)})
+    ticks = MICRO * np.array(cells['solve_times_us'].split(), dtype=float)
+    return Row(key, cells['outcome'], cells['detail'], metrics, ticks)
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(int(value))
+    if isinstance(value, float):
+        return '' if math.isnan(value) else repr(value)
+    return '' if value is None else str(value)
+
+
+def _value(kind: Any, text: str) -> Any:
+    if kind is bool:
+        return bool(int(text))
+    return float(text or math.nan) if kind is float else int(text)

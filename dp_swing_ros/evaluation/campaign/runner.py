@@ -1,0 +1,113 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Plays what is left of a campaign, on all cores or on a Dask cluster."""
+
+from collections.abc import Iterator, Sequence
+import contextlib
+import functools
+import os
+import sys
+import threading
+import time
+import warnings
+
+from joblib import delayed, Parallel, parallel_config
+from joblib.externals.loky.process_executor import TerminatedWorkerError
+from tqdm import tqdm
+
+from dp_swing_ros.evaluation.campaign.contestants import Contestant
+from dp_swing_ros.evaluation.campaign.episodes import key, play, ready
+from dp_swing_ros.evaluation.campaign.rows import CampaignError, ERROR, Row, Table
+from dp_swing_ros.evaluation.metrics import Outcome
+from dp_swing_ros.evaluation.scenarios import Case
+from dp_swing_ros.provenance import sources
+
+CONNECTION = 10.0  # [s] at most to reach a scheduler
+GO_ON = 'call again with the same --output to go on'
+WATCH = 1.0  # [s] between two looks of a worker for its campaign
+
+
+def run(episodes: Sequence[tuple[Contestant, Case]], table: Table, jobs: int,
+        dask: str = '') -> None:
+    """
+    Play every episode that the table lacks, in their order.
+
+    Raises ParameterError where a contestant cannot be made and CampaignError where it cannot go
+    on.
+    """
+    done = {row.key for row in table.rows}
+    todo = [(contestant, case) for contestant, case in episodes
+            if key(contestant, case) not in done]
+    if not todo:
+        return
+    for contestant in {one.label: one for one, _ in todo}.values():
+        ready(contestant)  # compiles once for all workers, and refuses what cannot work
+    failures = sum(row.outcome != Outcome.HELD.name for row in table.rows)
+    total = len(episodes)
+    with _workers(jobs, dask), tqdm(total=total, initial=total - len(todo), unit='episode',
+                                    smoothing=0.05, disable=None) as bar:
+        rows = Parallel(return_as='generator', batch_size=1)(
+            delayed(_work)(os.getpid(), contestant, case) for contestant, case in todo)
+        try:
+            for row in rows:
+                table.append(row)
+                if row.outcome == ERROR:
+                    bar.write(f'{" ".join(map(str, row.key))}: {row.detail}', file=sys.stderr)
+                failures += row.outcome != Outcome.HELD.name
+                bar.set_postfix(failed=failures, refresh=False)
+                bar.update()
+        except TerminatedWorkerError:
+            raise CampaignError('a worker process was killed, perhaps for want of memory; '
+                                f'{GO_ON}') from None
+        finally:
+            with warnings.catch_warnings():
+                warnings.simplefilter('ignore')   # joblib's, about episodes that an end cuts off
+                rows.close()
+
+
+def _work(campaign: int, contestant: Contestant, case: Case) -> Row:
+    """Play in a worker, which is not to outlive a campaign that is killed."""
+    if os.getppid() == campaign:
+        _watch(campaign)
+    return play(contestant, case)
+
+
+@functools.cache
+def _watch(campaign: int) -> None:
+    def watch() -> None:
+        while os.getppid() == campaign:
+            time.sleep(WATCH)
+        os._exit(1)
+    threading.Thread(target=watch, daemon=True).start()
+
+
+@contextlib.contextmanager
+def _workers(jobs: int, dask: str) -> Iterator[None]:
+    """Let joblib use that many processes, or the workers of a Dask scheduler."""
+    if not dask:
+        with parallel_config(backend='loky', n_jobs=jobs, inner_max_num_threads=1):
+            yield
+        return
+    try:   # slow, and few have a cluster
+        from distributed import CancelledError, Client, KilledWorker
+    except ModuleNotFoundError:
+        raise CampaignError('--dask needs the Python package distributed, which is not '
+                            'installed; pip install distributed') from None
+    try:
+        with Client(dask, timeout=CONNECTION) as client:
+            _check(client.run(sources), dask)
+            with parallel_config(backend='dask'):
+                yield
+    except (CancelledError, KilledWorker, OSError, ValueError) as error:
+        raise CampaignError(f'the Dask scheduler at {dask} does not answer or lost its workers: '
+                            f'{type(error).__name__} {error}; {GO_ON}') from None
+
+
+def _check(found: dict[str, str], dask: str) -> None:
+    """Raise CampaignError where workers are missing or would play by other rules."""
+    if not found:
+        raise CampaignError(f'the Dask scheduler at {dask} has no workers')
+    other = [worker for worker, digest in found.items() if digest != sources()]
+    if other:
+        raise CampaignError(f'the Dask workers {", ".join(other)} have another dp_swing_ros; '
+                            'install this one there')

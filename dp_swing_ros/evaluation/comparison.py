@@ -1,0 +1,165 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What many runs say together: rates with their intervals, spreads, and runs in pairs."""
+
+from collections.abc import Callable, Mapping, Sequence
+import dataclasses
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.stats import binomtest, bootstrap
+
+from dp_swing_ros.evaluation.metrics import Metrics
+from dp_swing_ros.pendulum.state import Array
+
+CONFIDENCE = 0.95
+RESAMPLES = 2000  # of a bootstrap
+
+
+class Rate(NamedTuple):
+    """Successes of a number of runs, and Wilson's 95 % interval of their share."""
+
+    successes: int
+    runs: int
+    low: float
+    high: float
+
+
+class Paired(NamedTuple):
+    """
+    How one figure differs between two controllers over the same cases.
+
+    The median of the differences, its 95 % interval by the bootstrap, and the p of the sign test.
+    """
+
+    pairs: int
+    median: float
+    low: float
+    high: float
+    p: float
+
+
+class Ratio(NamedTuple):
+    """The geometric mean of paired ratios, and its 95 % interval by the bootstrap."""
+
+    pairs: int
+    value: float
+    low: float
+    high: float
+
+
+def rate(successes: Sequence[bool]) -> Rate:
+    """Count successes."""
+    count, runs = sum(successes), len(successes)
+    return Rate(count, runs, *(wilson(count, runs) if runs else (math.nan, math.nan)))
+
+
+def wilson(successes: int, runs: int) -> tuple[float, float]:
+    """Return Wilson's 95 % confidence interval of a share of successes."""
+    interval = binomtest(successes, runs).proportion_ci(method='wilson')
+    return float(interval.low), float(interval.high)
+
+
+def paired(a: Array, b: Array) -> Paired:
+    """
+    Compare the values of two controllers case by case, a - b, where both are known.
+
+    Shapes: a and b (N,), NaN where unknown. Source: Efron and Tibshirani, "An Introduction to the
+    Bootstrap", 1993, 13 (percentile intervals).
+    """
+    difference = np.asarray(a, dtype=float) - np.asarray(b, dtype=float)
+    difference = difference[np.isfinite(difference)]
+    if len(difference) < 2:
+        return Paired(len(difference), *((float(np.median(difference)) if len(difference) else
+                                          math.nan), math.nan, math.nan, math.nan))
+    low, high = _bootstrap(difference, np.median)
+    return Paired(len(difference), float(np.median(difference)), low, high, sign_test(
+        int(np.sum(difference > 0)), int(np.sum(difference < 0))))
+
+
+def paired_ratio(a: Array, b: Array) -> Ratio:
+    """
+    Compare positive values of two controllers case by case, a / b, where both are known.
+
+    Shapes: a and b (N,), NaN where unknown. Source as of `paired`.
+    """
+    logarithm = np.log(np.asarray(a, dtype=float) / np.asarray(b, dtype=float))
+    logarithm = logarithm[np.isfinite(logarithm)]
+    if len(logarithm) < 2:
+        return Ratio(len(logarithm), math.nan, math.nan, math.nan)
+    low, high = _bootstrap(logarithm, np.mean)
+    return Ratio(len(logarithm), math.exp(np.mean(logarithm)), math.exp(low), math.exp(high))
+
+
+def _bootstrap(values: Array, statistic: Callable[..., Any]) -> tuple[float, float]:
+    """Return the percentile interval of a statistic."""
+    interval = bootstrap(
+        (values,), statistic, confidence_level=CONFIDENCE, n_resamples=RESAMPLES, batch=100,
+        method='percentile', random_state=np.random.default_rng(0)).confidence_interval
+    return float(interval.low), float(interval.high)
+
+
+def sign_test(first: int, second: int) -> float:
+    """
+    Return the two-sided p of such counts of unequal pairs, were both sides equally likely.
+
+    Of successes it is McNemar's exact test.
+    """
+    return float(binomtest(first, first + second).pvalue) if first + second else 1.0
+
+
+def spread(runs: Sequence[Metrics]) -> dict[str, Metrics]:
+    """Return the smallest, the median and the largest of each figure over repeated runs."""
+    return {name: Metrics(**{
+        field.name: _of_runs(reduce, [getattr(run, field.name) for run in runs])
+        for field in dataclasses.fields(Metrics)})
+        for name, reduce in (('smallest', np.min), ('median', np.median), ('largest', np.max))}
+
+
+def _of_runs(reduce: Callable[[Array], Any], values: list[Any]) -> Any:
+    """Reduce the values that runs could tell."""
+    kind, known = type(values[0]), [value for value in values if not math.isnan(value)]
+    return kind(reduce(np.array(known, dtype=float))) if known else math.nan
+
+
+def summary(name: str, runs: Sequence[Metrics]) -> str:
+    """Return one line on repeated runs: successes, late ticks and the worst median solve."""
+    successes = sum(run.success for run in runs)
+    low, high = wilson(successes, len(runs))
+    late = sum(run.late_ticks for run in runs)
+    slowest = max((run.median_solve_time for run in runs), default=math.nan)
+    return (f'{name}: upright in {successes} of {len(runs)} runs (95 % interval '
+            f'{100 * low:.0f}-{100 * high:.0f} %), late ticks {late}, '
+            f'worst median solve {1e3 * slowest:.2f} ms')
+
+
+def table(runs: Mapping[str, Metrics]) -> str:
+    """Return a Markdown table, aligned for a terminal: a row for a metric, a column for a run."""
+    return aligned([['', 'unit', *runs], *rows(list(runs.values())).values()], names=2)
+
+
+def aligned(rows: Sequence[Sequence[str]], names: int) -> str:
+    """Return a Markdown table, its head first; all but the first columns are numbers."""
+    widths = [max(map(len, column)) for column in zip(*rows)]
+    lines = ['| ' + ' | '.join(
+        cell.rjust(width) if column >= names else cell.ljust(width)
+        for column, (cell, width) in enumerate(zip(row, widths))) + ' |' for row in rows]
+    rule = '|'.join('-' * (width + 1) + (':' if column >= names else '-')
+                    for column, width in enumerate(widths))
+    return '\n'.join([lines[0], f'|{rule}|', *lines[1:]])
+
+
+def rows(runs: Sequence[Metrics]) -> dict[str, list[str]]:
+    """Return by the name of each metric what a table says of it: label, unit, and each run's."""
+    return {field.name: [field.metadata['label'], field.metadata['unit'],
+                         *(_text(getattr(run, field.name), field.metadata) for run in runs)]
+            for field in dataclasses.fields(Metrics)}
+
+
+def _text(value: Any, about: Mapping[str, Any]) -> str:
+    if isinstance(value, bool):
+        return 'yes' if value else 'no'
+    if isinstance(value, int):
+        return str(value)
+    return '-' if math.isnan(value) else f'{value * about["scale"]:.{about["digits"]}f}'

@@ -1,0 +1,86 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Many runs of one experiment: what lies between them, state by state and figure by figure."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from dp_swing_ros.evaluation.comparison import Rate, rate
+from dp_swing_ros.evaluation.metrics import measure, Metrics
+from dp_swing_ros.pendulum.state import ANGLES, Array, is_upright, to_turn_of, UPRIGHT
+from dp_swing_ros.simulation.episode import Episode
+
+SHARES = (0.1, 0.5, 0.9)
+NEAR = 0.5      # [rad] of both angles: up, though not held still
+LAST = 1.0      # [s] to the end at least
+FIRST = 5.0     # [s] that runs of any length have, to compare their forces
+
+
+class Band(NamedTuple):
+    """The 10 %, the 50 % and the 90 % quantile over runs, each a run's own value."""
+
+    low: Array
+    median: Array
+    high: Array
+
+
+class Trial(NamedTuple):
+    """
+    One of the runs.
+
+    Shapes: error (N, 6), the squared distance of the states from upright.
+    """
+
+    error: Array
+    metrics: Metrics
+    reached: float    # [s] when it was upright first, NaN if never
+    neared: float     # [s] when both angles came within NEAR to stay for LAST or more, or NaN
+    roughness: float  # [N] standard deviation of the force steps until FIRST
+    end: float        # [m] distance of the cart from the centre at the end
+
+
+@dataclass(frozen=True)
+class Ensemble:
+    """
+    Runs of one experiment over several seeds, and one of them whole.
+
+    Shapes: t (N,) [s]; error of (N, 6), angle of (N,), the larger of the two [rad].
+    """
+
+    shown: Episode
+    trials: Sequence[Trial]
+    error: Band
+    angle: Band
+
+    @property
+    def held(self) -> Rate:
+        """Count the runs that were upright to the end."""
+        return rate([trial.metrics.success for trial in self.trials])
+
+
+def trial(episode: Episode) -> Trial:
+    """Say of a run what its ensemble needs."""
+    X, t = to_turn_of(episode.X, np.array(UPRIGHT)), episode.t
+    up = np.flatnonzero(is_upright(X))
+    far = np.flatnonzero(np.any(np.abs(X[:, ANGLES]) > NEAR, axis=1))
+    first = int(far[-1]) + 1 if far.size else 0
+    neared = t[first] if first < len(t) and t[-1] - t[first] >= LAST - 1e-9 else math.nan
+    return Trial(X ** 2, measure(episode), float(t[up[0]]) if up.size else math.nan,
+                 float(neared), float(np.std(np.diff(episode.U[t[:-1] < FIRST - 1e-9]))),
+                 float(np.abs(X[-1, 0])))
+
+
+def ensemble(shown: Episode, trials: Sequence[Trial]) -> Ensemble:
+    """Put the runs of as many seeds beside one of them."""
+    errors = np.stack([one.error for one in trials])
+    return Ensemble(shown, trials, band(errors), band(np.sqrt(errors[..., ANGLES].max(axis=-1))))
+
+
+def band(values: Array) -> Band:
+    """Return the quantiles over the first axis; what is not known counts as beyond all."""
+    known = np.where(np.isnan(values), np.inf, values)
+    return Band(*np.quantile(known, SHARES, axis=0, method='nearest'))

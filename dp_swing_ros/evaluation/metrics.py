@@ -1,0 +1,195 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a run is judged by: pure functions of an episode."""
+
+import dataclasses
+import enum
+import math
+from typing import Any
+
+import numpy as np
+
+from dp_swing_ros.pendulum.parameters import LimitParameters
+from dp_swing_ros.pendulum.state import ANGLES, Array, is_upright, to_turn_of, UPRIGHT
+from dp_swing_ros.problem.parameters import CostParameters
+from dp_swing_ros.problem.plan import Status
+from dp_swing_ros.simulation.episode import Episode
+
+HOLD = 1.0  # [s] upright for less than this at the end may be passing by
+REST = 2.0  # [s] at the end of a run, where holding is judged
+TIME_LIMIT = 0.04  # [s] for a solve, the mpc's default
+TOUCH = 1e-6  # [m] from an end stop
+STAND_INS = {status.name for status in (Status.LAST_POLICY, Status.REGULATOR, Status.ZERO)}
+
+
+class Outcome(enum.Enum):
+    """How a run ended; the value says it to a reader."""
+
+    HELD = 'upright to the end'
+    DIVERGED = 'the state left the numbers'
+    NEVER_UP = 'never upright'
+    NEVER_HELD = f'upright in passing, never for {HOLD:g} s'
+    TOO_LATE = f'upright at the end, but for less than {HOLD:g} s'
+    FELL = f'upright for {HOLD:g} s or more, then fell'
+
+
+def quantity(label: str, unit: str = '', digits: int = 2, scale: float = 1.0) -> Any:
+    """Declare one metric as a dataclass field; the table shows `scale` times its value."""
+    return dataclasses.field(metadata={
+        'label': label, 'unit': unit, 'digits': digits, 'scale': scale})
+
+
+@dataclasses.dataclass(frozen=True)
+class Metrics:
+    """The figures of one run in SI units; NaN where a run does not tell."""
+
+    success: bool = quantity('upright to the end')
+    settling_time: float = quantity('settling time', 's')
+    settling_offset: float = quantity('cart from the centre when settled', 'm')
+    hold_error: float = quantity(f'angle error, last {REST:g} s (RMS)', 'rad', digits=4)
+    smoothness: float = quantity(f'force step, last {REST:g} s (std)', 'N', digits=3)
+    roughness: float = quantity('force step, all the run (std)', 'N', digits=3)
+    largest_force: float = quantity('largest force u', 'N')
+    largest_position: float = quantity('largest position x', 'm')
+    largest_angle: float = quantity('largest angle error after the start', 'rad')
+    strikes: int = quantity('track strikes')
+    energy: float = quantity('energy of the force, unsigned', 'J')
+    impulse: float = quantity('force over time, unsigned', 'N s')
+    squared_force: float = quantity('squared force over time', 'N² s', digits=1)
+    squared_speed: float = quantity('squared joint speeds over time', 'rad²/s', digits=1)
+    closed_loop_cost: float = quantity('running cost with default weights', digits=0)
+    median_solve_time: float = quantity('solve time, median', 'ms', scale=1e3)
+    p99_solve_time: float = quantity('solve time, p99', 'ms', scale=1e3)
+    largest_solve_time: float = quantity('solve time, largest', 'ms', scale=1e3)
+    median_latency: float = quantity('latency, median', 'ms', scale=1e3)
+    p99_latency: float = quantity('latency, p99', 'ms', scale=1e3)
+    late_ticks: int = quantity('late ticks')
+    deadline_misses: int = quantity('solves over their time limit')
+    stand_ins: int = quantity('ticks without a solve')
+    ticks: int = quantity('ticks')
+    states: int = quantity('states')
+    duration: float = quantity('duration', 's')
+
+
+def measure(episode: Episode, time_limit: float = TIME_LIMIT) -> Metrics:
+    """
+    Measure a run.
+
+    It succeeds when both angles stay within 0.1 rad and all speeds under 1 over its last second
+    (or all of it, where it is shorter); it has settled where that last unbroken stay begins,
+    wherever the cart is then. A strike is the cart's coming to an end stop, however long it stays
+    there. A solve that takes longer than time_limit [s] misses its deadline.
+    """
+    t, ticks = np.asarray(episode.t, dtype=float), episode.ticks
+    X, U, dt = to_turn_of(episode.X, np.array(UPRIGHT)), episode.U, np.diff(t)
+    settled = settling_time(t, X)
+    rest = t >= t[-1] - REST if t.size else np.zeros(0, dtype=bool)
+    # of the joints, as encoders see them: θ2 is absolute
+    joint_speeds = np.stack([X[:-1, 4], X[:-1, 5] - X[:-1, 4]])
+    return Metrics(
+        success=not math.isnan(settled),
+        settling_time=settled,
+        settling_offset=_offset(t, X, settled),
+        hold_error=_rms(X[rest, ANGLES]),
+        # the force of the period that starts at a state
+        smoothness=_spread(np.diff(U[rest[:-1]])),
+        roughness=_spread(np.diff(U)),
+        largest_force=_largest(U),
+        largest_position=_largest(X[:, 0]),
+        largest_angle=_largest(X[1:, ANGLES]),
+        strikes=strikes(X[:, 0], episode.limits.track_limit),
+        energy=float(np.sum(np.abs(np.diff(X[:, 0]) * U))),
+        impulse=float(np.sum(np.abs(U) * dt)),
+        squared_force=float(np.sum(U ** 2 * dt)),
+        squared_speed=float(np.sum(joint_speeds ** 2 * dt)),
+        closed_loop_cost=closed_loop_cost(X, U),
+        median_solve_time=_quantile(ticks.solve_time, 0.5),
+        p99_solve_time=_quantile(ticks.solve_time, 0.99),
+        largest_solve_time=_quantile(ticks.solve_time, 1.0),
+        median_latency=_quantile(ticks.latency, 0.5),
+        p99_latency=_quantile(ticks.latency, 0.99),
+        late_ticks=int(np.count_nonzero(ticks.late)),
+        deadline_misses=int(np.count_nonzero(ticks.solve_time > time_limit)),
+        stand_ins=sum(status in STAND_INS for status in ticks.status),
+        ticks=len(ticks.t),
+        states=len(t),
+        duration=float(t[-1] - t[0]) if t.size else math.nan)
+
+
+def outcome(episode: Episode) -> Outcome:
+    """Tell how a run ended, and where it failed, how."""
+    t, up = np.asarray(episode.t, dtype=float), is_upright(episode.X)
+    if not np.all(np.isfinite(episode.X)):
+        return Outcome.DIVERGED
+    if not math.isnan(settling_time(t, episode.X)):
+        return Outcome.HELD
+    if not up.any():
+        return Outcome.NEVER_UP
+    changes = np.flatnonzero(np.diff(up, prepend=False, append=False))
+    longest = max(t[end - 1] - t[begin] for begin, end in zip(changes[::2], changes[1::2]))
+    if longest >= HOLD - 1e-9:
+        return Outcome.FELL
+    return Outcome.TOO_LATE if up[-1] else Outcome.NEVER_HELD
+
+
+def settling_time(t: Array, X: Array) -> float:
+    """
+    Return the start [s] of the last unbroken upright stay; NaN where none is held to the end.
+
+    Shapes: t (N,) [s], X (N, 6).
+    """
+    if not len(t):
+        return math.nan
+    fallen = np.flatnonzero(~is_upright(X))
+    first = int(fallen[-1]) + 1 if fallen.size else 0
+    # a stay that began with the run counts however short the run is
+    if first == len(t) or (first > 0 and t[-1] - t[first] < HOLD - 1e-9):
+        return math.nan
+    return float(t[first])
+
+
+def closed_loop_cost(X: Array, U: Array) -> float:
+    """
+    Return Σ ℓ(x, u) over the periods of a run, by the default weights whatever the controller's.
+
+    Shapes: X (N, 6), U (N - 1,). Source: cost.py, `running`, whose angle error is the chord.
+    """
+    cost, limits = CostParameters(), LimitParameters()
+    error = X[:len(U)] - cost.reference
+    error[:, ANGLES] = 2 * np.sin(error[:, ANGLES] / 2)
+    intrusion = np.maximum(0, np.abs(X[:len(U), 0]) - limits.track_limit + cost.track_margin)
+    return float(np.sum(error ** 2 @ np.array(cost.state_weights) + cost.force_weight * U ** 2
+                        + cost.track_weight * intrusion ** 2)) if len(U) else math.nan
+
+
+def strikes(x: Array, track_limit: float) -> int:
+    """
+    Return how often the cart meets an end stop: entries into |x| ≥ track_limit [m].
+
+    Shapes: x (N,) [m].
+    """
+    at_stop = np.abs(x) >= track_limit - TOUCH
+    return int(np.count_nonzero(np.diff(at_stop.astype(int), prepend=0) > 0))
+
+
+def _offset(t: Array, X: Array, settled: float) -> float:
+    """Return the distance of the cart from the centre at a time [s], NaN where there is none."""
+    return math.nan if math.isnan(settled) else float(np.abs(X[np.searchsorted(t, settled), 0]))
+
+
+def _quantile(values: Array, share: float) -> float:
+    values = np.asarray(values, dtype=float)
+    values = values[np.isfinite(values)]
+    return float(np.quantile(values, share)) if values.size else math.nan
+
+
+def _largest(values: Array) -> float:
+    return float(np.max(np.abs(values))) if np.size(values) else math.nan
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(np.square(values)))) if np.size(values) else math.nan
+
+
+def _spread(values: Array) -> float:
+    return float(np.std(values)) if np.size(values) else math.nan

@@ -1,0 +1,168 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Scenarios: what a campaign puts every controller through, each a name and a list of cases.
+
+The sweeps are those of the DFKI double-pendulum leaderboards, scaled to this plant: what is swept
+is changed in the plant alone, the controller keeps its nominal model. A start and a profile of
+pushes depend on the seed alone, so that every controller meets the same.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+import math
+from typing import Any
+
+import numpy as np
+
+from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
+from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.simulation.parameters import PlantParameters
+
+BODIES, LIMITS = PendulumParameters(), LimitParameters()
+PERIOD = 1 / PlantParameters().rate    # [s]
+START, PUSHES = 1, 2                   # before the seed: streams beside those of streams.py
+
+RANDOM_START = (1.0, math.pi, math.pi, 1.0, 3.0, 3.0)  # largest of each state, either way
+NEAR_GOAL = 0.3                        # [rad] largest angle at the start of near_goal
+
+PROFILE = 'profile'                    # what pushes sweep: a profile is a level
+PULSES = 3                             # in a profile of pushes
+FIRST_PUSH, LAST_PUSH, APART = 0.5, 7.0, 1.0  # [s] between their middles
+WIDTHS = (0.05, 0.1)                   # [s] standard deviations of the Gaussians
+STRONGEST_PUSH = LIMITS.force_limit / 2  # [N]
+
+
+@dataclass(frozen=True)
+class Case:
+    """One episode but for who controls it."""
+
+    scenario: str
+    seed: int
+    duration: float = 10.0                                    # [s]
+    parameter: str = ''                                       # what is swept, if anything
+    level: float | None = None
+    plant: dict[str, Any] = field(default_factory=dict)       # parameters that differ
+    pushes: tuple[float, ...] = ()                            # [N] one force a period
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """One parameter over its range; `plant` turns a level into parameters of the plant."""
+
+    parameter: str   # as figures and tables call it
+    low: float
+    high: float
+    unit: str
+    plant: Callable[[float], dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """
+    What one word on the command line stands for.
+
+    With sweeps it has cases for every level of each and every seed; else one for every seed, and
+    `case` completes it. A criterion counts in the robustness score.
+    """
+
+    about: str
+    seeds: range
+    sweeps: tuple[Sweep, ...] = ()
+    levels: int = 0
+    criterion: bool = False
+    case: Callable[[Case], Case] = lambda case: case
+
+    def cases(self, name: str, seeds: range | None, levels: int | None,
+              duration: float) -> Iterator[Case]:
+        """Yield the cases, with other seeds or another number of levels where given."""
+        if not self.sweeps:
+            for seed in seeds or self.seeds:
+                yield self.case(Case(name, seed, duration))
+        for sweep in self.sweeps:
+            for level in np.linspace(sweep.low, sweep.high, levels or self.levels).tolist():
+                for seed in seeds or self.seeds:
+                    yield Case(name, seed, duration, sweep.parameter, level, sweep.plant(level))
+
+
+def random_start(case: Case) -> Case:
+    """Start anywhere."""
+    largest = np.array(RANDOM_START)
+    return _from(case, np.random.default_rng((START, case.seed)).uniform(-largest, largest))
+
+
+def near_goal(case: Case) -> Case:
+    """Start at rest with both links off the vertical, as in the paper's Figs. 8-10."""
+    angles = np.random.default_rng((START, case.seed)).uniform(-NEAR_GOAL, NEAR_GOAL, 2)
+    return _from(case, np.array([0.0, *angles, 0.0, 0.0, 0.0]))
+
+
+def _from(case: Case, x: Array) -> Case:
+    return replace(case, plant={**case.plant, 'initial_state': tuple(x.tolist())})
+
+
+def pushed(case: Case) -> Case:
+    """Push the cart by some Gaussian pulses; every profile is a level of its own."""
+    profile = push_profile(case.seed, round(case.duration / PERIOD))
+    return replace(case, parameter=PROFILE, level=float(case.seed),
+                   pushes=tuple(profile.tolist()))
+
+
+def push_profile(seed: int, periods: int) -> Array:
+    """
+    Return a force for each period [N]: pulses at random times, sampled in the periods' middles.
+
+    Shapes: -> (periods,).
+    """
+    random = np.random.default_rng((PUSHES, seed))
+    slack = LAST_PUSH - FIRST_PUSH - (PULSES - 1) * APART
+    middles = FIRST_PUSH + np.sort(random.uniform(0, slack, PULSES)) + APART * np.arange(PULSES)
+    peaks = random.uniform(-STRONGEST_PUSH, STRONGEST_PUSH, PULSES)
+    widths = random.uniform(*WIDTHS, PULSES)
+    t = PERIOD * (np.arange(periods) + 0.5)
+    return np.exp(-0.5 * ((t[:, None] - middles) / widths) ** 2) @ peaks
+
+
+def _scaled(body: str) -> Sweep:
+    """Sweep a mass or length as a share of its nominal value."""
+    nominal = getattr(BODIES, body)
+    return Sweep(body, 0.75, 1.25, '', lambda factor: {body: factor * nominal})
+
+
+def _plain(parameter: str, low: float, high: float, unit: str) -> Sweep:
+    """Sweep a parameter of the plant itself."""
+    return Sweep(parameter, low, high, unit, lambda level: {parameter: level})
+
+
+MODEL = (*map(_scaled, ('cart_mass', 'link1_mass', 'link2_mass', 'link1_length', 'link2_length')),
+         _plain('link1_inertia_factor', 0.75, 1.25, ''),
+         _plain('link2_inertia_factor', 0.75, 1.25, ''),
+         _plain('joint1_friction', 0.0, 0.1, 'N m s/rad'),
+         _plain('joint2_friction', 0.0, 0.1, 'N m s/rad'))
+
+SCENARIOS: dict[str, Scenario] = {
+    'hanging': Scenario('from hanging at rest', range(20)),
+    'random': Scenario('from anywhere: x ±1 m, angles ±π, ẋ ±1 m/s, θ̇ ±3 rad/s', range(1000),
+                       case=random_start),
+    'near_goal': Scenario('from rest with both angles within ±0.3 rad', range(100),
+                          case=near_goal),
+    'model': Scenario('bodies of the plant that the controller does not know', range(1),
+                      MODEL, 21, True),
+    'velocity_noise': Scenario(
+        'noise on the measured velocities', range(10),
+        (_plain('velocity_noise', 0.0, 0.5, 'm/s, rad/s'),), 21, True),
+    'force_noise': Scenario(
+        'noise on the force, up to 18 % of its limit', range(10),
+        (_plain('force_noise', 0.0, 0.18 * LIMITS.force_limit, 'N'),), 21, True),
+    'response': Scenario(
+        'a force that lags or overshoots, u = u₋₁ + k (u_des - u₋₁)', range(1),
+        (_plain('actuator_response', 0.1, 2.0, ''),), 21, True),
+    'delay': Scenario('measurements that come late', range(1),
+                      (_plain('delay', 0.0, 0.15, 's'),), 21, True),
+    'pushes': Scenario('three Gaussian pushes of the cart', range(50), criterion=True,
+                       case=pushed),
+    'loss': Scenario('states, then forces, that are lost', range(5),
+                     (_plain('state_loss', 0.0, 0.5, ''), _plain('command_loss', 0.0, 0.5, '')),
+                     21),
+    'jitter': Scenario('forces that come late by chance', range(5),
+                       (_plain('command_jitter', 0.0, 0.05, 's'),), 21)}

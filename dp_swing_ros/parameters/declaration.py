@@ -1,0 +1,125 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Parameters: each declared once, with default, unit, range and description.
+
+The ROS parameters, their descriptors and the table in docs/parameters.md come from these classes.
+"""
+
+import dataclasses
+import difflib
+import math
+import numbers
+from typing import Any, Callable, Iterable
+
+INFINITE = math.inf
+LARGEST = 2 ** 63 - 1  # whole number that a ROS parameter holds
+SHOWN = 200  # [characters] of a value in an error
+WORDS = {bool: 'true or false', int: 'a whole number', float: 'a number', str: 'a text'}
+
+
+def parameter(default: Any, description: str, *, unit: str = '', minimum: float | None = None,
+              maximum: float | None = None, choices: Callable[[], list[str]] | None = None,
+              size: int | None = None, finite: bool = True) -> Any:
+    """
+    Declare one parameter as a dataclass field.
+
+    minimum and maximum are inclusive and hold for every element of a list; `choices` is called
+    when needed, so that a registry may be filled after the class is made; `size` is the length
+    of a list; `finite=False` allows infinity (NaN never passes).
+    """
+    return dataclasses.field(default=default, metadata={
+        'description': description, 'unit': unit, 'minimum': minimum, 'maximum': maximum,
+        'choices': choices, 'size': size, 'finite': finite})
+
+
+class ParameterError(ValueError):
+    """A parameter has an impossible value; the message says which, and what is expected."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Parameters:
+    """A group of parameters, checked when it is made."""
+
+    def __post_init__(self) -> None:
+        """
+        Check every value against its declaration.
+
+        Raises ParameterError.
+        """
+        for field in dataclasses.fields(self):
+            object.__setattr__(self, field.name, checked(field, getattr(self, field.name)))
+
+
+def checked(field: dataclasses.Field, value: Any, name: str = '') -> Any:
+    """
+    Return the value in its declared type; `name` is its full name, if not the field's.
+
+    Raises ParameterError, naming the value, what is expected and the choices.
+    """
+    default: Any = field.default
+    kind, about = type(default), field.metadata
+
+    def refuse(expected: str) -> ParameterError:
+        return ParameterError(f'parameter {name or field.name!r} is {_shown(value)}; '
+                              f'expected {expected} ({about["description"]})')
+
+    if kind is tuple:
+        value = _sequence(value, type(default[0]), about['size'], refuse)
+    else:
+        value = _converted(value, kind, refuse)
+    for element in value if kind is tuple else (value,):
+        if isinstance(element, (float, int)):
+            _check_number(element, about, refuse)
+    if about['choices'] is not None and value not in about['choices']():
+        raise refuse(f'one of {", ".join(about["choices"]())}')
+    return value
+
+
+def _shown(value: Any) -> str:
+    try:
+        return repr(value)[:SHOWN]
+    except ValueError:  # Python writes whole numbers of 4,300 digits at most
+        return 'beyond all bounds'
+
+
+def _converted(value: Any, kind: type, refuse: Callable[[str], ParameterError]) -> Any:
+    if isinstance(value, int) and abs(value) > LARGEST:
+        raise refuse('a whole number of 63 bits at most')
+    # A whole number will do for a number; true and false are neither.
+    if kind is float and isinstance(value, numbers.Real) and not isinstance(value, bool):
+        return float(value)
+    if not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
+        raise refuse(WORDS[kind])
+    return value
+
+
+def _sequence(value: Any, kind: type, size: int | None,
+              refuse: Callable[[str], ParameterError]) -> tuple[Any, ...]:
+    expected = f'a list, each {WORDS[kind]}' if size is None else f'a list of {size} numbers'
+    if isinstance(value, str) or not isinstance(value, Iterable):
+        raise refuse(expected)
+    elements = tuple(_converted(element, kind, lambda _: refuse(expected)) for element in value)
+    if size is not None and len(elements) != size:
+        raise refuse(expected)
+    return elements
+
+
+def _check_number(number: float, about: Any, refuse: Callable[[str], ParameterError]) -> None:
+    minimum, maximum = about['minimum'], about['maximum']
+    unit = f' {about["unit"]}' if about['unit'] else ''
+    if math.isnan(number) or (about['finite'] and math.isinf(number)):
+        raise refuse('a finite number')
+    if minimum is not None and number < minimum:
+        raise refuse(f'at least {minimum:g}{unit}')
+    if maximum is not None and number > maximum:
+        raise refuse(f'at most {maximum:g}{unit}')
+
+
+def unknown(name: str, node: str, known: Iterable[str]) -> ParameterError:
+    """Return the error for a parameter that a node does not have, with the closest it has."""
+    names = sorted(known)
+    close = difflib.get_close_matches(name, names, n=1)
+    hint = f'did you mean {close[0]!r}? ' if close else ''
+    return ParameterError(f'unknown parameter {name!r} of the node {node!r}; '
+                          f'{hint}available: {", ".join(names)}')

@@ -1,0 +1,46 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Parameters of the optimal control problem: cost and prediction."""
+
+import dataclasses
+
+from dp_swing_ros.parameters import parameter, Parameters
+from dp_swing_ros.pendulum.models import MODELS
+from dp_swing_ros.pendulum.state import SIZE, UPRIGHT
+
+
+@dataclasses.dataclass(frozen=True)
+class CostParameters(Parameters):
+    """The cost. Source: the paper, II-B; the tuned defaults are explained in docs/model.md."""
+
+    reference: tuple[float, ...] = parameter(
+        UPRIGHT, 'reference state x_r; an equilibrium, so angles are 0 or π and speeds 0',
+        unit='m, rad, m/s, rad/s', size=SIZE)
+    state_weights: tuple[float, ...] = parameter(
+        (10.0, 100.0, 100.0, 2.0, 6.0, 0.1), 'diagonal of S, the weights of the state error',
+        minimum=0.0, size=SIZE)
+    force_weight: float = parameter(0.001, 'R, the weight of the force', unit='1/N^2',
+                                    minimum=1e-9)
+    angle_error: str = parameter(
+        'chord', 'error of an angle: chord = 2 sin(θ/2), periodic; angle = θ, as in the paper',
+        choices=lambda: ['chord', 'angle'])
+    terminal_cost: str = parameter(
+        'lqr', 'lqr = the infinite-horizon LQR value; scaled = terminal_scale S, as in the paper',
+        choices=lambda: ['lqr', 'scaled'])
+    terminal_scale: float = parameter(
+        1000.0, 'factor of S in the scaled terminal cost', minimum=0.0)
+    track_weight: float = parameter(
+        3000.0, 'weight of the squared distance into the margin of the track', unit='1/m^2',
+        minimum=0.0)
+    track_margin: float = parameter(
+        0.4, 'width of the soft margin inside the track limit', unit='m', minimum=0.0)
+
+
+@dataclasses.dataclass(frozen=True)
+class PredictionParameters(Parameters):
+    """How the controller looks ahead."""
+
+    horizon: int = parameter(30, 'number of steps of a plan, N', minimum=1, maximum=1000)
+    step: float = parameter(0.05, 'duration of one step of a plan', unit='s', minimum=1e-4,
+                            maximum=1.0)
+    model: str = parameter('rk4', 'how one step is predicted', choices=lambda: list(MODELS))

@@ -1,0 +1,91 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The result of a solve: a plan is a trajectory with the policy around it."""
+
+from dataclasses import dataclass, replace
+import enum
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from dp_swing_ros.pendulum.state import Array, to_turn_of
+
+
+class Status(enum.Enum):
+    """How a solve ended; the value says what it means and what to do about it."""
+
+    CONVERGED = 'a further iteration would not lower the cost'
+    COMPLETE = 'all samples were drawn and weighted'
+    ITERATION_LIMIT = 'stopped at the iteration limit; the next tick goes on from here'
+    DEADLINE = 'stopped by the deadline with the best plan so far'
+    STALLED = 'no step lowered the cost; raise the largest regularisation or change the start'
+    FAILED = 'no finite plan was found; look at the state and the weights'
+    LAST_POLICY = 'the solve failed; this is the last plan, followed as a policy'
+    REGULATOR = 'the solve failed; this is the regulator at the reference'
+    ZERO = 'the solve failed, and so did what should stand in for it; the force is zero'
+
+
+class SolverStats(NamedTuple):
+    """What a solve cost and found."""
+
+    status: Status
+    cost: float
+    iterations: int
+    solve_time: float  # [s] of a tick, with the estimate and all starts
+    solves: tuple[int, ...] = ()  # the iterations of each solve of a tick
+
+
+@dataclass(frozen=True)
+class Plan:
+    """
+    Predicted states and forces, and the feedback about them.
+
+    Shapes: X (N + 1, 6), U (N,) [N], K (N, 6); dt is the duration of a step [s].
+    """
+
+    X: Array
+    U: Array
+    K: Array
+    dt: float
+    stats: SolverStats
+
+    @property
+    def usable(self) -> bool:
+        """Tell whether the plan may be obeyed."""
+        return self.stats.status is not Status.FAILED
+
+    @property
+    def duration(self) -> float:
+        """Return the time that the plan covers [s]."""
+        return len(self.U) * self.dt
+
+    def control(self, elapsed: float, x: Array) -> float:
+        """
+        Return the force [N] of the policy u = U[t] + K[t] (x - X[t]) at a time after its start.
+
+        Angles are compared on the nearest turn. Past its end the plan's last step holds. To bound
+        the force is the caller's part.
+        """
+        left = self.shifted(min(elapsed, self.duration - self.dt))
+        return float(left.U[0] + left.K[0] @ (to_turn_of(x, left.X[0]) - left.X[0]))
+
+    def first_force(self, limit: float) -> float:
+        """Return the force [N] to send, within its limit; whatever happened, a finite one."""
+        force = self.control(0.0, self.X[0])
+        return float(np.clip(force, -limit, limit)) if math.isfinite(force) else 0.0
+
+    def shifted(self, elapsed: float) -> 'Plan':
+        """
+        Return what is left of the plan after a time [s], as a policy from then on.
+
+        Between two steps, states, forces and gains are interpolated.
+        """
+        place = max(round(elapsed / self.dt, 6), 0.0)  # so that whole steps stay whole
+        t, weight = int(place), place - int(place)
+        X, U, K = self.X[t:], self.U[t:], self.K[t:]
+        if weight > 0 and len(U) > 0:
+            X = (1 - weight) * X[:-1] + weight * X[1:]
+            U = (1 - weight) * U + weight * np.append(U[1:], U[-1])
+            K = (1 - weight) * K + weight * np.vstack((K[1:], K[-1:]))
+        return replace(self, X=X, U=U, K=K)

@@ -1,0 +1,85 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The closed loop of plant and controller without ROS."""
+
+from typing import Callable, Protocol
+
+import numpy as np
+
+from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.problem.plan import Plan
+from dp_swing_ros.simulation.episode import Episode, Ticks
+from dp_swing_ros.simulation.plant import Plant
+
+
+class Controller(Protocol):
+    """What closes the loop: a plan for each state, and one without."""
+
+    def update(self, t: float, x: Array, delay: float) -> Plan:
+        """
+        Return the plan that begins with the force to send now.
+
+        t is the time of the measurement x [s], delay its age [s]. Shapes: x (6,).
+        """
+
+    def stand_in(self, begins: float) -> Plan:
+        """Return a plan from a time [s] on where no state came."""
+
+
+def simulate(plant: Plant, controller: Controller, duration: float, solver: str = '',
+             on_tick: Callable[[float, Plan], None] | None = None,
+             pushes: Array | None = None) -> Episode:
+    """
+    Run the closed loop for a time [s] in lockstep, and return the true states and forces.
+
+    The first tick is when the first measurement can have arrived; before, the force is zero.
+    on_tick is called with the time and the plan of every tick; pushes are the forces [N] on the
+    cart beside the actuator's, one for each period. Raises ValueError where they are not.
+    """
+    period = 1 / plant.parameters.rate
+    count = round(duration / period)
+    if pushes is None:
+        pushes = np.zeros(count)
+    if np.shape(pushes) != (count,) or not np.all(np.isfinite(pushes)):
+        raise ValueError(f'pushes of shape {np.shape(pushes)}: {pushes}; expected {count} finite '
+                         f'forces [N], one for each period of {period:g} s')
+    t, X, U, plans = [plant.t], [plant.x.copy()], [], []
+    for n in range(count):
+        plan = answer(plant, controller)
+        if plan is not None:
+            plant.obey(plan.control(0.0, plan.X[0]))
+            plans.append(plan)
+        plant.begin_period(float(pushes[n]))
+        plant.advance(period)
+        t.append(plant.t)
+        X.append(plant.x.copy())
+        U.append(plant.mean_force)
+        if on_tick is not None and plan is not None:
+            on_tick(plant.t, plan)
+    first = count - len(plans)
+    return Episode(np.array(t), np.array(X), np.array(U), ticks_of(t[first:-1], plans, period),
+                   solver, plant.bodies, plant.limits)
+
+
+def answer(plant: Plant, controller: Controller) -> Plan | None:
+    """
+    Return the controller's plan for the state as it is measured, or for one that is lost.
+
+    None as long as there is nothing to answer.
+    """
+    measured = plant.measure()
+    if not plant.is_seen():
+        return None
+    # the nodes say the time in whole nanoseconds, and this is to be their run to the bit
+    if measured is None:
+        return controller.stand_in(plant.t)
+    return controller.update(round(measured.t * 1e9) / 1e9, measured.x, plant.parameters.delay)
+
+
+def ticks_of(t: list[float], plans: list[Plan], period: float) -> Ticks:
+    """Collect what the plans say of their solves; in lockstep the latency is the solve's time."""
+    stats = [plan.stats for plan in plans]
+    times = np.array([s.solve_time for s in stats])
+    return Ticks(t=np.array(t), cost=np.array([s.cost for s in stats]),
+                 iterations=np.array([s.iterations for s in stats]), solve_time=times,
+                 latency=times, late=times > period, status=[s.status.name for s in stats])

@@ -1,0 +1,162 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The plant: the pendulum with its actuator, its track and its sensors.
+
+It is finer and less kind than the model of the controllers: it integrates in steps of 5 ms under
+a held force, saturates, has end stops, and where asked the disturbances of docs/model.md. The node
+runs the same class.
+"""
+
+from collections import deque
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from dp_swing_ros.kernels import kernel
+from dp_swing_ros.pendulum.equations import Pendulum, stop
+from dp_swing_ros.pendulum.models import MODELS
+from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
+from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.pendulum.trajectory import ROUNDING, step, steps_in
+from dp_swing_ros.simulation.commands import Commands
+from dp_swing_ros.simulation.parameters import PlantParameters
+from dp_swing_ros.streams import Stream, stream
+
+
+class Measurement(NamedTuple):
+    """A state as it was measured: when [s], and what (6,)."""
+
+    t: float
+    x: Array
+
+
+class Actuator(NamedTuple):
+    """How a force comes about: the share of the way to it gone in a step, and its bound [N]."""
+
+    response: float
+    limit: float
+
+
+@kernel
+def integrate(model, actuator, track_limit, x, force, target, push, steps):
+    """
+    Advance the state in place by some steps under a held target and push, between the end stops.
+
+    Returns the actuator's last force and its mean [N]. Shapes: x (6,).
+    """
+    mean = 0.0
+    for n in range(steps):
+        # in this form a response of 1 gives the target to the bit
+        force = (1 - actuator.response) * force + actuator.response * target
+        force = min(max(force, -actuator.limit), actuator.limit)
+        mean += (force - mean) / (n + 1)
+        step(model, x, force + push, x)
+        stop(model.pendulum, track_limit, x)
+    return force, mean
+
+
+class Plant:
+    """The pendulum itself: obeys a force, can be pushed, and is measured."""
+
+    def __init__(self, bodies: PendulumParameters, limits: LimitParameters,
+                 parameters: PlantParameters) -> None:
+        """Take the bodies, what actuator and track allow, and the disturbances."""
+        self.bodies, self.limits, self.parameters = bodies, limits, parameters
+        self.pendulum = Pendulum.of(bodies)
+        self.reset()
+
+    def reset(self) -> None:
+        """Go back to the initial state, at rest from all commands, noise from its beginning."""
+        seed = self.parameters.seed
+        self.sensor_noise = stream(seed, Stream.SENSOR_NOISE)
+        self.force_noise = stream(seed, Stream.FORCE_NOISE)
+        self.state_loss = stream(seed, Stream.STATE_LOSS)
+        self.commands = Commands(self.parameters)
+        self.t = 0.0                                        # [s]
+        self.x = np.array(self.parameters.initial_state)
+        self.force = 0.0                                    # [N] of the actuator in the last step
+        self.past: deque[Measurement] = deque([Measurement(0.0, self.x.copy())])
+        self.begin_period(0.0)
+
+    def begin_period(self, push: float) -> None:
+        """Draw the noise of a new period, and push the cart through it [N]."""
+        self.noise = self.force_noise.normal(0.0, self.parameters.force_noise)
+        self.push = push
+        self.period_began = self.t
+        self.acted = 0.0         # [s] of integration since then
+        self.mean_force = 0.0    # [N] of the actuator since the period began
+
+    def obey(self, force: float, lasts: float = math.inf) -> bool:
+        """
+        Take a command [N], which acts for a time [s] at most, and tell whether it was received.
+
+        It acts from now on, or late where the parameters say so.
+        """
+        return self.commands.send(self.t, force, lasts)
+
+    def advance(self, duration: float) -> None:
+        """Integrate for a time [s] under the commands as they come."""
+        while (wait := self.next_event() - self.t) < duration - ROUNDING:
+            self.hold(max(wait, 0.0))
+            duration -= max(wait, 0.0)
+            while self.commands.next_change() <= self.t + ROUNDING:
+                self.commands.change()
+        self.hold(duration)
+
+    def next_event(self) -> float:
+        """Return when the commands change next, or a state is met that will be measured [s]."""
+        delay, rate = self.parameters.delay, self.parameters.rate
+        change = self.commands.next_change()
+        if delay == 0.0:
+            return change
+        # the state a delay before the end of a period is measured then, as old as was asked
+        ends = math.floor((self.t + delay + ROUNDING) * rate) + 1
+        return min(change, ends / rate - delay)
+
+    def hold(self, duration: float) -> None:
+        """Integrate for a time [s] under one command."""
+        physics_step = self.parameters.physics_step
+        steps = steps_in(duration, physics_step)
+        if steps < 1:
+            return
+        limit = self.limits.force_limit
+        model = MODELS[self.parameters.integrator].of(self.pendulum, duration / steps)
+        actuator = Actuator(self.response(duration / steps / physics_step), limit)
+        target = min(max(self.commands.force + self.noise, -limit), limit)
+        self.force, mean = integrate(model, actuator, self.limits.track_limit, self.x, self.force,
+                                     target, self.push, steps)
+        self.t += duration
+        self.acted += duration
+        # in steps, so that the mean of one and the same force is that force to the bit
+        self.mean_force += (mean - self.mean_force) * (duration / self.acted)
+        self.past.append(Measurement(self.t, self.x.copy()))
+        while len(self.past) > 1 and self.past[1].t <= self.t - self.parameters.delay + ROUNDING:
+            self.past.popleft()
+
+    def response(self, share: float) -> float:
+        """
+        Return the actuator's response in a share of a physics step.
+
+        Two halves of a step make what the whole one would, as far as there is such a law: an
+        actuator that overshoots does so in a step of any length.
+        """
+        k = self.parameters.actuator_response
+        return 1 - (1 - k) ** share if k < 1 else k
+
+    def is_seen(self) -> bool:
+        """Return whether a delay has passed, so that the first measurement can have arrived."""
+        return self.past[0].t <= self.t - self.parameters.delay + ROUNDING
+
+    def measure(self) -> Measurement | None:
+        """
+        Return the state as it was a delay ago, with the noise of the sensors.
+
+        None where that measurement is lost, or cannot have arrived yet.
+        """
+        t, x = self.past[0]
+        noise = np.repeat((self.parameters.position_noise, self.parameters.velocity_noise), 3)
+        measured = Measurement(t, x + self.sensor_noise.normal(0.0, noise))
+        lost = self.state_loss.random() < self.parameters.state_loss
+        return measured if self.is_seen() and not lost else None

@@ -1,0 +1,59 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The catch holds what the regulator drops, and is the regulator where no bound acts."""
+
+from controllers import controller
+import numpy as np
+import pytest
+
+from dp_swing_ros.control.bounded_lqr import Catch, find_gaps
+from dp_swing_ros.pendulum.state import ANGLES
+from dp_swing_ros.pendulum.trajectory import rollout
+from dp_swing_ros.problem.problem import regulator_rollout
+
+
+@pytest.fixture(scope='module')
+def problem():
+    return controller().problem
+
+
+def leaning(th_1, th_2):
+    return np.array([0.0, th_1, th_2, 0.0, 0.0, 0.0])
+
+
+def angle(X):
+    return np.abs(X[:, ANGLES]).max()
+
+
+def test_without_a_bound_that_acts_it_is_the_regulator(problem):
+    x = leaning(0.01, 0.008)
+    caught = Catch(problem).start(x)
+    np.testing.assert_allclose(caught.U, regulator_rollout(problem, x).U, atol=0.01)
+
+
+# the last takes several passes
+@pytest.mark.parametrize('th_1, th_2', [
+    (0.20, -0.02), (-0.10, 0.12), (0.07, 0.23), (-0.29, -0.19), (-0.18, -0.22), (0.28, 0.21),
+    (-0.0787, -0.267)])
+def test_it_holds_where_the_regulator_drops(problem, th_1, th_2):
+    x = leaning(th_1, th_2)
+    assert angle(rollout(problem.model, x, regulator_rollout(problem, x).U)) > 1.0
+    caught = Catch(problem).start(x)
+    assert angle(caught.X) < 0.4
+    assert np.abs(caught.U).max() <= problem.u_max
+    np.testing.assert_allclose(caught.X, rollout(problem.model, x, caught.U), atol=1e-6)
+
+
+def test_out_of_reach_there_is_none(problem):
+    assert Catch(problem).start(leaning(0.7, 0.0)) is None
+
+
+def test_the_gaps_of_a_rollout_are_zero_and_those_of_another_path_are_not(problem, rng):
+    U = rng.uniform(-5, 5, 30)
+    X, gaps = rollout(problem.model, leaning(0.1, 0.2), U), np.empty((30, 6))
+    find_gaps(problem.model, X, U, gaps)
+    np.testing.assert_array_equal(gaps, 0.0)
+    X[7] += 1e-3
+    find_gaps(problem.model, X, U, gaps)
+    np.testing.assert_allclose(gaps[6], -1e-3)
+    assert np.count_nonzero(np.abs(gaps).max(axis=1)) == 2

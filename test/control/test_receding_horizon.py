@@ -1,0 +1,401 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The receding horizon: shift, delay, turns of the angles, fallbacks, resets."""
+
+from dataclasses import replace
+import os
+from pathlib import Path
+import subprocess
+import sys
+import time
+
+from controllers import controller, plant
+import numpy as np
+import pytest
+
+from dp_swing_ros import configuration
+from dp_swing_ros.evaluation.metrics import measure
+from dp_swing_ros.pendulum.equations import Pendulum
+from dp_swing_ros.pendulum.rk4 import RK4
+from dp_swing_ros.pendulum.state import HANGING, is_upright
+from dp_swing_ros.pendulum.trajectory import hold
+from dp_swing_ros.problem.plan import Status
+from dp_swing_ros.simulation.closed_loop import simulate
+from dp_swing_ros.solvers import SOLVERS
+
+FALLING = np.array([0.1, 0.1, -0.05, 0.0, 0.3, 0.0])
+LEANING = np.array([0.1, 0.02, -0.01, 0.0, 0.05, 0.0])
+BEYOND = np.array([0.0, 0.0, 0.0, 0.0, 1e200, 0.0])   # finite, but no rollout from here is
+
+
+def test_a_converged_plan_needs_one_iteration_in_the_next_tick():
+    c = controller()
+    plan = c.update(0.0, LEANING)
+    assert plan.stats.status is Status.CONVERGED
+    assert c.update(0.05, plan.X[1]).stats.iterations <= 2
+
+
+def test_the_plan_begins_where_the_state_will_be_when_the_force_acts():
+    c = controller(estimator='none')
+    first = c.update(0.0, FALLING, delay=0.01)
+    # no force was sent before
+    np.testing.assert_array_equal(first.X[0], hold(c.problem.model, FALLING, 0.0, 0.01))
+    second = c.update(0.05, first.X[1], delay=0.02)
+    expected = hold(c.problem.model, first.X[1], first.U[0], 0.02)
+    np.testing.assert_allclose(second.X[0], expected, rtol=1e-12)
+
+
+def test_a_delay_over_several_ticks_replays_every_force_sent():
+    c = controller()
+    forces = [c.update(0.05 * n, FALLING, delay=0.12).U[0] for n in range(4)]
+    x = FALLING
+    # measured at 0.15 s; forces began to act at 0.12, 0.17 and 0.22 s; the next will at 0.27 s
+    for u, duration in zip(forces[:3], (0.02, 0.05, 0.05)):
+        x = hold(c.problem.model, x, u, duration)
+    del c.sent[-1]
+    np.testing.assert_allclose(c.roll_forward(FALLING, 0.15, 0.27), x, rtol=1e-12)
+
+
+@pytest.mark.parametrize(('solver', 'seed'), [('mppi', 10), ('mppi', 16), ('ilqr', 13)])
+def test_at_five_ticks_a_step_it_is_swung_up_as_at_one(solver, seed):
+    """Interpolated from tick to tick, a plan lost its edges; then link 2 went on spinning."""
+    metrics = measure(simulate(plant(rate=100.0), controller(solver, seed), 4.0))
+    assert metrics.success and metrics.settling_time < 3.0
+
+
+def test_an_encoder_that_wraps_changes_nothing():
+    def run(wrap):
+        c, x, forces = controller('ddp'), np.array([0.0, 3.1, 3.1, 0.0, 1.0, 1.0]), []
+        for n in range(6):
+            seen = x.copy()
+            if wrap:
+                seen[1:3] = (seen[1:3] + np.pi) % (2 * np.pi) - np.pi
+            plan = c.update(0.05 * n, seen)
+            np.testing.assert_allclose(c.x, x, atol=0.01)
+            assert c.estimate.refused == 0
+            forces.append(plan.U[0])
+            x = plan.X[1]
+        return forces
+    np.testing.assert_allclose(run(True), run(False), rtol=1e-6)
+
+
+@pytest.mark.parametrize('bad', [np.full(6, np.nan), np.zeros(5), np.full(6, np.inf)])
+def test_a_state_without_numbers_is_refused(bad):
+    with pytest.raises(ValueError, match='expected six finite numbers'):
+        controller().update(0.0, bad)
+
+
+def test_without_a_measurement_the_last_plan_goes_on():
+    c = controller()
+    plan = c.update(0.0, FALLING)
+    stand_in = c.stand_in(0.05)
+    assert stand_in.stats.status is Status.LAST_POLICY
+    np.testing.assert_allclose(stand_in.U[:29], plan.U[1:], atol=1e-9)
+    assert c.update(0.1, plan.X[2]).stats.status is Status.CONVERGED
+
+
+def test_without_anything_the_force_is_zero():
+    plan = controller().stand_in(0.0)
+    assert plan.stats.status is Status.ZERO
+    np.testing.assert_array_equal(plan.U, 0.0)
+
+
+def test_a_failed_solve_falls_back_to_the_policy(monkeypatch):
+    c = controller(estimator='none')
+    before = c.update(0.0, FALLING)
+    fail(c, monkeypatch)
+    plan = c.update(0.05, before.X[1])
+    assert plan.stats.status is Status.LAST_POLICY
+    np.testing.assert_allclose(plan.U[0], before.U[1], atol=1e-9)
+
+
+def test_then_to_the_regulator_near_the_goal_and_to_zero_elsewhere(monkeypatch):
+    c = controller(horizon=60)
+    fail(c, monkeypatch)
+    plan = c.update(0.0, np.array([0.0, 0.02, 0.01, 0.0, 0.0, 0.0]))
+    assert plan.stats.status is Status.REGULATOR
+    assert np.abs(plan.X[-1]).max() < 0.1
+    c.reset()
+    fail(c, monkeypatch)
+    assert c.update(0.0, np.array(HANGING)).stats.status is Status.ZERO
+
+
+def test_what_is_carried_over_counts_from_when_the_last_state_s_force_acts():
+    c = controller(estimator='none', carry_over=0.2)
+    c.update(0.0, FALLING, delay=0.1)
+    assert c.stand_in(0.29).stats.status is Status.LAST_POLICY
+    assert c.stand_in(0.31).stats.status is Status.ZERO
+
+
+def fail(c, monkeypatch):
+    """Make the next solve end without a usable plan, as one from a state beyond numbers does."""
+    lost = c.solver.solve(BEYOND, None, np.inf)
+    assert not lost.usable
+    monkeypatch.setattr(c.solver, 'solve', lambda x_0, warm_start, deadline: lost)
+
+
+def test_a_state_that_cannot_be_is_predicted_through():
+    c = controller(estimator='none')
+    expected = c.update(0.0, FALLING).X[1]
+    plan = c.update(0.05, BEYOND)
+    assert 'the velocity of joint1 is 1e+200 rad/s; expected at most 100' in c.rejection
+    np.testing.assert_allclose(plan.X[0], expected, atol=1e-12)
+    c.update(0.1, plan.X[1])
+    assert not c.rejection
+
+
+def test_a_first_state_that_cannot_be_gets_zero():
+    c = controller()
+    assert c.update(0.0, BEYOND).stats.status is Status.ZERO
+    assert c.update(0.05, FALLING).U[0] != 0.0
+
+
+def constant_outlier(n, x):
+    return np.where(np.arange(6) == 1, 1e6, x)
+
+
+def stuck_joint(n, x):
+    return np.where(np.arange(6) == 1, 1.0, x)
+
+
+def random_outlier(n, x):
+    return x + np.random.default_rng(n).normal(0.0, 5.0, 6)
+
+
+def not_a_number(n, x):
+    return np.where(np.arange(6) == 1, np.nan, x)
+
+
+def silence(n, x):
+    return None
+
+
+class Frozen:
+    """Repeats the first state that it gets."""
+
+    def __init__(self):
+        self.x = None
+
+    def __call__(self, n, x):
+        self.x = x.copy() if self.x is None else self.x
+        return self.x
+
+
+def answer(c, t, x):
+    """Answer as the node does: by the fallback where there is no state, or none of numbers."""
+    if x is None:
+        return c.stand_in(t)
+    try:
+        return c.update(t, x)
+    except ValueError:
+        return c.stand_in(t)
+
+
+@pytest.mark.parametrize('begins', [16, 100])   # in the swing-up, and upright
+@pytest.mark.parametrize('fault', [constant_outlier, stuck_joint, random_outlier, not_a_number,
+                                   silence, Frozen])
+@pytest.mark.parametrize('name', sorted(SOLVERS))
+def test_a_dead_sensor_ends_in_zero_force_and_a_new_swing_up(name, fault, begins):
+    c, p, ends = controller(name), plant(), begins + 30
+    broken = Frozen() if fault is Frozen else fault
+    forces, upright = [], []
+    for n in range(ends + 140):
+        x = p.measure().x
+        force = answer(c, p.t, broken(n, x) if begins <= n < ends else x).first_force(20.0)
+        p.obey(force)
+        p.advance(0.05)
+        forces.append(force)
+        upright.append(bool(is_upright(p.x)))
+    # the last good state came a period before the first bad one
+    assert not np.any(forces[begins + 5:ends]), forces[begins:ends]
+    assert any(forces[begins:begins + 4])
+    assert all(upright[ends + 100:])
+
+
+def test_a_sensor_that_stands_still_with_the_pendulum_is_believed():
+    c = controller(estimator='none')
+    for n in range(20):
+        assert c.update(0.05 * n, np.zeros(6)).stats.status is Status.CONVERGED
+        assert not c.rejection
+
+
+def test_a_jump_is_no_dead_sensor():
+    """Somebody takes the pendulum elsewhere: the filter begins anew before patience ends."""
+    c, x = controller(), LEANING
+    for n in range(12):
+        x = x + (0, 1.0, 0.5, 0, 0, 0) if n == 5 else x
+        plan = c.update(0.05 * n, x)
+        assert plan.stats.status is not Status.ZERO
+        x = hold(RK4.of(c.nominal.model.pendulum, 0.005), x, plan.U[0], 0.05)
+    assert not c.rejection
+
+
+@pytest.mark.parametrize('name', ['ilqr', 'mppi'])
+def test_a_reset_and_a_clock_that_goes_back_begin_a_run_that_is_the_same(name):
+    c = controller(name)
+
+    def run():
+        return np.array([c.update(0.05 * n, FALLING * (1 + 0.1 * n)).U for n in range(3)])
+    first = run()
+    np.testing.assert_array_equal(run(), first)    # the clock went back
+    c.reset()
+    np.testing.assert_array_equal(run(), first)
+
+
+def test_a_late_measurement_is_no_new_run():
+    """After a stall the next state is less old, so its force acts before the last one was to."""
+    c = controller()
+    c.update(0.0, LEANING)
+    c.update(0.05, LEANING, delay=0.2)
+    assert c.update(0.10, LEANING, delay=0.003).stats.status is Status.CONVERGED
+    assert len(c.sent) == 3
+
+
+@pytest.mark.parametrize('estimator', ['none', 'ekf'])
+def test_a_state_that_a_later_one_overtook_adds_nothing(estimator):
+    def run(overtaken):
+        c = controller(estimator=estimator)
+        x = LEANING
+        for n in range(8):
+            plan = c.update(0.05 * n, x)
+            if overtaken and n == 5:    # in place of the real answer, which begins at 0.25 s
+                c.sent.pop()
+                plan = c.update(0.05 * (n - 1), FALLING, delay=0.05)
+                assert c.t == 0.25
+            x = plan.X[1]
+        return plan.U
+    np.testing.assert_allclose(run(True), run(False), atol=0.05)
+
+
+def test_a_repeated_state_adds_nothing():
+    c = controller()
+    c.update(0.0, LEANING)
+    c.update(0.05, 1.1 * LEANING)
+    known = c.estimator.P
+    plan = c.update(0.05, FALLING)
+    assert c.estimator.P is known
+    np.testing.assert_array_equal(plan.X[0], c.estimate.x)
+
+
+def test_of_two_forces_the_one_sent_later_acts():
+    c = controller()
+    c.sent.extend([(0.0, 1.0), (0.20, 2.0), (0.15, 3.0)])
+    assert c.forces_between(-0.1, 0.3) == [(0.0, 0.1), (1.0, 0.15), (3.0, 0.15)]
+    assert c.forces_between(0.2, 0.2) == []
+
+
+def test_an_outlier_does_not_reach_the_plan():
+    c, x = controller(), LEANING
+    for n in range(6):
+        seen = x + (0, 0, 1.0, 0, 0, 0) if n == 4 else x
+        plan = c.update(0.05 * n, seen)
+        x = hold(RK4.of(c.nominal.model.pendulum, 0.005), x, plan.U[0], 0.05)
+        assert np.abs(plan.X[0, 1:3]).max() < 0.05
+    assert c.estimate.refused == 1
+
+
+def test_a_lost_state_is_predicted_through():
+    c, x = controller(), LEANING
+    model = RK4.of(c.nominal.model.pendulum, 0.005)
+    for n in range(8):
+        lost = n in (3, 4)
+        plan = c.stand_in(0.05 * n) if lost else c.update(0.05 * n, x)
+        assert plan.stats.status is (Status.LAST_POLICY if lost else Status.CONVERGED)
+        if n == 5:
+            np.testing.assert_allclose(c.estimate.innovation, 0.0, atol=1e-5)
+        x = hold(model, x, plan.U[0], 0.05)
+    assert np.abs(x[1:3]).max() < 0.05
+
+
+def test_bodies_that_differ_are_solved_for():
+    c = controller()
+    bodies = replace(c.nominal.bodies, link2_mass=0.6)
+    model = RK4.of(Pendulum.of(bodies), 0.005)
+    x = np.array([0.0, 2.0, 2.5, 0.0, 1.0, -1.0])
+    for n in range(40):
+        plan = c.update(0.05 * n, x)
+        x = hold(model, x, plan.U[0], 0.05)
+    assert c.problem.bodies.link2_mass == pytest.approx(0.6, rel=0.02)
+    assert c.problem.model == RK4.of(Pendulum.of(c.problem.bodies), 0.05)
+    assert c.solver.problem is c.problem
+    c.reset()
+    assert c.problem is c.nominal
+
+
+def test_warming_up_changes_nothing():
+    cold, warm = controller('mppi'), controller('mppi')
+    warm.warm_up()
+    np.testing.assert_array_equal(warm.update(0.0, FALLING).U, cold.update(0.0, FALLING).U)
+
+
+@pytest.mark.parametrize('solver', sorted(SOLVERS))
+def test_after_warming_up_no_tick_compiles(solver):
+    """Kernels are compiled, or loaded, by their first call with arguments of a kind."""
+    code = f"""
+import sys
+from numba.core.dispatcher import Dispatcher
+from controllers import controller, plant
+
+def compiled():
+    return {{kernel.py_func.__qualname__: len(kernel.overloads)
+            for name, module in list(sys.modules.items()) if name.startswith('dp_swing_ros')
+            for kernel in vars(module).values() if isinstance(kernel, Dispatcher)}}
+
+c, p = controller({solver!r}), plant(delay=0.02)
+p.advance(0.05)
+p.reset()
+c.warm_up()
+before = compiled()
+for n in range(60):
+    measured = p.measure()
+    if measured is None or n == 20:
+        plan = c.stand_in(p.t)
+    else:
+        plan = c.update(measured.t, measured.x + (n == 30), 0.02)
+    p.obey(plan.first_force(20.0))
+    p.advance(0.05)
+assert len(before) > 50, before
+print(sorted(name for name, count in compiled().items() if count != before[name]))
+"""
+    done = subprocess.run(
+        [sys.executable, '-c', code], capture_output=True, text=True, check=True,
+        env={**os.environ, 'PYTHONPATH': os.pathsep.join(
+            [str(Path(__file__).parent), str(Path(__file__).parents[2])])})
+    assert done.stdout.strip() == '[]'
+
+
+@pytest.mark.parametrize('solver', sorted(SOLVERS))
+def test_tick_that_a_deadline_cut_short_can_be_repeated(solver):
+    live, again = (configuration.controller({'solver': solver}) for _ in range(2))
+    live.warm_up()
+    x, counts = np.array(HANGING), []
+    for n, share in enumerate((1.0, 0.1, 0.5, 0.3, -1.0)):
+        # from all the time that it takes to none
+        plan = live.update(0.05 * n, x, 0.003, time.perf_counter() + 0.004 * share)
+        twin = again.update(0.05 * n, x, 0.003, solves=plan.stats.solves)
+        assert np.array_equal(plan.X, twin.X) and np.array_equal(plan.U, twin.U)
+        assert twin.stats.solves == plan.stats.solves
+        counts.append(plan.stats.solves)
+        x = plan.X[1]
+    assert counts[-1] == (0,)
+
+
+def test_the_next_tick_goes_by_the_force_that_was_sent():
+    x = np.array(HANGING)
+    own, other = controller(estimator='none'), controller(estimator='none')
+    sent, _ = [float(c.update(0.0, x).U[0]) for c in (own, other)]
+    own.obeyed(sent)
+    other.obeyed(-7.0)
+    model = own.problem.model
+    x = x + (0, 0, 0, 0.1, 0, 0)
+    for c, force in ((own, sent), (other, -7.0)):
+        plan = c.update(1 / 64, x, 1 / 64)
+        np.testing.assert_array_equal(plan.X[0], hold(model, x, force, 1 / 64))
+
+
+def test_a_failed_solve_tells_how_far_it_came():
+    c = controller(estimator='none')
+    c.plausibility.range[:] = np.inf
+    plan = c.update(0.0, np.array([0.0, 0.0, 0.0, 1e200, 0.0, 0.0]))
+    assert plan.stats.status is Status.ZERO
+    assert len(plan.stats.solves) >= 1

@@ -1,0 +1,146 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Where the solves of a tick start."""
+
+from dataclasses import replace
+
+from controllers import controller
+import numpy as np
+import pytest
+
+from dp_swing_ros.pendulum.state import ANGLES, HANGING
+from dp_swing_ros.pendulum.trajectory import hold
+from dp_swing_ros.problem.problem import policy_rollout, regulator_rollout
+
+HANGS = np.array(HANGING)
+FALLING = np.array([0.1, 0.1, -0.05, 0.0, 0.3, 0.0])
+UP = np.array([0.1, 0.01, 0.01, 0.0, 0.0, 0.0])
+
+
+def starts_of(c, x_0, left=None):
+    return list(c.starts.of(x_0, [] if left is None else [left]))
+
+
+def after_a_plan(x_0=HANGS, **parameters):
+    """Return a controller with a plan, the state that it predicts next, and the plan's rest."""
+    c = controller(**parameters)
+    plan = c.update(0.0, x_0)
+    return c, plan.X[1], c.left_over(0.05)
+
+
+def test_a_first_tick_starts_from_random_forces_and_from_others():
+    first, regulator, rest, *randoms = starts_of(controller(first_starts=4), HANGS)
+    assert 5.0 < np.abs(first.U).max() <= 10.0
+    np.testing.assert_array_equal(rest.U, 0.0)
+    np.testing.assert_allclose(rest.X, np.tile(HANGS, (31, 1)), atol=1e-12)
+    assert not np.array_equal(regulator.U, rest.U)
+    assert [len(plan.U) for plan in randoms] == [30]  # in place of the catch, out of reach
+
+
+def test_the_first_plan_may_start_from_zero():
+    np.testing.assert_array_equal(
+        starts_of(controller(initial_plan='zero'), HANGS)[0].U, 0.0)
+
+
+def test_the_same_seed_gives_the_same_starts():
+    plans = [starts_of(controller(seed=seed), HANGS) for seed in (0, 0, 1)]
+    for one, same in zip(*plans[:2]):
+        np.testing.assert_array_equal(one.U, same.U)
+    assert np.abs(plans[0][0].U - plans[2][0].U).max() > 0.1
+
+
+def test_a_later_tick_starts_from_the_rest_of_the_last_plan_and_others_in_turn():
+    c, x, left = after_a_plan()
+    last, random = starts_of(c, x, left)          # the catch, first in turn, is out of reach
+    _, regulator = starts_of(c, x, left)
+    np.testing.assert_array_equal(regulator.U, regulator_rollout(c.problem, x).U)
+    assert not np.array_equal(random.U, regulator.U)
+    for part, old in ((last.U, left.U), (last.X, left.X), (last.K, left.K)):
+        np.testing.assert_array_equal(part, old)
+    assert c.left_over(0.05 * 30) is None
+
+
+def test_once_upright_there_is_nothing_to_look_for():
+    c, _, left = after_a_plan(FALLING, other_starts=3)
+    assert len(starts_of(c, UP, left)) == 1
+    assert len(starts_of(c, np.array([0.0, 0.3, 0.0, 0.0, 0.0, 0.0]), left)) == 4
+
+
+def test_the_paper_has_one_start_a_tick():
+    c, x, left = after_a_plan(first_starts=1, other_starts=0)
+    assert len(starts_of(c, HANGS)) == len(starts_of(c, x, left)) == 1
+
+
+def test_the_regulator_replaces_a_worse_last_plan():
+    c, _, left = after_a_plan(of_solver={'iterations': 1})
+    np.testing.assert_allclose(starts_of(c, UP, left)[0].U,        # somebody lifted it
+                               regulator_rollout(c.problem, UP).U, rtol=1e-8)
+
+
+def test_the_regulator_goes_to_the_turn_where_the_last_plan_ends():
+    c, _, left = after_a_plan(of_solver={'iterations': 1})
+    turns = np.zeros(6)
+    turns[ANGLES] = 2 * np.pi * (1 + np.round(left.X[-1, ANGLES] / (2 * np.pi)))
+    ended = replace(left, X=left.X + turns)
+    goal = np.zeros(6)
+    goal[ANGLES] = 2 * np.pi * np.round(ended.X[-1, ANGLES] / (2 * np.pi))
+    start = starts_of(c, UP + goal, ended)[0]
+    np.testing.assert_allclose(start.X, regulator_rollout(c.problem, UP).X + goal, atol=1e-8)
+
+
+def test_the_paper_s_warm_start_is_forces_alone():
+    c = controller(warm_start='forces')
+    plan = c.update(0.0, FALLING)
+    warm = starts_of(c, FALLING, c.left_over(0.1))[0]
+    np.testing.assert_array_equal(warm.U, [*plan.U[2:], 0.0, 0.0])
+    np.testing.assert_array_equal(warm.K, 0.0)
+
+
+def test_over_a_long_horizon_others_are_solved_over_a_short_one():
+    first, *others = starts_of(controller(horizon=60), HANGS)
+    assert len(first.U) == 60
+    assert [len(plan.U) for plan in others] == [30] * 5
+    tops = [np.abs(np.cos(plan.X[-1, ANGLES]) - 1).max() for plan in others]
+    assert min(tops) < 0.1                        # a solve, no draw, ends upright
+
+
+def test_a_start_that_leaves_the_numbers_is_left_out():
+    wild = np.array([0.0, 1.0, 2.0, 0.0, 1e160, 0.0])
+    assert all(np.all(np.isfinite(plan.X)) for plan in starts_of(controller(), wild)[1:])
+
+
+@pytest.mark.parametrize('turn', [0.0, 2 * np.pi])
+def test_the_catch_of_a_whole_turn_is_the_same(turn):
+    x = np.array([0.0, 0.2, 0.1, 0.0, 0.0, 0.0])
+    x[ANGLES] += turn
+    caught = controller().starts.catch(x)
+    np.testing.assert_allclose(caught.X[0], x)
+    np.testing.assert_allclose(caught.X[-1, ANGLES], turn, atol=0.05)
+
+
+def test_several_ticks_a_step_start_from_the_cheaper_of_two_rests():
+    """The last plan's, and that of the plan of a whole step ago, which is not interpolated."""
+    c, x, chosen = controller('mppi', estimator='none'), HANGS, []
+    plans = []
+    for n in range(16):
+        begins = 0.01 * n
+        if n >= 5:
+            rests = c.rests(begins)
+            np.testing.assert_array_equal(rests[0].U, c.left_over(begins).U)
+            np.testing.assert_array_equal(rests[1].U, plans[n - 5].U[1:])
+            costs = [policy_rollout(c.problem, x, rest.X, rest.U, rest.K).J for rest in rests]
+            start = c.starts.last(x, rests)
+            np.testing.assert_array_equal(start.U, rests[int(np.argmin(costs))].U)
+            chosen.append(int(np.argmin(costs)))
+        plans.append(c.update(begins, x))
+        x = hold(c.problem.model, x, plans[-1].U[0], 0.01)
+    assert set(chosen) == {0, 1}
+
+
+def test_at_one_tick_a_step_the_last_plan_is_the_start():
+    c, x, left = after_a_plan()
+    rest, = c.rests(0.05)
+    np.testing.assert_array_equal(rest.U, left.U)
+    plan = c.update(0.05, x)
+    rest, = c.rests(0.1)
+    np.testing.assert_array_equal(rest.U, plan.U[1:])

@@ -1,0 +1,65 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+from pathlib import Path
+
+import pytest
+
+from dp_swing_ros.evaluation.baselines import Nothing
+from dp_swing_ros.evaluation.campaign.contestants import parse, parse_all
+from dp_swing_ros.parameters import ParameterError
+
+CONFIG = Path(__file__).parents[3] / 'config'
+
+
+def test_a_name_alone_is_the_solver_with_its_defaults():
+    contestant = parse('ddp')
+    assert (contestant.label, contestant.name) == ('ddp', 'ddp')
+    assert contestant.plant == contestant.mpc == {}
+    controller = contestant.prepare()(7)
+    assert (controller.parameters.solver, controller.parameters.seed) == ('ddp', 7)
+
+
+def test_files_tell_plant_and_mpc():
+    contestant = parse(f'mppi:{CONFIG}/paper.yaml+{CONFIG}/paper_mppi.yaml')
+    assert contestant.label == 'mppi:paper+paper_mppi'
+    assert contestant.plant['force_limit'] == 75.0
+    assert contestant.prepare()(0).problem.horizon == 35
+
+
+def test_single_parameters_come_last():
+    contestant = parse(f'ilqr:horizon=12+{CONFIG}/paper_mppi.yaml+force_weight=1e-2')
+    assert contestant.label == 'ilqr:horizon=12+paper_mppi+force_weight=1e-2'
+    assert (contestant.mpc['horizon'], contestant.mpc['force_weight']) == (12, 0.01)
+
+
+def test_a_label_may_be_given():
+    contestant = parse('quick=mppi:mppi.samples=64')
+    assert (contestant.label, contestant.name) == ('quick', 'mppi')
+    assert contestant.prepare()(0).solver_parameters.samples == 64
+
+
+def test_a_baseline_is_built_on_the_same_problem():
+    controller = parse('nothing:step=0.1').prepare()(0)
+    assert isinstance(controller, Nothing)
+    assert controller.problem.dt == 0.1
+
+
+@pytest.mark.parametrize('text, words', [
+    ('sqp', ["'sqp'", 'ilqr, ddp, mppi, tvlqr, nothing']), ('', ['LABEL=']), (':x', ['LABEL=']),
+    ('ilqr:none.yaml', ['none.yaml'])])
+def test_what_is_no_contestant_is_refused(text, words):
+    with pytest.raises(ParameterError) as error:
+        parse(text)
+    assert all(word in str(error.value) for word in words), error.value
+
+
+@pytest.mark.parametrize('text', ['ilqr:horison=3', 'ilqr:horizon=long', 'tvlqr:horizon=0'])
+def test_parameters_are_checked_when_the_controller_is_made(text):
+    with pytest.raises(ParameterError, match='hori[sz]on'):
+        parse(text).prepare()(0)
+
+
+def test_two_of_one_name_are_refused():
+    with pytest.raises(ParameterError, match="'ilqr'"):
+        parse_all(['ilqr', 'ddp', 'ilqr'])
+    assert [one.label for one in parse_all(['ilqr', 'other=ilqr'])] == ['ilqr', 'other']

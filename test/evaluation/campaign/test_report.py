@@ -1,0 +1,62 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+import pytest
+from results import campaign, error_row, row
+
+from dp_swing_ros.evaluation.campaign.report import failing, markdown, spans, which
+from dp_swing_ros.evaluation.campaign.scores import Level
+from dp_swing_ros.evaluation.campaign.summary import Failure, summarise
+
+ROWS = [row('ilqr', seed=0), row('mppi', seed=0, held=False), error_row('mppi', seed=1),
+        *(row(name, 'delay', parameter='delay', level=level, held=level < 0.1)
+          for name in ('ilqr', 'mppi') for level in (0.0, 0.05, 0.1))]
+
+
+def cells(page):
+    """Return the cells of all lines of tables, which must be as wide as their heads."""
+    tables, width = [], 0
+    for line in page.splitlines():
+        if not line.startswith('| '):
+            width = 0
+            continue
+        found = [cell.strip() for cell in line.replace(r'\|', '').split('|')[1:-1]]
+        width = width or len(found)
+        assert len(found) == width, line
+        tables.append(found)
+    return tables
+
+
+def test_a_page_has_a_line_for_each_contestant_in_each_scenario():
+    page = markdown(summarise(campaign(scenarios=('hanging', 'delay')), ROWS, 12))
+    lines = cells(page)
+    assert any(line[:2] == ['`ilqr`', '1 of 1 (20.7-100.0 %)'] for line in lines)
+    assert any(line[:2] == ['`mppi`', '0 of 2 (0.0-65.8 %)'] for line in lines)
+    assert ['delay', 'delay', '2 of 3; fails at 0.1', '2 of 3; fails at 0.1'] in lines
+    assert ['hanging', '`mppi`', 'never upright', '1', 'seed 0'] in lines
+    assert ['hanging', '`mppi`', 'ValueError: no, "never"', '1', 'seed 1'] in lines
+    assert '9 episodes of 4 s, 3 not run yet' in page
+
+
+def test_a_campaign_without_a_failure_says_so():
+    assert 'Everything was held.' in markdown(summarise(campaign(), [row()], 1))
+
+
+@pytest.mark.parametrize('rows', [[], [error_row()], [row(held=False)]])
+def test_campaigns_with_nothing_to_tell_have_a_page(rows):
+    assert markdown(summarise(campaign(), rows, 20)).startswith('# Campaign')
+
+
+@pytest.mark.parametrize('passed, text', [
+    ([1, 1, 1], ''), ([0, 1, 1], '; fails at 0.1'), ([0, 0, 1, 0], '; fails at 0.1 to 0.2, 0.4')])
+def test_levels_that_fail_are_ranges(passed, text):
+    assert failing([Level(0.1 * (n + 1), held, 1) for n, held in enumerate(passed)]) == text
+
+
+def test_seeds_are_ranges():
+    assert spans([5, 0, 1, 2, 9]) == '0-2, 5, 9'
+
+
+def test_failures_of_a_sweep_are_told_level_by_level():
+    failures = [Failure('ilqr', 'delay', 'delay', level, seed, 'fell')
+                for level, seed in ((0.1, 0), (0.1, 1), (0.15, 4))]
+    assert which(failures) == 'delay 0.1: seeds 0-1; delay 0.15: seed 4'

@@ -1,0 +1,120 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+import contextlib
+import fcntl
+import itertools
+import os
+import struct
+import termios
+
+from distributed import LocalCluster
+import pytest
+from results import same
+
+from dp_swing_ros.evaluation.campaign.contestants import parse_all
+from dp_swing_ros.evaluation.campaign.rows import CampaignError, read, Table
+from dp_swing_ros.evaluation.campaign.runner import run
+from dp_swing_ros.evaluation.scenarios import SCENARIOS
+from dp_swing_ros.parameters import ParameterError
+
+CONTESTANTS = ('ilqr', 'nothing')
+SEEDS = range(4)
+
+
+def play(folder, jobs=2, dask='', contestants=CONTESTANTS, seeds=SEEDS):
+    """Run a small campaign and return its rows."""
+    folder.mkdir(exist_ok=True)
+    cases = [case for name in ('random', 'force_noise')
+             for case in SCENARIOS[name].cases(name, seeds, 1, 1.0)]
+    with Table(folder / 'episodes.csv') as table:
+        run(list(itertools.product(parse_all(contestants), cases)), table, jobs, dask)
+    return read(folder / 'episodes.csv')
+
+
+def timeless(row):
+    """Return all of a row but what the clock says."""
+    return [*row.key, row.outcome, *(
+        'unknown' if same(value, float('nan')) else value
+        for name, value in vars(row.metrics).items()
+        if not any(word in name for word in ('solve_time', 'latency', 'late', 'deadline')))]
+
+
+@pytest.fixture(scope='module')
+def alone(tmp_path_factory):
+    """Return the rows of the campaign by one process."""
+    return play(tmp_path_factory.mktemp('campaign'), jobs=1)
+
+
+def test_every_contestant_meets_every_case(alone):
+    assert len({row.key for row in alone}) == len(alone) == 2 * 2 * len(SEEDS)
+    assert {row.outcome for row in alone} <= {'NEVER_UP', 'NEVER_HELD', 'TOO_LATE', 'HELD'}
+
+
+def test_two_processes_give_the_rows_of_one(alone, tmp_path):
+    assert list(map(timeless, play(tmp_path))) == list(map(timeless, alone))
+
+
+def test_a_dask_cluster_gives_the_same_rows(alone, tmp_path):
+    with LocalCluster(n_workers=2, threads_per_worker=1, host='tcp://127.0.0.1',
+                      dashboard_address=None) as cluster:
+        rows = play(tmp_path, dask=cluster.scheduler_address)
+    assert list(map(timeless, rows)) == list(map(timeless, alone))
+
+
+def test_a_cluster_without_workers_is_told(tmp_path):
+    with LocalCluster(n_workers=0, host='tcp://127.0.0.1', dashboard_address=None,
+                      processes=False) as cluster:
+        with pytest.raises(CampaignError, match='no workers'):
+            play(tmp_path, dask=cluster.scheduler_address)
+
+
+def test_a_scheduler_that_is_not_there_is_told(tmp_path, monkeypatch):
+    monkeypatch.setattr('dp_swing_ros.evaluation.campaign.runner.CONNECTION', 0.5)
+    with pytest.raises(CampaignError, match='tcp://127.0.0.1:1 does not answer'):
+        play(tmp_path, dask='tcp://127.0.0.1:1')
+
+
+def everything(screen):
+    """Return what a terminal showed until its last writer closed it, and close it."""
+    shown = bytearray()
+    with contextlib.suppress(OSError):   # which is how a terminal ends
+        while piece := os.read(screen, 1 << 16):
+            shown += piece
+    os.close(screen)
+    return shown.decode()
+
+
+def test_only_what_is_missing_is_run(alone, tmp_path, monkeypatch):
+    path = tmp_path / 'episodes.csv'
+    play(tmp_path, jobs=1, seeds=range(2))
+    before = path.read_bytes()
+    screen, terminal = os.openpty()
+    fcntl.ioctl(terminal, termios.TIOCSWINSZ, struct.pack('4H', 24, 80, 0, 0))   # it has no size
+    with os.fdopen(terminal, 'w') as stderr, monkeypatch.context() as patch:
+        patch.setattr('sys.stderr', stderr)
+        rows = play(tmp_path, jobs=1)
+    shown = everything(screen)
+    assert path.read_bytes().startswith(before)
+    assert sorted(map(str, map(timeless, rows))) == sorted(map(str, map(timeless, alone)))
+    assert '8/16' in shown
+    play(tmp_path, jobs=1)
+    assert len(read(path)) == 16
+
+
+def test_a_contestant_that_cannot_be_made_ends_it_before_it_begins(tmp_path):
+    with pytest.raises(ParameterError, match='horison'):
+        play(tmp_path, contestants=('ilqr:horison=3',))
+    assert read(tmp_path / 'episodes.csv') == []
+
+
+def test_an_episode_that_raises_is_shown_and_the_rest_goes_on(tmp_path, capsys):
+    # on a plant of another rate there is not one push for each period
+    path = tmp_path / 'slow.yaml'
+    path.write_text('/**/plant:\n  ros__parameters: {rate: 10}\n')
+    cases = list(SCENARIOS['pushes'].cases('pushes', range(2), None, 1.0))
+    with Table(tmp_path / 'episodes.csv') as table:
+        run(list(itertools.product(parse_all(['nothing', f'nothing:{path}']), cases)), table, 1)
+    rows = read(tmp_path / 'episodes.csv')
+    assert [row.outcome == 'ERROR' for row in rows] == [False, False, True, True]
+    assert 'pushes' in rows[2].detail
+    assert 'nothing:slow pushes' in capsys.readouterr().err

@@ -1,0 +1,111 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+import numpy as np
+import pytest
+
+from dp_swing_ros import configuration
+from dp_swing_ros.evaluation.campaign.scores import CRITERIA
+from dp_swing_ros.evaluation.scenarios import APART, FIRST_PUSH, LAST_PUSH, push_profile, SCENARIOS
+
+
+def cases(name, seeds=None, levels=0, duration=10.0):
+    return list(SCENARIOS[name].cases(name, seeds, levels, duration))
+
+
+@pytest.mark.parametrize('name', SCENARIOS)
+def test_every_case_is_one_of_a_plant_that_there_is(name):
+    for case in cases(name, range(2), 3):
+        configuration.plant(case.plant)
+        assert case.scenario == name
+        assert len(case.pushes) in (0, 200)
+
+
+@pytest.mark.parametrize('name', SCENARIOS)
+def test_cases_are_all_different_and_always_the_same(name):
+    found = cases(name, range(3), 4)
+    assert len({(case.parameter, case.level, case.seed) for case in found}) == len(found)
+    assert found == cases(name, range(3), 4)
+
+
+@pytest.mark.parametrize('name, count', [
+    ('hanging', 20), ('random', 1000), ('near_goal', 100), ('model', 9 * 21),
+    ('velocity_noise', 210), ('force_noise', 210), ('response', 21), ('delay', 21),
+    ('pushes', 50), ('loss', 2 * 21 * 5), ('jitter', 21 * 5)])
+def test_defaults_are_those_of_the_leaderboards(name, count):
+    assert len(cases(name)) == count
+
+
+def test_six_criteria_make_the_robustness():
+    assert CRITERIA == ['model', 'velocity_noise', 'force_noise', 'response', 'delay', 'pushes']
+
+
+def starts(name, seeds):
+    return np.array([case.plant['initial_state'] for case in cases(name, seeds)])
+
+
+def test_random_starts_fill_their_box():
+    largest = np.abs(starts('random', range(500))).max(axis=0)
+    box = np.array([1.0, np.pi, np.pi, 1.0, 3.0, 3.0])
+    assert np.all(largest <= box)
+    assert np.all(largest > 0.97 * box)
+
+
+def test_starts_near_the_goal_are_at_rest_in_the_middle():
+    X = starts('near_goal', range(200))
+    np.testing.assert_array_equal(X[:, [0, 3, 4, 5]], 0.0)
+    assert 0.29 < np.abs(X[:, 1:3]).max() <= 0.3
+
+
+def test_a_start_is_not_made_of_the_numbers_of_the_first_plan():
+    # both are drawn from the seed, and must have nothing to do with each other
+    first = configuration.controller({'seed': 3}).random.uniform(-1, 1, 2)
+    start = starts('near_goal', range(3, 4))[0, 1:3] / 0.3
+    assert not np.allclose(first, start)
+
+
+def swept(name, parameter, levels):
+    return [(case.level, case.plant) for case in cases(name, range(1), levels)
+            if case.parameter == parameter]
+
+
+@pytest.mark.parametrize('name, parameter, expected', [
+    ('model', 'link1_mass', [(0.75, {'link1_mass': 0.375}), (1.25, {'link1_mass': 0.625})]),
+    ('model', 'joint2_friction', [(0.0, {'joint2_friction': 0.0}),
+                                  (0.1, {'joint2_friction': 0.1})]),
+    ('response', 'actuator_response', [(0.1, {'actuator_response': 0.1}),
+                                       (2.0, {'actuator_response': 2.0})]),
+    ('delay', 'delay', [(0.0, {'delay': 0.0}), (0.15, {'delay': 0.15})])])
+def test_a_sweep_goes_from_end_to_end(name, parameter, expected):
+    assert swept(name, parameter, 2) == expected
+
+
+def test_force_noise_goes_to_18_percent_of_the_limit():
+    assert swept('force_noise', 'force_noise', 3)[-1][0] == pytest.approx(3.6)
+
+
+def test_the_middle_of_the_model_sweep_is_the_nominal_plant():
+    nominal = configuration.plant({}).bodies
+    for case in cases('model', range(1), 3):
+        if case.level == 1.0:
+            assert configuration.plant(case.plant).bodies == nominal
+
+
+def test_pushes_are_strong_and_apart():
+    for seed in range(20):
+        forces = push_profile(seed, 200)
+        t = 0.05 * (np.arange(200) + 0.5)
+        pushed = np.abs(forces) > 0.05
+        assert np.abs(forces).max() <= 10.0
+        assert t[pushed].min() >= FIRST_PUSH - 0.4
+        assert t[pushed].max() <= LAST_PUSH + 0.4
+        # a pulse is over well before the next comes
+        middles = t[np.flatnonzero(np.diff(np.sign(np.diff(np.abs(forces)))) < 0) + 1]
+        strong = middles[np.abs(np.interp(middles, t, forces)) > 0.5]
+        assert np.all(np.diff(strong) >= APART - 0.1)
+
+
+def test_every_profile_is_a_level():
+    found = cases('pushes', range(3))
+    assert [(case.parameter, case.level) for case in found] == [
+        ('profile', 0.0), ('profile', 1.0), ('profile', 2.0)]
+    assert found[0].pushes != found[1].pushes

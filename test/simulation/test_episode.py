@@ -1,0 +1,73 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+import dataclasses
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from synthetic import first, swing_up, without_ticks
+
+from dp_swing_ros.pendulum.state import wrapped
+from dp_swing_ros.simulation.episode import STATE, Ticks
+
+COLUMNS = [*STATE, 'force', 'cost', 'iterations', 'solve_time', 'latency', 'late', 'status']
+
+
+def test_frame_has_a_row_a_state_with_force_and_tick():
+    episode = swing_up()
+    frame = episode.to_frame()
+    assert list(frame.columns) == COLUMNS
+    assert frame.index.name == 't [s]'
+    np.testing.assert_array_equal(frame.index, episode.t)
+    np.testing.assert_array_equal(frame[list(STATE)], wrapped(episode.X))
+    np.testing.assert_array_equal(episode.to_frame(whole_turns=True)[list(STATE)], episode.X)
+    np.testing.assert_array_equal(frame['force'][:-1], episode.U)
+    np.testing.assert_array_equal(frame['solve_time'][:-1], episode.ticks.solve_time)
+    assert frame['status'].iloc[0] == 'CONVERGED'
+    assert frame.iloc[-1, 6:].isna().all()
+    assert frame.attrs == {
+        'solver': 'ilqr', 'bodies': episode.bodies, 'limits': episode.limits, 'incomplete': ''}
+
+
+def test_zero_is_upright_in_a_frame_whatever_the_turn():
+    episode = swing_up()     # θ2 turns a round on
+    assert episode.X[-1, 2] == pytest.approx(2 * np.pi)
+    last = episode.to_frame().iloc[-1]
+    assert (last['theta1'], last['theta2']) == pytest.approx((0.0, 0.0), abs=1e-12)
+    assert episode.to_frame(whole_turns=True).iloc[-1]['theta2'] == episode.X[-1, 2]
+
+
+def test_ticks_of_a_frame_stand_by_their_states():
+    episode = swing_up()
+    some = Ticks(*(np.asarray(column)[[3, 7, 7]] for column in episode.ticks))
+    some = some._replace(cost=np.array([1.0, 2.0, 3.0]), late=np.array([False, True, True]),
+                         status=['MAX_ITERATIONS', 'CONVERGED', 'STALLED'])
+    frame = dataclasses.replace(episode, ticks=some).to_frame()
+    assert len(frame) == len(episode.t)
+    known = frame.dropna(subset=['status'])
+    np.testing.assert_array_equal(known.index, episode.t[[3, 7]])
+    assert (list(known['cost']), list(known['late'])) == ([1.0, 3.0], [False, True])
+    assert list(known['status']) == ['MAX_ITERATIONS', 'STALLED']
+    assert frame['iterations'].sum() == 6
+    assert frame['late'].sum() == 1
+
+
+@pytest.mark.parametrize('states', [0, 1])
+def test_frame_of_hardly_a_run_has_its_columns(states):
+    frame = first(swing_up(), states).to_frame()
+    assert list(frame.columns) == COLUMNS
+    assert len(frame) == states
+
+
+def test_frame_without_a_controller_has_no_ticks():
+    frame = without_ticks(swing_up()).to_frame()
+    assert frame['cost'].isna().all()
+    assert frame['force'].notna().sum() == len(frame) - 1
+
+
+def test_nodes_and_episodes_do_not_load_pandas():
+    code = ('import sys, dp_swing_ros.nodes.mpc, dp_swing_ros.nodes.logger, dp_swing_ros.bags; '
+            'sys.exit("pandas" in sys.modules)')
+    assert subprocess.run([sys.executable, '-c', code]).returncode == 0
