@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 
 from dp_swing_ros import configuration
+from dp_swing_ros.kernels import trigonometry
 from dp_swing_ros.pendulum import equations as pendulum, model
-from dp_swing_ros.pendulum.models import trigonometry
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.problem.problem import Problem
 from dp_swing_ros.solvers import samples

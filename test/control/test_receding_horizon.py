@@ -360,7 +360,7 @@ print(sorted(name for name, count in compiled().items() if count != before[name]
     done = subprocess.run(
         [sys.executable, '-c', code], capture_output=True, text=True, check=True,
         env={**os.environ, 'PYTHONPATH': os.pathsep.join(
-            [str(Path(__file__).parent), str(Path(__file__).parents[2])])})
+            [str(Path(__file__).parents[1]), str(Path(__file__).parents[2])])})
     assert done.stdout.strip() == '[]'
 
 

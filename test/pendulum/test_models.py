@@ -127,7 +127,7 @@ import numpy as np
 from dp_swing_ros.pendulum.equations import Pendulum
 from dp_swing_ros.pendulum.models import MODELS
 from dp_swing_ros.pendulum.model import curvature, expand as expand_at
-from dp_swing_ros.parameters import PendulumParameters
+from dp_swing_ros.pendulum.parameters import PendulumParameters
 p = Pendulum.of(PendulumParameters(cart_friction=0.1))
 for name in sorted(MODELS):
     model = MODELS[name].of(p, 0.05)

@@ -126,7 +126,7 @@ import resource, sys
 sys.path[:0] = [{str(SOURCES)!r}, {str(SOURCES / 'test')!r}]
 from pathlib import Path
 from results import row
-from dp_swing_ros.campaign.rows import CampaignError, Table
+from dp_swing_ros.evaluation.campaign.rows import CampaignError, Table
 resource.setrlimit(resource.RLIMIT_FSIZE, (3000, 3000))
 try:
     with Table(Path({str(path)!r})) as table:
