@@ -40,9 +40,9 @@ from std_msgs.msg import Float64, String
 from dp_swing_ros.nodes.connections import publish
 from dp_swing_ros.nodes.messages import to_joint_state
 from dp_swing_ros.nodes.process import ProcessNode, run
-from dp_swing_ros.parameters import LimitParameters, PendulumParameters
+from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
+from dp_swing_ros.pendulum.urdf import urdf
 from dp_swing_ros.topics import FORCE_COMMAND, JOINT_STATES, ROBOT_DESCRIPTION
-from dp_swing_ros.urdf import urdf
 
 
 class PublisherNode(ProcessNode):
