@@ -29,9 +29,11 @@ setup: install/.built  ## the virtual environment and the built package
 demo: setup  ## swing up and hold in real time for 10 s (SOLVER=ilqr, ddp or mppi)
 	@$(WITH_ROS) && ros2 run dp_swing_ros demo --solver $(SOLVER)
 
-docs: setup  ## the reference of parameters, and the sketch of the pendulum
+docs: setup  ## the references of parameters and of the Python API, and the drawings
 	@$(WITH_ROS) && ros2 run dp_swing_ros parameters > docs/parameters.md && \
-	  python -m dp_swing_ros.figures.sketch docs/figures/pendulum.png
+	  python scripts/api_reference.py > docs/api.md && \
+	  python -m dp_swing_ros.figures.sketch docs/figures/pendulum.png && \
+	  python scripts/architecture.py docs/figures && python scripts/theory.py docs/figures
 
 evaluate: setup  ## run a campaign of episodes without ROS (EVALUATE='...' for its arguments)
 	@$(WITH_ROS) && ros2 run dp_swing_ros evaluate $(EVALUATE)

@@ -7,15 +7,14 @@ from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter
 
-from dp_swing_ros.figures.style import FORCE, INK, LINK1, LINK2, SOLVERS, styled
+from dp_swing_ros.figures.contestants import colours
+from dp_swing_ros.figures.style import FORCE, in_numbers, INK, PALETTE, solver_name, styled
 
-COLOURS = {'ilqr': LINK1, 'ddp': LINK2, 'mppi': FORCE}
 # what is measured of whom: its name in the results, its colour and its name here
 UPDATES = {'mppi': (FORCE, 'MPPI here'),
-           'pytorch_mppi compiled': (LINK1, 'pytorch_mppi, our step through torch.compile'),
-           'pytorch_mppi closed': (LINK2, 'pytorch_mppi, our step in torch'),
+           'pytorch_mppi compiled': (PALETTE[0], 'pytorch_mppi, our step through torch.compile'),
+           'pytorch_mppi closed': (PALETTE[1], 'pytorch_mppi, our step in torch'),
            'pytorch_mppi twin': (INK, 'pytorch_mppi, the step by a linear solve')}
 
 
@@ -32,11 +31,12 @@ def horizon(growth: dict[str, Any]) -> Figure:
     """Draw an iteration's time against the horizon."""
     figure = Figure(figsize=(6.4, 4.4), layout='constrained')
     axes = figure.subplots()
+    colour = colours(growth['horizon'])
     for name, grown in growth['horizon'].items():
         growth_rate = f'steps$^{{{grown["exponent"]["value"]:.2f}}}$'
         axes.loglog(grown['sizes'], [1e3 * t for t in grown['seconds']], marker='o',
-                    markersize=4, color=COLOURS[name],
-                    label=f'{SOLVERS[name]} here: grows as {growth_rate}')
+                    markersize=4, color=colour[name],
+                    label=f'{solver_name(name)} here: grows as {growth_rate}')
     axes.set(xlabel='horizon [steps]', ylabel='one iteration [ms]')
     axes.set_xticks(grown['sizes'], [str(size) for size in grown['sizes']])
     _finish(axes, "One iteration's time against the horizon")
@@ -63,7 +63,7 @@ def samples(sampling: dict[str, Any]) -> Figure:
 def _finish(axes: Axes, heading: str) -> None:
     """Name the picture and its lines, and let times read as numbers."""
     axes.minorticks_off()
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f'{value:g}'))
+    in_numbers(axes.yaxis)
     axes.grid(True)
     axes.legend(loc='lower left', bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
     axes.figure.suptitle(heading)  # type: ignore

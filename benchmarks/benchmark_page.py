@@ -2,9 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The page of the benchmark, from its results: every target met or missed, then every row."""
 
-from collections.abc import Iterable
 import statistics
 from typing import Any, NamedTuple
+
+from dp_swing_ros.tables import compact
 
 # by the results of `benchmark.py`
 NEAR = 'near the goal'
@@ -21,7 +22,7 @@ class Target(NamedTuple):
 
     @property
     def met(self) -> bool:
-        """Tell whether it was met."""
+        """Return whether it was met."""
         return self.found >= self.aim if self.more else self.found <= self.aim
 
 
@@ -84,21 +85,14 @@ def targets(results: dict[str, Any]) -> list[Target]:
     return found
 
 
-def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
-    """Return a table as Markdown."""
-    head = list(head)
-    return '\n'.join([f'| {" | ".join(head)} |', '| --- ' * len(head) + '|',
-                      *(f'| {" | ".join(row)} |' for row in rows)])
-
-
 def times(race: dict[str, Any]) -> str:
     """Return the rows of a comparison; the ratio is to the fastest of ours."""
     ours = fastest({'seconds': {name: race['seconds'][name] for name in
                                 next(iter(race['ratios'].values()))}})
-    return table(['contender', 'median [ms]', '95 % interval [ms]', f'times {ours}'], (
+    return compact([['contender', 'median [ms]', '95 % interval [ms]', f'times {ours}'], *(
         [name, f'{1e3 * t["value"]:.4g}', f'{1e3 * t["low"]:.4g}-{1e3 * t["high"]:.4g}',
          '{value:.3g} ({low:.3g}-{high:.3g})'.format(**race['ratios'][name][ours])]
-        for name, t in race['seconds'].items()))
+        for name, t in race['seconds'].items())])
 
 
 def page(results: dict[str, Any]) -> str:
@@ -110,17 +104,17 @@ def page(results: dict[str, Any]) -> str:
         'nothing else is said; so do crocoddyl and CasADi. Of MPPI the faster of one and two '
         'threads is compared, ours and '
         'theirs.',
-        '## Targets', table(['target', 'aim', 'measured', ''], (
+        '## Targets', compact([['target', 'aim', 'measured', ''], *(
             [one.what, f'{"at least" if one.more else "at most"} {one.aim:g}',
              f'{one.found:.3g}', 'met' if one.met else '**missed**']
-            for one in targets(results)))]
+            for one in targets(results))])]
     if results['missing']:
         parts.append('Not measured: ' + '; '.join(
             f'{name}, for {why}' for name, why in results['missing'].items()) + '.')
     if 'sampling' in results:
         parts.append(
-            'Of pytorch_mppi, `twin` runs the torch model of this package, which solves a linear '
-            'system in each stage as the equations stand; `closed` their closed form; `compiled` '
+            'Of pytorch_mppi, `twin` runs the equations as they stand in the paper, with a linear '
+            'system solved in each stage; `closed` those of this package; `compiled` '
             "that through torch.compile. Of the paper's autograd, `step by step` is as its "
             'authors did it; `batched` takes all steps at once.')
     if 'gradient' in results:
@@ -131,10 +125,10 @@ def page(results: dict[str, Any]) -> str:
         parts += ['## Solves to the same cost',
                   'From the same guess, a first solve from hanging and a warm-started one, the '
                   'contenders end in different optima. Timed is each until it is within 1 % of '
-                  'the cost that all of them reach.', times(results['solves']), table(
+                  'the cost that all of them reach.', times(results['solves']), compact([
                       ['contender', 'goal', 'iterations to it', 'cost at the end'],
-                      ([name, f'{of["goal"]:.0f}', f'{of["iterations"]:.0f}', f'{of["end"]:.0f}']
-                       for name, of in results['solves']['reached'].items()))]
+                      *([name, f'{of["goal"]:.0f}', f'{of["iterations"]:.0f}', f'{of["end"]:.0f}']
+                        for name, of in results['solves']['reached'].items())])]
     for samples, found in results.get('sampling', {}).items():
         parts += [f'## MPPI, {int(samples):,} samples', times(found['ticks']),
                   'Rollouts alone, per step:', times(found['steps'])]
@@ -142,9 +136,9 @@ def page(results: dict[str, Any]) -> str:
         parts += ["## The paper's autograd, one iteration", times(results['paper'])]
     if 'limit' in results:
         limit = results['limit']
-        parts += ['## The limit of the machine', table(
+        parts += ['## The limit of the machine', compact([
             ['what', '10⁹ multiply-adds or steps per second'],
-            ([name, f'{1e-9 * rate:.4g}'] for name, rate in limit['rates'].items())),
+            *([name, f'{1e-9 * rate:.4g}'] for name, rate in limit['rates'].items())]),
             f'A step of a sample takes {limit["per_step"]:.0f} operations: '
             + ', '.join(f'{number:.0f} {kind}' for kind, number in
                         limit['operations']['sample'].items())
@@ -160,11 +154,11 @@ def page(results: dict[str, Any]) -> str:
                   'Episodes of 10 s by `evaluate`, in one process: ' + ', '.join(
                       f'{name} {1 / t["value"]:.1f} a second ({10 / t["value"]:.0f} times real '
                       'time)' for name, t in results['growth']['episodes'].items()) + '.']
-        parts.append(table(['most memory of one call [kB]', 'sizes', 'bytes / 1000'], (
+        parts.append(compact([['most memory of one call [kB]', 'sizes', 'bytes / 1000'], *(
             [f'{name} over the {size}', ', '.join(map(str, grown['sizes'])),
              ', '.join(f'{number / 1e3:.0f}' for number in grown['bytes'])]
             for size in ('horizon', 'samples')
-            for name, grown in results['growth'][size].items())))
+            for name, grown in results['growth'][size].items())]))
     if 'sampling' in results:
         parts.append('![time against samples](../figures/benchmark_samples.png)')
     return '\n\n'.join(parts) + '\n'

@@ -13,6 +13,7 @@ from dp_swing_ros.evaluation.campaign.rows import Row
 from dp_swing_ros.evaluation.campaign.summary import summarise
 from dp_swing_ros.evaluation.scenarios import Case, SCENARIOS
 from dp_swing_ros.figures import of_campaign
+from dp_swing_ros.pendulum.state import DEFAULT_LINKS
 from dp_swing_ros.solvers import SOLVERS
 
 CONFIG = Path(__file__).parents[1] / 'config'
@@ -36,7 +37,8 @@ class Campaign(NamedTuple):
 
     def description(self) -> dict[str, Any]:
         """Return it as `evaluate` describes it."""
-        return manifest.describe(self.parsed(), self.scenarios, self.seeds, None, DURATION)
+        return manifest.describe(self.parsed(), self.scenarios, self.seeds, None, DURATION,
+                                 DEFAULT_LINKS)
 
     def parsed(self) -> list[Contestant]:
         """Return the contestants; raises ParameterError."""
@@ -50,7 +52,7 @@ class Campaign(NamedTuple):
                 for contestant in contestants]
 
     def is_timed(self, case: Case) -> bool:
-        """Tell whether solve times are those of this case."""
+        """Return whether solve times are those of this case."""
         return case.seed < self.timed.get(case.scenario, 0)
 
 

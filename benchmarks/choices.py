@@ -7,21 +7,25 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dp_swing_ros.control.estimator import SCALED
 from dp_swing_ros.evaluation.campaign.contestants import Contestant
 from dp_swing_ros.evaluation.campaign.episodes import key
-from dp_swing_ros.evaluation.campaign.report import share, table
+from dp_swing_ros.evaluation.campaign.report import share
 from dp_swing_ros.evaluation.campaign.rows import Row
 from dp_swing_ros.evaluation.comparison import rate
 from dp_swing_ros.evaluation.metrics import Metrics
 from dp_swing_ros.evaluation.scenarios import Case, SCENARIOS
+from dp_swing_ros.parameters import fields_of
 from dp_swing_ros.pendulum.parameters import PendulumParameters
+from dp_swing_ros.pendulum.state import DEFAULT_LINKS
+from dp_swing_ros.tables import compact
 
 ALL = ('ilqr', 'ddp', 'mppi')
 DURATION = 10.0  # [s]
 
-# the plant's bodies, where they are not what the controller is told
-HEAVIER = {name: 1.2 * getattr(PendulumParameters(), name) for name in SCALED}
+# a plant that is not as the controller has it: all masses and lengths
+HEAVIER = {field.name: 1.2 * field.default
+           for field in fields_of(PendulumParameters, DEFAULT_LINKS)
+           if field.name.endswith(('_mass', '_length'))}
 
 
 class Choice(NamedTuple):
@@ -115,5 +119,5 @@ def page(rows: Sequence[Row], made: str) -> str:
         'brackets the 95 % interval (Wilson); the settling time is the median of the successes, '
         'the force step the median standard '
         'deviation of Δu over the last 2 s.\n',
-        *table([('taken back', 'scenario', 'solver', 'upright to the end', 'settling [s]',
-                 'force step [N]'), *lines]), ''])
+        compact([('taken back', 'scenario', 'solver', 'upright to the end', 'settling [s]',
+                  'force step [N]'), *lines]), ''])

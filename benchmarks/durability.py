@@ -24,6 +24,7 @@ from stamp import made, sources_with, TOP
 from tqdm import tqdm
 import yaml
 
+from dp_swing_ros.tables import compact
 from dp_swing_ros.tools.isolation import isolated
 from dp_swing_ros.tools.processes import Crew, Process
 
@@ -212,8 +213,7 @@ def page(rows: list[dict[str, str]], disk: str, loaded: str) -> str:
         '`ros2 run dp_swing_ros recover`. Lost are all messages that had gone out before the kill '
         'and are not in the recovered bag, even if the logger had not received them yet; the '
         'times count back from the kill.\n',
-        f'| {" | ".join(rows[0])} |', '| --- ' * len(rows[0]) + '|',
-        *(f'| {" | ".join(each.values())} |' for each in rows),
+        compact([list(rows[0]), *(list(each.values()) for each in rows)]),
         '\n## A full disk\n', disk, f'\n## {LOAD[0] * LOAD[1]:,.0f} messages/s\n', loaded])
 
 

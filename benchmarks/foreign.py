@@ -23,6 +23,7 @@ import pandas as pd
 from stamp import made, sources_with, TOP
 
 from dp_swing_ros.evaluation.comparison import wilson
+from dp_swing_ros.tables import compact
 from dp_swing_ros.tools.isolation import isolated
 from dp_swing_ros.tools.processes import Crew, Process
 
@@ -233,16 +234,16 @@ FAULTY = ('fault', 'solver', 'as required', 'longest time to zero force [s]',
 
 
 def table(titles: tuple[str, ...], cells: Any, names: Iterable[str],
-          found: dict[Case, dict[str, Any]]) -> list[str]:
-    """Return the lines of a table, a row for each condition and solver that was run."""
-    lines = [f'| {" | ".join(titles)} |', '| --- ' * len(titles) + '|']
+          found: dict[Case, dict[str, Any]]) -> str:
+    """Return a table with a row for each condition and solver that was run."""
+    lines = [titles]
     for name in names:
         for solver in SOLVERS:
             runs = [figures for case, figures in found.items()
                     if (case.condition, case.solver) == (name, solver)]
             if runs:
-                lines.append(f'| {ALL[name].title} | `{solver}` | {" | ".join(cells(runs))} |')
-    return [*lines, '']
+                lines.append((ALL[name].title, f'`{solver}`', *cells(runs)))
+    return compact(lines) + '\n'
 
 
 def page(found: dict[Case, dict[str, Any]]) -> str:
@@ -260,7 +261,7 @@ def page(found: dict[Case, dict[str, Any]]) -> str:
         'stay begins, counted from the first force. In brackets the 95 % interval (Wilson). '
         'Late ticks are those of the rig: more than one and a half periods after the last. The '
         'rows: [foreign.csv.gz](foreign.csv.gz).\n',
-        *table(SWING_UP, swing_up_cells, [*CONDITIONS, *SIMULATED], found),
+        table(SWING_UP, swing_up_cells, [*CONDITIONS, *SIMULATED], found),
         '## A sensor that fails\n',
         f'The sensor fails for 1.5 s, {" or ".join(f"{t:g}" for t in FAULT_TIMES)} s after the '
         'first force (even and odd seeds): during the swing-up, or while it holds. Required: '
@@ -270,7 +271,7 @@ def page(found: dict[Case, dict[str, Any]]) -> str:
         'over the top, so that a recovery can take long. Of all runs '
         f'{rate(not failures(run, True) for run in faulty)} were safe and upright at the end, '
         f'{rate(not shortcomings(run, True) for run in faulty)} in time as well.\n',
-        *table(FAULTY, fault_cells, FAULTS, found)])
+        table(FAULTY, fault_cells, FAULTS, found)])
 
 
 def main() -> None:

@@ -10,13 +10,12 @@ import numpy as np
 from timing import exponent, Interval, median, race, Work
 
 from dp_swing_ros import configuration
-from dp_swing_ros.control.starts import plan_of
 from dp_swing_ros.evaluation.campaign.contestants import parse
 from dp_swing_ros.evaluation.campaign.episodes import play
 from dp_swing_ros.evaluation.scenarios import SCENARIOS
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.problem.plan import Status
-from dp_swing_ros.problem.problem import Problem, regulator_rollout
+from dp_swing_ros.problem.problem import plan_of, Problem, regulator_rollout
 from dp_swing_ros.simulation.closed_loop import answer
 from dp_swing_ros.solvers import SOLVERS
 
@@ -85,7 +84,8 @@ def ticks(name: str, seconds: float, **mpc: Any) -> Array:
         began = time.perf_counter()
         plan = answer(plant, controller)
         times.append(time.perf_counter() - began)
-        plant.obey(plan.control(0.0, plan.X[0]))
+        assert plan is not None    # the plant loses no state
+        plant.obey(plan.first_force(plant.limits.force_limit))
         plant.advance((n + 1) / plant.parameters.rate - plant.t)
     return np.array(times[TICKS:])
 

@@ -26,7 +26,7 @@ from timing import Interval, median, race, ratio, Work
 
 from dp_swing_ros import configuration
 from dp_swing_ros.kernels import kernel
-from dp_swing_ros.pendulum.state import HANGING
+from dp_swing_ros.pendulum.state import hanging
 from dp_swing_ros.problem.problem import Problem
 from dp_swing_ros.solvers.noise import LANES
 from dp_swing_ros.solvers.samples import follow, single
@@ -124,8 +124,8 @@ def rollouts(problem: Problem, samples: int = SAMPLES) -> Work:
     N, blocks = problem.horizon, -(-samples // LANES)
     noise = np.random.default_rng(0).standard_normal((N, LANES), np.float32)
     V, J = np.empty((blocks, N, LANES), np.float32), np.empty((blocks, LANES), np.float32)
-    x_0, offsets = np.array(HANGING, np.float32), np.zeros(N, np.float32)
-    gains, sigma = np.zeros((N, 6), np.float32), np.full(LANES, 5, np.float32)
+    x_0, offsets = hanging().astype(np.float32), np.zeros(N, np.float32)
+    gains, sigma = np.zeros((N, len(x_0)), np.float32), np.full(LANES, 5, np.float32)
     model, cost = single(problem.model), single(problem.cost)
 
     def run() -> int:
@@ -137,7 +137,7 @@ def rollouts(problem: Problem, samples: int = SAMPLES) -> Work:
 @kernel
 def follow_all(model, cost, x_0, offsets, gains, noise, sigma, u_max, V, J):
     """Follow many blocks of samples, all on the same noise."""
-    scratch = np.empty((8, LANES), np.float32)
+    scratch = np.empty((len(x_0) + 3, LANES), np.float32)
     for block in range(len(V)):
         follow(model, cost, x_0, offsets, gains, noise, sigma, np.float32(0.8), u_max, scratch,
                V[block], J[block])

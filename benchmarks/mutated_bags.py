@@ -36,6 +36,7 @@ from dp_swing_ros.errors import UserError
 from dp_swing_ros.evaluation.comparison import table
 from dp_swing_ros.evaluation.metrics import measure
 from dp_swing_ros.nodes import replay
+from dp_swing_ros.tables import compact
 from dp_swing_ros.tools import analyse as analysis, recover, verify
 from dp_swing_ros.tools.isolation import isolated
 
@@ -243,16 +244,16 @@ def page(counts: Counter[tuple[str, str, str]], seeds: range) -> str:
              'result: the table of the undamaged bag; told as partial: a part of it, and it says '
              'so; forged: checksums were made to fit the damage, so nobody can tell it; FAILED: '
              'a traceback, a wrong table or message, or no end after '
-             f'{PATIENCE} s.\n',
-             f'| damage | {" | ".join(TOOLS)} |', f'| --- |{" --- |" * len(TOOLS)}']
+             f'{PATIENCE} s.\n']
+    rows = [['damage', *TOOLS]]
     for kind in MUTATIONS:
         cells = []
         for tool in TOOLS:
             found = {name: count for (one, other, name), count in sorted(counts.items())
                      if (one, other) == (kind, tool)}
             cells.append(', '.join(f'{count} {name}' for name, count in found.items()) or '-')
-        lines.append(f'| {kind} | {" | ".join(cells)} |')
-    return '\n'.join(lines)
+        rows.append([kind, *cells])
+    return '\n'.join([*lines, compact(rows)])
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -20,7 +20,7 @@ import numpy as np
 
 from dp_swing_ros import configuration
 from dp_swing_ros.kernels import trigonometry
-from dp_swing_ros.pendulum import equations as pendulum, model
+from dp_swing_ros.pendulum.model import advance
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.problem.problem import Problem
 from dp_swing_ros.solvers import samples
@@ -54,6 +54,18 @@ class Remembering(float):
 
     __radd__, __rmul__ = __add__, __mul__
 
+    def __neg__(self) -> 'Remembering':
+        return make('multiply', -1.0, self)
+
+    def sin(self) -> 'Remembering':
+        return trigonometry.sincos_single(self)[0]   # as for single precision
+
+    def cos(self) -> 'Remembering':
+        return trigonometry.sincos_single(self)[1]
+
+    def clamp(self, low: float, high: float) -> 'Remembering':
+        return self   # no arithmetic
+
 
 DO = {'add': lambda a, b: a + b, 'subtract': lambda a, b: a - b, 'multiply': lambda a, b: a * b,
       'divide': lambda a, b: a / b}
@@ -86,21 +98,6 @@ def count(results: Iterable[Any]) -> dict[str, int]:
     return dict(counts)
 
 
-class Numpy:
-    """NumPy, whose new arrays hold any numbers, and which divides them as they do themselves."""
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(np, name)
-
-    @staticmethod
-    def empty(shape: Any, dtype: Any = None) -> Array:
-        return np.zeros(shape, object)
-
-    @staticmethod
-    def reciprocal(number: Any) -> Any:
-        return 1 / number
-
-
 def remembering(*shape: int) -> Array:
     """Return an array of different numbers."""
     numbers = np.random.default_rng(0).uniform(0.1, 0.2, shape)
@@ -109,16 +106,17 @@ def remembering(*shape: int) -> Array:
 
 def of_step(problem: Problem) -> dict[str, int]:
     """Count one step of the model."""
-    return count(model.advance(problem.model, *remembering(7)))
+    *x, u = remembering(len(problem.cost.S) + 1)
+    return count(advance(problem.model, x, u))
 
 
 def of_sample(problem: Problem) -> dict[str, float]:
     """Count a sample, per step of the horizon."""
-    N = problem.horizon
+    N, n = problem.horizon, len(problem.cost.S)
     V, J = np.zeros((N, 1), object), np.zeros(1, object)
-    samples.follow(problem.model, problem.cost, remembering(6), remembering(N),
-                   remembering(N, 6), remembering(N, 1), remembering(1), 0.8, problem.u_max,
-                   np.zeros((8, 1), object), V, J)
+    samples.follow(problem.model, problem.cost, remembering(n), remembering(N),
+                   remembering(N, n), remembering(N, 1), remembering(1), 0.8, problem.u_max,
+                   np.zeros((n + 3, 1), object), V, J)
     return {kind: number / N for kind, number in count(J).items()}
 
 
@@ -126,12 +124,8 @@ def main() -> None:
     """Print both counts."""
     argparse.ArgumentParser(description=__doc__).parse_args()
     problem = configuration.problem({})
-    setattr(pendulum, 'sincos', trigonometry.sincos_single)   # as for single precision
-    setattr(samples, 'sincos', trigonometry.sincos_single)
     setattr(samples, 'LANES', 1)
     setattr(trigonometry, 'signed', lambda number, n: number)   # no arithmetic
-    for module in (pendulum, samples):
-        setattr(module, 'np', Numpy())
     json.dump({'step': of_step(problem), 'sample': of_sample(problem)}, sys.stdout)
 
 

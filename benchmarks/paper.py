@@ -32,8 +32,8 @@ from dp_swing_ros.evaluation.campaign.episodes import measured, simulated
 from dp_swing_ros.evaluation.campaign.rows import Row, store, untimed
 from dp_swing_ros.evaluation.ensemble import Ensemble, ensemble, trial
 from dp_swing_ros.simulation.episode import Episode
+from dp_swing_ros.tools.argument_types import within
 from dp_swing_ros.tools.demo import perform, Run
-from dp_swing_ros.tools.evaluate import positive
 from dp_swing_ros.tools.isolation import isolated
 from dp_swing_ros.tools.processes import interrupt_on_signals
 
@@ -56,7 +56,7 @@ def record(key: Key, folder: Path) -> Episode:
     start = folder / 'start.yaml'
     start.write_text(yaml.safe_dump({'/**/plant': {'ros__parameters': {
         'initial_state': list(STARTS[key.start])}}}), encoding='utf-8')
-    return read_episode(perform(Run(key.solver, SEED, STEPS[key.solver] * PERIOD, True,
+    return read_episode(perform(Run(key.solver, SEED, None, STEPS[key.solver] * PERIOD, True,
                                     (*files_of(key), start), folder)))
 
 
@@ -106,7 +106,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('--seeds', type=positive, default=SEEDS, metavar='N',
+    parser.add_argument('--seeds', type=within(int, 1), default=SEEDS, metavar='N',
                         help=f'of each experiment, from 0 on (default: {SEEDS})')
     parser.add_argument('--figures', nargs='+', type=int, metavar='NUMBER', choices=range(2, 11),
                         default=range(2, 11), help="the paper's, with their experiments "
@@ -142,7 +142,7 @@ def _draw(experiments: Mapping[Key, Ensemble], folder: Path) -> None:
         # of a swing-up the paper has snapshots and errors, of a start near the goal errors
         for number, draw in zip(reversed(numbers), (figures.squared_errors, figures.swing_ups)):
             if ensembles:
-                name = figures.style.SOLVERS[solver]
+                name = figures.style.solver_name(solver)
                 heading = f'Fig. {number} anew: {name}, {start}, {STEPS[solver]} steps'
                 draw(ensembles, heading).savefig(folder / f'paper_fig{number}.png')
 

@@ -9,12 +9,12 @@ from typing import NamedTuple
 from dp_swing_ros import configuration
 from dp_swing_ros.evaluation.campaign.contestants import Contestant
 from dp_swing_ros.evaluation.scenarios import Case
-from dp_swing_ros.pendulum.state import HANGING
+from dp_swing_ros.pendulum.state import hanging
 
 TOP = Path(__file__).parents[1]
 SEEDS = 100
 NEAR_GOAL = (0.0, 0.2, 0.2, 0.0, 0.0, 0.0)    # the paper does not name its own
-STARTS = {'swing-up': HANGING, 'near the goal': NEAR_GOAL}
+STARTS = {'swing-up': tuple(hanging().tolist()), 'near the goal': NEAR_GOAL}
 STEPS = {'ddp': 150, 'ilqr': 150, 'mppi': 100}
 PERIOD = 0.05                                 # [s]
 PICTURES = {('ddp', 'swing-up'): (2, 3), ('ilqr', 'swing-up'): (4, 5),

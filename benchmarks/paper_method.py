@@ -13,15 +13,15 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from paper_model import rk4_step
 from timing import Work
 import torch
 from torch import Tensor
 from torch.func import jacrev
 
 from dp_swing_ros import configuration
+from dp_swing_ros.pendulum.model import rollout
 from dp_swing_ros.pendulum.state import Array
-from dp_swing_ros.pendulum.torch_twin import expand, rk4_step
-from dp_swing_ros.pendulum.trajectory import rollout
 from dp_swing_ros.problem.problem import Problem
 from dp_swing_ros.solvers.riccati import backward, forward
 
@@ -75,10 +75,9 @@ class PaperMethod:
                                  for part in (*of_step, *wanted)]
             return steps[0], steps[1] if self.second_order else torch.empty(0), l_z, l_zz
         cost = [torch.vmap(part)(z) for part in wanted]
-        if self.second_order:
-            A, B, second = expand('rk4', self.p, self.h, X, U)
-            return torch.cat([A, B[..., None]], -1), second, *cost
-        return torch.vmap(jacrev(self.step))(z), torch.empty(0), *cost
+        # not torch.func.hessian, whose forward mode under vmap errs for linalg.solve (torch 2.13)
+        second = torch.vmap(jacrev(jacrev(self.step)))(z) if self.second_order else torch.empty(0)
+        return torch.vmap(jacrev(self.step))(z), second, *cost
 
     def policy(self) -> Policy:
         """Do the Riccati pass, (25)-(32)."""

@@ -13,7 +13,9 @@ from dp_swing_ros.evaluation.campaign.summary import DROP
 from dp_swing_ros.evaluation.comparison import paired, Rate, rate
 from dp_swing_ros.evaluation.ensemble import band, Ensemble, FIRST, NEAR, Trial
 from dp_swing_ros.evaluation.metrics import REST
-from dp_swing_ros.figures.style import SOLVERS
+from dp_swing_ros.figures.style import solver_name
+from dp_swing_ros.solvers import SOLVERS
+from dp_swing_ros.tables import compact
 
 COMPARED = {'upright first [s]': lambda one: one.reached,
             'settled [s]': lambda one: one.metrics.settling_time,
@@ -58,9 +60,9 @@ deviation of Δu, over the first {FIRST:g} s, which the runs of all solvers have
 def _table(measured: Measured, start: str) -> str:
     columns = COLUMNS | (NEAR_GOAL if 'goal' in start else {})
     rows = [['solver', 'set-up', *columns]]
-    rows += [[SOLVERS[key.solver], key.setup, *(text(one.trials) for text in columns.values())]
+    rows += [[solver_name(key.solver), key.setup, *(text(one.trials) for text in columns.values())]
              for key, one in measured.items() if key.start == start]
-    return _markdown(rows)
+    return compact(rows) + '\n'
 
 
 def _pairs(measured: Measured, start: str) -> str:
@@ -71,12 +73,12 @@ def _pairs(measured: Measured, start: str) -> str:
                   key=lambda pair: (pair[0].setup, names.index(pair[0].solver)))
     for (a, first), (b, second) in itertools.combinations(here, 2):
         if a.setup == b.setup:
-            rows.append([a.setup, f'{SOLVERS[a.solver]} less {SOLVERS[b.solver]}', *(
+            rows.append([a.setup, f'{solver_name(a.solver)} less {solver_name(b.solver)}', *(
                 _difference(first.trials, second.trials, value) for value in COMPARED.values())])
     if len(rows) == 1:
         return ''
     return ('\nSeed by seed, where both tell: the median difference, its 95 % interval '
-            '(bootstrap) and the p of the sign test.\n\n' + _markdown(rows))
+            '(bootstrap) and the p of the sign test.\n\n' + compact(rows) + '\n')
 
 
 def _difference(a: Sequence[Trial], b: Sequence[Trial], value: Callable[[Trial], float]) -> str:
@@ -86,11 +88,6 @@ def _difference(a: Sequence[Trial], b: Sequence[Trial], value: Callable[[Trial],
     p = '< 0.001' if found.p < 0.001 else f'{found.p:.3f}'
     return (f'{found.median:+.3g} ({found.low:+.3g} to {found.high:+.3g}), p {p}, '
             f'{found.pairs} pairs')
-
-
-def _markdown(rows: Sequence[Sequence[str]]) -> str:
-    lines = [f'| {" | ".join(row)} |' for row in rows]
-    return '\n'.join([lines[0], '| --- ' * len(rows[0]) + '|', *lines[1:]]) + '\n'
 
 
 def share(found: Rate) -> str:

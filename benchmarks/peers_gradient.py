@@ -1,7 +1,7 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Crocoddyl on the same problem: the same bodies in Pinocchio, force on the cart, quadratic cost.
+Crocoddyl on the same problem: the same pendulum in Pinocchio, force on the cart, quadratic cost.
 
     min Σ eᵀ S e + R u² + e_Nᵀ P e_N,   e = x - x_r,   over (x, θ1, θ2 - θ1) and their speeds
 
@@ -21,12 +21,11 @@ import numpy as np
 from timing import Work
 
 from dp_swing_ros import configuration
-from dp_swing_ros.control.starts import plan_of
+from dp_swing_ros.pendulum.model import rollout
 from dp_swing_ros.pendulum.parameters import PendulumParameters
 from dp_swing_ros.pendulum.state import Array
-from dp_swing_ros.pendulum.trajectory import rollout
 from dp_swing_ros.problem.plan import Plan, Status
-from dp_swing_ros.problem.problem import Problem
+from dp_swing_ros.problem.problem import plan_of, Problem
 from dp_swing_ros.solvers import SOLVERS
 
 RUNNING = (10.0, 100.0, 0.0, 2.0, 6.0, 0.0)              # S
@@ -51,7 +50,7 @@ def problem(model: str, bounded: bool, horizon: int = 30) -> Problem:
         'model': model, 'horizon': horizon, 'angle_error': 'angle', 'track_weight': 0.0,
         'force_limit': BOUND if bounded else float('inf')})
     P = RELATIVE.T @ np.diag(TERMINAL) @ RELATIVE
-    return replace(ours, cost=ours.cost._replace(S=np.array(RUNNING), P=P))
+    return replace(ours, cost=ours.cost._replace(S=RUNNING, P=P))
 
 
 def first_forces(ours: Problem, start: str, step: Callable[[Array, float], Array]) -> Array:
@@ -85,17 +84,17 @@ def our_descent(name: str, ours: Problem, start: str) -> Work:
     return lambda: int(solver.solve(plan.X[0], plan, np.inf).stats.iterations)
 
 
-def pinocchio_model(bodies: PendulumParameters) -> Any:
-    """Build the bodies, joint by joint: a slide along x and two hinges about y."""
+def pinocchio_model(physical: PendulumParameters) -> Any:
+    """Build the pendulum, joint by joint: a slide along x and two hinges about y."""
     import pinocchio
 
     model = pinocchio.Model()
-    model.gravity.linear = np.array([0.0, 0.0, -bodies.gravity])
+    model.gravity.linear = np.array([0.0, 0.0, -physical.gravity])
     at, here = np.zeros(3), pinocchio.SE3.Identity()
     joint = model.addJoint(0, pinocchio.JointModelPX(), here, 'cart')
-    model.appendBodyToJoint(joint, pinocchio.Inertia(bodies.cart_mass, at, np.eye(3)), here)
+    model.appendBodyToJoint(joint, pinocchio.Inertia(physical.cart_mass, at, np.eye(3)), here)
     for link in (1, 2):
-        mass, length, factor = (getattr(bodies, f'link{link}_{name}')
+        mass, length, factor = (getattr(physical, f'link{link}_{name}')
                                 for name in ('mass', 'length', 'inertia_factor'))
         joint = model.addJoint(joint, pinocchio.JointModelRY(), pinocchio.SE3(np.eye(3), at),
                                f'joint{link}')
@@ -135,7 +134,7 @@ class Crocoddyl:
 
         ours = problem('rk4', bounded, horizon)
         self.x_0 = RELATIVE @ np.array(STARTS[start][0])
-        state = crocoddyl.StateMultibody(pinocchio_model(ours.bodies))
+        state = crocoddyl.StateMultibody(pinocchio_model(ours.physical))
         actuated = (on_the_cart if actuation == 'python' else crocoddyl.ActuationModelFull)(state)
         self.nu = actuated.nu
         over = {'euler': crocoddyl.IntegratedActionModelEuler,

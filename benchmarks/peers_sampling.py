@@ -6,9 +6,9 @@ pytorch_mppi and MuJoCo's threaded rollouts, on the default problem.
 A tick of MPPI is one update: samples drawn, followed and averaged, in single precision. Ours is
 the whole `solve` with one iteration, with what pytorch_mppi has not: the Riccati passes and
 the rollouts of the result; where there is a CUDA GPU it is also timed there.
-pytorch_mppi runs on torch_twin's equations (`twin`, which solve a linear system in each stage), on
-their closed form (`closed`), and on that compiled. MuJoCo's rollouts are in double precision, and
-without a cost.
+pytorch_mppi runs on the paper's equations (`twin`, which solve a linear system in each stage), on
+those of this package (`closed`), and on these compiled. MuJoCo's rollouts are in double precision,
+and without a cost.
 """
 
 from collections.abc import Callable
@@ -16,16 +16,16 @@ import sys
 from typing import Any
 
 import numpy as np
+from paper_model import rk4_step
 from timing import Work
 import torch
 from torch import Tensor
 
-from dp_swing_ros.control.starts import plan_of
+from dp_swing_ros.pendulum.model import advance
 from dp_swing_ros.pendulum.parameters import PendulumParameters
-from dp_swing_ros.pendulum.state import Array, HANGING
-from dp_swing_ros.pendulum.torch_twin import rk4_advance, rk4_step
+from dp_swing_ros.pendulum.state import Array, hanging
 from dp_swing_ros.problem.plan import Status
-from dp_swing_ros.problem.problem import Problem
+from dp_swing_ros.problem.problem import plan_of, Problem
 from dp_swing_ros.solvers.mppi import MPPI
 
 NOISE = 5.0      # [N] standard deviation of pytorch_mppi's samples
@@ -35,7 +35,7 @@ Step = Callable[[Tensor, Tensor], Tensor]
 def our_tick(problem: Problem, samples: int, **parameters: Any) -> Work:
     """Return an update of ours, from hanging, beginning with zero forces."""
     solver = MPPI(problem, MPPI.Parameters(samples=samples, iterations=1, **parameters))
-    x_0 = np.array(HANGING)
+    x_0 = hanging()
     X = np.tile(x_0, (problem.horizon + 1, 1))
     plan = plan_of(problem, X, np.zeros(problem.horizon), Status.COMPLETE)
 
@@ -79,7 +79,7 @@ def torch_step(problem: Problem, kind: str) -> Step:
     p, h = problem.model.pendulum, problem.dt
     if kind == 'twin':
         return lambda x, u: rk4_step(p, h, x, u)
-    return lambda x, u: torch.stack(rk4_advance(problem.model, x.unbind(-1), u), -1)
+    return lambda x, u: torch.stack(advance(problem.model, x.unbind(-1), u), -1)
 
 
 def torch_tick(problem: Problem, samples: int, kind: str, threads: int) -> Work:
@@ -94,7 +94,7 @@ def torch_tick(problem: Problem, samples: int, kind: str, threads: int) -> Work:
                     u_min=-bound, u_max=bound)
     if kind == 'compiled':
         solver.compile()
-    x_0 = torch.tensor(HANGING, dtype=torch.float32)
+    x_0 = torch.tensor(hanging(), dtype=torch.float32)
 
     def run() -> int:
         torch.set_num_threads(threads)
@@ -104,24 +104,24 @@ def torch_tick(problem: Problem, samples: int, kind: str, threads: int) -> Work:
     return run
 
 
-def mujoco_model(bodies: PendulumParameters, h: float) -> Any:
-    """Build the same bodies in MuJoCo, with an RK4 step of h [s]; the second hinge is relative."""
+def mujoco_model(physical: PendulumParameters, h: float) -> Any:
+    """Build the pendulum in MuJoCo, with an RK4 step of h [s]; the second hinge is relative."""
     import mujoco
 
     def link(number: int, above: float, inside: str) -> str:
-        mass, length, factor, friction = (getattr(bodies, name.format(number)) for name in (
+        mass, length, factor, friction = (getattr(physical, name.format(number)) for name in (
             'link{}_mass', 'link{}_length', 'link{}_inertia_factor', 'joint{}_friction'))
         about = factor * mass * length ** 2 / 12
         return (f'<body pos="0 0 {above}"><joint type="hinge" axis="0 1 0" damping="{friction}"/>'
                 f'<inertial pos="0 0 {length / 2}" mass="{mass}" diaginertia="{about} {about} '
                 f'{about}"/>{inside}</body>')
-    links = link(1, 0.0, link(2, bodies.link1_length, ''))
+    links = link(1, 0.0, link(2, physical.link1_length, ''))
     return mujoco.MjModel.from_xml_string(f"""
         <mujoco>
-          <option gravity="0 0 {-bodies.gravity}" timestep="{h}" integrator="RK4"/>
+          <option gravity="0 0 {-physical.gravity}" timestep="{h}" integrator="RK4"/>
           <worldbody><body>
-            <joint name="cart" type="slide" axis="1 0 0" damping="{bodies.cart_friction}"/>
-            <inertial pos="0 0 0" mass="{bodies.cart_mass}" diaginertia="1 1 1"/>{links}
+            <joint name="cart" type="slide" axis="1 0 0" damping="{physical.cart_friction}"/>
+            <inertial pos="0 0 0" mass="{physical.cart_mass}" diaginertia="1 1 1"/>{links}
           </body></worldbody>
           <actuator><motor joint="cart"/></actuator>
         </mujoco>""")
@@ -138,9 +138,9 @@ def mujoco_rollouts(problem: Problem, samples: int, threads: int) -> Work:
     import mujoco
     from mujoco import rollout
 
-    model = mujoco_model(problem.bodies, problem.dt)
+    model = mujoco_model(problem.physical, problem.dt)
     N = problem.horizon
-    states = mujoco_states(np.tile(HANGING, (samples, 1)))
+    states = mujoco_states(np.tile(hanging(), (samples, 1)))
     forces = np.random.default_rng(0).normal(0, NOISE, (samples, N, 1))
     out = np.empty((samples, N, states.shape[1]))
     pool = rollout.Rollout(nthread=threads if threads > 1 else 0)

@@ -20,12 +20,11 @@ import numpy as np
 from timing import Work
 
 from dp_swing_ros import configuration
-from dp_swing_ros.control.starts import plan_of
-from dp_swing_ros.pendulum.state import Array, HANGING
-from dp_swing_ros.pendulum.trajectory import rollout
+from dp_swing_ros.pendulum.model import rollout
+from dp_swing_ros.pendulum.state import Array, hanging
 from dp_swing_ros.problem.cost import trajectory_cost
 from dp_swing_ros.problem.plan import Status
-from dp_swing_ros.problem.problem import Problem
+from dp_swing_ros.problem.problem import plan_of, Problem
 from dp_swing_ros.solvers import SOLVERS
 
 TOLERANCE = 1e-4     # of our solvers' default, and of theirs
@@ -53,20 +52,21 @@ def functions(problem: Problem) -> tuple[Any, Any, Any]:
     import casadi as ca
 
     p, h, cost = problem.model.pendulum, problem.dt, problem.cost
-    x, u = ca.SX.sym('x', 6), ca.SX.sym('u')
+    (a_1, a_2), ((b_11, b_12), (b_22,)) = p.a, p.b
+    x, u, S = ca.SX.sym('x', 6), ca.SX.sym('u'), ca.DM(cost.S)
 
     def derivative(x: Any) -> Any:
         s_1, s_2, s_12 = ca.sin(x[1]), ca.sin(x[2]), ca.sin(x[1] - x[2])
         c_1, c_2, c_12 = ca.cos(x[1]), ca.cos(x[2]), ca.cos(x[1] - x[2])
         v, w_1, w_2 = x[3], x[4], x[5]
-        D = ca.blockcat([[p.d_00, p.d_01 * c_1, p.d_02 * c_2],
-                         [p.d_01 * c_1, p.d_11, p.d_12 * c_12],
-                         [p.d_02 * c_2, p.d_12 * c_12, p.d_22]])
-        slip = p.b_2 * (w_1 - w_2)
+        D = ca.blockcat([[p.m, a_1 * c_1, a_2 * c_2],
+                         [a_1 * c_1, b_11, b_12 * c_12],
+                         [a_2 * c_2, b_12 * c_12, b_22]])
+        slip = p.friction[2] * (w_1 - w_2)
         r = ca.vertcat(
-            u - p.b_0 * v + p.d_01 * s_1 * w_1 ** 2 + p.d_02 * s_2 * w_2 ** 2,
-            p.g * p.d_01 * s_1 - p.d_12 * s_12 * w_2 ** 2 - p.b_1 * w_1 - slip,
-            p.g * p.d_02 * s_2 + p.d_12 * s_12 * w_1 ** 2 + slip)
+            u - p.friction[0] * v + a_1 * s_1 * w_1 ** 2 + a_2 * s_2 * w_2 ** 2,
+            p.g * a_1 * s_1 - b_12 * s_12 * w_2 ** 2 - p.friction[1] * w_1 - slip,
+            p.g * a_2 * s_2 + b_12 * s_12 * w_1 ** 2 + slip)
         return ca.vertcat(x[3:], ca.solve(D, r))
     k_1 = derivative(x)
     k_2 = derivative(x + h / 2 * k_1)
@@ -75,7 +75,7 @@ def functions(problem: Problem) -> tuple[Any, Any, Any]:
     e = ca.vertcat(x[0], 2 * ca.sin(x[1] / 2), 2 * ca.sin(x[2] / 2), x[3:])
     margin = cost.w * ca.fmax(0, ca.fabs(x[0]) - cost.x_soft) ** 2
     return (ca.Function('f', [x, u], [x + h / 6 * (k_1 + 2 * k_2 + 2 * k_3 + k_4)]),
-            ca.Function('l', [x, u], [ca.dot(cost.S, e ** 2) + cost.R * u ** 2 + margin]),
+            ca.Function('l', [x, u], [ca.dot(S, e ** 2) + cost.R * u ** 2 + margin]),
             ca.Function('l_f', [x], [ca.bilin(cost.P, e, e) + margin]))
 
 
@@ -124,7 +124,7 @@ class Transcription:
 
 def guesses(problem: Problem) -> dict[str, Guess]:
     """Return a first solve from hanging, and a later one: a plan shifted, the state disturbed."""
-    x_0, random = np.array(HANGING), np.random.default_rng(0).uniform(-10, 10, problem.horizon)
+    x_0, random = hanging(), np.random.default_rng(0).uniform(-10, 10, problem.horizon)
     first = Guess(x_0, rollout(problem.model, x_0, random), random)
     X, U = ours(problem, 'ilqr', first, ITERATIONS)()
     U = np.append(U[1:], 0.0)

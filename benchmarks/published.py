@@ -153,7 +153,7 @@ def make(names: Sequence[str], again: bool) -> None:
 
 def place(name: str, again: bool) -> bool:
     """
-    Put a page into docs, made anew unless it was made from the same sources; tell whether it was.
+    Put a page into docs, made anew unless it was made from the same sources; return whether.
 
     A page is put there as a whole, or not at all.
     """

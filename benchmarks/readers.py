@@ -34,7 +34,7 @@ def read(bag: Path) -> tuple[Numbers, Verdicts]:
 
 
 def agrees(reader: Callable[[Path], Numbers], bag: Path, numbers: Numbers) -> bool:
-    """Tell whether a reader finds these numbers; how it fails if not, is for people to look at."""
+    """Return whether a reader finds these numbers; how it fails is for people to see."""
     try:
         return reader(bag) == numbers
     except Exception as error:  # noqa: B902
@@ -63,5 +63,5 @@ def mcap_numbers(bag: Path) -> Numbers:
 
 
 def whole(numbers: Numbers) -> bool:
-    """Tell whether no number is missing between the first and the last of each topic."""
+    """Return whether no number is missing between the first and the last of each topic."""
     return all((np.diff(each) == 1).all() for each in numbers.values())

@@ -10,11 +10,12 @@ import benchmark_page
 import campaigns
 import numpy as np
 
-from dp_swing_ros.evaluation.campaign.report import share, table
+from dp_swing_ros.evaluation.campaign.report import share
 from dp_swing_ros.evaluation.campaign.rows import read, Row, solves
 from dp_swing_ros.evaluation.campaign.summary import summarise
 from dp_swing_ros.evaluation.comparison import rate
 from dp_swing_ros.solvers import SOLVERS
+from dp_swing_ros.tables import compact
 
 BEGIN, END = '<!-- made by make results -->\n', '<!-- as far as here -->\n'
 STORED = ('random', 'robustness', 'baselines', 'real_time')
@@ -40,17 +41,17 @@ def replaced(text: str, new: str) -> str:
 def block(results: Path) -> str:
     """Return what stands between the markers."""
     rows = {name: read(results / f'{name}.csv.gz') for name in STORED}
-    parts = ['\n'.join(solvers(rows)), offsets(rows['random']), scores(rows)]
+    parts = [solvers(rows), offsets(rows['random']), scores(rows)]
     benchmark = json.loads((results / 'benchmark.json').read_text(encoding='utf-8'))
     if 'gradient' in benchmark and 'sampling' in benchmark and 'limit' in benchmark:
         parts.append(peers(benchmark))
     return '\n' + '\n\n'.join(parts) + '\n\n'
 
 
-def solvers(rows: dict[str, list[Row]]) -> list[str]:
+def solvers(rows: dict[str, list[Row]]) -> str:
     """Return the table of the solvers."""
     found = {one.contestant: one for one in summary('robustness', rows).scores}
-    return table([
+    return compact([
         ('solver', 'random starts held', 'median settling', 'track strikes',
          'solve, p99 of 50 ms', 'robustness', 'real time, from hanging'),
         *((f'`{name}`', *of_solver([row for row in rows['random'] if row.key.contestant == name]),

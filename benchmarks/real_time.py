@@ -14,11 +14,12 @@ import tempfile
 from stamp import made, sources_with, TOP
 
 from dp_swing_ros.bags import read_episode
-from dp_swing_ros.evaluation.campaign.report import share, table
+from dp_swing_ros.evaluation.campaign.report import share
 from dp_swing_ros.evaluation.campaign.rows import Key, Row, store
 from dp_swing_ros.evaluation.comparison import rate, spread
 from dp_swing_ros.evaluation.metrics import measure, outcome
 from dp_swing_ros.solvers import SOLVERS
+from dp_swing_ros.tables import compact
 from dp_swing_ros.tools.demo import perform, Run
 from dp_swing_ros.tools.isolation import isolated
 
@@ -34,7 +35,7 @@ def run(solver: str, seed: int, folder: Path) -> Row:
     Raises ProcessError if a process fails.
     """
     folder.mkdir(parents=True)
-    episode = read_episode(perform(Run(solver, seed, DURATION, False, (), folder)))
+    episode = read_episode(perform(Run(solver, seed, None, DURATION, False, (), folder)))
     return Row(Key(solver, SCENARIO, '', None, seed), outcome(episode).name, '', measure(episode),
                episode.ticks.solve_time)
 
@@ -61,11 +62,11 @@ def page(rows: Sequence[Row], made: str) -> str:
         'rows: [real_time.csv.gz](real_time.csv.gz). Upright to the end: both angles within 0.1 '
         'rad and all speeds under 1 over the last second; in brackets the 95 % interval (Wilson). '
         'Median over the runs; force, position and p99 are the largest of any run.\n',
-        *table([('solver', 'upright to the end', 'late ticks', 'track strikes',
-                 'median settling [s]', 'largest force [N]', 'largest position [m]',
-                 'median solve [ms]', 'worst p99 solve [ms]'),
-                *(cells(solver, rows)
-                  for solver in dict.fromkeys(row.key.contestant for row in rows))]), ''])
+        compact([('solver', 'upright to the end', 'late ticks', 'track strikes',
+                  'median settling [s]', 'largest force [N]', 'largest position [m]',
+                  'median solve [ms]', 'worst p99 solve [ms]'),
+                 *(cells(solver, rows)
+                   for solver in dict.fromkeys(row.key.contestant for row in rows))]), ''])
 
 
 def main() -> None:

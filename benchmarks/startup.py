@@ -15,9 +15,7 @@ import subprocess
 import tempfile
 import time
 
-import numpy as np
-
-from dp_swing_ros.pendulum.state import HANGING
+from dp_swing_ros.pendulum.state import hanging
 
 PERIOD = 0.05     # [s]
 PATIENCE = 180.0  # [s]
@@ -52,7 +50,7 @@ def first_force(solver: str, cache: Path) -> float:
         stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
         while not heard and process.poll() is None and time.perf_counter() - began < PATIENCE:
-            states.publish(to_joint_state(node.get_clock().now().to_msg(), np.array(HANGING), 0.0))
+            states.publish(to_joint_state(node.get_clock().now().to_msg(), hanging(), 0.0))
             sent = time.perf_counter()
             while not heard and (rest := PERIOD - (time.perf_counter() - sent)) > 0:
                 executor.spin_once(timeout_sec=rest)

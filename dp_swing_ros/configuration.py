@@ -12,11 +12,12 @@ import dataclasses
 from pathlib import Path
 from typing import Any
 
-from dp_swing_ros.control.estimator import EstimatorParameters
+from dp_swing_ros.control.estimator import ESTIMATORS
 from dp_swing_ros.control.receding_horizon import MpcParameters, RecedingHorizon
-from dp_swing_ros.parameters import checked, ParameterError, Parameters, unknown
+from dp_swing_ros.parameters import checked, fields_of, ParameterError, Parameters, unknown
 from dp_swing_ros.parameters.files import ANY_NODE, is_of_rclpy, sections
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
+from dp_swing_ros.pendulum.state import DEFAULT_LINKS, hanging, LINKS, upright
 from dp_swing_ros.problem.parameters import CostParameters, PredictionParameters
 from dp_swing_ros.problem.problem import Problem
 from dp_swing_ros.simulation.parameters import PlantParameters
@@ -26,15 +27,86 @@ from dp_swing_ros.solvers import SOLVERS
 Values = Mapping[str, Any]               # by the full name of the parameter
 Groups = list[tuple[str, type[Parameters]]]  # with the prefix of their names
 
-SHARED: Groups = [('', PendulumParameters), ('', LimitParameters)]
-OF_PLANT: Groups = [('', PlantParameters)]
-OF_MPC: Groups = [('', MpcParameters), ('', PredictionParameters), ('', CostParameters),
-                  ('ekf', EstimatorParameters),
-                  *((name, SOLVERS[name].Parameters) for name in sorted(SOLVERS))]
-NODES: dict[str, Groups] = {'plant': SHARED + OF_PLANT, 'mpc': SHARED + OF_MPC}
+NODES = ('plant', 'mpc')
 PACKAGE = Path(__file__).parent
 # where config/ lies: beside the package in a checkout, below share/ where it is installed
 HOMES = [PACKAGE.parent, *(folder / 'share' / PACKAGE.name for folder in PACKAGE.parents[:4])]
+
+# By the number of links, what differs from the defaults that are declared, those of two.
+DEFAULTS: dict[int, dict[str, Any]] = {
+    1: {'initial_state': tuple(hanging(1).tolist()), 'reference': tuple(upright(1).tolist()),
+        'state_weights': (10.0, 100.0, 2.0, 6.0)},
+    2: {},
+    3: {'initial_state': tuple(hanging(3).tolist()), 'reference': tuple(upright(3).tolist()),
+        'state_weights': (10.0, 100.0, 100.0, 100.0, 2.0, 6.0, 6.0, 6.0), 'force_limit': 40.0}}
+
+
+def groups_of(node: str) -> Groups:
+    """Return the groups of parameters of a plant or an mpc, with the prefix of their names."""
+    shared: Groups = [('', PendulumParameters), ('', LimitParameters)]
+    if node == 'plant':
+        return [*shared, ('', PlantParameters)]
+    return [*shared, ('', MpcParameters), ('', PredictionParameters), ('', CostParameters),
+            *((name, kinds[name].Parameters) for kinds in (ESTIMATORS, SOLVERS)
+              for name in sorted(kinds))]
+
+
+def declared(node: str, links: int) -> dict[str, dataclasses.Field]:
+    """Return the parameters of a node by their full names, their defaults for so many links."""
+    found = {}
+    for prefix, group in groups_of(node):
+        for field in fields_of(group, links):
+            name = f'{prefix}.{field.name}' if prefix else field.name
+            found[name] = with_default(field, DEFAULTS[links].get(name, field.default))
+    return found
+
+
+def with_default(field: dataclasses.Field, default: Any) -> dataclasses.Field:
+    """Return a field like another, with a default of its own."""
+    made: dataclasses.Field = dataclasses.field(default=default, metadata=field.metadata)
+    made.name = field.name
+    return made
+
+
+def links_in(values: Values) -> int:
+    """
+    Return the number of links that parameters are for.
+
+    Raises ParameterError.
+    """
+    field, = (field for field in dataclasses.fields(PendulumParameters) if field.name == 'links')
+    links: int = checked(field, values.get('links', DEFAULT_LINKS))
+    return links
+
+
+def complete(node: str, values: Values) -> dict[str, Any]:
+    """
+    Return the value of every parameter of a node, checked, where some are given.
+
+    Raises ParameterError, also for names that the node lacks with so many links.
+    """
+    links = links_in(values)
+    fields = declared(node, links)
+    for name in sorted(set(values) - set(fields)):
+        check_links(node, name, links)
+        raise unknown(name, node, fields)
+    return {name: checked(field, values.get(name, field.default), name, links)
+            for name, field in fields.items()}
+
+
+def check_links(node: str, name: str, links: int) -> None:
+    """Raise ParameterError where a parameter is one of a pendulum with more links."""
+    there = [n for n in LINKS if name in declared(node, n)]
+    if there and min(there) > links:
+        raise ParameterError(f'parameter {name!r} is one of a pendulum with {min(there)} links; '
+                             f'this one has {links} (parameter links)')
+
+
+def group(kind: type[Parameters], values: Values, prefix: str = '') -> Any:
+    """Make a group of parameters from complete values of a node."""
+    names = {field.name: f'{prefix}.{field.name}' if prefix else field.name
+             for field in dataclasses.fields(kind)}
+    return kind(**{name: values[full] for name, full in names.items() if full in values})
 
 
 def plant(values: Values) -> Plant:
@@ -43,8 +115,9 @@ def plant(values: Values) -> Plant:
 
     Raises ParameterError.
     """
-    bodies, limits, parameters = _groups('plant', values)
-    return Plant(bodies, limits, parameters)
+    values = complete('plant', values)
+    return Plant(group(PendulumParameters, values), group(LimitParameters, values),
+                 group(PlantParameters, values))
 
 
 def problem(values: Values) -> Problem:
@@ -53,8 +126,9 @@ def problem(values: Values) -> Problem:
 
     Raises ParameterError.
     """
-    bodies, limits, _, prediction, cost, *_ = _groups('mpc', values)
-    return Problem.of(bodies, limits, cost, prediction)
+    values = complete('mpc', values)
+    return Problem.of(group(PendulumParameters, values), group(LimitParameters, values),
+                      group(CostParameters, values), group(PredictionParameters, values))
 
 
 def controller(values: Values) -> RecedingHorizon:
@@ -63,20 +137,18 @@ def controller(values: Values) -> RecedingHorizon:
 
     Raises ParameterError.
     """
-    _, _, parameters, _, _, estimator, *solvers = _groups('mpc', values)
+    values = complete('mpc', values)
+    parameters = group(MpcParameters, values)
+    solver, estimator = parameters.solver, parameters.estimator
     return RecedingHorizon(problem(values), parameters,
-                           dict(zip(sorted(SOLVERS), solvers))[parameters.solver], estimator)
+                           group(SOLVERS[solver].Parameters, values, solver),
+                           group(ESTIMATORS[estimator].Parameters, values, estimator))
 
 
-def _groups(node: str, values: Values) -> list[Any]:
-    """Return the groups of a node, in the order of NODES, and refuse names that it lacks."""
-    fields = [_fields(prefix, group) for prefix, group in NODES[node]]
-    known = _names(node)
-    for name in sorted(set(values) - known):
-        raise unknown(name, node, known)
-    return [group(**{field.name: checked(field, values[name], name)
-                     for name, field in named.items() if name in values})
-            for (_, group), named in zip(NODES[node], fields)]
+def default_cost(links: int) -> CostParameters:
+    """Return the default cost of a pendulum with so many links."""
+    cost: CostParameters = group(CostParameters, complete('mpc', {'links': links}))
+    return cost
 
 
 def locate(path: Path) -> Path:
@@ -110,10 +182,4 @@ def read(paths: Iterable[Path]) -> dict[str, dict[str, Any]]:
 
 
 def _names(node: str) -> set[str]:
-    return {name for prefix, group in NODES[node] for name in _fields(prefix, group)}
-
-
-def _fields(prefix: str, group: type[Parameters]) -> dict[str, Any]:
-    """Return the fields of a group by the full names of their parameters."""
-    return {f'{prefix}.{field.name}' if prefix else field.name: field
-            for field in dataclasses.fields(group)}
+    return set(declared(node, max(LINKS)))

@@ -18,8 +18,9 @@ AFTERWARDS = ('__main__.py', 'bags/', 'errors.py', 'evaluation/campaign/against.
               'evaluation/campaign/manifest.py', 'evaluation/campaign/report.py',
               'evaluation/campaign/runner.py', 'evaluation/campaign/scores.py',
               'evaluation/campaign/summary.py', 'evaluation/comparison.py',
-              'evaluation/ensemble.py', 'figures/', 'nodes/', 'pendulum/urdf.py',
-              'provenance.py', 'report/', 'rerun/', 'tools/', 'topics.py')
+              'evaluation/ensemble.py', 'figures/', 'messages/', 'nodes/',
+              'pendulum/geometry.py', 'pendulum/urdf.py', 'provenance.py', 'recovery/',
+              'report/', 'rerun/', 'tables.py', 'tools/', 'topics.py')
 
 
 def cpu() -> str:

@@ -20,6 +20,6 @@ def controller(name='ilqr', seed=0, horizon=30, cost=CostParameters(), of_solver
                            SOLVERS[name].Parameters(**(of_solver or {})))
 
 
-def plant(seed=0, bodies=PendulumParameters(), limits=LIMITS, **parameters):
+def plant(seed=0, physical=PendulumParameters(), limits=LIMITS, **parameters):
     """Build a plant."""
-    return Plant(bodies, limits, PlantParameters(seed=seed, **parameters))
+    return Plant(physical, limits, PlantParameters(seed=seed, **parameters))

@@ -41,7 +41,7 @@ class CrossEntropy:
         """Return the best plan found; see Solver.solve."""
         began, N, iteration = time.perf_counter(), self.problem.horizon, 0
         best = policy_rollout(self.problem, *policy_of(self.problem, x_0, warm_start))
-        mean, deviation = best.U, np.full(N, 5.0)
+        mean, deviation, no_gains = best.U, np.full(N, 5.0), np.zeros_like(best.K)
         status = Status.ITERATION_LIMIT
         while iteration < self.parameters.iterations and status is not Status.DEADLINE:
             if time.perf_counter() > deadline:
@@ -49,7 +49,7 @@ class CrossEntropy:
                 continue
             iteration += 1
             forces = self.random.normal(mean, deviation, (SAMPLES, N))
-            found = sorted((policy_rollout(self.problem, best.X[0], best.X, U, np.zeros((N, 6)))
+            found = sorted((policy_rollout(self.problem, best.X[0], best.X, U, no_gains)
                             for U in forces), key=lambda rollout: rollout.J)
             best = min(best, found[0], key=lambda rollout: rollout.J)
             elite = np.array([rollout.U for rollout in found[:ELITE]])

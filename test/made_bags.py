@@ -4,8 +4,9 @@
 
 import struct
 
-from dp_swing_ros.bags.definitions import schema
-from dp_swing_ros.bags.writer import BagWriter, Recorded
+from dp_swing_ros.bags.metadata import Recorded
+from dp_swing_ros.bags.writer import BagWriter
+from dp_swing_ros.messages.definitions import schema
 
 FLOAT = 'std_msgs/msg/Float64'
 START = 1_700_000_000_000_000_000  # [ns] when the recording begins

@@ -10,9 +10,10 @@ from rclpy.serialization import deserialize_message, serialize_message
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin, Writer
 
-from dp_swing_ros.bags.definitions import schema
+from dp_swing_ros.bags.metadata import Recorded
 from dp_swing_ros.bags.reader import Bag
-from dp_swing_ros.bags.writer import BagWriter, Recorded
+from dp_swing_ros.bags.writer import BagWriter
+from dp_swing_ros.messages.definitions import schema
 from dp_swing_ros.nodes.connections import message_class
 from dp_swing_ros.topics import TOPICS
 

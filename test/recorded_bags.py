@@ -9,8 +9,9 @@ from std_msgs.msg import Float64, String
 from synthetic import swing_up
 
 from dp_swing_ros import topics
-from dp_swing_ros.bags.definitions import schema
-from dp_swing_ros.bags.writer import BagWriter, Recorded
+from dp_swing_ros.bags.metadata import Recorded
+from dp_swing_ros.bags.writer import BagWriter
+from dp_swing_ros.messages.definitions import schema
 from dp_swing_ros.nodes.messages import to_diagnostics, to_joint_state, to_stamp
 from dp_swing_ros.pendulum.urdf import urdf
 
@@ -37,7 +38,7 @@ def record(folder: Path, flush: int = 10, **run) -> Path:
         writer.write('/' + topic.name.lstrip('/'), serialize_message(message), time + 1000, time,
                      number)
 
-    write(topics.ROBOT_DESCRIPTION, START, String(data=urdf(episode.bodies, episode.limits)), 1)
+    write(topics.ROBOT_DESCRIPTION, START, String(data=urdf(episode.physical, episode.limits)), 1)
     for n, (t, x) in enumerate(zip(episode.t, episode.X)):
         time = START + round(1e9 * t)
         write(topics.JOINT_STATES, time, to_joint_state(

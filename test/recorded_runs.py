@@ -7,9 +7,10 @@ from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 
 from dp_swing_ros import topics
-from dp_swing_ros.bags.configurations import Configuration
-from dp_swing_ros.bags.definitions import schema
-from dp_swing_ros.bags.writer import BagWriter, Recorded
+from dp_swing_ros.bags.metadata import Recorded
+from dp_swing_ros.bags.writer import BagWriter
+from dp_swing_ros.messages.configuration import Configuration
+from dp_swing_ros.messages.definitions import schema
 from dp_swing_ros.nodes.messages import to_diagnostics, to_joint_state, to_stamp
 from dp_swing_ros.pendulum.urdf import urdf
 
@@ -33,7 +34,7 @@ def write_bag(episode, folder, configurations=()):
     def write(topic, time, message):
         writer.write(topic.name, serialize_message(message), time, time)
 
-    write(topics.ROBOT_DESCRIPTION, START, String(data=urdf(episode.bodies, episode.limits)))
+    write(topics.ROBOT_DESCRIPTION, START, String(data=urdf(episode.physical, episode.limits)))
     for configuration in configurations:
         write(topics.CONFIGURATION, START, String(data=configuration.to_text()))
     stamps = [START + round(1e9 * t) for t in episode.t]

@@ -29,14 +29,14 @@ def error_row(contestant='ilqr', scenario='hanging', seed=0):
                UNKNOWN, np.zeros(0))
 
 
-def campaign(contestants=('ilqr', 'mppi'), scenarios=('hanging',), duration=4.0):
+def campaign(contestants=('ilqr', 'mppi'), scenarios=('hanging',), duration=4.0, links=2):
     """Return the description of a campaign of contestants called like their solvers."""
     return {'contestants': {name: {'name': name.split(':')[0], 'plant': {}, 'mpc': {}}
                             for name in contestants},
             'scenarios': {name: {'seeds': [0, 20], 'levels': 0} for name in scenarios},
-            'duration': duration, 'version': '0.1.0', 'commit': 'abc'}
+            'duration': duration, 'links': links, 'version': '0.1.0', 'commit': 'abc'}
 
 
 def same(a, b):
-    """Tell whether two floats are, or are both unknown."""
+    """Return whether two floats are, or are both unknown."""
     return a == b or (math.isnan(a) and math.isnan(b))

@@ -12,14 +12,20 @@ from dp_swing_ros.simulation.episode import Episode, Ticks
 PERIOD = 0.05  # [s]
 
 
-def swing_up(duration: float = 4.0, rise: float = 2.0, solver: str = 'ilqr') -> Episode:
-    """Return a run whose links turn upright over `rise` seconds and stay; θ2 turns a round on."""
+def swing_up(duration: float = 4.0, rise: float = 2.0, solver: str = 'ilqr',
+             links: int = 2) -> Episode:
+    """
+    Return a run whose links turn upright over `rise` seconds and stay.
+
+    The angles of every second link go on to a full turn.
+    """
     t = PERIOD * np.arange(round(duration / PERIOD) + 1)
     s = np.clip(t / rise, 0.0, 1.0)
     turned, speed = s ** 3 * (10 - 15 * s + 6 * s ** 2), 30 * (s * (1 - s)) ** 2 / rise
     wave = np.pi * s * (1 - s) ** 2
-    X = np.stack([0.5 * wave, np.pi * (1 - turned), np.pi * (1 + turned),
-                  np.gradient(0.5 * wave, PERIOD), -np.pi * speed, np.pi * speed], axis=1)
+    ways = (-1, 1, -1)[:links]
+    X = np.stack([0.5 * wave, *(np.pi * (1 + way * turned) for way in ways),
+                  np.gradient(0.5 * wave, PERIOD), *(way * np.pi * speed for way in ways)], axis=1)
     ticks = len(t) - 1
     return Episode(
         t=t, X=X, U=20 * np.sin(7 * t[:-1]) * (s[:-1] < 1),
@@ -27,7 +33,7 @@ def swing_up(duration: float = 4.0, rise: float = 2.0, solver: str = 'ilqr') -> 
                     solve_time=np.linspace(0.001, 0.003, ticks),
                     latency=np.linspace(0.002, 0.004, ticks), late=np.zeros(ticks, dtype=bool),
                     status=['CONVERGED'] * ticks),
-        solver=solver, bodies=PendulumParameters(), limits=LimitParameters())
+        solver=solver, physical=PendulumParameters(links=links), limits=LimitParameters())
 
 
 def first(episode: Episode, states: int) -> Episode:

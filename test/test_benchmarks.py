@@ -10,7 +10,7 @@ import timing
 import torch
 
 from dp_swing_ros import configuration
-from dp_swing_ros.pendulum.trajectory import rollout
+from dp_swing_ros.pendulum.model import rollout
 from dp_swing_ros.problem.cost import running, terminal, trajectory_cost
 
 
@@ -111,7 +111,7 @@ def test_mujoco_rolls_out_our_model(problem, rng):
     from mujoco import MjData
     from mujoco import rollout as theirs
     X, U = rng.normal(size=(50, 6)), 10 * rng.normal(size=50)
-    model = peers.mujoco_model(problem.bodies, problem.dt)
+    model = peers.mujoco_model(problem.physical, problem.dt)
     states, _ = theirs.rollout(model, MjData(model), peers.mujoco_states(X), U[:, None, None])
     following = np.array([rollout(problem.model, x, np.array([u]))[1] for x, u in zip(X, U)])
     np.testing.assert_allclose(states[:, 0, 1:], peers.mujoco_states(following)[:, 1:], rtol=0,

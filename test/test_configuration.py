@@ -10,6 +10,8 @@ import pytest
 from dp_swing_ros import configuration
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.parameters.files import value_of
+from dp_swing_ros.pendulum.state import LINKS, SIZES
+from dp_swing_ros.problem.cost import ANGLE_ERRORS
 
 CONFIG = Path(__file__).parents[1] / 'config'
 
@@ -24,9 +26,9 @@ def test_names_reach_their_groups():
     assert (controller.parameters.solver, controller.parameters.seed) == ('mppi', 4)
 
 
-def test_bodies_of_the_plant_are_not_those_of_the_model():
+def test_the_pendulum_of_the_plant_is_not_that_of_the_model():
     plant = configuration.plant({'link1_mass': 0.7, 'force_noise': 1})
-    assert plant.bodies.link1_mass == 0.7
+    assert plant.physical.link1_mass == 0.7
     assert plant.parameters.force_noise == 1.0
     model = configuration.problem({}).model
     assert model != configuration.problem({'link1_mass': 0.7}).model
@@ -44,11 +46,32 @@ def test_what_a_node_would_refuse_is_refused(build, values, words):
     assert all(word in str(error.value) for word in words), error.value
 
 
+@pytest.mark.parametrize('links', LINKS)
+def test_the_defaults_are_of_the_number_of_links(links):
+    plant, controller = (build({'links': links}) for build in (
+        configuration.plant, configuration.controller))
+    assert plant.physical.links == controller.problem.physical.links == links
+    assert len(plant.parameters.initial_state) == len(controller.problem.x_r) == SIZES[links]
+    assert plant.limits.force_limit == controller.problem.u_max == (40.0 if links == 3 else 20.0)
+
+
+@pytest.mark.parametrize('node, values, words', [
+    ('plant', {'link3_mass': 0.4}, ["'link3_mass'", '3 links', 'this one has 2']),
+    ('mpc', {'links': 1, 'joint2_friction': 0.1}, ["'joint2_friction'", '2 links', 'has 1']),
+    ('plant', {'links': 3, 'initial_state': [0.0] * 6}, ['initial_state', '8 numbers']),
+    ('mpc', {'links': 1, 'state_weights': [1.0] * 6}, ['state_weights', '4 numbers']),
+    ('mpc', {'links': 4}, ['links', '4', 'at most 3'])])
+def test_what_another_number_of_links_has_is_refused(node, values, words):
+    with pytest.raises(ParameterError) as error:
+        configuration.complete(node, values)
+    assert all(word in str(error.value) for word in words), error.value
+
+
 def test_the_paper_s_file_is_read():
     values = configuration.read([CONFIG / 'paper.yaml'])
     assert configuration.plant(values['plant']).limits.force_limit == math.inf
     problem = configuration.problem(values['mpc'])
-    assert not problem.cost.chord
+    assert problem.cost.angle_error is ANGLE_ERRORS['angle']
     np.testing.assert_array_equal(problem.cost.P, 1000 * np.diag(problem.cost.S))
 
 

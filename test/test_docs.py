@@ -3,8 +3,10 @@
 """What the pages say is what the program does."""
 
 from pathlib import Path
+import pkgutil
 import re
 
+import architecture
 import pytest
 
 from dp_swing_ros.tools.parameters import reference
@@ -19,8 +21,31 @@ def test_the_reference_of_parameters_is_current():
 
 @pytest.mark.parametrize('page', PAGES, ids=[page.name for page in PAGES])
 def test_links_lead_somewhere(page):
-    for target in re.findall(r'\]\(([^)#]+)', page.read_text()):
+    prose = re.sub(r'^```.*?^```', '', page.read_text(), flags=re.M | re.S)
+    for target in re.findall(r'\]\(([^)#]+)', prose):
         assert target.startswith('https://') or (page.parent / target).exists(), target
+
+
+def anchors(page):
+    """Return what the headings of a page are called in links."""
+    headings = re.findall(r'^#+ (.*)$', page.read_text(), re.M)
+    return {re.sub(r'[^\w\- ]', '', each.lower()).replace(' ', '-') for each in headings}
+
+
+@pytest.mark.parametrize('page', PAGES, ids=[page.name for page in PAGES])
+def test_links_into_pages_lead_to_headings(page):
+    for target, anchor in re.findall(r'\]\(([^):#]*)#([^)]+)\)', page.read_text()):
+        assert anchor in anchors(page.parent / target if target else page), (target, anchor)
+
+
+@pytest.mark.parametrize('page', PAGES, ids=[page.name for page in PAGES])
+def test_links_to_functions_lead_to_the_file_that_defines_them(page):
+    """Lines move; a name that is no longer there is found."""
+    for names, target in re.findall(r'\[`([\w.]+)`\]\(([^)#]+\.py)\)', page.read_text()):
+        source = (page.parent / target).read_text()
+        for name in names.split('.'):
+            defined = rf'^ *(?:def|class) {name}\b|^(?:\w+, )*{name}\b.* = '
+            assert re.search(defined, source, re.M), (names, target)
 
 
 @pytest.mark.parametrize('page', PAGES, ids=[page.name for page in PAGES])
@@ -31,3 +56,25 @@ def test_files_and_tests_that_pages_name_exist(page):
     sources = ''.join(file.read_text() for file in (TOP / 'test').rglob('*.py'))
     for name in re.findall(r'`(test_\w+)`', text):
         assert f'def {name}(' in sources, name
+
+
+def test_messages_that_troubleshooting_quotes_are_printed():
+    sources = ''.join(file.read_text() for file in (TOP / 'dp_swing_ros').rglob('*.py'))
+    sources = re.sub(r"""['"]\s*\n\s*f?['"]""", '', sources)    # texts in several parts
+    page = (TOP / 'docs' / 'troubleshooting.md').read_text()
+    for cell in re.findall(r'^\| (.*?) \|', page, re.M):
+        for message in re.findall(r'`([^`]*)`', cell):
+            if ' ' in message and not message.startswith('cannot cache function'):   # Numba's
+                for part in filter(None, map(str.strip, message.split('…'))):
+                    assert part in sources, message
+
+
+def test_the_layers_and_contracts_of_architecture_are_those_that_are_checked():
+    modules = {module.name for module in pkgutil.iter_modules([str(TOP / 'dp_swing_ros')])}
+    layers = [name for layer in architecture.contract() for name in layer]
+    assert sorted(layers) == sorted(modules - {'__main__'})
+    page = (TOP / 'docs' / 'architecture.md').read_text()
+    first, *others = re.findall(r"^name = '(.*)'$", (TOP / 'pyproject.toml').read_text(), re.M)
+    assert first == 'imports run one way'
+    for name in others:
+        assert name in page, name

@@ -19,7 +19,7 @@ from rosbags.highlevel import AnyReader
 
 from dp_swing_ros import configuration
 from dp_swing_ros.bags import read_episode
-from dp_swing_ros.bags.configurations import configurations_of
+from dp_swing_ros.bags.episodes import configurations_of
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.errors import BagError
 from dp_swing_ros.evaluation.metrics import measure, outcome

@@ -16,8 +16,8 @@ from synthetic import first, swing_up, without_ticks
 from dp_swing_ros import figures
 from dp_swing_ros.figures.curves import unwrapped
 from dp_swing_ros.figures.sketch import sketch
-from dp_swing_ros.pendulum.equations import joints
-from dp_swing_ros.pendulum.parameters import LimitParameters
+from dp_swing_ros.pendulum.geometry import joint_positions
+from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 
 TOP = Path(__file__).parents[1]
 README, FIGURES = TOP / 'README.md', TOP / 'docs' / 'figures'
@@ -44,7 +44,8 @@ ODD = {
     'no state': first(swing_up(), 0), 'one state': first(swing_up(), 1),
     'two states': first(swing_up(), 2), 'no controller': without_ticks(swing_up()),
     'gap': gap(swing_up()), 'unlimited': unlimited(swing_up()), 'late': late(swing_up()),
-    'long': swing_up(duration=100.0), 'unknown solver': swing_up(solver='mine')}
+    'long': swing_up(duration=100.0), 'unknown solver': swing_up(solver='mine'),
+    'one link': swing_up(links=1), 'three links': swing_up(links=3)}
 
 
 @pytest.mark.parametrize('draw', STILLS)
@@ -70,15 +71,17 @@ def test_title_names_the_solver(draw):
     assert any('MPPI' in text.get_text() for text in figure.texts)
 
 
-def test_snapshots_show_the_pendulum_every_half_second():
-    episode = swing_up(duration=10.0)
+@pytest.mark.parametrize('links', [1, 2, 3])
+def test_snapshots_show_the_pendulum_every_half_second(links):
+    episode = swing_up(duration=10.0, links=links)
     panels = [axes for axes in figures.snapshots(episode).axes if axes.axison]
     assert [axes.get_title() for axes in panels] == [f'{0.5 * n:.1f} s' for n in range(21)]
     for n, axes in enumerate(panels):
-        places = joints(episode.X[10 * n], episode.bodies)
-        track, link1, link2, _ = axes.lines
-        np.testing.assert_allclose(link1.get_xydata(), places[:2], atol=1e-9)
-        np.testing.assert_allclose(link2.get_xydata(), places[1:], atol=1e-9)
+        places = joint_positions(episode.X[10 * n], episode.physical.lengths)
+        shown = axes.lines[-links - 1:-1]
+        for link, line in enumerate(shown):
+            np.testing.assert_allclose(line.get_xydata(), places[link:link + 2], atol=1e-9)
+        assert len({line.get_color() for line in shown}) == links
 
 
 def test_snapshots_label_both_axes():
@@ -86,13 +89,14 @@ def test_snapshots_label_both_axes():
     assert (figure.get_supxlabel(), figure.get_supylabel()) == ('x [m]', 'z [m]')
 
 
-def test_squared_error_shows_the_six_states_to_the_nearest_turn():
-    episode = swing_up()
+@pytest.mark.parametrize('links', [1, 2, 3])
+def test_squared_error_shows_all_states_to_the_nearest_turn(links):
+    episode = swing_up(links=links)
     panels = figures.squared_error(episode).axes
-    assert len(panels) == 6
+    assert len(panels) == 2 * links + 2
     for i, axes in enumerate(panels):
         x = episode.X[:, i] - (2 * np.pi * np.round(episode.X[:, i] / (2 * np.pi))
-                               if i in (1, 2) else 0)
+                               if 1 <= i <= links else 0)
         shown = axes.lines[0].get_ydata()
         np.testing.assert_allclose(shown, np.maximum(x ** 2, figures.ERROR_FLOOR))
         assert axes.get_yscale() == 'log'
@@ -138,6 +142,14 @@ def test_a_start_next_to_upright_is_drawn_there():
     np.testing.assert_allclose(unwrapped(X)[0], [0.2, -0.3])
 
 
+@pytest.mark.parametrize('links', [1, 3])
+def test_timeline_shows_every_angle_in_its_own_colour(links):
+    lines = figures.timeline(swing_up(links=links)).axes[0].lines
+    assert [line.get_label() for line in lines] == [
+        rf'$\theta_{i}$' for i in range(1, links + 1)]
+    assert len({line.get_color() for line in lines}) == links
+
+
 def test_timeline_marks_late_ticks():
     times = figures.timeline(late(swing_up())).axes[3]
     marks = [line for line in times.lines if line.get_label() == 'late (1)']
@@ -160,7 +172,7 @@ def test_hero_goes_on_to_the_end_of_the_run():
     film, force = figure.axes
     assert [label.get_text() for label in force.get_xticklabels()][-2:] == ['4.0', '6.0']
     assert 'upright from 1.70 to 6.0 s' in figure.texts[-1].get_text()
-    last = joints(episode.X[-1], episode.bodies)
+    last = joint_positions(episode.X[-1], episode.physical.lengths)
     np.testing.assert_allclose(film.lines[-2].get_ydata(), last[1:, 1], atol=1e-9)
     fallen = figures.hero(first(episode, 31))
     assert 'not upright at the end, 1.5 s' in fallen.texts[-1].get_text()
@@ -193,7 +205,8 @@ def test_animation_plays_in_real_time_and_is_small(tmp_path):
 
 
 @pytest.mark.filterwarnings('error')
-@pytest.mark.parametrize('name', ['one state', 'two states', 'no controller', 'gap', 'unlimited'])
+@pytest.mark.parametrize('name', ['one state', 'two states', 'no controller', 'gap', 'unlimited',
+                                  'one link', 'three links'])
 def test_odd_runs_are_animated_without_a_warning(name, tmp_path):
     figures.animation(ODD[name], tmp_path / 'animation.gif')
     assert (tmp_path / 'animation.gif').stat().st_size > 1000
@@ -204,11 +217,15 @@ def test_run_without_states_cannot_be_animated(tmp_path):
         figures.animation(ODD['no state'], tmp_path / 'animation.gif')
 
 
-def test_sketch_names_every_coordinate_length_and_sign(tmp_path):
-    texts = ' '.join(text.get_text() for text in sketch().axes[0].texts)
-    for symbol in ('$x$', '$u$', r'$\theta_1$', r'$\theta_2$', '$l_1$, $m_1$', '$l_2$, $m_2$',
-                   '$m_0$', 'hanging', 'upright', 'clockwise positive', '−2.4 m'):
+@pytest.mark.parametrize('links', [1, 2, 3])
+def test_sketch_names_every_coordinate_length_and_sign(links):
+    figure = sketch(PendulumParameters(links=links))
+    texts = ' '.join(text.get_text() for text in figure.axes[0].texts)
+    for symbol in ('$x$', '$u$', '$m_0$', 'hanging', 'upright', 'clockwise positive', '−2.4 m'):
         assert symbol in texts, symbol
+    for i in (1, 2, 3):
+        for symbol in (rf'$\theta_{i}$', f'$l_{i}$, $m_{i}$', f'$m_{i}$ = 0.5 kg'):
+            assert (symbol in texts) == (i <= links), symbol
 
 
 def test_the_sketch_is_made_by_a_command_and_shown_near_the_top(tmp_path):

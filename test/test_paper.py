@@ -51,7 +51,7 @@ def test_a_figure_comes_from_bags_that_hold_the_runs_without_ros_to_the_bit(tmp_
 
 
 def test_misuse_is_one_line(tmp_path):
-    for arguments, complaint in ((['--seeds', 0], 'not a whole number above 0'),
+    for arguments, complaint in ((['--seeds', 0], 'not a whole number of at least 1'),
                                  (['--figures', 11], 'invalid choice: 11')):
         done = paper(*arguments)
         assert done.returncode == 2

@@ -32,8 +32,8 @@ def bag(tmp_path_factory):
 
 
 def test_every_snippet_is_run_here():
-    tested = {block for heading in ('Bags', 'From Python, without ROS', 'Add a solver',
-                                    'Add a dynamics model') for block in blocks(heading)}
+    tested = {block for heading in ('Bags', 'From Python, without ROS', 'Build on it')
+              for block in blocks(heading)}
     assert set(re.findall(r'^```python\n(.*?)^```', README, re.M | re.S)) == tested
 
 
@@ -52,61 +52,46 @@ def test_a_run_without_ros(capsys):
     assert 'success=True' in capsys.readouterr().out
 
 
-@pytest.fixture
-def copy(tmp_path):
-    """Return a copy of the package and its tests, in which a reader may add something."""
-    for name in (PACKAGE, 'test', 'benchmarks'):
-        shutil.copytree(TOP / name, tmp_path / name,
-                        ignore=shutil.ignore_patterns('__pycache__'))
-    for name in ('pyproject.toml', 'package.xml', 'README.md'):
-        shutil.copy(TOP / name, tmp_path / name)
-    return tmp_path
+@pytest.fixture(scope='module')
+def plugin(tmp_path_factory):
+    """Install the package of README's recipes as a reader would, but into a folder of its own."""
+    source, site = tmp_path_factory.mktemp('source'), tmp_path_factory.mktemp('site')
+    (source / 'my_mpc').mkdir()
+    (source / 'my_mpc' / '__init__.py').touch()
+    toml, = re.findall(r'^```toml\n(.*?)^```', README, re.M | re.S)
+    (source / 'pyproject.toml').write_text(toml)
+    for name, block in zip(re.findall(r'`my_mpc/(\w+)\.py`', README), blocks('Build on it')):
+        (source / 'my_mpc' / f'{name}.py').write_text(block)
+    subprocess.run([sys.executable, '-m', 'pip', 'install', '--quiet', '--no-deps',
+                    '--no-build-isolation', '--target', site, source], check=True)
+    return site
 
 
-def run(copy, *arguments, **environment):
-    """Run Python in the copy, and return what it printed."""
-    done = subprocess.run([sys.executable, *arguments], cwd=copy, capture_output=True, text=True,
-                          env={**os.environ, 'PYTHONPATH': str(copy), **environment})
+def run(folder, plugin, *arguments):
+    """Run a tool with the package of the recipes on the path, and return what it printed."""
+    done = subprocess.run(
+        [sys.executable, '-c', TOOL, *map(str, arguments)], cwd=folder, capture_output=True,
+        text=True, env={**os.environ, 'PYTHONPATH': f'{plugin}{os.pathsep}{TOP}'})
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 
 
-def test_a_solver_is_added_as_the_recipe_says(copy, bag):
-    file, registry = blocks('Add a solver')
-    solvers = copy / PACKAGE / 'solvers'
-    (solvers / 'shooting.py').write_text(file)
-    with (solvers / '__init__.py').open('a') as init:
-        init.write(registry)
-    shown = run(copy, '-m', 'pytest', '-q', '-p', 'no:cacheprovider',
-                'test/solvers/test_contract.py', '-k', 'shooting or unknown')
-    assert ' passed' in shown and 'skipped' not in shown
-    shown = run(copy, '-c', TOOL, 'evaluate', '--contestants', 'shooting', 'ilqr',
-                '--scenarios', 'hanging', '--seeds', '1', '--duration', '1', '--jobs', '1',
-                '--output', 'campaign')
+def test_campaigns_know_what_another_package_has(plugin, tmp_path):
+    shown = run(tmp_path, plugin, 'evaluate', '--contestants', 'shooting', 'ilqr:estimator=blend',
+                'ilqr:model=kutta', '--scenarios', 'hanging', '--seeds', '1', '--jobs', '1',
+                '--duration', '3', '--no-figures', '--output', 'campaign')
     assert '`shooting`' in shown
-    shown = run(copy, '-c', TOOL, 'compare', str(bag), '--at', '0.2', '--output', '.')
+    held = re.findall(r'\| `ilqr:(\w+)=\w+` \| 1 of 1', shown)
+    assert held == ['estimator', 'model'], shown
+
+
+@pytest.mark.parametrize('solver, mpc', [
+    ('shooting', '    shooting: {iterations: 3}\n'), ('ilqr', '    estimator: blend\n'),
+    ('ilqr', '    model: kutta\n')], ids=['solver', 'estimator', 'model'])
+def test_nodes_and_tools_know_what_another_package_has(solver, mpc, plugin, tmp_path, monkeypatch):
+    monkeypatch.setenv('PYTHONPATH', f'{plugin}{os.pathsep}{os.environ.get("PYTHONPATH", "")}')
+    bag = record(tmp_path, '--duration', '1', '--lockstep', '--solver', solver, mpc=mpc)
+    assert 'the recorded ones to the bit' in run(tmp_path, plugin, 'verify', bag)
+    shown = run(tmp_path, plugin, 'compare', bag, '--at', '0.2', '--output', '.')
     assert '| shooting ' in shown
-    assert (copy / 'counterfactual.png').stat().st_size > 10_000
-
-
-def test_a_model_is_added_as_the_recipe_says(copy):
-    """The file is that of Euler's steps under another name, which is all that a test can write."""
-    registry, = blocks('Add a dynamics model')
-    pendulum = copy / PACKAGE / 'pendulum'
-    (pendulum / 'midpoint.py').write_text(
-        (pendulum / 'euler.py').read_text().replace('Euler', 'Midpoint'))
-    with (pendulum / 'models.py').open('a') as init:
-        init.write(registry)
-    shown = run(copy, '-m', 'pytest', '-q', '-p', 'no:cacheprovider',
-                'test/pendulum/test_models.py', '-k', 'midpoint')
-    assert ' passed' in shown
-    # without the compiler, which would take a minute for all of a new model
-    shown = run(copy, '-c', 'from dp_swing_ros import configuration\n'
-                'from dp_swing_ros.simulation.closed_loop import simulate\n'
-                'for name in ("ilqr", "ddp", "mppi"):\n'
-                '    controller = configuration.controller({\n'
-                '        "model": "midpoint", "solver": name, "horizon": 3,\n'
-                '        "first_starts": 1, f"{name}.iterations": 1})\n'
-                '    plant = configuration.plant({"integrator": "midpoint"})\n'
-                '    print(len(simulate(plant, controller, 0.1).U))', NUMBA_DISABLE_JIT='1')
-    assert shown.split() == ['2', '2', '2']
+    assert (tmp_path / 'counterfactual.png').stat().st_size > 10_000

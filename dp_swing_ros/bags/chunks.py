@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Unpacks chunks as far as that goes, in no more memory than they fill."""
 
-from typing import Iterator, NamedTuple
+from io import BytesIO
+from typing import Any, Iterator, NamedTuple
 import zlib
 
 import lz4.frame
@@ -10,20 +11,22 @@ import zstandard
 
 PIECE = 1 << 16    # [bytes] unpacked at a time: what an error costs besides its own block
 LARGEST = 1 << 29  # [bytes] of a chunk; writers make them of a few MiB
+STREAMS: dict[str, Any] = {'': BytesIO, 'lz4': lambda data: lz4.frame.LZ4FrameFile(BytesIO(data)),
+                           'zstd': zstandard.ZstdDecompressor().stream_reader}
 
 
 class Unpacked(NamedTuple):
-    """The beginning of a chunk, and how it compares with what the chunk tells of itself."""
+    """The beginning of a chunk, and how it compares with what the chunk says of itself."""
 
     content: bytes
-    complete: bool  # of the size that it tells
-    verified: bool  # complete, and with the checksum that it tells, if any
+    complete: bool  # of the size that it says
+    verified: bool  # complete, and with the checksum that it says, if any
 
 
 def unpack(data: bytes, compression: str, size: int, checksum: int) -> Unpacked:
     """Unpack what is to give `size` bytes, up to the first error; a checksum of 0 is none."""
     pieces, missing = [], size
-    if size <= LARGEST:
+    if size <= LARGEST and compression in STREAMS:
         for piece in _pieces(data, compression):
             pieces.append(piece)
             missing -= len(piece)
@@ -38,26 +41,9 @@ def unpack(data: bytes, compression: str, size: int, checksum: int) -> Unpacked:
 def _pieces(data: bytes, compression: str) -> Iterator[bytes]:
     if not data:
         return   # of nothing at all zstandard would read for ever
+    stream = STREAMS[compression](data)
     try:
-        if compression == 'zstd':
-            stream = zstandard.ZstdDecompressor().stream_reader(data)
-            while piece := stream.read1(PIECE):
-                yield piece
-        elif compression == 'lz4':
-            unpacker = lz4.frame.LZ4FrameDecompressor()
-            for begin in range(0, len(data), PIECE):
-                yield from _unpacked(unpacker, data[begin:begin + PIECE])
-        else:
-            yield data
+        while piece := stream.read1(PIECE):
+            yield piece
     except (zstandard.ZstdError, RuntimeError, EOFError, MemoryError):
         return  # what follows is lost
-
-
-def _unpacked(unpacker: lz4.frame.LZ4FrameDecompressor, data: bytes) -> Iterator[bytes]:
-    while not unpacker.eof:
-        piece = unpacker.decompress(data, max_length=PIECE)
-        if piece:
-            yield piece
-        if unpacker.needs_input or not piece:
-            return
-        data = b''

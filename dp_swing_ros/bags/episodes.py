@@ -1,23 +1,25 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Reads a bag as an episode; needs no ROS."""
+"""Reads a bag as an episode, and what its nodes ran with; needs no ROS."""
 
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from dp_swing_ros.bags.fields import (
-    BILLION, from_diagnostics, nanoseconds, Report, to_force, to_state)
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.errors import BagError
+from dp_swing_ros.messages.configuration import Configuration, from_text
+from dp_swing_ros.messages.fields import (
+    BILLION, from_diagnostics, links_in, nanoseconds, Report, to_force, to_state)
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
-from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.pendulum.state import Array, LINKS, links_of as links_of_state
 from dp_swing_ros.pendulum.urdf import from_urdf
 from dp_swing_ros.simulation.episode import Episode, Ticks
-from dp_swing_ros.topics import DIAGNOSTICS, JOINT_STATES, ROBOT_DESCRIPTION
+from dp_swing_ros.topics import CONFIGURATION, DIAGNOSTICS, JOINT_STATES, ROBOT_DESCRIPTION
 
-CONTROLLER = 'mpc'  # who reports a tick in the diagnostics
+CONTROLLER, PLANT = 'mpc', 'plant'  # nodes; the first reports its ticks in the diagnostics
 
 
 class Sample(NamedTuple):
@@ -44,21 +46,25 @@ def episode_of(bag: Bag) -> Episode:
     """Return the run in a bag; raises as `read_episode`."""
     samples, reports = samples_of(bag), reports_of(bag)
     start = samples[0].stamp
-    bodies, limits = bag.parse(_described, bag.of(ROBOT_DESCRIPTION)[-1])
+    physical, limits = bag.parse(_described, bag.of(ROBOT_DESCRIPTION)[-1])
+    if physical.links != links_of_state(samples[0].x):
+        raise BagError(f'{bag} has states of {links_of_state(samples[0].x)} links, but a robot '
+                       f'description of {physical.links}; record a run with the logger')
     return Episode(
         t=np.array([sample.stamp - start for sample in samples]) / BILLION,
         X=np.array([sample.x for sample in samples]),
         U=np.array([sample.force for sample in samples[1:]]),
         ticks=bag.parse(_ticks, reports, start),
         solver=str(reports[-1].values.get('solver', '')) if reports else '',
-        bodies=bodies, limits=limits, incomplete=bag.incomplete)
+        physical=physical, limits=limits, incomplete=bag.incomplete)
 
 
 def samples_of(bag: Bag) -> list[Sample]:
     """Return the states of a run in the order of their stamps; raises as `read_episode`."""
     samples: dict[int, Sample] = {}
-    for message in bag.of(JOINT_STATES):
-        sample = bag.parse(_sample, message)
+    messages, links = bag.of(JOINT_STATES), links_of(bag)
+    for message in messages:
+        sample = bag.parse(_sample, message, links)
         before = samples.setdefault(sample.stamp, sample)
         if not np.array_equal(before.x, sample.x, equal_nan=True):
             raise BagError(f'{bag} has two states at {sample.stamp} ns: the '
@@ -66,6 +72,41 @@ def samples_of(bag: Bag) -> list[Sample]:
     if len(samples) < 2:
         raise BagError(f'{bag} has {len(samples)} states; at least 2 make a run')
     return [samples[stamp] for stamp in sorted(samples)]
+
+
+def links_of(bag: Bag) -> int:
+    """
+    Return the number of links of the pendulum in a bag.
+
+    It is what the plant, or else the controller, was configured with; without that, what the
+    robot description says, if it is one of a pendulum; else it is by the names of the joints, of
+    which another robot may have more. Raises BagError.
+    """
+    configurations = configurations_of(bag)
+    for node in (PLANT, CONTROLLER):
+        if node in configurations and 'links' in configurations[node].parameters:
+            return bag.parse(_checked_links, configurations[node].parameters['links'])
+    if bag.has(ROBOT_DESCRIPTION):
+        with suppress(AttributeError, TypeError, ValueError):  # of another robot
+            return _described(bag.of(ROBOT_DESCRIPTION)[-1])[0].links
+    return bag.parse(links_in, bag.decoded(bag.entries_of(JOINT_STATES)[0]))
+
+
+def _checked_links(links: Any) -> int:
+    if links not in LINKS:
+        raise ValueError(f'links is {links!r}; expected one of {", ".join(map(str, LINKS))}')
+    return int(links)
+
+
+def configurations_of(bag: Bag) -> dict[str, Configuration]:
+    """
+    Return what the nodes of a bag ran with, by the last part of their names: plant, mpc, logger.
+
+    Of a node that was started again it is the last. Raises BagError.
+    """
+    messages = bag.of(CONFIGURATION) if bag.has(CONFIGURATION) else ()
+    found = [bag.parse(_configuration, message) for message in messages]
+    return {each.node.rsplit('/', 1)[-1]: each for each in found}
 
 
 def reports_of(bag: Bag) -> list[Report]:
@@ -79,8 +120,12 @@ def reports_of(bag: Bag) -> list[Report]:
                   key=lambda report: report.stamp)
 
 
-def _sample(message: Any) -> Sample:
-    return Sample(nanoseconds(message.header.stamp), to_state(message), to_force(message))
+def _sample(message: Any, links: int) -> Sample:
+    return Sample(nanoseconds(message.header.stamp), to_state(message, links), to_force(message))
+
+
+def _configuration(message: Any) -> Configuration:
+    return from_text(message.data)
 
 
 def _described(message: Any) -> tuple[PendulumParameters, LimitParameters]:

@@ -1,23 +1,17 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The metadata.yaml of a bag. Source: version 9 of rosbag2's metadata, that of Jazzy."""
+"""Writes the metadata.yaml of a bag. Source: version 9 of rosbag2's metadata, that of Jazzy."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import yaml
 
-from dp_swing_ros.parameters.plain_yaml import parse_file
-
-METADATA = 'metadata.yaml'
-RECOVERED = 'recovered_of'  # in custom_data: of how many messages a bag is what was left
-UNKNOWN = 'unknown'
 VERSION = 9
 
 
 class Recorded(NamedTuple):
-    """A topic as its publishers offer it."""
+    """A topic as it is recorded: its type and the QoS profiles of its publishers."""
 
     name: str
     type: str        # noqa: A003
@@ -38,6 +32,16 @@ class Contents(NamedTuple):
     def messages(self) -> int:
         """Messages on all topics."""
         return sum(self.counts.values())
+
+    def with_topic(self, name: str) -> 'Contents':
+        """Return what it holds with another topic."""
+        return self._replace(counts={**self.counts, name: 0})
+
+    def with_message(self, name: str, received: int) -> 'Contents':
+        """Return what it holds with another message."""
+        return self._replace(counts={**self.counts, name: self.counts[name] + 1},
+                             first=min(self.first, received) if self.messages else received,
+                             last=max(self.last, received))
 
 
 def metadata(topics: Iterable[Recorded], files: Sequence[Contents],
@@ -62,41 +66,6 @@ def metadata(topics: Iterable[Recorded], files: Sequence[Contents],
         'files': [{'path': file.path, **_extent(file.first, file.last, file.messages)}
                   for file in files],
         'custom_data': dict(custom), 'ros_distro': 'jazzy'}})
-
-
-class Described(NamedTuple):
-    """What the metadata.yaml of a bag says of it."""
-
-    messages: int | None    # of the folder or file asked for; None where it does not say
-    files: list[str]
-    custom: dict[str, str]
-
-
-def described(path: Path) -> Described | None:
-    """
-    Return what metadata.yaml says of a bag's folder, or of one of its files; None without one.
-
-    Raises ValueError where it is damaged.
-    """
-    folder = path if path.is_dir() else path.parent
-    if not (folder / METADATA).is_file():
-        return None
-    try:
-        about = parse_file(folder / METADATA)['rosbag2_bagfile_information']
-        files = {str(each['path']): each for each in about.get('files') or ()}
-        one = about if path.is_dir() else files.get(path.name, {})
-        count = one.get('message_count')
-        return Described(None if count is None else int(count),
-                         [str(name) for name in about['relative_file_paths']],
-                         {str(key): str(value)
-                          for key, value in (about.get('custom_data') or {}).items()})
-    except (AttributeError, KeyError, OSError, TypeError, ValueError) as error:
-        raise ValueError(f'{str(folder / METADATA)!r} is not what rosbag2 writes') from error
-
-
-def incomplete(count: int, expected: int | str) -> str:
-    """Return what every tool says of a bag that holds so many messages of those recorded."""
-    return f'Incomplete: {count} of {expected} messages'
 
 
 def to_yaml(data: Any) -> str:

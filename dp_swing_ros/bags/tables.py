@@ -5,44 +5,47 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
 from dp_swing_ros.bags.episodes import reports_of, samples_of
-from dp_swing_ros.bags.fields import BILLION, from_trajectory, nanoseconds
 from dp_swing_ros.bags.reader import Bag
+from dp_swing_ros.messages.fields import BILLION, from_trajectory, nanoseconds
 from dp_swing_ros.pendulum.parameters import PendulumParameters
-from dp_swing_ros.pendulum.state import ANGLES, JOINTS, UNITS, wrapped
-from dp_swing_ros.simulation.episode import STATE
+from dp_swing_ros.pendulum.state import Array, columns, joints, LINKS, links_of, units, wrapped
 from dp_swing_ros.topics import PLAN
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-STATES = [f'{name} [{unit}]' for name, unit in zip(STATE, UNITS)]  # columns
 TIMES = ['t [s]', 'stamp [ns]']
-FIGURES = {'solve_time': 's', 'latency': 's', 'delay': 's', 'force': 'N', 'force_bias': 'N',
-           **{field.name: field.metadata['unit']
-              for field in dataclasses.fields(PendulumParameters)},
-           **{f'{what}_{joint}_{kind}': unit for what in ('estimate', 'innovation')
-              for (kind, joint), unit in zip(((kind, joint) for kind in ('position', 'velocity')
-                                              for joint in JOINTS), UNITS)}}
-ANGULAR = [f'estimate_{joint}_position' for joint in JOINTS[ANGLES]]
+KINDS = ('position', 'velocity')
+UNITS = {'solve_time': 's', 'latency': 's', 'delay': 's', 'force': 'N', 'force_bias': 'N',
+         **{field.name: field.metadata['unit']
+            for field in dataclasses.fields(PendulumParameters)},
+         **{f'{what}_{joint}_{kind}': unit for what in ('estimate', 'innovation')
+            for (kind, joint), unit in zip(itertools.product(KINDS, joints(max(LINKS))),
+                                           units(max(LINKS)))}}
+ANGULAR = [f'estimate_{joint}_position' for joint in joints(max(LINKS))[1:]]
+
+
+def state_columns(links: int) -> list[str]:
+    """Return the columns of a state, with their units."""
+    return [f'{name} [{unit}]' for name, unit in zip(columns(links), units(links))]
 
 
 def states_of(bag: Bag, whole_turns: bool = False) -> DataFrame:
     """
-    Return a row a state, and what the controller said of its tick for it.
+    Return a row a state, and what the controller reported of its tick for it.
 
     `force [N]` acted over the period that begins there, `force_sent [N]` was the answer to the
     state. Angles are in (-π, π], 0 upright, unless with `whole_turns`. Raises BagError.
     """
-    import pandas  # here: it takes half a second, which no node should wait for
-
     samples = samples_of(bag)
     X = np.array([sample.x for sample in samples])
-    frame = pandas.DataFrame(X if whole_turns else wrapped(X), columns=STATES)
+    frame = _of_states(X, whole_turns)
     stamps = [sample.stamp for sample in samples]
     for name, column in zip(TIMES, ((np.array(stamps) - stamps[0]) / BILLION, stamps)):
         frame.insert(TIMES.index(name), name, column)
@@ -64,25 +67,25 @@ def plans_of(bag: Bag, whole_turns: bool = False) -> DataFrame:
     """
     import pandas
 
-    start = samples_of(bag)[0].stamp
+    first = samples_of(bag)[0]
     parts = []
     for message in bag.of(PLAN) if bag.has(PLAN) else ():
         plan, stamp = bag.parse(from_trajectory, message), nanoseconds(message.header.stamp)
-        part = pandas.DataFrame(plan.X if whole_turns else wrapped(plan.X), columns=STATES)
-        part.insert(0, TIMES[0], (stamp - start) / BILLION)
+        part = _of_states(plan.X, whole_turns)
+        part.insert(0, TIMES[0], (stamp - first.stamp) / BILLION)
         part.insert(1, TIMES[1], stamp)
         part.insert(2, 'k', np.arange(len(part)))
         part.insert(3, 'ahead [s]', plan.t)
         parts.append(part.assign(**{'force [N]': [*plan.U, np.nan]}))
-    columns = [*TIMES, 'k', 'ahead [s]', *STATES, 'force [N]']
+    names = [*TIMES, 'k', 'ahead [s]', *state_columns(links_of(first.x)), 'force [N]']
     return _described(pandas.concat(parts, ignore_index=True) if parts
-                      else pandas.DataFrame(columns=columns, dtype=float), bag)
+                      else pandas.DataFrame(columns=names, dtype=float), bag)
 
 
 def column_of(key: str) -> str:
     """Return the column of a figure in the diagnostics, with its unit."""
     name = 'force_sent' if key == 'force' else key
-    return f'{name} [{FIGURES[key]}]' if FIGURES.get(key) else name
+    return f'{name} [{UNITS[key]}]' if UNITS.get(key) else name
 
 
 def _described(frame: DataFrame, bag: Bag) -> DataFrame:
@@ -92,10 +95,14 @@ def _described(frame: DataFrame, bag: Bag) -> DataFrame:
     return frame
 
 
+def _of_states(X: Array, whole_turns: bool) -> DataFrame:
+    import pandas  # here: it takes half a second, which no node should wait for
+
+    return pandas.DataFrame(X if whole_turns else wrapped(X), columns=state_columns(links_of(X)))
+
+
 def _wrapped_angle(angle: Any) -> float:
-    x = np.zeros(len(STATE))
-    x[ANGLES] = angle
-    return float(wrapped(x)[ANGLES][0])
+    return float(wrapped(np.array([0.0, angle, 0.0, 0.0]))[1])
 
 
 def _of_one_kind(column: list[Any]) -> list[Any]:

@@ -15,13 +15,14 @@ from typing import Iterator
 
 from mcap.exceptions import McapError
 
-from dp_swing_ros.bags.mcap_file import McapFile, Storage
-from dp_swing_ros.bags.metadata import Contents, METADATA, metadata, Recorded
-from dp_swing_ros.bags.reserve import Reserve
+from dp_swing_ros.bags.folder import METADATA
+from dp_swing_ros.bags.mcap_writer import McapFile, Storage
+from dp_swing_ros.bags.metadata import Contents, metadata, Recorded
 from dp_swing_ros.errors import BagError
 from dp_swing_ros.provenance import package_version
 
 METADATA_ROOM = 1 << 16  # [bytes] on the disk, held for metadata.yaml
+STEP = 1 << 16  # [bytes] held more than is needed, so that it is done rarely
 
 
 class BagWriter:
@@ -37,7 +38,7 @@ class BagWriter:
         self.failed = False
         self.custom = {'dp_swing_ros': package_version()}  # for metadata.yaml
         self._storage = storage
-        self._reserve = Reserve(folder)
+        self._reserve, self._reserved = folder / '.reserve', 0  # file, [bytes]
         self._topics: dict[str, Recorded] = {}
         self._ended: list[Contents] = []  # files
         self._file: McapFile | None = None
@@ -45,7 +46,7 @@ class BagWriter:
         with self._reported():
             folder.mkdir(parents=True)
             self._begin_file()
-            self._reserve.hold(METADATA_ROOM)
+            self._hold(METADATA_ROOM)
 
     @property
     def counts(self) -> dict[str, int]:
@@ -83,7 +84,7 @@ class BagWriter:
         """
         with self._reported():
             self._open.flush()
-            self._reserve.hold(METADATA_ROOM + self._open.summary_size)
+            self._hold(METADATA_ROOM + self._open.end_size)
 
     def close(self) -> None:
         """
@@ -94,7 +95,7 @@ class BagWriter:
         if self._closed:
             return
         self._closed = True
-        self._reserve.release()
+        self._release()
         try:
             if not self.failed:
                 with self._reported():
@@ -117,6 +118,17 @@ class BagWriter:
         self._ended.append(self._open.contents)
         self._file = None
 
+    def _hold(self, size: int) -> None:
+        """Hold room for the end of the bag; a disk without it will raise soon enough."""
+        if size > self._reserved:
+            with suppress(OSError), self._reserve.open('ab') as file:
+                os.posix_fallocate(file.fileno(), 0, size + STEP)
+                self._reserved = size + STEP
+
+    def _release(self) -> None:
+        with suppress(OSError):
+            self._reserve.unlink()
+
     def _describe(self) -> None:
         if not self._ended:
             return
@@ -133,13 +145,13 @@ class BagWriter:
 
     def _rescue(self) -> str:
         """Return what to say of the messages so far."""
-        self._reserve.release()
+        self._release()
         if self._file is not None:
             try:
                 self._file.rescue()
                 self._ended.append(self._file.contents)
             except (McapError, OSError):
-                self._ended.clear()  # metadata.yaml would not tell of all files
+                self._ended.clear()  # metadata.yaml would not name all files
             self._file = None
         if not any(self.folder.glob('*.mcap')):
             return ''

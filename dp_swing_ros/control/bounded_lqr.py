@@ -1,7 +1,7 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The catch: the regulator at the goal for a force that is bounded.
+The LQR at the goal for a force that is bounded.
 
     min Σ (eᵀ S e + R u²) + e_Nᵀ P e_N   s.t.   e⁺ = A e + B u,  |u| ≤ u_max,      e = x - x_r
 
@@ -11,20 +11,19 @@ its optimum is found. It is a trajectory of the linear model; Riccati passes abo
 gaps to the real one, which is multiple shooting (Giftthaler et al., IROS 2018).
 """
 
-import math
-
 import numpy as np
 from scipy.linalg import cholesky, qr
 from scipy.optimize import lsq_linear
 
 from dp_swing_ros.kernels import kernel
+from dp_swing_ros.pendulum.derivatives import linearisation
+from dp_swing_ros.pendulum.model import size, step
 from dp_swing_ros.pendulum.state import Array
-from dp_swing_ros.pendulum.trajectory import step
 from dp_swing_ros.problem.cost import trajectory_cost
-from dp_swing_ros.problem.problem import linearisation, Problem, Rollout, turns_of
+from dp_swing_ros.problem.problem import Problem, Rollout, turns_of
 from dp_swing_ros.solvers.riccati import backward, forward
 
-REACH = (math.inf, 0.6, 0.6, 10.0, 10.0, 10.0)  # of the linear model, in the units of the state
+REACH = (0.6, 10.0)  # [rad] and [m/s, rad/s] of the linear model, for angles and speeds
 PASSES = 8    # to close the gaps in
 DEARER = 2.0  # in one of them the cost may grow by this factor
 
@@ -34,24 +33,24 @@ def find_gaps(model, X, U, gaps):
     """
     Write f(X[t], U[t]) - X[t + 1].
 
-    Shapes: X (T + 1, 6), U (T,), gaps (T, 6).
+    Shapes: X (T + 1, 2n + 2), U (T,), gaps (T, 2n + 2).
     """
     for t in range(len(U)):
         step(model, X[t], U[t], gaps[t])
-        for i in range(6):
+        for i in range(size(model)):
             gaps[t, i] -= X[t + 1, i]
 
 
-class Catch:
+class BoundedLQR:
     """The bounded least-squares problem min |L u + M e_0|² of a goal, factorised once."""
 
     def __init__(self, problem: Problem) -> None:
         """Condense the states, e_t = Φ_t e_0 + G_t u, and the cost."""
         self.problem = problem
-        N, cost = problem.horizon, problem.cost
-        A, B = linearisation(problem.model, cost.x_r, 0.0)
-        self.Phi, self.G = np.zeros((N + 1, 6, 6)), np.zeros((N + 1, 6, N))
-        self.Phi[0] = np.eye(6)
+        N, cost, n = problem.horizon, problem.cost, len(problem.cost.S)
+        A, B = linearisation(problem.model, problem.x_r, 0.0)
+        self.Phi, self.G = np.zeros((N + 1, n, n)), np.zeros((N + 1, n, N))
+        self.Phi[0] = np.eye(n)
         for t in range(N):
             self.Phi[t + 1], self.G[t + 1] = A @ self.Phi[t], A @ self.G[t]
             self.G[t + 1, :, t] += B
@@ -59,30 +58,31 @@ class Catch:
         of_force = [W @ G for W, G in zip(weights, self.G)]
         of_state = [W @ Phi for W, Phi in zip(weights, self.Phi)]
         Q, self.L = qr(np.vstack([np.sqrt(cost.R) * np.eye(N), *of_force]), mode='economic')
-        self.M = Q.T @ np.vstack([np.zeros((N, 6)), *of_state])
+        self.M = Q.T @ np.vstack([np.zeros((N, n)), *of_state])
 
     def start(self, x_0: Array) -> Rollout | None:
         """
-        Return a trajectory of the model that catches the pendulum, None where none is in reach.
+        Return a trajectory of the model to the goal, None where none is in reach.
 
-        Shapes: x_0 (6,).
+        Shapes: x_0 (2n + 2,).
         """
         problem, turns = self.problem, turns_of(self.problem, x_0)
-        e_0 = x_0 - turns - problem.cost.x_r
-        if np.any(np.abs(e_0) > REACH):
+        e_0 = x_0 - turns - problem.x_r
+        half = len(e_0) // 2
+        if (np.any(np.abs(e_0[1:half]) > REACH[0]) or np.any(np.abs(e_0[half:]) > REACH[1])):
             return None
         U = lsq_linear(self.L, -self.M @ e_0, (-problem.u_max, problem.u_max), method='bvls').x
         U = np.clip(U, -problem.u_max, problem.u_max)
-        caught = self.closed(problem.cost.x_r + self.Phi @ e_0 + self.G @ U, U)
-        return None if caught is None else caught._replace(X=caught.X + turns)
+        found = self.closed(problem.x_r + self.Phi @ e_0 + self.G @ U, U)
+        return None if found is None else found._replace(X=found.X + turns)
 
     def closed(self, X: Array, U: Array) -> Rollout | None:
         """Close the gaps of a trajectory of the linear model by Riccati passes about it."""
         problem, N = self.problem, self.problem.horizon
         model, cost, u_max = problem.model, problem.cost, problem.u_max
         J = trajectory_cost(cost, X, U)
-        X_new, U_new, gaps = np.empty_like(X), np.empty_like(U), np.empty((N, 6))
-        k, K = np.empty(N), np.empty((N, 6))
+        X_new, U_new, gaps = np.empty_like(X), np.empty_like(U), np.empty((N, X.shape[1]))
+        k, K = np.empty(N), np.empty((N, X.shape[1]))
         find_gaps(model, X, U, gaps)
         for number in range(1, PASSES + 1):
             if not backward(model, cost, X, U, gaps, u_max, 0.0, 0.0, k, K)[0]:

@@ -1,46 +1,43 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The extended Kalman filter: state, force bias and bodies from noisy states and the forces sent.
+Estimators: what is believed of state and pendulum, from noisy states and the forces sent.
 
-    z = (x, b, p),   x⁺ = f(x, u + b; bodies(p)),   b⁺ = b,   p⁺ = p,   measured: x + noise
+The extended Kalman filter augments the state x by a force bias b and by parameters p:
+
+    z = (x, b, p),   x⁺ = f(x, u + b; p),   b⁺ = b,   p⁺ = p,   measured: x + noise
 
 where p are the logarithms of masses and lengths over their nominal values, and what the frictions
 are above theirs. Positions are measured well and the forces are known, so a swing-up tells all of
 them. Source: Simon, Optimal State Estimation, 2006, 13.2 and 13.4; covariances by Joseph's form.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import math
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from dp_swing_ros.kernels import kernel
-from dp_swing_ros.parameters import parameter, Parameters
-from dp_swing_ros.pendulum.equations import coefficients, Pendulum
-from dp_swing_ros.pendulum.model import expand, linearise, of_coefficients
+from dp_swing_ros.kernels.unrolling import unrolled
+from dp_swing_ros.parameters import parameter, Parameters, registry
+from dp_swing_ros.pendulum.derivatives import expand, identity, lanes, linearise
+from dp_swing_ros.pendulum.equations import coefficients
+from dp_swing_ros.pendulum.model import size, step, steps_in
 from dp_swing_ros.pendulum.parameters import PendulumParameters
 from dp_swing_ros.pendulum.state import Array
-from dp_swing_ros.pendulum.trajectory import step, steps_in
+from dp_swing_ros.problem.problem import Problem
 
-SCALED = ('cart_mass', 'link1_mass', 'link2_mass', 'link1_length', 'link2_length')
-ADDED = ('cart_friction', 'joint1_friction', 'joint2_friction')
-CONSTANT = ('link1_inertia_factor', 'link2_inertia_factor', 'gravity')
-BIAS, BODIES = 6, 7      # where they begin in z
-FACTORS = len(SCALED)    # of p, before what is added
-SIZE = BODIES + FACTORS + len(ADDED)
-
-LONGEST_STEP = 0.01      # [s] of the model; at 50 ms its error would pass for one of the bodies
+LONGEST_STEP = 0.01      # [s] of the model; at 50 ms its error would pass for one of p
 LONGEST_GAP = 0.5        # [s] without a state; beyond it the pendulum is too chaotic to predict
 HELD = 0.05              # [s] for which the noises of the prediction stay as they are
 SMALL = 1e-4             # difference of p for derivatives
 LARGEST_FACTOR = 2.0     # of a mass or length, either way
-MOVED = 0.1              # of their deviation at first: bodies further off are a new problem
+MOVED = 0.1              # of their deviation at first: parameters further off are a new problem
 
 
 @dataclass(frozen=True)
-class EstimatorParameters(Parameters):
+class KalmanParameters(Parameters):
     """What the filter takes to be uncertain, and by how much; zero is certain."""
 
     position_noise: float = parameter(
@@ -59,7 +56,7 @@ class EstimatorParameters(Parameters):
     friction_error: float = parameter(
         0.05, 'standard deviation of the frictions', unit='N s/m, N m s/rad', minimum=0.0)
     memory: float = parameter(
-        60.0, 'bias and bodies become as uncertain as at first in this time', unit='s',
+        60.0, 'bias and parameters become as uncertain as at first in this time', unit='s',
         minimum=1e-3, finite=False)
     gate: float = parameter(
         10.0, 'a state further from its prediction than this is refused', unit='deviations',
@@ -79,20 +76,68 @@ class Force(NamedTuple):
 
 class Estimate(NamedTuple):
     """
-    What the filter says at a measurement's time.
+    What is believed at a measurement's time.
 
-    Shapes: x, deviation and innovation (6,). The innovation is what was measured less what was
+    Shapes: x and innovation (2n + 2,). The innovation is what was measured less what was
     predicted; its distance is in standard deviations.
     """
 
     x: Array
-    deviation: Array
+    physical: PendulumParameters
+    bias: float                      # [N] a lasting force beside the one sent
     innovation: Array
     distance: float
-    bias: float              # [N]
-    bodies: dict[str, float]
-    refused: int             # states since the last reset
-    accepted: bool           # not refused, nor the state that a filter begins with after refusals
+    refused: int                     # states since the last reset
+    accepted: bool                   # not refused, nor the one to start anew from after refusals
+
+
+class Estimator(Protocol):
+    """
+    Estimates the state; deterministic.
+
+    Built as ESTIMATORS[name](problem, parameters), where parameters are an
+    ESTIMATORS[name].Parameters and the problem has the nominal model.
+    """
+
+    def reset(self) -> None:
+        """Forget all measurements."""
+
+    def update(self, t: float, x: Array, forces: list[Force]) -> Estimate | None:
+        """
+        Take the state measured at a time [s] after the last one; return what is believed of it.
+
+        forces are those that acted in between, none at the first. Returns None where the state is
+        taken as it is measured.
+        Shapes: x (2n + 2,), finite, angles on any one turn.
+        """
+
+    def has_moved(self, physical: PendulumParameters) -> bool:
+        """Return whether the pendulum is believed to be another than these parameters'."""
+
+
+@dataclass(frozen=True)
+class Nothing(Parameters):
+    """No parameters."""
+
+
+class Direct:
+    """No estimator: a state is taken as it is measured, the pendulum for the nominal one."""
+
+    Parameters = Nothing
+
+    def __init__(self, problem: Problem, parameters: Nothing) -> None:
+        """Take nothing of it."""
+
+    def reset(self) -> None:
+        """Forget nothing, for nothing is remembered."""
+
+    def update(self, t: float, x: Array, forces: list[Force]) -> Estimate | None:
+        """Believe the measurement."""
+        return None
+
+    def has_moved(self, physical: PendulumParameters) -> bool:
+        """Return False."""
+        return False
 
 
 @kernel
@@ -110,30 +155,41 @@ def product(left, right, out):
             out[i, k] = total
 
 
-@kernel
-def pendulums(nominal, constants, z):
+@unrolled
+def with_physical(model, b, constants):
     """
-    Return the coefficients of the pendulum as z has it, then with each of p a little larger.
+    Return the model of another pendulum.
 
-    Shapes: nominal (8,) in the order of SCALED and ADDED, constants (3,), z (n,) -> (9, 10).
+    Shapes: b (3n + 2,), masses, lengths and frictions in order; constants (n + 1,), inertia
+    factors and gravity.
     """
-    found, b = np.empty((len(nominal) + 1, 10)), np.empty(len(nominal))
-    for k in range(len(found)):
-        for i in range(len(b)):
-            p = z[BODIES + i] + (SMALL if k == i + 1 else 0.0)
-            b[i] = nominal[i] * math.exp(p) if i < FACTORS else nominal[i] + p
-        row = coefficients(b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7],
-                           constants[0], constants[1], constants[2])
-        for i in range(len(row)):
-            found[k, i] = row[i]
-    return found
+    n = len(model.pendulum.a)
+    return model._replace(pendulum=coefficients(
+        [b[i] for i in range(n + 1)], [b[n + 1 + i] for i in range(n)],
+        [constants[i] for i in range(n)], constants[n],
+        [b[2 * n + 1 + i] for i in range(n + 1)]))
+
+
+@kernel
+def physical_of(nominal, factors, z, first, b):
+    """
+    Write the physical parameters that z has, then with each of p a little larger.
+
+    The first so many are nominal times exp(p), the others nominal + p; p begins in z at `first`.
+    Shapes: nominal (m,), z (first + m,), b (m + 1, m).
+    """
+    for k in range(len(b)):
+        for i in range(len(nominal)):
+            p = z[first + i] + (SMALL if k == i + 1 else 0.0)
+            b[k, i] = nominal[i] * math.exp(p) if i < factors else nominal[i] + p
 
 
 @kernel
 def forget(prior, share, P):
-    """Let bias and bodies become as uncertain as at first, by a share; prior (n - 6,)."""
+    """Let bias and parameters become as uncertain as at first, by a share; prior (m + 1,)."""
+    first = len(P) - len(prior)
     for i in range(len(prior)):
-        P[BIAS + i, BIAS + i] += max(prior[i] - P[BIAS + i, BIAS + i], 0.0) * share
+        P[first + i, first + i] += max(prior[i] - P[first + i, first + i], 0.0) * share
 
 
 @kernel
@@ -145,41 +201,41 @@ def symmetrise(P):
 
 
 @kernel
-def predict(model, shifted, force_noise, acceleration_noise, u, steps, z, P):
+def predict(model, constants, b, force_noise, acceleration_noise, u, steps, z, P):
     """
-    Advance mean and covariance in place by some steps under a force.
+    Advance mean and covariance in place by some steps of the model under a force.
 
-    shifted are the coefficients at the mean, then with each of p a little larger, and model is one
-    of the same steps; the noises are densities, squared. Shapes: shifted (n - 6, 10), z (n,),
-    P (n, n).
+    b are the physical parameters at the mean, then with each of p a little larger; the noises are
+    densities, squared. Shapes: b (m + 1, m), z (k,), P (k, k) with k = 2n + 3 + m.
     """
-    n, x, h = len(z), z[:6], model.h
-    model = of_coefficients(model, shifted[0])
-    derivatives, mean, following = np.empty((6, 8)), np.empty(6), np.empty(6)
-    F, FP = np.empty((6, n)), np.empty((6, n))   # the rows of x; the others stay as they are
+    n, k, h = size(model), len(z), model.h
+    x, mean_model = z[:n], with_physical(model, b[0], constants)
+    directions, derivatives = np.zeros((n + 1, lanes(model))), np.empty((n, lanes(model)))
+    identity(directions)
+    mean, following = np.empty(n), np.empty(n)
+    F, FP = np.empty((n, k)), np.empty((n, k))   # the rows of x; the others stay as they are
     for _ in range(steps):
-        force = u + z[6]
-        linearise(model, expand(model, np.expand_dims(x, 0), np.array([force])), 0, derivatives)
-        for k in range(len(shifted)):
-            step(of_coefficients(model, shifted[k]), x, force, following)
-            for i in range(6):
-                if k == 0:
-                    mean[i] = following[i]
-                else:
-                    F[i, 6 + k] = (following[i] - mean[i]) / SMALL
-        for i in range(6):
+        force = u + z[n]
+        linearise(mean_model, expand(mean_model, np.expand_dims(x, 0), np.array([force])), 0,
+                  directions, derivatives)
+        step(mean_model, x, force, mean)
+        for j in range(1, len(b)):
+            step(with_physical(model, b[j], constants), x, force, following)
+            for i in range(n):
+                F[i, n + j] = (following[i] - mean[i]) / SMALL
+        for i in range(n):
             x[i] = mean[i]
-            for k in range(7):      # A and B
-                F[i, k] = derivatives[i, k]
+            for j in range(n + 1):      # A and B
+                F[i, j] = derivatives[i, j]
         product(F, P, FP)
-        for i in range(6):
-            for k in range(6, n):
-                P[i, k] = P[k, i] = FP[i, k]
-        product(FP, F.T, P[:6, :6])
-        for i in range(6):
-            for k in range(6):
-                P[i, k] += force_noise / h * F[i, 6] * F[k, 6]
-        for i in range(3, 6):
+        for i in range(n):
+            for j in range(n, k):
+                P[i, j] = P[j, i] = FP[i, j]
+        product(FP, F.T, P[:n, :n])
+        for i in range(n):
+            for j in range(n):
+                P[i, j] += force_noise / h * F[i, n] * F[j, n]
+        for i in range(n // 2, n):
             P[i, i] += acceleration_noise * h
     symmetrise(P)
 
@@ -189,122 +245,139 @@ def correct(measured, R, z, P):
     """
     Correct mean and covariance in place, one measured number after the other.
 
-    Returns the Mahalanobis distance of the innovation. Shapes: measured and R (6,), the
-    variances of its noise; z (n,), P (n, n).
+    Returns the Mahalanobis distance of the innovation. Shapes: measured and R (2n + 2,), the
+    variances of its noise; z (k,), P (k, k).
     """
-    distance, n = 0.0, len(z)
-    k, row = np.empty((2, n))
-    for i in range(6):
+    distance, k = 0.0, len(z)
+    gain, row = np.empty((2, k))
+    for i in range(len(measured)):
         innovation, S = measured[i] - z[i], P[i, i] + R[i]
         distance += innovation * innovation / S
-        for a in range(n):
-            k[a], row[a] = P[a, i] / S, P[i, a]
-            z[a] += innovation * k[a]
+        for a in range(k):
+            gain[a], row[a] = P[a, i] / S, P[i, a]
+            z[a] += innovation * gain[a]
         # (I - k e_iᵀ) P (I - k e_iᵀ)ᵀ + k r kᵀ
-        for a in range(n):
-            for b in range(n):
-                P[a, b] -= k[a] * row[b]
-            column = R[i] * k[a] - P[a, i]
-            for b in range(n):
-                P[a, b] += column * k[b]
+        for a in range(k):
+            for b in range(k):
+                P[a, b] -= gain[a] * row[b]
+            column = R[i] * gain[a] - P[a, i]
+            for b in range(k):
+                P[a, b] += column * gain[b]
     symmetrise(P)
     return math.sqrt(distance)
 
 
-class Estimator:
-    """The filter and what it believes; deterministic."""
+class ExtendedKalmanFilter:
+    """The filter and what it believes."""
 
-    def __init__(self, kind: Any, bodies: PendulumParameters,
-                 parameters: EstimatorParameters) -> None:
-        """Take the kind of model, of MODELS, the nominal bodies, and the noises."""
-        self.kind, self.nominal, self.parameters = kind, bodies, parameters
-        self.R = np.repeat((parameters.position_noise, parameters.velocity_noise), 3) ** 2
+    Parameters = KalmanParameters
+
+    def __init__(self, problem: Problem, parameters: KalmanParameters) -> None:
+        """Take the nominal model, and the noises."""
+        self.model, self.nominal, self.parameters = problem.model, problem.physical, parameters
+        n = problem.physical.links
+        self.size = len(problem.cost.S)             # of the state; z goes on with bias and p
+        names = parameter_names(n)
+        self.factors = 2 * n + 1                    # of p, the masses and lengths
+        self.names = names
+        self.R = np.repeat((parameters.position_noise, parameters.velocity_noise), n + 1) ** 2
         self.deviations = np.repeat(
             (parameters.force_bias, parameters.body_error, parameters.friction_error),
-            (1, len(SCALED), len(ADDED)))
+            (1, self.factors, n + 1))
         self.prior = self.deviations ** 2
-        self.far = MOVED * self.deviations[BODIES - BIAS:]
-        self.since, self.then = bodies, np.zeros(SIZE - BODIES)   # where the bodies were last
+        self.far = MOVED * self.deviations[1:]
         bound = np.repeat((math.inf, math.log(LARGEST_FACTOR), math.inf),
-                          (1, len(SCALED), len(ADDED)))
+                          (1, self.factors, n + 1))
         self.lowest, self.highest = -bound, bound
-        self.lowest[-len(ADDED):] = [-getattr(bodies, name) for name in ADDED]
-        self.bodies_0 = np.array([getattr(bodies, name) for name in SCALED + ADDED])
-        self.constants = np.array([getattr(bodies, name) for name in CONSTANT])
+        self.lowest[-(n + 1):] = [-friction for friction in self.nominal.frictions]
+        self.nominal_b = np.array([getattr(self.nominal, name) for name in names])
+        self.constants = np.array([*self.nominal.inertia_factors, self.nominal.gravity])
         self.reset()
 
     def reset(self) -> None:
-        """Forget everything but the nominal bodies."""
-        self.t, self.z, self.P = -math.inf, np.zeros(SIZE), np.zeros((SIZE, SIZE))
+        """Forget everything but the nominal parameters."""
+        k = self.size + len(self.prior)
+        self.t, self.z, self.P = -math.inf, np.zeros(k), np.zeros((k, k))
         self.refused = self.in_a_row = 0
 
     def update(self, t: float, x: Array, forces: list[Force]) -> Estimate:
-        """
-        Take the state measured at a time [s] after the last one, and say what is known of it.
-
-        forces are those that acted in between. Shapes: x (6,), finite, angles on any one turn.
-        """
+        """Take a measured state, and say what is known of it; see Estimator.update."""
         about = self.parameters
         if t - self.t > LONGEST_GAP:
             return self.begin(t, x)
-        # a push is told from an outlier by what it does to all six numbers
+        # a push is told from an outlier by what it does to all numbers of the state
         for push in (0.0, about.push):
             z, P = self.predicted(forces, push)
             known, variance = z.copy(), P.copy()
             distance = correct(x, self.R, known, variance)
             if distance <= about.gate:
-                known[BIAS:] = np.clip(known[BIAS:], self.lowest, self.highest)
+                known[self.size:] = np.clip(known[self.size:], self.lowest, self.highest)
                 self.in_a_row = 0
-                return self.believe(t, known, variance, x - z[:6], distance)
-        innovation = x - z[:6]
+                return self.believe(t, known, variance, x - z[:self.size], distance)
+        innovation = x - z[:self.size]
         self.refused, self.in_a_row = self.refused + 1, self.in_a_row + 1
         if self.in_a_row >= about.refusals or not np.all(np.isfinite(z)):
             return self.begin(t, x)._replace(innovation=innovation, distance=distance,
                                              accepted=False)
         return self.believe(t, z, P, innovation, distance)._replace(accepted=False)
 
-    def moved(self, since: PendulumParameters) -> bool:
-        """Tell whether the bodies are believed to be others now, by a share of their prior."""
-        if since is not self.since:
-            self.since, self.then = since, np.array(
-                [*(math.log(getattr(since, name) / getattr(self.nominal, name))
-                   for name in SCALED),
-                 *(getattr(since, name) - getattr(self.nominal, name) for name in ADDED)])
-        difference = np.abs(self.z[BODIES:] - self.then)
+    def has_moved(self, physical: PendulumParameters) -> bool:
+        """Return whether p is further from these parameters than a share of its prior."""
+        difference = np.abs(self.z[self.size + 1:] - self.p_of(physical))
         return bool((difference > self.far).any())
 
+    def p_of(self, physical: PendulumParameters) -> Array:
+        """Return the p of physical parameters: logarithms of ratios, then differences."""
+        values = np.array([getattr(physical, name) for name in self.names])
+        with np.errstate(divide='ignore', invalid='ignore'):
+            ratios = np.log(values[:self.factors] / self.nominal_b[:self.factors])
+        return np.concatenate((ratios, (values - self.nominal_b)[self.factors:]))
+
     def begin(self, t: float, x: Array) -> Estimate:
-        """Take a state as it is measured; bias and bodies stay, as uncertain as at first."""
+        """Take a state as it is measured; bias and p stay, as uncertain as at first."""
         self.in_a_row = 0
-        return self.believe(t, np.concatenate((x, self.z[BIAS:])),
-                            np.diag(np.concatenate((self.R, self.prior))), np.zeros(6), 0.0)
+        return self.believe(t, np.concatenate((x, self.z[self.size:])),
+                            np.diag(np.concatenate((self.R, self.prior))), np.zeros(self.size),
+                            0.0)
 
     def believe(self, t: float, z: Array, P: Array, innovation: Array,
                 distance: float) -> Estimate:
         """Keep a mean and a covariance, and report them."""
         self.t, self.z, self.P = t, z, P
-        return Estimate(z[:6].copy(), np.sqrt(np.diag(P)[:6]), innovation, distance,
-                        float(z[BIAS]), self.bodies(z), self.refused, accepted=True)
+        return Estimate(z[:self.size].copy(), self.physical(), float(z[self.size]), innovation,
+                        distance, self.refused, accepted=True)
 
     def predicted(self, forces: list[Force], push: float) -> tuple[Array, Array]:
         """Return mean and covariance after some forces, and a push [N] of unknown size."""
         z, P, about = self.z.copy(), self.P.copy(), self.parameters
         passed = sum(force.duration for force in forces)
         forget(self.prior, min(passed / about.memory, 1.0), P)
-        shifted = pendulums(self.bodies_0, self.constants, z)
-        pendulum = Pendulum(*shifted[0].tolist())
+        m = len(self.nominal_b)
+        b = np.empty((m + 1, m))
+        physical_of(self.nominal_b, self.factors, z, self.size + 1, b)
         for u, duration in forces:
             steps = steps_in(duration, LONGEST_STEP)
             if steps < 1:
                 continue
-            predict(self.kind.of(pendulum, duration / steps), shifted,
+            predict(self.model._replace(h=duration / steps), self.constants, b,
                     HELD * (about.force_noise ** 2 + push ** 2),
                     HELD * about.acceleration_noise ** 2, u, steps, z, P)
         return z, P
 
-    def bodies(self, z: Array) -> dict[str, float]:
-        """Return masses, lengths and frictions, by their names."""
-        p = z[BODIES:].tolist()
-        nominal = vars(self.nominal)
-        return {**{name: nominal[name] * math.exp(log) for name, log in zip(SCALED, p)},
-                **{name: nominal[name] + more for name, more in zip(ADDED, p[len(SCALED):])}}
+    def physical(self) -> PendulumParameters:
+        """Return the physical parameters that are believed in."""
+        p, b = self.z[self.size + 1:].tolist(), self.nominal_b.tolist()
+        return replace(self.nominal, **{
+            name: nominal * math.exp(each) if i < self.factors else nominal + each
+            for i, (name, nominal, each) in enumerate(zip(self.names, b, p))})
+
+
+def parameter_names(links: int) -> list[str]:
+    """Return the names of the estimated parameters: masses and lengths, then frictions."""
+    count = range(1, links + 1)
+    return ['cart_mass', *(f'link{i}_mass' for i in count), *(f'link{i}_length' for i in count),
+            'cart_friction', *(f'joint{i}_friction' for i in count)]
+
+
+ESTIMATORS: dict[str, Any] = registry('dp_swing_ros.estimators', none=Direct,
+                                      ekf=ExtendedKalmanFilter)

@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from dp_swing_ros.pendulum.state import Array, JOINTS, UNITS
+from dp_swing_ros.pendulum.state import Array, joints, units
 
 LARGEST_TURNS = 1000      # of a joint; no swing-up winds up so far
 LARGEST_SPEED = 100.0     # [m/s, rad/s]; falling from upright to hanging makes some 12 rad/s
@@ -25,13 +25,15 @@ WINDOW = 0.5              # [s] for which the model is asked
 Predict = Callable[[Array, float, float], Array]
 
 
-class Plausibility:
+class MessageFilter:
     """Rejects states out of range, and frozen ones; remembers the last half second of states."""
 
-    def __init__(self, track_limit: float) -> None:
-        """Take the end of the track [m], infinite for none."""
+    def __init__(self, links: int, track_limit: float) -> None:
+        """Take the number of links, and the end of the track [m], infinite for none."""
         angle = LARGEST_TURNS * 2 * math.pi
-        self.range = np.array([TRACKS * track_limit, angle, angle] + [LARGEST_SPEED] * 3)
+        self.joints, self.units = joints(links), units(links)
+        self.range = np.array([TRACKS * track_limit, *[angle] * links,
+                               *[LARGEST_SPEED] * (links + 1)])
         self.past: deque[tuple[float, Array]] = deque()
 
     def reset(self) -> None:
@@ -42,14 +44,16 @@ class Plausibility:
         """
         Return why a state measured at a time [s] cannot be; nothing where it can.
 
-        predict(x, t, until) is the state at a later time under the forces sent. Shapes: x (6,).
+        predict(x, t, until) is the state at a later time under the forces sent. Shapes: x
+        (2n + 2,).
         """
         beyond = np.flatnonzero(np.abs(x) > self.range)
         if len(beyond) > 0:
             i = int(beyond[0])
-            kind = 'position' if i < len(JOINTS) else 'velocity'
-            return (f'the {kind} of {JOINTS[i % len(JOINTS)]} is {x[i]:g} {UNITS[i]}; expected at '
-                    f'most {self.range[i]:g} {UNITS[i]} either way')
+            kind = 'position' if i < len(self.joints) else 'velocity'
+            joint, unit = self.joints[i % len(self.joints)], self.units[i]
+            return (f'the {kind} of {joint} is {x[i]:g} {unit}; expected at most '
+                    f'{self.range[i]:g} {unit} either way')
         while self.past and self.past[0][0] < t - WINDOW:
             self.past.popleft()
         self.past.append((t, x))
@@ -57,16 +61,16 @@ class Plausibility:
 
     def frozen(self, x: Array, predict: Predict) -> str:
         """Return what has not moved though the model did; nothing where all moves."""
-        same = np.array([past == x for _, past in self.past])   # (n, 6)
+        same = np.array([past == x for _, past in self.past])   # (count, 2n + 2)
         for count, columns, limit in (
-                (_repeated(np.asarray(same.all(axis=1))), range(len(JOINTS)), STILL),
-                *((_repeated(same[:, i]), [i], STUCK) for i in range(len(JOINTS)))):
+                (_repeated(np.asarray(same.all(axis=1))), range(len(self.joints)), STILL),
+                *((_repeated(same[:, i]), [i], STUCK) for i in range(len(self.joints)))):
             if count == 1:
                 continue
             (since, before), (t, _) = self.past[-count], self.past[-1]
             moved = np.abs(predict(before, since, t) - x)[columns]
             if moved.max() > limit:
-                what = JOINTS[columns[0]] if len(columns) == 1 else 'whole state'
+                what = self.joints[columns[0]] if len(columns) == 1 else 'whole state'
                 return (f'the {what} has stood still to the bit for {t - since:.2f} s; expected '
                         'it to move under the forces sent')
         return ''

@@ -3,41 +3,42 @@
 """
 The receding horizon: from every state a plan, warm-started by the one before.
 
-The measured state is first rolled forward, under the forces already sent, to the time at which
-the new force will act; an estimator filters it before, and tells the bodies that the problem is
-then solved for. From there the last plan is followed as a policy (its gains about its states, the
+    state -> message filter -> estimator -> delay compensation -> starts -> solver -> force
+                                                                              | failed
+                                                                              v
+                                                                           fallback
+
+The estimated state is predicted, under the forces already sent, to the time at which the new force
+will act. From there the last plan is followed as a policy (its gains about its states, the
 regulator past its end): forces alone, shifted, diverge on an unstable plant. Where states come
 faster than the steps of a plan, the plan of a whole step ago is followed instead if it is cheaper.
 Beside it there are other starts; the cheapest plan is obeyed.
 
-A state that cannot be is predicted through; after `carry_over` without a state to believe,
-whatever the reason, the force is zero.
+A state that is rejected is predicted through; after `carry_over` without one to believe, whatever
+the reason, the force is zero.
 """
 
-from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from itertools import chain
 import math
 import time
 
 import numpy as np
 
-from dp_swing_ros.control.estimator import Estimate, Estimator, EstimatorParameters, Force
-from dp_swing_ros.control.message_filter import Plausibility
-from dp_swing_ros.control.starts import plan_of, solved, StartParameters, Starts
+from dp_swing_ros.control.estimator import Estimate, Estimator, ESTIMATORS
+from dp_swing_ros.control.message_filter import MessageFilter
+from dp_swing_ros.control.sent_forces import RESOLUTION, SentForces
+from dp_swing_ros.control.starts import solved, StartParameters, Starts
 from dp_swing_ros.parameters import parameter, Parameters
-from dp_swing_ros.pendulum.state import Array, HANGING, is_upright, LEANING, to_turn_of
-from dp_swing_ros.pendulum.trajectory import hold
+from dp_swing_ros.pendulum.state import Array, hanging, is_upright, to_turn_of, upright
 from dp_swing_ros.problem.plan import Plan, Status
-from dp_swing_ros.problem.problem import policy_rollout, Problem, regulator_rollout
+from dp_swing_ros.problem.problem import plan_of, policy_rollout, Problem, regulator_rollout
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.solvers.solver import Solver
 from dp_swing_ros.streams import Stream, stream
 
-REMEMBERED = 64  # forces sent, for the roll forward
-RESOLUTION = 1e-6  # [s] of times since 1970, as they are held
 OVERTAKEN = 0.5  # [s] a state older than the last by more than this is none that was overtaken
+LEANING = 0.2    # [rad] of link 1, so far that the regulator would drop it
 
 
 @dataclass(frozen=True)
@@ -61,18 +62,35 @@ class MpcParameters(StartParameters):
         minimum=0.0, finite=False)
     estimator: str = parameter(
         'ekf', 'none: a state is taken as it is measured; ekf: an extended Kalman filter on the '
-        'model, which also estimates bodies and a force bias', choices=lambda: ['none', 'ekf'])
+        'model, which also estimates physical parameters and a force bias',
+        choices=lambda: sorted(ESTIMATORS))
+
+
+Search = Callable[['RecedingHorizon', Array, Iterable[Plan], float], list[Plan]]
+
+
+def search(controller: 'RecedingHorizon', x_0: Array, starts: Iterable[Plan],
+           deadline: float) -> list[Plan]:
+    """Return a plan from each start while there is time, from one at least."""
+    plans = list[Plan]()
+    for start in starts:
+        plans.append(solved(controller.solver, controller.problem, x_0, start, deadline))
+        if time.perf_counter() > deadline:
+            break
+    return plans
 
 
 class RecedingHorizon:
-    """Solves at every tick; remembers the last plan, the last state and the forces sent."""
+    """Solves at every tick; remembers the last plans, the last state and the forces sent."""
 
     def __init__(self, problem: Problem, parameters: MpcParameters, solver: Parameters,
-                 estimator: EstimatorParameters = EstimatorParameters()) -> None:
+                 estimator: Parameters | None = None) -> None:
         """Take the problem, how it is solved, and the parameters of solver and estimator."""
         self.nominal, self.parameters, self.solver_parameters = problem, parameters, solver
-        self.estimator = Estimator(type(problem.model), problem.bodies, estimator)
-        self.plausibility = Plausibility(problem.given[0].track_limit)
+        self.search: Search = search
+        kind = ESTIMATORS[parameters.estimator]
+        self.estimator: Estimator = kind(problem, estimator or kind.Parameters())
+        self.message_filter = MessageFilter(problem.physical.links, problem.given[0].track_limit)
         self.reset()
 
     def reset(self) -> None:
@@ -82,137 +100,107 @@ class RecedingHorizon:
         self.solver = self.build(self.problem)
         self.starts = Starts(self.problem, self.parameters, self.parameters.seed, self.build)
         self.estimator.reset()
-        self.plausibility.reset()
+        self.message_filter.reset()
         self.estimate: Estimate | None = None
         self.rejection = ''                 # why the last state was not believed
         self.believed = -math.inf           # [s] when the force for the last believed state acts
         self.first = math.inf               # [s] time of the first measurement
-        # of the last step, the newest at the end: [s] time of the first state, and the plan
-        self.plans: list[tuple[float, Plan]] = []
         self.latest = -math.inf             # [s] time of the last measurement
         self.t = -math.inf                  # [s] time of the last one that was used
-        self.x: Array | None = None         # and what was measured
-        self.sent: deque[tuple[float, float]] = deque(maxlen=REMEMBERED)  # (from when, force)
+        self.x: Array | None = None         # and what is believed of it
+        # of the last step, the newest at the end: [s] time of the first state, and the plan
+        self.plans: list[tuple[float, Plan]] = []
+        self.forces = SentForces()
 
-    def build(self, problem: Problem) -> Solver:
+    def build(self, problem: Problem, parameters: Parameters | None = None) -> Solver:
         """Build the solver for a problem; its random numbers go on."""
         solver: Solver = SOLVERS[self.parameters.solver](
-            problem, self.solver_parameters, self.random)
+            problem, parameters or self.solver_parameters, self.random)
         return solver
 
-    def pose(self, problem: Problem) -> None:
+    def set_problem(self, problem: Problem) -> None:
         """Solve another problem from now on."""
         self.problem = problem
         self.solver = self.build(problem)
-        self.starts.pose(problem)
+        self.starts.set_problem(problem)
 
-    def update(self, t: float, x: Array, delay: float = 0.0, deadline: float = math.inf,
-               solves: Sequence[int] | None = None) -> Plan:
+    def update(self, t: float, x: Array, delay: float = 0.0, deadline: float = math.inf) -> Plan:
         """
         Return the plan that begins with the force to send now.
 
         t is the time of the measurement x [s], delay its age when the force will act [s], and
-        deadline in seconds of time.perf_counter(). To repeat a tick that a deadline cut short,
-        solves are its iterations, solve by solve. Where the solve fails, `stand_in` does. A state
-        that a later one overtook adds nothing; a time before the run's first, or long before the
-        last, is a new run. A state that is not believed is told by `rejection`. Shapes: x (6,).
-        Raises ValueError where x is not finite.
+        deadline in seconds of time.perf_counter(). Where the solve fails, it is the fallback. A
+        state that a later one overtook adds nothing; a time before the run's first, or long before
+        the last, is a new run. Why a state is not believed is in `rejection`. Shapes: x
+        (2n + 2,). Raises ValueError where x is not finite.
         """
         began, begins = time.perf_counter(), t + delay
-        measured = self.observe(t, x)
+        believed = self.observe(t, x)
         if not self.rejection:
             self.believed = begins
-        if measured is None or self.is_blind(begins):
-            return self.let_go(begins)
-        x_0 = self.roll_forward(measured, self.t, begins)
-        plan = self.solve(x_0, self.rests(begins), deadline, solves)
-        if not plan.usable:
-            instead = self.stand_in(begins, x_0)
-            return replace(instead, stats=instead.stats._replace(solves=plan.stats.solves))
-        return self.remember(replace(plan, stats=plan.stats._replace(
+        if believed is None or self.is_blind(begins):
+            return self.zero_force(begins)
+        x_0 = self.forces.predict(self.problem.model, believed, self.t, begins)
+        plans = self.search(self, x_0, self.starts.of(x_0, self.rests(begins)), deadline)
+        best = min(plans, key=lambda plan: plan.stats.cost if plan.usable else math.inf)
+        solves = tuple(plan.stats.iterations for plan in plans)
+        if not best.usable:
+            instead = self.fallback(begins, x_0)
+            return replace(instead, stats=instead.stats._replace(solves=solves))
+        return self.send(replace(best, stats=best.stats._replace(
+            iterations=sum(solves), solves=solves,
             solve_time=time.perf_counter() - began)), begins)
 
-    def solve(self, x_0: Array, rests: Sequence[Plan], deadline: float,
-              solves: Sequence[int] | None = None) -> Plan:
-        """Solve from each start while there is time; return the cheapest usable plan."""
-        plans = list[Plan]()
-        for start in self.starts.of(x_0, rests):
-            if solves is None:
-                plan = solved(self.solver, self.problem, x_0, start, deadline)
-            else:
-                plan = self.solved_in(solves[len(plans)], x_0, start)
-            plans.append(plan)
-            if time.perf_counter() > deadline or solves is not None and len(plans) == len(solves):
-                break
-        best = min(plans, key=lambda plan: plan.stats.cost if plan.usable else math.inf)
-        iterations = tuple(plan.stats.iterations for plan in plans)
-        return replace(best, stats=best.stats._replace(
-            iterations=sum(iterations), solves=iterations))
-
-    def solved_in(self, iterations: int, x_0: Array, start: Plan) -> Plan:
-        """Solve from a start in so many iterations at most."""
-        if iterations == 0:
-            return solved(self.solver, self.problem, x_0, start, -math.inf)
-        limited = replace(self.solver_parameters, iterations=iterations)  # type: ignore[call-arg]
-        solver = SOLVERS[self.parameters.solver](self.problem, limited, self.random)
-        return solved(solver, self.problem, x_0, start, math.inf)
-
     def is_blind(self, begins: float) -> bool:
-        """Tell whether a force from a time on [s] comes too long after the last believed state."""
+        """Return whether a time [s] is too long after the last believed state for a force."""
         return begins - self.believed > self.parameters.carry_over + RESOLUTION
 
     def observe(self, t: float, x: Array) -> Array | None:
-        """Take a measurement; return the state at the time of the newest, None before one."""
+        """Take a measurement; return the newest believed state, None before one."""
         x = np.asarray(x, dtype=float)
-        if x.shape != (6,) or not np.all(np.isfinite(x)):
-            raise ValueError(f'the state is {x}; expected six finite numbers')
+        size = len(self.nominal.cost.S)
+        if x.shape != (size,) or not np.all(np.isfinite(x)):
+            raise ValueError(f'the state is {x}; expected {size} finite numbers')
         if t < self.latest and t <= max(self.first, self.latest - OVERTAKEN):
             self.reset()
         if t <= self.latest:
             return self.x
         self.first, self.latest = min(self.first, t), t
-        self.rejection = self.plausibility.rejection(t, x, self.roll_forward)
+        self.rejection = self.message_filter.rejection(t, x, self.predict)
         if self.rejection:
             return self.x
+        since = []
         if self.x is not None:
             x = to_turn_of(x, self.x)   # where an encoder wraps, the angle goes on
-        if self.parameters.estimator == 'ekf':
-            x = self.estimated(t, x)
+            since = self.forces.between(self.t, t)
+        self.estimate = self.estimator.update(t, x, since)
+        if self.estimate is not None:
+            x = self.accept(self.estimate)
         self.t, self.x = t, x
         return x
 
-    def estimated(self, t: float, x: Array) -> Array:
-        """Return the state as it is estimated, and solve for the bodies as they are."""
-        self.estimate = self.estimator.update(t, x, self.forces_between(self.t, t))
-        if not self.estimate.accepted:
-            self.rejection = (f'the state is {self.estimate.distance:.3g} deviations from its '
+    def predict(self, x: Array, t: float, until: float) -> Array:
+        """Return the state at a later time [s] under the forces already sent."""
+        return self.forces.predict(self.problem.model, x, t, until)
+
+    def accept(self, estimate: Estimate) -> Array:
+        """Return the estimated state, and solve for the pendulum as it is believed to be."""
+        if not estimate.accepted:
+            self.rejection = (f'the state is {estimate.distance:.3g} deviations from its '
                               'prediction; the estimator refuses it')
-        if self.estimator.moved(self.problem.bodies):
-            self.pose(self.nominal.with_bodies(replace(
-                self.nominal.bodies, **self.estimate.bodies)))
-        return self.estimate.x
+        if self.estimator.has_moved(self.problem.physical):
+            self.set_problem(self.nominal.with_physical(estimate.physical))
+        return estimate.x
 
-    def warm_up(self) -> float:
-        """Compile all that a tick needs, on a copy of the controller, and return the time [s]."""
-        began = time.perf_counter()
-        twin = RecedingHorizon(self.nominal, self.parameters, self.solver_parameters)
-        for x in (LEANING, HANGING):    # the catch is for the one, random starts for the other
-            twin.reset()
-            for n in range(3):
-                # a state that stands still would be refused, and the estimator left out
-                twin.update(n * self.problem.dt, np.array(x) + 1e-3 * n, delay=1e-3)
-        twin.stand_in(3 * self.problem.dt)
-        return time.perf_counter() - began
-
-    def stand_in(self, begins: float, x_0: Array | None = None) -> Plan:
+    def fallback(self, begins: float, x_0: Array | None = None) -> Plan:
         """
         Return a plan without a solve: the last one's policy, else the regulator, else zero force.
 
-        begins is the time at which its first force will act [s]; without a state x_0 (6,) the
-        last plan's own prediction stands in for it.
+        begins is the time at which its first force will act [s]; without a state x_0 (2n + 2,)
+        the last plan's own prediction is taken.
         """
         if self.is_blind(begins):
-            return self.let_go(begins, x_0)
+            return self.zero_force(begins, x_0)
         problem = self.problem
         left = self.left_over(begins)
         if x_0 is None and left is not None:
@@ -220,43 +208,21 @@ class RecedingHorizon:
         if x_0 is not None and left is not None:
             _, X, U, _ = policy_rollout(problem, x_0, left.X, left.U, left.K)
             if np.all(np.isfinite(X)):
-                return self.remember(plan_of(problem, X, U, Status.LAST_POLICY), begins)
+                return self.send(plan_of(problem, X, U, Status.LAST_POLICY), begins)
         if x_0 is not None:
             _, X, U, _ = regulator_rollout(problem, x_0)
             # Far from the reference the regulator would only drive the cart into the end stop.
-            if is_upright(X[-1] - problem.cost.x_r):
-                return self.remember(plan_of(problem, X, U, Status.REGULATOR), begins)
-        return self.let_go(begins, x_0)
+            if is_upright(X[-1] - problem.x_r):
+                return self.send(plan_of(problem, X, U, Status.REGULATOR), begins)
+        return self.zero_force(begins, x_0)
 
-    def let_go(self, begins: float, x_0: Array | None = None) -> Plan:
+    def zero_force(self, begins: float, x_0: Array | None = None) -> Plan:
         """Return a plan of zero force from a time on [s]."""
         N = self.problem.horizon
-        X = np.tile(self.problem.cost.x_r if x_0 is None else x_0, (N + 1, 1))
-        self.sent.append((begins, 0.0))
+        X = np.tile(self.problem.x_r if x_0 is None else x_0, (N + 1, 1))
+        self.forces.add(begins, 0.0)
         self.plans = []    # it predicts nothing, so the next tick is a first one
         return plan_of(self.problem, X, np.zeros(N), Status.ZERO)
-
-    def roll_forward(self, x: Array, t: float, until: float) -> Array:
-        """Predict the state at a later time under the forces already sent."""
-        for force in self.forces_between(t, until):
-            x = hold(self.problem.model, x, force.u, force.duration)
-        return x
-
-    def forces_between(self, t: float, until: float) -> list[Force]:
-        """Return the forces that act between two times [s]; before the first sent it is zero."""
-        forces: list[Force] = []
-        for begins, u in chain(reversed(self.sent), [(t, 0.0)]):   # what was sent later replaces
-            if until - t <= RESOLUTION:
-                break
-            begins = max(begins, t)
-            if until - begins > RESOLUTION:
-                forces.insert(0, Force(u, until - begins))
-                until = begins
-        return forces
-
-    def obeyed(self, force: float) -> None:
-        """Tell that at the last tick another force [N] was sent than that of its plan."""
-        self.sent[-1] = (self.sent[-1][0], force)
 
     def rests(self, begins: float) -> list[Plan]:
         """
@@ -279,9 +245,28 @@ class RecedingHorizon:
         left = plan.shifted(begins - began)
         return left if len(left.U) > 0 else None
 
-    def remember(self, plan: Plan, begins: float) -> Plan:
-        """Keep the plan for the next tick, and the force that it begins with."""
+    def send(self, plan: Plan, begins: float) -> Plan:
+        """Remember the plan for the next tick, and the force that it begins with."""
         step_ago = begins - self.problem.dt
         self.plans = [each for each in self.plans if each[0] >= step_ago] + [(begins, plan)]
-        self.sent.append((begins, float(plan.U[0])))
+        self.forces.add(begins, float(plan.U[0]))
         return plan
+
+    def warm_up(self) -> float:
+        """Compile all that a tick needs, on a copy of the controller, and return the time [s]."""
+        began = time.perf_counter()
+        twin = RecedingHorizon(self.nominal, self.parameters, self.solver_parameters)
+        for x in starts_to_warm_up(self.nominal.physical.links):
+            twin.reset()
+            for n in range(3):
+                # a state that stands still would be refused, and the estimator left out
+                twin.update(n * self.problem.dt, x + 1e-3 * n, delay=1e-3)
+        twin.fallback(3 * self.problem.dt)
+        return time.perf_counter() - began
+
+
+def starts_to_warm_up(links: int) -> tuple[Array, Array]:
+    """Return two states of which the one needs what the other does not: leaning, and hanging."""
+    leaning = upright(links)
+    leaning[1] = LEANING
+    return leaning, hanging(links)

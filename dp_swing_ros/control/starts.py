@@ -15,13 +15,13 @@ import math
 
 import numpy as np
 
-from dp_swing_ros.control.bounded_lqr import Catch
+from dp_swing_ros.control.bounded_lqr import BoundedLQR
 from dp_swing_ros.parameters import parameter, Parameters
+from dp_swing_ros.pendulum.model import rollout
 from dp_swing_ros.pendulum.state import Array, is_upright
-from dp_swing_ros.pendulum.trajectory import rollout
-from dp_swing_ros.problem.cost import trajectory_cost
-from dp_swing_ros.problem.plan import Plan, SolverStats, Status
-from dp_swing_ros.problem.problem import policy_rollout, Problem, regulator_rollout, turns_of
+from dp_swing_ros.problem.plan import Plan, Status
+from dp_swing_ros.problem.problem import (
+    plan_of, policy_rollout, Problem, regulator_rollout, turns_of)
 from dp_swing_ros.solvers.solver import Solver
 from dp_swing_ros.streams import Stream, stream
 
@@ -49,18 +49,6 @@ class StartParameters(Parameters):
         'paper', minimum=0, maximum=1000)
 
 
-def plan_of(problem: Problem, X: Array, U: Array, status: Status,
-            K: Array | None = None) -> Plan:
-    """
-    Make a plan that no solver made; without gains, one without feedback.
-
-    Shapes: X (T + 1, 6), U (T,), K (T, 6).
-    """
-    J = trajectory_cost(problem.cost, X, U)
-    return Plan(X, U, np.zeros((len(U), 6)) if K is None else K, problem.dt,
-                SolverStats(status, J, 0, 0.0))
-
-
 def solved(solver: Solver, problem: Problem, x_0: Array, start: Plan, deadline: float) -> Plan:
     """Solve from a start, the goal on the turn where it ends; see Solver.solve."""
     turns = turns_of(problem, start.X[-1])
@@ -77,23 +65,23 @@ class Starts:
                  build: Callable[[Problem], Solver]) -> None:
         """Take what is to be solved, and how to build its solver for a shorter horizon."""
         self.parameters, self.build = parameters, build
-        self.pose(problem)
+        self.set_problem(problem)
         self.random_forces = stream(seed, Stream.STARTS)
-        self.first_kinds = (self.catch, self.regulator, self.rest)
-        self.later_kinds = cycle((self.catch, self.random, self.regulator))
+        self.first_kinds = (self.bounded_lqr, self.regulator, self.rest)
+        self.later_kinds = cycle((self.bounded_lqr, self.random, self.regulator))
 
-    def pose(self, problem: Problem) -> None:
+    def set_problem(self, problem: Problem) -> None:
         """Start for another problem from now on."""
         self.problem = problem
         self.short = replace(problem, horizon=min(problem.horizon, SHORT))
         self.scout = self.build(self.short) if problem.horizon > SHORT else None
-        self.bounded: Catch | None = None   # made when needed: it takes a millisecond
+        self.bounded: BoundedLQR | None = None   # made when needed: it takes a millisecond
 
     def of(self, x_0: Array, rests: Sequence[Plan]) -> Iterator[Plan]:
         """
         Yield the starts of a tick from what is left of the last plans, none at a first tick.
 
-        Shapes: x_0 (6,).
+        Shapes: x_0 (2n + 2,).
         """
         if not rests:
             yield self.first(x_0)
@@ -101,7 +89,7 @@ class Starts:
             plans = self.plans(chain(self.first_kinds, repeat(self.random)), x_0, count)
         else:
             yield self.last(x_0, rests)
-            if is_upright(x_0 - self.problem.cost.x_r):
+            if is_upright(x_0 - self.problem.x_r):
                 return
             plans = self.plans(self.later_kinds, x_0, self.parameters.other_starts)
         yield from plans
@@ -135,12 +123,12 @@ class Starts:
         return left if costs[best] <= regulator.J else replace(
             left, X=regulator.X + turn, U=regulator.U, K=regulator.K)
 
-    def catch(self, x_0: Array) -> Plan | None:
-        """Return the regulator for a bounded force, None out of its reach."""
-        self.bounded = self.bounded or Catch(self.short)
-        caught = self.bounded.start(x_0)
-        return None if caught is None else plan_of(
-            self.short, caught.X, caught.U, Status.COMPLETE, caught.K)
+    def bounded_lqr(self, x_0: Array) -> Plan | None:
+        """Follow the regulator for a bounded force; None out of its reach."""
+        self.bounded = self.bounded or BoundedLQR(self.short)
+        found = self.bounded.start(x_0)
+        return None if found is None else plan_of(
+            self.short, found.X, found.U, Status.COMPLETE, found.K)
 
     def regulator(self, x_0: Array) -> Plan:
         """Follow the regulator."""

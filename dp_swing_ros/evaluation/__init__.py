@@ -1,3 +1,3 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What runs are judged by, and the campaigns of many."""
+"""Metrics of runs, and campaigns of many."""

@@ -15,11 +15,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dp_swing_ros.control.starts import plan_of
-from dp_swing_ros.pendulum.state import Array, HANGING, is_upright, to_turn_of, UPRIGHT
-from dp_swing_ros.pendulum.trajectory import hold, rollout
+from dp_swing_ros.pendulum.derivatives import linearisation
+from dp_swing_ros.pendulum.model import hold, rollout
+from dp_swing_ros.pendulum.state import Array, hanging, is_upright, to_turn_of
 from dp_swing_ros.problem.plan import Plan, SolverStats, Status
-from dp_swing_ros.problem.problem import linearisation, policy_rollout, Problem
+from dp_swing_ros.problem.problem import plan_of, policy_rollout, Problem
 from dp_swing_ros.simulation.closed_loop import Controller
 from dp_swing_ros.solvers.ilqr import ILQR
 
@@ -34,7 +34,7 @@ class Reference(NamedTuple):
     """A swing-up as a policy, and what it costs to start off it: eᵀ V e with e = x - X[0]."""
 
     plan: Plan
-    V: Array  # (6, 6)
+    V: Array  # (2n + 2, 2n + 2)
 
 
 def swing_up(problem: Problem) -> Reference:
@@ -47,7 +47,7 @@ def swing_up(problem: Problem) -> Reference:
     bound = MARGIN * min(problem.u_max, 1e3)  # an unlimited force needs no margin
     long = replace(problem, horizon=N, u_max=bound)
     solver = ILQR(long, ILQR.Parameters(iterations=ITERATIONS))
-    random, x_0 = np.random.default_rng(0), np.array(HANGING)
+    random, x_0 = np.random.default_rng(0), hanging(problem.physical.links)
     found: list[Reference] = []
     for _ in range(STARTS):
         U = random.uniform(-1, 1, N) * min(bound, 10.0)
@@ -61,9 +61,9 @@ def swing_up(problem: Problem) -> Reference:
 
 
 def is_held(problem: Problem, reference: Reference) -> bool:
-    """Tell whether the regulated swing-up ends upright in finer steps and short of the margin."""
-    fine = type(problem.model).of(problem.model.pendulum, FINE)
-    controller, x = TVLQR(problem, reference), np.array(HANGING)
+    """Return whether it ends upright in finer steps, short of the margin, where regulated."""
+    fine = problem.model._replace(h=FINE)
+    controller, x = TVLQR(problem, reference), hanging(problem.physical.links)
     for n in range(2 * len(reference.plan.U)):
         force = controller.update(n * problem.dt, x, 0.0).U[0]
         x = hold(fine, x, force, problem.dt)
@@ -110,20 +110,20 @@ class TVLQR:
         _, X, U, _ = policy_rollout(self.problem, x, left.X + turns, left.U, left.K)
         return self.answer(X, U, Status.CONVERGED, t + delay, began)
 
-    def stand_in(self, begins: float) -> Plan:
-        """Go on with what the last answer predicted; see Controller.stand_in."""
+    def fallback(self, begins: float) -> Plan:
+        """Go on with what the last answer predicted; see Controller.fallback."""
         began = time.perf_counter()
         if self.last is None:
-            X, U = np.tile(HANGING, (2, 1)), np.zeros(1)
+            X, U = np.tile(hanging(self.problem.physical.links), (2, 1)), np.zeros(1)
         else:
             left = self.last.shifted(min(begins - self.began, self.last.duration - self.last.dt))
             X, U = left.X, left.U
         return self.answer(X, U, Status.LAST_POLICY, begins, began)
 
     def skips(self, x: Array) -> bool:
-        """Tell whether a start (6,) is nearer to the goal, as the regulators measure it."""
-        from_start = to_turn_of(x - self.reference.plan.X[0], np.array(UPRIGHT))
-        from_goal = to_turn_of(x - self.problem.cost.x_r, np.array(UPRIGHT))
+        """Return whether a start (2n + 2,) is nearer to the goal, as the regulators measure it."""
+        from_start = to_turn_of(x - self.reference.plan.X[0], np.zeros(len(x)))
+        from_goal = to_turn_of(x - self.problem.x_r, np.zeros(len(x)))
         return bool(from_goal @ self.problem.lqr.P @ from_goal
                     < from_start @ self.reference.V @ from_start)
 
@@ -145,12 +145,12 @@ class Nothing:
 
     def update(self, t: float, x: Array, delay: float) -> Plan:
         """Return a plan of zero force that predicts nothing; see Controller.update."""
-        return Plan(np.tile(x, (2, 1)), np.zeros(1), np.zeros((1, 6)), self.problem.dt,
+        return Plan(np.tile(x, (2, 1)), np.zeros(1), np.zeros((1, len(x))), self.problem.dt,
                     SolverStats(Status.COMPLETE, math.nan, 0, 0.0))
 
-    def stand_in(self, begins: float) -> Plan:
-        """Return the same without a state; see Controller.stand_in."""
-        return self.update(begins, np.array(HANGING), 0.0)
+    def fallback(self, begins: float) -> Plan:
+        """Return the same without a state; see Controller.fallback."""
+        return self.update(begins, hanging(self.problem.physical.links), 0.0)
 
 
 def tvlqr(problem: Problem) -> Callable[[int], Controller]:

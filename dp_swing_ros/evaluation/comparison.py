@@ -1,6 +1,6 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What many runs say together: rates with their intervals, spreads, and runs in pairs."""
+"""Statistics of many runs: rates with their intervals, spreads, and runs in pairs."""
 
 from collections.abc import Callable, Mapping, Sequence
 import dataclasses
@@ -12,6 +12,7 @@ from scipy.stats import binomtest, bootstrap
 
 from dp_swing_ros.evaluation.metrics import Metrics
 from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.tables import aligned
 
 CONFIDENCE = 0.95
 RESAMPLES = 2000  # of a bootstrap
@@ -68,14 +69,9 @@ def paired(a: Array, b: Array) -> Paired:
     Shapes: a and b (N,), NaN where unknown. Source: Efron and Tibshirani, "An Introduction to the
     Bootstrap", 1993, 13 (percentile intervals).
     """
-    difference = np.asarray(a, dtype=float) - np.asarray(b, dtype=float)
-    difference = difference[np.isfinite(difference)]
-    if len(difference) < 2:
-        return Paired(len(difference), *((float(np.median(difference)) if len(difference) else
-                                          math.nan), math.nan, math.nan, math.nan))
-    low, high = _bootstrap(difference, np.median)
-    return Paired(len(difference), float(np.median(difference)), low, high, sign_test(
-        int(np.sum(difference > 0)), int(np.sum(difference < 0))))
+    apart = _known(np.asarray(a, dtype=float) - np.asarray(b, dtype=float))
+    p = sign_test(int(np.sum(apart > 0)), int(np.sum(apart < 0))) if len(apart) > 1 else math.nan
+    return Paired(len(apart), *_bootstrapped(apart, np.median), p)
 
 
 def paired_ratio(a: Array, b: Array) -> Ratio:
@@ -84,20 +80,23 @@ def paired_ratio(a: Array, b: Array) -> Ratio:
 
     Shapes: a and b (N,), NaN where unknown. Source as of `paired`.
     """
-    logarithm = np.log(np.asarray(a, dtype=float) / np.asarray(b, dtype=float))
-    logarithm = logarithm[np.isfinite(logarithm)]
-    if len(logarithm) < 2:
-        return Ratio(len(logarithm), math.nan, math.nan, math.nan)
-    low, high = _bootstrap(logarithm, np.mean)
-    return Ratio(len(logarithm), math.exp(np.mean(logarithm)), math.exp(low), math.exp(high))
+    logarithm = _known(np.log(np.asarray(a, dtype=float) / np.asarray(b, dtype=float)))
+    return Ratio(len(logarithm), *map(math.exp, _bootstrapped(logarithm, np.mean)))
 
 
-def _bootstrap(values: Array, statistic: Callable[..., Any]) -> tuple[float, float]:
-    """Return the percentile interval of a statistic."""
+def _known(values: Array) -> Array:
+    return values[np.isfinite(values)]
+
+
+def _bootstrapped(values: Array, statistic: Callable[..., Any]) -> tuple[float, float, float]:
+    """Return a statistic and its percentile interval, NaN where there are too few values."""
+    value = float(statistic(values)) if len(values) else math.nan
+    if len(values) < 2:
+        return value, math.nan, math.nan
     interval = bootstrap(
         (values,), statistic, confidence_level=CONFIDENCE, n_resamples=RESAMPLES, batch=100,
         method='percentile', random_state=np.random.default_rng(0)).confidence_interval
-    return float(interval.low), float(interval.high)
+    return value, float(interval.low), float(interval.high)
 
 
 def sign_test(first: int, second: int) -> float:
@@ -118,7 +117,7 @@ def spread(runs: Sequence[Metrics]) -> dict[str, Metrics]:
 
 
 def _of_runs(reduce: Callable[[Array], Any], values: list[Any]) -> Any:
-    """Reduce the values that runs could tell."""
+    """Reduce the values that are known."""
     kind, known = type(values[0]), [value for value in values if not math.isnan(value)]
     return kind(reduce(np.array(known, dtype=float))) if known else math.nan
 
@@ -139,19 +138,8 @@ def table(runs: Mapping[str, Metrics]) -> str:
     return aligned([['', 'unit', *runs], *rows(list(runs.values())).values()], names=2)
 
 
-def aligned(rows: Sequence[Sequence[str]], names: int) -> str:
-    """Return a Markdown table, its head first; all but the first columns are numbers."""
-    widths = [max(map(len, column)) for column in zip(*rows)]
-    lines = ['| ' + ' | '.join(
-        cell.rjust(width) if column >= names else cell.ljust(width)
-        for column, (cell, width) in enumerate(zip(row, widths))) + ' |' for row in rows]
-    rule = '|'.join('-' * (width + 1) + (':' if column >= names else '-')
-                    for column, width in enumerate(widths))
-    return '\n'.join([lines[0], f'|{rule}|', *lines[1:]])
-
-
 def rows(runs: Sequence[Metrics]) -> dict[str, list[str]]:
-    """Return by the name of each metric what a table says of it: label, unit, and each run's."""
+    """Return by the name of each metric its cells in a table: label, unit, and each run's."""
     return {field.name: [field.metadata['label'], field.metadata['unit'],
                          *(_text(getattr(run, field.name), field.metadata) for run in runs)]
             for field in dataclasses.fields(Metrics)}

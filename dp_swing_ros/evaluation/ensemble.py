@@ -11,11 +11,11 @@ import numpy as np
 
 from dp_swing_ros.evaluation.comparison import Rate, rate
 from dp_swing_ros.evaluation.metrics import measure, Metrics
-from dp_swing_ros.pendulum.state import ANGLES, Array, is_upright, to_turn_of, UPRIGHT
+from dp_swing_ros.pendulum.state import angles, Array, is_upright, links_of, to_turn_of, upright
 from dp_swing_ros.simulation.episode import Episode
 
 SHARES = (0.1, 0.5, 0.9)
-NEAR = 0.5      # [rad] of both angles: up, though not held still
+NEAR = 0.5      # [rad] of all angles: up, though not held still
 LAST = 1.0      # [s] to the end at least
 FIRST = 5.0     # [s] that runs of any length have, to compare their forces
 
@@ -32,13 +32,13 @@ class Trial(NamedTuple):
     """
     One of the runs.
 
-    Shapes: error (N, 6), the squared distance of the states from upright.
+    Shapes: error (N, 2n + 2), the squared distance of the states from upright.
     """
 
     error: Array
     metrics: Metrics
     reached: float    # [s] when it was upright first, NaN if never
-    neared: float     # [s] when both angles came within NEAR to stay for LAST or more, or NaN
+    neared: float     # [s] when all angles came within NEAR to stay for LAST or more, or NaN
     roughness: float  # [N] standard deviation of the force steps until FIRST
     end: float        # [m] distance of the cart from the centre at the end
 
@@ -48,7 +48,7 @@ class Ensemble:
     """
     Runs of one experiment over several seeds, and one of them whole.
 
-    Shapes: t (N,) [s]; error of (N, 6), angle of (N,), the larger of the two [rad].
+    Shapes: t (N,) [s]; error of (N, 2n + 2), angle of (N,), the largest [rad].
     """
 
     shown: Episode
@@ -63,10 +63,10 @@ class Ensemble:
 
 
 def trial(episode: Episode) -> Trial:
-    """Say of a run what its ensemble needs."""
-    X, t = to_turn_of(episode.X, np.array(UPRIGHT)), episode.t
+    """Return of a run what its ensemble needs."""
+    X, t = to_turn_of(episode.X, upright(links_of(episode.X))), episode.t
     up = np.flatnonzero(is_upright(X))
-    far = np.flatnonzero(np.any(np.abs(X[:, ANGLES]) > NEAR, axis=1))
+    far = np.flatnonzero(np.any(np.abs(X[:, angles(X)]) > NEAR, axis=1))
     first = int(far[-1]) + 1 if far.size else 0
     neared = t[first] if first < len(t) and t[-1] - t[first] >= LAST - 1e-9 else math.nan
     return Trial(X ** 2, measure(episode), float(t[up[0]]) if up.size else math.nan,
@@ -77,7 +77,8 @@ def trial(episode: Episode) -> Trial:
 def ensemble(shown: Episode, trials: Sequence[Trial]) -> Ensemble:
     """Put the runs of as many seeds beside one of them."""
     errors = np.stack([one.error for one in trials])
-    return Ensemble(shown, trials, band(errors), band(np.sqrt(errors[..., ANGLES].max(axis=-1))))
+    largest = np.sqrt(errors[..., angles(errors)].max(axis=-1))
+    return Ensemble(shown, trials, band(errors), band(largest))
 
 
 def band(values: Array) -> Band:

@@ -1,7 +1,8 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a run is judged by: pure functions of an episode."""
+"""The metrics of a run: pure functions of an episode."""
 
+from collections.abc import Callable
 import dataclasses
 import enum
 import math
@@ -9,21 +10,21 @@ from typing import Any
 
 import numpy as np
 
+from dp_swing_ros.configuration import default_cost
 from dp_swing_ros.pendulum.parameters import LimitParameters
-from dp_swing_ros.pendulum.state import ANGLES, Array, is_upright, to_turn_of, UPRIGHT
-from dp_swing_ros.problem.parameters import CostParameters
+from dp_swing_ros.pendulum.state import angles, Array, is_upright, links_of, to_turn_of, upright
 from dp_swing_ros.problem.plan import Status
 from dp_swing_ros.simulation.episode import Episode
 
 HOLD = 1.0  # [s] upright for less than this at the end may be passing by
-REST = 2.0  # [s] at the end of a run, where holding is judged
+REST = 2.0  # [s] at the end of a run, over which holding is measured
 TIME_LIMIT = 0.04  # [s] for a solve, the mpc's default
 TOUCH = 1e-6  # [m] from an end stop
 STAND_INS = {status.name for status in (Status.LAST_POLICY, Status.REGULATOR, Status.ZERO)}
 
 
 class Outcome(enum.Enum):
-    """How a run ended; the value says it to a reader."""
+    """How a run ended; the value is a sentence for a reader."""
 
     HELD = 'upright to the end'
     DIVERGED = 'the state left the numbers'
@@ -41,7 +42,7 @@ def quantity(label: str, unit: str = '', digits: int = 2, scale: float = 1.0) ->
 
 @dataclasses.dataclass(frozen=True)
 class Metrics:
-    """The figures of one run in SI units; NaN where a run does not tell."""
+    """The figures of one run in SI units; NaN where they are not known."""
 
     success: bool = quantity('upright to the end')
     settling_time: float = quantity('settling time', 's')
@@ -75,28 +76,31 @@ def measure(episode: Episode, time_limit: float = TIME_LIMIT) -> Metrics:
     """
     Measure a run.
 
-    It succeeds when both angles stay within 0.1 rad and all speeds under 1 over its last second
+    It succeeds when all angles stay within 0.1 rad and all speeds under 1 over its last second
     (or all of it, where it is shorter); it has settled where that last unbroken stay begins,
     wherever the cart is then. A strike is the cart's coming to an end stop, however long it stays
     there. A solve that takes longer than time_limit [s] misses its deadline.
     """
     t, ticks = np.asarray(episode.t, dtype=float), episode.ticks
-    X, U, dt = to_turn_of(episode.X, np.array(UPRIGHT)), episode.U, np.diff(t)
+    links, U, dt = links_of(episode.X), episode.U, np.diff(t)
+    X = to_turn_of(episode.X, upright(links))
     settled = settling_time(t, X)
     rest = t >= t[-1] - REST if t.size else np.zeros(0, dtype=bool)
-    # of the joints, as encoders see them: θ2 is absolute
-    joint_speeds = np.stack([X[:-1, 4], X[:-1, 5] - X[:-1, 4]])
+    # of the joints, as encoders see them: the angles of the state are absolute; a sum is the same
+    # to the bit only in the same order
+    joint_speeds = np.diff(X[:-1, links + 2:].T.copy(), axis=0, prepend=0.0)
     return Metrics(
         success=not math.isnan(settled),
         settling_time=settled,
         settling_offset=_offset(t, X, settled),
-        hold_error=_rms(X[rest, ANGLES]),
+        hold_error=_reduced(lambda errors: np.sqrt(np.mean(np.square(errors))),
+                            X[rest, angles(X)]),
         # the force of the period that starts at a state
-        smoothness=_spread(np.diff(U[rest[:-1]])),
-        roughness=_spread(np.diff(U)),
-        largest_force=_largest(U),
-        largest_position=_largest(X[:, 0]),
-        largest_angle=_largest(X[1:, ANGLES]),
+        smoothness=_reduced(np.std, np.diff(U[rest[:-1]])),
+        roughness=_reduced(np.std, np.diff(U)),
+        largest_force=_reduced(_largest, U),
+        largest_position=_reduced(_largest, X[:, 0]),
+        largest_angle=_reduced(_largest, X[1:, angles(X)]),
         strikes=strikes(X[:, 0], episode.limits.track_limit),
         energy=float(np.sum(np.abs(np.diff(X[:, 0]) * U))),
         impulse=float(np.sum(np.abs(U) * dt)),
@@ -117,7 +121,7 @@ def measure(episode: Episode, time_limit: float = TIME_LIMIT) -> Metrics:
 
 
 def outcome(episode: Episode) -> Outcome:
-    """Tell how a run ended, and where it failed, how."""
+    """Return how a run ended, and where it failed, how."""
     t, up = np.asarray(episode.t, dtype=float), is_upright(episode.X)
     if not np.all(np.isfinite(episode.X)):
         return Outcome.DIVERGED
@@ -136,7 +140,7 @@ def settling_time(t: Array, X: Array) -> float:
     """
     Return the start [s] of the last unbroken upright stay; NaN where none is held to the end.
 
-    Shapes: t (N,) [s], X (N, 6).
+    Shapes: t (N,) [s], X (N, 2n + 2).
     """
     if not len(t):
         return math.nan
@@ -152,11 +156,11 @@ def closed_loop_cost(X: Array, U: Array) -> float:
     """
     Return Σ ℓ(x, u) over the periods of a run, by the default weights whatever the controller's.
 
-    Shapes: X (N, 6), U (N - 1,). Source: cost.py, `running`, whose angle error is the chord.
+    Shapes: X (N, 2n + 2), U (N - 1,). Source: cost.py, `running`, whose angle error is the chord.
     """
-    cost, limits = CostParameters(), LimitParameters()
+    cost, limits = default_cost(links_of(X)), LimitParameters()
     error = X[:len(U)] - cost.reference
-    error[:, ANGLES] = 2 * np.sin(error[:, ANGLES] / 2)
+    error[:, angles(X)] = 2 * np.sin(error[:, angles(X)] / 2)
     intrusion = np.maximum(0, np.abs(X[:len(U), 0]) - limits.track_limit + cost.track_margin)
     return float(np.sum(error ** 2 @ np.array(cost.state_weights) + cost.force_weight * U ** 2
                         + cost.track_weight * intrusion ** 2)) if len(U) else math.nan
@@ -179,17 +183,13 @@ def _offset(t: Array, X: Array, settled: float) -> float:
 
 def _quantile(values: Array, share: float) -> float:
     values = np.asarray(values, dtype=float)
-    values = values[np.isfinite(values)]
-    return float(np.quantile(values, share)) if values.size else math.nan
+    return _reduced(lambda known: np.quantile(known, share), values[np.isfinite(values)])
 
 
-def _largest(values: Array) -> float:
-    return float(np.max(np.abs(values))) if np.size(values) else math.nan
+def _reduced(reduce: Callable[[Array], Any], values: Array) -> float:
+    """Reduce values to a number, NaN where there are none."""
+    return float(reduce(values)) if np.size(values) else math.nan
 
 
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(np.square(values)))) if np.size(values) else math.nan
-
-
-def _spread(values: Array) -> float:
-    return float(np.std(values)) if np.size(values) else math.nan
+def _largest(values: Array) -> Any:
+    return np.max(np.abs(values))

@@ -16,14 +16,14 @@ from typing import Any
 import numpy as np
 
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
-from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.pendulum.state import angles, Array, DEFAULT_LINKS, LINKS, upright
 from dp_swing_ros.simulation.parameters import PlantParameters
 
-BODIES, LIMITS = PendulumParameters(), LimitParameters()
+PHYSICAL, LIMITS = PendulumParameters(), LimitParameters()
 PERIOD = 1 / PlantParameters().rate    # [s]
 START, PUSHES = 1, 2                   # before the seed: streams beside those of streams.py
 
-RANDOM_START = (1.0, math.pi, math.pi, 1.0, 3.0, 3.0)  # largest of each state, either way
+RANDOM_START = (1.0, math.pi, 1.0, 3.0)  # largest x, θ, ẋ and θ̇, either way
 NEAR_GOAL = 0.3                        # [rad] largest angle at the start of near_goal
 
 PROFILE = 'profile'                    # what pushes sweep: a profile is a level
@@ -55,6 +55,7 @@ class Sweep:
     high: float
     unit: str
     plant: Callable[[float], dict[str, Any]]
+    links: int = 1   # that there must be
 
 
 @dataclass(frozen=True)
@@ -71,37 +72,38 @@ class Scenario:
     sweeps: tuple[Sweep, ...] = ()
     levels: int = 0
     criterion: bool = False
-    case: Callable[[Case], Case] = lambda case: case
+    case: Callable[[Case, int], Case] = lambda case, links: case
 
     def cases(self, name: str, seeds: range | None, levels: int | None,
-              duration: float) -> Iterator[Case]:
+              duration: float, links: int = DEFAULT_LINKS) -> Iterator[Case]:
         """Yield the cases, with other seeds or another number of levels where given."""
         if not self.sweeps:
             for seed in seeds or self.seeds:
-                yield self.case(Case(name, seed, duration))
-        for sweep in self.sweeps:
+                yield self.case(Case(name, seed, duration), links)
+        for sweep in (each for each in self.sweeps if each.links <= links):
             for level in np.linspace(sweep.low, sweep.high, levels or self.levels).tolist():
                 for seed in seeds or self.seeds:
                     yield Case(name, seed, duration, sweep.parameter, level, sweep.plant(level))
 
 
-def random_start(case: Case) -> Case:
+def random_start(case: Case, links: int) -> Case:
     """Start anywhere."""
-    largest = np.array(RANDOM_START)
+    largest = np.repeat(RANDOM_START, (1, links, 1, links))
     return _from(case, np.random.default_rng((START, case.seed)).uniform(-largest, largest))
 
 
-def near_goal(case: Case) -> Case:
-    """Start at rest with both links off the vertical, as in the paper's Figs. 8-10."""
-    angles = np.random.default_rng((START, case.seed)).uniform(-NEAR_GOAL, NEAR_GOAL, 2)
-    return _from(case, np.array([0.0, *angles, 0.0, 0.0, 0.0]))
+def near_goal(case: Case, links: int) -> Case:
+    """Start at rest with all links off the vertical, as in the paper's Figs. 8-10."""
+    x = upright(links)
+    x[angles(x)] = np.random.default_rng((START, case.seed)).uniform(-NEAR_GOAL, NEAR_GOAL, links)
+    return _from(case, x)
 
 
 def _from(case: Case, x: Array) -> Case:
     return replace(case, plant={**case.plant, 'initial_state': tuple(x.tolist())})
 
 
-def pushed(case: Case) -> Case:
+def pushed(case: Case, links: int) -> Case:
     """Push the cart by some Gaussian pulses; every profile is a level of its own."""
     profile = push_profile(case.seed, round(case.duration / PERIOD))
     return replace(case, parameter=PROFILE, level=float(case.seed),
@@ -123,30 +125,29 @@ def push_profile(seed: int, periods: int) -> Array:
     return np.exp(-0.5 * ((t[:, None] - middles) / widths) ** 2) @ peaks
 
 
-def _scaled(body: str) -> Sweep:
+def _scaled(name: str, links: int = 1) -> Sweep:
     """Sweep a mass or length as a share of its nominal value."""
-    nominal = getattr(BODIES, body)
-    return Sweep(body, 0.75, 1.25, '', lambda factor: {body: factor * nominal})
+    nominal = getattr(PHYSICAL, name)
+    return Sweep(name, 0.75, 1.25, '', lambda factor: {name: factor * nominal}, links)
 
 
-def _plain(parameter: str, low: float, high: float, unit: str) -> Sweep:
+def _plain(parameter: str, low: float, high: float, unit: str, links: int = 1) -> Sweep:
     """Sweep a parameter of the plant itself."""
-    return Sweep(parameter, low, high, unit, lambda level: {parameter: level})
+    return Sweep(parameter, low, high, unit, lambda level: {parameter: level}, links)
 
 
-MODEL = (*map(_scaled, ('cart_mass', 'link1_mass', 'link2_mass', 'link1_length', 'link2_length')),
-         _plain('link1_inertia_factor', 0.75, 1.25, ''),
-         _plain('link2_inertia_factor', 0.75, 1.25, ''),
-         _plain('joint1_friction', 0.0, 0.1, 'N m s/rad'),
-         _plain('joint2_friction', 0.0, 0.1, 'N m s/rad'))
+MODEL = (_scaled('cart_mass'), *(_scaled(f'link{i}_mass', i) for i in LINKS),
+         *(_scaled(f'link{i}_length', i) for i in LINKS),
+         *(_plain(f'link{i}_inertia_factor', 0.75, 1.25, '', i) for i in LINKS),
+         *(_plain(f'joint{i}_friction', 0.0, 0.1, 'N m s/rad', i) for i in LINKS))
 
 SCENARIOS: dict[str, Scenario] = {
     'hanging': Scenario('from hanging at rest', range(20)),
     'random': Scenario('from anywhere: x ±1 m, angles ±π, ẋ ±1 m/s, θ̇ ±3 rad/s', range(1000),
                        case=random_start),
-    'near_goal': Scenario('from rest with both angles within ±0.3 rad', range(100),
+    'near_goal': Scenario('from rest with all angles within ±0.3 rad', range(100),
                           case=near_goal),
-    'model': Scenario('bodies of the plant that the controller does not know', range(1),
+    'model': Scenario('a plant with other physical parameters than the controller knows', range(1),
                       MODEL, 21, True),
     'velocity_noise': Scenario(
         'noise on the measured velocities', range(10),

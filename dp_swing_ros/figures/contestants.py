@@ -3,24 +3,23 @@
 """How the contestants of a campaign look in all of its pictures."""
 
 from collections.abc import Iterable
-from itertools import cycle
+from itertools import count
 from typing import Any, NamedTuple
 
 from matplotlib.axes import Axes
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
-from dp_swing_ros.figures.style import ALARM, FAINT, FORCE, LINK1, LINK2, plain
+from dp_swing_ros.figures.style import ALARM, DASHES, FAINT, name_lines, PALETTE, tint
 
-OWN = {'ilqr': LINK1, 'ddp': LINK2, 'mppi': FORCE, 'tvlqr': ALARM, 'nothing': FAINT}
-OTHERS = ('#E69F00', '#56B4E9', '#7F4F9E')  # of solvers that are not ours, in turn
-DASHES = ('-', (0, (4, 1.5)), (0, (1, 1)), (0, (5, 1, 1, 1)))  # of a first, second ... variant
+OWN = dict(zip(('ilqr', 'ddp', 'mppi'), PALETTE)) | {'tvlqr': ALARM, 'nothing': FAINT}
+OTHERS = PALETTE[4:]  # of solvers that are not ours, in turn, and then paler
 ENTRY, WORDY = 1.3, 2.1  # [inch] of a legend
 MARKERS = ('o', 's', '^', 'D')
 
 
 class Look(NamedTuple):
-    """The colour says which solver, line and marker which of its variants."""
+    """The colour stands for the solver, line and marker for its variant."""
 
     colour: str
     dash: Any
@@ -42,8 +41,8 @@ class Look(NamedTuple):
 
 
 def colours(names: Iterable[str]) -> dict[str, str]:
-    """Return a colour for each solver or baseline; those that are not ours take turns."""
-    others = cycle(OTHERS)
+    """Return a colour of its own for each solver or baseline, however many there are."""
+    others = (to_hex(tint(colour, 0.55 ** turn)) for turn in count() for colour in OTHERS)
     return {name: OWN[name] if name in OWN else next(others) for name in dict.fromkeys(names)}
 
 
@@ -63,13 +62,9 @@ def looks(campaign: dict[str, Any]) -> dict[str, Look]:
 def name_contestants(figure: Figure, shown: dict[str, Look], points: bool = False,
                      words: dict[str, str] | None = None) -> None:
     """Put a legend of the contestants below a picture, by their labels or some words for each."""
-    entry = ENTRY if words is None else WORDY
-    figure.legend(
-        handles=[Line2D([], [], label=plain((words or {}).get(label, label)),
-                        **(look.mark() if points else look.line()))
-                 for label, look in shown.items()],
-        loc='outside lower center', handlelength=2.6,
-        ncols=max(1, min(len(shown), int(figure.get_size_inches()[0] / entry))))
+    name_lines(figure, {(words or {}).get(label, label): look.mark() if points else look.line()
+                        for label, look in shown.items()},
+               'lower center', ENTRY if words is None else WORDY)
 
 
 def as_share(axes: Axes, along: str) -> None:

@@ -15,107 +15,107 @@ import numpy as np
 from dp_swing_ros.figures.contestants import colours
 from dp_swing_ros.figures.curves import mark_turns, unwrapped, UPRIGHT_AT
 from dp_swing_ros.figures.style import (
-    FAINT, INK, legend, limit_lines, plain, SOLVERS, styled, SYMBOLS)
+    FAINT, formulas, in_decades, INK, legend, limit_lines, solver_name, styled)
 from dp_swing_ros.pendulum.parameters import LimitParameters
-from dp_swing_ros.pendulum.state import ANGLES
-from dp_swing_ros.rerun.counterfactual import Fork
-from dp_swing_ros.rerun.runs import Course
+from dp_swing_ros.pendulum.state import angles, links_of
+from dp_swing_ros.rerun.counterfactual import Counterfactual
+from dp_swing_ros.rerun.runs import ScoredTrajectory
 
-DASH = 5         # [line widths]
+DASH = 5          # [line widths]
 STRIP = 0.85      # [inch] of a force
 REST = 1.0        # [s] that is shown of what all have held
 SMALLEST = 1e-3   # a regret below is drawn as none
 
 
 @styled
-def counterfactual(fork: Fork, limits: LimitParameters) -> Figure:
+def counterfactual(one: Counterfactual, limits: LimitParameters) -> Figure:
     """Draw the run until a tick and what followed: together, then each one's force and cost."""
-    shown = _looks(fork)
-    figure = Figure(figsize=(9.6, 5.6 + STRIP * len(shown)), layout='constrained')
-    grid = figure.add_gridspec(3 + len(shown), 2, width_ratios=(2.6, 1.0), height_ratios=(
-        1.5, 1.5, 1.3, *[STRIP] * len(shown)))
+    shown, states = _coloured(one), links_of(one.recorded.X) + 1
+    figure = Figure(figsize=(9.6, 1.6 + 1.33 * states + STRIP * len(shown)),
+                    layout='constrained')
+    grid = figure.add_gridspec(
+        states + len(shown), 2, width_ratios=(2.6, 1.0),
+        height_ratios=[*[1.5] * (states - 1), 1.3, *[STRIP] * len(shown)])
     first = figure.add_subplot(grid[0, 0])
     left = [first, *(figure.add_subplot(grid[row, 0], sharex=first)
-                     for row in range(1, 3 + len(shown)))]
-    for (course, colour), dash in zip(shown, _dashes(fork)):
-        _draw_states(left[:3], fork, course, {'color': colour, 'linestyle': dash})
-    _name_states(left[:3], limits)
-    for axes, (course, colour) in zip(left[3:], shown):
-        _draw_force(axes, fork, course, colour, limits)
+                     for row in range(1, states + len(shown)))]
+    for (trajectory, colour), dash in zip(shown, _dashes(one), strict=True):
+        _draw_states(left[:states], one, trajectory, {'color': colour, 'linestyle': dash})
+    _name_states(left[:states], limits)
+    for axes, (trajectory, colour) in zip(left[states:], shown):
+        _draw_force(axes, one, trajectory, colour, limits)
     for axes in left:
-        axes.axvline(fork.at, color=INK, linewidth=1, linestyle=(0, (1, 1.5)))
+        axes.axvline(one.at, color=INK, linewidth=1, linestyle=(0, (1, 1.5)))
         axes.grid(True)
         axes.tick_params('x', labelbottom=axes is left[-1])
-    first.set_xlim(fork.past.t[0], _end(fork))
+    first.set_xlim(one.past.t[0], _end(one))
     left[-1].set_xlabel('time [s]')
     figure.align_ylabels(left)
-    _list_names(figure.add_subplot(grid[:3, 1]), fork)
-    _draw_costs(figure.add_subplot(grid[3:, 1]), fork)
-    figure.suptitle(f'Had another solver taken over at {fork.at:.2f} s')
+    _list_names(figure.add_subplot(grid[:states, 1]), one)
+    _draw_costs(figure.add_subplot(grid[states:, 1]), one)
+    figure.suptitle(f'Had another solver taken over at {one.at:.2f} s')
     return figure
 
 
-def _dashes(fork: Fork) -> list[Any]:
+def _dashes(one: Counterfactual) -> list[Any]:
     """Return line styles whose dashes fall into each other's gaps: lines that agree all show."""
-    others = len(fork.others)
+    others = len(one.others)
     return ['-', *((DASH * n, (DASH, DASH * (others - 1))) if others > 1 else '-'
                    for n in range(others))]
 
 
-def _looks(fork: Fork) -> list[tuple[Course, str]]:
-    """Return the courses, the recorded first, and their colours."""
-    colour = colours(course.solver for course in fork.others)
-    return [(fork.recorded, INK), *((course, colour[course.solver]) for course in fork.others)]
+def _coloured(one: Counterfactual) -> list[tuple[ScoredTrajectory, str]]:
+    """Return the trajectories, the recorded first, and their colours."""
+    colour = colours(other.solver for other in one.others)
+    return [(one.recorded, INK), *((other, colour[other.solver]) for other in one.others)]
 
 
-def _label(fork: Fork, course: Course) -> str:
-    name = plain(SOLVERS.get(course.solver, course.solver))
-    return f'recorded ({name})' if course is fork.recorded else name
+def _label(one: Counterfactual, trajectory: ScoredTrajectory) -> str:
+    name = solver_name(trajectory.solver)
+    return f'recorded ({name})' if trajectory is one.recorded else name
 
 
-def _end(fork: Fork) -> float:
+def _end(one: Counterfactual) -> float:
     """Return when all who hold the pendulum have held it for a while; else the end of the run."""
-    settled = [course.settled for course, _ in _looks(fork)]
-    return float(np.nanmin([fork.recorded.t[-1], max(settled) + REST]))
+    settled = [trajectory.settled for trajectory in (one.recorded, *one.others)]
+    return float(np.nanmin([one.recorded.t[-1], max(settled) + REST]))
 
 
-def _draw_states(panels: Sequence[Axes], fork: Fork, course: Course,
+def _draw_states(panels: Sequence[Axes], one: Counterfactual, trajectory: ScoredTrajectory,
                  look: dict[str, Any]) -> None:
-    t, X = course.t, course.X
-    if course is fork.recorded:
-        t, X = np.append(fork.past.t, t[1:]), np.vstack((fork.past.X, X[1:]))
+    t, X = trajectory.t, trajectory.X
+    if trajectory is one.recorded:
+        t, X = np.append(one.past.t, t[1:]), np.vstack((one.past.X, X[1:]))
     # all on the turn of the recorded run, which begins as every picture begins
-    base = fork.past.X[:1] if len(fork.past.X) else fork.recorded.X[:1]
-    shift = unwrapped(base)[0] - base[0, ANGLES]
-    th_1, th_2, position = panels
-    for axes, values in ((th_1, X[:, 1] + shift[0]), (th_2, X[:, 2] + shift[1]),
-                         (position, X[:, 0])):
+    base = one.past.X[:1] if len(one.past.X) else one.recorded.X[:1]
+    turned = X[:, angles(X)] + unwrapped(base) - base[:, angles(base)]
+    for axes, values in zip(panels, (*turned.T, X[:, 0])):
         axes.plot(t, values, **look)
 
 
 def _name_states(panels: Sequence[Axes], limits: LimitParameters) -> None:
-    th_1, th_2, position = panels
-    for axes, symbol in zip((th_1, th_2), SYMBOLS[ANGLES]):
+    *of_angles, position = panels
+    for axes, symbol in zip(of_angles, formulas(len(of_angles))[1:]):
         mark_turns(axes)
         axes.set_ylabel(f'{symbol} [rad]\n{UPRIGHT_AT}')
-    limit_lines(position, limits.track_limit, '')
+    limit_lines(position, limits.track_limit)
     position.set_ylabel('$x$ [m]')
 
 
-def _draw_force(axes: Axes, fork: Fork, course: Course, colour: str,
+def _draw_force(axes: Axes, one: Counterfactual, trajectory: ScoredTrajectory, colour: str,
                 limits: LimitParameters) -> None:
     """Draw one force as an area; before the tick it is everybody's, the recorded one."""
-    if len(fork.past.U):
-        axes.stairs(fork.past.U, fork.past.t, fill=True, color=FAINT)
-    axes.stairs(course.U, course.t, fill=True, color=colour)
-    limit_lines(axes, limits.force_limit, '')
+    if len(one.past.U):
+        axes.stairs(one.past.U, one.past.t, fill=True, color=FAINT)
+    axes.stairs(trajectory.U, trajectory.t, fill=True, color=colour)
+    limit_lines(axes, limits.force_limit)
     axes.set_ylabel('$u$ [N]')
 
 
-def _list_names(axes: Axes, fork: Fork) -> None:
+def _list_names(axes: Axes, one: Counterfactual) -> None:
     axes.set_axis_off()
-    axes.legend(handles=[Line2D([], [], color=colour, linewidth=2.4, label=_label(fork, course))
-                         for course, colour in _looks(fork)],
+    axes.legend(handles=[Line2D([], [], color=colour, linewidth=2.4, label=_label(one, trajectory))
+                         for trajectory, colour in _coloured(one)],
                 loc='upper left', fontsize='medium', borderaxespad=0.0)
     axes.text(0.0, 0.0, 'many-coloured: lines that agree\ndotted: the take-over\n'
                         'dashed grey: limits of track and force\n'
@@ -123,13 +123,13 @@ def _list_names(axes: Axes, fork: Fork) -> None:
               transform=axes.transAxes)
 
 
-def _draw_costs(axes: Axes, fork: Fork) -> None:
+def _draw_costs(axes: Axes, one: Counterfactual) -> None:
     """Draw the costs to go beside the forces that they are of, with the regret in words."""
-    shown = _looks(fork)
-    values = np.nan_to_num([course.cost for course, _ in shown])
+    shown = _coloured(one)
+    values = np.nan_to_num([trajectory.cost for trajectory, _ in shown])
     axes.barh(range(len(shown)), values, height=0.34, color=[colour for _, colour in shown])
-    for row, (course, _) in enumerate(shown):
-        axes.text(0.0, row - 0.24, _verdict(fork, course), va='bottom', size='small')
+    for row, (trajectory, _) in enumerate(shown):
+        axes.text(0.0, row - 0.24, _verdict(one, trajectory), va='bottom', size='small')
     axes.set(ylim=(len(shown) - 0.5, -0.5), xlim=(0.0, 1.02 * max(values.max(), SMALLEST)),
              xlabel='cost to go, without unit')
     axes.set_yticks([])
@@ -138,21 +138,26 @@ def _draw_costs(axes: Axes, fork: Fork) -> None:
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f'{value:,g}'))
 
 
-def _verdict(fork: Fork, course: Course) -> str:
-    regret = fork.regret(course)
+def _verdict(one: Counterfactual, trajectory: ScoredTrajectory) -> str:
+    regret = one.regret(trajectory)
     above = 'the least' if regret == 0 else f'regret {regret:,.4g}'
-    held = 'not held' if math.isnan(course.settled) else f'settled at {course.settled:.2f} s'
-    return f'{_label(fork, course)}: {course.cost:,.0f}, {above}\n{held}'
+    held = 'not held' if math.isnan(trajectory.settled) \
+        else f'settled at {trajectory.settled:.2f} s'
+    return f'{_label(one, trajectory)}: {trajectory.cost:,.0f}, {above}\n{held}'
 
 
 @styled
-def regret(forks: Sequence[Fork]) -> Figure:
+def regret(many: Sequence[Counterfactual]) -> Figure:
     """Draw the least cost to go of many take-overs, and how much more each solver's costs."""
     figure = Figure(figsize=(9.6, 5.8), layout='constrained')
     least, regrets = figure.subplots(2, 1, sharex=True, height_ratios=(0.6, 1.0))
-    _draw_least(least, forks)
-    for n, (course, colour) in enumerate(_looks(forks[0])):
-        _draw_regret(regrets, forks, n, colour, _label(forks[0], course))
+    least.plot([one.at for one in many], [one.least for one in many], color=INK, marker='o',
+               markersize=3)
+    in_decades(least)
+    least.yaxis.set_minor_formatter(NullFormatter())
+    least.set_ylabel('least cost to go')
+    for n, (trajectory, colour) in enumerate(_coloured(many[0])):
+        _draw_regret(regrets, many, n, colour, _label(many[0], trajectory))
     regrets.set_yscale('symlog', linthresh=SMALLEST)
     regrets.set(ylim=(-SMALLEST / 2, None), xlabel='taken over at [s]',
                 ylabel='regret, without unit')
@@ -166,20 +171,12 @@ def regret(forks: Sequence[Fork]) -> Figure:
     return figure
 
 
-def _draw_least(axes: Axes, forks: Sequence[Fork]) -> None:
-    axes.semilogy([fork.at for fork in forks], [fork.least for fork in forks], color=INK,
-                  marker='o', markersize=3)
-    low, high = np.log10(axes.get_ylim())
-    axes.set_ylim(10 ** math.floor(low), 10 ** math.ceil(high))
-    axes.yaxis.set_minor_formatter(NullFormatter())
-    axes.set_ylabel('least cost to go')
-
-
-def _draw_regret(axes: Axes, forks: Sequence[Fork], n: int, colour: str, label: str) -> None:
-    at = [fork.at for fork in forks]
-    courses = [(fork.recorded, *fork.others)[n] for fork in forks]
-    values = [fork.regret(course) for fork, course in zip(forks, courses)]
+def _draw_regret(axes: Axes, many: Sequence[Counterfactual], n: int, colour: str,
+                 label: str) -> None:
+    at = [one.at for one in many]
+    trajectories = [(one.recorded, *one.others)[n] for one in many]
+    values = [one.regret(trajectory) for one, trajectory in zip(many, trajectories)]
     axes.plot(at, values, color=colour, linewidth=1.0, label=label)
-    for x, y, course in zip(at, values, courses):
+    for x, y, trajectory in zip(at, values, trajectories):
         axes.plot(x, y, 'o', color=colour, markersize=5,
-                  markerfacecolor='white' if math.isnan(course.settled) else colour)
+                  markerfacecolor='white' if math.isnan(trajectory.settled) else colour)

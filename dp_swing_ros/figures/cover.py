@@ -13,8 +13,8 @@ import numpy as np
 from dp_swing_ros.evaluation.metrics import settling_time
 from dp_swing_ros.figures.pendulum import Drawing, FINE, TRACK
 from dp_swing_ros.figures.sampling import states_at, times_of
-from dp_swing_ros.figures.style import FAINT, FORCE, limit_lines, LINK1, LINK2, styled, title
-from dp_swing_ros.pendulum.equations import joints
+from dp_swing_ros.figures.style import FAINT, FORCE, limit_lines, LINKS, solver_name, styled
+from dp_swing_ros.pendulum.geometry import joint_positions
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.simulation.episode import Episode
 
@@ -27,7 +27,7 @@ def hero(episode: Episode, seconds: float = 4.0, speed: float = 3.4) -> Figure:
     Draw the swing-up as on film that runs past the cart: again and again, to the right with time.
 
     The film runs at `speed` [m/s], so that every cart stands above the force of its moment. Of a
-    longer run than `seconds` [s] it is cut, and goes on with the last state.
+    longer run than `seconds` [s] it is cut, and ends with the last state.
     """
     length = float(episode.t[-1] - episode.t[0]) if len(episode.t) else 0.0
     cut = length > seconds + CUT
@@ -38,7 +38,7 @@ def hero(episode: Episode, seconds: float = 4.0, speed: float = 3.4) -> Figure:
     keys = times_of(episode, 0.25, seconds)
     for t, strength in zip(keys, np.linspace(0.3, 1.0, len(keys))):
         x = states_at(episode, np.array([t]))[0]
-        Drawing(film, episode.bodies, strength=strength).show(x, speed * (t - keys[0]) - x[0])
+        Drawing(film, episode.physical, strength=strength).show(x, speed * (t - keys[0]) - x[0])
     if len(episode.U):
         t = episode.t - episode.t[0]
         shown = int(np.count_nonzero(t[:-1] < seconds - 1e-9))
@@ -46,8 +46,8 @@ def hero(episode: Episode, seconds: float = 4.0, speed: float = 3.4) -> Figure:
                      alpha=0.85)
     if cut:
         _draw_end(film, force, episode, seconds, speed)
-    limit_lines(force, episode.limits.force_limit, '')
-    figure.text(0.055, 0.94, f'Swing-up by {title(episode)}', size=15, va='top',
+    limit_lines(force, episode.limits.force_limit)
+    figure.text(0.055, 0.94, f'Swing-up by {solver_name(episode.solver)}', size=15, va='top',
                 weight='bold')
     figure.text(0.055, 0.865, f'every 0.25 s, seen from the cart;\n{_ending(episode, length)}',
                 size=10, va='top')
@@ -57,7 +57,7 @@ def hero(episode: Episode, seconds: float = 4.0, speed: float = 3.4) -> Figure:
 def _draw_end(film: Axes, force: Axes, episode: Episode, seconds: float, speed: float) -> None:
     """Draw the last state beyond a cut of the film, and its time."""
     x, place = states_at(episode, episode.t[-1:])[0], speed * (seconds + CUT)
-    Drawing(film, episode.bodies).show(x, place - x[0])
+    Drawing(film, episode.physical).show(x, place - x[0])
     film.text(speed * (seconds + CUT / 2), TRACK, '⋯', size=18, ha='center', va='center',
               backgroundcolor='white', zorder=2)
     force.axvspan(seconds, seconds + CUT - 0.01, color='white', zorder=3)
@@ -75,14 +75,14 @@ def _ending(episode: Episode, length: float) -> str:
 
 
 def _places_on_film(episode: Episode, times: Array, speed: float) -> Array:
-    """Return the places (M, 3, 2) [m] of cart and tips, the cart moving at the film's speed."""
+    """Return the joint positions (M, n + 1, 2) [m], the cart moving at the film's speed."""
     X = states_at(episode, times)
     X[:, 0] = speed * (times - times[:1])
-    return joints(X, episode.bodies)
+    return joint_positions(X, episode.physical.lengths)
 
 
 def _hero_axes(places: Array, speed: float, until: float) -> tuple[Figure, Axes, Axes]:
-    """Return a figure with room for places (M, 3, 2) [m] above an axis of time to its scale."""
+    """Return axes with room for places (M, n + 1, 2) [m] above an axis of time to its scale."""
     finite = places[np.isfinite(places).all(axis=(1, 2))].reshape(-1, 2)
     corners = np.vstack([finite, [(0.0, -1.0), (speed * max(until, 1.0), 1.0)]])
     left, bottom = corners.min(axis=0) - (0.5, 0.25)
@@ -102,9 +102,9 @@ def _hero_axes(places: Array, speed: float, until: float) -> tuple[Figure, Axes,
 
 
 def _draw_ghosts(film: Axes, places: Array) -> None:
-    """Draw every state as hairlines that grow stronger, and the ways of both tips."""
+    """Draw every state as hairlines that grow stronger, and the paths of all tips."""
     film.axhline(TRACK, color=FAINT, linewidth=1.0, zorder=1)
-    for link, colour in enumerate((LINK1, LINK2)):
+    for link, colour in enumerate(LINKS[:places.shape[1] - 1]):
         colours = np.tile(to_rgba(colour), (len(places), 1))
         colours[:, 3] = np.linspace(0.06, 0.2, len(places))
         film.add_collection(LineCollection(list(places[:, link:link + 2]), colors=colours,

@@ -6,13 +6,13 @@ import math
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, MultipleLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, MultipleLocator
 import numpy as np
 
 from dp_swing_ros.figures.style import (
-    ALARM, CART, COLOURS, FAINT, FORCE, legend, limit_lines, LINK1, LINK2, SQUARES, styled,
-    SYMBOLS, title)
-from dp_swing_ros.pendulum.state import ANGLES, Array, SIZE, to_turn_of, UPRIGHT
+    ALARM, CART, FAINT, FORCE, formulas, in_decades, in_numbers, legend, limit_lines, LINKS,
+    PALETTE, solver_name, state_colours, styled)
+from dp_swing_ros.pendulum.state import angles, Array, links_of, to_turn_of, units, upright
 from dp_swing_ros.simulation.episode import Episode
 
 ERROR_FLOOR = 1e-8  # squared errors below are drawn here: a log axis has no zero
@@ -23,48 +23,53 @@ UPRIGHT_AT = '0, ±2π: upright'
 
 @styled
 def squared_error(episode: Episode) -> Figure:
-    """Draw the squared distance of the six states from upright at rest (the paper's Fig. 3)."""
-    figure = Figure(figsize=(9.6, 5.0), layout='constrained')
-    panels = figure.subplots(2, 3, sharex=True)
-    error = to_turn_of(episode.X, np.array(UPRIGHT)) ** 2
-    for i, axes in enumerate(panels.flat):
-        curve = np.maximum(error[:, i], ERROR_FLOOR)
-        axes.semilogy(episode.t, curve, color=COLOURS[i])
-        axes.fill_between(episode.t, ERROR_FLOOR, curve, color=COLOURS[i], alpha=0.08,
-                          linewidth=0)
+    """Draw the squared distance of the states from upright at rest (the paper's Fig. 3)."""
+    links = links_of(episode.X)
+    figure = Figure(figsize=(3.2 * (links + 1), 5.0), layout='constrained')
+    panels = figure.subplots(2, links + 1, sharex=True)
+    errors = to_turn_of(episode.X, upright(links)).T ** 2
+    for axes, error, colour in zip(panels.flat, errors, state_colours(links)):
+        curve = np.maximum(error, ERROR_FLOOR)
+        axes.semilogy(episode.t, curve, color=colour)
+        axes.fill_between(episode.t, ERROR_FLOOR, curve, color=colour, alpha=0.08, linewidth=0)
+    name_errors(panels)
+    figure.suptitle(f'{solver_name(episode.solver)}: squared error of the states over time '
+                    '(dashed: what counts as upright)')
+    return figure
+
+
+def name_errors(panels: Array) -> None:
+    """Name the squared errors that panels (2, n + 1) show, and mark what counts as upright."""
+    links = panels.shape[1] - 1
+    for i, (axes, symbol, unit) in enumerate(zip(panels.flat, formulas(links), units(links))):
         if i > 0:
-            bound = 0.1 if i in range(SIZE)[ANGLES] else 1.0
+            bound = 0.1 if i <= links else 1.0
             axes.axhline(bound ** 2, color=FAINT, linestyle='--', linewidth=1)
-        axes.set(ylim=(ERROR_FLOOR, None), ylabel=f'error of {SYMBOLS[i]} [{SQUARES[i]}]')
+        square = '/'.join(f'{part}²' for part in unit.split('/'))
+        axes.set(yscale='log', ylim=(ERROR_FLOOR, None), ylabel=f'error of {symbol} [{square}]')
         axes.grid(True)
     for axes in panels[1]:
         axes.set_xlabel('time [s]')
-    figure.suptitle(f'{title(episode)}: squared error of the states over time '
-                    '(dashed: what counts as upright)')
-    return figure
 
 
 @styled
 def timeline(episode: Episode) -> Figure:
     """Draw angles, position, force and the controller's times over time, one below another."""
     figure = Figure(figsize=(9.6, 8.4), layout='constrained')
-    angles, position, force, times = figure.subplots(
-        4, 1, sharex=True, height_ratios=(1.2, 0.8, 1.0, 1.2))
-    _draw_angles(angles, episode)
-    _draw_position(position, episode)
-    _draw_force(force, episode)
-    _draw_times(times, episode)
-    for axes in (angles, position, force, times):
+    panels = figure.subplots(4, 1, sharex=True, height_ratios=(1.2, 0.8, 1.0, 1.2))
+    for axes, draw in zip(panels, (_draw_angles, _draw_position, _draw_force, _draw_times)):
+        draw(axes, episode)
         axes.grid(True)
         axes.margins(x=0.01)
-    times.set_xlabel('time [s]')
+    panels[-1].set_xlabel('time [s]')
     figure.align_ylabels()
-    figure.suptitle(f'{title(episode)}: the run over time')
+    figure.suptitle(f'{solver_name(episode.solver)}: the run over time')
     return figure
 
 
 def _draw_angles(axes: Axes, episode: Episode) -> None:
-    for angle, symbol, colour in zip(unwrapped(episode.X).T, SYMBOLS[ANGLES], (LINK1, LINK2)):
+    for angle, symbol, colour in zip(unwrapped(episode.X).T, formulas(links_of(episode.X))[1:],
+                                     LINKS):
         axes.plot(episode.t, angle, color=colour, label=symbol)
     mark_turns(axes)
     axes.set_ylabel(f'angle [rad]\n{UPRIGHT_AT}')
@@ -75,14 +80,15 @@ def unwrapped(X: Array) -> Array:
     """
     Return the angles of a run as they turned, from a start that every picture draws alike.
 
-    The start lies within half a turn of upright, and hanging is +π, though a sensor says -π.
-    Shapes: X (N, 6) -> (N, 2) [rad].
+    The start lies within half a turn of upright, and hanging is +π, though a sensor may
+    measure -π.
+    Shapes: X (N, 2n + 2) -> (N, n) [rad].
     """
-    angles = np.array(X[:, ANGLES], dtype=float)
-    jumps = np.nan_to_num(np.round(np.diff(angles, axis=0) / (2 * np.pi)))
-    angles[1:] -= 2 * np.pi * np.cumsum(jumps, axis=0)
-    beyond = (angles[:1] - np.pi - NEAR_HANGING) / (2 * np.pi)
-    return angles - 2 * np.pi * np.nan_to_num(np.ceil(beyond))
+    turned = np.array(X[:, angles(X)], dtype=float)
+    jumps = np.nan_to_num(np.round(np.diff(turned, axis=0) / (2 * np.pi)))
+    turned[1:] -= 2 * np.pi * np.cumsum(jumps, axis=0)
+    beyond = (turned[:1] - np.pi - NEAR_HANGING) / (2 * np.pi)
+    return turned - 2 * np.pi * np.nan_to_num(np.ceil(beyond))
 
 
 def mark_turns(axes: Axes) -> None:
@@ -117,9 +123,9 @@ def _draw_force(axes: Axes, episode: Episode) -> None:
 def _draw_times(axes: Axes, episode: Episode) -> None:
     ticks = episode.ticks
     late = np.asarray(ticks.late, dtype=bool)
-    axes.plot(ticks.t, 1e3 * ticks.solve_time, '.', color=LINK1, markersize=4,
+    axes.plot(ticks.t, 1e3 * ticks.solve_time, '.', color=PALETTE[0], markersize=4,
               label='solve time')
-    axes.plot(ticks.t, 1e3 * ticks.latency, '.', color=LINK2, markersize=4,
+    axes.plot(ticks.t, 1e3 * ticks.latency, '.', color=PALETTE[1], markersize=4,
               label='latency, state to force')
     if late.any():
         axes.plot(ticks.t[late], 1e3 * ticks.solve_time[late], 'o', color='none', markersize=8,
@@ -129,14 +135,6 @@ def _draw_times(axes: Axes, episode: Episode) -> None:
         axes.axhline(1e3 * float(np.median(np.diff(episode.t))), color=FAINT, linestyle='--',
                      linewidth=1, label='period')
     in_decades(axes)
+    in_numbers(axes.yaxis)
     axes.set_ylabel('time [ms]')
     legend(axes)
-
-
-def in_decades(axes: Axes) -> None:
-    """Let an axis be logarithmic, from a power of ten to another, without powers at its ticks."""
-    axes.set_yscale('log')
-    low, high = np.log10(axes.get_ylim())
-    axes.set_ylim(10 ** math.floor(low), 10 ** math.ceil(high))
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f'{value:g}'))
-    axes.yaxis.set_minor_formatter(NullFormatter())

@@ -5,7 +5,7 @@
 from collections.abc import Sequence
 
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, NullFormatter
+from matplotlib.ticker import FuncFormatter
 import numpy as np
 
 from dp_swing_ros.evaluation.campaign.rows import Row, solves
@@ -13,7 +13,7 @@ from dp_swing_ros.evaluation.campaign.summary import Summary
 from dp_swing_ros.evaluation.metrics import TIME_LIMIT
 from dp_swing_ros.evaluation.scenarios import SCENARIOS
 from dp_swing_ros.figures.contestants import as_share, looks, name_contestants
-from dp_swing_ros.figures.style import FAINT, INK, styled
+from dp_swing_ros.figures.style import FAINT, in_numbers, INK, styled, widths
 
 GOAL = 0.01  # [s] a solve should take no longer than this but for one in a hundred
 
@@ -27,9 +27,7 @@ def settling(summary: Summary, rows: Sequence[Row]) -> Figure | None:
     shown, duration = looks(summary.campaign), summary.campaign['duration']
     figure = Figure(figsize=(max(1.2 + 2.9 * len(names), 6.0), 3.8), layout='constrained')
     for axes, name in zip(figure.subplots(1, len(names), sharey=True, squeeze=False).flat, names):
-        # where curves lie on each other, the later is the thinner
-        widths = np.linspace(3.2, 1.2, len(shown)).tolist()
-        for (label, look), width in zip(shown.items(), widths):
+        for (label, look), width in zip(shown.items(), widths(len(shown))):
             times = np.array([row.metrics.settling_time for row in rows
                               if row.key[:2] == (label, name)])
             settled = np.sort(times[~np.isnan(times)])
@@ -65,8 +63,7 @@ def solve_times(summary: Summary, rows: Sequence[Row]) -> Figure | None:
     axes.axhline(0.01, color=FAINT, linestyle='--', linewidth=1)
     axes.set(xscale='log', yscale='log', ylim=(0.5 / max(map(len, times.values())), 1.0),
              xlabel='solve time [ms]', ylabel='share of solves that took longer')
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f'{value:g}'))
-    axes.xaxis.set_minor_formatter(NullFormatter())
+    in_numbers(axes.xaxis)
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f'{100 * value:g} %'))
     axes.grid(True)
     name_contestants(figure, {label: shown[label] for label in times})

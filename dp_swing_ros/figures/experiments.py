@@ -20,13 +20,12 @@ import numpy as np
 
 from dp_swing_ros.evaluation.ensemble import Band, Ensemble
 from dp_swing_ros.evaluation.metrics import settling_time
-from dp_swing_ros.figures.curves import ERROR_FLOOR, in_turns
+from dp_swing_ros.figures.curves import ERROR_FLOOR, in_turns, name_errors
 from dp_swing_ros.figures.filmstrip import snapshot
 from dp_swing_ros.figures.pendulum import room_for
 from dp_swing_ros.figures.sampling import times_of
-from dp_swing_ros.figures.style import (
-    ALARM, dark, FAINT, FORCE, INK, SQUARES, styled, SYMBOLS, tint)
-from dp_swing_ros.pendulum.state import ANGLES, Array, SIZE, to_turn_of, UPRIGHT
+from dp_swing_ros.figures.style import ALARM, dark, FAINT, FORCE, INK, panels_of, styled, tint
+from dp_swing_ros.pendulum.state import angles, Array, links_of, to_turn_of, upright
 from dp_swing_ros.simulation.episode import Episode
 
 SHADES = (FORCE, ALARM)  # of the set-ups
@@ -39,7 +38,8 @@ CEILING = 1e6            # squared errors above are not looked for
 def swing_ups(ensembles: Mapping[str, Ensemble], heading: str) -> Figure:
     """Draw each set-up's run at some moments, and below, how far from upright all its runs are."""
     half_width = max(room_for(one.shown) for one in ensembles.values())
-    picture = 5.0 / COLUMNS * 2.2 / half_width + 0.2  # [inch] high
+    reach = max(1.1 * sum(one.shown.physical.lengths) for one in ensembles.values())
+    picture = 5.0 / COLUMNS * reach / half_width + 0.2  # [inch] high
     figure = Figure(figsize=(10.4, 3.0 + ROWS * picture),
                     layout=ConstrainedLayoutEngine(w_pad=0.03, h_pad=0.03))
     halves = figure.subfigures(1, len(ensembles), squeeze=False, wspace=0.04)
@@ -63,7 +63,7 @@ def _count(one: Ensemble) -> str:
 
 def moments(episode: Episode) -> Array:
     """
-    Return the times (M,) [s] that tell most of a run: evenly until it has settled, and the last.
+    Return the times (M,) [s] that show most of a run: evenly until it has settled, and the last.
 
     As close to each other as the pictures allow.
     """
@@ -77,14 +77,12 @@ def moments(episode: Episode) -> Array:
 
 
 def _draw_film(film: SubFigure, one: Ensemble, half_width: float) -> None:
-    panels = film.subplots(ROWS, COLUMNS, sharex=True, sharey=True, squeeze=False)
-    for axes in panels.flat:
-        axes.set_axis_off()
-    for axes, t in zip(panels.flat, moments(one.shown)):
-        axes.set_axis_on()
+    times = moments(one.shown)
+    panels = panels_of(film, len(times), COLUMNS, ROWS, sharex=True, sharey=True)
+    for axes, t in zip(panels, times):
         snapshot(axes, one.shown, t, half_width)
         axes.tick_params(labelleft=False, labelbottom=False)
-    _draw_scale(panels[0, 0], half_width)
+    _draw_scale(panels[0], half_width)
 
 
 def _draw_scale(axes: Axes, half_width: float) -> None:
@@ -96,19 +94,23 @@ def _draw_scale(axes: Axes, half_width: float) -> None:
 
 
 def _draw_angle(axes: Axes, one: Ensemble, colour: str) -> None:
-    """Draw the larger angle of all runs, and of the one that is shown above."""
-    t = one.shown.t
+    """Draw the largest angle of all runs, and of the one that is shown above."""
+    t, error = one.shown.t, _error(one.shown)
     _draw_band(axes, t, one.angle, colour)
-    shown = np.abs(to_turn_of(one.shown.X, np.array(UPRIGHT))[:, ANGLES]).max(axis=1)
-    axes.plot(t, shown, color=dark(colour), linewidth=0.9)
+    axes.plot(t, np.abs(error[:, angles(error)]).max(axis=1), color=dark(colour), linewidth=0.9)
     axes.axhline(0.1, color=FAINT, linestyle='--', linewidth=1)
     axes.set(ylim=(0, 1.04 * np.pi), xlim=(t[0], t[-1]), xlabel='time [s]',
-             ylabel='larger angle [rad]')
+             ylabel='largest angle [rad]')
     axes.yaxis.set_major_locator(MultipleLocator(np.pi / 2))
     axes.yaxis.set_major_formatter(FuncFormatter(_halves))
     axes.grid(True)
     axes.legend(handles=_handles(one, colour), fontsize='small', loc='lower left', ncols=3,
                 bbox_to_anchor=(0.0, 0.98), borderaxespad=0.0)
+
+
+def _error(episode: Episode) -> Array:
+    """Return the distances (N, 2n + 2) of the states from upright."""
+    return to_turn_of(episode.X, upright(links_of(episode.X)))
 
 
 def _halves(angle: float, _: int | None = None) -> str:
@@ -129,22 +131,18 @@ def _handles(one: Ensemble, colour: str) -> list[Artist]:
 
 @styled
 def squared_errors(ensembles: Mapping[str, Ensemble], heading: str) -> Figure:
-    """Draw the squared distance of the six states from upright, set-up beside set-up."""
-    figure = Figure(figsize=(10.4, 5.8), layout='constrained')
-    panels = figure.subplots(2, SIZE // 2, sharex=True)
+    """Draw the squared distance of the states from upright, set-up beside set-up."""
+    links = max(one.shown.physical.links for one in ensembles.values())
+    figure = Figure(figsize=(10.4 / 3 * (links + 1), 5.8), layout='constrained')
+    panels = figure.subplots(2, links + 1, sharex=True)
     for i, axes in enumerate(panels.flat):
         for colour, one in zip(SHADES, ensembles.values()):
             _draw_error(axes, one, i, colour)
-        if i > 0:
-            bound = 0.1 if i in range(SIZE)[ANGLES] else 1.0
-            axes.axhline(bound ** 2, color=FAINT, linestyle='--', linewidth=1)
-        axes.set(yscale='log', ylim=(ERROR_FLOOR, None), xlim=(0.0, one.shown.t[-1]),
-                 ylabel=f'error of {SYMBOLS[i]} [{SQUARES[i]}]')
+    name_errors(panels)
+    for axes in panels.flat:
+        axes.set_xlim(0.0, one.shown.t[-1])
         axes.yaxis.set_major_locator(LogLocator(numticks=8))
         axes.yaxis.set_minor_locator(NullLocator())
-        axes.grid(True)
-    for axes in panels[1]:
-        axes.set_xlabel('time [s]')
     for place, colour, (name, one) in zip(('left', 'right'), SHADES, ensembles.items()):
         legend = figure.legend(
             handles=_handles(one, colour), loc=f'outside lower {place}', ncols=3,  # type: ignore
@@ -157,5 +155,5 @@ def squared_errors(ensembles: Mapping[str, Ensemble], heading: str) -> Figure:
 def _draw_error(axes: Axes, one: Ensemble, i: int, colour: str) -> None:
     t = one.shown.t
     _draw_band(axes, t, Band(*(part[:, i] for part in one.error)), colour, ERROR_FLOOR)
-    shown = to_turn_of(one.shown.X, np.array(UPRIGHT))[:, i] ** 2
+    shown = _error(one.shown)[:, i] ** 2
     axes.plot(t, np.maximum(shown, ERROR_FLOOR), color=dark(colour), linewidth=0.9)

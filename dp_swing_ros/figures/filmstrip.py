@@ -9,9 +9,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 import numpy as np
 
-from dp_swing_ros.figures.pendulum import Drawing, fading, room_for, scene, trail_of
+from dp_swing_ros.figures.pendulum import Drawing, room_for, scene, trail_of
 from dp_swing_ros.figures.sampling import states_at, times_of
-from dp_swing_ros.figures.style import LINK2, PAPER, styled, title
+from dp_swing_ros.figures.style import panels_of, PAPER, solver_name, styled
 from dp_swing_ros.pendulum.state import is_upright
 from dp_swing_ros.simulation.episode import Episode
 
@@ -26,14 +26,14 @@ def snapshots(episode: Episode) -> Figure:
     columns = _columns(len(times))
     rows = max(1, math.ceil(len(times) / columns))
     half_width = room_for(episode)
-    figure = Figure(figsize=(1.65 * max(columns, 3), 0.75 + rows * 1.65 * 2.2 / half_width),
+    height = 1.65 * 1.1 * sum(episode.physical.lengths) / half_width  # [inch] of a picture
+    figure = Figure(figsize=(1.65 * max(columns, 3), 0.75 + rows * height),
                     layout='constrained')
-    panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
-    for axes, t in zip(panels.flat, times):
+    panels = panels_of(figure, len(times), columns, sharex=True, sharey=True)
+    for axes, t in zip(panels, times):
         snapshot(axes, episode, t, half_width)
-    for axes in panels.flat[len(times):]:
-        axes.set_axis_off()
-    figure.suptitle(f'{title(episode)}: the pendulum every {period:g} s (bold: upright)')
+    figure.suptitle(f'{solver_name(episode.solver)}: the pendulum every {period:g} s '
+                    '(bold: upright)')
     figure.supxlabel('x [m]')
     figure.supylabel('z [m]')
     return figure
@@ -47,11 +47,11 @@ def _columns(pictures: int) -> int:
 
 
 def snapshot(axes: Axes, episode: Episode, t: float, half_width: float) -> None:
-    """Draw the pendulum at a time [s], with the way of its tip before that."""
+    """Draw the pendulum at a time [s], with the path of its tip before that."""
     scene(axes, episode, half_width)
     x = states_at(episode, np.array([t]))[0]
-    axes.add_collection(fading(trail_of(episode, t, 0.5), LINK2, 1.2))
-    Drawing(axes, episode.bodies, size=0.7).show(x)
+    axes.add_collection(trail_of(episode, t, 0.5, 1.2))
+    Drawing(axes, episode.physical, size=0.7).show(x)
     axes.spines[:].set_visible(False)
     axes.set_facecolor(PAPER)
     axes.tick_params(length=0, labelsize='x-small')

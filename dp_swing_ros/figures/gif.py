@@ -12,10 +12,10 @@ from matplotlib.patches import FancyArrow
 import numpy as np
 from PIL import Image
 
-from dp_swing_ros.figures.pendulum import CART_SIZE, Drawing, fading, room_for, scene, trail_of
+from dp_swing_ros.figures.pendulum import Arrow, CART_SIZE, Drawing, room_for, scene, trail_of
 from dp_swing_ros.figures.sampling import force_at, states_at, times_of
 from dp_swing_ros.figures.style import (
-    FAINT, FORCE, INK, LINK1, LINK2, mark, styled, tint, title, WARNING)
+    FAINT, FORCE, INK, LINKS, mark, solver_name, styled, tint, WARNING)
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.simulation.episode import Episode
 
@@ -43,9 +43,9 @@ def animation(episode: Episode, path: Path,
 def _palette() -> Image.Image:
     """Return white and the house colours on their way to it: one palette, so nothing flickers."""
     # Pillow looks up colours coarsely: white stays white only if nothing is close to it
-    strengths = np.linspace(0.1, 1.0, 40)
+    strengths = np.linspace(0.1, 1.0, 36)
     colours = [(1.0, 1.0, 1.0), *(tint(colour, strength) for strength in strengths
-                                  for colour in (INK, FAINT, LINK1, LINK2, FORCE, WARNING))]
+                                  for colour in (INK, FAINT, *LINKS, FORCE, WARNING))]
     palette = Image.new('P', (1, 1))
     palette.putpalette(np.round(255 * np.array(colours)).astype(np.uint8).tobytes())
     return palette
@@ -60,14 +60,14 @@ class _Film:
         self._canvas = FigureCanvasAgg(self._figure)
         self._axes = self._figure.add_axes((0.0, 0.0, 1.0, 0.92))
         # as wide as the picture, or as the run needs
-        reach = episode.bodies.link1_length + episode.bodies.link2_length
-        scene(self._axes, episode, max(room_for(episode), 1.1 * reach * 5.6 / (0.92 * 4.6)))
+        reach = 1.1 * sum(episode.physical.lengths)
+        scene(self._axes, episode, max(room_for(episode), reach * 5.6 / (0.92 * 4.6)))
         self._axes.set_axis_off()
-        self._figure.text(0.04, 0.93, title(episode), size=13, weight='bold')
+        self._figure.text(0.04, 0.93, solver_name(episode.solver), size=13, weight='bold')
         self._clock = self._figure.text(0.46, 0.93, '', size=11)
         self._force = self._figure.text(0.96, 0.93, '', size=11, ha='right', color=FORCE)
         mark(self._figure, episode.incomplete)
-        self._drawing = Drawing(self._axes, episode.bodies, size=1.2)
+        self._drawing = Drawing(self._axes, episode.physical, size=1.2)
 
     def picture(self, t: float) -> Array:
         """Return the pixels (height, width, 3) at a time [s]."""
@@ -76,7 +76,7 @@ class _Film:
         self._drawing.show(x)
         self._clock.set_text(f'{t - episode.t[0]:.2f} s')
         self._force.set_text(f'{u:+.1f} N'.replace('-', '−'))
-        trail = self._axes.add_collection(fading(trail_of(episode, t, 1.0), LINK2, 2.0))
+        trail = self._axes.add_collection(trail_of(episode, t, 1.0, 2.0))
         arrow = self._axes.add_patch(_arrow(x[0], u))
         self._canvas.draw()
         trail.remove()
@@ -86,8 +86,9 @@ class _Film:
 
 def _arrow(x: float, u: float) -> FancyArrow:
     """Return an arrow beside the cart at x [m] that shows the force u [N]."""
-    length = 0.05 * u
-    head = min(0.18, abs(length))
-    return FancyArrow(x + math.copysign(CART_SIZE[0] / 2 + 0.04, u), 0.0, length, 0.0,
+    look = Arrow()
+    length = look.scale * u
+    head = min(look.head, abs(length))
+    return FancyArrow(x + math.copysign(CART_SIZE[0] / 2 + look.gap, u), 0.0, length, 0.0,
                       width=0.3 * head, head_width=head, head_length=head, color=FORCE,
-                      length_includes_head=True, visible=abs(u) > 0.5, zorder=6)
+                      length_includes_head=True, visible=abs(u) > look.least, zorder=6)

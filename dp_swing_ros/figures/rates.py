@@ -3,12 +3,14 @@
 """Success rates with their intervals, by scenario, and as the plant gets worse."""
 
 import math
+from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 import numpy as np
 
-from dp_swing_ros.evaluation.campaign.summary import Standing, Summary
+from dp_swing_ros.evaluation.campaign.summary import Summary
+from dp_swing_ros.evaluation.comparison import Rate
 from dp_swing_ros.evaluation.scenarios import SCENARIOS
 from dp_swing_ros.figures.contestants import as_share, Look, looks, name_contestants
 from dp_swing_ros.figures.style import FAINT, INK, PAPER, styled
@@ -31,7 +33,10 @@ def successes(summary: Summary) -> Figure:
         for place, (label, look) in enumerate(shown.items()):
             for one in summary.standings:
                 if (one.scenario, one.contestant) == (name, label):
-                    _draw_rate(axes, one, n * pitch + place, look)
+                    y = n * pitch + place
+                    _draw_rate(axes, one.held, look, 'x', y)
+                    axes.text(1.035, y, f'{one.held.successes} of {one.held.runs}', va='center',
+                              size='small', color=INK, clip_on=False)
     axes.set_yticks(pitch * np.arange(len(scenarios)) + (len(shown) - 1) / 2, scenarios)
     axes.set(ylim=(pitch * len(scenarios) - 0.95, -0.95))
     axes.tick_params('y', length=0)
@@ -43,14 +48,14 @@ def successes(summary: Summary) -> Figure:
     return figure
 
 
-def _draw_rate(axes: Axes, one: Standing, y: float, look: Look) -> None:
-    held = one.held
-    axes.plot([held.low, held.high], [y, y], color=look.colour, linewidth=1.4,
-              solid_capstyle='butt')
-    axes.plot([held.successes / held.runs], [y], linestyle='none', markersize=4.5,
-              clip_on=False, zorder=4, **look.point())
-    axes.text(1.035, y, f'{held.successes} of {held.runs}', va='center', size='small', color=INK,
-              clip_on=False)
+def _draw_rate(axes: Axes, held: Rate, look: Look, along: str, place: float) -> None:
+    """Draw a share on its interval along one axis, at a place on the other."""
+    def plot(shares: list[float], **line: Any) -> None:
+        places = [place] * len(shares)
+        axes.plot(*((shares, places) if along == 'x' else (places, shares)), clip_on=False, **line)
+
+    plot([held.low, held.high], color=look.colour, linewidth=1.4, solid_capstyle='butt')
+    plot([held.successes / held.runs], linestyle='none', markersize=4.7, zorder=4, **look.point())
 
 
 @styled
@@ -69,8 +74,8 @@ def criteria(summary: Summary) -> Figure | None:
     for one in summary.standings:
         if one.scenario in scenarios:
             place = list(shown).index(one.contestant) - (len(shown) - 1) / 2
-            _draw_upright(axes, one, scenarios.index(one.scenario) + width * place,
-                          shown[one.contestant])
+            _draw_rate(axes, one.held, shown[one.contestant], 'y',
+                       scenarios.index(one.scenario) + width * place)
     for boundary in np.arange(len(scenarios) - 1) + 0.5:
         axes.axvline(boundary, color=FAINT, linewidth=0.5)
     axes.set_xticks(np.arange(len(scenarios)), [_range(name) for name in scenarios])
@@ -94,11 +99,3 @@ def _range(name: str) -> str:
     sweep = SCENARIOS[name].sweeps[0]
     between = ' ' if len(sweep.unit) < 3 else '\n'
     return f'{words}\n{sweep.low:g} to {sweep.high:g}{between}{sweep.unit}'.rstrip()
-
-
-def _draw_upright(axes: Axes, one: Standing, x: float, look: Look) -> None:
-    held = one.held
-    axes.plot([x, x], [held.low, held.high], color=look.colour, linewidth=1.4,
-              solid_capstyle='butt', clip_on=False)
-    axes.plot([x], [held.successes / held.runs], linestyle='none', markersize=5, zorder=4,
-              clip_on=False, **look.point())

@@ -14,47 +14,57 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Arc
 import numpy as np
 
-from dp_swing_ros.figures.pendulum import CART_SIZE, Drawing, TRACK
-from dp_swing_ros.figures.style import CART, FAINT, FORCE, INK, LINK1, LINK2, styled
-from dp_swing_ros.pendulum.equations import joints
+from dp_swing_ros.figures.pendulum import CART_SIZE, draw_track, Drawing, TRACK
+from dp_swing_ros.figures.style import CART, FORCE, INK, LINKS, styled
+from dp_swing_ros.pendulum.geometry import joint_positions
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
-from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.pendulum.state import angles, Array, upright
 
-SHOWN = (0.55, 0.45, 1.05, 0.0, 0.0, 0.0)   # a state with all its coordinates above zero
+POSITION, ANGLES = 0.55, (0.45, 1.05, 0.75)  # [m], [rad] that are shown: all are above zero
 ARROW = {'arrowstyle': '-|>', 'shrinkA': 0, 'shrinkB': 0, 'linewidth': 1.6}
+WIDTH, SCALE = 7.6, 1.29  # [inch], [inch/m] of the picture
 
 
 @styled
-def sketch(bodies: PendulumParameters = PendulumParameters(),
+def sketch(physical: PendulumParameters = PendulumParameters(),
            limits: LimitParameters = LimitParameters()) -> Figure:
     """Draw a state of the pendulum, and what each of its coordinates counts from where."""
-    figure = Figure(figsize=(7.6, 3.7))
+    x = upright(physical.links)
+    x[0], x[angles(x)] = POSITION, ANGLES[:physical.links]
+    places = joint_positions(x, physical.lengths)
+    bottom, top = -0.82, max(2.05, places[-1, 1] + 0.2)
+    figure = Figure(figsize=(WIDTH, SCALE * (top - bottom)))
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-    axes.set(xlim=(-2.95, 2.95), ylim=(-0.82, 2.05), aspect='equal')
+    axes.set(xlim=(-2.95, 2.95), ylim=(bottom, top), aspect='equal')
     axes.set_axis_off()
     _draw_track(axes, limits)
-    Drawing(axes, bodies, size=1.6).show(np.array(SHOWN))
-    places = joints(np.array(SHOWN), bodies)
-    for link, colour in enumerate((LINK1, LINK2)):
+    Drawing(axes, physical, size=1.6).show(x)
+    for link, colour in enumerate(LINKS[:physical.links]):
         _draw_angle(axes, places[link:link + 2], link + 1, colour)
     _draw_position(axes, places[0])
     _draw_force(axes, places[0])
-    axes.text(-2.85, 1.92, 'both angles from the upward vertical, clockwise positive\n'
-              '$\\theta_1 = \\theta_2 = 0$: upright    '
-              '$\\theta_1 = \\theta_2 = \\pi$: hanging', va='top', size='large')
-    axes.text(-2.85, 1.45, f'$m_0$ = {bodies.cart_mass:g} kg, $m_1$ = {bodies.link1_mass:g} kg, '
-              f'$m_2$ = {bodies.link2_mass:g} kg,\n$l_1$ = {bodies.link1_length:g} m, '
-              f'$l_2$ = {bodies.link2_length:g} m, |$u$| ≤ {limits.force_limit:g} N', va='top')
+    _write(axes, top - 0.13, physical, limits)
     return figure
 
 
+def _write(axes: Axes, top: float, physical: PendulumParameters,
+           limits: LimitParameters) -> None:
+    """Say in words what angles count, and which parameters there are."""
+    all_angles = ' = '.join(rf'\theta_{i}' for i in range(1, physical.links + 1))
+    axes.text(-2.85, top, 'angles from the upward vertical, clockwise positive\n'
+              f'${all_angles} = 0$: upright    ${all_angles} = \\pi$: hanging',
+              va='top', size='large')
+    masses = ', '.join(f'$m_{i}$ = {mass:g} kg' for i, mass in enumerate(physical.masses))
+    lengths = ', '.join(f'$l_{i}$ = {length:g} m'
+                        for i, length in enumerate(physical.lengths, start=1))
+    axes.text(-2.85, top - 0.47, f'{masses},\n{lengths}, |$u$| ≤ {limits.force_limit:g} N',
+              va='top')
+
+
 def _draw_track(axes: Axes, limits: LimitParameters) -> None:
-    end = limits.track_limit + CART_SIZE[0] / 2
-    axes.plot([-end, end], [TRACK, TRACK], color=FAINT, linewidth=2, zorder=1)
-    for side in (-1, 1):
-        axes.plot([side * end] * 2, [TRACK, TRACK + 0.3], color=FAINT, linewidth=4, zorder=1)
-        axes.text(side * limits.track_limit, TRACK - 0.1,
-                  f'end stop\n$x$ = {side * limits.track_limit:+g} m'.replace('-', '−'),
+    draw_track(axes, limits, size=1.65)
+    for side in (-limits.track_limit, limits.track_limit):
+        axes.text(side, TRACK - 0.1, f'end stop\n$x$ = {side:+g} m'.replace('-', '−'),
                   ha='center', va='top')
 
 
@@ -62,7 +72,7 @@ def _draw_angle(axes: Axes, ends: Array, number: int, colour: str) -> None:
     """Draw the vertical through a joint, the angle from there, and the link's length and mass."""
     (x, z), tip = ends
     axes.plot([x, x], [z, z + 0.75], color=INK, linewidth=0.9, linestyle=(0, (4, 3)), zorder=2)
-    angle, radius = SHOWN[number], 0.52
+    angle, radius = ANGLES[number - 1], 0.52
     axes.add_patch(Arc((x, z), 2 * radius, 2 * radius, theta1=90 - np.degrees(angle) + 6,
                        theta2=90, color=colour, linewidth=1.6))
     end, before = (np.array([np.sin(a), np.cos(a)]) * radius + ends[0]

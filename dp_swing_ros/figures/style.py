@@ -2,27 +2,27 @@
 # SPDX-License-Identifier: Apache-2.0
 """Palette and style of all pictures."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 import functools
 import math
 from typing import Any, ParamSpec, TypeVar
 
 import matplotlib
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.colors import to_rgb
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FuncFormatter, NullFormatter
+import numpy as np
 
-from dp_swing_ros.simulation.episode import Episode
-
-# Okabe and Ito's palette: told apart by colour-blind readers, on white and in grey
-INK, FAINT, PAPER = '#26323e', '#9aa5b1', '#f4f6f8'
-LINK1, LINK2, CART, FORCE, ALARM = '#0072B2', '#D55E00', '#26323e', '#009E73', '#CC79A7'
-WARNING = '#b3261e'
-COLOURS = (CART, LINK1, LINK2) * 2  # of the six states
-SYMBOLS = ('$x$', r'$\theta_1$', r'$\theta_2$',
-           r'$\dot x$', r'$\dot\theta_1$', r'$\dot\theta_2$')
-SQUARES = ('m²', 'rad²', 'rad²', 'm²/s²', 'rad²/s²', 'rad²/s²')  # units of their squared errors
-SOLVERS = {'ilqr': 'iLQR', 'ddp': 'DDP', 'mppi': 'MPPI'}
+# Okabe and Ito's palette: distinct to colour-blind readers, on white and in grey
+PALETTE = ('#0072B2', '#D55E00', '#009E73', '#CC79A7', '#E69F00', '#56B4E9', '#7F4F9E')
+INK, FAINT, PAPER, WARNING = '#26323e', '#9aa5b1', '#f4f6f8', '#b3261e'
+CART, FORCE, ALARM = INK, PALETTE[2], PALETTE[3]
+LINKS = (PALETTE[0], PALETTE[1], PALETTE[3])  # link 1 first
+DASHES: tuple[Any, ...] = ('-', (0, (4, 1.5)), (0, (1, 1)), (0, (5, 1, 1, 1)))
+SOLVERS = {'ilqr': 'iLQR', 'ddp': 'DDP', 'mppi': 'MPPI'}  # those that are written otherwise
 STYLE: dict[Any, Any] = {
     'axes.axisbelow': True, 'axes.edgecolor': FAINT, 'axes.labelcolor': INK,
     'axes.spines.right': False, 'axes.spines.top': False, 'axes.titlesize': 'medium',
@@ -43,9 +43,21 @@ def styled(draw: Callable[P, R]) -> Callable[P, R]:
     return inside
 
 
-def title(episode: Episode) -> str:
-    """Return the name of who controlled a run."""
-    return plain(SOLVERS.get(episode.solver, episode.solver or 'no controller'))
+def state_colours(links: int) -> tuple[str, ...]:
+    """Return the colours of the numbers of the state."""
+    return (CART, *LINKS[:links]) * 2
+
+
+def formulas(links: int) -> tuple[str, ...]:
+    """Return the symbols of the numbers of the state as formulas."""
+    angles = [rf'\theta_{i}' for i in range(1, links + 1)]
+    return tuple(f'${symbol}$' for symbol in (
+        'x', *angles, r'\dot x', *(rf'\dot{angle}' for angle in angles)))
+
+
+def solver_name(solver: str) -> str:
+    """Return the name of who controls as it is to be shown."""
+    return plain(SOLVERS.get(solver, solver or 'no controller'))
 
 
 def mark(figure: Figure, text: str) -> None:
@@ -72,10 +84,47 @@ def dark(colour: str) -> tuple[float, float, float]:
     return red, green, blue
 
 
-def limit_lines(axes: Axes, limit: float, label: str) -> None:
+def widths(lines: int) -> list[float]:
+    """Return the widths of curves that may lie on each other: the later is the thinner."""
+    return np.linspace(3.0, 1.2, lines).tolist()
+
+
+def panels_of(figure: Figure | SubFigure, count: int, columns: int, rows: int = 0,
+              **shared: Any) -> list[Axes]:
+    """Return that many axes on a grid, of as many rows as it takes, other places left empty."""
+    rows = max(1, rows, math.ceil(count / columns))
+    grid = figure.subplots(rows, columns, squeeze=False, **shared)
+    for unused in grid.flat[count:]:
+        unused.set_axis_off()
+    return list(grid.flat[:count])
+
+
+def in_numbers(axis: Axis) -> None:
+    """Let a logarithmic axis show plain numbers, at powers of ten alone."""
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f'{value:g}'))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def in_decades(axes: Axes) -> None:
+    """Let the vertical axis be logarithmic, from a power of ten to another."""
+    axes.set_yscale('log')
+    low, high = np.log10(axes.get_ylim())
+    axes.set_ylim(10 ** math.floor(low), 10 ** math.ceil(high))
+
+
+def limit_lines(axes: Axes, limit: float, label: str = '') -> None:
     if math.isfinite(limit):
         axes.axhline(limit, color=FAINT, linestyle='--', linewidth=1, label=label)
         axes.axhline(-limit, color=FAINT, linestyle='--', linewidth=1)
+
+
+def name_lines(figure: Figure, looks: Mapping[str, Mapping[str, Any]], place: str,
+               entry: float) -> None:
+    """Put a legend of lines beside all axes, each entry so wide [inch]."""
+    figure.legend(
+        handles=[Line2D([], [], label=plain(label), **look) for label, look in looks.items()],
+        loc=f'outside {place}', handlelength=2.4,  # type: ignore
+        ncols=max(1, min(len(looks), int(figure.get_size_inches()[0] / entry))))
 
 
 def legend(axes: Axes) -> None:

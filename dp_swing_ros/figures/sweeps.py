@@ -15,7 +15,7 @@ from dp_swing_ros.evaluation.campaign.scores import Level
 from dp_swing_ros.evaluation.campaign.summary import Summary
 from dp_swing_ros.evaluation.scenarios import PROFILE, SCENARIOS
 from dp_swing_ros.figures.contestants import looks
-from dp_swing_ros.figures.style import FAINT, LINK1, plain, styled
+from dp_swing_ros.figures.style import FAINT, PALETTE, panels_of, plain, styled
 
 COLUMNS = 2
 UNITS = {sweep.parameter: sweep.unit for scenario in SCENARIOS.values()
@@ -23,7 +23,7 @@ UNITS = {sweep.parameter: sweep.unit for scenario in SCENARIOS.values()
 # what the numbers are that have no unit
 MEASURES = {PROFILE: 'number', 'state_loss': 'share', 'command_loss': 'share',
             'actuator_response': 'share of the way in a step'}
-SHARES = LinearSegmentedColormap.from_list('shares', ['white', LINK1])
+SHARES = LinearSegmentedColormap.from_list('shares', ['white', PALETTE[0]])
 
 
 @styled
@@ -38,12 +38,10 @@ def sweeps(summary: Summary) -> Figure | None:
         return None
     rows = math.ceil(len(panels) / COLUMNS)
     figure = Figure(figsize=(8.4, 1.0 + rows * (0.75 + 0.17 * len(shown))), layout='constrained')
-    places = figure.subplots(rows, COLUMNS, squeeze=False)
-    for axes, ((scenario, parameter), strips) in zip(places.flat, panels.items()):
+    places = panels_of(figure, len(panels), COLUMNS)
+    for axes, ((scenario, parameter), strips) in zip(places, panels.items()):
         _draw_panel(axes, scenario, parameter, strips, list(shown))
-    for unused in places.flat[len(panels):]:
-        unused.set_axis_off()
-    bar = figure.colorbar(ScalarMappable(Normalize(0.0, 1.0), SHARES), ax=places,
+    bar = figure.colorbar(ScalarMappable(Normalize(0.0, 1.0), SHARES), ax=figure.axes,
                           location='bottom', aspect=60, shrink=0.6, fraction=0.02, pad=0.01,
                           label='episodes held at a level; with more than half, it passes')
     bar.set_ticks([0.0, 0.5, 1.0], labels=['0', '50', '100 %'])

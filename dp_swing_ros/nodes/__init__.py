@@ -3,5 +3,5 @@
 """
 Nodes: convert, call, publish; messages and bags on one side, arrays and episodes on the other.
 
-Nothing here imports rclpy on its own: bags are read where there is no ROS.
+Nothing here imports rclpy on its own. Only logger and replay know bags.
 """

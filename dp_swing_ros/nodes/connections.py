@@ -3,32 +3,23 @@
 """Publishers and subscriptions of the topics, with their quality of service."""
 
 from contextlib import contextmanager
-from enum import IntEnum
 from importlib import import_module
 import time
-from typing import Any, Callable, Iterable, Iterator, TypeVar
+from typing import Callable, Iterable, Iterator
 
-from rclpy.duration import Duration
 from rclpy.exceptions import InvalidParameterException, InvalidParameterTypeException
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import (
-    DurabilityPolicy, LivelinessPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy)
+from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from dp_swing_ros.bags.reader import Offer
-from dp_swing_ros.errors import BagError
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.parameters.files import QOS_OVERRIDES
-from dp_swing_ros.parameters.plain_yaml import parse
 from dp_swing_ros.topics import Topic
 
-Policy = TypeVar('Policy', bound=IntEnum)
-
 DEPTH = 10          # messages that wait for a slow partner
-LASTING = 1000      # messages that replay keeps for whoever asks for those before its time
 QUIET = 0.3         # [s] without another subscription: all have been found
 OVERRIDABLE = QoSOverridingOptions([
     QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY,
@@ -93,7 +84,7 @@ class Audience:
         self.give_up = self.since + patience
 
     def complete(self) -> bool:
-        """Tell whether to wait no longer; to be asked every now and then."""
+        """Return whether to wait no longer; to be asked every now and then."""
         now = time.monotonic()
         found = sum(publisher.get_subscription_count() for publisher in self.publishers)
         if found != self.found:
@@ -111,7 +102,7 @@ def listeners(node: Node, publisher: Publisher, partners: Topic) -> set[bytes]:
 
 def is_heard(node: Node, publisher: Publisher, partners: Topic) -> bool:
     """
-    Tell whether all nodes that publish another topic, of which there are some, hear a publisher.
+    Return whether all nodes that publish another topic, of which there are some, hear a publisher.
 
     Until then a message may be lost to them: discovery goes one way at a time.
     """
@@ -129,50 +120,6 @@ def owners(node: Node, topic: Topic) -> set[str]:
 def owner(endpoint: TopicEndpointInfo) -> str:
     """Return the full name of the node that an endpoint is of."""
     return f'{endpoint.node_namespace.rstrip("/")}/{endpoint.node_name}'
-
-
-def publish_again(node: Node, name: str, offer: Offer) -> Publisher:
-    """
-    Make a publisher of what a bag holds, for whoever heard those that were recorded.
-
-    Raises BagError where it cannot be.
-    """
-    try:
-        if offer.encoding != 'cdr':
-            raise ValueError(f'it is encoded as {offer.encoding!r}')
-        return node.create_publisher(message_class(offer.type), name, _strongest(offer.qos))
-    except (AttributeError, ImportError, RuntimeError, ValueError) as error:
-        # rclpy's RCLError is a RuntimeError: here the topic may have another type
-        raise BagError(f'{name} of type {offer.type!r} cannot be published here: {error}; '
-                       'name the topics to play, without it') from None
-
-
-def _strongest(text: str) -> QoSProfile:
-    # What is offered satisfies each subscription that one of the profiles in the bag did.
-    try:
-        profiles = parse(text) or [{}]
-        strongest = QoSProfile(
-            depth=max([LASTING, *(each.get('depth', 0) for each in profiles)]),
-            reliability=min(_policy(ReliabilityPolicy, each.get('reliability', 'reliable'))
-                            for each in profiles),
-            durability=min(_policy(DurabilityPolicy, each.get('durability', 'volatile'))
-                           for each in profiles),
-            liveliness=max(_policy(LivelinessPolicy, each.get('liveliness', 'automatic'))
-                           for each in profiles))
-        for name in ('deadline', 'liveliness_lease_duration'):
-            times = [each[name] for each in profiles if name in each]
-            if times:
-                setattr(strongest, name, min(Duration(
-                    seconds=each['sec'], nanoseconds=each['nsec']) for each in times))
-    except (ArithmeticError, AttributeError, KeyError, TypeError, ValueError) as error:
-        raise ValueError(f'its quality of service is {text[:80]!r}: '
-                         f'{" ".join(str(error).split())}') from None
-    return strongest
-
-
-def _policy(kind: type[Policy], value: Any) -> Policy:
-    # of ROS 2 before Jazzy they are numbers, those of rclpy
-    return kind[value.upper()] if isinstance(value, str) else kind(value)
 
 
 def message_class(name: str) -> type:

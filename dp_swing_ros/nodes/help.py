@@ -2,15 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """What --help prints of a node: what it does, its topics, its parameters."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
+import dataclasses
 import textwrap
 from typing import NamedTuple
 
-from dp_swing_ros.configuration import Groups, NODES
-from dp_swing_ros.nodes.parameters import LoggerParameters, ReplayParameters, rows
+from dp_swing_ros.configuration import declared
+from dp_swing_ros.nodes.parameters import LoggerParameters, named, ReplayParameters, rows
+from dp_swing_ros.pendulum.state import DEFAULT_LINKS
 from dp_swing_ros.topics import (
-    CONFIGURATION, DIAGNOSTICS, DISTURBANCE, FORCE_COMMAND, JOINT_STATES, PLAN,
-    ROBOT_DESCRIPTION, Topic)
+    CONFIGURATION, DIAGNOSTICS, DISTURBANCE, FORCE_COMMAND, JOINT_STATES, PLAN, ROBOT_DESCRIPTION,
+    Topic)
 
 WIDTH = 99
 USAGE = """\
@@ -25,28 +27,28 @@ class About(NamedTuple):
     publishes: tuple[Topic, ...]
     subscribes: tuple[Topic, ...]
     services: tuple[str, ...]
-    groups: Groups
+    parameters: Callable[[], Mapping[str, dataclasses.Field]]
 
 
 NODE: dict[str, About] = {
     'plant': About(
-        'Integrates the double pendulum on its cart, publishes its state at a fixed rate and '
+        'Integrates the pendulum on its cart, publishes its state at a fixed rate and '
         'obeys the force: in real time, on /clock with use_sim_time, or in lockstep.',
         (JOINT_STATES, DIAGNOSTICS, ROBOT_DESCRIPTION, CONFIGURATION),
-        (FORCE_COMMAND, DISTURBANCE), ('plant/reset',), NODES['plant']),
+        (FORCE_COMMAND, DISTURBANCE), ('plant/reset',), lambda: declared('plant', DEFAULT_LINKS)),
     'mpc': About(
         'Solves for a plan from each state, warm-started by the last one, and publishes the '
         'force that it begins with.',
         (FORCE_COMMAND, PLAN, DIAGNOSTICS, CONFIGURATION), (JOINT_STATES,), ('mpc/reset',),
-        NODES['mpc']),
+        lambda: declared('mpc', DEFAULT_LINKS)),
     'logger': About(
         'Writes topics to an MCAP bag that rosbag2 opens.',
-        (CONFIGURATION,), (), (), [('', LoggerParameters)]),
+        (CONFIGURATION,), (), (), lambda: named(LoggerParameters)),
     'replay': About(
         'Plays a bag back onto its topics with its recorded timing.',
         (CONFIGURATION,), (), tuple(f'replay/{name}' for name in (
             'pause', 'resume', 'toggle_paused', 'is_paused', 'play_next')),
-        [('', ReplayParameters)])}
+        lambda: named(ReplayParameters))}
 
 
 def help_of(name: str) -> str:
@@ -64,7 +66,7 @@ def _lines(name: str, about: About) -> Iterator[str]:
         yield from ('', 'services (std_srvs/srv/Trigger):')
         yield from (f'  {each}' for each in about.services)
     yield from ('', 'parameters, with their defaults:')
-    for row in rows(about.groups):
+    for row in rows(about.parameters()):
         yield f'  {row.name}:={row.default} {row.unit}'.rstrip()
         text = f'{row.description} ({row.expected})' if row.expected else row.description
         yield from textwrap.wrap(text, WIDTH, initial_indent=' ' * 6, subsequent_indent=' ' * 6)

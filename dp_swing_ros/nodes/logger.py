@@ -13,14 +13,17 @@ from typing import Any
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from dp_swing_ros.bags.definitions import schema
-from dp_swing_ros.bags.writer import BagWriter, Recorded
+from dp_swing_ros.bags.mcap_writer import Storage
+from dp_swing_ros.bags.metadata import Recorded
+from dp_swing_ros.bags.writer import BagWriter
 from dp_swing_ros.errors import BagError
+from dp_swing_ros.messages.definitions import schema
+from dp_swing_ros.messages.fields import BILLION
 from dp_swing_ros.nodes.connections import message_class
-from dp_swing_ros.nodes.offers import described, Request, request_for
-from dp_swing_ros.nodes.parameters import LoggerParameters
+from dp_swing_ros.nodes.parameters import LoggerParameters, named
 from dp_swing_ros.nodes.process import ProcessNode, run
-from dp_swing_ros.nodes.ros_parameters import declare, settle
+from dp_swing_ros.nodes.qos import described, Request, request_for
+from dp_swing_ros.nodes.ros_parameters import declare
 from dp_swing_ros.nodes.sequences import Tally
 from dp_swing_ros.parameters import ParameterError
 
@@ -46,11 +49,12 @@ class LoggerNode(ProcessNode):
 
     def __init__(self) -> None:
         super().__init__('logger')
-        parameters = declare(self, LoggerParameters)
-        settle(self)
+        parameters = LoggerParameters(**declare(self, named(LoggerParameters)))
         self._recordings: dict[str, Recording | None] = {}  # None: cannot be recorded
         self._names = list(dict.fromkeys(map(self._resolved, parameters.topics)))
-        self._bag = BagWriter(_folder(parameters.output), parameters.to_storage())
+        self._bag = BagWriter(_folder(parameters.output), Storage(
+            parameters.chunk_size, parameters.fsync, parameters.max_bagfile_size,
+            round(parameters.max_bagfile_duration * BILLION)))
         self._flush_period = parameters.flush_period
         self._flush_due = time.monotonic()
         self.create_timer(LOOK_PERIOD, self._look)

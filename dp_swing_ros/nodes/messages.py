@@ -15,10 +15,10 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from dp_swing_ros.bags.fields import (
+from dp_swing_ros.control.estimator import Estimate, parameter_names
+from dp_swing_ros.messages.fields import (
     from_diagnostics, from_trajectory, Report, seconds, split, to_state, Trajectory)
-from dp_swing_ros.control.estimator import Estimate
-from dp_swing_ros.pendulum.state import Array, JOINTS
+from dp_swing_ros.pendulum.state import Array, joints, links_of
 from dp_swing_ros.problem.plan import Plan
 
 __all__ = ['Report', 'Trajectory', 'from_diagnostics', 'from_trajectory', 'of_estimate', 'seconds',
@@ -35,19 +35,23 @@ def to_joint_state(stamp: Time, x: Array, force: float) -> JointState:
     """
     Convert a state and the force [N] that was applied over the period before it.
 
-    Shapes: x (6,).
+    Shapes: x (2n + 2,).
     """
-    return JointState(header=Header(stamp=stamp), name=list(JOINTS), position=x[:3].tolist(),
-                      velocity=x[3:].tolist(), effort=[float(force), 0.0, 0.0])
+    names = joints(links_of(x))
+    return JointState(header=Header(stamp=stamp), name=list(names),
+                      position=x[:len(names)].tolist(), velocity=x[len(names):].tolist(),
+                      effort=[float(force), *[0.0] * (len(names) - 1)])
 
 
 def to_trajectory(plan: Plan, stamp: Time) -> JointTrajectory:
     """Convert a plan; the force of a point acts until the next, and that of the last is zero."""
-    forces = [*plan.U.tolist(), 0.0]
-    points = [JointTrajectoryPoint(positions=x[:3], velocities=x[3:], effort=[force, 0.0, 0.0],
+    forces, names = [*plan.U.tolist(), 0.0], joints(links_of(plan.X))
+    count, none = len(names), [0.0] * (len(names) - 1)
+    points = [JointTrajectoryPoint(positions=x[:count], velocities=x[count:],
+                                   effort=[force, *none],
                                    time_from_start=_duration(t * plan.dt))
               for t, (x, force) in enumerate(zip(plan.X.tolist(), forces))]
-    return JointTrajectory(header=Header(stamp=stamp), joint_names=list(JOINTS), points=points)
+    return JointTrajectory(header=Header(stamp=stamp), joint_names=list(names), points=points)
 
 
 def to_diagnostics(stamp: Time, name: str, level: int, message: str,
@@ -62,12 +66,14 @@ def to_diagnostics(stamp: Time, name: str, level: int, message: str,
 
 def of_estimate(estimate: Estimate) -> dict[str, float]:
     """Name the figures of an estimate for the diagnostics."""
-    places = [f'{joint}_{kind}' for kind in ('position', 'velocity') for joint in JOINTS]
+    names, physical = joints(estimate.physical.links), estimate.physical
+    places = [f'{joint}_{kind}' for kind in ('position', 'velocity') for joint in names]
     return {**{f'estimate_{place}': value for place, value in zip(places, estimate.x.tolist())},
             **{f'innovation_{place}': value
                for place, value in zip(places, estimate.innovation.tolist())},
             'innovation_distance': estimate.distance, 'refused': estimate.refused,
-            'force_bias': estimate.bias, **estimate.bodies}
+            'force_bias': estimate.bias,
+            **{name: getattr(physical, name) for name in parameter_names(physical.links)}}
 
 
 def _duration(time: float) -> Duration:

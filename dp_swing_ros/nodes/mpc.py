@@ -20,22 +20,18 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, String
 from std_srvs.srv import Trigger
 
-from dp_swing_ros.bags.configurations import from_text
-from dp_swing_ros.bags.fields import BILLION
-from dp_swing_ros.control.estimator import EstimatorParameters
-from dp_swing_ros.control.receding_horizon import MpcParameters, RecedingHorizon
+from dp_swing_ros import configuration
+from dp_swing_ros.control.receding_horizon import MpcParameters
+from dp_swing_ros.messages.configuration import from_text
+from dp_swing_ros.messages.fields import BILLION
 from dp_swing_ros.nodes.connections import is_heard, owners, publish, subscribe
 from dp_swing_ros.nodes.diagnostics import Diagnostics
 from dp_swing_ros.nodes.messages import of_estimate, seconds, to_state, to_trajectory
 from dp_swing_ros.nodes.process import ProcessNode, run
-from dp_swing_ros.nodes.ros_parameters import declare, settle
+from dp_swing_ros.nodes.ros_parameters import declare_pendulum
 from dp_swing_ros.nodes.timing import announcement_of, Clock, Timing
 from dp_swing_ros.nodes.watchdog import Watchdog
-from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
-from dp_swing_ros.problem.parameters import CostParameters, PredictionParameters
 from dp_swing_ros.problem.plan import Plan, Status
-from dp_swing_ros.problem.problem import Problem
-from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.topics import CONFIGURATION, FORCE_COMMAND, JOINT_STATES, PLAN
 
 MEETING = 2.0        # [s] at most, to learn who sends the states, and for them to find the forces
@@ -66,27 +62,18 @@ class MpcNode(ProcessNode):
     def __init__(self) -> None:
         """Read the parameters, and refuse what cannot work."""
         super().__init__('mpc')
-        bodies = declare(self, PendulumParameters)
-        limits = declare(self, LimitParameters)
-        cost = declare(self, CostParameters)
-        prediction = declare(self, PredictionParameters)
-        self.parameters = declare(self, MpcParameters)
-        self.timing = Timing(self.parameters.clock)
-        of_solvers = {name: declare(self, solver.Parameters, name)
-                      for name, solver in sorted(SOLVERS.items())}
-        of_estimator = declare(self, EstimatorParameters, 'ekf')
-        settle(self)
+        values = declare_pendulum(self, 'mpc')
+        self.links, self.u_max = values['links'], values['force_limit']
+        self.parameters = configuration.group(MpcParameters, values)
         self.solver = self.parameters.solver
-        self.build = lambda: RecedingHorizon(   # which compiles, at the first start
-            Problem.of(bodies, limits, cost, prediction), self.parameters,
-            of_solvers[self.solver], of_estimator)
-        self.u_max = limits.force_limit
+        self.timing = Timing(self.parameters.clock)
+        self.build = lambda: configuration.controller(values)   # compiles, at the first start
         self.forces = publish(self, FORCE_COMMAND)
         self.plans = publish(self, PLAN)
         self.diagnostics = Diagnostics(self)
         self.create_service(Trigger, 'mpc/reset', self.on_reset)
         subscribe(self, CONFIGURATION, self.on_configuration)
-        self.watchdog = Watchdog(self, prediction.step, self.on_silence)
+        self.watchdog = Watchdog(self, values['step'], self.on_silence)
         self.sent = 0    # forces
         self.resets = 0
         self.configured = set[str]()   # the nodes that have announced what they are
@@ -95,7 +82,7 @@ class MpcNode(ProcessNode):
 
     def forget(self) -> None:
         """Begin anew."""
-        self.horizon.reset()
+        self.controller.reset()
         self.timing.reset()
         self.watchdog.forget()
         self.processing = 0.0   # [s] mean time from a state's arrival to its force
@@ -110,9 +97,9 @@ class MpcNode(ProcessNode):
         self.get_logger().info(f'preparing the solver {self.solver!r} (the first start on a '
                                'machine compiles for half a minute; later ones take a second)')
         began = time.perf_counter()
-        self.horizon = self.build()
+        self.controller = self.build()
         self.forget()
-        self.horizon.warm_up()
+        self.controller.warm_up()
         taken = time.perf_counter() - began
         gc.collect()
         gc.freeze()   # else the collector looks through all modules in a first tick, for 25 ms
@@ -154,7 +141,7 @@ class MpcNode(ProcessNode):
             self.answer(*self.waiting)
 
     def can_answer(self) -> bool:
-        """Tell whether the clock of the states is known and, in lockstep, the forces are heard."""
+        """Return whether the states' clock is known and, in lockstep, the forces are heard."""
         announcers = owners(self, JOINT_STATES) & owners(self, CONFIGURATION)
         if self.timing.given is None and not announcers <= self.configured:
             return False
@@ -208,7 +195,7 @@ class MpcNode(ProcessNode):
         self.carried += 1
         stamp = self.get_clock().now().to_msg()
         t, delay = seconds(stamp), self.processing + self.transport * self.pace
-        plan = self.horizon.stand_in(t + delay)
+        plan = self.controller.fallback(t + delay)
         if plan.stats.status is Status.ZERO:
             self.watchdog.stop()
         force = self.send(plan)
@@ -226,10 +213,10 @@ class MpcNode(ProcessNode):
               deadline: float) -> tuple[Plan, str]:
         """Return the plan for a state measured at a time [s], and what is wrong with the state."""
         try:
-            plan = self.horizon.update(t, to_state(message), delay, deadline)
-            complaint = self.horizon.rejection
+            plan = self.controller.update(t, to_state(message, self.links), delay, deadline)
+            complaint = self.controller.rejection
         except ValueError as error:
-            plan, complaint = self.horizon.stand_in(t + delay), str(error)
+            plan, complaint = self.controller.fallback(t + delay), str(error)
         if complaint:
             self.get_logger().error(f'{complaint}; going on without this state',
                                     throttle_duration_sec=1.0)
@@ -239,7 +226,7 @@ class MpcNode(ProcessNode):
                late: bool, real_time: bool, delay: float, latency: float, t: float) -> None:
         """Publish the plan and the figures of the tick."""
         self.plans.publish(to_trajectory(plan, stamp))
-        stats, estimate = plan.stats, self.horizon.estimate
+        stats, estimate = plan.stats, self.controller.estimate
         self.late_total += late
         level = DiagnosticStatus.OK
         if complaint or stats.status is Status.ZERO:

@@ -3,19 +3,19 @@
 """
 What logger and replay are told, and the tables of all parameters; needs no ROS.
 
-Plant and mpc have theirs where the plant and the controller are: see configuration.NODES.
+Plant and mpc have theirs where the plant and the controller are: see configuration.declared.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Mapping
 import dataclasses
 import math
 from typing import Any, NamedTuple
 
-from dp_swing_ros.bags.fields import BILLION
-from dp_swing_ros.bags.mcap_file import Storage
-from dp_swing_ros.bags.playback import ORDERS, SENT
 from dp_swing_ros.parameters import parameter, Parameters
+from dp_swing_ros.tables import compact
 from dp_swing_ros.topics import TOPICS
+
+SENT, RECEIVED = ORDERS = ('sent', 'received')  # the time of a message that counts
 
 
 @dataclasses.dataclass(frozen=True)
@@ -40,11 +40,6 @@ class LoggerParameters(Parameters):
         0.0, 'time after which the next file of the bag begins (0: never)', unit='s', minimum=0.0)
     progress_period: float = parameter(
         5.0, 'time between two lines on the progress (0: none)', unit='s', minimum=0.0)
-
-    def to_storage(self) -> Storage:
-        """Return what concerns the files."""
-        return Storage(self.chunk_size, self.fsync, self.max_bagfile_size,
-                       round(self.max_bagfile_duration * BILLION))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -83,27 +78,23 @@ class Row(NamedTuple):
     description: str
 
 
-def rows(groups: Iterable[tuple[str, type[Parameters]]]) -> Iterator[Row]:
-    """Yield the parameters of (prefix, group) pairs."""
-    for prefix, group in groups:
-        for field in dataclasses.fields(group):
-            yield Row(full_name(field, prefix), _shown(field.default), field.metadata['unit'],
-                      expected(field), field.metadata['description'])
+def rows(fields: Mapping[str, dataclasses.Field]) -> Iterator[Row]:
+    """Yield parameters by their full names."""
+    for name, field in fields.items():
+        yield Row(name, shown(field.default), field.metadata['unit'], expected(field),
+                  field.metadata['description'])
 
 
-def table(groups: Iterable[tuple[str, type[Parameters]]]) -> str:
-    """Return the Markdown table of the parameters of (prefix, group) pairs."""
-    lines = ['| parameter | default | unit | range | description |',
-             '| --- | --- | --- | --- | --- |']
-    for row in rows(groups):
-        cells = row._replace(name=f'`{row.name}`', default=f'`{row.default}`')
-        lines.append('| ' + ' | '.join(cell.replace('|', r'\|') for cell in cells) + ' |')
-    return '\n'.join(lines) + '\n'
+def table(fields: Mapping[str, dataclasses.Field]) -> str:
+    """Return the Markdown table of parameters by their full names."""
+    return compact([('parameter', 'default', 'unit', 'range', 'description'), *(
+        row._replace(name=f'`{row.name}`', default=f'`{row.default}`')
+        for row in rows(fields))]) + '\n'
 
 
-def full_name(field: dataclasses.Field, prefix: str) -> str:
-    """Return the name of a parameter as a node declares it."""
-    return f'{prefix}.{field.name}' if prefix else field.name
+def named(group: type[Parameters]) -> dict[str, dataclasses.Field]:
+    """Return the parameters of a group by their names."""
+    return {field.name: field for field in dataclasses.fields(group)}
 
 
 def expected(field: dataclasses.Field) -> str:
@@ -119,13 +110,14 @@ def expected(field: dataclasses.Field) -> str:
     text = ', '.join(bounds)
     if about['size'] is not None:
         each = f', each {text}' if text else ''
-        return f'{about["size"]} numbers{each}'
+        return f'2 numbers and 2 a link{each}'
     return text
 
 
-def _shown(value: Any) -> str:
+def shown(value: Any) -> str:
+    """Return the value of a parameter as it is given on the command line."""
     if isinstance(value, tuple):
-        return f'[{", ".join(_shown(element) for element in value)}]'
+        return f'[{", ".join(shown(element) for element in value)}]'
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, float) and math.isinf(value):

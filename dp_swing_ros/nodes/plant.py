@@ -13,15 +13,13 @@ from rclpy.clock_type import ClockType
 from std_msgs.msg import Float64, String
 from std_srvs.srv import Trigger
 
+from dp_swing_ros import configuration
 from dp_swing_ros.nodes.connections import Audience, is_heard, listeners, publish, subscribe
 from dp_swing_ros.nodes.diagnostics import Diagnostics
 from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
 from dp_swing_ros.nodes.process import ProcessNode, run
-from dp_swing_ros.nodes.ros_parameters import declare, settle
-from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
+from dp_swing_ros.nodes.ros_parameters import declare_pendulum
 from dp_swing_ros.pendulum.urdf import urdf
-from dp_swing_ros.simulation.parameters import PlantParameters
-from dp_swing_ros.simulation.plant import Plant
 from dp_swing_ros.topics import DISTURBANCE, FORCE_COMMAND, JOINT_STATES, ROBOT_DESCRIPTION
 
 REPORT_PERIOD = 1.0  # [s] between two diagnostics
@@ -43,12 +41,10 @@ class PlantNode(ProcessNode):
     def __init__(self) -> None:
         """Read the parameters and offer the topics."""
         super().__init__('plant')
-        bodies = declare(self, PendulumParameters)
-        limits = declare(self, LimitParameters)
-        self.parameters = declare(self, PlantParameters)
-        settle(self)
+        self.values = declare_pendulum(self, 'plant')
         self.get_logger().info('preparing the integrator')   # compiled at the first start
-        self.plant = Plant(bodies, limits, self.parameters)
+        self.plant = configuration.plant(self.values)
+        self.parameters = self.plant.parameters
         self.period = 1 / self.parameters.rate
         self.push = 0.0          # [N] asked for the next period
         self.skipped = self.refused = self.commands = self.lost_commands = self.lost_states = 0
@@ -60,14 +56,14 @@ class PlantNode(ProcessNode):
         self.states = publish(self, JOINT_STATES)
         self.diagnostics = Diagnostics(self)
         self.description = publish(self, ROBOT_DESCRIPTION)
-        self.description.publish(String(data=urdf(bodies, limits)))
+        self.description.publish(String(data=urdf(self.plant.physical, self.plant.limits)))
         self.create_service(Trigger, 'plant/reset', self.on_reset)
         self.unanswerable = self.create_guard_condition(self.on_unanswerable)
         subscribe(self, DISTURBANCE, self.on_disturbance)
 
     def prepare(self) -> None:
         """Compile the integrator, then look for those who are to hear the first state."""
-        Plant(self.plant.bodies, self.plant.limits, self.parameters).advance(self.period)
+        configuration.plant(self.values).advance(self.period)
         subscribe(self, FORCE_COMMAND, self.on_force)
         lockstep = self.parameters.lockstep
         self.audience = Audience([self.states, self.diagnostics.publisher, self.description],

@@ -28,7 +28,7 @@ from rclpy.utilities import remove_ros_args
 
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.nodes.forced_exit import exit_after
-from dp_swing_ros.nodes.ros_parameters import settle_topics
+from dp_swing_ros.nodes.ros_parameters import check_topics
 from dp_swing_ros.parameters import ParameterError
 
 POLL = 0.05  # [s] a signal is seen after this time at the latest
@@ -151,7 +151,7 @@ def _live(node: ProcessNode, signals: _Signals) -> None:
     try:
         signals.cut_short(node.prepare)
         if not signals.requested:
-            settle_topics(node)
+            check_topics(node)
         _spin(node, signals)
     finally:
         node.close()

@@ -8,24 +8,27 @@ from typing import Callable
 
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
+from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.serialization import deserialize_message
 from rosgraph_msgs.msg import Clock as ClockMessage
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
-from dp_swing_ros.bags.fields import BILLION
-from dp_swing_ros.bags.playback import Cue, cues_of, excerpt, LATE, Playback
-from dp_swing_ros.bags.reader import Bag, Offer
+from dp_swing_ros.bags.channels import ChannelInfo
+from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.errors import BagError
-from dp_swing_ros.nodes.connections import Audience, publish_again, subscribe
+from dp_swing_ros.messages.fields import BILLION
+from dp_swing_ros.nodes.connections import Audience, message_class, subscribe
 from dp_swing_ros.nodes.messages import to_stamp
-from dp_swing_ros.nodes.parameters import ReplayParameters
+from dp_swing_ros.nodes.parameters import named, ReplayParameters
+from dp_swing_ros.nodes.playback import excerpt, LATE, Playback, schedule, Scheduled
 from dp_swing_ros.nodes.process import ProcessNode, run
-from dp_swing_ros.nodes.ros_parameters import declare, settle
+from dp_swing_ros.nodes.qos import strongest
+from dp_swing_ros.nodes.ros_parameters import declare
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.topics import FORCE_COMMAND, JOINT_STATES, Topic
 
+HEADER = 4          # [bytes] before the number, when a force is serialised
 LOOK_PERIOD = 0.02  # [s] between looks for subscribers
 BATCH = 100         # messages at once, so that signals and services are heard in between
 
@@ -35,8 +38,7 @@ class ReplayNode(ProcessNode):
 
     def __init__(self) -> None:
         super().__init__('replay')
-        self.parameters = declare(self, ReplayParameters)
-        settle(self)
+        self.parameters = ReplayParameters(**declare(self, named(ReplayParameters)))
         if not self.parameters.bag:
             raise ParameterError("parameter 'bag' is empty; expected the folder of a bag to play: "
                                  '--ros-args -p bag:=my_bag')
@@ -50,23 +52,23 @@ class ReplayNode(ProcessNode):
         """Read the bag and offer what it holds; then look for subscribers."""
         p = self.parameters
         bag = Bag(Path(p.bag).expanduser(), p.partial)
-        cues = excerpt(bag, cues_of(bag, p.message_order), filter(None, p.topics),
-                       p.start_offset, p.playback_duration)
-        span = cues[-1].time - cues[0].time
+        messages = excerpt(bag, schedule(bag, p.message_order), filter(None, p.topics),
+                           p.start_offset, p.playback_duration)
+        span = messages[-1].time - messages[0].time
         if p.loop and span == 0:
             raise BagError(f'{bag} has messages of one moment alone to play; a loop needs two')
-        self.playback = Playback(cues, p.rate, p.loop)
-        for topic in sorted({cue.entry.topic for cue in cues}):
-            self.outputs[topic] = publish_again(self, topic, bag.offers[topic])
-            if _is(FORCE_COMMAND, topic, bag.offers[topic]):
+        self.playback = Playback(messages, p.rate, p.loop)
+        for topic in sorted({message.entry.topic for message in messages}):
+            self.outputs[topic] = publish_again(self, topic, bag.channels[topic])
+            if _is(FORCE_COMMAND, topic, bag.channels[topic]):
                 self.last_forces[topic] = b''
         for topic in self.outputs:
             forces = topic.removesuffix(JOINT_STATES.name) + FORCE_COMMAND.name
-            if _is(JOINT_STATES, topic, bag.offers[topic]) and forces not in self.outputs:
+            if _is(JOINT_STATES, topic, bag.channels[topic]) and forces not in self.outputs:
                 # a controller answers those who hear it
                 subscribe(self, FORCE_COMMAND._replace(name=forces), lambda message: None)
         self.listen()
-        self.get_logger().info(f'{len(cues)} messages over {span / BILLION:.3f} s of {bag}, '
+        self.get_logger().info(f'{len(messages)} messages over {span / BILLION:.3f} s of {bag}, '
                                f'at rate {p.rate:g}')
         if bag.incomplete:
             self.get_logger().warning(bag.incomplete)
@@ -125,33 +127,33 @@ class ReplayNode(ProcessNode):
             self.play(self.playback.take(now))
         self.wait_for_next()
 
-    def play(self, cue: Cue) -> None:
+    def play(self, message: Scheduled) -> None:
         """
         Publish a message; the last one ends the node.
 
         Raises BagError where it is not one of its topic's type.
         """
-        self.tell_time(cue.time)
-        entry = cue.entry
+        self.publish_time(message.time)
+        entry = message.entry
         try:
             self.outputs[entry.topic].publish(entry.data)
         except RuntimeError:    # rclpy's RCLError; the middleware takes the bytes apart
             raise BagError(
                 f'{self.parameters.bag!r} has a message on {entry.topic}, received at '
-                f'{entry.received} ns, that is no {entry.type}; `ros2 run dp_swing_ros recover` '
-                'makes a bag without it') from None
-        if cue.entry.topic in self.last_forces:
-            self.last_forces[cue.entry.topic] = cue.entry.data
+                f'{entry.received} ns, that is no {entry.channel.type}; `ros2 run dp_swing_ros '
+                'recover` makes a bag without it') from None
+        if entry.topic in self.last_forces:
+            self.last_forces[entry.topic] = entry.data
         self.done = self.playback.done
 
-    def tell_time(self, now: int) -> None:
-        """Publish a time of the bag [ns], if anyone wants to know."""
+    def publish_time(self, now: int) -> None:
+        """Publish a time of the bag [ns], if the parameter clock asks for it."""
         if self.clocks is not None:
             self.clocks.publish(ClockMessage(clock=to_stamp(now)))
 
     def on_clock(self) -> None:
         """Publish the time."""
-        self.tell_time(self.playback.at(time.monotonic_ns()))
+        self.publish_time(self.playback.at(time.monotonic_ns()))
 
     def serve(self, name: str, act: Callable[[], tuple[bool, str]]) -> None:
         """Offer a service that answers with success and message of what it does."""
@@ -167,21 +169,21 @@ class ReplayNode(ProcessNode):
         return True, self.is_paused()[1]
 
     def is_paused(self) -> tuple[bool, str]:
-        """Tell whether it is paused."""
+        """Return whether it is paused."""
         return self.paused, 'paused' if self.paused else 'playing'
 
     def play_next(self) -> tuple[bool, str]:
         """Publish one message while paused; the time of the bag is then that of the message."""
         if not self.paused:
             return False, 'not paused; call replay/pause first'
-        cue = self.playback.step(time.monotonic_ns())
-        self.play(cue)
-        return True, cue.entry.topic
+        message = self.playback.step(time.monotonic_ns())
+        self.play(message)
+        return True, message.entry.topic
 
     def close(self) -> None:
         """End a stream of commands with zero, and say what was played."""
         for topic, data in self.last_forces.items():
-            if data and deserialize_message(data, Float64).data != 0:
+            if any(data[HEADER:]):
                 self.outputs[topic].publish(Float64(data=0.0))
         if self.began is None:
             return
@@ -193,8 +195,24 @@ class ReplayNode(ProcessNode):
             print(f'  {topic}: {playback.played[topic]}', flush=True)
 
 
-def _is(topic: Topic, name: str, offer: Offer) -> bool:
-    return name.endswith(f'/{topic.name}') and offer.type == topic.type
+def publish_again(node: Node, name: str, channel: ChannelInfo) -> Publisher:
+    """
+    Make a publisher of what a bag holds, for whoever heard those that were recorded.
+
+    Raises BagError where it cannot be.
+    """
+    try:
+        if channel.encoding != 'cdr':
+            raise ValueError(f'it is encoded as {channel.encoding!r}')
+        return node.create_publisher(message_class(channel.type), name, strongest(channel.qos))
+    except (AttributeError, ImportError, RuntimeError, ValueError) as error:
+        # rclpy's RCLError is a RuntimeError: here the topic may have another type
+        raise BagError(f'{name} of type {channel.type!r} cannot be published here: {error}; '
+                       'name the topics to play, without it') from None
+
+
+def _is(topic: Topic, name: str, channel: ChannelInfo) -> bool:
+    return name.endswith(f'/{topic.name}') and channel.type == topic.type
 
 
 def main(args: list[str] | None = None) -> int:

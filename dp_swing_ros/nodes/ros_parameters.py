@@ -3,8 +3,7 @@
 """
 The parameters of a node, made from the dataclasses that declare them.
 
-A node calls `declare` once per group and `settle` after the last; whatever is wrong with what the
-user gave ends in a ParameterError.
+Whatever is wrong with what the user gave ends in a ParameterError.
 """
 
 from array import array
@@ -13,64 +12,68 @@ from itertools import pairwise
 import math
 from pathlib import Path
 import sys
-from typing import Any, Callable, TypeVar
+from typing import Any, Callable, Mapping
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_msgs.msg import String
 
-from dp_swing_ros.bags.configurations import Configuration
+from dp_swing_ros import configuration
+from dp_swing_ros.messages.configuration import Configuration
 from dp_swing_ros.nodes.connections import publish
-from dp_swing_ros.nodes.parameters import expected, full_name
-from dp_swing_ros.parameters import checked, Parameters, unknown
+from dp_swing_ros.nodes.parameters import expected
+from dp_swing_ros.parameters import checked, unknown
 from dp_swing_ros.parameters.files import ANY_NODE, QOS_OVERRIDES, sections
 from dp_swing_ros.provenance import commit, machine, package_version, packages, sources
 from dp_swing_ros.topics import CONFIGURATION
 
-Group = TypeVar('Group', bound=Parameters)
-
 LARGEST_INTEGER = 2 ** 63 - 1
 
 
-def declare(node: Node, group: type[Group], prefix: str = '') -> Group:
+def declare(node: Node, fields: Mapping[str, dataclasses.Field],
+            links: int | None = None) -> dict[str, Any]:
     """
-    Declare a ROS parameter per field of the group, and return the group with the values given.
+    Declare ROS parameters, refuse what nobody declared, and publish what the node runs with.
 
-    A parameter is called prefix.field, and is read-only once the node runs.
-    Raises ParameterError.
+    fields are by the full names; a parameter is read-only once the node runs. Returns their
+    values. Raises ParameterError, naming the closest match and all the choices.
     """
     values = {}
-    for field in dataclasses.fields(group):
-        name = full_name(field, prefix)
-        values[field.name] = checked(field, _given(node, name, field.default), name)
+    for name, field in fields.items():
+        values[name] = checked(field, _given(node, name, field.default), name, links)
         # The override is left aside: it is in the value already, there in its declared type.
-        node.declare_parameter(name, _to_ros(values[field.name]), _descriptor(field),
+        node.declare_parameter(name, _to_ros(values[name]), _descriptor(field),
                                ignore_override=True)
-    return group(**values)
-
-
-def settle(node: Node) -> None:
-    """
-    Refuse what was given to the node and nobody declared; then tell everybody what it runs with.
-
-    Raises ParameterError, naming the closest match and all the choices.
-    """
     _refuse_unknown(node, lambda name: not name.startswith(QOS_OVERRIDES))
-    configuration = Configuration(
+    configured = Configuration(
         node.get_fully_qualified_name(),
         {each.name: _plain(each.value) for each in node.get_parameters(
             sorted(node.list_parameters([], 0).names))
          if not each.name.startswith(QOS_OVERRIDES)},
         package_version(), commit(), sources(), machine(), packages())
-    publish(node, CONFIGURATION).publish(String(data=configuration.to_text()))
+    publish(node, CONFIGURATION).publish(String(data=configured.to_text()))
+    return values
 
 
-def settle_topics(node: Node) -> None:
+def declare_pendulum(node: Node, kind: str) -> dict[str, Any]:
+    """
+    Declare the parameters of a plant or an mpc, those of a pendulum with as many links as given.
+
+    Raises ParameterError, as `declare`.
+    """
+    given = {name: _given(node, name, None) for name in _overrides(node)}
+    links = configuration.links_in(given)
+    for name in given:
+        configuration.check_links(kind, name, links)
+    return declare(node, configuration.declared(kind, links), links)
+
+
+def check_topics(node: Node) -> None:
     """
     Refuse overrides of a quality of service that no topic of the node has; after the last topic.
 
-    Raises ParameterError, as `settle`.
+    Raises ParameterError, as `declare`.
     """
     _refuse_unknown(node, lambda name: name.startswith(QOS_OVERRIDES))
 

@@ -12,7 +12,7 @@ from enum import Enum
 import math
 from typing import NamedTuple
 
-from dp_swing_ros.bags.configurations import Configuration
+from dp_swing_ros.messages.configuration import Configuration
 
 OLDEST = 1.0       # [s] a state older than this cannot be: no plan reaches much further
 AHEAD = 0.005      # [s] a stamp may be this far in the future, where clocks are kept together
@@ -102,5 +102,5 @@ class Timing:
                         if stands_still else '')
 
     def jumps(self, offset: float) -> bool:
-        """Tell whether an offset of clocks [s] is another than before: a clock was set."""
+        """Return whether an offset of clocks [s] is another than before: a clock was set."""
         return any(abs(offset - before) > OLDEST for _, before in list(self.offsets)[-1:])

@@ -1,9 +1,10 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters: each declared once, with default, unit, range and description."""
+"""Parameters: each declared once, with default, unit, range and description; registries."""
 
 from dp_swing_ros.parameters.declaration import (
-    checked, INFINITE, LARGEST, parameter, ParameterError, Parameters, unknown)
+    checked, fields_of, INFINITE, LARGEST, parameter, ParameterError, Parameters, unknown)
+from dp_swing_ros.parameters.registry import registry
 
-__all__ = ['checked', 'INFINITE', 'LARGEST', 'parameter', 'ParameterError', 'Parameters',
-           'unknown']
+__all__ = ['checked', 'fields_of', 'INFINITE', 'LARGEST', 'parameter', 'ParameterError',
+           'Parameters', 'registry', 'unknown']

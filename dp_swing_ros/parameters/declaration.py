@@ -10,7 +10,7 @@ import dataclasses
 import difflib
 import math
 import numbers
-from typing import Any, Callable, Iterable
+from typing import Any, Callable, Iterable, Mapping
 
 INFINITE = math.inf
 LARGEST = 2 ** 63 - 1  # whole number that a ROS parameter holds
@@ -20,17 +20,18 @@ WORDS = {bool: 'true or false', int: 'a whole number', float: 'a number', str: '
 
 def parameter(default: Any, description: str, *, unit: str = '', minimum: float | None = None,
               maximum: float | None = None, choices: Callable[[], list[str]] | None = None,
-              size: int | None = None, finite: bool = True) -> Any:
+              size: Mapping[int, int] | None = None, finite: bool = True, links: int = 1) -> Any:
     """
     Declare one parameter as a dataclass field.
 
     minimum and maximum are inclusive and hold for every element of a list; `choices` is called
     when needed, so that a registry may be filled after the class is made; `size` is the length
-    of a list; `finite=False` allows infinity (NaN never passes).
+    of a list by the number of links; `finite=False` allows infinity (NaN never passes); the
+    parameter is one of pendulums with so many `links` or more.
     """
     return dataclasses.field(default=default, metadata={
         'description': description, 'unit': unit, 'minimum': minimum, 'maximum': maximum,
-        'choices': choices, 'size': size, 'finite': finite})
+        'choices': choices, 'size': size, 'finite': finite, 'links': links})
 
 
 class ParameterError(ValueError):
@@ -51,9 +52,17 @@ class Parameters:
             object.__setattr__(self, field.name, checked(field, getattr(self, field.name)))
 
 
-def checked(field: dataclasses.Field, value: Any, name: str = '') -> Any:
+def fields_of(group: type[Parameters], links: int) -> list[dataclasses.Field]:
+    """Return the parameters of a group that a pendulum with so many links has."""
+    return [field for field in dataclasses.fields(group) if field.metadata['links'] <= links]
+
+
+def checked(field: dataclasses.Field, value: Any, name: str = '',
+            links: int | None = None) -> Any:
     """
     Return the value in its declared type; `name` is its full name, if not the field's.
+
+    Without a number of links a list may have the size for any.
 
     Raises ParameterError, naming the value, what is expected and the choices.
     """
@@ -65,7 +74,9 @@ def checked(field: dataclasses.Field, value: Any, name: str = '') -> Any:
                               f'expected {expected} ({about["description"]})')
 
     if kind is tuple:
-        value = _sequence(value, type(default[0]), about['size'], refuse)
+        sizes = about['size'] or {}
+        value = _sequence(value, type(default[0]),
+                          [sizes[links]] if links in sizes else list(sizes.values()), refuse)
     else:
         value = _converted(value, kind, refuse)
     for element in value if kind is tuple else (value,):
@@ -94,13 +105,14 @@ def _converted(value: Any, kind: type, refuse: Callable[[str], ParameterError]) 
     return value
 
 
-def _sequence(value: Any, kind: type, size: int | None,
+def _sequence(value: Any, kind: type, sizes: list[int],
               refuse: Callable[[str], ParameterError]) -> tuple[Any, ...]:
-    expected = f'a list, each {WORDS[kind]}' if size is None else f'a list of {size} numbers'
+    expected = (f'a list of {" or ".join(map(str, sizes))} numbers' if sizes
+                else f'a list, each {WORDS[kind]}')
     if isinstance(value, str) or not isinstance(value, Iterable):
         raise refuse(expected)
     elements = tuple(_converted(element, kind, lambda _: refuse(expected)) for element in value)
-    if size is not None and len(elements) != size:
+    if sizes and len(elements) not in sizes:
         raise refuse(expected)
     return elements
 

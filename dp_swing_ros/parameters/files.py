@@ -16,7 +16,7 @@ ANY_NODE = ('**', '*')            # ends of a pattern that are no name of a node
 
 
 def is_of_rclpy(name: str) -> bool:
-    """Tell whether a parameter is one that rclpy gives to every node or topic."""
+    """Return whether a parameter is one that rclpy gives to every node or topic."""
     return name in OF_EVERY_NODE or name.startswith(QOS_OVERRIDES)
 
 

@@ -1,170 +1,328 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-First and second derivatives of the accelerations.
+First and second derivatives of a step of the model.
 
-The accelerations a solve D a = r; differentiating that identity gives
+The accelerations solve D a = r. That identity, differentiated at a fixed a by the variables
+z = (θ1 … θn, θ̇1 … θ̇n, f) that they depend on, gives with μ = D ν
 
-    D ∂a = ∂r - ∂D a,    νᵀ D ∂²a = νᵀ (∂²r - ∂²D a - 2 ∂D ∂a)
+    J = ∂a/∂z = D⁻¹ ∂(r - D a)/∂z
+    M_jk = Σ μ_i ∂²a_i/∂z_j∂z_k = ∂²(νᵀ(r - D a))/∂z_j∂z_k - e_jᵀ J_k - e_kᵀ J_j
+    e_j = ∂(D ν)/∂z_j
 
-by the five variables z = (θ1, θ2, θ̇1, θ̇2, f) that they depend on. A model evaluates them at the
-points of all its steps first, several steps side by side in the lanes of a vector, and keeps
-them; then it propagates them step by step, several directions of (x, u) side by side. So all is
-scalars in and out, and no loop within a loop.
+A step is linear in all that its stages return, so it is differentiated by taking the same step
+with each f replaced by its Jacobian; the costates of the stages are the gradient of that; and
+
+    Σ λ_i ∂²f_i/∂(x, u)² = Σ_stages Z_iᵀ M_i Z_i,    Z_i = ∂z_i/∂(x, u)
+
+What a point needs is computed for STEPS steps side by side in the lanes of a vector (`expand`),
+and then, step by step, for all directions of (x, u) side by side (`linearise`, `curvature`).
 """
 
+from collections.abc import Sequence
+from itertools import count
+from typing import Any, NamedTuple
+
+import numpy as np
+
 from dp_swing_ros.kernels import kernel
-from dp_swing_ros.kernels.trigonometry import sincos
-from dp_swing_ros.pendulum.equations import generalised_force, inverse_inertia
+from dp_swing_ros.kernels.unrolling import (
+    called, cos, dot, fixed, flat, gradient, sin, total, unrolled)
+from dp_swing_ros.pendulum.equations import (
+    generalised_force, inverse_inertia, mass_matrix, Matrix, Numbers, Parts, Pendulum, solve)
+from dp_swing_ros.pendulum.model import Model, size, zeros
 
-KEPT = 27    # numbers of a point
+STEPS = 16     # side by side
+LANES = 8      # of a vector; directions of (x, u) fill one or two
 
 
-@kernel
-def jacobian(p, s_1, c_1, s_2, c_2, w_1, w_2, f):
+class Point(NamedTuple):
+    """What the derivatives of the accelerations need at one point."""
+
+    s: list[Any]      # sines and cosines of the angles
+    c: list[Any]
+    w: list[Any]      # speeds of the links
+    a: list[Any]      # accelerations of cart and links
+    J: Matrix         # (n + 1, 2n + 1) their derivatives by z, the last column that of D⁻¹
+    links: Matrix     # the upper triangle of D⁻¹ but for its first row
+
+    @classmethod
+    def of(cls, p: Pendulum, x: Numbers, u: Any) -> 'Point':
+        """Evaluate all at a state x under a force u."""
+        _, th, v, w = Parts.of(p, x)
+        s, c = [sin(th_i) for th_i in th], [cos(th_i) for th_i in th]
+        f, D = u - p.friction[0] * v, mass_matrix(p, s, c)
+        a, D_inverse = solve(D, generalised_force(p, s, c, w, f)), inverse_inertia(D)
+        residual = residuals(p, s, c, w, f, [fixed(a_i) for a_i in a])
+        by_z = [by_variables(each, s, c, w) for each in residual]
+        J = [[*(dot(row, column) for column in zip(*by_z)), row[0]] for row in D_inverse]
+        return cls(s, c, w, a, J, [D_inverse[i][i:] for i in range(1, len(a))])
+
+    @classmethod
+    def read(cls, n: int, numbers: Sequence[Any]) -> 'Point':
+        """Return the point whose numbers these are, in order."""
+        rest = iter(numbers)
+
+        def some(count: int) -> list[Any]:
+            return [next(rest) for _ in range(count)]
+        return cls(some(n), some(n), some(n), some(n + 1), [some(2 * n + 1) for _ in range(n + 1)],
+                   [some(n - i) for i in range(n)])
+
+    def inverse_row(self, i: int) -> list[Any]:
+        """Return row i of D⁻¹."""
+        first = [row[-1] for row in self.J]
+        return first if i == 0 else [
+            first[i], *(self.links[min(i, j) - 1][abs(i - j)] for j in range(1, len(first)))]
+
+
+def residuals(p: Pendulum, s: Numbers, c: Numbers, w: Numbers, f: Any, a: Numbers) -> list[Any]:
+    """Return r - D a."""
+    return [r_i - dot(row, a) for r_i, row in zip(
+        generalised_force(p, s, c, w, f), mass_matrix(p, s, c))]
+
+
+def by_variables(y: Any, s: Numbers, c: Numbers, w: Numbers) -> list[Any]:
+    """Return the derivatives of y by the angles and the speeds of the links."""
+    n, slopes = len(s), gradient(y, [*s, *c, *w])
+    return [c[i] * slopes[i] - s[i] * slopes[n + i] for i in range(n)] + slopes[2 * n:]
+
+
+def curved_pairs(n: int) -> list[tuple[int, int]]:
+    """Return the pairs j ≤ k for which ∂²a/∂z_j∂z_k is not zero: an angle's, a speed's square."""
+    return [(j, k) for j in range(2 * n + 1) for k in range(j, 2 * n + 1)
+            if j < n or j == k < 2 * n]
+
+
+def second_derivatives(p: Pendulum, at: Point, mu: Numbers) -> list[Any]:
+    """Return the M_jk of curved_pairs."""
+    n = len(at.s)
+    variables = at.s, at.c, at.w
+    nu = [dot(at.inverse_row(i), mu) for i in range(n + 1)]
+    # the force adds to it what has no second derivative
+    slopes = [*by_variables(dot(nu, residuals(p, *variables, 0.0, at.a)), *variables), 0.0]
+    second = [[*by_variables(slope, *variables), 0.0] for slope in slopes]
+    momenta = [dot(row, nu) for row in mass_matrix(p, at.s, at.c)]
+    e = list(zip(*([*by_variables(each, *variables), 0.0] for each in momenta)))
+    J = list(zip(*at.J))   # by columns, as e
+    return [second[j][k] - (dot(e[j], J[k]) + dot(e[k], J[j])) for j, k in curved_pairs(n)]
+
+
+def tangent(model: Model, J: Sequence[Matrix], d: Numbers,
+            extra: Sequence[Numbers] = ()) -> tuple[Numbers, list[Numbers]]:
     """
-    Return the accelerations a, the three rows of J = ∂a/∂z = D⁻¹ (∂r/∂z - ∂D/∂z a), and more.
+    Return how x⁺ changes in a direction d of (x, u), and how the variables z of each stage do.
 
-    Each row holds its derivatives by z = (θ1, θ2, θ̇1, θ̇2, f); the last is a column of D⁻¹, of
-    which the other entries (11, 12, 22) come third.
+    extra are changes of the accelerations at each stage. Shapes: d (2n + 3,), J of each stage.
     """
-    i_00, i_01, i_02, i_11, i_12, i_22 = inverse_inertia(p, s_1, c_1, s_2, c_2)
-    r_0, r_1, r_2 = generalised_force(p, s_1, c_1, s_2, c_2, w_1, w_2, f)
-    a_0 = i_00 * r_0 + i_01 * r_1 + i_02 * r_2
-    a_1 = i_01 * r_0 + i_11 * r_1 + i_12 * r_2
-    a_2 = i_02 * r_0 + i_12 * r_1 + i_22 * r_2
-    s_12, c_12 = s_1 * c_2 - c_1 * s_2, c_1 * c_2 + s_1 * s_2
-    h_1, h_2, h_12 = p.d_01, p.d_02, p.d_12
-    # ∂(r - D a)/∂z at fixed a, column by column
-    q_0 = h_1 * (c_1 * w_1 * w_1 + s_1 * a_1)
-    q_1 = h_1 * (p.g * c_1 + s_1 * a_0) + h_12 * (s_12 * a_2 - c_12 * w_2 * w_2)
-    q_2 = h_12 * (c_12 * w_1 * w_1 + s_12 * a_1)
-    t_0 = h_2 * (c_2 * w_2 * w_2 + s_2 * a_2)
-    t_1 = h_12 * (c_12 * w_2 * w_2 - s_12 * a_2)
-    t_2 = h_2 * (p.g * c_2 + s_2 * a_0) - q_2
-    v_0, v_1, v_2 = 2 * h_1 * s_1 * w_1, -p.b_1 - p.b_2, 2 * h_12 * s_12 * w_1 + p.b_2
-    y_0, y_1, y_2 = 2 * h_2 * s_2 * w_2, -2 * h_12 * s_12 * w_2 + p.b_2, -p.b_2
-    return (a_0, a_1, a_2), (
-        (i_00 * q_0 + i_01 * q_1 + i_02 * q_2, i_00 * t_0 + i_01 * t_1 + i_02 * t_2,
-         i_00 * v_0 + i_01 * v_1 + i_02 * v_2, i_00 * y_0 + i_01 * y_1 + i_02 * y_2, i_00),
-        (i_01 * q_0 + i_11 * q_1 + i_12 * q_2, i_01 * t_0 + i_11 * t_1 + i_12 * t_2,
-         i_01 * v_0 + i_11 * v_1 + i_12 * v_2, i_01 * y_0 + i_11 * y_1 + i_12 * y_2, i_01),
-        (i_02 * q_0 + i_12 * q_1 + i_22 * q_2, i_02 * t_0 + i_12 * t_1 + i_22 * t_2,
-         i_02 * v_0 + i_12 * v_1 + i_22 * v_2, i_02 * y_0 + i_12 * y_1 + i_22 * y_2, i_02)), (
-            i_11, i_12, i_22)
+    p, Z = model.pendulum, list[Numbers]()
+
+    def f(x: Numbers, u: Any) -> Numbers:
+        _, th, v, w = Parts.of(p, x)
+        Z.append([*th, *w, u - p.friction[0] * v])
+        a = [dot(row, Z[-1]) for row in J[len(Z) - 1]]
+        if extra:
+            a = [a_i + more for a_i, more in zip(a, extra[len(Z) - 1])]
+        return [v, *w, *a]
+    return model.integrator.step(f, d[:-1], d[-1], model.h), Z
+
+
+def stage_costates(model: Model, J: Sequence[Matrix], costate: Numbers) -> list[Numbers]:
+    """Return the gradient of λᵀ x⁺ by the accelerations at each stage."""
+    n, trace = len(model.pendulum.a), costate[0].trace
+    extra = [[trace.symbol(f'change {i} {j}') for j in range(n + 1)]
+             for i in range(model.integrator.stages)]
+    x, _ = tangent(model, J, [0.0] * (2 * n + 3), extra)
+    return [gradient(dot(costate, x), changes) for changes in extra]
+
+
+def kept(n: int) -> int:
+    """Return how many numbers a point has."""
+    return len(flat(Point.read(n, range(10_000))))
+
+
+@unrolled
+def point_lane(model, x, u, points, stage, i):
+    """Write the point of a stage at the state x in lane i, and return the accelerations there."""
+    at = Point.of(model.pendulum, x, u)
+    for row, number in enumerate(flat(at)):
+        points[stage, row, i] = number
+    return tuple(at.a)
+
+
+@unrolled
+def expand_lane(model, z, points, i):
+    """Write the points of all stages of the step in lane i; see `expand`."""
+    n, stages = len(model.pendulum.a), count()
+
+    def f(x, u):
+        return [*x[n + 1:], *called(point_lane, n + 1, model, tuple(x), u, points,
+                                    next(stages), i)]
+    model.integrator.step(f, [z[j, i] for j in range(2 * n + 2)], z[2 * n + 2, i], model.h)
+
+
+@unrolled
+def shapes(model):
+    """Return how many stages a step has, and how many numbers a point and M."""
+    n = len(model.pendulum.a)
+    return model.integrator.stages, kept(n), len(curved_pairs(n))
 
 
 @kernel
-def curvature(p, s_1, c_1, s_2, c_2, w_1, w_2, a, J, inverse, mu_0, mu_1, mu_2):
+def lanes(model):
+    """Return how many lanes the directions of (x, u) fill, the last ones with nothing."""
+    return (size(model) + LANES) // LANES * LANES
+
+
+@kernel
+def blocks(U):
+    """Return how many blocks the steps of U (T,) fill."""
+    return (len(U) + STEPS - 1) // STEPS
+
+
+@unrolled
+def load_lane(like, X, U, t, z, i):
+    """Copy the (x, u) of step t into lane i; `like` is a tuple as long as the state."""
+    for j in range(len(like)):
+        z[j, i] = X[t, j]
+    z[len(like), i] = U[t]
+
+
+@kernel
+def load(like, X, U, first, z):
     """
-    Return M = Σ μᵢ ∂²aᵢ/∂z², with a, J and entries of D⁻¹ from `jacobian` at the same point.
+    Copy the (x, u) of the STEPS steps from first on into lanes; past the end, the last ones again.
 
-    Adjoint form: with ν = D⁻¹ μ, g(z) = νᵀ (r - D a) at fixed a, and e_j = ∂D/∂z_j ν,
-    M_jk = ∂²g/∂z_j∂z_k - e_j·J_k - e_k·J_j. Only the angles have an e, so all else is zero but
-    what is returned: M_00 to M_04, M_11 to M_14, M_22 and M_33.
+    A loop over all lanes is one of vectors alone. Shapes: like, a tuple (2n + 2,), X (T or more,
+    2n + 2), U (T,), z (2n + 3, STEPS).
     """
-    (J_00, J_01, J_02, J_03, J_04), (J_10, J_11, J_12, J_13, J_14), (
-        J_20, J_21, J_22, J_23, J_24) = J
-    i_00, i_01, i_02, i_11, i_12, i_22 = J_04, J_14, J_24, inverse[0], inverse[1], inverse[2]
-    a_0, a_1, a_2 = a
-    n_0 = i_00 * mu_0 + i_01 * mu_1 + i_02 * mu_2
-    n_1 = i_01 * mu_0 + i_11 * mu_1 + i_12 * mu_2
-    n_2 = i_02 * mu_0 + i_12 * mu_1 + i_22 * mu_2
-    s_12, c_12 = s_1 * c_2 - c_1 * s_2, c_1 * c_2 + s_1 * s_2
-    h_1, h_2, h_12 = p.d_01, p.d_02, p.d_12
-
-    towards_2 = n_1 * h_12 * (s_12 * w_2 * w_2 + c_12 * a_2)
-    towards_1 = n_2 * h_12 * (c_12 * a_1 - s_12 * w_1 * w_1)
-    g_00 = (n_0 * h_1 * (c_1 * a_1 - s_1 * w_1 * w_1) + n_1 * h_1 * (c_1 * a_0 - p.g * s_1)
-            + towards_1 + towards_2)
-    g_11 = (n_0 * h_2 * (c_2 * a_2 - s_2 * w_2 * w_2) + n_2 * h_2 * (c_2 * a_0 - p.g * s_2)
-            + towards_1 + towards_2)
-    g_02 = 2 * w_1 * (n_0 * h_1 * c_1 + n_2 * h_12 * c_12)
-    g_03 = -2 * w_2 * n_1 * h_12 * c_12
-    g_12 = -2 * w_1 * n_2 * h_12 * c_12
-    g_13 = 2 * w_2 * (n_0 * h_2 * c_2 + n_1 * h_12 * c_12)
-    g_22 = 2 * (n_0 * h_1 * s_1 + n_2 * h_12 * s_12)
-    g_33 = 2 * (n_0 * h_2 * s_2 - n_1 * h_12 * s_12)
-
-    e_00, e_10 = -h_1 * s_1 * n_1, -h_2 * s_2 * n_2
-    e_01, e_11 = -h_1 * s_1 * n_0 - h_12 * s_12 * n_2, h_12 * s_12 * n_2
-    e_02, e_12 = -h_12 * s_12 * n_1, h_12 * s_12 * n_1 - h_2 * s_2 * n_0
-    return (g_00 - 2 * (e_00 * J_00 + e_01 * J_10 + e_02 * J_20),
-            -towards_1 - towards_2 - (e_00 * J_01 + e_01 * J_11 + e_02 * J_21)
-            - (e_10 * J_00 + e_11 * J_10 + e_12 * J_20),
-            g_02 - (e_00 * J_02 + e_01 * J_12 + e_02 * J_22),
-            g_03 - (e_00 * J_03 + e_01 * J_13 + e_02 * J_23),
-            -(e_00 * J_04 + e_01 * J_14 + e_02 * J_24),
-            g_11 - 2 * (e_10 * J_01 + e_11 * J_11 + e_12 * J_21),
-            g_12 - (e_10 * J_02 + e_11 * J_12 + e_12 * J_22),
-            g_13 - (e_10 * J_03 + e_11 * J_13 + e_12 * J_23),
-            -(e_10 * J_04 + e_11 * J_14 + e_12 * J_24),
-            g_22, g_33)
+    for i in range(STEPS):
+        load_lane(like, X, U, min(first + i, len(U) - 1), z, i)
 
 
 @kernel
-def keep(p, th_1, th_2, v, w_1, w_2, u, out, i):
+def expand(model, X, U):
     """
-    Write what the derivatives at a point need in lane i, and return the accelerations there.
+    Return what the derivatives need at each step of a trajectory.
 
-    Shapes: out (KEPT, lanes).
+    Shapes: X (T or more, 2n + 2), U (T,) -> (blocks, stages, numbers of a point, STEPS).
     """
-    s_1, c_1 = sincos(th_1)
-    s_2, c_2 = sincos(th_2)
-    a, J, inverse = jacobian(p, s_1, c_1, s_2, c_2, w_1, w_2, u - p.b_0 * v)
-    out[0, i], out[1, i], out[2, i], out[3, i], out[4, i], out[5, i] = s_1, c_1, s_2, c_2, w_1, w_2
-    out[6, i], out[7, i], out[8, i] = a
-    out[9, i], out[10, i], out[11, i], out[12, i], out[13, i] = J[0]
-    out[14, i], out[15, i], out[16, i], out[17, i], out[18, i] = J[1]
-    out[19, i], out[20, i], out[21, i], out[22, i], out[23, i] = J[2]
-    out[24, i], out[25, i], out[26, i] = inverse
-    return a
+    stages, numbers, _ = shapes(model)
+    points = np.empty((blocks(U), stages, numbers, STEPS))
+    z = np.empty((size(model) + 1, STEPS))
+    for block in range(len(points)):
+        load(zeros(model), X, U, block * STEPS, z)
+        of_block = points[block]
+        for i in range(STEPS):
+            expand_lane(model, z, of_block, i)
+    return points
+
+
+@unrolled
+def jacobians(model, points, i):
+    """Return J of the stages of the step in lane i."""
+    n = len(model.pendulum.a)
+    return tuple(
+        tuple(map(tuple, Point.read(n, [points[stage, row, i] for row in range(kept(n))]).J))
+        for stage in range(model.integrator.stages))
+
+
+@unrolled
+def costates(model, J, costate, mu):
+    """Write the gradient of λᵀ x⁺ by the accelerations at each stage, a stage a row."""
+    n = len(model.pendulum.a)
+    for stage, numbers in enumerate(
+            stage_costates(model, J, [costate[j] for j in range(2 * n + 2)])):
+        for i, number in enumerate(numbers):
+            mu[stage, i] = number
+
+
+@unrolled
+def curvature_of_stage(model, points, stage, i, mu, M):
+    """Write M of a stage of the step in lane i; see second_derivatives."""
+    n = len(model.pendulum.a)
+    at = Point.read(n, [points[stage, row, i] for row in range(kept(n))])
+    for place, number in enumerate(second_derivatives(
+            model.pendulum, at, [mu[stage, j] for j in range(n + 1)])):
+        M[stage, place] = number
+
+
+@unrolled
+def numbers_of(model, M):
+    """Return M of all stages as single numbers."""
+    places = range(len(curved_pairs(len(model.pendulum.a))))
+    return tuple(tuple(M[stage, place] for place in places)
+                 for stage in range(model.integrator.stages))
+
+
+@unrolled
+def tangent_lane(model, J, directions, F, m):
+    """Write column m of F; see `linearise`."""
+    x, _ = tangent(model, J, [directions[j, m] for j in range(2 * len(model.pendulum.a) + 3)])
+    for j, x_j in enumerate(x):
+        F[j, m] = x_j
+
+
+@unrolled
+def curvature_lane(model, J, M, directions, F, W, m):
+    """Write column m of F, and of W: the gradient of Σ z'ᵀ M z by the direction of z'."""
+    n, d = len(model.pendulum.a), [directions[j, m] for j in range(2 * len(model.pendulum.a) + 3)]
+    x, Z = tangent(model, J, d)
+    for j, x_j in enumerate(x):
+        F[j, m] = x_j
+    bent = []
+    for of_stage, z in zip(M, Z):
+        entry = dict(zip(curved_pairs(n), of_stage))
+        for j, z_j in enumerate(z):
+            slope = dot(*zip(*((entry[min(j, k), max(j, k)], z_k) for k, z_k in enumerate(z)
+                               if (min(j, k), max(j, k)) in entry)))
+            bent.append(fixed(slope) * z_j)
+    for j, slope in enumerate(gradient(total(bent), d)):
+        W[j, m] = slope
 
 
 @kernel
-def kept_jacobian(kept, i):
-    """Return J of the point in lane i, three rows of five."""
-    return ((kept[9, i], kept[10, i], kept[11, i], kept[12, i], kept[13, i]),
-            (kept[14, i], kept[15, i], kept[16, i], kept[17, i], kept[18, i]),
-            (kept[19, i], kept[20, i], kept[21, i], kept[22, i], kept[23, i]))
+def linearise(model, points, t, directions, F):
+    """
+    Write F = ∂f/∂(x, u) at step t of those that `expand` returned, column by column.
+
+    Shapes: directions (2n + 3, lanes), the identity and zeros; F (2n + 2, lanes).
+    """
+    J = jacobians(model, points[t // STEPS], t % STEPS)
+    for m in range(lanes(model)):
+        tangent_lane(model, J, directions, F, m)
 
 
 @kernel
-def kept_curvature(p, kept, i, J, mu_0, mu_1, mu_2):
-    """Return M = Σ μᵢ ∂²aᵢ/∂z² of the point in lane i, as `curvature` does."""
-    return curvature(p, kept[0, i], kept[1, i], kept[2, i], kept[3, i], kept[4, i], kept[5, i],
-                     (kept[6, i], kept[7, i], kept[8, i]), J,
-                     (kept[24, i], kept[25, i], kept[26, i]), mu_0, mu_1, mu_2)
+def curvature(model, points, t, costate, directions, F, W):
+    """
+    Write F as `linearise` does, and W = Σ λᵢ ∂²fᵢ/∂(x, u)² for the costate λ.
+
+    Shapes: costate (2n + 2,), W (2n + 3, lanes).
+    """
+    stages, _, curved = shapes(model)
+    of_step, i = points[t // STEPS], t % STEPS
+    mu, M = np.empty((stages, size(model) // 2)), np.empty((stages, curved))
+    J = jacobians(model, of_step, i)
+    costates(model, J, costate, mu)
+    for stage in range(stages):
+        curvature_of_stage(model, of_step, stage, i, mu, M)
+    numbers = numbers_of(model, M)
+    for m in range(lanes(model)):
+        curvature_lane(model, J, numbers, directions, F, W, m)
 
 
 @kernel
-def along(J, z):
-    """Return J z, the three accelerations' change in a direction."""
-    (J_00, J_01, J_02, J_03, J_04), (J_10, J_11, J_12, J_13, J_14), (
-        J_20, J_21, J_22, J_23, J_24) = J
-    z_0, z_1, z_2, z_3, z_4 = z
-    return (J_00 * z_0 + J_01 * z_1 + J_02 * z_2 + J_03 * z_3 + J_04 * z_4,
-            J_10 * z_0 + J_11 * z_1 + J_12 * z_2 + J_13 * z_3 + J_14 * z_4,
-            J_20 * z_0 + J_21 * z_1 + J_22 * z_2 + J_23 * z_3 + J_24 * z_4)
+def identity(directions):
+    """Write the identity into zeros, as far as it goes: the directions of (x, u)."""
+    for j in range(len(directions)):
+        directions[j, j] = 1.0
 
 
 @kernel
-def against(J, m_0, m_1, m_2):
-    """Return Jᵀ m, five numbers."""
-    (J_00, J_01, J_02, J_03, J_04), (J_10, J_11, J_12, J_13, J_14), (
-        J_20, J_21, J_22, J_23, J_24) = J
-    return (J_00 * m_0 + J_10 * m_1 + J_20 * m_2, J_01 * m_0 + J_11 * m_1 + J_21 * m_2,
-            J_02 * m_0 + J_12 * m_1 + J_22 * m_2, J_03 * m_0 + J_13 * m_1 + J_23 * m_2,
-            J_04 * m_0 + J_14 * m_1 + J_24 * m_2)
-
-
-@kernel
-def bent(M, z):
-    """Return M z of the eleven numbers of `curvature`, five numbers."""
-    M_00, M_01, M_02, M_03, M_04, M_11, M_12, M_13, M_14, M_22, M_33 = M
-    z_0, z_1, z_2, z_3, z_4 = z
-    return (M_00 * z_0 + M_01 * z_1 + M_02 * z_2 + M_03 * z_3 + M_04 * z_4,
-            M_01 * z_0 + M_11 * z_1 + M_12 * z_2 + M_13 * z_3 + M_14 * z_4,
-            M_02 * z_0 + M_12 * z_1 + M_22 * z_2,
-            M_03 * z_0 + M_13 * z_1 + M_33 * z_3,
-            M_04 * z_0 + M_14 * z_1)
+def linearisation(model, x, u):
+    """Return A = ∂f/∂x (2n + 2, 2n + 2) and B = ∂f/∂u (2n + 2,)."""
+    n = size(model)
+    F, directions = np.empty((n, lanes(model))), np.zeros((n + 1, lanes(model)))
+    identity(directions)
+    linearise(model, expand(model, np.expand_dims(x, 0), np.array([u])), 0, directions, F)
+    return F[:, :n].copy(), F[:, n].copy()

@@ -1,166 +1,185 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Accelerations of the double pendulum on a cart.
+The equations of motion of a cart with n links, once, for any n.
 
-    D(θ) q̈ + C(θ, θ̇) q̇ + G(θ) = H u - friction,    q = [x, θ1, θ2]
+    D(θ) q̈ + C(θ, θ̇) q̇ + G(θ) = H u - friction,    q = [x, θ1 … θn]
 
-Source: the paper, (4)-(15), with the errata of docs/model.md. With r = H u - C q̇ - G - friction,
-the accelerations a solve D a = r. They depend on θ1, θ2, θ̇1, θ̇2 and f alone, where f is the
-force on the cart less its friction. The kernels take sines and cosines as arguments and hold no
-constants that would widen them, so the same lines serve in single precision.
+With r = H u - C q̇ - G - friction, the accelerations a solve D a = r. In absolute angles
+
+    D_00 = m    D_0i = a_i cos θi    D_ij = b_ij cos(θi - θj)
+    r_0 = f + Σ a_i sin θi θ̇i²
+    r_i = g a_i sin θi - Σ b_ij sin(θi - θj) θ̇j² - τ_i + τ_i+1
+
+where f is the force on the cart less its friction, and τ_i = friction_i (θ̇i - θ̇i-1) the torque
+by which joint i holds link i back. Source: the paper, (4)-(15), with the errata of docs/model.md.
+
+All of it is plain Python over numbers, symbols, arrays or tensors; see kernels/unrolling.py.
 """
 
-import math
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
-import numpy as np
-
-from dp_swing_ros.kernels import kernel
-from dp_swing_ros.kernels.trigonometry import sincos
+from dp_swing_ros.kernels.unrolling import cos, dot, sin, total
 from dp_swing_ros.pendulum.parameters import PendulumParameters
-from dp_swing_ros.pendulum.state import Array
+
+Numbers = Sequence[Any]
+Matrix = list[list[Any]]
 
 
 class Pendulum(NamedTuple):
     """Coefficients of the equations of motion, from masses, lengths and frictions."""
 
-    d_00: float  # [kg]      m0 + m1 + m2
-    d_01: float  # [kg m]    (m1/2 + m2) l1, times cos θ1 in D
-    d_02: float  # [kg m]    m2 l2 / 2, times cos θ2 in D
-    d_11: float  # [kg m^2]  (m1/3 + m2) l1^2, if link 1 is a uniform rod
-    d_12: float  # [kg m^2]  m2 l1 l2 / 2, times cos(θ1 - θ2) in D
-    d_22: float  # [kg m^2]  m2 l2^2 / 3, likewise
-    g: float     # [m/s^2]
-    b_0: float   # [N s/m]      friction of the cart
-    b_1: float   # [N m s/rad]  friction of joint 1
-    b_2: float   # [N m s/rad]  friction of joint 2
+    m: float                          # [kg]    of cart and links together
+    a: tuple[float, ...]              # [kg m]  (m_i/2 + Σ_{k>i} m_k) l_i
+    b: tuple[tuple[float, ...], ...]  # [kg m²] rows b_ii, b_i,i+1 …: (m_j/2 + Σ_{k>j} m_k) l_i l_j
+    g: float                          # [m/s²]
+    friction: tuple[float, ...]       # of the cart [N s/m], and of the joints [N m s/rad]
 
     @classmethod
-    def of(cls, bodies: PendulumParameters) -> 'Pendulum':
-        """Compute the coefficients of bodies."""
-        return cls(*coefficients(
-            bodies.cart_mass, bodies.link1_mass, bodies.link2_mass, bodies.link1_length,
-            bodies.link2_length, bodies.cart_friction, bodies.joint1_friction,
-            bodies.joint2_friction, bodies.link1_inertia_factor, bodies.link2_inertia_factor,
-            bodies.gravity))
+    def of(cls, physical: PendulumParameters) -> 'Pendulum':
+        """Compute the coefficients from physical parameters."""
+        return coefficients(physical.masses, physical.lengths, physical.inertia_factors,
+                            physical.gravity, physical.frictions)
 
 
-@kernel
-def coefficients(m_0, m_1, m_2, l_1, l_2, b_0, b_1, b_2, factor_1, factor_2, g):
-    """Return the fields of a Pendulum. Source: the paper, (8)-(10) and (14), corrected."""
-    # beyond a uniform rod's, and exactly zero where it is one
-    extra_1 = (factor_1 - 1) * m_1 * l_1 ** 2 / 12
-    extra_2 = (factor_2 - 1) * m_2 * l_2 ** 2 / 12
-    return (m_0 + m_1 + m_2, (m_1 / 2 + m_2) * l_1, m_2 * l_2 / 2,
-            (m_1 / 3 + m_2) * l_1 ** 2 + extra_1, m_2 * l_1 * l_2 / 2,
-            m_2 * l_2 ** 2 / 3 + extra_2, g, b_0, b_1, b_2)
-
-
-@kernel
-def of_numbers(c):
-    """Return the Pendulum whose fields stand in an array c (10,)."""
-    return Pendulum(c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], c[8], c[9])
-
-
-@kernel
-def inverse_inertia(p, s_1, c_1, s_2, c_2):
-    """Return the six entries (00, 01, 02, 11, 12, 22) of the inverse of D(θ), (7)-(10)."""
-    c_12 = c_1 * c_2 + s_1 * s_2
-    m_01, m_02, m_12 = p.d_01 * c_1, p.d_02 * c_2, p.d_12 * c_12
-    i_00 = p.d_11 * p.d_22 - m_12 * m_12
-    i_01 = m_02 * m_12 - m_01 * p.d_22
-    i_02 = m_01 * m_12 - m_02 * p.d_11
-    i_11 = p.d_00 * p.d_22 - m_02 * m_02
-    i_12 = m_01 * m_02 - p.d_00 * m_12
-    i_22 = p.d_00 * p.d_11 - m_01 * m_01
-    det = p.d_00 * i_00 + m_01 * i_01 + m_02 * i_02
-    per_det = np.reciprocal(det)
-    return (i_00 * per_det, i_01 * per_det, i_02 * per_det, i_11 * per_det, i_12 * per_det,
-            i_22 * per_det)
-
-
-@kernel
-def generalised_force(p, s_1, c_1, s_2, c_2, w_1, w_2, f):
-    """Return r = H f - C q̇ - G - joint friction, (11)-(15)."""
-    h_1, h_2, h_12 = p.d_01 * s_1, p.d_02 * s_2, p.d_12 * (s_1 * c_2 - c_1 * s_2)
-    square_1, square_2 = w_1 * w_1, w_2 * w_2
-    slip = p.b_2 * (w_1 - w_2)
-    r_0 = f + h_1 * square_1 + h_2 * square_2
-    r_1 = p.g * h_1 - h_12 * square_2 - p.b_1 * w_1 - slip
-    r_2 = p.g * h_2 + h_12 * square_1 + slip
-    return r_0, r_1, r_2
-
-
-@kernel
-def accelerations(p, s_1, c_1, s_2, c_2, w_1, w_2, f):
+def coefficients(masses: Numbers, lengths: Numbers, inertia_factors: Numbers, g: Any,
+                 friction: Numbers) -> Pendulum:
     """
-    Return a = D⁻¹ r [m/s^2, rad/s^2, rad/s^2].
+    Return the coefficients; b_ii is (m_i/3 + Σ_{k>i} m_k) l_i², if link i is a uniform rod.
 
-    The first row gives a_0 = r_0 / d_00 - m_1 a_1 - m_2 a_2 with m_i = d_0i cos θi / d_00; put
-    into the others, it leaves two equations for a_1 and a_2.
+    Shapes: masses and friction (n + 1,), of the cart first; lengths and inertia_factors (n,).
+    Source: the paper, (8)-(10) and (14), corrected.
     """
-    r_0, r_1, r_2 = generalised_force(p, s_1, c_1, s_2, c_2, w_1, w_2, f)
-    m_01, m_02 = p.d_01 * c_1, p.d_02 * c_2
-    m_1, m_2 = p.d_01 / p.d_00 * c_1, p.d_02 / p.d_00 * c_2
-    d_11 = p.d_11 - m_01 * m_1
-    d_12 = p.d_12 * (c_1 * c_2 + s_1 * s_2) - m_01 * m_2
-    d_22 = p.d_22 - m_02 * m_2
-    r_1, r_2 = r_1 - m_1 * r_0, r_2 - m_2 * r_0
-    per_det = np.reciprocal(d_11 * d_22 - d_12 * d_12)   # of all here a division takes longest
-    a_1 = (d_22 * r_1 - d_12 * r_2) * per_det
-    a_2 = (d_11 * r_2 - d_12 * r_1) * per_det
-    return np.reciprocal(p.d_00) * r_0 - m_1 * a_1 - m_2 * a_2, a_1, a_2
+    n, m, l = len(lengths), masses[1:], lengths  # noqa: E741
+    carried = [total(m[i + 1:]) for i in range(n)]
+    at_tip = [m[i] / 2 + carried[i] for i in range(n)]
+    # of a rod about its end, and exactly that where the factor is one
+    own = [m[i] / 3 + (inertia_factors[i] - 1) * m[i] / 12 + carried[i] for i in range(n)]
+    return Pendulum(
+        total(masses), tuple(at_tip[i] * l[i] for i in range(n)),
+        tuple((own[i] * (l[i] * l[i]), *(at_tip[j] * l[i] * l[j] for j in range(i + 1, n)))
+              for i in range(n)), g, tuple(friction))
 
 
-@kernel
-def derivative(p, th_1, th_2, v, w_1, w_2, u):
-    """Return the accelerations of cart and links at a state under the force u [N]."""
-    s_1, c_1 = sincos(th_1)
-    s_2, c_2 = sincos(th_2)
-    return accelerations(p, s_1, c_1, s_2, c_2, w_1, w_2, u - p.b_0 * v)
+def mass_matrix(p: Pendulum, s: Numbers, c: Numbers) -> Matrix:
+    """Return D(θ) from the sines and cosines of the angles, (7)-(10)."""
+    n = len(p.a)
+    D = [[p.m] * (n + 1) for _ in range(n + 1)]
+    for i in range(n):
+        D[0][i + 1] = D[i + 1][0] = p.a[i] * c[i]
+        D[i + 1][i + 1] = p.b[i][0]
+        for j in range(i + 1, n):
+            D[i + 1][j + 1] = D[j + 1][i + 1] = p.b[i][j - i] * (c[i] * c[j] + s[i] * s[j])
+    return D
 
 
-@kernel
-def stop(p, limit, x):
+def generalised_force(p: Pendulum, s: Numbers, c: Numbers, w: Numbers, f: Any) -> list[Any]:
+    """Return r = H f - C q̇ - G - joint friction for the speeds w of the links, (11)-(15)."""
+    n, squares = len(p.a), [w_i * w_i for w_i in w]
+    r = [f + total([p.a[i] * s[i] * squares[i] for i in range(n)]),
+         *(p.g * (p.a[i] * s[i]) for i in range(n))]
+    for i in range(n):
+        torque = p.friction[i + 1] * (w[i] - w[i - 1] if i > 0 else w[i])
+        r[i + 1] = r[i + 1] - torque
+        if i > 0:
+            r[i] = r[i] + torque
+        for j in range(i + 1, n):
+            h = p.b[i][j - i] * (s[i] * c[j] - c[i] * s[j])
+            r[i + 1], r[j + 1] = r[i + 1] - h * squares[j], r[j + 1] + h * squares[i]
+    return r
+
+
+def determinant(A: Matrix) -> Any:
+    """Return the determinant of a small matrix, by its first row."""
+    if not A:
+        return 1.0
+    return dot(A[0], [cofactor(A, 0, j) for j in range(len(A))])
+
+
+def cofactor(A: Matrix, i: int, j: int) -> Any:
+    """Return the signed determinant of what is left without a row and a column."""
+    minor = determinant([row[:j] + row[j + 1:] for row in A[:i] + A[i + 1:]])
+    return -minor if (i + j) % 2 else minor
+
+
+class LinksAlone(NamedTuple):
+    """The links where the cart moves freely: its Schur complement S in D, and D_i0 / D_00."""
+
+    share: list[Any]
+    adjugate: Matrix       # of S, symmetric
+    per_determinant: Any   # the one division in all, for these take longest
+
+
+def links_alone(D: Matrix) -> LinksAlone:
+    """Eliminate the cart from D."""
+    n = len(D) - 1
+    share = [D[0][i + 1] * (1.0 / D[0][0]) for i in range(n)]
+    S = [[D[i + 1][j + 1] - D[0][min(i, j) + 1] * share[max(i, j)] for j in range(n)]
+         for i in range(n)]
+    adjugate = [[cofactor(S, min(i, j), max(i, j)) for j in range(n)] for i in range(n)]
+    return LinksAlone(share, adjugate, 1.0 / dot(S[0], adjugate[0]))
+
+
+def solve(D: Matrix, r: Numbers) -> list[Any]:
+    """Return D⁻¹ r."""
+    share, adjugate, per_determinant = links_alone(D)
+    reduced = [r[i + 1] - share[i] * r[0] for i in range(len(share))]
+    links = [dot(row, reduced) * per_determinant for row in adjugate]
+    return [r[0] * (1.0 / D[0][0]) - dot(share, links), *links]
+
+
+def inverse_inertia(D: Matrix) -> Matrix:
+    """Return D⁻¹."""
+    share, adjugate, per_determinant = links_alone(D)
+    of_links = [[entry * per_determinant for entry in row] for row in adjugate]
+    beside = [-dot(row, share) for row in of_links]
+    return [[1.0 / D[0][0] - dot(share, beside), *beside],
+            *([first, *row] for first, row in zip(beside, of_links))]
+
+
+def accelerations(p: Pendulum, th: Numbers, w: Numbers, f: Any) -> list[Any]:
+    """Return the accelerations of cart and links, a = D⁻¹ r [m/s², rad/s²]."""
+    s, c = [sin(th_i) for th_i in th], [cos(th_i) for th_i in th]
+    return solve(mass_matrix(p, s, c), generalised_force(p, s, c, w, f))
+
+
+class Parts(NamedTuple):
+    """A state by its parts: positions and speeds of cart and links."""
+
+    x: Any
+    th: list[Any]
+    v: Any
+    w: list[Any]
+
+    @classmethod
+    def of(cls, p: Pendulum, x: Numbers) -> 'Parts':
+        """Take a state (2n + 2,) apart."""
+        n = len(p.a)
+        return cls(x[0], [x[1 + i] for i in range(n)], x[n + 1], [x[n + 2 + i] for i in range(n)])
+
+
+def derivative(p: Pendulum, x: Numbers, u: Any) -> list[Any]:
+    """Return ẋ = f(x, u), (3), under a force u [N]; x and ẋ have 2n + 2 numbers."""
+    _, th, v, w = Parts.of(p, x)
+    return [v, *w, *accelerations(p, th, w, u - p.friction[0] * v)]
+
+
+def energy(p: Pendulum, x: Numbers) -> Any:
+    """Return the kinetic and potential energy [J] of a state (2n + 2,)."""
+    _, th, v, w = Parts.of(p, x)
+    D = mass_matrix(p, [sin(th_i) for th_i in th], [cos(th_i) for th_i in th])
+    momenta = [dot(row, [v, *w]) for row in D]
+    return 0.5 * dot(momenta, [v, *w]) + p.g * dot(p.a, [cos(th_i) for th_i in th])
+
+
+def after_impact(p: Pendulum, x: Numbers) -> list[Any]:
     """
-    Bring a cart beyond the end of its track to rest there, by an inelastic impact.
+    Return the speeds of cart and links after the cart was stopped by an impulse.
 
-    The impulse on the cart also turns the links: Δq̇ = D⁻¹ H impulse. Shapes: x (6,), changed.
+    The impulse on the cart also turns the links: Δq̇ = D⁻¹ H impulse. Shapes: x (2n + 2,).
     """
-    if abs(x[0]) <= limit:
-        return
-    side = math.copysign(1.0, x[0])
-    x[0] = side * limit
-    if side * x[3] > 0:
-        i_00, i_01, i_02, _, _, _ = inverse_inertia(
-            p, math.sin(x[1]), math.cos(x[1]), math.sin(x[2]), math.cos(x[2]))
-        impulse = -x[3] / i_00
-        x[3] = 0.0
-        x[4] += i_01 * impulse
-        x[5] += i_02 * impulse
-
-
-@kernel
-def energy(p, x):
-    """Return the kinetic and potential energy [J] of the state x (6,)."""
-    v, w_1, w_2 = x[3], x[4], x[5]
-    kinetic = (0.5 * (p.d_00 * v * v + p.d_11 * w_1 * w_1 + p.d_22 * w_2 * w_2)
-               + p.d_01 * math.cos(x[1]) * v * w_1 + p.d_02 * math.cos(x[2]) * v * w_2
-               + p.d_12 * math.cos(x[1] - x[2]) * w_1 * w_2)
-    return kinetic + p.g * (p.d_01 * math.cos(x[1]) + p.d_02 * math.cos(x[2]))
-
-
-def joints(X: Array, bodies: PendulumParameters) -> Array:
-    """
-    Return the places [m] of the cart, the tip of link 1 and the tip of link 2.
-
-    Shapes: X (..., 6) -> (..., 3, 2), with x to the right and z up.
-    """
-    X = np.asarray(X)
-    tips = np.zeros((*X.shape[:-1], 3, 2))
-    tips[..., :, 0] = X[..., :1]
-    for link, length in ((1, bodies.link1_length), (2, bodies.link2_length)):
-        tips[..., link:, 0] += length * np.sin(X[..., link, None])
-        tips[..., link:, 1] += length * np.cos(X[..., link, None])
-    return tips
+    _, th, v, w = Parts.of(p, x)
+    D = mass_matrix(p, [sin(th_i) for th_i in th], [cos(th_i) for th_i in th])
+    share = solve(D, [1.0] + [0.0] * len(w))
+    return [0.0 * v, *(w_i - share_i / share[0] * v for w_i, share_i in zip(w, share[1:]))]

@@ -1,89 +1,92 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What a dynamics model is: a NamedTuple of numbers and five kernels over it.
+The model that solvers predict with: the pendulum, stepped by an integrator.
 
-A solver's kernel calls `advance`, `expand`, `linearise` and `curvature` of this module; the type
-of the model decides at compile time which implementation runs, as with functools.singledispatch.
-So a new model is one file, and every solver runs on it at full speed, its compiled code kept on
-disk.
+A model is numbers and, as a part of its type, the integrator. `advance` serves them all: kernels
+in double and single precision, and tensors on a GPU.
 """
 
-import functools
-from typing import Any, Callable
+import math
+from typing import Any, NamedTuple
 
-from numba.extending import overload
+import numpy as np
+
+from dp_swing_ros.kernels import kernel
+from dp_swing_ros.kernels.unrolling import same_type_by, unrolled
+from dp_swing_ros.pendulum.equations import derivative, Pendulum
+from dp_swing_ros.pendulum.integrators import Integrator
+from dp_swing_ros.pendulum.state import Array
+
+ROUNDING = 1e-9  # a time [s], or a share of a step, that is none
 
 
-def model_kernel(signature: Callable) -> Any:
+@same_type_by(lambda model: (model.integrator, len(model.pendulum.a), type(model.h)))
+class Model(NamedTuple):
+    """A pendulum and how it is stepped."""
+
+    pendulum: Pendulum
+    integrator: Integrator
+    h: float        # [s] of a step
+
+
+def advance(model: Model, x: Any, u: Any) -> Any:
+    """Return the 2n + 2 numbers of x⁺ = f(x, u) after one step under the force u [N]."""
+    return model.integrator.step(
+        lambda x, u: derivative(model.pendulum, x, u), x, u, model.h)
+
+
+@kernel
+def size(model):
+    """Return how many numbers the state has."""
+    return 2 * len(model.pendulum.friction)
+
+
+@unrolled
+def zeros(model):
+    """Return as many zeros as the state has numbers."""
+    return (0.0,) * (2 * len(model.pendulum.friction))
+
+
+@unrolled
+def step(model, x, u, out):
     """
-    Turn a signature into a function that the type of its first argument, the model, dispatches.
+    Write the next state x⁺ = f(x, u).
 
-    Implementations are added with `@<function>.register(ModelType)`; they must name their
-    arguments as the signature does, and may call kernels.
+    Shapes: x and out (2n + 2,), which may be the same array; u is the force [N].
     """
-    implementations: dict[Any, Callable] = {}
-
-    @functools.wraps(signature)
-    def dispatch(model: Any, *arguments: Any) -> Any:
-        return implementations[type(model)](model, *arguments)
-
-    def register(model_type: type) -> Callable:
-        def add(implementation: Callable) -> Callable:
-            implementations[model_type] = implementation
-            return implementation
-        return add
-
-    @overload(dispatch, strict=False, jit_options={
-        'error_model': 'numpy', 'forceinline': True, 'fastmath': {'contract'}})
-    def choose(model: Any, *arguments: Any) -> Callable | None:
-        implementation = implementations.get(getattr(model, 'instance_class', None))
-        return getattr(implementation, 'py_func', implementation)
-
-    setattr(dispatch, 'register', register)
-    return dispatch
+    for i, x_i in enumerate(advance(model, x, u)):
+        out[i] = x_i
 
 
-@model_kernel
-def of_coefficients(model, numbers):
+@kernel
+def rollout(model, x_0, U):
     """
-    Return the model of the same steps for another Pendulum.
+    Return the states under the forces U.
 
-    Shapes: numbers (10,), its fields.
+    Shapes: x_0 (2n + 2,), U (T,) -> (T + 1, 2n + 2).
     """
+    X = np.empty((len(U) + 1, size(model)))
+    for i in range(size(model)):
+        X[0, i] = x_0[i]
+    for t in range(len(U)):
+        step(model, X[t], U[t], X[t + 1])
+    return X
 
 
-@model_kernel
-def advance(model, x, th_1, th_2, v, w_1, w_2, u):
+def steps_in(duration: float, longest: float) -> int:
+    """Return how many steps of a length at most [s] make a time [s]; what is rounding has none."""
+    return math.ceil(duration / longest - ROUNDING)
+
+
+def hold(model: Model, x: Array, u: float, duration: float) -> Array:
     """
-    Return the six numbers of the next state x⁺ = f(x, u).
+    Return the state after any duration [s] under a held force, in steps of at most the model's.
 
-    Scalars in and out, in the precision of the arguments, so that a loop over samples vectorises.
+    Shapes: x (2n + 2,) -> (2n + 2,).
     """
-
-
-@model_kernel
-def expand(model, X, U):
-    """
-    Return what the derivatives need at each step of a trajectory; what, is the model's affair.
-
-    Shapes: X (T or more, 6), U (T,).
-    """
-
-
-@model_kernel
-def linearise(model, points, t, F):
-    """
-    Write F = ∂f/∂(x, u) at step t of those that `expand` returned.
-
-    Shapes: F (6, 8), its columns being those of x, that of u, and zeros.
-    """
-
-
-@model_kernel
-def curvature(model, points, t, costate, F, W):
-    """
-    Write F as `linearise` does, and W = Σ λᵢ ∂²fᵢ/∂(x, u)² for the costate λ.
-
-    Shapes: costate (6,), W (7, 8), its rows and columns as the columns of F.
-    """
+    steps = steps_in(duration, model.h)
+    if steps < 1:
+        return x
+    states: Array = rollout(model._replace(h=duration / steps), x, np.full(steps, u))
+    return states[-1]

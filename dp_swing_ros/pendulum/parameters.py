@@ -5,30 +5,66 @@
 import dataclasses
 
 from dp_swing_ros.parameters import parameter, Parameters
+from dp_swing_ros.pendulum.state import DEFAULT_LINKS, LINKS
 
 
 @dataclasses.dataclass(frozen=True)
 class PendulumParameters(Parameters):
-    """The bodies: a cart and two links. Source: the paper, II-A, and its authors' runs."""
+    """The physical parameters of cart and links. Source: the paper, II-A; its authors' runs."""
 
+    links: int = parameter(DEFAULT_LINKS, 'number of links, n', minimum=min(LINKS),
+                           maximum=max(LINKS))
     cart_mass: float = parameter(1.0, 'mass of the cart, m0', unit='kg', minimum=1e-3)
     link1_mass: float = parameter(0.5, 'mass of link 1, m1', unit='kg', minimum=1e-3)
-    link2_mass: float = parameter(0.5, 'mass of link 2, m2', unit='kg', minimum=1e-3)
+    link2_mass: float = parameter(0.5, 'mass of link 2, m2', unit='kg', minimum=1e-3, links=2)
+    link3_mass: float = parameter(0.5, 'mass of link 3, m3', unit='kg', minimum=1e-3, links=3)
     link1_length: float = parameter(1.0, 'length of link 1, l1', unit='m', minimum=1e-3)
-    link2_length: float = parameter(1.0, 'length of link 2, l2', unit='m', minimum=1e-3)
+    link2_length: float = parameter(1.0, 'length of link 2, l2', unit='m', minimum=1e-3, links=2)
+    link3_length: float = parameter(1.0, 'length of link 3, l3', unit='m', minimum=1e-3, links=3)
     link1_inertia_factor: float = parameter(
         1.0, 'moment of inertia of link 1 about its centre, in those of a uniform rod, m1 l1^2/12',
         minimum=1e-3)
     link2_inertia_factor: float = parameter(
         1.0, 'moment of inertia of link 2 about its centre, in those of a uniform rod, m2 l2^2/12',
-        minimum=1e-3)
+        minimum=1e-3, links=2)
+    link3_inertia_factor: float = parameter(
+        1.0, 'moment of inertia of link 3 about its centre, in those of a uniform rod, m3 l3^2/12',
+        minimum=1e-3, links=3)
     gravity: float = parameter(9.81, 'acceleration of gravity, g', unit='m/s^2', minimum=0.0)
     cart_friction: float = parameter(
         0.0, 'viscous friction of the cart on the track', unit='N s/m', minimum=0.0)
     joint1_friction: float = parameter(
-        0.0, 'viscous friction between cart and link 1', unit='N m s/rad', minimum=0.0)
+        0.0, 'viscous friction between cart and link 1', unit='N m s/rad',
+        minimum=0.0)
     joint2_friction: float = parameter(
-        0.0, 'viscous friction between link 1 and link 2', unit='N m s/rad', minimum=0.0)
+        0.0, 'viscous friction between link 1 and link 2', unit='N m s/rad',
+        minimum=0.0, links=2)
+    joint3_friction: float = parameter(
+        0.0, 'viscous friction between link 2 and link 3', unit='N m s/rad',
+        minimum=0.0, links=3)
+
+    @property
+    def masses(self) -> tuple[float, ...]:
+        """Return the masses of the cart and the links [kg]."""
+        return (self.cart_mass, *self._of_links('link{}_mass'))
+
+    @property
+    def lengths(self) -> tuple[float, ...]:
+        """Return the lengths of the links [m]."""
+        return self._of_links('link{}_length')
+
+    @property
+    def inertia_factors(self) -> tuple[float, ...]:
+        """Return the moments of inertia of the links, in those of uniform rods."""
+        return self._of_links('link{}_inertia_factor')
+
+    @property
+    def frictions(self) -> tuple[float, ...]:
+        """Return the viscous frictions of the cart [N s/m] and the joints [N m s/rad]."""
+        return (self.cart_friction, *self._of_links('joint{}_friction'))
+
+    def _of_links(self, name: str) -> tuple[float, ...]:
+        return tuple(getattr(self, name.format(i)) for i in range(1, self.links + 1))
 
 
 @dataclasses.dataclass(frozen=True)

@@ -3,8 +3,9 @@
 """
 Order, units and signs of the state, and arithmetic of its angles.
 
-The state is x = [x, θ1, θ2, ẋ, θ̇1, θ̇2] in metres, radians and seconds. Both angles are absolute,
-from the upward vertical: 0 is upright, π hangs; a positive angle leans towards +x.
+The state of a cart with n links is x = [x, θ1 … θn, ẋ, θ̇1 … θ̇n] in metres, radians and seconds.
+All angles are absolute, from the upward vertical: 0 is upright, π hangs; a positive angle leans
+towards +x.
 """
 
 from typing import TypeAlias
@@ -13,25 +14,65 @@ import numpy as np
 
 Array: TypeAlias = np.ndarray
 
-SIZE = 6
-JOINTS = ('cart', 'joint1', 'joint2')
-NAMES = ('x', 'θ1', 'θ2', 'ẋ', 'θ̇1', 'θ̇2')
-UNITS = ('m', 'rad', 'rad', 'm/s', 'rad/s', 'rad/s')
-ANGLES = slice(1, 3)
-UPRIGHT = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-HANGING = (0.0, np.pi, np.pi, 0.0, 0.0, 0.0)
-LEANING = (0.0, 0.2, 0.0, 0.0, 0.0, 0.0)   # so far that the regulator would drop it
+LINKS = (1, 2, 3)   # numbers of links that a pendulum may have
+DEFAULT_LINKS = 2
+SIZES = {links: 2 * (links + 1) for links in LINKS}   # numbers of the state
+
+
+def links_of(x: Array) -> int:
+    """Return the number of links of states (..., 2n + 2)."""
+    return np.shape(x)[-1] // 2 - 1
+
+
+def angles(x: Array) -> slice:
+    """Return where the angles are in states (..., 2n + 2)."""
+    return slice(1, np.shape(x)[-1] // 2)
+
+
+def joints(links: int) -> tuple[str, ...]:
+    """Return the names of the joints in order: cart, joint1 …."""
+    return ('cart', *(f'joint{i}' for i in range(1, links + 1)))
+
+
+def symbols(links: int) -> tuple[str, ...]:
+    """Return the symbols of the numbers of the state in order."""
+    count = range(1, links + 1)
+    return ('x', *(f'θ{i}' for i in count), 'ẋ', *(f'θ̇{i}' for i in count))
+
+
+def columns(links: int) -> tuple[str, ...]:
+    """Return the names of the numbers of the state in order, as columns of tables have them."""
+    names = ('x', *(f'theta{i}' for i in range(1, links + 1)))
+    return (*names, *(f'{name}_dot' for name in names))
+
+
+def units(links: int) -> tuple[str, ...]:
+    """Return the units of the numbers of the state in order."""
+    return ('m', *['rad'] * links, 'm/s', *['rad/s'] * links)
+
+
+def upright(links: int = DEFAULT_LINKS) -> Array:
+    """Return the state in which all links stand."""
+    return np.zeros(SIZES[links])
+
+
+def hanging(links: int = DEFAULT_LINKS) -> Array:
+    """Return the state in which all links hang, at rest."""
+    x = np.zeros(SIZES[links])
+    x[angles(x)] = np.pi
+    return x
 
 
 def to_turn_of(x: Array, reference: Array) -> Array:
     """
     Shift the angles of x by whole turns to lie within π of those of the reference.
 
-    Shapes: x and reference (..., 6), broadcast against each other.
+    Shapes: x and reference (..., 2n + 2), broadcast against each other.
     """
-    shifted = np.array(x, dtype=float)
-    turns = np.round((shifted[..., ANGLES] - np.asarray(reference)[..., ANGLES]) / (2 * np.pi))
-    shifted[..., ANGLES] -= 2 * np.pi * turns
+    shifted, of_angles = np.array(x, dtype=float), angles(x)
+    turns = np.round((shifted[..., of_angles] - np.asarray(reference)[..., of_angles])
+                     / (2 * np.pi))
+    shifted[..., of_angles] -= 2 * np.pi * turns
     return shifted
 
 
@@ -39,19 +80,20 @@ def wrapped(x: Array) -> Array:
     """
     Shift the angles of x by whole turns into (-π, π]: 0 is upright, π hangs.
 
-    Shapes: x (..., 6).
+    Shapes: x (..., 2n + 2).
     """
-    shifted = to_turn_of(x, np.zeros(SIZE))
-    angles = shifted[..., ANGLES]
-    angles[angles <= -np.pi] += 2 * np.pi
+    shifted = to_turn_of(x, np.zeros(np.shape(x)[-1]))
+    within = shifted[..., angles(x)]
+    within[within <= -np.pi] += 2 * np.pi
     return shifted
 
 
 def is_upright(x: Array, angle: float = 0.1, speed: float = 1.0) -> Array:
     """
-    Tell whether both angles [rad] and all three speeds [m/s, rad/s] are within the bounds.
+    Return whether all angles [rad] and all speeds [m/s, rad/s] are within the bounds.
 
-    Shapes: x (..., 6) -> bool (...). Source: the success criterion of docs/model.md.
+    Shapes: x (..., 2n + 2) -> bool (...). Source: the success criterion of docs/model.md.
     """
-    bounds = (np.inf, angle, angle, speed, speed, speed)
-    return np.all(np.abs(to_turn_of(x, np.zeros(SIZE))) <= bounds, axis=-1)
+    n = links_of(x)
+    bounds = (np.inf, *[angle] * n, *[speed] * (n + 1))
+    return np.all(np.abs(to_turn_of(x, upright(n))) <= bounds, axis=-1)

@@ -3,32 +3,36 @@
 """
 The pendulum as a robot description (URDF), and back.
 
-z is up and every joint turns about y, so a positive angle leans towards +x. θ2 is absolute, so
-link 2 hangs on a massless `elbow` that turns back by -θ1 (a mimic joint) at the tip of link 1:
-joint1 and joint2 are θ1 and θ2 as they are. What URDF has no word for: gravity, in an element of
-our own, which other readers skip; infinity, written as UNLIMITED; and that the damping of joint2
-acts between the two links.
+z is up and every joint turns about y, so a positive angle leans towards +x. All angles are
+absolute, so each link but the first hangs on a massless `elbow` that turns back by the angle of
+the link before (a mimic joint) at its tip: joint1, joint2 … are θ1, θ2 … as they are. What URDF
+has no word for: gravity, in an element of our own, which other readers skip; infinity, written as
+UNLIMITED; and that the damping of a joint acts between two links.
 """
 
 import math
 from xml.etree import ElementTree
 
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
+from dp_swing_ros.pendulum.state import LINKS
 
 UNLIMITED = 1e9  # URDF readers know no infinity
+MATERIALS = {'steel': '0.6 0.6 0.65', 'blue': '0.12 0.47 0.71', 'orange': '1 0.5 0.05',
+             'purple': '0.8 0.47 0.65'}   # of cart and track, then of the links
 RADIUS = 0.02  # [m] of the links as they are drawn
 DIGITS = 12  # after the point of an inertia factor, which is read from a ratio of two numbers
 
 
-def urdf(bodies: PendulumParameters, limits: LimitParameters) -> str:
+def urdf(physical: PendulumParameters, limits: LimitParameters) -> str:
     """Return the robot description as XML."""
+    links = ''.join(_link(physical, i) for i in range(physical.links))
+    materials = ''.join(f'  <material name="{name}"><color rgba="{colour} 1"/></material>\n'
+                        for name, colour in MATERIALS.items())
     return f"""\
 <?xml version="1.0"?>
 <robot name="dp_swing">
-  <gravity value="{bodies.gravity!r}"/>
-  <material name="steel"><color rgba="0.6 0.6 0.65 1"/></material>
-  <material name="blue"><color rgba="0.12 0.47 0.71 1"/></material>
-  <material name="orange"><color rgba="1 0.5 0.05 1"/></material>
+  <gravity value="{physical.gravity!r}"/>
+{materials}\
   <link name="track">
     <visual>
       <origin rpy="0 {math.pi / 2!r} 0"/>
@@ -38,51 +42,30 @@ def urdf(bodies: PendulumParameters, limits: LimitParameters) -> str:
   </link>
   <link name="cart_body">
     <inertial>
-      <mass value="{bodies.cart_mass!r}"/>
-{_inertia(*(bodies.cart_mass * square / 12 for square in (0.02, 0.05, 0.05)))}
+      <mass value="{physical.cart_mass!r}"/>
+{_inertia(*(physical.cart_mass * square / 12 for square in (0.02, 0.05, 0.05)))}
     </inertial>
     <visual>
       <geometry><box size="0.2 0.1 0.1"/></geometry>
       <material name="steel"/>
     </visual>
   </link>
-{_link('link1', bodies.link1_mass, bodies.link1_length, bodies.link1_inertia_factor, 'blue')}
-  <link name="elbow"/>
-{_link('link2', bodies.link2_mass, bodies.link2_length, bodies.link2_inertia_factor, 'orange')}
   <joint name="cart" type="prismatic">
     <parent link="track"/>
     <child link="cart_body"/>
     <axis xyz="1 0 0"/>
     <limit lower="{_finite(-limits.track_limit)!r}" upper="{_finite(limits.track_limit)!r}" \
 effort="{_finite(limits.force_limit)!r}" velocity="{UNLIMITED!r}"/>
-    <dynamics damping="{bodies.cart_friction!r}"/>
+    <dynamics damping="{physical.cart_friction!r}"/>
   </joint>
-  <joint name="joint1" type="continuous">
-    <parent link="cart_body"/>
-    <child link="link1"/>
-    <axis xyz="0 1 0"/>
-    <dynamics damping="{bodies.joint1_friction!r}"/>
-  </joint>
-  <joint name="counter" type="continuous">
-    <origin xyz="0 0 {bodies.link1_length!r}"/>
-    <parent link="link1"/>
-    <child link="elbow"/>
-    <axis xyz="0 1 0"/>
-    <mimic joint="joint1" multiplier="-1"/>
-  </joint>
-  <joint name="joint2" type="continuous">
-    <parent link="elbow"/>
-    <child link="link2"/>
-    <axis xyz="0 1 0"/>
-    <dynamics damping="{bodies.joint2_friction!r}"/>
-  </joint>
+{links}\
 </robot>
 """
 
 
 def from_urdf(text: str) -> tuple[PendulumParameters, LimitParameters]:
     """
-    Return the bodies and limits of a description made by `urdf`.
+    Return the physical parameters and limits of a description made by `urdf`.
 
     Raises ValueError if it is no such description.
     """
@@ -94,35 +77,28 @@ def from_urdf(text: str) -> tuple[PendulumParameters, LimitParameters]:
     def number(path: str, attribute: str) -> float:
         element = robot.find(path)
         if element is None or attribute not in element.attrib:
-            raise ValueError('the robot description is not one of the double pendulum on a cart: '
+            raise ValueError('the robot description is not one of a pendulum on a cart: '
                              f'{path} has no {attribute}')
         value = float(element.attrib[attribute])
         return math.inf if value >= UNLIMITED else value
 
-    def length(link: str) -> float:
-        return number(f'link[@name="{link}"]/visual/geometry/cylinder', 'length')
-
-    def mass(link: str) -> float:
-        return number(f'link[@name="{link}"]/inertial/mass', 'value')
-
-    def inertia_factor(link: str) -> float:
-        rod = _across(mass(link), length(link))
-        return round(number(f'link[@name="{link}"]/inertial/inertia', 'ixx') / rod, DIGITS)
-
-    bodies = PendulumParameters(
-        cart_mass=mass('cart_body'),
-        link1_mass=mass('link1'),
-        link2_mass=mass('link2'),
-        link1_length=length('link1'),
-        link2_length=length('link2'),
-        link1_inertia_factor=inertia_factor('link1'),
-        link2_inertia_factor=inertia_factor('link2'),
-        gravity=number('gravity', 'value'),
-        cart_friction=number('joint[@name="cart"]/dynamics', 'damping'),
-        joint1_friction=number('joint[@name="joint1"]/dynamics', 'damping'),
-        joint2_friction=number('joint[@name="joint2"]/dynamics', 'damping'))
-    return bodies, LimitParameters(force_limit=number('joint[@name="cart"]/limit', 'effort'),
-                                   track_limit=number('joint[@name="cart"]/limit', 'upper'))
+    values = {'cart_mass': number('link[@name="cart_body"]/inertial/mass', 'value'),
+              'gravity': number('gravity', 'value'),
+              'cart_friction': number('joint[@name="cart"]/dynamics', 'damping')}
+    links = max([n for n in LINKS if robot.find(f'link[@name="link{n}"]') is not None],
+                default=min(LINKS))
+    for i in range(1, links + 1):
+        link = f'link[@name="link{i}"]'
+        length = number(f'{link}/visual/geometry/cylinder', 'length')
+        mass = number(f'{link}/inertial/mass', 'value')
+        inertia = number(f'{link}/inertial/inertia', 'ixx')
+        values.update({f'link{i}_length': length, f'link{i}_mass': mass,
+                       f'link{i}_inertia_factor': round(inertia / _across(mass, length), DIGITS),
+                       f'joint{i}_friction': number(f'joint[@name="joint{i}"]/dynamics',
+                                                    'damping')})
+    return PendulumParameters(links=links, **values), LimitParameters(
+        force_limit=number('joint[@name="cart"]/limit', 'effort'),
+        track_limit=number('joint[@name="cart"]/limit', 'upper'))
 
 
 def _across(mass: float, length: float) -> float:
@@ -130,11 +106,14 @@ def _across(mass: float, length: float) -> float:
     return mass * length ** 2 / 12
 
 
-def _link(name: str, mass: float, length: float, factor: float, material: str) -> str:
+def _link(physical: PendulumParameters, i: int) -> str:
+    """Return link i, from 0, with the joint that it turns in, and the elbow below that."""
+    length, mass = physical.lengths[i], physical.masses[i + 1]
     # The inertia about its own length, which changes nothing, must not be zero.
-    across = factor * _across(mass, length)
-    return f"""\
-  <link name="{name}">
+    across = physical.inertia_factors[i] * _across(mass, length)
+    parent = 'cart_body' if i == 0 else f'elbow{i}' if i > 1 else 'elbow'
+    return (_elbow(i, physical.lengths[i - 1]) if i > 0 else '') + f"""\
+  <link name="link{i + 1}">
     <inertial>
       <origin xyz="0 0 {length / 2!r}"/>
       <mass value="{mass!r}"/>
@@ -143,9 +122,31 @@ def _link(name: str, mass: float, length: float, factor: float, material: str) -
     <visual>
       <origin xyz="0 0 {length / 2!r}"/>
       <geometry><cylinder radius="{RADIUS}" length="{length!r}"/></geometry>
-      <material name="{material}"/>
+      <material name="{list(MATERIALS)[i + 1]}"/>
     </visual>
-  </link>"""
+  </link>
+  <joint name="joint{i + 1}" type="continuous">
+    <parent link="{parent}"/>
+    <child link="link{i + 1}"/>
+    <axis xyz="0 1 0"/>
+    <dynamics damping="{physical.frictions[i + 1]!r}"/>
+  </joint>
+"""
+
+
+def _elbow(i: int, length: float) -> str:
+    """Return the massless link at the tip of link i, from 1, that turns back by its angle."""
+    number = str(i) if i > 1 else ''
+    return f"""\
+  <link name="elbow{number}"/>
+  <joint name="counter{number}" type="continuous">
+    <origin xyz="0 0 {length!r}"/>
+    <parent link="link{i}"/>
+    <child link="elbow{number}"/>
+    <axis xyz="0 1 0"/>
+    <mimic joint="joint{i}" multiplier="-1"/>
+  </joint>
+"""
 
 
 def _inertia(xx: float, yy: float, zz: float) -> str:

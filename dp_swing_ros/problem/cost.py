@@ -13,82 +13,98 @@ The chord itself changes its sign from turn to turn, and with it P's products of
 velocity: P is right on the goal's own turn, which is for the receding horizon to choose.
 """
 
-import math
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from dp_swing_ros.kernels import kernel
-from dp_swing_ros.kernels.lanes import blocks, load, STEPS
-from dp_swing_ros.kernels.trigonometry import sincos
+from dp_swing_ros.kernels.unrolling import (
+    clamp, Constant, cos, dot, is_nonzero, same_type_by, sin, total, unrolled)
+from dp_swing_ros.pendulum.derivatives import blocks, load, STEPS
 from dp_swing_ros.pendulum.state import Array
 
+Numbers: TypeAlias = Sequence[Any]
 
+
+class AngleError(Constant):
+    """How the error of an angle is measured, known when kernels are compiled."""
+
+    def __init__(self, name: str, error: Callable[[Any], tuple[Any, Any]],
+                 squared: Callable[[Any, Any], Any], periodic: bool) -> None:
+        """
+        Take its name, and whether a whole turn is no error.
+
+        error gives e and its slope from a difference, squared e² from an angle and its reference.
+        """
+        super().__init__(name, error)
+        self.error, self.squared, self.periodic = error, squared, periodic
+
+
+# The chord is the distance of two points on the circle: the sine and cosine of the angle itself,
+# which the model needs too, are then computed once for both.
+ANGLE_ERRORS = {
+    'chord': AngleError(
+        'chord', lambda difference: (2 * sin(difference / 2), cos(difference / 2)),
+        lambda th, th_r: (sin(th) - sin(th_r)) * (sin(th) - sin(th_r))
+        + (cos(th) - cos(th_r)) * (cos(th) - cos(th_r)), periodic=True),
+    'angle': AngleError(
+        'angle', lambda difference: (difference, 1.0),
+        lambda th, th_r: (th - th_r) * (th - th_r), periodic=False)}
+
+
+@same_type_by(lambda cost: (cost.angle_error, len(cost.S), type(cost.R)))
 class Cost(NamedTuple):
-    """The numbers of the cost."""
+    """The numbers of the cost; n links, so 2n + 2 numbers of a state."""
 
-    S: Array        # (6,) diagonal of the state weights
-    R: float        # [1/N^2]
-    P: Array        # (6, 6) terminal weights
-    x_r: Array      # (6,) reference state
-    s_r: Array      # (6,) its sines
-    c_r: Array      # (6,) and cosines
-    chord: bool     # angle errors are chords
-    x_soft: float   # [m] where the soft margin of the track begins
-    w: float        # [1/m^2] weight of the squared distance into the margin
+    S: tuple[float, ...]       # diagonal of the state weights
+    R: float                   # [1/N^2]
+    P: Array                   # (2n + 2, 2n + 2) terminal weights
+    x_r: tuple[float, ...]     # reference state
+    angle_error: AngleError
+    x_soft: float              # [m] where the soft margin of the track begins
+    w: float                   # [1/m^2] weight of the squared distance into the margin
 
 
-@kernel
-def error(cost, x, i):
-    """Return the error e_i of component i of the state, which is x, and its slope ∂e_i/∂x_i."""
-    difference = x - cost.x_r[i]
-    if cost.chord and (i == 1 or i == 2):
-        sine, cosine = sincos(difference / 2)
-        return 2 * sine, cosine
-    return difference, 1.0
+def is_angle(cost: Cost, i: int) -> bool:
+    """Return whether component i of the state is an angle."""
+    return 0 < i < len(cost.S) // 2
 
 
-@kernel
-def squared_error(chord, x, x_r, s_r, c_r):
-    """
-    Return e² of a component x in any precision; s_r and c_r are sine and cosine of x_r.
-
-    The chord is the distance of two points on the circle, and the sine and cosine of the angle
-    itself, which the model needs too, are computed once for both.
-    """
-    if chord:
-        sine, cosine = sincos(x)
-        return (sine - s_r) * (sine - s_r) + (cosine - c_r) * (cosine - c_r)
-    return (x - x_r) * (x - x_r)
+@unrolled
+def is_periodic(cost):
+    """Return whether a whole turn is no error."""
+    return int(cost.angle_error.periodic)
 
 
-@kernel
-def intrusion(cost, x):
+def error(cost: Cost, x: Numbers) -> tuple[list[Any], list[Any]]:
+    """Return the errors e of the numbers of a state, and their slopes ∂e_i/∂x_i."""
+    both = [cost.angle_error.error(x[i] - cost.x_r[i]) if is_angle(cost, i)
+            else (x[i] - cost.x_r[i], 1.0) for i in range(len(cost.S))]
+    return [e for e, _ in both], [slope for _, slope in both]
+
+
+def intrusion(cost: Cost, x: Any) -> Any:
     """Return how far [m] the cart at x is inside the soft margin, with the sign of its side."""
-    return math.copysign(max(0.0, abs(x) - cost.x_soft), x)
+    return x - clamp(x, cost.x_soft)
 
 
-@kernel
-def running(cost, x, u):
+def running_cost(cost: Cost, x: Numbers, u: Any) -> Any:
     """Return ℓ(x, u)."""
-    total = cost.R * u * u + cost.w * intrusion(cost, x[0]) ** 2
-    for i in range(6):
-        total += cost.S[i] * squared_error(cost.chord and (i == 1 or i == 2), x[i], cost.x_r[i],
-                                           cost.s_r[i], cost.c_r[i])
-    return total
+    inside = intrusion(cost, x[0])
+    squares = [cost.angle_error.squared(x[i], cost.x_r[i]) if is_angle(cost, i)
+               else (x[i] - cost.x_r[i]) * (x[i] - cost.x_r[i]) for i in range(len(cost.S))]
+    return dot(cost.S, squares) + cost.R * u * u + cost.w * inside * inside
 
 
-@kernel
-def terminal(cost, x):
+def terminal_cost(cost: Cost, x: Numbers) -> Any:
     """Return ℓ_f(x)."""
-    total = cost.w * intrusion(cost, x[0]) ** 2
-    e = np.empty(6)
-    for i in range(6):
-        e[i], _ = error(cost, x[i], i)
-    for i in range(6):
-        for j in range(6):
-            total += e[i] * cost.P[i, j] * e[j]
-    return total
+    (e, _), inside = error(cost, x), intrusion(cost, x[0])
+    return total([e[i] * dot([cost.P[i, j] for j in range(len(e))], e) for i in range(len(e))]
+                 ) + cost.w * inside * inside
+
+
+running, terminal = unrolled(running_cost), unrolled(terminal_cost)
 
 
 @kernel
@@ -96,12 +112,24 @@ def trajectory_cost(cost, X, U):
     """
     Return J(X, U).
 
-    Shapes: X (T + 1, 6), U (T,).
+    Shapes: X (T + 1, 2n + 2), U (T,).
     """
-    total = terminal(cost, X[len(U)])
+    cost_so_far = terminal(cost, X[len(U)])
     for t in range(len(U)):
-        total += running(cost, X[t], U[t])
-    return total
+        cost_so_far += running(cost, X[t], U[t])
+    return cost_so_far
+
+
+@unrolled
+def running_lane(cost, z, out, i):
+    """Write ℓ_x and the diagonal of ℓ_xx of the step in lane i; see `running_derivatives`."""
+    e, slope = error(cost, [z[j, i] for j in range(len(cost.S))])
+    inside = intrusion(cost, z[0, i])
+    for j in range(len(e)):
+        first = 2 * cost.S[j] * (e[j] * slope[j])
+        second = 2 * cost.S[j] * (slope[j] * slope[j])
+        out[j, i] = first + 2 * cost.w * inside if j == 0 else first
+        out[len(e) + j, i] = second + 2 * cost.w * is_nonzero(inside) if j == 0 else second
 
 
 @kernel
@@ -109,24 +137,24 @@ def running_derivatives(cost, X, U):
     """
     Return ℓ_x and the diagonal of ℓ_xx (Gauss-Newton) of all steps; ℓ_u = 2 R u, ℓ_uu = 2 R.
 
-    Those of step t are [t // STEPS, :, t % STEPS]. Shapes: X (T or more, 6), U (T,) ->
-    (blocks, 6, STEPS) both.
+    Those of step t are [t // STEPS, :, t % STEPS], ℓ_x first. Shapes: X (T or more, 2n + 2),
+    U (T,) -> (blocks, 2 (2n + 2), STEPS).
     """
-    l_x, l_xx = np.empty((2, blocks(U), 6, STEPS))
-    z = np.empty((7, STEPS))
-    for block in range(len(l_x)):
-        load(X, U, block * STEPS, z)
-        of_block, second = l_x[block], l_xx[block]
-        for i in range(6):
-            twice = 2 * cost.S[i]
-            for t in range(STEPS):
-                e, slope = error(cost, z[i, t], i)
-                of_block[i, t], second[i, t] = twice * e * slope, twice * slope * slope
-        for t in range(STEPS):
-            inside = intrusion(cost, z[0, t])
-            of_block[0, t] += 2 * cost.w * inside
-            second[0, t] += 2 * cost.w * (inside != 0)
-    return l_x, l_xx
+    derivatives = np.empty((blocks(U), 2 * len(cost.S), STEPS))
+    z = np.empty((len(cost.S) + 1, STEPS))
+    for block in range(len(derivatives)):
+        load(cost.S, X, U, block * STEPS, z)
+        of_block = derivatives[block]
+        for i in range(STEPS):
+            running_lane(cost, z, of_block, i)
+    return derivatives
+
+
+@unrolled
+def errors_at(cost, x):
+    """Return the errors of a state, their slopes, and the cart's intrusion into the margin."""
+    e, slope = error(cost, [x[i] for i in range(len(cost.S))])
+    return tuple(e), tuple(1.0 * each for each in slope), intrusion(cost, x[0])
 
 
 @kernel
@@ -134,16 +162,13 @@ def terminal_derivatives(cost, x, l_x, l_xx):
     """
     Write the gradient and the Gauss-Newton Hessian of ℓ_f.
 
-    Shapes: l_x (6,), l_xx (6, 6).
+    Shapes: l_x (2n + 2,), l_xx (2n + 2, 2n + 2).
     """
-    e, slope = np.empty(6), np.empty(6)
-    for i in range(6):
-        e[i], slope[i] = error(cost, x[i], i)
-    for i in range(6):
+    e, slope, inside = errors_at(cost, x)
+    for i in range(len(e)):
         l_x[i] = 0.0
-        for j in range(6):
+        for j in range(len(e)):
             l_x[i] += 2 * slope[i] * cost.P[i, j] * e[j]
             l_xx[i, j] = 2 * slope[i] * cost.P[i, j] * slope[j]
-    inside = intrusion(cost, x[0])
     l_x[0] += 2 * cost.w * inside
     l_xx[0, 0] += 2 * cost.w * (inside != 0)

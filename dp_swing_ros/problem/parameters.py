@@ -5,8 +5,8 @@
 import dataclasses
 
 from dp_swing_ros.parameters import parameter, Parameters
-from dp_swing_ros.pendulum.models import MODELS
-from dp_swing_ros.pendulum.state import SIZE, UPRIGHT
+from dp_swing_ros.pendulum.integrators import INTEGRATORS
+from dp_swing_ros.pendulum.state import SIZES, upright
 
 
 @dataclasses.dataclass(frozen=True)
@@ -14,11 +14,12 @@ class CostParameters(Parameters):
     """The cost. Source: the paper, II-B; the tuned defaults are explained in docs/model.md."""
 
     reference: tuple[float, ...] = parameter(
-        UPRIGHT, 'reference state x_r; an equilibrium, so angles are 0 or π and speeds 0',
-        unit='m, rad, m/s, rad/s', size=SIZE)
+        tuple(upright().tolist()),
+        'reference state x_r; an equilibrium, so angles are 0 or π and speeds 0',
+        unit='m, rad, m/s, rad/s', size=SIZES)
     state_weights: tuple[float, ...] = parameter(
         (10.0, 100.0, 100.0, 2.0, 6.0, 0.1), 'diagonal of S, the weights of the state error',
-        minimum=0.0, size=SIZE)
+        minimum=0.0, size=SIZES)
     force_weight: float = parameter(0.001, 'R, the weight of the force', unit='1/N^2',
                                     minimum=1e-9)
     angle_error: str = parameter(
@@ -43,4 +44,4 @@ class PredictionParameters(Parameters):
     horizon: int = parameter(30, 'number of steps of a plan, N', minimum=1, maximum=1000)
     step: float = parameter(0.05, 'duration of one step of a plan', unit='s', minimum=1e-4,
                             maximum=1.0)
-    model: str = parameter('rk4', 'how one step is predicted', choices=lambda: list(MODELS))
+    model: str = parameter('rk4', 'how one step is predicted', choices=lambda: list(INTEGRATORS))

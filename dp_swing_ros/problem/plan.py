@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dp_swing_ros.pendulum.state import Array, to_turn_of
+from dp_swing_ros.pendulum.state import Array
 
 
 class Status(enum.Enum):
@@ -23,7 +23,7 @@ class Status(enum.Enum):
     FAILED = 'no finite plan was found; look at the state and the weights'
     LAST_POLICY = 'the solve failed; this is the last plan, followed as a policy'
     REGULATOR = 'the solve failed; this is the regulator at the reference'
-    ZERO = 'the solve failed, and so did what should stand in for it; the force is zero'
+    ZERO = 'the solve failed, and so did the fallback; the force is zero'
 
 
 class SolverStats(NamedTuple):
@@ -41,7 +41,7 @@ class Plan:
     """
     Predicted states and forces, and the feedback about them.
 
-    Shapes: X (N + 1, 6), U (N,) [N], K (N, 6); dt is the duration of a step [s].
+    Shapes: X (N + 1, 2n + 2), U (N,) [N], K (N, 2n + 2); dt is the duration of a step [s].
     """
 
     X: Array
@@ -52,7 +52,7 @@ class Plan:
 
     @property
     def usable(self) -> bool:
-        """Tell whether the plan may be obeyed."""
+        """Return whether the plan may be obeyed."""
         return self.stats.status is not Status.FAILED
 
     @property
@@ -60,20 +60,10 @@ class Plan:
         """Return the time that the plan covers [s]."""
         return len(self.U) * self.dt
 
-    def control(self, elapsed: float, x: Array) -> float:
-        """
-        Return the force [N] of the policy u = U[t] + K[t] (x - X[t]) at a time after its start.
-
-        Angles are compared on the nearest turn. Past its end the plan's last step holds. To bound
-        the force is the caller's part.
-        """
-        left = self.shifted(min(elapsed, self.duration - self.dt))
-        return float(left.U[0] + left.K[0] @ (to_turn_of(x, left.X[0]) - left.X[0]))
-
     def first_force(self, limit: float) -> float:
         """Return the force [N] to send, within its limit; whatever happened, a finite one."""
-        force = self.control(0.0, self.X[0])
-        return float(np.clip(force, -limit, limit)) if math.isfinite(force) else 0.0
+        force = float(self.U[0])
+        return min(max(force, -limit), limit) if math.isfinite(force) else 0.0
 
     def shifted(self, elapsed: float) -> 'Plan':
         """

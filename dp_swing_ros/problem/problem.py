@@ -8,75 +8,90 @@ The optimal control problem that every solver solves.
 
 from dataclasses import dataclass
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import LinAlgError, solve_discrete_are
 
 from dp_swing_ros.kernels import kernel
 from dp_swing_ros.parameters import ParameterError
+from dp_swing_ros.pendulum.derivatives import linearisation
 from dp_swing_ros.pendulum.equations import Pendulum
-from dp_swing_ros.pendulum.model import expand, linearise
-from dp_swing_ros.pendulum.models import MODELS
+from dp_swing_ros.pendulum.integrators import INTEGRATORS
+from dp_swing_ros.pendulum.model import Model, size, step
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
-from dp_swing_ros.pendulum.state import ANGLES, Array
-from dp_swing_ros.pendulum.trajectory import step
-from dp_swing_ros.problem.cost import Cost, trajectory_cost
+from dp_swing_ros.pendulum.state import angles, Array, SIZES
+from dp_swing_ros.problem.cost import ANGLE_ERRORS, Cost, is_periodic, trajectory_cost
 from dp_swing_ros.problem.parameters import CostParameters, PredictionParameters
+from dp_swing_ros.problem.plan import Plan, SolverStats, Status
 
 TURN = 2 * math.pi
-NO_POLICY = (np.empty((0, 6)), np.empty(0), np.empty((0, 6)))
 SLOWEST = 1 - 1e-6  # spectral radius of a regulated model; at 1 an error would never die out
 
 
 class LQR(NamedTuple):
     """The infinite-horizon regulator about the reference: value eᵀPe, force -Ke, e = x - x_r."""
 
-    P: Array  # (6, 6)
-    K: Array  # (6,)
+    P: Array  # (2n + 2, 2n + 2)
+    K: Array  # (2n + 2,)
 
 
 @dataclass(frozen=True)
 class Problem:
     """Model, cost and bound of the force, the length of a plan, and the regulator at the goal."""
 
-    model: Any      # a NamedTuple of pendulum.models.MODELS
+    model: Model
     cost: Cost
     horizon: int
-    dt: float       # [s]
     u_max: float    # [N]
     lqr: LQR
-    bodies: PendulumParameters
+    physical: PendulumParameters
     given: tuple[LimitParameters, CostParameters, PredictionParameters]  # it was made from
 
     @classmethod
-    def of(cls, bodies: PendulumParameters, limits: LimitParameters, cost: CostParameters,
+    def of(cls, physical: PendulumParameters, limits: LimitParameters, cost: CostParameters,
            prediction: PredictionParameters) -> 'Problem':
         """
         Build the problem from parameters.
 
-        Raises ParameterError where no regulator holds the reference state.
+        Raises ParameterError where no regulator holds the reference state, or where the cost is
+        that of another number of links.
         """
         if limits.force_limit == 0:
             raise ParameterError('parameter force_limit is 0; the controller needs a force')
-        model = MODELS[prediction.model].of(Pendulum.of(bodies), prediction.step)
+        for name in ('reference', 'state_weights'):
+            count = len(getattr(cost, name))
+            if count != SIZES[physical.links]:
+                raise ParameterError(
+                    f'parameter {name} has {count} numbers; expected {SIZES[physical.links]} for '
+                    f'links {physical.links}')
+        model = Model(Pendulum.of(physical), INTEGRATORS[prediction.model], prediction.step)
         lqr = regulator(model, cost)
-        S, x_r = np.array(cost.state_weights), np.array(cost.reference)
-        P = lqr.P if cost.terminal_cost == 'lqr' else cost.terminal_scale * np.diag(S)
+        P = lqr.P if cost.terminal_cost == 'lqr' else (
+            cost.terminal_scale * np.diag(cost.state_weights))
         return cls(model, Cost(
-            S=S, R=cost.force_weight, P=np.ascontiguousarray(P), x_r=x_r, s_r=np.sin(x_r),
-            c_r=np.cos(x_r), chord=cost.angle_error == 'chord',
+            S=cost.state_weights, R=cost.force_weight, P=np.ascontiguousarray(P),
+            x_r=cost.reference, angle_error=ANGLE_ERRORS[cost.angle_error],
             x_soft=limits.track_limit - cost.track_margin, w=cost.track_weight),
-            prediction.horizon, prediction.step, limits.force_limit, lqr, bodies,
-            (limits, cost, prediction))
+            prediction.horizon, limits.force_limit, lqr, physical, (limits, cost, prediction))
 
-    def with_bodies(self, bodies: PendulumParameters) -> 'Problem':
+    @property
+    def dt(self) -> float:
+        """Return the duration of a step [s]."""
+        return self.model.h
+
+    @property
+    def x_r(self) -> Array:
+        """Return the reference state (2n + 2,)."""
+        return np.array(self.cost.x_r)
+
+    def with_physical(self, physical: PendulumParameters) -> 'Problem':
         """
-        Build the same problem for other bodies.
+        Build the same problem for other physical parameters.
 
         Raises ParameterError where no regulator holds the reference state.
         """
-        return Problem.of(bodies, *self.given)
+        return Problem.of(physical, *self.given)
 
 
 def turns_of(problem: Problem, x: Array) -> Array:
@@ -84,16 +99,17 @@ def turns_of(problem: Problem, x: Array) -> Array:
     Return how far the goal on the turn of a state is from the reference: whole turns [rad].
 
     The goal of a solve is the one where its start ends; there the terminal cost is right.
-    Shapes: x (6,) -> (6,). Where angles count as they are, as in the paper, there is one goal.
+    Shapes: x (2n + 2,) -> (2n + 2,). Where angles count as they are, as in the paper, there is
+    one goal.
     """
-    turns = np.zeros(6)
-    if problem.cost.chord:
-        for i in range(ANGLES.start, ANGLES.stop):
-            turns[i] = TURN * np.rint((x[i] - problem.cost.x_r[i]) / TURN)
+    turns = np.zeros(len(x))
+    if problem.cost.angle_error.periodic:
+        where = angles(x)
+        turns[where] = TURN * np.rint((x[where] - problem.cost.x_r[where]) / TURN)
     return turns
 
 
-def regulator(model: Any, cost: CostParameters) -> LQR:
+def regulator(model: Model, cost: CostParameters) -> LQR:
     """
     Solve the discrete algebraic Riccati equation of the model at the reference state.
 
@@ -117,20 +133,12 @@ def regulator(model: Any, cost: CostParameters) -> LQR:
 
 
 @kernel
-def linearisation(model, x, u):
-    """Return A = ∂f/∂x (6, 6) and B = ∂f/∂u (6,)."""
-    F = np.empty((6, 8))
-    linearise(model, expand(model, np.expand_dims(x, 0), np.array([u])), 0, F)
-    return F[:, :6].copy(), F[:, 6].copy()
-
-
-@kernel
 def regulate(cost, K, u_max, x):
     """Return the force -K (x - x_r) of the regulator, bounded; angles on the nearest turn."""
     u = 0.0
-    for i in range(6):
+    for i in range(len(K)):
         e = x[i] - cost.x_r[i]
-        if cost.chord and (i == 1 or i == 2):
+        if is_periodic(cost) and 0 < i < len(K) // 2:
             e -= TURN * math.floor(e / TURN + 0.5)
         u -= K[i] * e
     return min(max(u, -u_max), u_max)
@@ -143,26 +151,27 @@ def follow_policy(model, cost, lqr_gain, u_max, x_0, X, U, K, horizon):
 
     Returns the cost, infinite where it is not a number, states, forces and gains. The angles of X
     are brought to the turns of x_0.
-    Shapes: x_0 (6,), X (T or more, 6), U (T,), K (T, 6) -> (horizon + 1, 6), (horizon,),
-    (horizon, 6).
+    Shapes: x_0 (2n + 2,), X (T or more, 2n + 2), U (T,), K (T, 2n + 2) ->
+    (horizon + 1, 2n + 2), (horizon,), (horizon, 2n + 2).
     """
-    states, forces = np.empty((horizon + 1, 6)), np.empty(horizon)
-    gains, turns = np.empty((horizon, 6)), np.zeros(6)
+    n = size(model)
+    states, forces = np.empty((horizon + 1, n)), np.empty(horizon)
+    gains, turns = np.empty((horizon, n)), np.zeros(n)
     if len(X) > 0:
-        for i in range(1, 3):
+        for i in range(1, n // 2):
             turns[i] = TURN * np.rint((x_0[i] - X[0, i]) / TURN)
-    for i in range(6):
+    for i in range(n):
         states[0, i] = x_0[i]
     for t in range(horizon):
         x = states[t]
         if t < len(U):
             u = U[t]
-            for i in range(6):
+            for i in range(n):
                 gains[t, i] = K[t, i]
                 u += K[t, i] * (x[i] - (X[t, i] + turns[i]))
             u = min(max(u, -u_max), u_max)
         else:
-            for i in range(6):
+            for i in range(n):
                 gains[t, i] = -lqr_gain[i]
             u = regulate(cost, lqr_gain, u_max, x)
         forces[t] = u
@@ -172,7 +181,7 @@ def follow_policy(model, cost, lqr_gain, u_max, x_0, X, U, K, horizon):
 
 
 class Rollout(NamedTuple):
-    """What came of a policy: cost, states (N + 1, 6), forces (N,), and its gains (N, 6)."""
+    """What came of a policy: cost, states (N + 1, 2n + 2), forces (N,), gains (N, 2n + 2)."""
 
     J: float
     X: Array
@@ -182,10 +191,31 @@ class Rollout(NamedTuple):
 
 def policy_rollout(problem: Problem, x_0: Array, X: Array, U: Array, K: Array) -> Rollout:
     """Follow a policy, and where it ends the regulator, over the horizon; see follow_policy."""
-    return Rollout(*follow_policy(problem.model, problem.cost, problem.lqr.K, problem.u_max, x_0,
-                                  X, U, K, problem.horizon))
+    return Rollout(*follow_policy(*kernel_arguments(problem), x_0, X, U, K, problem.horizon))
 
 
 def regulator_rollout(problem: Problem, x_0: Array) -> Rollout:
     """Follow the regulator over the horizon."""
-    return policy_rollout(problem, x_0, *NO_POLICY)
+    return policy_rollout(problem, x_0, *no_policy(len(x_0)))
+
+
+def no_policy(size: int) -> tuple[Array, Array, Array]:
+    """Return X, U and K of a policy without a step, for states of so many numbers."""
+    return np.empty((0, size)), np.empty(0), np.empty((0, size))
+
+
+def kernel_arguments(problem: Problem) -> tuple[Model, Cost, Array, float]:
+    """Return what kernels need to follow policies: model, cost, gain of the regulator, bound."""
+    return problem.model, problem.cost, problem.lqr.K, problem.u_max
+
+
+def plan_of(problem: Problem, X: Array, U: Array, status: Status,
+            K: Array | None = None) -> Plan:
+    """
+    Make a plan that no solver made; without gains, one without feedback.
+
+    Shapes: X (T + 1, 2n + 2), U (T,), K (T, 2n + 2).
+    """
+    J = trajectory_cost(problem.cost, X, U)
+    return Plan(X, U, np.zeros((len(U), X.shape[1])) if K is None else K, problem.dt,
+                SolverStats(status, J, 0, 0.0))

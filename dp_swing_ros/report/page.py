@@ -16,14 +16,16 @@ import numpy as np
 from dp_swing_ros.evaluation.comparison import rows
 from dp_swing_ros.evaluation.metrics import measure, outcome
 from dp_swing_ros.figures import style
-from dp_swing_ros.figures.pendulum import room_for
+from dp_swing_ros.figures.pendulum import Arrow, CART_SIZE, room_for, track_lines
 from dp_swing_ros.figures.sampling import force_at, states_at, times_of
+from dp_swing_ros.pendulum.geometry import joint_positions
 from dp_swing_ros.report.recording import Recording
 from dp_swing_ros.report.settings import differences, provenances, settings
 from dp_swing_ros.simulation.episode import Episode
 
 FRAME = 0.02   # [s] between the pictures of the animation
 FRAMES = 3000  # at most; those of a long run are further apart
+KINDS = {1: 'Inverted', 2: 'Double inverted', 3: 'Triple inverted'}   # by number of links
 TYPES = {'.gif': 'image/gif', '.png': 'image/png'}
 HIGHLIGHTS = ('settling_time', 'largest_force', 'largest_position', 'median_solve_time',
               'p99_solve_time', 'late_ticks')
@@ -47,8 +49,8 @@ def page(runs: Mapping[str, Shown], overlay: Path | None = None) -> str:
     """
     Return the page on runs, by their names, as HTML.
 
-    `overlay` is the picture of all of several runs. The page holds all that it shows, and tells
-    the browser to fetch nothing and to run no script but its own.
+    `overlay` is the picture of all of several runs. The page holds all that it shows, and
+    forbids the browser to fetch anything and to run any script but its own.
     """
     environment = Environment(
         loader=PackageLoader('dp_swing_ros', 'report'), autoescape=True, trim_blocks=True,
@@ -57,13 +59,13 @@ def page(runs: Mapping[str, Shown], overlay: Path | None = None) -> str:
     names = list(runs)
     return environment.get_template('page.html').render(
         names=names,
-        runs=[_told(name, shown) | {'anchor': f'run-{number}'}
+        runs=[_run(name, shown) | {'anchor': f'run-{number}'}
               for number, (name, shown) in enumerate(runs.items(), start=1)],
         metrics=rows([measure(shown.recording.episode) for shown in runs.values()]).values(),
         differences=differences([shown.recording.configurations for shown in runs.values()]),
         overlay=None if overlay is None else _picture('overlay', overlay, ', '.join(names)),
-        colours={name: getattr(style, name) for name in (
-            'INK', 'FAINT', 'PAPER', 'LINK1', 'LINK2', 'CART', 'FORCE')},
+        colours={'accent': style.PALETTE[0], 'ink': style.INK, 'faint': style.FAINT,
+                 'paper': style.PAPER},
         style=_source(environment, 'style.css'), player=player,
         digest=b64encode(sha256(player.encode()).digest()).decode())
 
@@ -73,14 +75,15 @@ def _source(environment: Environment, name: str) -> Markup:
     return Markup(environment.loader.get_source(environment, name)[0])
 
 
-def _told(name: str, shown: Shown) -> dict[str, Any]:
-    """Return what the template says of a run."""
+def _run(name: str, shown: Shown) -> dict[str, Any]:
+    """Return what the template shows of a run."""
     recorded, episode = shown.recording, shown.recording.episode
     metrics = rows([measure(episode)])
-    told = settings(recorded.configurations)
+    parameters = settings(recorded.configurations)
     stills = [each for each in CAPTIONS if each in shown.pictures]
     return {
         'name': name, 'solver': style.SOLVERS.get(episode.solver, name), 'recorded': recorded,
+        'kind': KINDS[episode.physical.links],
         'place': '/'.join(recorded.path.resolve().parts[-2:]),
         'outcome': outcome(episode).value,
         'length': float(episode.t[-1] - episode.t[0]),
@@ -88,7 +91,7 @@ def _told(name: str, shown: Shown) -> dict[str, Any]:
         'film': _film(episode),
         'animation': _data(shown.pictures['animation']) if 'animation' in shown.pictures else '',
         'pictures': [_picture(each, shown.pictures[each], name) for each in stills],
-        'settings': told, 'changed': [one for one in told if one.changed],
+        'settings': parameters, 'changed': [one for one in parameters if one.changed],
         'provenances': provenances(recorded.configurations)}
 
 
@@ -102,13 +105,20 @@ def _data(path: Path) -> str:
 
 
 def _film(episode: Episode) -> dict[str, Any]:
-    """Return what the player needs, numbers that JSON lacks as null."""
+    """
+    Return what the player draws, in metres, colours and line widths; what JSON lacks is null.
+
+    A frame is the force [N] and the polyline of the joints, whose pieces are the links.
+    """
     period = max(FRAME, float(episode.t[-1] - episode.t[0]) / FRAMES)
-    times = times_of(episode, period)
-    bodies, limit = episode.bodies, episode.limits.track_limit
-    states = np.round(states_at(episode, times)[:, :3], 4)
-    return {'period': period, 'lengths': [bodies.link1_length, bodies.link2_length],
-            'half_width': room_for(episode), 'track': limit if math.isfinite(limit) else None,
-            'states': [x if np.isfinite(x).all() else None for x in states.tolist()],
-            'forces': [round(u, 2) if math.isfinite(u) else None
-                       for u in (force_at(episode, t) for t in times)]}
+    times, physical = times_of(episode, period), episode.physical
+    joints = np.round(joint_positions(states_at(episode, times), physical.lengths), 4)
+    return {
+        'period': period, 'half_width': room_for(episode), 'reach': 1.15 * sum(physical.lengths),
+        'track': [line.tolist() for line in track_lines(episode.limits)],
+        'cart': CART_SIZE, 'links': style.LINKS[:physical.links],
+        'arrow': Arrow()._asdict(),
+        'colours': {'track': style.FAINT, 'cart': style.CART, 'force': style.FORCE},
+        'joints': [each.tolist() if np.isfinite(each).all() else None for each in joints],
+        'forces': [round(u, 2) if math.isfinite(u) else None
+                   for u in (force_at(episode, t) for t in times)]}

@@ -1,6 +1,6 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a bag tells of a run: the run itself, what its nodes ran with, and how it was recorded."""
+"""All that a bag has of a run: its states, what its nodes ran with, how it was recorded."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -8,12 +8,12 @@ from datetime import datetime, timezone
 from pathlib import Path
 from typing import NamedTuple
 
-from dp_swing_ros.bags.configurations import Configuration, configurations_of
-from dp_swing_ros.bags.episodes import episode_of
-from dp_swing_ros.bags.fields import BILLION
-from dp_swing_ros.bags.metadata import described
+from dp_swing_ros.bags.episodes import configurations_of, episode_of
+from dp_swing_ros.bags.folder import described
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.errors import BagError
+from dp_swing_ros.messages.configuration import Configuration
+from dp_swing_ros.messages.fields import BILLION
 from dp_swing_ros.simulation.episode import Episode
 from dp_swing_ros.topics import ROBOT_DESCRIPTION
 
@@ -25,19 +25,19 @@ class Recording(NamedTuple):
 
     path: Path
     episode: Episode
-    configurations: dict[str, Configuration]  # by node; empty where none told
+    configurations: dict[str, Configuration]  # by node; empty where there are none
     description: str        # the URDF
     began: datetime         # when the first message was received, UTC
     took: float             # [s] until the last was
     counts: dict[str, int]  # messages per topic
-    lost: dict[str, int]    # per topic, where the logger told
+    lost: dict[str, int]    # per topic, where the logger counted
     incomplete: str         # how many messages of how many; empty where all are there
 
 
 def recording(path: Path | str, partial: bool = False,
               namespace: str | None = None) -> Recording:
     """
-    Read all that a bag tells of its run, given its folder or its MCAP file; see read_episode.
+    Read all that a bag has of its run, given its folder or its MCAP file; see read_episode.
 
     Raises BagError as `read_episode`, and where metadata.yaml is damaged.
     """
@@ -75,12 +75,12 @@ def named(recordings: Sequence[Recording]) -> dict[str, Recording]:
     for place in places:
         if places.count(place) > 1:
             raise BagError(f'the bag {str(Path(*place))!r} is given twice; give each bag once')
-    names = [solver if solvers.count(solver) == 1 else f'{solver} {_told_apart(place, places)}'
+    names = [solver if solvers.count(solver) == 1 else f'{solver} {_shortest_end(place, places)}'
              for solver, place in zip(solvers, places)]
     return dict(zip(names, recordings))
 
 
-def _told_apart(place: tuple[str, ...], places: Sequence[tuple[str, ...]]) -> str:
+def _shortest_end(place: tuple[str, ...], places: Sequence[tuple[str, ...]]) -> str:
     """Return the shortest end of a path that no other has."""
     for length in range(1, len(place)):
         if sum(other[-length:] == place[-length:] for other in places) == 1:

@@ -3,11 +3,10 @@
 """What nodes ran with, as tables: against the defaults, and against each other."""
 
 from collections.abc import Mapping, Sequence
-import dataclasses
 from typing import Any, NamedTuple
 
-from dp_swing_ros.bags.configurations import Configuration
-from dp_swing_ros.configuration import NODES
+from dp_swing_ros.configuration import declared, links_in, NODES
+from dp_swing_ros.messages.configuration import Configuration
 
 OF_ROS = {'use_sim_time': False, 'start_type_description_service': True}  # in every node
 Configurations = Mapping[str, Configuration]  # by node
@@ -24,7 +23,7 @@ class Setting(NamedTuple):
 
     @property
     def changed(self) -> bool:
-        """Tell whether it is known to differ from its default."""
+        """Return whether it is known to differ from its default."""
         return bool(self.default) and self.value != self.default
 
 
@@ -43,22 +42,21 @@ def settings(configurations: Configurations) -> list[Setting]:
     """Return every parameter of every node."""
     found = []
     for node, configuration in configurations.items():
-        known = _declared(node)
+        known = _declared(node, configuration.parameters)
         for name, value in configuration.parameters.items():
             default, about = known.get(name, ('', ''))
             found.append(Setting(node, name, in_words(value), default, about))
     return found
 
 
-def _declared(node: str) -> dict[str, tuple[str, str]]:
+def _declared(node: str, values: Mapping[str, Any]) -> dict[str, tuple[str, str]]:
     """Return default and description of each parameter of a node, as far as they are known."""
     known = {name: (in_words(default), '') for name, default in OF_ROS.items()}
-    for prefix, group in NODES.get(node, []):
-        for field in dataclasses.fields(group):
+    if node in NODES:
+        for name, field in declared(node, links_in(values)).items():
             unit = field.metadata['unit']
-            known[f'{prefix}.{field.name}' if prefix else field.name] = (
-                in_words(field.default),
-                field.metadata['description'] + (f' [{unit}]' if unit else ''))
+            known[name] = (in_words(field.default),
+                           field.metadata['description'] + (f' [{unit}]' if unit else ''))
     return known
 
 
@@ -87,10 +85,10 @@ def differences(runs: Sequence[Configurations]) -> list[tuple[str, str, list[str
 
     A run that has no such node does not differ.
     """
-    told = [_flat(run) for run in runs]
+    flat = [_flat(run) for run in runs]
     rows = []
-    for node, name in dict.fromkeys(key for one in told for key in one):
-        values = [one.get((node, name), '-') for one in told]
+    for node, name in dict.fromkeys(key for one in flat for key in one):
+        values = [one.get((node, name), '-') for one in flat]
         if len({value for value, run in zip(values, runs) if node in run}) > 1:
             rows.append((node, name, values))
     return rows

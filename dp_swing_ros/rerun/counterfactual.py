@@ -4,7 +4,7 @@
 What each solver would have done from a recorded tick on.
 
 Until then a solver is a shadow: it answers every recorded state, but the recorded force acts.
-Then its forces do, on a plant as the recorded one was told to be. A cost to go is the running
+Then its forces do, on a plant with the recorded parameters. A cost to go is the running
 cost ℓ(x, u) of the recorded problem over the states and forces that followed, in steps of the
 prediction; what comes after the window counts for nothing, there is no terminal cost.
 """
@@ -17,40 +17,40 @@ import numpy as np
 
 from dp_swing_ros import configuration
 from dp_swing_ros.bags.episodes import Sample
-from dp_swing_ros.bags.fields import BILLION
 from dp_swing_ros.control.receding_horizon import RecedingHorizon
-from dp_swing_ros.rerun.runs import Course, Run
+from dp_swing_ros.messages.fields import BILLION
+from dp_swing_ros.rerun.runs import Run, ScoredTrajectory
 from dp_swing_ros.rerun.ticks import answer, respond, Tick
 from dp_swing_ros.simulation.plant import Plant
 
 ROUNDING = 100  # [ns] stamps are whole nanoseconds
 
 
-class Fork(NamedTuple):
+class Counterfactual(NamedTuple):
     """A recorded tick, and what followed: as it was recorded, and as it would have been."""
 
     at: float             # [s] from the run's first state
-    past: Course
-    recorded: Course
-    others: list[Course]  # by solver
+    past: ScoredTrajectory
+    recorded: ScoredTrajectory
+    others: list[ScoredTrajectory]  # by solver
 
-    def courses(self) -> dict[str, Course]:
+    def trajectories(self) -> dict[str, ScoredTrajectory]:
         """Return all that followed, by their names."""
         return {f'recorded {self.recorded.solver}': self.recorded,
-                **{course.solver: course for course in self.others}}
+                **{one.solver: one for one in self.others}}
 
     @property
     def least(self) -> float:
         """Return the least cost to go, whether the pendulum was held or not."""
-        return float(np.nanmin([course.cost for course in (self.recorded, *self.others)]))
+        return float(np.nanmin([one.cost for one in (self.recorded, *self.others)]))
 
-    def regret(self, course: Course) -> float:
-        """Return how much more a course cost than the cheapest."""
-        return course.cost - self.least
+    def regret(self, trajectory: ScoredTrajectory) -> float:
+        """Return how much more a trajectory cost than the cheapest."""
+        return trajectory.cost - self.least
 
 
-def fork(run: Run, tick: Tick, solvers: Sequence[str], duration: float | None,
-         progress: Callable[[], object]) -> Fork:
+def counterfactual(run: Run, tick: Tick, solvers: Sequence[str], duration: float | None,
+                   progress: Callable[[], object]) -> Counterfactual:
     """
     Let each solver take over at a tick, for a time [s] or the rest of the run.
 
@@ -59,10 +59,10 @@ def fork(run: Run, tick: Tick, solvers: Sequence[str], duration: float | None,
     end = run.window(tick, duration)
     others = []
     for solver in solvers:
-        others.append(run.course(solver, take_over(run, tick, solver, end)))
+        others.append(run.scored(solver, take_over(run, tick, solver, end)))
         progress()
-    return Fork(run.time(tick.stamp), run.between(run.start, tick.stamp),
-                run.between(tick.stamp, end), others)
+    return Counterfactual(run.time(tick.stamp), run.between(run.start, tick.stamp),
+                          run.between(tick.stamp, end), others)
 
 
 def take_over(run: Run, tick: Tick, solver: str, end: int) -> list[Sample]:
@@ -84,7 +84,7 @@ def take_over(run: Run, tick: Tick, solver: str, end: int) -> list[Sample]:
             samples.append(Sample(now - round(age * BILLION), measured.x, plant.mean_force))
             force = reply(controller, samples[-1], age if tick.real_time else tick.delay)
         elif tick.real_time:
-            force = controller.stand_in(now / BILLION).first_force(run.problem.u_max)
+            force = controller.fallback(now / BILLION).first_force(run.problem.u_max)
         else:
             force = None    # nobody answers, and the last one acts on
     return samples
@@ -102,11 +102,11 @@ def shadow(run: Run, until: Tick, solver: str) -> tuple[RecedingHorizon, float]:
 
     That of the recorded solver stops its solves where the recorded ones stopped.
     """
-    controller = configuration.controller({**run.told, 'solver': solver})
+    controller = configuration.controller({**run.mpc, 'solver': solver})
     for tick in run.record.ticks[:until.number]:
         plan = answer(controller, tick, counted=solver == run.solver)
         if tick.number < until.number:
-            controller.obeyed(tick.force)
+            controller.forces.replace_last(tick.force)
     return controller, plan.first_force(run.problem.u_max)
 
 

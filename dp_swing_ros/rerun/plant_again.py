@@ -10,8 +10,8 @@ that it publishes come out again to the bit, and so do the forces that its actua
 from collections.abc import Iterator, Mapping, Sequence
 
 from dp_swing_ros.bags.episodes import Sample
-from dp_swing_ros.bags.fields import BILLION
-from dp_swing_ros.pendulum.state import NAMES, UNITS
+from dp_swing_ros.messages.fields import BILLION
+from dp_swing_ros.pendulum.state import links_of, symbols, units
 from dp_swing_ros.rerun.ticks import Tick
 from dp_swing_ros.simulation.plant import Plant
 
@@ -63,7 +63,8 @@ def compared(samples: Sequence[Sample], again: Iterator[Sample],
 
 def difference(recorded: Sample, again: Sample) -> str:
     """Return how a state, or the force applied before it, differs; nothing where it does not."""
-    for name, unit, before, after in zip(NAMES, UNITS, recorded.x, again.x):
+    links = links_of(recorded.x)
+    for name, unit, before, after in zip(symbols(links), units(links), recorded.x, again.x):
         if before != after:
             return figures(name, unit, float(before), float(after))
     if recorded.force != again.force:

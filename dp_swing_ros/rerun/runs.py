@@ -1,6 +1,6 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A recorded run with all that it takes to go on from any of its ticks."""
+"""A recorded run with all that it takes to continue from any of its ticks."""
 
 from collections.abc import Iterator, Sequence
 import math
@@ -9,26 +9,24 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dp_swing_ros import configuration
-from dp_swing_ros.bags.episodes import CONTROLLER, Sample, samples_of
-from dp_swing_ros.bags.fields import BILLION
+from dp_swing_ros.bags.episodes import CONTROLLER, PLANT, Sample, samples_of
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.control.receding_horizon import MpcParameters
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.evaluation.metrics import settling_time
+from dp_swing_ros.messages.fields import BILLION
 from dp_swing_ros.pendulum.parameters import LimitParameters
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.problem.cost import running
 from dp_swing_ros.problem.problem import Problem
-from dp_swing_ros.rerun.ticks import Record, record_of, Tick, told
-
-PLANT = 'plant'
+from dp_swing_ros.rerun.ticks import configuration_of, Record, record_of, Tick
 
 
-class Course(NamedTuple):
+class ScoredTrajectory(NamedTuple):
     """
-    How it went on, as the plant published it.
+    A trajectory as the plant published it, and how good it is.
 
-    Shapes: t (N,) [s] from the run's first state, X (N, 6), U (N - 1,) [N].
+    Shapes: t (N,) [s] from the run's first state, X (N, 2n + 2), U (N - 1,) [N].
     """
 
     solver: str
@@ -44,18 +42,17 @@ class Run:
 
     def __init__(self, bag: Bag) -> None:
         """
-        Read what plant and controller were told, and what happened.
+        Read the parameters of plant and controller, and what happened.
 
-        Raises BagError where the bag does not tell, and ParameterError where it tells what is
-        unknown here.
+        Raises BagError where the bag lacks them, and ParameterError where they are unknown here.
         """
         self.bag = bag
-        self.told: dict[str, Any] = told(bag, CONTROLLER).parameters
-        self.plant: dict[str, Any] = told(bag, PLANT).parameters
+        self.mpc: dict[str, Any] = configuration_of(bag, CONTROLLER).parameters
+        self.plant: dict[str, Any] = configuration_of(bag, PLANT).parameters
         self.record: Record = record_of(bag)
         self.samples: list[Sample] = samples_of(bag)
-        self.problem: Problem = configuration.problem(self.told)
-        self.solver = str(self.told.get('solver', MpcParameters.solver))
+        self.problem: Problem = configuration.problem(self.mpc)
+        self.solver = str(self.mpc.get('solver', MpcParameters.solver))
         self.start, self.end = self.samples[0].stamp, self.samples[-1].stamp
         plant = configuration.plant(self.plant)
         self.limits: LimitParameters = plant.limits
@@ -111,8 +108,8 @@ class Run:
         end = tick.stamp + round(duration * BILLION)
         return min((sample.stamp for sample in self.samples), key=lambda stamp: abs(stamp - end))
 
-    def course(self, solver: str, samples: Sequence[Sample]) -> Course:
-        """Return a course of states, and judge it."""
+    def scored(self, solver: str, samples: Sequence[Sample]) -> ScoredTrajectory:
+        """Return the trajectory of states with its cost and its settling time."""
         stamps = np.array([sample.stamp for sample in samples])
         t = (stamps - self.start) / BILLION
         X = np.array([sample.x for sample in samples])
@@ -120,9 +117,9 @@ class Run:
         steps = np.diff(stamps) / BILLION / self.problem.dt
         cost = math.fsum(share * running(self.problem.cost, x, u)
                          for share, x, u in zip(steps, X, U))
-        return Course(solver, t, X, U, cost, settling_time(t, X))
+        return ScoredTrajectory(solver, t, X, U, cost, settling_time(t, X))
 
-    def between(self, begin: int, end: int) -> Course:
+    def between(self, begin: int, end: int) -> ScoredTrajectory:
         """Return what was recorded between two stamps [ns], both included."""
-        return self.course(self.solver, [sample for sample in self.samples
+        return self.scored(self.solver, [sample for sample in self.samples
                                          if begin <= sample.stamp <= end])

@@ -100,7 +100,7 @@ def in_order(ticks: Sequence[Tick], commands: Sequence[Command], whole: bool) ->
 
 def _meeting(ticks: Sequence[Tick], commands: Sequence[Command], i: int, j: int,
              whole: bool) -> tuple[int, int]:
-    """Return where both go on in the same way, as little further on as possible."""
+    """Return the next place from which both agree."""
     for far in range(1, REACH):
         for near in range(far + 1):
             # rather one side lacks some than that all differ

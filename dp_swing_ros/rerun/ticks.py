@@ -1,16 +1,19 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A recorded controller again: what it was told, what it was given at each tick, its answer."""
+"""A recorded controller again: its configuration, its ticks, its answers."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+import math
 from typing import Any, NamedTuple
 
-from dp_swing_ros.bags.configurations import Configuration, configurations_of
-from dp_swing_ros.bags.episodes import CONTROLLER, reports_of, samples_of
-from dp_swing_ros.bags.fields import BILLION, Report
+from dp_swing_ros.bags.episodes import configurations_of, CONTROLLER, reports_of, samples_of
 from dp_swing_ros.bags.reader import Bag
-from dp_swing_ros.control.receding_horizon import RecedingHorizon
+from dp_swing_ros.control.receding_horizon import RecedingHorizon, Search
+from dp_swing_ros.control.starts import solved
 from dp_swing_ros.errors import BagError
+from dp_swing_ros.messages.configuration import Configuration
+from dp_swing_ros.messages.fields import BILLION, Report
 from dp_swing_ros.parameters.files import is_of_rclpy
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.problem.plan import Plan
@@ -28,7 +31,7 @@ class Tick(NamedTuple):
     delay: float       # [s] from the stamp until the force would act
     real_time: bool
     carried: int       # periods since the last state
-    reset: bool        # it was told to begin anew, before
+    reset: bool        # it was reset before
     solves: tuple[int, ...]  # iterations
     status: str
     cost: float
@@ -42,15 +45,15 @@ class Record(NamedTuple):
     gap: str
 
 
-def told(bag: Bag, node: str) -> Configuration:
+def configuration_of(bag: Bag, node: str) -> Configuration:
     """
-    Return what a node was told, without rclpy's own parameters.
+    Return the configuration of a node, without the parameters of rclpy.
 
-    Raises BagError where the bag does not tell.
+    Raises BagError where the bag has none.
     """
     found = configurations_of(bag)
     if node not in found:
-        raise BagError(f'{bag} does not tell the parameters of the {node}: it has those of '
+        raise BagError(f'{bag} has no parameters of the {node}, but those of '
                        f'{", ".join(sorted(found)) or "no node"}; record a run of plant and mpc '
                        'with the topic configuration')
     return found[node]._replace(parameters={
@@ -69,7 +72,7 @@ def record_of(bag: Bag) -> Record:
         raise BagError(f'{bag} has no ticks of an {CONTROLLER}; record one with /diagnostics')
     missing = [name for name in NEEDED if any(name not in report.values for report in reports)]
     if missing:
-        raise BagError(f'{bag} is of an {CONTROLLER} that did not tell its {", ".join(missing)} '
+        raise BagError(f'{bag} is of an {CONTROLLER} without {", ".join(missing)} '
                        'at every tick; record it anew')
     return bag.parse(_record, bag, sorted(reports, key=_number))
 
@@ -113,16 +116,34 @@ def answer(controller: RecedingHorizon, tick: Tick, counted: bool = True) -> Pla
     """
     if tick.reset:
         controller.reset()
-    if tick.x is not None:
-        return respond(controller, tick.t, tick.x, tick.delay,
-                       tick.solves if counted and tick.real_time and tick.solves else None)
-    return controller.stand_in(tick.t + tick.delay)
+    if tick.x is None:
+        return controller.fallback(tick.t + tick.delay)
+    usual = controller.search
+    if counted and tick.real_time and tick.solves:
+        controller.search = repeated(tick.solves)
+    plan = respond(controller, tick.t, tick.x, tick.delay)
+    controller.search = usual
+    return plan
 
 
-def respond(controller: RecedingHorizon, t: float, x: Array, delay: float,
-            solves: Sequence[int] | None = None) -> Plan:
-    """Return the plan for a state, or where it is not finite, one that goes on without it."""
+def repeated(solves: Sequence[int]) -> Search:
+    """Return a search that takes so many iterations from each start, none where it is zero."""
+    def search(controller: RecedingHorizon, x_0: Array, starts: Iterable[Plan],
+               deadline: float) -> list[Plan]:
+        plans = []
+        for iterations, start in zip(solves, starts):
+            limited = replace(controller.solver_parameters,
+                              **({'iterations': iterations} if iterations else {}))
+            plans.append(solved(controller.build(controller.problem, limited),
+                                controller.problem, x_0, start,
+                                math.inf if iterations else -math.inf))
+        return plans
+    return search
+
+
+def respond(controller: RecedingHorizon, t: float, x: Array, delay: float) -> Plan:
+    """Return the plan for a state, or where it is not finite, one without it."""
     try:
-        return controller.update(t, x, delay, solves=solves)
+        return controller.update(t, x, delay)
     except ValueError:
-        return controller.stand_in(t + delay)
+        return controller.fallback(t + delay)

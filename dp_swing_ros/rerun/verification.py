@@ -15,17 +15,16 @@ from typing import NamedTuple
 import numpy as np
 
 from dp_swing_ros import configuration, provenance
-from dp_swing_ros.bags.configurations import Configuration, configurations_of
-from dp_swing_ros.bags.episodes import CONTROLLER, samples_of
-from dp_swing_ros.bags.fields import BILLION, from_trajectory, nanoseconds, Trajectory
+from dp_swing_ros.bags.episodes import configurations_of, CONTROLLER, PLANT, samples_of
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.control.receding_horizon import RecedingHorizon
+from dp_swing_ros.messages.configuration import Configuration
+from dp_swing_ros.messages.fields import BILLION, from_trajectory, nanoseconds, Trajectory
 from dp_swing_ros.pendulum.urdf import from_urdf, urdf
 from dp_swing_ros.problem.plan import Plan
 from dp_swing_ros.rerun.plant_again import compared, figures, forces_by_stamp, published
-from dp_swing_ros.rerun.runs import PLANT
 from dp_swing_ros.rerun.sent import commands_of, paired, Pairing
-from dp_swing_ros.rerun.ticks import answer, Record, record_of, Tick, told
+from dp_swing_ros.rerun.ticks import answer, configuration_of, Record, record_of, Tick
 from dp_swing_ros.simulation.plant import Plant
 from dp_swing_ros.topics import DISTURBANCE, FORCE_COMMAND, PLAN, ROBOT_DESCRIPTION
 
@@ -59,10 +58,10 @@ def verify(bag: Bag, progress: Callable[[list[Tick]], Iterable[Tick]]) -> Verifi
     """
     Do the run in a bag again, tick by tick.
 
-    `progress` goes through the ticks. Raises BagError where it is not known what the controller
-    was told or given, and ParameterError where this one cannot be told so.
+    `progress` goes through the ticks. Raises BagError where the parameters or the states
+    of the controller are not known, and ParameterError where they are none of this one.
     """
-    config, record = told(bag, CONTROLLER), record_of(bag)
+    config, record = configuration_of(bag, CONTROLLER), record_of(bag)
     controller = configuration.controller(config.parameters)
     pairing, plans = paired(record, commands_of(bag)), Plans(bag)
     differences = list[Difference]()
@@ -120,7 +119,7 @@ class PlantAgain:
         if config is None:
             self.beyond = ['states and efforts, for the bag has no parameters of the plant']
             return
-        plant = configuration.plant(told(bag, PLANT).parameters)
+        plant = configuration.plant(configuration_of(bag, PLANT).parameters)
         self.differences += _of_description(bag, plant)
         self.beyond = _why_not(bag, plant)
         if not self.beyond:
@@ -145,10 +144,10 @@ def _of_description(bag: Bag, plant: Plant) -> list[Difference]:
     if not bag.has(ROBOT_DESCRIPTION):
         return []
     described = bag.parse(from_urdf, bag.of(ROBOT_DESCRIPTION)[-1].data)
-    if described == from_urdf(urdf(plant.bodies, plant.limits)):
+    if described == from_urdf(urdf(plant.physical, plant.limits)):
         return []
     return [Difference('descriptions', 'the robot description',
-                       'its bodies and limits are not the parameters of the plant')]
+                       'its physical parameters and limits are not those of the plant')]
 
 
 def _gap(record: Record) -> list[str]:

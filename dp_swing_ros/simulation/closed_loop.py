@@ -19,10 +19,10 @@ class Controller(Protocol):
         """
         Return the plan that begins with the force to send now.
 
-        t is the time of the measurement x [s], delay its age [s]. Shapes: x (6,).
+        t is the time of the measurement x [s], delay its age [s]. Shapes: x (2n + 2,).
         """
 
-    def stand_in(self, begins: float) -> Plan:
+    def fallback(self, begins: float) -> Plan:
         """Return a plan from a time [s] on where no state came."""
 
 
@@ -47,7 +47,7 @@ def simulate(plant: Plant, controller: Controller, duration: float, solver: str 
     for n in range(count):
         plan = answer(plant, controller)
         if plan is not None:
-            plant.obey(plan.control(0.0, plan.X[0]))
+            plant.obey(plan.first_force(plant.limits.force_limit))
             plans.append(plan)
         plant.begin_period(float(pushes[n]))
         plant.advance(period)
@@ -58,7 +58,7 @@ def simulate(plant: Plant, controller: Controller, duration: float, solver: str 
             on_tick(plant.t, plan)
     first = count - len(plans)
     return Episode(np.array(t), np.array(X), np.array(U), ticks_of(t[first:-1], plans, period),
-                   solver, plant.bodies, plant.limits)
+                   solver, plant.physical, plant.limits)
 
 
 def answer(plant: Plant, controller: Controller) -> Plan | None:
@@ -72,7 +72,7 @@ def answer(plant: Plant, controller: Controller) -> Plan | None:
         return None
     # the nodes say the time in whole nanoseconds, and this is to be their run to the bit
     if measured is None:
-        return controller.stand_in(plant.t)
+        return controller.fallback(plant.t)
     return controller.update(round(measured.t * 1e9) / 1e9, measured.x, plant.parameters.delay)
 
 

@@ -36,7 +36,7 @@ class Commands:
         self.coming: deque[Command] = deque()   # in the order in which they will act
 
     def send(self, now: float, force: float, lasts: float = math.inf) -> bool:
-        """Send a force [N] that acts for a time [s] at most, and tell whether it will arrive."""
+        """Send a force [N] that acts for a time [s] at most, and return whether it will arrive."""
         # drawn whether needed or not, so that one fault does not change the numbers of another
         begins = now + self.lateness.uniform(0.0, self.parameters.command_jitter)
         if self.loss.random() < self.parameters.command_loss:

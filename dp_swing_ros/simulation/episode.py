@@ -10,12 +10,10 @@ from typing import NamedTuple, TYPE_CHECKING
 import numpy as np
 
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
-from dp_swing_ros.pendulum.state import Array, wrapped
+from dp_swing_ros.pendulum.state import Array, columns, links_of, wrapped
 
 if TYPE_CHECKING:
     from pandas import DataFrame
-
-STATE = ('x', 'theta1', 'theta2', 'x_dot', 'theta1_dot', 'theta2_dot')  # columns of a frame
 
 
 class Ticks(NamedTuple):
@@ -39,7 +37,7 @@ class Episode:
     """
     States, forces and ticks of one run.
 
-    Shapes: t (N,) [s] from the first state; X (N, 6); U (N - 1,) [N], the force applied from
+    Shapes: t (N,) [s] from the first state; X (N, 2n + 2); U (N - 1,) [N], the force applied from
     state n to state n + 1.
     """
 
@@ -48,7 +46,7 @@ class Episode:
     U: Array
     ticks: Ticks
     solver: str
-    bodies: PendulumParameters
+    physical: PendulumParameters
     limits: LimitParameters
     incomplete: str = ''  # how many messages of how many a bag held; empty where all
 
@@ -65,11 +63,12 @@ class Episode:
         import pandas  # here: it takes half a second, which no node should wait for
 
         X = self.X if whole_turns else wrapped(self.X)
-        frame = pandas.DataFrame(X, pandas.Index(self.t, name='t [s]'), STATE)
+        frame = pandas.DataFrame(X, pandas.Index(self.t, name='t [s]'),
+                                 columns(links_of(X)))
         frame['force'] = np.append(self.U, [np.nan] * (len(self.t) - len(self.U)))
         of_ticks = pandas.DataFrame(self.ticks._asdict()).astype({
             'iterations': 'Int64', 'late': 'boolean', 'status': object})
         frame = frame.join(of_ticks.drop_duplicates('t', keep='last').set_index('t'))
-        frame.attrs = {'solver': self.solver, 'bodies': self.bodies, 'limits': self.limits,
+        frame.attrs = {'solver': self.solver, 'physical': self.physical, 'limits': self.limits,
                        'incomplete': self.incomplete}
         return frame

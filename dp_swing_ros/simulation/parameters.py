@@ -5,22 +5,23 @@
 import dataclasses
 
 from dp_swing_ros.parameters import parameter, Parameters
-from dp_swing_ros.pendulum.models import MODELS
-from dp_swing_ros.pendulum.state import HANGING, SIZE
+from dp_swing_ros.pendulum.integrators import INTEGRATORS
+from dp_swing_ros.pendulum.state import hanging, SIZES
 
 
 @dataclasses.dataclass(frozen=True)
 class PlantParameters(Parameters):
-    """The plant beside its bodies and limits: schedule, start, integrator and disturbances."""
+    """The plant beside the pendulum and its limits: schedule, start, integrator, disturbances."""
 
     rate: float = parameter(20.0, 'states published per second', unit='Hz', minimum=1.0,
                             maximum=1000.0)
     initial_state: tuple[float, ...] = parameter(
-        HANGING, 'state at the start and after a reset [x, θ1, θ2, ẋ, θ̇1, θ̇2]',
-        unit='m, rad, m/s, rad/s', size=SIZE)
+        tuple(hanging().tolist()), 'state at the start and after a reset [x, θ1 …, ẋ, θ̇1 …]',
+        unit='m, rad, m/s, rad/s', size=SIZES)
     physics_step: float = parameter(0.005, 'longest step of the integrator', unit='s',
                                     minimum=1e-5, maximum=1.0)
-    integrator: str = parameter('rk4', 'integrator of the plant', choices=lambda: list(MODELS))
+    integrator: str = parameter(
+        'rk4', 'integrator of the plant', choices=lambda: list(INTEGRATORS))
     lockstep: bool = parameter(
         False, 'wait for one force after each state instead of running in real time')
     duration: float = parameter(0.0, 'the plant ends itself after this time (0: never)', unit='s',

@@ -15,18 +15,20 @@ from typing import NamedTuple
 import numpy as np
 
 from dp_swing_ros.kernels import kernel
-from dp_swing_ros.pendulum.equations import Pendulum, stop
-from dp_swing_ros.pendulum.models import MODELS
+from dp_swing_ros.kernels.unrolling import unrolled
+from dp_swing_ros.parameters import ParameterError
+from dp_swing_ros.pendulum.equations import after_impact, Pendulum
+from dp_swing_ros.pendulum.integrators import INTEGRATORS
+from dp_swing_ros.pendulum.model import Model, ROUNDING, size, step, steps_in
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
-from dp_swing_ros.pendulum.state import Array
-from dp_swing_ros.pendulum.trajectory import ROUNDING, step, steps_in
+from dp_swing_ros.pendulum.state import Array, SIZES
 from dp_swing_ros.simulation.commands import Commands
 from dp_swing_ros.simulation.parameters import PlantParameters
 from dp_swing_ros.streams import Stream, stream
 
 
 class Measurement(NamedTuple):
-    """A state as it was measured: when [s], and what (6,)."""
+    """A state as it was measured: when [s], and what (2n + 2,)."""
 
     t: float
     x: Array
@@ -39,12 +41,36 @@ class Actuator(NamedTuple):
     limit: float
 
 
+@unrolled
+def stopped(model, x):
+    """Return the speeds of cart and links after an impact with the end of the track."""
+    return tuple(after_impact(model.pendulum, x))
+
+
+@kernel
+def stop_at_end(model, limit, x):
+    """
+    Bring a cart beyond the end of its track to rest there, by an inelastic impact.
+
+    Shapes: x (2n + 2,), changed.
+    """
+    if abs(x[0]) <= limit:
+        return
+    side = math.copysign(1.0, x[0])
+    x[0] = side * limit
+    cart = size(model) // 2
+    if side * x[cart] > 0:
+        speeds = stopped(model, x)
+        for i in range(len(speeds)):
+            x[cart + i] = speeds[i]
+
+
 @kernel
 def integrate(model, actuator, track_limit, x, force, target, push, steps):
     """
     Advance the state in place by some steps under a held target and push, between the end stops.
 
-    Returns the actuator's last force and its mean [N]. Shapes: x (6,).
+    Returns the actuator's last force and its mean [N]. Shapes: x (2n + 2,).
     """
     mean = 0.0
     for n in range(steps):
@@ -53,18 +79,26 @@ def integrate(model, actuator, track_limit, x, force, target, push, steps):
         force = min(max(force, -actuator.limit), actuator.limit)
         mean += (force - mean) / (n + 1)
         step(model, x, force + push, x)
-        stop(model.pendulum, track_limit, x)
+        stop_at_end(model, track_limit, x)
     return force, mean
 
 
 class Plant:
     """The pendulum itself: obeys a force, can be pushed, and is measured."""
 
-    def __init__(self, bodies: PendulumParameters, limits: LimitParameters,
+    def __init__(self, physical: PendulumParameters, limits: LimitParameters,
                  parameters: PlantParameters) -> None:
-        """Take the bodies, what actuator and track allow, and the disturbances."""
-        self.bodies, self.limits, self.parameters = bodies, limits, parameters
-        self.pendulum = Pendulum.of(bodies)
+        """
+        Take the physical parameters, what actuator and track allow, and the disturbances.
+
+        Raises ParameterError where the initial state is that of another number of links.
+        """
+        self.physical, self.limits, self.parameters = physical, limits, parameters
+        if len(parameters.initial_state) != SIZES[physical.links]:
+            raise ParameterError(
+                f'parameter initial_state has {len(parameters.initial_state)} numbers; expected '
+                f'{SIZES[physical.links]} for links {physical.links}')
+        self.pendulum = Pendulum.of(physical)
         self.reset()
 
     def reset(self) -> None:
@@ -90,7 +124,7 @@ class Plant:
 
     def obey(self, force: float, lasts: float = math.inf) -> bool:
         """
-        Take a command [N], which acts for a time [s] at most, and tell whether it was received.
+        Take a command [N], which acts for a time [s] at most, and return whether it was received.
 
         It acts from now on, or late where the parameters say so.
         """
@@ -122,7 +156,7 @@ class Plant:
         if steps < 1:
             return
         limit = self.limits.force_limit
-        model = MODELS[self.parameters.integrator].of(self.pendulum, duration / steps)
+        model = Model(self.pendulum, INTEGRATORS[self.parameters.integrator], duration / steps)
         actuator = Actuator(self.response(duration / steps / physics_step), limit)
         target = min(max(self.commands.force + self.noise, -limit), limit)
         self.force, mean = integrate(model, actuator, self.limits.track_limit, self.x, self.force,
@@ -156,7 +190,8 @@ class Plant:
         None where that measurement is lost, or cannot have arrived yet.
         """
         t, x = self.past[0]
-        noise = np.repeat((self.parameters.position_noise, self.parameters.velocity_noise), 3)
+        noise = np.repeat((self.parameters.position_noise, self.parameters.velocity_noise),
+                          len(x) // 2)
         measured = Measurement(t, x + self.sensor_noise.normal(0.0, noise))
         lost = self.state_loss.random() < self.parameters.state_loss
         return measured if self.is_seen() and not lost else None

@@ -4,9 +4,10 @@
 
 from typing import Any
 
+from dp_swing_ros.parameters import registry
 from dp_swing_ros.solvers.ddp import DDP
 from dp_swing_ros.solvers.ilqr import ILQR
 from dp_swing_ros.solvers.mppi import MPPI
 
 # Each is built as a Solver says.
-SOLVERS: dict[str, Any] = {'ilqr': ILQR, 'ddp': DDP, 'mppi': MPPI}
+SOLVERS: dict[str, Any] = registry('dp_swing_ros.solvers', ilqr=ILQR, ddp=DDP, mppi=MPPI)

@@ -11,7 +11,7 @@ from dp_swing_ros.kernels import kernel, now
 from dp_swing_ros.parameters import parameter, Parameters
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.problem.plan import Plan, SolverStats, Status
-from dp_swing_ros.problem.problem import follow_policy, Problem
+from dp_swing_ros.problem.problem import follow_policy, kernel_arguments, Problem
 from dp_swing_ros.solvers.riccati import backward, line_search
 from dp_swing_ros.solvers.solver import policy_of
 
@@ -45,8 +45,8 @@ def solve(problem: Problem, parameters: DescentParameters, second_order: bool, x
     """
     began = time.perf_counter()
     end, J, iterations, X, U, K = descend(
-        problem.model, problem.cost, problem.lqr.K, problem.u_max, problem.horizon,
-        *policy_of(problem, x_0, warm_start), second_order, parameters.iterations,
+        *kernel_arguments(problem), problem.horizon, *policy_of(problem, x_0, warm_start),
+        second_order, parameters.iterations,
         parameters.tolerance, parameters.largest_regularisation, deadline - began)
     return Plan(X, U, K, problem.dt,
                 SolverStats(ENDS[end], J, iterations, time.perf_counter() - began))
@@ -68,7 +68,7 @@ def descend(model, cost, lqr_gain, u_max, horizon, x_0, X, U, K, second_order, i
     began = now()
     J, X, U, K = follow_policy(model, cost, lqr_gain, u_max, x_0, X, U, K, horizon)
     X_new, U_new, K_new, k = np.empty_like(X), np.empty_like(U), np.empty_like(K), np.empty_like(U)
-    mu, iteration, end, gaps = 0.0, 0, ITERATION_LIMIT, np.empty((0, 6))
+    mu, iteration, end, gaps = 0.0, 0, ITERATION_LIMIT, np.empty((0, len(x_0)))
     tensor = 1.0 if second_order else 0.0
     while iteration < iterations:
         if now() - began > seconds:

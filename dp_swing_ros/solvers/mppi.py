@@ -10,10 +10,9 @@ control", Journal of Guidance, Control, and Dynamics 40(2), 2017. Beyond the pap
 drawn about a policy, their noise is correlated in time, and its sizes are spread over them.
 """
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-import functools
 import time
+from typing import Any
 
 import numpy as np
 
@@ -21,10 +20,9 @@ from dp_swing_ros.kernels import kernel
 from dp_swing_ros.parameters import parameter, ParameterError, Parameters
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.problem.plan import Plan, SolverStats, Status
-from dp_swing_ros.problem.problem import follow_policy, Problem, Rollout
-from dp_swing_ros.solvers.noise import LANES, state_from
+from dp_swing_ros.problem.problem import follow_policy, kernel_arguments, Problem, Rollout
 from dp_swing_ros.solvers.riccati import backward
-from dp_swing_ros.solvers.samples import average, draw, single
+from dp_swing_ros.solvers.samples import Samples
 from dp_swing_ros.solvers.solver import generator, policy_of, Seed
 
 F = np.float32
@@ -71,12 +69,6 @@ def sizes(parameters: MPPIParameters) -> Array:
     return np.append(0.0, spread).astype(F)
 
 
-@functools.cache
-def helpers() -> ThreadPoolExecutor:
-    """Return the threads beside the caller's, which all solvers share."""
-    return ThreadPoolExecutor(thread_name_prefix='mppi')
-
-
 @kernel
 def opened(model, cost, lqr_gain, u_max, horizon, x_0, X, U, K, feedback):
     """Return the rollout of a policy, see follow_policy, with new gains."""
@@ -114,12 +106,31 @@ def set_gains(model, cost, u_max, X, U, feedback, K):
 
     A force on its bound does not follow the state; every other does, for MPPI takes no step k that
     could end on the bound.
-    Shapes: X (N + 1, 6), U (N,), K (N, 6).
+    Shapes: X (N + 1, 2n + 2), U (N,), K (N, 2n + 2).
     """
-    if feedback and backward(model, cost, X, U, np.empty((0, 6)), u_max, 0.0, 0.0,
+    if feedback and backward(model, cost, X, U, X[:0], u_max, 0.0, 0.0,
                              np.empty(0), K)[0]:
         return
     K[:] = 0.0
+
+
+def weights(J: Array, temperature: float, relative: bool) -> Array:
+    """
+    Return the weights exp(-(J - min J) / λ) of samples, which sum to one.
+
+    A relative λ counts the distance from the best cost to the best tenth. Shapes: J (K,) -> (K,).
+    """
+    lowest = np.fmin.reduce(J)
+    if not np.isfinite(lowest):
+        return np.full_like(J, 1 / len(J))
+    if relative:
+        tenth = min(np.partition(J, len(J) // 10)[len(J) // 10], np.finfo(F).max)
+        temperature *= max(float(tenth - lowest), 1e-9)
+    with np.errstate(over='ignore'):
+        exponent = (lowest - J) / F(temperature)
+    # what weighs nothing must be zero: arithmetic with denormal numbers takes a hundred times
+    w = np.exp(np.fmax(exponent, -NEGLIGIBLE)) * (exponent > -NEGLIGIBLE)
+    return w / np.sum(w)
 
 
 class MPPI:
@@ -134,34 +145,18 @@ class MPPI:
         Raises ParameterError where the device is none of this machine, or torch is missing.
         """
         self.problem, self.parameters = problem, parameters
-        self.random = generator(seed)
-        self.model, self.cost = single(problem.model), single(problem.cost)
-        # whole blocks; what the last one has beyond the samples weighs nothing
-        blocks, sigma = -(-parameters.samples // LANES), sizes(parameters)
-        self.sigma = np.pad(sigma, (0, blocks * LANES - len(sigma))).reshape(blocks, LANES)
-        self.w = np.zeros((blocks, LANES), F)
-        # scratch: memory that is new each time costs more than to fill it
-        self.V, self.J = np.empty((blocks, problem.horizon, LANES), F), np.empty_like(self.w)
-        ends = np.linspace(0, blocks, parameters.threads + 1).round().astype(int)
-        self.parts = list(map(slice, ends[:-1], ends[1:]))   # of the blocks, one for each thread
-        self.device = None
-        if parameters.device != 'cpu':
-            try:   # torch takes seconds to import, and only this needs it
-                from dp_swing_ros.solvers.device import OnDevice
-            except ModuleNotFoundError:
-                raise ParameterError(
-                    f'parameter mppi.device is {parameters.device!r}, but torch is not installed; '
-                    'pip install torch, for cuda a CUDA build of it, or choose mppi.device cpu'
-                ) from None
-            self.device = OnDevice(problem, parameters, sigma)
+        self.random, sigma = generator(seed), sizes(parameters)
+        self.samples: Any = Samples(problem, sigma, parameters.noise_correlation,
+                                    parameters.threads) if parameters.device == 'cpu' else (
+            on_device(problem, sigma, parameters))
 
     def solve(self, x_0: Array, warm_start: Plan | None, deadline: float) -> Plan:
         """Return the cheapest of the warm start, averages and samples; see Solver.solve."""
         began = time.perf_counter()
         problem, feedback = self.problem, self.parameters.feedback
-        of_problem = problem.model, problem.cost, problem.lqr.K, problem.u_max
-        best = Rollout(*opened(*of_problem, problem.horizon,
-                               *policy_of(problem, x_0, warm_start), feedback))
+        given = kernel_arguments(problem)
+        best = Rollout(*opened(*given, problem.horizon, *policy_of(problem, x_0, warm_start),
+                               feedback))
         status, iteration = Status.COMPLETE, 0
         while iteration < self.parameters.iterations:
             if time.perf_counter() > deadline:
@@ -169,7 +164,7 @@ class MPPI:
                 break
             iteration += 1
             before = best.J
-            best = Rollout(*improved(*of_problem, *best, self.update(best), feedback))
+            best = Rollout(*improved(*given, *best, self.update(best), feedback))
             if before - best.J < self.parameters.tolerance * before:
                 status = Status.CONVERGED
                 break
@@ -184,46 +179,22 @@ class MPPI:
 
         Shapes: -> (2, N).
         """
-        if self.device is not None:
-            return self.device.update(best, self.random)
-        J = self.draw(best)
-        w = self.w.reshape(-1)[:len(J)]
-        w[:] = self.weights(J)
-        block, lane = divmod(int(np.argmax(w)), LANES)
-        return np.array([average(self.V, self.w), self.V[block, :, lane]])
+        w = weights(self.samples.draw(best, self.random), self.parameters.temperature,
+                    self.parameters.temperature_scale == 'relative')
+        proposals: Array = self.samples.proposals(w)
+        return proposals
 
-    def weights(self, J: Array) -> Array:
-        """
-        Return the weights of the samples, which sum to one.
 
-        Shapes: J (K,) -> (K,).
-        """
-        lowest, temperature = np.fmin.reduce(J), self.parameters.temperature
-        if not np.isfinite(lowest):
-            return np.full_like(J, 1 / len(J))
-        if self.parameters.temperature_scale == 'relative':
-            tenth = min(np.partition(J, len(J) // 10)[len(J) // 10], np.finfo(F).max)
-            temperature *= max(float(tenth - lowest), 1e-9)
-        with np.errstate(over='ignore'):
-            exponent = (lowest - J) / F(temperature)
-        # what weighs nothing must be zero: arithmetic with denormal numbers takes a hundred times
-        w = np.exp(np.fmax(exponent, -NEGLIGIBLE)) * (exponent > -NEGLIGIBLE)
-        return w / np.sum(w)
+def on_device(problem: Problem, sigma: Array, parameters: MPPIParameters) -> Any:
+    """
+    Return samples that torch follows.
 
-    def draw(self, best: Rollout) -> Array:
-        """
-        Draw samples about a rollout into V; return their costs, which the next draw overwrites.
-
-        Shapes: -> (samples,), in single precision.
-        """
-        def draw_part(part: slice, state: Array) -> None:
-            draw(self.model, self.cost, *best[1:], state, self.sigma[part],
-                 F(self.parameters.noise_correlation), F(self.problem.u_max), self.V[part],
-                 self.J[part])
-
-        mine, *others = [(part, state_from(self.random)) for part in self.parts]
-        started = [helpers().submit(draw_part, *other) for other in others]
-        draw_part(*mine)
-        for other in started:
-            other.result()
-        return self.J.reshape(-1)[:self.parameters.samples]
+    Raises ParameterError where torch is missing, or the device none of this machine.
+    """
+    try:   # torch takes seconds to import, and only this needs it
+        from dp_swing_ros.solvers.device import DeviceSamples
+    except ModuleNotFoundError:
+        raise ParameterError(
+            f'parameter mppi.device is {parameters.device!r}, but torch is not installed; '
+            'pip install torch, for cuda a CUDA build of it, or choose mppi.device cpu') from None
+    return DeviceSamples(problem, sigma, parameters.noise_correlation, parameters.device)

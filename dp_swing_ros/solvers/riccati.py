@@ -15,81 +15,63 @@ trajectory optimization", IROS 2012, (11).
 import numpy as np
 
 from dp_swing_ros.kernels import kernel
-from dp_swing_ros.kernels.lanes import LANES, STEPS
-from dp_swing_ros.pendulum.model import curvature, expand, linearise
-from dp_swing_ros.pendulum.trajectory import step
+from dp_swing_ros.kernels.unrolling import dot, unrolled
+from dp_swing_ros.pendulum.derivatives import curvature, expand, identity, lanes, linearise, STEPS
+from dp_swing_ros.pendulum.model import size, step
 from dp_swing_ros.problem.cost import running, running_derivatives, terminal, terminal_derivatives
 
 HALVINGS = 14      # of the step, in a line search
 SUFFICIENT = 1e-2  # share of the expected decrease that a step must reach
 
 
-@kernel
-def six(v):
-    """Return the first six numbers of v."""
-    return v[0], v[1], v[2], v[3], v[4], v[5]
-
-
-@kernel
-def dot(a, b):
-    """Return the sum of the products of six numbers; two sums at a time take less long."""
-    return (a[0] * b[0] + a[1] * b[1] + a[2] * b[2]) + (a[3] * b[3] + a[4] * b[4] + a[5] * b[5])
-
-
-@kernel
-def symmetric(V):
-    """Return the rows of a symmetric V (6, 6), as its upper triangle has them."""
-    v_00, v_01, v_02, v_03, v_04, v_05 = six(V[0])
-    _, v_11, v_12, v_13, v_14, v_15 = six(V[1])
-    _, _, v_22, v_23, v_24, v_25 = six(V[2])
-    _, _, _, v_33, v_34, v_35 = six(V[3])
-    _, _, _, _, v_44, v_45 = six(V[4])
-    v_55 = V[5, 5]
-    return ((v_00, v_01, v_02, v_03, v_04, v_05), (v_01, v_11, v_12, v_13, v_14, v_15),
-            (v_02, v_12, v_22, v_23, v_24, v_25), (v_03, v_13, v_23, v_33, v_34, v_35),
-            (v_04, v_14, v_24, v_34, v_44, v_45), (v_05, v_15, v_25, v_35, v_45, v_55))
-
-
-@kernel
-def propagate(F, V_x, V_xx, W, Q_z, Q_zz, BF):
+@unrolled
+def numbers_of(model, V_x, V_xx, F):
     """
-    Write Fᵀ V_x, Fᵀ V_xx F + W and Bᵀ F, column by column.
+    Return V_x, V_xx as its upper triangle has it, and the columns of F, as single numbers.
 
-    Shapes: F (6, 8), V_x (6,), V_xx (6, 6), W and Q_zz (7, 8), Q_z and BF (8,).
+    Loaded before a loop over lanes, they are in nobody's way: no store can change them.
     """
-    v, columns = six(V_x), F.T
-    V_0, V_1, V_2, V_3, V_4, V_5 = symmetric(V_xx)
-    F_0, F_1, F_2, F_3 = six(columns[0]), six(columns[1]), six(columns[2]), six(columns[3])
-    F_4, F_5, B = six(columns[4]), six(columns[5]), six(columns[6])
-    for j in range(LANES):
-        f = six(columns[j])
-        Q_z[j], BF[j] = dot(v, f), dot(B, f)
-        Vf = (dot(V_0, f), dot(V_1, f), dot(V_2, f), dot(V_3, f), dot(V_4, f), dot(V_5, f))
-        Q_zz[0, j], Q_zz[1, j] = W[0, j] + dot(F_0, Vf), W[1, j] + dot(F_1, Vf)
-        Q_zz[2, j], Q_zz[3, j] = W[2, j] + dot(F_2, Vf), W[3, j] + dot(F_3, Vf)
-        Q_zz[4, j], Q_zz[5, j] = W[4, j] + dot(F_4, Vf), W[5, j] + dot(F_5, Vf)
-        Q_zz[6, j] = W[6, j] + dot(B, Vf)
+    states = range(2 * len(model.pendulum.friction))
+    return (tuple(V_x[i] for i in states),
+            tuple(tuple(V_xx[min(i, j), max(i, j)] for j in states) for i in states),
+            tuple(tuple(F[i, k] for i in states) for k in range(len(states) + 1)))
 
 
-@kernel
-def close(k, K, Q_u, Q_uu, Q_z, Q_zz, V_x, V_xx):
+@unrolled
+def expand_lane(given, F, W, Q_z, Q_zz, BF, j):
     """
-    Write V_x and V_xx that the policy k + K δx leaves, (31), (32), which hold for any k and K.
+    Write column j of Fᵀ V_x, Fᵀ V_xx F + W and Bᵀ F, (26)-(30) but for the cost.
 
-    Shapes: K (8,), Q_z (8,), Q_zz (7, 8), V_x (8,), V_xx (6, 8).
+    Shapes: F (2n + 2, lanes), W and Q_zz (2n + 3, lanes), Q_z and BF (lanes,).
     """
-    Q_ux = Q_zz[6]
-    K_0, K_1, K_2, K_3, K_4, K_5 = six(K)
-    Q_0, Q_1, Q_2, Q_3, Q_4, Q_5 = six(Q_ux)
-    for j in range(LANES):
-        V_x[j] = Q_z[j] + K[j] * (Q_uu * k + Q_u) + Q_ux[j] * k
-        g = Q_uu * K[j] + Q_ux[j]
-        V_xx[0, j] = Q_zz[0, j] + K_0 * g + Q_0 * K[j]
-        V_xx[1, j] = Q_zz[1, j] + K_1 * g + Q_1 * K[j]
-        V_xx[2, j] = Q_zz[2, j] + K_2 * g + Q_2 * K[j]
-        V_xx[3, j] = Q_zz[3, j] + K_3 * g + Q_3 * K[j]
-        V_xx[4, j] = Q_zz[4, j] + K_4 * g + Q_4 * K[j]
-        V_xx[5, j] = Q_zz[5, j] + K_5 * g + Q_5 * K[j]
+    V_x, V_xx, columns = given
+    f = [F[i, j] for i in range(len(V_x))]
+    V_f = [dot(row, f) for row in V_xx]
+    Q_z[j], BF[j] = dot(V_x, f), dot(columns[-1], f)
+    for k, column in enumerate(columns):
+        Q_zz[k, j] = W[k, j] + dot(column, V_f)
+
+
+@unrolled
+def gains_of(model, K, Q_zz):
+    """Return the gains and Q_ux as single numbers."""
+    n = 2 * len(model.pendulum.friction)
+    return tuple(K[i] for i in range(n)), tuple(Q_zz[n, i] for i in range(n))
+
+
+@unrolled
+def value_lane(given, k, K, Q_u, Q_uu, Q_z, Q_zz, V_x, V_xx, j):
+    """
+    Write column j of V_x and V_xx that the policy k + K δx leaves, (31), (32), for any k and K.
+
+    Shapes: K, Q_z and V_x (lanes,), Q_zz (2n + 3, lanes), V_xx (2n + 2, lanes).
+    """
+    gains, Q_ux = given
+    K_j, Q_uj = K[j], Q_zz[len(gains), j]
+    V_x[j] = Q_z[j] + K_j * (Q_uu * k + Q_u) + Q_uj * k
+    g = Q_uu * K_j + Q_uj
+    for i in range(len(gains)):
+        V_xx[i, j] = Q_zz[i, j] + gains[i] * g + Q_ux[i] * K_j
 
 
 @kernel
@@ -100,36 +82,42 @@ def backward(model, cost, X, U, gaps, u_max, mu, tensor, k, K):
     The expected change of the cost under α k is α slope + α² / 2 bend. The expansion holds a share
     `tensor` of the terms Σ V'_x[i] ∂²f_i: with 1 it is DDP, with 0 iLQR. The gaps are
     f(X[t], U[t]) - X[t + 1], which the policy closes; a trajectory of the model has none.
-    Shapes: X (T + 1, 6), U (T,), gaps (T, 6), or (0, 6) for none, k (T,), or (0,) where the forces
-    stay as they are, K (T, 6).
+    Shapes: X (T + 1, 2n + 2), U (T,), gaps (T, 2n + 2), or (0, 2n + 2) for none, k (T,), or (0,)
+    where the forces stay as they are, K (T, 2n + 2).
     """
+    n = size(model)
     # rows of one array, so that the compiler sees what does not overlap; F = [A, B, 0]
-    work = np.zeros((31, LANES))
-    F, W, Q_zz, V_xx = work[:6], work[6:13], work[13:20], work[20:26]
-    V_x, Q_z, BF, gain, weighted = work[26], work[27], work[28], work[29], work[30]
+    work = np.zeros((5 * n + 8, lanes(model)))
+    F, W, Q_zz = work[:n], work[n:2 * n + 1], work[2 * n + 1:3 * n + 2]
+    V_xx, directions = work[3 * n + 2:4 * n + 2], work[4 * n + 2:5 * n + 3]
+    V_x, Q_z, BF = work[5 * n + 3], work[5 * n + 4], work[5 * n + 5]
+    gain, weighted = work[5 * n + 6], work[5 * n + 7]
+    identity(directions)
     slope = bend = 0.0
     terminal_derivatives(cost, X[len(U)], V_x, V_xx)
-    l_x, l_xx = running_derivatives(cost, X, U)
+    of_cost = running_derivatives(cost, X, U)
     points = expand(model, X, U)
     for t in range(len(U) - 1, -1, -1):
         if len(gaps) > 0:                        # V'_x where the model leads to, beyond the gap
-            for i in range(6):
-                for j in range(6):
+            for i in range(n):
+                for j in range(n):
                     V_x[i] += V_xx[i, j] * gaps[t, j]
         if tensor > 0:
-            for i in range(6):
+            for i in range(n):
                 weighted[i] = tensor * V_x[i]
-            curvature(model, points, t, weighted, F, W)
+            curvature(model, points, t, weighted, directions, F, W)
         else:
-            linearise(model, points, t, F)
-        propagate(F, V_x, V_xx, W, Q_z, Q_zz, BF)                    # (26)-(30)
-        for i in range(6):
-            Q_z[i] += l_x[t // STEPS, i, t % STEPS]
-            Q_zz[i, i] += l_xx[t // STEPS, i, t % STEPS]
-        Q_u, Q_uu = Q_z[6] + 2 * cost.R * U[t], Q_zz[6, 6] + 2 * cost.R
+            linearise(model, points, t, directions, F)
+        given = numbers_of(model, V_x, V_xx, F)
+        for j in range(lanes(model)):
+            expand_lane(given, F, W, Q_z, Q_zz, BF, j)
+        for i in range(n):
+            Q_z[i] += of_cost[t // STEPS, i, t % STEPS]
+            Q_zz[i, i] += of_cost[t // STEPS, n + i, t % STEPS]
+        Q_u, Q_uu = Q_z[n] + 2 * cost.R * U[t], Q_zz[n, n] + 2 * cost.R
 
         # (36), (37): V'_xx + μ I in place of V'_xx, for the gains alone
-        Q_uu_mu = Q_uu + mu * BF[6]
+        Q_uu_mu = Q_uu + mu * BF[n]
         if not Q_uu_mu > 0:
             return False, slope, bend
         change, follows = 0.0, abs(U[t]) < u_max
@@ -138,14 +126,16 @@ def backward(model, cost, X, U, gaps, u_max, mu, tensor, k, K):
             change = k[t] = min(max(best, -u_max - U[t]), u_max - U[t])
             follows = change == best
         share = -1 / Q_uu_mu if follows else 0.0
-        for j in range(LANES):   # on the bound the best force does not follow the state
-            gain[j] = share * (Q_zz[6, j] + mu * BF[j])
-        for i in range(6):
+        for j in range(lanes(model)):   # on the bound the best force does not follow the state
+            gain[j] = share * (Q_zz[n, j] + mu * BF[j])
+        for i in range(n):
             K[t, i] = gain[i]
 
         slope += change * Q_u
         bend += change * Q_uu * change
-        close(change, gain, Q_u, Q_uu, Q_z, Q_zz, V_x, V_xx)
+        policy = gains_of(model, gain, Q_zz)
+        for j in range(lanes(model)):
+            value_lane(policy, change, gain, Q_u, Q_uu, Q_z, Q_zz, V_x, V_xx, j)
     return True, slope, bend
 
 
@@ -154,21 +144,21 @@ def forward(model, cost, X, U, gaps, k, K, alpha, u_max, X_new, U_new):
     """
     Write the trajectory of the policy u = U + α k + K (x - X), (33)-(35), and return its cost.
 
-    A share α of the gaps is closed. Shapes: X and X_new (T + 1, 6), U and U_new (T,), gaps
-    (T, 6), or (0, 6) for none, k (T,), K (T, 6).
+    A share α of the gaps is closed. Shapes: X and X_new (T + 1, 2n + 2), U and U_new (T,), gaps
+    (T, 2n + 2), or (0, 2n + 2) for none, k (T,), K (T, 2n + 2).
     """
-    total = 0.0
-    for i in range(6):
+    n, total = size(model), 0.0
+    for i in range(n):
         X_new[0, i] = X[0, i]
     for t in range(len(U)):
         u = U[t] + alpha * k[t]
-        for i in range(6):
+        for i in range(n):
             u += K[t, i] * (X_new[t, i] - X[t, i])
         U_new[t] = min(max(u, -u_max), u_max)
         total += running(cost, X_new[t], U_new[t])
         step(model, X_new[t], U_new[t], X_new[t + 1])
         if len(gaps) > 0:
-            for i in range(6):
+            for i in range(n):
                 X_new[t + 1, i] -= (1 - alpha) * gaps[t, i]
     return total + terminal(cost, X_new[len(U)])
 
@@ -180,7 +170,7 @@ def line_search(model, cost, X, U, J, k, K, slope, bend, u_max, X_new, U_new):
 
     Shapes: as in `forward`; there are no gaps, for a cost with gaps promises nothing.
     """
-    alpha, gaps = 1.0, np.empty((0, 6))
+    alpha, gaps = 1.0, np.empty((0, size(model)))
     for _ in range(HALVINGS):
         J_new = forward(model, cost, X, U, gaps, k, K, alpha, u_max, X_new, U_new)
         if J - J_new >= -SUFFICIENT * alpha * (slope + 0.5 * alpha * bend) and J_new < J:

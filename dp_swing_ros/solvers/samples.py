@@ -8,44 +8,52 @@ the first-level cache, and the compiler turns every loop over a block into vecto
 Hence no branch, no call and no double-precision constant in there.
 """
 
+from concurrent.futures import ThreadPoolExecutor
+import functools
 from typing import Any
 
 import numpy as np
 
 from dp_swing_ros.kernels import kernel
-from dp_swing_ros.kernels.trigonometry import sincos
-from dp_swing_ros.pendulum.model import advance
-from dp_swing_ros.problem.cost import squared_error
-from dp_swing_ros.solvers.noise import fill, LANES
+from dp_swing_ros.kernels.unrolling import clamp, Constant, dot, unrolled
+from dp_swing_ros.pendulum.model import advance, size
+from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.problem.cost import running_cost, terminal_cost
+from dp_swing_ros.problem.problem import Problem, Rollout
+from dp_swing_ros.solvers.noise import fill, LANES, state_from
 
-ZERO, ONE, TWO = np.float32(0.0), np.float32(1.0), np.float32(2.0)
+F = np.float32
 
 
 def single(numbers: Any) -> Any:
     """Return a model or a cost with all its numbers in single precision."""
-    def convert(number: Any) -> Any:
-        if isinstance(number, tuple):
-            return single(number)
-        if isinstance(number, bool):
-            return number
-        return np.asarray(number, dtype=np.float32)[()]
-    return type(numbers)(*map(convert, numbers))
+    if isinstance(numbers, tuple):
+        parts = map(single, numbers)
+        return type(numbers)(*parts) if hasattr(numbers, '_fields') else tuple(parts)
+    return numbers if isinstance(numbers, Constant) else np.asarray(numbers, dtype=F)[()]
 
 
-@kernel
-def angle_error(difference, chord):
-    """Return the error of an angle; see cost.py."""
-    if chord:
-        s, _ = sincos(difference / TWO)
-        return TWO * s
-    return difference
+@unrolled
+def row(model, numbers, t):
+    """Return row t of an array (N, 2n + 2) as single numbers."""
+    return tuple(numbers[t, j] for j in range(2 * len(model.pendulum.friction)))
 
 
-@kernel
-def beyond(x, x_soft):
-    """Return the squared distance into the soft margin of the track."""
-    inside = max(abs(x) - x_soft, ZERO)
-    return inside * inside
+@unrolled
+def step_lane(model, cost, offset, gain, noise, u_max, states, total, u, i):
+    """Move the sample in lane i by one step under u = offset + gain x + noise, at its cost."""
+    x = [states[j, i] for j in range(len(gain))]
+    u_i = clamp(offset + dot(gain, x) + noise[i], u_max)
+    u[i] = u_i
+    total[i] = total[i] + running_cost(cost, x, u_i)
+    for j, x_j in enumerate(advance(model, x, u_i)):
+        states[j, i] = x_j
+
+
+@unrolled
+def end_lane(cost, states, total, J, i):
+    """Write what the sample in lane i costs in all."""
+    J[i] = total[i] + terminal_cost(cost, [states[j, i] for j in range(len(cost.S))])
 
 
 @kernel
@@ -53,72 +61,49 @@ def draw(model, cost, X, U, K, random, sigma, correlation, u_max, V, J):
     """
     Draw samples about the policy u = U[t] + K[t] (x - X[t]), and follow them from X[0].
 
-    random is the state of `noise.fill`. Shapes: X (N + 1, 6), U (N,), K (N, 6), random (4, LANES),
-    and in float32 sigma and J (blocks, LANES), V (blocks, N, LANES).
+    random is the state of `noise.fill`. Shapes: X (N + 1, 2n + 2), U (N,), K (N, 2n + 2),
+    random (4, LANES), and in float32 sigma and J (blocks, LANES), V (blocks, N, LANES).
     """
     N = len(U)
     x_0, gains, offsets = X[0].astype(np.float32), K.astype(np.float32), np.empty(N, np.float32)
     for t in range(N):   # u = offset + K x
         u_t = U[t]
-        for j in range(6):
+        for j in range(size(model)):
             u_t -= K[t, j] * X[t, j]
         offsets[t] = u_t
-    noise, scratch = np.empty((N, LANES), np.float32), np.empty((8, LANES), np.float32)
+    white = np.empty((N, LANES), np.float32)
+    scratch = np.empty((size(model) + 3, LANES), np.float32)
     for block in range(len(V)):
-        fill(random, noise.reshape(-1))
-        follow(model, cost, x_0, offsets, gains, noise, sigma[block], correlation, u_max, scratch,
+        fill(random, white.reshape(-1))
+        follow(model, cost, x_0, offsets, gains, white, sigma[block], correlation, u_max, scratch,
                V[block], J[block])
 
 
 @kernel
-def follow(model, cost, x_0, offsets, gains, noise, sigma, correlation, u_max, scratch, V, J):
+def follow(model, cost, x_0, offsets, gains, white, sigma, correlation, u_max, scratch, V, J):
     """
-    Follow the policy u = offset + gain x from x_0 with noise added to its forces.
+    Follow one block of samples under u = offset + gain x + coloured noise, within its bound.
 
-    Writes the bounded forces V that came of it, and their costs J. The noise of a sample is an
-    AR(1) process of unit variance, times its sigma [N].
-    Shapes, all float32: x_0 (6,), offsets (N,), gains (N, 6), noise and V (N, LANES), sigma and J
-    (LANES,), scratch (8, LANES).
+    Write the forces V and the costs J. All is in single precision; scratch is for states, costs
+    and noise. Shapes: x_0 (2n + 2,), offsets (N,), gains (N, 2n + 2), white and V (N, LANES),
+    sigma and J (LANES,), scratch (2n + 5, LANES).
     """
-    x, th_1, th_2, v, w_1, w_2 = (scratch[0], scratch[1], scratch[2], scratch[3], scratch[4],
-                                  scratch[5])
-    coloured, total = scratch[6], scratch[7]
-    S, R, x_r, s_r, c_r = cost.S, cost.R, cost.x_r, cost.s_r, cost.c_r
+    n = size(model)
+    states, total, coloured, noise = scratch[:n], scratch[n], scratch[n + 1], scratch[n + 2]
     renewal = np.sqrt(np.float32(1) - correlation * correlation)
-    for j in range(6):
-        scratch[j, :] = x_0[j]
-    scratch[6:, :] = ZERO
-    old, fresh = ZERO, ONE
+    for j in range(n):
+        states[j, :] = x_0[j]
+    scratch[n:] = np.float32(0)
+    old, fresh = np.float32(0), np.float32(1)
     for t in range(len(V)):
-        k_0, k_1, k_2, k_3, k_4, k_5 = (gains[t, 0], gains[t, 1], gains[t, 2], gains[t, 3],
-                                        gains[t, 4], gains[t, 5])
-        offset, white, u = offsets[t], noise[t], V[t]
+        offset, gain, fresh_noise, u = offsets[t], row(model, gains, t), white[t], V[t]
         for i in range(LANES):
-            x_i, th_1i, th_2i, v_i, w_1i, w_2i = x[i], th_1[i], th_2[i], v[i], w_1[i], w_2[i]
-            coloured[i] = old * coloured[i] + fresh * white[i]
-            force = (offset + k_0 * x_i + k_1 * th_1i + k_2 * th_2i + k_3 * v_i
-                     + k_4 * w_1i + k_5 * w_2i + sigma[i] * coloured[i])
-            u_i = min(max(force, -u_max), u_max)
-            u[i] = u_i
-            e_0, e_3, e_4, e_5 = x_i - x_r[0], v_i - x_r[3], w_1i - x_r[4], w_2i - x_r[5]
-            total[i] += (S[0] * e_0 * e_0
-                         + S[1] * squared_error(cost.chord, th_1i, x_r[1], s_r[1], c_r[1])
-                         + S[2] * squared_error(cost.chord, th_2i, x_r[2], s_r[2], c_r[2])
-                         + S[3] * e_3 * e_3 + S[4] * e_4 * e_4 + S[5] * e_5 * e_5
-                         + R * u_i * u_i + cost.w * beyond(x_i, cost.x_soft))
-            x[i], th_1[i], th_2[i], v[i], w_1[i], w_2[i] = advance(
-                model, x_i, th_1i, th_2i, v_i, w_1i, w_2i, u_i)
+            coloured[i] = old * coloured[i] + fresh * fresh_noise[i]
+            noise[i] = sigma[i] * coloured[i]
+            step_lane(model, cost, offset, gain, noise, u_max, states, total, u, i)
         old, fresh = correlation, renewal
     for i in range(LANES):
-        J[i] = total[i] + cost.w * beyond(x[i], cost.x_soft)
-    for j in range(6):
-        for i in range(LANES):
-            scratch[j, i] = angle_error(scratch[j, i] - x_r[j],
-                                        cost.chord and (j == 1 or j == 2))
-    for j in range(6):
-        for m in range(6):
-            for i in range(LANES):
-                J[i] += scratch[j, i] * cost.P[j, m] * scratch[m, i]
+        end_lane(cost, states, total, J, i)
 
 
 @kernel
@@ -138,3 +123,49 @@ def average(V, w):
         for i in range(LANES):
             U[t] += sums[t, i]
     return U
+
+
+@functools.cache
+def helpers() -> ThreadPoolExecutor:
+    """Return the threads beside the caller's, which all solvers share."""
+    return ThreadPoolExecutor(thread_name_prefix='mppi')
+
+
+class Samples:
+    """Samples of one problem on the CPU, drawn anew in each update."""
+
+    def __init__(self, problem: Problem, sigma: Array, correlation: float, threads: int) -> None:
+        """Take the problem, and the sizes of the noise of each sample (K,), in float32."""
+        self.model, self.cost = single(problem.model), single(problem.cost)
+        self.correlation, self.u_max = F(correlation), F(problem.u_max)
+        # whole blocks; what the last one has beyond the samples weighs nothing
+        self.count, blocks = len(sigma), -(-len(sigma) // LANES)
+        self.sigma = np.pad(sigma, (0, blocks * LANES - len(sigma))).reshape(blocks, LANES)
+        self.w = np.zeros((blocks, LANES), F)
+        # memory that is new each time costs more than to fill it
+        self.V, self.J = np.empty((blocks, problem.horizon, LANES), F), np.empty_like(self.w)
+        ends = np.linspace(0, blocks, threads + 1).round().astype(int)
+        self.parts = list(map(slice, ends[:-1], ends[1:]))   # of the blocks, one for each thread
+
+    def draw(self, best: Rollout, random: np.random.Generator) -> Array:
+        """
+        Draw samples about a rollout; return their costs, which the next draw overwrites.
+
+        Shapes: -> (K,), in single precision.
+        """
+        def draw_part(part: slice, state: Array) -> None:
+            draw(self.model, self.cost, *best[1:], state, self.sigma[part], self.correlation,
+                 self.u_max, self.V[part], self.J[part])
+
+        mine, *others = [(part, state_from(random)) for part in self.parts]
+        started = [helpers().submit(draw_part, *other) for other in others]
+        draw_part(*mine)
+        for other in started:
+            other.result()
+        return self.J.reshape(-1)[:self.count]
+
+    def proposals(self, w: Array) -> Array:
+        """Return the weighted average of the samples, and the heaviest; w (K,) -> (2, N)."""
+        self.w.reshape(-1)[:self.count] = w
+        block, lane = divmod(int(np.argmax(w)), LANES)
+        return np.array([average(self.V, self.w), self.V[block, :, lane]])

@@ -33,7 +33,7 @@ class Solver(Protocol):
         in seconds of time.perf_counter() and may be infinite; it is looked at before every
         iteration, and lateness is a status, no error. Where no plan is finite, the status is
         FAILED.
-        Shapes: x_0 (6,). Raises ValueError where x_0 is not finite.
+        Shapes: x_0 (2n + 2,). Raises ValueError where x_0 is not finite.
         """
 
 
@@ -45,10 +45,10 @@ def generator(seed: Seed) -> np.random.Generator:
 class Policy(NamedTuple):
     """Where to start, and the policy u = U[t] + K[t] (x - X[t]) to follow from there."""
 
-    x_0: Array   # (6,)
-    X: Array     # (T or more, 6)
+    x_0: Array   # (2n + 2,)
+    X: Array     # (T or more, 2n + 2)
     U: Array     # (T,)
-    K: Array     # (T, 6)
+    K: Array     # (T, 2n + 2)
 
 
 def policy_of(problem: Problem, x_0: Array, warm_start: Plan | None) -> Policy:
@@ -58,9 +58,10 @@ def policy_of(problem: Problem, x_0: Array, warm_start: Plan | None) -> Policy:
     Raises ValueError where x_0 is not finite.
     """
     x_0 = np.asarray(x_0, dtype=float)
-    if x_0.shape != (6,) or not all(map(math.isfinite, x_0.tolist())):
-        raise ValueError(f'the state is {x_0}; expected six finite numbers')
+    size = len(problem.cost.S)
+    if x_0.shape != (size,) or not all(map(math.isfinite, x_0.tolist())):
+        raise ValueError(f'the state is {x_0}; expected {size} finite numbers')
     if warm_start is None:
         N = problem.horizon
-        return Policy(x_0, np.tile(x_0, (N, 1)), np.zeros(N), np.zeros((N, 6)))
+        return Policy(x_0, np.tile(x_0, (N, 1)), np.zeros(N), np.zeros((N, size)))
     return Policy(x_0, warm_start.X, warm_start.U, warm_start.K)

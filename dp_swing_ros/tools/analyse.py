@@ -16,7 +16,8 @@ from dp_swing_ros.evaluation.metrics import measure
 from dp_swing_ros.report import named, page, Recording, recording, Shown
 from dp_swing_ros.simulation.episode import Episode
 from dp_swing_ros.tools import program
-from dp_swing_ros.tools.over_bags import add_namespace, add_partial, beside, exit_code
+from dp_swing_ros.tools.bag_arguments import add_namespace, add_partial, beside
+from dp_swing_ros.tools.exit_codes import exit_code
 
 PICTURES = {
     'hero': figures.hero, 'snapshots': figures.snapshots,

@@ -8,10 +8,8 @@ import dataclasses
 from datetime import datetime
 from pathlib import Path
 import re
-import sys
 import time
 
-import numpy as np
 from tqdm import tqdm
 import yaml
 
@@ -19,11 +17,14 @@ from dp_swing_ros.configuration import locate
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.evaluation.comparison import spread, summary, table
 from dp_swing_ros.evaluation.metrics import measure, Metrics
-from dp_swing_ros.pendulum.state import to_turn_of, UPRIGHT
+from dp_swing_ros.pendulum.state import (
+    angles, Array, DEFAULT_LINKS, LINKS, links_of, symbols, wrapped)
 from dp_swing_ros.report import named, recording
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tools import program
 from dp_swing_ros.tools.analyse import write
+from dp_swing_ros.tools.argument_types import within
+from dp_swing_ros.tools.exit_codes import exit_code, FAILED, OK
 from dp_swing_ros.tools.isolation import isolated
 from dp_swing_ros.tools.observer import Observer
 from dp_swing_ros.tools.processes import Crew, interrupt_on_signals, Process, ProcessError
@@ -34,7 +35,7 @@ MEETING = 3.0   # [s] to find the nodes that are there already, however they ann
 KEPT = 1000     # messages of a topic: the logger may find it late
 COLUMNS = 5     # of more runs than this the table shows the spread
 SILENCE = 20.0  # [s] without a state: something hangs
-OK, FAILED, MISUSED, INTERRUPTED = 0, 1, 2, 130  # exit codes
+SHORTEST = 1e-3  # [s] of a run
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,6 +44,7 @@ class Run:
 
     solver: str
     seed: int
+    links: int | None   # None: as in the parameter files
     duration: float  # [s]
     lockstep: bool
     parameter_files: tuple[Path, ...]
@@ -52,20 +54,17 @@ class Run:
 def main(argv: Sequence[str] | None = None) -> int:
     """Do the runs that the command line asks for; return the exit code."""
     arguments = command_line().parse_args(argv)
-    try:
-        interrupt_on_signals()
-        runs = runs_of(arguments)
-        with isolated() as domain:
-            print(f'ROS_DOMAIN_ID={domain.number}', flush=True)
-            if domain.given:
-                _refuse_company()
-            results = [_result(run, arguments.figures) for run in runs]
-    except KeyboardInterrupt:
-        print('demo: interrupted', file=sys.stderr)
-        return INTERRUPTED
-    except (UserError, OSError) as error:
-        print(f'demo: error: {error}', file=sys.stderr)
-        return FAILED if isinstance(error, ProcessError) else MISUSED
+    return exit_code('demo', lambda: _demo(arguments), (ProcessError,))
+
+
+def _demo(arguments: argparse.Namespace) -> int:
+    interrupt_on_signals()
+    runs = runs_of(arguments)
+    with isolated() as domain:
+        print(f'ROS_DOMAIN_ID={domain.number}', flush=True)
+        if domain.given:
+            _refuse_company()
+        results = [_result(run, arguments.figures) for run in runs]
     _report(runs, results, arguments.spread or len(runs) > COLUMNS)
     return OK if all(result.success for result in results) else FAILED
 
@@ -78,9 +77,12 @@ def command_line() -> argparse.ArgumentParser:
                     'Leaves a bag, pictures, a report and the logs; the exit code is 0 if '
                     'every run ended upright.')
     parser.add_argument('--solver', choices=list(SOLVERS), default='ilqr')
-    parser.add_argument('--duration', type=_positive(float), default=10.0, metavar='SECONDS')
+    parser.add_argument('--links', type=int, choices=LINKS,
+                        help=f'of the pendulum (default: as in --params, else {DEFAULT_LINKS})')
+    parser.add_argument('--duration', type=within(float, SHORTEST), default=10.0,
+                        metavar='SECONDS')
     parser.add_argument('--seed', type=int, default=0, help='of noises and solver (default: 0)')
-    parser.add_argument('--runs', type=_positive(int), default=1, metavar='N',
+    parser.add_argument('--runs', type=within(int, 1), default=1, metavar='N',
                         help='number of runs, with seeds from --seed on (default: 1)')
     parser.add_argument('--spread', action='store_true',
                         help=f'tabulate the spread of the runs (of more than {COLUMNS}, always)')
@@ -94,15 +96,6 @@ def command_line() -> argparse.ArgumentParser:
     parser.add_argument('--figures', action=argparse.BooleanOptionalAction, default=True,
                         help='draw the pictures of each run, and write its report')
     return parser
-
-
-def _positive(kind: type) -> Callable[[str], float]:
-    def convert(text: str) -> float:
-        value = kind(text)
-        if not 0 < value < float('inf'):
-            raise argparse.ArgumentTypeError(f'{text} is not a number above 0')
-        return value
-    return convert
 
 
 def runs_of(arguments: argparse.Namespace) -> list[Run]:
@@ -123,8 +116,8 @@ def runs_of(arguments: argparse.Namespace) -> list[Run]:
     for seed in range(arguments.seed, arguments.seed + arguments.runs):
         own = folder / f'seed_{seed}' if arguments.runs > 1 else folder
         own.mkdir(parents=True, exist_ok=True)
-        runs.append(Run(arguments.solver, seed, arguments.duration, arguments.lockstep,
-                        files, own))
+        runs.append(Run(arguments.solver, seed, arguments.links, arguments.duration,
+                        arguments.lockstep, files, own))
     return runs
 
 
@@ -144,7 +137,7 @@ def perform(run: Run) -> Path:
     Raises ProcessError if a process fails.
     """
     bag = run.folder / 'bag'
-    shared = {'seed': run.seed}
+    shared = {'seed': run.seed, **({'links': run.links} if run.links else {})}
     files = (*run.parameter_files, kept(run.folder / 'qos.yaml'))
     with Crew() as crew, Observer() as observer:
         logger = crew.start('logger', {'output': str(bag), 'progress_period': 0.0},
@@ -186,7 +179,7 @@ def _refuse_company() -> None:
 
 def _await(ready: Mapping[Process, Callable[[], set[str]]], observer: Observer,
            crew: Crew) -> None:
-    """Wait until each process is among the names it looks for, and show what they say."""
+    """Wait until each process is among the names it looks for, and show their logs."""
     end = time.monotonic() + READY
     waiting = list(ready)
     with tqdm(bar_format='{desc} ({elapsed})', leave=False, disable=None) as line:
@@ -221,11 +214,16 @@ def _follow(observer: Observer, plant: Process, others: Sequence[Process],
                 raise ProcessError(f'no state for {SILENCE:g} s; the logs are beside the bag')
             observer.wait(0.1)
             if observer.x is not None and observer.t is not None:
-                x, th_1, th_2 = to_turn_of(observer.x, np.array(UPRIGHT))[:3]
-                bar.set_description_str(
-                    f'θ1 {th_1:+5.2f} θ2 {th_2:+5.2f} rad  x {x:+5.2f} m  u {observer.u:+6.1f} N',
-                    refresh=False)
+                bar.set_description_str(in_words(observer.x, observer.u), refresh=False)
                 bar.update(min(observer.t, duration) - bar.n)
+
+
+def in_words(x: Array, u: float) -> str:
+    """Return a state (2n + 2,) and a force [N] for a line of progress."""
+    of_angles = angles(x)
+    turned = ' '.join(f'{symbol} {angle:+5.2f}' for symbol, angle in zip(
+        symbols(links_of(x))[of_angles], wrapped(x)[of_angles]))
+    return f'{turned} rad  x {x[0]:+5.2f} m  u {u:+6.1f} N'
 
 
 def _report(runs: Sequence[Run], results: Sequence[Metrics], spread_only: bool) -> None:

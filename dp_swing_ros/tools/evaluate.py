@@ -4,6 +4,7 @@
 
 import argparse
 from collections.abc import Sequence
+from dataclasses import replace
 from datetime import datetime
 import json
 from pathlib import Path
@@ -11,38 +12,66 @@ import shlex
 import sys
 from typing import Any
 
+from dp_swing_ros.evaluation.baselines import BASELINES
 from dp_swing_ros.evaluation.campaign import manifest
 from dp_swing_ros.evaluation.campaign.against import compared, refuse_strangers, rivals
-from dp_swing_ros.evaluation.campaign.contestants import parse_all
+from dp_swing_ros.evaluation.campaign.contestants import Contestant, parse_all
 from dp_swing_ros.evaluation.campaign.episodes import key
 from dp_swing_ros.evaluation.campaign.report import markdown
 from dp_swing_ros.evaluation.campaign.rows import CampaignError, read, Row, Table
 from dp_swing_ros.evaluation.campaign.runner import run
 from dp_swing_ros.evaluation.campaign.summary import plain, summarise, Summary
-from dp_swing_ros.evaluation.scenarios import Case, SCENARIOS
+from dp_swing_ros.evaluation.scenarios import Case, PERIOD, SCENARIOS
 from dp_swing_ros.figures import of_campaign
-from dp_swing_ros.parameters import LARGEST, ParameterError
+from dp_swing_ros.parameters import LARGEST
+from dp_swing_ros.pendulum.state import DEFAULT_LINKS, LINKS
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tools import program
+from dp_swing_ros.tools.argument_types import within
+from dp_swing_ros.tools.exit_codes import exit_code, OK
 from dp_swing_ros.tools.processes import interrupt_on_signals
 
-OK, FAILED, MISUSED, INTERRUPTED = 0, 1, 2, 130  # exit codes
-PROGRAM = program('evaluate')
 SEEDS = 100_000      # of a scenario: a case each is held in memory
-LEVELS = 10_000
-EXAMPLES = f"""\
-examples:
-  {PROGRAM} --scenarios hanging random --seeds 50
-  {PROGRAM} --contestants ilqr ilqr:config/paper.yaml tvlqr nothing
-  {PROGRAM} --contestants long=ddp:horizon=60+warm_start=forces ddp
-  {PROGRAM} --output runs/night            # again, to go on where it stopped
-  {PROGRAM} --scenarios random --seeds 100 --against docs/results/random.csv.gz
+MOST = 10_000        # levels of a sweep, processes
 
-A contestant is a solver ({', '.join(SOLVERS)}) or a baseline (tvlqr, nothing), after a colon its
-parameter files or mpc parameters, before an equals sign its name in tables and pictures.
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the campaign that the command line asks for; return the exit code."""
+    arguments = command_line().parse_args(argv)
+    folder = arguments.output or Path('runs', f'campaign_{datetime.now():%Y%m%d_%H%M%S}')
+    command = shlex.join(['evaluate', *(sys.argv[1:] if argv is None else argv)])
+    return exit_code('evaluate', lambda: _evaluate(arguments, folder, command),
+                     (CampaignError, OSError),
+                     f'; call again with --output {folder} to go on')
+
+
+def _evaluate(arguments: argparse.Namespace, folder: Path, command: str) -> int:
+    interrupt_on_signals()
+    stored = read(table_of(arguments.against)) if arguments.against else []
+    if not arguments.summary_only:
+        play(arguments, folder, stored, command)
+    report(folder, arguments.figures, stored, arguments.against)
+    return OK
+
+
+def examples() -> str:
+    """Return the end of the help, which names all solvers, baselines and scenarios."""
+    call = program('evaluate')
+    scenarios = '\n'.join(f'  {name:16}{scenario.about}' for name, scenario in SCENARIOS.items())
+    return f"""\
+examples:
+  {call} --scenarios hanging random --seeds 50
+  {call} --contestants ilqr ilqr:config/paper.yaml tvlqr nothing
+  {call} --contestants long=ddp:horizon=60+warm_start=forces ddp
+  {call} --output runs/night            # again, to go on where it stopped
+  {call} --scenarios random --seeds 100 --against docs/results/random.csv.gz
+  {call} --links 3 --scenarios hanging
+
+A contestant is a solver ({', '.join(SOLVERS)}) or a baseline ({', '.join(BASELINES)}), after a
+colon its parameter files or mpc parameters, before an equals sign its name in tables and pictures.
 
 scenarios:
-""" + '\n'.join(f'  {name:16}{scenario.about}' for name, scenario in SCENARIOS.items()) + """
+{scenarios}
 
 With --dask, start the scheduler and workers where this package can be imported, each worker with
 one thread: dask worker ADDRESS --nworkers=-1 --nthreads 1
@@ -51,34 +80,11 @@ The exit code is 0 when all episodes were run, whatever came of them; 1 when the
 go on, 2 for what cannot work, 130 after Ctrl-C."""
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the campaign that the command line asks for; return the exit code."""
-    arguments = command_line().parse_args(argv)
-    folder = arguments.output or Path('runs', f'campaign_{datetime.now():%Y%m%d_%H%M%S}')
-    try:
-        interrupt_on_signals()
-        stored = read(table_of(arguments.against)) if arguments.against else []
-        if not arguments.summary_only:
-            command = shlex.join(['evaluate', *(sys.argv[1:] if argv is None else argv)])
-            play(arguments, folder, stored, command)
-        report(folder, arguments.figures, stored, arguments.against)
-    except KeyboardInterrupt:
-        print(f'evaluate: interrupted; call again with --output {folder} to go on',
-              file=sys.stderr)
-        return INTERRUPTED
-    except ParameterError as error:
-        print(f'evaluate: error: {error}', file=sys.stderr)
-        return MISUSED
-    except (CampaignError, OSError) as error:
-        print(f'evaluate: error: {error}', file=sys.stderr)
-        return FAILED
-    return OK
-
-
 def command_line() -> argparse.ArgumentParser:
     """Return the parser of the arguments."""
     parser = argparse.ArgumentParser(
-        prog=PROGRAM, epilog=EXAMPLES, formatter_class=argparse.RawDescriptionHelpFormatter,
+        prog=program('evaluate'), epilog=examples(),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
         description='Run every contestant through the same seeded episodes, and report rates, '
                     'scores and comparisons as Markdown, JSON and pictures.')
     parser.add_argument('--contestants', nargs='+', default=list(SOLVERS), metavar='CONTESTANT',
@@ -88,12 +94,15 @@ def command_line() -> argparse.ArgumentParser:
     parser.add_argument('--output', type=Path, metavar='DIR',
                         help='folder of table and report; a campaign that is there goes on '
                              '(default: runs/campaign_TIME)')
+    parser.add_argument('--links', type=int, choices=LINKS, default=DEFAULT_LINKS,
+                        help=f'of the pendulum (default: {DEFAULT_LINKS})')
     parser.add_argument('--seeds', type=seeds, metavar='N | A:B',
                         help='seeds 0 to N - 1, or A to B - 1, of every scenario')
-    parser.add_argument('--levels', type=positive, metavar='N', help='levels of every sweep')
-    parser.add_argument('--duration', type=duration, default=10.0, metavar='SECONDS',
-                        help='of an episode (default: 10)')
-    parser.add_argument('--jobs', type=positive, default=-1, metavar='N',
+    parser.add_argument('--levels', type=within(int, 1, MOST), metavar='N',
+                        help='levels of every sweep')
+    parser.add_argument('--duration', type=within(float, PERIOD, 3600), default=10.0,
+                        metavar='SECONDS', help='of an episode (default: 10)')
+    parser.add_argument('--jobs', type=within(int, 1, MOST), default=-1, metavar='N',
                         help='processes (default: one a core); with one, solve times are those '
                              'of an idle machine')
     parser.add_argument('--dask', default='', metavar='ADDRESS',
@@ -119,23 +128,6 @@ def seeds(text: str) -> range:
     return found
 
 
-def positive(text: str) -> int:
-    """Read a whole number from 1 on."""
-    value = int(text)
-    if not 1 <= value <= LEVELS:
-        raise argparse.ArgumentTypeError(f'{text[:80]} is not a whole number above 0 and up '
-                                         f'to {LEVELS}')
-    return value
-
-
-def duration(text: str) -> float:
-    """Read a time of at least one period [s]."""
-    value = float(text)
-    if not 0.05 <= value <= 3600:
-        raise argparse.ArgumentTypeError(f'{text} is not a time from 0.05 to 3600 s')
-    return value
-
-
 def play(arguments: argparse.Namespace, folder: Path, stored: Sequence[Row],
          command: str) -> None:
     """
@@ -143,9 +135,9 @@ def play(arguments: argparse.Namespace, folder: Path, stored: Sequence[Row],
 
     Raises CampaignError where it is to be compared with other episodes, before any is run.
     """
-    contestants = parse_all(arguments.contestants)
+    contestants = [with_links(each, arguments.links) for each in parse_all(arguments.contestants)]
     description = {**manifest.describe(contestants, arguments.scenarios, arguments.seeds,
-                                       arguments.levels, arguments.duration),
+                                       arguments.levels, arguments.duration, arguments.links),
                    'made': manifest.made(command)}
     # case by case, so that contestants stay level
     episodes = [(contestant, case) for case in cases(description) for contestant in contestants]
@@ -159,11 +151,17 @@ def play(arguments: argparse.Namespace, folder: Path, stored: Sequence[Row],
         run(episodes, table, arguments.jobs, arguments.dask)
 
 
+def with_links(contestant: Contestant, links: int) -> Contestant:
+    """Return a contestant whose plant and mpc have so many links, unless they are given it."""
+    return replace(contestant, plant={'links': links, **contestant.plant},
+                   mpc={'links': links, **contestant.mpc})
+
+
 def cases(description: dict[str, Any]) -> list[Case]:
     """Return the cases of a campaign as described."""
     return [case for name, about in description['scenarios'].items()
             for case in SCENARIOS[name].cases(name, range(*about['seeds']), about['levels'],
-                                              description['duration'])]
+                                              description['duration'], description['links'])]
 
 
 def table_of(place: Path) -> Path:

@@ -11,8 +11,8 @@ from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.bags.tables import plans_of, states_of
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.tools import program
-from dp_swing_ros.tools.over_bags import (
-    add_bag, add_namespace, add_partial, beside, exit_code)
+from dp_swing_ros.tools.bag_arguments import add_bag, add_namespace, add_partial, beside
+from dp_swing_ros.tools.exit_codes import exit_code
 
 FORMATS = ('csv', 'parquet')
 

@@ -65,7 +65,7 @@ def _claim_domain() -> tuple[int, socket.socket]:
     """Return the first domain without nodes, and the socket that claims it while it is open."""
     for domain in DOMAINS:
         base = FIRST_PORT + PORTS_PER_DOMAIN * domain
-        # no participant uses the last port: it tells two runs that start together apart
+        # no participant uses the last port: it keeps apart two runs that start together
         claim = _bound(base + PORTS_PER_DOMAIN - 1)
         if claim is None:
             continue
@@ -88,7 +88,7 @@ def _bound(port: int) -> socket.socket | None:
 
 
 def _closed(one: socket.socket | None) -> bool:
-    """Close a socket; tell whether there was one."""
+    """Close a socket; return whether there was one."""
     if one is not None:
         one.close()
     return one is not None

@@ -1,6 +1,6 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A node that looks on: who listens to the states, and how the pendulum stands."""
+"""A node that observes: who listens to the states, and the last of them."""
 
 import time
 from types import TracebackType
@@ -11,7 +11,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from dp_swing_ros.bags.fields import seconds, to_state
+from dp_swing_ros.messages.fields import links_in, seconds, to_state
 from dp_swing_ros.nodes.connections import subscribe
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.topics import JOINT_STATES
@@ -21,7 +21,7 @@ class Observer:
     """
     The last state, its time and force; used as a context manager.
 
-    t [s] from the first state, x (6,), u [N] applied over the period before; None at first.
+    t [s] from the first state, x (2n + 2,), u [N] applied over the period before; None at first.
     """
 
     t: float | None = None
@@ -68,7 +68,7 @@ class Observer:
 
     def _receive(self, message: Any) -> None:
         try:
-            x = to_state(message)
+            x = to_state(message, links_in(message))
         except ValueError:
             return  # of another robot
         stamp = seconds(message.header.stamp)

@@ -5,28 +5,46 @@
 import argparse
 from collections.abc import Sequence
 
-from dp_swing_ros.configuration import Groups, OF_MPC, OF_PLANT, SHARED
-from dp_swing_ros.nodes.parameters import LoggerParameters, ReplayParameters, table
+from dp_swing_ros.configuration import declared, DEFAULTS, NODES
+from dp_swing_ros.nodes.parameters import LoggerParameters, named, ReplayParameters, shown, table
+from dp_swing_ros.pendulum.state import DEFAULT_LINKS, LINKS
+from dp_swing_ros.tables import compact
 from dp_swing_ros.tools import program
 
-SECTIONS: dict[str, Groups] = {
-    'The bodies and their limits (plant and mpc)': SHARED, 'plant': OF_PLANT, 'mpc': OF_MPC,
-    'logger': [('', LoggerParameters)], 'replay': [('', ReplayParameters)]}
 HEAD = """\
 # Parameters
 
 Made by `make docs` from the dataclasses that declare them. A parameter is given as
 `--ros-args -p name:=value` or in a YAML file (`config/` has examples), is checked when the node
 starts, and stays as it is while the node runs. What is unknown, misspelt or out of range ends the
-node with one line that says what is expected. The mpc is told the same bodies and limits as the
-plant unless a test of robustness wants it otherwise.
+node with one line that says what is expected. The mpc gets the same physical parameters and
+limits as the plant unless a test of robustness wants it otherwise. Defaults are those of two
+links; parameters of a link or a joint that is not there are refused.
 """
 
 
 def reference() -> str:
     """Return the page as Markdown."""
-    return '\n'.join([HEAD, *(f'## {name}\n\n{table(groups)}'
-                              for name, groups in SECTIONS.items())])
+    nodes = {node: declared(node, max(LINKS)) for node in NODES}
+    shared = {name: field for name, field in nodes['plant'].items() if name in nodes['mpc']}
+    own = {node: {name: field for name, field in declared(node, DEFAULT_LINKS).items()
+                  if name not in shared} for node in NODES}
+    limits = {name: declared('plant', DEFAULT_LINKS).get(name, field)
+              for name, field in shared.items()}
+    sections = {'The pendulum and its limits (plant and mpc)': limits, **own,
+                'logger': named(LoggerParameters), 'replay': named(ReplayParameters)}
+    return '\n'.join([
+        HEAD, *(f'## {name}\n\n{table(fields)}' for name, fields in sections.items()),
+        '## Defaults by the number of links\n', other_defaults()])
+
+
+def other_defaults() -> str:
+    """Return the table of defaults that depend on the number of links."""
+    names = dict.fromkeys(name for values in DEFAULTS.values() for name in values)
+    fields = {links: declared('plant', links) | declared('mpc', links) for links in LINKS}
+    return compact([('parameter', *(f'links {links}' for links in LINKS)), *(
+        (f'`{name}`', *(f'`{shown(fields[links][name].default)}`' for links in LINKS))
+        for name in names)]) + '\n'
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -31,7 +31,7 @@ def interrupt_on_signals() -> None:
 
 
 class ProcessError(UserError):
-    """A process failed; the message says which, and ends with the last lines of its log."""
+    """A process failed; the message names it and ends with the last lines of its log."""
 
 
 class Process:
@@ -63,7 +63,7 @@ class Process:
 
     @property
     def running(self) -> bool:
-        """Tell whether it has not ended yet."""
+        """Return whether it has not ended yet."""
         return self._process.poll() is None
 
     def check(self) -> None:

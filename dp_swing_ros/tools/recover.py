@@ -10,12 +10,13 @@ import sys
 
 from tqdm import tqdm
 
-from dp_swing_ros.bags.fields import BILLION
-from dp_swing_ros.bags.recovery import described, recover, Recovery
+from dp_swing_ros.messages.fields import BILLION
+from dp_swing_ros.recovery.recover import recover, Recovery
 from dp_swing_ros.tools import program
-from dp_swing_ros.tools.over_bags import beside, exit_code
+from dp_swing_ros.tools.bag_arguments import beside
+from dp_swing_ros.tools.exit_codes import exit_code
 
-LINES = 20  # of losses, before only their number is told
+LINES = 20  # of losses, before only their number is said
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -51,7 +52,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog=program('recover'),
         description='Write a whole bag of what can be saved of a truncated or damaged one, and '
-                    'tell what was saved and what is gone. The damaged one is left as it is.')
+                    'say what was saved and what is gone. The damaged one is left as it is.')
     parser.add_argument('bag', type=Path, metavar='BAG',
                         help='folder of a bag, or its .mcap file')
     parser.add_argument('--output', type=Path, metavar='DIR',
@@ -60,19 +61,19 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def report(found: Recovery, bag: Path, output: Path) -> str:
-    """Tell what was saved and what is gone."""
-    told = f' of the {found.told} that the bag tells of' if found.told else ''
-    losses = [*found.notes, *described(found)]
+    """Return what was saved and what is gone."""
+    counted = f' of the {found.counted} that the bag counts' if found.counted else ''
+    losses = found.losses()
     if len(losses) > LINES:
         losses[LINES:] = [f'and {len(losses) - LINES} more like these']
     start = min(account.first for account in found.topics.values())
-    lines = [f'{bag} is damaged; saved {found.saved} messages{told}: {output}', '',
+    lines = [f'{bag} is damaged; saved {found.saved} messages{counted}: {output}', '',
              *_table(found, start), '',
              f'time 0 is {_date(start)}; lost: numbers skipped where one publisher counts',
              '', 'damaged:',
              *(f'  {loss}' for loss in losses)]
-    if found.unvouched:
-        lines += ['', f'{found.unvouched} messages were saved that no checksum vouches for, as '
+    if found.unverified:
+        lines += ['', f'{found.unverified} messages were saved that no checksum verifies, as '
                   'those of a chunk without its end; their numbers may be wrong']
     return '\n'.join(lines)
 

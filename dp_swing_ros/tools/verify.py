@@ -11,15 +11,19 @@ from tqdm import tqdm
 
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.rerun.verification import Verification, verify
-from dp_swing_ros.tools import program
-from dp_swing_ros.tools.over_bags import add_bag, add_namespace, add_partial, exit_code
+from dp_swing_ros.tools.bag_arguments import bag_parser
+from dp_swing_ros.tools.exit_codes import exit_code
 
 IDENTICAL, DIFFERS, UNKNOWN = 0, 1, 2  # exit codes
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Verify the bag that the command line names; return the exit code."""
-    arguments = _parser().parse_args(argv)
+    arguments = bag_parser(
+        'verify', 'Solve every recorded tick again, with the recorded parameters, seeds and, in '
+        'real time, numbers of iterations, and demand the recorded forces and plans to the bit; '
+        'in lockstep, simulate the plant again too, and demand its states. The exit code is 0 '
+        'where all are, 1 where one is not, and 2 where that is not known.').parse_args(argv)
     return exit_code('verify', lambda: _verify(arguments))
 
 
@@ -27,20 +31,6 @@ def _verify(arguments: argparse.Namespace) -> int:
     found = verify(Bag(arguments.bag, arguments.partial, arguments.namespace),
                    lambda ticks: tqdm(ticks, desc='ticks', leave=False, disable=None))
     return _differs(found) if found.differences else _identical(found)
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog=program('verify'),
-        description='Solve every recorded tick again, with the recorded parameters, seeds and, '
-                    'in real time, numbers of iterations, and demand the recorded forces and '
-                    'plans to the bit; in lockstep, simulate the plant again too, and demand its '
-                    'states. The exit code is 0 where all are, 1 where one is not, and 2 where '
-                    'that cannot be told.')
-    add_bag(parser)
-    add_partial(parser)
-    add_namespace(parser)
-    return parser
 
 
 def _identical(found: Verification) -> int:

@@ -14,9 +14,10 @@ from rosbags.highlevel import AnyReader
 from std_msgs.msg import Float64, String
 
 from dp_swing_ros.bags import read_episode
-from dp_swing_ros.bags.definitions import schema
-from dp_swing_ros.bags.writer import BagWriter, Recorded
+from dp_swing_ros.bags.metadata import Recorded
+from dp_swing_ros.bags.writer import BagWriter
 from dp_swing_ros.errors import BagError
+from dp_swing_ros.messages.definitions import schema
 from dp_swing_ros.nodes.messages import to_diagnostics, to_joint_state, to_stamp
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.pendulum.urdf import urdf
@@ -24,7 +25,7 @@ from dp_swing_ros.topics import DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES, ROBOT_
 
 START = 1_795_225_249_000_000_000
 PERIOD = 50_000_000
-BODIES = PendulumParameters(link2_length=0.7, joint1_friction=0.1)
+PHYSICAL = PendulumParameters(link2_length=0.7, joint1_friction=0.1)
 LIMITS = LimitParameters(force_limit=math.inf)
 X = np.random.default_rng(0).normal(size=(40, 6))
 U = np.arange(39.0)
@@ -49,7 +50,7 @@ def write_run(writer, namespace='', order=range(40)):
         name = topic.name if topic.name.startswith('/') else f'{namespace}/{topic.name}'
         writer.write(name, serialize_message(message), time + 1000, time)
 
-    write(ROBOT_DESCRIPTION, String(data=urdf(BODIES, LIMITS)), START)
+    write(ROBOT_DESCRIPTION, String(data=urdf(PHYSICAL, LIMITS)), START)
     for n in order:
         time = START + n * PERIOD
         write(JOINT_STATES, to_joint_state(to_stamp(time), X[n], U[n - 1] if n else 0.0), time)
@@ -74,7 +75,7 @@ def check(episode, count=40):
     assert np.array_equal(episode.t, np.arange(count) * PERIOD / 1e9)
     assert np.array_equal(episode.X, X[:count])
     assert np.array_equal(episode.U, U[:count - 1])
-    assert (episode.bodies, episode.limits, episode.solver) == (BODIES, LIMITS, 'ddp')
+    assert (episode.physical, episode.limits, episode.solver) == (PHYSICAL, LIMITS, 'ddp')
 
 
 def test_episode_comes_back_to_the_bit(bag):
@@ -216,7 +217,7 @@ def test_empty_and_foreign_bags(tmp_path):
     message.name = ['shoulder', 'elbow', 'wrist']
     writer.write('/joint_states', serialize_message(message), START, START)
     writer.close()
-    with pytest.raises(BagError, match='not one of this pendulum.*has no cart, joint1, joint2'):
+    with pytest.raises(BagError, match='not one of this pendulum.*has no cart, joint1; it names'):
         read_episode(tmp_path / 'arm')
 
 
@@ -243,7 +244,7 @@ def test_two_runs_in_one_are_refused(tmp_path):
 
 def test_run_of_the_plant_alone(tmp_path):
     writer = make_writer(tmp_path / 'bag')
-    description = String(data=urdf(BODIES, LIMITS))
+    description = String(data=urdf(PHYSICAL, LIMITS))
     writer.write('/robot_description', serialize_message(description), START, START)
     for n in range(3):
         message = to_joint_state(to_stamp(START + n), X[n], 0.0)

@@ -18,8 +18,9 @@ from std_msgs.msg import String
 from synthetic import first, swing_up
 import yaml
 
-from dp_swing_ros.bags.definitions import schema
-from dp_swing_ros.bags.writer import BagWriter, Recorded
+from dp_swing_ros.bags.metadata import Recorded
+from dp_swing_ros.bags.writer import BagWriter
+from dp_swing_ros.messages.definitions import schema
 
 SECONDS, MEMORY = 15, 3 << 30  # of a processor; [bytes] of addresses, most of them libraries
 TOOLS = ('analyse', 'verify', 'compare', 'recover', 'export', 'replay')
@@ -111,7 +112,7 @@ def test_parameter_files_do_not_unfold(tmp_path, text):
     (['--seeds', '0:99999999999'], 'are not up to 100000 seeds'),
     (['--seeds', '9' * 400], 'are not up to 100000 seeds'),
     (['--seeds', f'{"9" * 400}:1{"0" * 400}'], 'are not up to 100000 seeds'),
-    (['--levels', '99999999999'], 'is not a whole number above 0 and up to 10000'),
+    (['--levels', '99999999999'], 'is not a whole number of at least 1 and at most 10000'),
     (['--contestants', f'ilqr:seed={"9" * 400}'], 'a whole number of 1329 bits')])
 def test_numbers_of_a_campaign_are_bounded(tmp_path, arguments, text):
     code, shown = called('tools.evaluate', arguments, tmp_path)

@@ -82,7 +82,7 @@ def test_analyse_says_it_everywhere(bag, original, tmp_path, capsys):
 
 
 def has_warning(path):
-    """Tell whether a picture has the red of the notice in its upper right corner."""
+    """Return whether a picture has the red of the notice in its upper right corner."""
     with Image.open(path) as image:
         corner = image.convert('RGB').crop((image.width // 2, 0, image.width, 30))
     return bool(np.any(np.abs(np.asarray(corner, float) / 255 - to_rgb(WARNING)).sum(2) < 0.1))

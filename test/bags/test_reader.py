@@ -15,10 +15,10 @@ from recorded_bags import record
 from std_msgs.msg import String
 
 from dp_swing_ros.bags import read_episode
-from dp_swing_ros.bags.configurations import configurations_of
-from dp_swing_ros.bags.definitions import schema
+from dp_swing_ros.bags.episodes import configurations_of
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.errors import BagError
+from dp_swing_ros.messages.definitions import schema
 from dp_swing_ros.topics import CONFIGURATION, JOINT_STATES, ROBOT_DESCRIPTION
 
 STRING, STATE = 'std_msgs/msg/String', JOINT_STATES.type

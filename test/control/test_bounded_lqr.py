@@ -1,14 +1,14 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The catch holds what the regulator drops, and is the regulator where no bound acts."""
+"""The bounded LQR holds what the regulator drops, and is the regulator where no bound acts."""
 
 from controllers import controller
 import numpy as np
 import pytest
 
-from dp_swing_ros.control.bounded_lqr import Catch, find_gaps
-from dp_swing_ros.pendulum.state import ANGLES
-from dp_swing_ros.pendulum.trajectory import rollout
+from dp_swing_ros.control.bounded_lqr import BoundedLQR, find_gaps
+from dp_swing_ros.pendulum.model import rollout
+from dp_swing_ros.pendulum.state import angles
 from dp_swing_ros.problem.problem import regulator_rollout
 
 
@@ -22,13 +22,13 @@ def leaning(th_1, th_2):
 
 
 def angle(X):
-    return np.abs(X[:, ANGLES]).max()
+    return np.abs(X[:, angles(X)]).max()
 
 
 def test_without_a_bound_that_acts_it_is_the_regulator(problem):
     x = leaning(0.01, 0.008)
-    caught = Catch(problem).start(x)
-    np.testing.assert_allclose(caught.U, regulator_rollout(problem, x).U, atol=0.01)
+    found = BoundedLQR(problem).start(x)
+    np.testing.assert_allclose(found.U, regulator_rollout(problem, x).U, atol=0.01)
 
 
 # the last takes several passes
@@ -38,14 +38,14 @@ def test_without_a_bound_that_acts_it_is_the_regulator(problem):
 def test_it_holds_where_the_regulator_drops(problem, th_1, th_2):
     x = leaning(th_1, th_2)
     assert angle(rollout(problem.model, x, regulator_rollout(problem, x).U)) > 1.0
-    caught = Catch(problem).start(x)
-    assert angle(caught.X) < 0.4
-    assert np.abs(caught.U).max() <= problem.u_max
-    np.testing.assert_allclose(caught.X, rollout(problem.model, x, caught.U), atol=1e-6)
+    found = BoundedLQR(problem).start(x)
+    assert angle(found.X) < 0.4
+    assert np.abs(found.U).max() <= problem.u_max
+    np.testing.assert_allclose(found.X, rollout(problem.model, x, found.U), atol=1e-6)
 
 
 def test_out_of_reach_there_is_none(problem):
-    assert Catch(problem).start(leaning(0.7, 0.0)) is None
+    assert BoundedLQR(problem).start(leaning(0.7, 0.0)) is None
 
 
 def test_the_gaps_of_a_rollout_are_zero_and_those_of_another_path_are_not(problem, rng):

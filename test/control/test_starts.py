@@ -8,11 +8,12 @@ from controllers import controller
 import numpy as np
 import pytest
 
-from dp_swing_ros.pendulum.state import ANGLES, HANGING
-from dp_swing_ros.pendulum.trajectory import hold
-from dp_swing_ros.problem.problem import policy_rollout, regulator_rollout
+from dp_swing_ros.pendulum.model import hold
+from dp_swing_ros.pendulum.state import angles, hanging
+from dp_swing_ros.problem.problem import policy_rollout, regulator_rollout, turns_of
 
-HANGS = np.array(HANGING)
+HANGS = hanging()
+ANGLES = angles(HANGS)
 FALLING = np.array([0.1, 0.1, -0.05, 0.0, 0.3, 0.0])
 UP = np.array([0.1, 0.01, 0.01, 0.0, 0.0, 0.0])
 
@@ -34,7 +35,7 @@ def test_a_first_tick_starts_from_random_forces_and_from_others():
     np.testing.assert_array_equal(rest.U, 0.0)
     np.testing.assert_allclose(rest.X, np.tile(HANGS, (31, 1)), atol=1e-12)
     assert not np.array_equal(regulator.U, rest.U)
-    assert [len(plan.U) for plan in randoms] == [30]  # in place of the catch, out of reach
+    assert [len(plan.U) for plan in randoms] == [30]  # in place of the bounded LQR, out of reach
 
 
 def test_the_first_plan_may_start_from_zero():
@@ -51,7 +52,7 @@ def test_the_same_seed_gives_the_same_starts():
 
 def test_a_later_tick_starts_from_the_rest_of_the_last_plan_and_others_in_turn():
     c, x, left = after_a_plan()
-    last, random = starts_of(c, x, left)          # the catch, first in turn, is out of reach
+    last, random = starts_of(c, x, left)          # the bounded LQR, first in turn, is out of reach
     _, regulator = starts_of(c, x, left)
     np.testing.assert_array_equal(regulator.U, regulator_rollout(c.problem, x).U)
     assert not np.array_equal(random.U, regulator.U)
@@ -110,12 +111,12 @@ def test_a_start_that_leaves_the_numbers_is_left_out():
 
 
 @pytest.mark.parametrize('turn', [0.0, 2 * np.pi])
-def test_the_catch_of_a_whole_turn_is_the_same(turn):
+def test_the_bounded_lqr_of_a_whole_turn_is_the_same(turn):
     x = np.array([0.0, 0.2, 0.1, 0.0, 0.0, 0.0])
     x[ANGLES] += turn
-    caught = controller().starts.catch(x)
-    np.testing.assert_allclose(caught.X[0], x)
-    np.testing.assert_allclose(caught.X[-1, ANGLES], turn, atol=0.05)
+    start = controller().starts.bounded_lqr(x)
+    np.testing.assert_allclose(start.X[0], x)
+    np.testing.assert_allclose(start.X[-1, ANGLES], turn, atol=0.05)
 
 
 def test_several_ticks_a_step_start_from_the_cheaper_of_two_rests():
@@ -128,7 +129,8 @@ def test_several_ticks_a_step_start_from_the_cheaper_of_two_rests():
             rests = c.rests(begins)
             np.testing.assert_array_equal(rests[0].U, c.left_over(begins).U)
             np.testing.assert_array_equal(rests[1].U, plans[n - 5].U[1:])
-            costs = [policy_rollout(c.problem, x, rest.X, rest.U, rest.K).J for rest in rests]
+            costs = [policy_rollout(c.problem, x - turns_of(c.problem, rest.X[-1]), rest.X, rest.U,
+                                    rest.K).J for rest in rests]
             start = c.starts.last(x, rests)
             np.testing.assert_array_equal(start.U, rests[int(np.argmin(costs))].U)
             chosen.append(int(np.argmin(costs)))

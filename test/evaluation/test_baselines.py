@@ -8,7 +8,7 @@ import pytest
 from dp_swing_ros import configuration
 from dp_swing_ros.evaluation.baselines import BASELINES, stabilised, swing_up, TVLQR
 from dp_swing_ros.evaluation.metrics import measure
-from dp_swing_ros.pendulum.state import HANGING, is_upright
+from dp_swing_ros.pendulum.state import hanging, is_upright
 from dp_swing_ros.problem.plan import Status
 from dp_swing_ros.simulation.closed_loop import simulate
 
@@ -22,7 +22,7 @@ def reference():
 
 def test_the_swing_up_goes_from_hanging_to_upright_with_force_to_spare(reference):
     plan = reference.plan
-    np.testing.assert_array_equal(plan.X[0], HANGING)
+    np.testing.assert_array_equal(plan.X[0], hanging())
     assert is_upright(plan.X[-1])
     assert np.abs(plan.U).max() <= 0.8 * 20.0 + 1e-9
 
@@ -63,13 +63,13 @@ def test_a_start_near_the_goal_is_regulated_at_once(turns, reference):
 def test_near_is_what_costs_the_regulators_less(reference):
     x = np.array([0.0, 0.3, 0.3, 0.0, 0.0, 0.0])
     assert TVLQR(PROBLEM, reference).skips(x)
-    assert not TVLQR(PROBLEM, reference).skips(np.array(HANGING))
+    assert not TVLQR(PROBLEM, reference).skips(hanging())
     assert not TVLQR(PROBLEM, reference._replace(V=1e-9 * reference.V)).skips(x)
 
 
 def test_a_swing_up_of_another_turn_is_the_same(reference):
     turns = np.array([0.0, 2 * np.pi, -2 * np.pi, 0.0, 0.0, 0.0])
-    here, there = (TVLQR(PROBLEM, reference).update(0.0, HANGING + more, 0.0)
+    here, there = (TVLQR(PROBLEM, reference).update(0.0, hanging() + more, 0.0)
                    for more in (0 * turns, turns))
     np.testing.assert_allclose(there.U, here.U, atol=1e-6)
     np.testing.assert_allclose(there.X, here.X + turns, atol=1e-6)
@@ -77,18 +77,18 @@ def test_a_swing_up_of_another_turn_is_the_same(reference):
 
 def test_without_a_state_it_goes_on_with_what_it_predicted(reference):
     controller = TVLQR(PROBLEM, reference)
-    plan = controller.update(0.0, np.array(HANGING), 0.0)
-    blind = controller.stand_in(0.05)
+    plan = controller.update(0.0, hanging(), 0.0)
+    blind = controller.fallback(0.05)
     assert blind.stats.status is Status.LAST_POLICY
     np.testing.assert_allclose(blind.U[0], plan.U[1])
     for n in range(2, 100):
-        assert np.all(np.isfinite(controller.stand_in(0.05 * n).X))
+        assert np.all(np.isfinite(controller.fallback(0.05 * n).X))
 
 
 @pytest.mark.parametrize('name', BASELINES)
 def test_a_state_may_be_lost_before_the_first(name):
     controller = BASELINES[name](PROBLEM)(0)
-    assert controller.stand_in(0.0).control(0.0, np.array(HANGING)) == 0.0
+    assert controller.fallback(0.0).first_force(20.0) == 0.0
 
 
 @pytest.mark.parametrize('name', BASELINES)

@@ -65,7 +65,7 @@ def test_a_paired_ratio_is_that_of_the_cases_whatever_their_size(rng):
     assert found.pairs == 60
     assert found.low < 0.9 < found.high < found.low + 0.1
     assert paired_ratio(b, b)[1:] == (1.0, 1.0, 1.0)
-    assert math.isnan(paired_ratio(b[:1], b[:1]).value)
+    assert math.isnan(paired_ratio(b[:1], b[:1]).low)
 
 
 def test_the_interval_of_a_ratio_is_that_of_95_percent(rng):

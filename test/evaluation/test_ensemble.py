@@ -54,11 +54,12 @@ def test_what_is_not_known_lies_beyond_all():
     assert band(np.array([math.nan, 1.0, 2.0])) == (1.0, 2.0, math.inf)
 
 
-def test_an_ensemble_counts_and_bounds_its_runs():
-    episodes = [swing_up(rise=rise) for rise in (1.0, 1.5, 2.0, 6.0)]
+@pytest.mark.parametrize('links', [1, 2, 3])
+def test_an_ensemble_counts_and_bounds_its_runs(links):
+    episodes = [swing_up(rise=rise, links=links) for rise in (1.0, 1.5, 2.0, 6.0)]
     one = ensemble(episodes[0], [trial(episode) for episode in episodes])
     assert one.held[:2] == (3, 4)
-    assert one.error.low.shape == (len(episodes[0].t), 6)
+    assert one.error.low.shape == (len(episodes[0].t), 2 * links + 2)
     assert np.all(one.angle.low <= one.angle.median)
     assert np.all(one.angle.median <= one.angle.high)
     assert one.angle.high[0] == pytest.approx(math.pi)

@@ -122,6 +122,26 @@ def test_effort_is_summed_over_the_periods():
     assert metrics.squared_speed == pytest.approx(4.0 * (3.0 ** 2 + 2.0 ** 2))
 
 
+@pytest.mark.parametrize('links, speeds', [(1, [3.0]), (3, [3.0, -2.0, 4.0])])
+def test_squared_speeds_are_those_of_the_joints(links, speeds):
+    episode = swing_up(links=links)
+    X = np.zeros_like(episode.X)
+    X[:, links + 2:] = np.cumsum(speeds)   # of the links; those of the joints are between them
+    metrics = measure(dataclasses.replace(episode, X=X))
+    assert metrics.squared_speed == pytest.approx(4.0 * np.sum(np.square(speeds)))
+
+
+@pytest.mark.parametrize('links', [1, 3])
+def test_pendulums_of_other_numbers_of_links_are_measured(links):
+    episode = swing_up(links=links)
+    metrics = measure(episode)
+    assert metrics.success and metrics.closed_loop_cost > 0
+    X = episode.X.copy()
+    X[50, links] = 0.11   # the last angle alone
+    assert measure(dataclasses.replace(episode, X=X)).settling_time == pytest.approx(51 * PERIOD)
+    assert outcome(first(episode, 30)) is Outcome.NEVER_UP
+
+
 def test_roughness_is_that_of_all_the_run():
     forces = np.zeros(80)
     forces[:10] = [5.0, -5.0] * 5

@@ -6,16 +6,18 @@ import pytest
 from dp_swing_ros import configuration
 from dp_swing_ros.evaluation.campaign.scores import CRITERIA
 from dp_swing_ros.evaluation.scenarios import APART, FIRST_PUSH, LAST_PUSH, push_profile, SCENARIOS
+from dp_swing_ros.pendulum.state import angles, LINKS
 
 
-def cases(name, seeds=None, levels=0, duration=10.0):
-    return list(SCENARIOS[name].cases(name, seeds, levels, duration))
+def cases(name, seeds=None, levels=0, duration=10.0, links=2):
+    return list(SCENARIOS[name].cases(name, seeds, levels, duration, links))
 
 
+@pytest.mark.parametrize('links', LINKS)
 @pytest.mark.parametrize('name', SCENARIOS)
-def test_every_case_is_one_of_a_plant_that_there_is(name):
-    for case in cases(name, range(2), 3):
-        configuration.plant(case.plant)
+def test_every_case_is_one_of_a_plant_that_there_is(name, links):
+    for case in cases(name, range(2), 3, links=links):
+        configuration.plant({'links': links, **case.plant})
         assert case.scenario == name
         assert len(case.pushes) in (0, 200)
 
@@ -39,21 +41,23 @@ def test_six_criteria_make_the_robustness():
     assert CRITERIA == ['model', 'velocity_noise', 'force_noise', 'response', 'delay', 'pushes']
 
 
-def starts(name, seeds):
-    return np.array([case.plant['initial_state'] for case in cases(name, seeds)])
+def starts(name, seeds, links=2):
+    return np.array([case.plant['initial_state'] for case in cases(name, seeds, links=links)])
 
 
-def test_random_starts_fill_their_box():
-    largest = np.abs(starts('random', range(500))).max(axis=0)
-    box = np.array([1.0, np.pi, np.pi, 1.0, 3.0, 3.0])
+@pytest.mark.parametrize('links', LINKS)
+def test_random_starts_fill_their_box(links):
+    largest = np.abs(starts('random', range(500), links)).max(axis=0)
+    box = np.array([1.0, *[np.pi] * links, 1.0, *[3.0] * links])
     assert np.all(largest <= box)
     assert np.all(largest > 0.97 * box)
 
 
-def test_starts_near_the_goal_are_at_rest_in_the_middle():
-    X = starts('near_goal', range(200))
-    np.testing.assert_array_equal(X[:, [0, 3, 4, 5]], 0.0)
-    assert 0.29 < np.abs(X[:, 1:3]).max() <= 0.3
+@pytest.mark.parametrize('links', LINKS)
+def test_starts_near_the_goal_are_at_rest_in_the_middle(links):
+    X = starts('near_goal', range(200), links)
+    np.testing.assert_array_equal(np.delete(X, angles(X), axis=1), 0.0)
+    assert 0.29 < np.abs(X[:, angles(X)]).max() <= 0.3
 
 
 def test_a_start_is_not_made_of_the_numbers_of_the_first_plan():
@@ -84,10 +88,10 @@ def test_force_noise_goes_to_18_percent_of_the_limit():
 
 
 def test_the_middle_of_the_model_sweep_is_the_nominal_plant():
-    nominal = configuration.plant({}).bodies
+    nominal = configuration.plant({}).physical
     for case in cases('model', range(1), 3):
         if case.level == 1.0:
-            assert configuration.plant(case.plant).bodies == nominal
+            assert configuration.plant(case.plant).physical == nominal
 
 
 def test_pushes_are_strong_and_apart():

@@ -10,52 +10,65 @@ from synthetic import swing_up
 
 from dp_swing_ros.figures import counterfactual, regret
 from dp_swing_ros.pendulum.parameters import LimitParameters
-from dp_swing_ros.rerun.counterfactual import Fork
-from dp_swing_ros.rerun.runs import Course
+from dp_swing_ros.rerun.counterfactual import Counterfactual
+from dp_swing_ros.rerun.runs import ScoredTrajectory
 
 
-def course(solver, begin, end, cost, settled=2.0, scale=1.0):
+def trajectory(solver, begin, end, cost, settled=2.0, scale=1.0, links=2):
     """Return a part of a run that is made up."""
-    run = swing_up()
+    run = swing_up(links=links)
     part = slice(begin, end)
-    return Course(solver, run.t[part], scale * run.X[part], run.U[begin:end - 1], cost, settled)
+    return ScoredTrajectory(solver, run.t[part], scale * run.X[part], run.U[begin:end - 1], cost,
+                            settled)
 
 
-def made_up(at=10, costs=(120.0, 100.0, 100.5, 1000.0), settled=2.0, scale=1.0):
-    others = [course(solver, at, 80, cost, settled, scale)
+def made_up(at=10, costs=(120.0, 100.0, 100.5, 1000.0), settled=2.0, scale=1.0, links=2):
+    others = [trajectory(solver, at, 80, cost, settled, scale, links)
               for solver, cost in zip(('ilqr', 'ddp', 'mppi'), costs[1:])]
-    return Fork(0.05 * at, course('ilqr', 0, at + 1, 0.0), course('ilqr', at, 80, costs[0]),
-                others)
+    return Counterfactual(0.05 * at, trajectory('ilqr', 0, at + 1, 0.0, links=links),
+                          trajectory('ilqr', at, 80, costs[0], links=links), others)
 
 
 ODD = {'whole': made_up(), 'from the start': made_up(at=0), 'nobody held': made_up(
     settled=math.nan), 'no regret': made_up(costs=(5.0, 5.0, 5.0, 5.0)),
     'many turns': made_up(scale=9.0), 'one solver': made_up(costs=(5.0, 4.0)),
-    'unknown cost': made_up(costs=(math.nan, 4.0, 5.0, 6.0))}
+    'unknown cost': made_up(costs=(math.nan, 4.0, 5.0, 6.0)), 'one link': made_up(links=1),
+    'three links': made_up(links=3)}
 
 
 @pytest.mark.filterwarnings('error')
 @pytest.mark.parametrize('name', ODD)
 @pytest.mark.parametrize('draw', [
-    lambda fork: counterfactual(fork, LimitParameters()),
-    lambda fork: counterfactual(fork, LimitParameters(force_limit=math.inf)),
-    lambda fork: regret([fork]), lambda fork: regret([fork, fork._replace(at=3.0)])])
+    lambda one: counterfactual(one, LimitParameters()),
+    lambda one: counterfactual(one, LimitParameters(force_limit=math.inf)),
+    lambda one: regret([one]), lambda one: regret([one, one._replace(at=3.0)])])
 def test_pictures_are_not_blank_and_drawn_without_a_warning(draw, name, tmp_path):
     draw(ODD[name]).savefig(tmp_path / 'picture.png', dpi=50)
     with Image.open(tmp_path / 'picture.png') as image:
         assert np.asarray(image.convert('L')).std() > 5
 
 
-def test_every_solver_is_drawn_however_many_there_are():
-    others = [course(name, 10, 80, 100.0) for name in ('ilqr', 'ddp', 'mppi', 'mine', 'yours')]
-    figure = counterfactual(made_up()._replace(others=others), LimitParameters())
+@pytest.mark.parametrize('count', [1, 5, 12])
+def test_every_solver_is_drawn_however_many_there_are(count):
+    names = ['ilqr', 'ddp', 'mppi', *(f'mine{n}' for n in range(9))][:count]
+    one = made_up()._replace(others=[trajectory(name, 10, 80, 100.0) for name in names])
+    figure = counterfactual(one, LimitParameters())
     th_1, *_ = figure.axes
-    assert len([line for line in th_1.lines if len(line.get_xdata()) > 2]) == 6
+    assert len([line for line in th_1.lines if len(line.get_xdata()) > 2]) == count + 1
     forces = [axes for axes in figure.axes if axes.get_ylabel() == '$u$ [N]']
-    assert len(forces) == 6
-    colours = [line.get_color() for line in th_1.lines[:6]]
-    assert len(set(colours)) == 6
-    assert {line.get_linewidth() for line in th_1.lines[:6]} == {th_1.lines[0].get_linewidth()}
+    assert len(forces) == count + 1
+    colours = [line.get_color() for line in th_1.lines[:count + 1]]
+    assert len(set(colours)) == count + 1
+    assert {line.get_linewidth() for line in th_1.lines[:count + 1]} == {
+        th_1.lines[0].get_linewidth()}
+    assert len(regret([one]).axes[1].get_legend().get_texts()) == count + 1
+
+
+@pytest.mark.parametrize('links', [1, 3])
+def test_every_angle_has_a_panel(links):
+    figure = counterfactual(made_up(links=links), LimitParameters())
+    labels = [axes.get_ylabel().split(' [')[0] for axes in figure.axes][:links + 1]
+    assert labels == [*(rf'$\theta_{i}$' for i in range(1, links + 1)), '$x$']
 
 
 def test_the_cost_is_drawn_once_and_the_regret_is_in_words():
@@ -69,8 +82,8 @@ def test_the_cost_is_drawn_once_and_the_regret_is_in_words():
 
 
 def test_angles_begin_at_hanging_whatever_turn_was_recorded():
-    fork = made_up()
-    for part in (fork.past, fork.recorded, *fork.others):
+    one = made_up()
+    for part in (one.past, one.recorded, *one.others):
         part.X[:, 1] -= 2 * np.pi
-    th_1, *_ = counterfactual(fork, LimitParameters()).axes
+    th_1, *_ = counterfactual(one, LimitParameters()).axes
     assert th_1.lines[0].get_ydata()[0] == pytest.approx(np.pi)

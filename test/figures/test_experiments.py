@@ -14,8 +14,8 @@ from dp_swing_ros.figures import ERROR_FLOOR, squared_errors, swing_ups
 from dp_swing_ros.figures.experiments import moments
 
 
-def of(*rises, duration=4.0):
-    episodes = [swing_up(duration, rise) for rise in rises]
+def of(*rises, duration=4.0, links=2):
+    episodes = [swing_up(duration, rise, links=links) for rise in rises]
     return ensemble(episodes[0], [trial(episode) for episode in episodes])
 
 
@@ -35,8 +35,9 @@ def texts(figure):
 
 @pytest.mark.filterwarnings('error')
 @pytest.mark.parametrize('draw', [swing_ups, squared_errors])
-@pytest.mark.parametrize('ensembles', [BOTH, {'one': of(2.0)}, {'a': diverged(), 'b': of(1.0)}],
-                         ids=['two', 'one', 'diverged'])
+@pytest.mark.parametrize('ensembles', [BOTH, {'one': of(2.0)}, {'a': diverged(), 'b': of(1.0)},
+                                       {'a': of(1.0, links=1)}, {'a': of(1.0, 2.0, links=3)}],
+                         ids=['two', 'one', 'diverged', 'one link', 'three links'])
 def test_picture_is_written_and_not_blank(draw, ensembles, tmp_path):
     draw(ensembles, 'Fig. 0').savefig(tmp_path / 'picture.png', dpi=60)
     with Image.open(tmp_path / 'picture.png') as image:

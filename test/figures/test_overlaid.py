@@ -26,6 +26,14 @@ def test_every_run_is_in_every_panel_in_its_own_colour():
         assert [line.get_color() for line in axes.lines[:2]] == colours
 
 
+@pytest.mark.parametrize('links', [(1, 1), (3, 3), (1, 2, 3)])
+def test_every_angle_of_the_longest_pendulum_has_a_panel(links):
+    panels = overlay({str(n): swing_up(links=each) for n, each in enumerate(links)}).axes
+    assert len(panels) == max(links) + 3
+    for i, axes in enumerate(panels[:max(links)]):
+        assert len(axes.lines) == sum(each > i for each in links)
+
+
 @pytest.mark.filterwarnings('error')
 @pytest.mark.parametrize('runs', [
     {'alone': without_ticks(swing_up())}, {'$x': swing_up(), '\\bar$': first(swing_up(), 2)},

@@ -71,7 +71,7 @@ def test_its_accelerations_are_ours(rng):
         x, u = rng.normal(size=6) * (0.5, 3, 3, 2, 5, 5), rng.normal() * 10
         rig.set_state(x)
         np.testing.assert_allclose(rig.state(), x, rtol=0, atol=1e-12)
-        np.testing.assert_allclose(rig.accelerations(u), derivative(p, *x[1:], u), rtol=1e-9,
+        np.testing.assert_allclose(rig.accelerations(u), derivative(p, x, u)[3:], rtol=1e-9,
                                    atol=1e-9)
 
 

@@ -6,7 +6,7 @@ import pytest
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 
-from dp_swing_ros.bags.fields import nanoseconds, to_force
+from dp_swing_ros.messages.fields import nanoseconds, to_force
 from dp_swing_ros.nodes.messages import (
     from_diagnostics, from_trajectory, seconds, to_diagnostics, to_joint_state, to_stamp, to_state,
     to_trajectory)
@@ -23,7 +23,7 @@ def sent(message):
 
 def test_state_comes_back_to_the_bit():
     message = sent(to_joint_state(STAMP, X, 7.5))
-    assert np.array_equal(to_state(message), X)
+    assert np.array_equal(to_state(message, 2), X)
     assert to_force(message) == 7.5
     assert list(message.effort) == [7.5, 0.0, 0.0]   # the joints are free
     assert nanoseconds(message.header.stamp) == 1_795_225_249_631_521_481
@@ -32,14 +32,14 @@ def test_state_comes_back_to_the_bit():
 def test_joints_are_found_by_name():
     message = JointState(name=['joint2', 'wheel', 'cart', 'joint1'],
                          position=[3.0, 9.0, 1.0, 2.0], velocity=[6.0, 9.0, 4.0, 5.0])
-    assert to_state(message).tolist() == [1, 2, 3, 4, 5, 6]
+    assert to_state(message, 2).tolist() == [1, 2, 3, 4, 5, 6]
     assert np.isnan(to_force(message))
     message.effort = [0.3, 0.9, 7.5, 0.2]
     assert to_force(message) == 7.5
 
 
 def test_nan_is_left_to_the_controller():
-    assert np.isnan(to_state(to_joint_state(STAMP, np.full(6, np.nan), 0.0))).all()
+    assert np.isnan(to_state(to_joint_state(STAMP, np.full(6, np.nan), 0.0), 2)).all()
 
 
 @pytest.mark.parametrize('fields, text', [
@@ -49,7 +49,7 @@ def test_nan_is_left_to_the_controller():
 ])
 def test_incomplete_state_is_refused(fields, text):
     with pytest.raises(ValueError, match=text):
-        to_state(JointState(**fields))
+        to_state(JointState(**fields), 2)
 
 
 def test_plan_comes_back_to_the_bit():

@@ -16,13 +16,11 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
+from dp_swing_ros import configuration
 from dp_swing_ros.nodes.messages import (
     from_diagnostics, from_trajectory, seconds, to_joint_state, to_stamp)
-from dp_swing_ros.pendulum.equations import Pendulum
-from dp_swing_ros.pendulum.parameters import PendulumParameters
-from dp_swing_ros.pendulum.rk4 import RK4
-from dp_swing_ros.pendulum.state import HANGING
-from dp_swing_ros.pendulum.trajectory import rollout
+from dp_swing_ros.pendulum.model import rollout
+from dp_swing_ros.pendulum.state import hanging, joints, upright
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.topics import DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES, PLAN
 
@@ -89,7 +87,7 @@ def test_the_published_plan_re_integrates_to_itself(peer, start_node):
     talk.send(LEANING)
     assert peer.until(lambda: talk.plans)
     plan = from_trajectory(talk.plans[0])
-    model = RK4.of(Pendulum.of(PendulumParameters()), 0.05)
+    model = configuration.problem({}).model
     np.testing.assert_array_equal(plan.X[0], LEANING)
     np.testing.assert_allclose(rollout(model, LEANING, plan.U), plan.X, atol=1e-12)
     np.testing.assert_allclose(plan.t, np.arange(31) * 0.05, atol=1e-9)
@@ -98,7 +96,7 @@ def test_the_published_plan_re_integrates_to_itself(peer, start_node):
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
 def test_the_stream_of_commands_ends_with_zero(peer, start_node, number):
     talk = Conversation(peer, start_node)
-    assert talk.send(HANGING) != 0.0
+    assert talk.send(hanging()) != 0.0
     talk.node.signal(number)
     assert peer.until(lambda: len(talk.forces) > 1)
     assert talk.forces[-1].data == 0.0
@@ -122,7 +120,7 @@ def test_a_state_that_is_not_finite_is_answered_from_the_last_plan(peer, start_n
     assert force == pytest.approx(planned, abs=1e-6)
     report = talk.report()
     assert report.level == 2
-    assert 'expected six finite numbers' in report.message
+    assert 'expected 6 finite numbers' in report.message
     assert report.values['status'] == 'LAST_POLICY'
     talk.send(LEANING)
     assert talk.report().values['status'] == 'CONVERGED'
@@ -145,6 +143,22 @@ def test_joints_may_come_in_any_order_but_none_may_miss(peer, start_node):
     assert talk.forces[-1].data == expected
     talk.states.publish(JointState(name=['cart'], position=[0.0], velocity=[0.0]))
     talk.node.wait_for('JointState has no joint1, joint2')
+
+
+@pytest.mark.parametrize('links', [1, 3])
+def test_pendulums_with_other_numbers_of_links_are_controlled(peer, start_node, links):
+    talk = Conversation(peer, start_node, {'links': links})
+    leaning = upright(links)
+    leaning[1] = 0.02
+    force = talk.send(leaning)
+    assert force != 0.0
+    assert peer.until(lambda: talk.plans)
+    plan, values = from_trajectory(talk.plans[0]), talk.report().values
+    assert plan.X.shape[1] == 2 * links + 2 and plan.U[0] == force
+    assert {f'estimate_{joint}_position' for joint in joints(links)} <= set(values)
+    assert f'link{links}_mass' in values and f'link{links + 1}_mass' not in values
+    talk.states.publish(to_joint_state(to_stamp(10 ** 9), hanging(links)[:-2], 0.0))
+    talk.node.wait_for(f'JointState has no joint{links}')
 
 
 @pytest.mark.parametrize('name', ['ilqr', 'mppi'])
@@ -203,7 +217,7 @@ def test_where_states_stop_the_plan_is_followed_and_then_the_force_is_zero(peer,
 def test_after_a_single_state_the_force_ends_too(peer, start_node):
     """The watchdog has learnt no period yet."""
     talk = Conversation(peer, start_node, {'clock': 'stamps'})
-    assert talk.send(HANGING, peer.node.get_clock().now().to_msg()) != 0.0
+    assert talk.send(hanging(), peer.node.get_clock().now().to_msg()) != 0.0
     assert peer.until(lambda: talk.forces[-1].data == 0.0)
 
 
@@ -281,7 +295,7 @@ def test_the_estimate_is_reported(peer, start_node):
 
 
 @pytest.mark.parametrize(('parameters', 'words'), [
-    ({'estimator': 'ukf'}, ('estimator', "'ukf'", 'one of none, ekf')),
+    ({'estimator': 'ukf'}, ('estimator', "'ukf'", 'one of ekf, none')),
     ({'ekf.gates': 5.0}, ("unknown parameter 'ekf.gates'", "did you mean 'ekf.gate'")),
     ({'solver': 'lqr'}, ('solver', "'lqr'", 'one of ddp, ilqr, mppi')),
     ({'mppi.sample': 5}, ("unknown parameter 'mppi.sample'", "did you mean 'mppi.samples'")),
@@ -330,7 +344,7 @@ def test_a_second_master_is_a_warning_in_the_diagnostics(peer, start_node):
 @pytest.mark.parametrize('solver', sorted(SOLVERS))
 def test_long_steps_end_in_no_traceback(peer, start_node, solver, step):
     talk = Conversation(peer, start_node, {'step': step, 'solver': solver})
-    for x in (LEANING, HANGING):
+    for x in (LEANING, hanging()):
         assert abs(talk.send(x)) <= 20.0
     assert talk.node.stop() == 0
     assert 'Traceback' not in talk.node.output()

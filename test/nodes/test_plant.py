@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The plant as a process: what it publishes, obeys, refuses, and how it ends."""
 
+import functools
 import itertools
 import math
 import signal
@@ -19,9 +20,13 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, String
 from std_srvs.srv import Trigger
 
-from dp_swing_ros.nodes.messages import from_diagnostics, seconds, to_stamp, to_state
-from dp_swing_ros.nodes.offers import request_for
+from dp_swing_ros.nodes import messages
+from dp_swing_ros.nodes.messages import from_diagnostics, seconds, to_stamp
+from dp_swing_ros.nodes.qos import request_for
+from dp_swing_ros.pendulum.state import hanging, joints
 from dp_swing_ros.topics import DIAGNOSTICS, DISTURBANCE, FORCE_COMMAND, JOINT_STATES
+
+to_state = functools.partial(messages.to_state, links=2)
 
 
 @pytest.fixture
@@ -46,6 +51,14 @@ def test_states_come_at_the_rate_with_names_and_stamps(peer, start_node):
     assert np.median(np.diff(stamps)) == pytest.approx(0.05, abs=0.005)
     assert abs(stamps[-1] - peer.node.get_clock().now().nanoseconds / 1e9) < 1
     assert node.stop() == 0
+
+
+@pytest.mark.parametrize('links', [1, 3])
+def test_states_have_as_many_joints_as_there_are_links(peer, start_node, links):
+    _, states = first_states(peer, start_node, links=links)
+    assert list(states[0].name) == list(joints(links))
+    np.testing.assert_array_equal(messages.to_state(states[0], links), hanging(links))
+    assert len(states[0].effort) == links + 1
 
 
 def test_a_force_moves_the_cart_and_is_reported(peer, start_node):
@@ -278,6 +291,8 @@ def test_the_status_says_whose_it_is(peer, start_node):
     ({'link1_masss': 1.0}, ("unknown parameter 'link1_masss'", "did you mean 'link1_mass'")),
     ({'link1_mass': -1.0}, ('link1_mass', 'at least 0.001 kg')),
     ({'initial_state': [0.0, 1.0]}, ('initial_state', 'list of 6 numbers')),
+    ({'link3_mass': 0.5}, ("'link3_mass'", '3 links', 'this one has 2')),
+    ({'links': 1, 'link2_mass': 0.5}, ("'link2_mass'", '2 links', 'this one has 1')),
     ({'integrator': 'rk5'}, ('integrator', 'one of rk4, euler'))])
 def test_impossible_parameters_end_it_with_one_line(start_node, parameters, words):
     node = start_node('plant', parameters)

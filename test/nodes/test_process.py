@@ -16,8 +16,9 @@ import sys
 import time
 
 from dp_swing_ros.errors import UserError
+from dp_swing_ros.nodes.parameters import named
 from dp_swing_ros.nodes.process import ProcessNode, run
-from dp_swing_ros.nodes.ros_parameters import declare, settle
+from dp_swing_ros.nodes.ros_parameters import declare
 from dp_swing_ros.parameters import parameter, Parameters
 
 
@@ -38,8 +39,7 @@ class ExampleNode(ProcessNode):
 
     def __init__(self):
         super().__init__('example')
-        self.mode = declare(self, Example).mode
-        settle(self)
+        self.mode = declare(self, named(Example))['mode']
         self.create_timer(0.01, self.tick)
         self.ticks = 0
 

@@ -9,6 +9,7 @@ import subprocess
 
 from conftest import wait_until
 from made_bags import encoded, LATCHED, START, write_bag
+from mcap.records import Channel, Schema
 import numpy as np
 from peer import Peer
 import pytest
@@ -20,13 +21,14 @@ from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
 from dp_swing_ros.bags import read_episode
+from dp_swing_ros.bags.channels import ChannelInfo
 from dp_swing_ros.bags.episodes import reports_of, samples_of
-from dp_swing_ros.bags.fields import nanoseconds
-from dp_swing_ros.bags.reader import Bag, Offer
+from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.errors import BagError
 from dp_swing_ros.evaluation.comparison import table
 from dp_swing_ros.evaluation.metrics import measure
-from dp_swing_ros.nodes.connections import publish_again
+from dp_swing_ros.messages.fields import nanoseconds
+from dp_swing_ros.nodes.replay import publish_again
 from dp_swing_ros.topics import FORCE_COMMAND
 
 MESSAGES = [(0.0, '/a', 0), (0.05, '/b', 1), (0.3, '/a', 2), (0.3, '/b', 3), (0.7, '/a', 4)]
@@ -206,8 +208,14 @@ QOS = """
 """
 
 
+def channel(kind, encoding, qos):
+    """Return a channel as a bag has it."""
+    return ChannelInfo(Channel(1, '/a', encoding, {'offered_qos_profiles': qos}, 1),
+                       Schema(1, b'', 'ros2msg', kind))
+
+
 def test_each_old_subscriber_is_satisfied(peer):
-    offered = publish_again(peer.node, '/a', Offer('std_msgs/msg/Float64', 'cdr', QOS))
+    offered = publish_again(peer.node, '/a', channel('std_msgs/msg/Float64', 'cdr', QOS))
     heard = [hear(peer, '/a', profile) for profile in (
         qos_profile_sensor_data, QoSProfile(
             depth=1, reliability=ReliabilityPolicy.RELIABLE, deadline=Duration(seconds=1),
@@ -220,20 +228,20 @@ def test_each_old_subscriber_is_satisfied(peer):
     assert offered.qos_profile.depth == 2000
 
 
-@pytest.mark.parametrize('offer, reason', [
-    (Offer('std_msgs/msg/Float64', 'json', ''), "it is encoded as 'json'"),
-    (Offer('nobody_msgs/msg/Thing', 'cdr', ''), "No module named 'nobody_msgs'"),
-    (Offer('std_msgs/msg/Thing', 'cdr', ''), "no attribute 'Thing'"),
-    (Offer('', 'cdr', ''), 'cannot be published'),
-    (Offer('std_msgs/msg/Float64', 'cdr', '['), "its quality of service is '\\['"),
-    (Offer('std_msgs/msg/Float64', 'cdr', '[{reliability: some}]'), 'SOME')])
-def test_what_cannot_be_published_is_told(peer, offer, reason):
+@pytest.mark.parametrize('what, reason', [
+    (channel('std_msgs/msg/Float64', 'json', ''), "it is encoded as 'json'"),
+    (channel('nobody_msgs/msg/Thing', 'cdr', ''), "No module named 'nobody_msgs'"),
+    (channel('std_msgs/msg/Thing', 'cdr', ''), "no attribute 'Thing'"),
+    (channel('', 'cdr', ''), 'cannot be published'),
+    (channel('std_msgs/msg/Float64', 'cdr', '['), "its quality of service is '\\['"),
+    (channel('std_msgs/msg/Float64', 'cdr', '[{reliability: some}]'), 'SOME')])
+def test_what_cannot_be_published_is_told(peer, what, reason):
     with pytest.raises(BagError, match=reason):
-        publish_again(peer.node, '/a', offer)
+        publish_again(peer.node, '/a', what)
 
 
 def recorded(bag):
-    """Tell whether a logger has finished a bag."""
+    """Return whether a logger has finished a bag."""
     return (bag / 'metadata.yaml').exists()
 
 

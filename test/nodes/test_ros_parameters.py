@@ -12,10 +12,11 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
-from dp_swing_ros.nodes.parameters import table
-from dp_swing_ros.nodes.ros_parameters import declare, settle
+from dp_swing_ros import configuration
+from dp_swing_ros.nodes.parameters import named, table
+from dp_swing_ros.nodes.ros_parameters import declare, declare_pendulum
 from dp_swing_ros.parameters import parameter, ParameterError, Parameters
-from dp_swing_ros.problem.parameters import PredictionParameters
+from dp_swing_ros.pendulum.state import joints, LINKS, SIZES
 
 
 @dataclasses.dataclass(frozen=True)
@@ -23,7 +24,8 @@ class Example(Parameters):
     rate: float = parameter(20.0, 'states per second', unit='Hz', minimum=1.0, maximum=1000.0)
     bound: float = parameter(1.0, 'a bound', finite=False)
     samples: int = parameter(5, 'number of samples', minimum=1)
-    weights: tuple[float, ...] = parameter((1.0, 2.0), 'weights', minimum=0.0, size=2)
+    weights: tuple[float, ...] = parameter(
+        (1.0, 2.0, 3.0, 4.0), 'weights', minimum=0.0, size=SIZES)
     names: tuple[str, ...] = parameter(('a', 'b'), 'names')
     kind: str = parameter('rk4', 'the kind', choices=lambda: ['rk4', 'euler'])
     fast: bool = parameter(False, 'in a hurry')
@@ -46,28 +48,34 @@ def make_node(tmp_path):
     rclpy.try_shutdown()
 
 
+def declare_example(node, prefix=''):
+    """Declare the example for one link; return its values."""
+    values = declare(node, {prefix + name: field for name, field in named(Example).items()}, 1)
+    return Example(**{name.removeprefix(prefix): value for name, value in values.items()})
+
+
 def given(*pairs):
     return [argument for pair in pairs for argument in ('-p', pair)]
 
 
 def test_defaults(make_node):
     node = make_node()
-    assert declare(node, Example) == Example()
-    settle(node)
-    assert node.get_parameter('weights').value == [1.0, 2.0]
+    assert declare_example(node) == Example()
+    assert node.get_parameter('weights').value == [1.0, 2.0, 3.0, 4.0]
 
 
 def test_values_of_every_type(make_node):
-    node = make_node(*given('rate:=5.5', 'bound:=.inf', 'samples:=7', 'weights:=[3.0, 4.0]',
-                            'names:=[x]', 'kind:=euler', 'fast:=true'))
-    assert declare(node, Example) == Example(5.5, math.inf, 7, (3.0, 4.0), ('x',), 'euler', True)
-    settle(node)
+    node = make_node(*given('rate:=5.5', 'bound:=.inf', 'samples:=7',
+                            'weights:=[3.0, 4.0, 5.0, 6.0]', 'names:=[x]', 'kind:=euler',
+                            'fast:=true'))
+    assert declare_example(node) == Example(
+        5.5, math.inf, 7, (3.0, 4.0, 5.0, 6.0), ('x',), 'euler', True)
 
 
 def test_whole_numbers_will_do_for_numbers(make_node):
-    node = make_node(*given('rate:=5', 'weights:=[3, 4]'))
-    example = declare(node, Example)
-    assert (example.rate, example.weights) == (5.0, (3.0, 4.0))
+    node = make_node(*given('rate:=5', 'weights:=[3, 4, 5, 6]'))
+    example = declare_example(node)
+    assert (example.rate, example.weights) == (5.0, (3.0, 4.0, 5.0, 6.0))
     assert node.get_parameter('rate').type_ is Parameter.Type.DOUBLE
 
 
@@ -76,8 +84,7 @@ def test_prefix_file_and_empty_list(make_node, tmp_path):
     file.write_text('example:\n  ros__parameters:\n'
                     '    mppi:\n      samples: 9\n      names: []\n')
     node = make_node('--params-file', str(file))
-    assert declare(node, Example, 'mppi') == Example(samples=9, names=())
-    settle(node)
+    assert declare_example(node, 'mppi.') == Example(samples=9, names=())
 
 
 @pytest.mark.parametrize('wrong, text', [
@@ -91,12 +98,12 @@ def test_prefix_file_and_empty_list(make_node, tmp_path):
     ('samples:=0', 'at least 1'),
     ('samples:=1.5', 'a whole number'),
     ('samples:=true', 'a whole number'),
-    ('weights:=[1.0]', 'a list of 2 numbers'),
-    ('weights:=[]', 'a list of 2 numbers'),
-    ('weights:=12', 'a list of 2 numbers'),
-    ('weights:=ab', 'a list of 2 numbers'),
-    ("weights:=['1', '2']", 'a list of 2 numbers'),
-    ('weights:=[1.0, -1.0]', 'at least 0'),
+    ('weights:=[1.0]', 'a list of 4 numbers'),
+    ('weights:=[]', 'a list of 4 numbers'),
+    ('weights:=12', 'a list of 4 numbers'),
+    ('weights:=ab', 'a list of 4 numbers'),
+    ("weights:=['1', '2', '3', '4']", 'a list of 4 numbers'),
+    ('weights:=[1.0, -1.0, 1.0, 1.0]', 'at least 0'),
     ('names:=[1, 2]', 'a list, each a text'),
     ('names:=a', 'a list, each a text'),
     ('kind:=rk5', 'one of rk4, euler'),
@@ -106,14 +113,13 @@ def test_prefix_file_and_empty_list(make_node, tmp_path):
 def test_bad_value_is_refused(make_node, wrong, text):
     node = make_node(*given(f'mppi.{wrong}'))
     with pytest.raises(ParameterError, match=text):
-        declare(node, Example, 'mppi')
+        declare_example(node, 'mppi.')
 
 
 def test_unknown_name_is_refused_with_the_choices(make_node):
     node = make_node(*given('smaples:=5'))
-    declare(node, Example)
     with pytest.raises(ParameterError) as caught:
-        settle(node)
+        declare_example(node)
     assert str(caught.value).startswith(
         "unknown parameter 'smaples' of the node 'example'; did you mean 'samples'? available: "
         'bound, fast, kind, names, rate, samples')
@@ -121,8 +127,7 @@ def test_unknown_name_is_refused_with_the_choices(make_node):
 
 def test_parameters_of_other_nodes_are_not_meant(make_node):
     node = make_node(*given('other:smaples:=5'))
-    declare(node, Example)
-    settle(node)
+    declare_example(node)
 
 
 @pytest.mark.parametrize('own, more, refused', [
@@ -135,14 +140,13 @@ def test_unknown_names_for_any_node_are_for_others_unless_told_to_this_one(
     arguments = ['--params-file', str(file), *more]
     monkeypatch.setattr(sys, 'argv', ['example', '--ros-args', *arguments])
     node = make_node(*arguments)
-    declare(node, Example)
     with pytest.raises(ParameterError) if refused else nullcontext():
-        settle(node)
+        declare_example(node)
 
 
 def test_descriptors_tell_everything(make_node):
     node = make_node()
-    declare(node, Example)
+    declare_example(node)
     rate, samples = node.describe_parameter('rate'), node.describe_parameter('samples')
     assert rate.description == 'states per second [Hz]'
     assert rate.read_only
@@ -150,30 +154,53 @@ def test_descriptors_tell_everything(make_node):
             rate.floating_point_range[0].to_value) == (1.0, 1000.0)
     assert (samples.integer_range[0].from_value,
             samples.integer_range[0].to_value) == (1, 2 ** 63 - 1)
-    declare(node, PredictionParameters)
-    horizon = node.describe_parameter('horizon').integer_range[0]
-    assert (horizon.from_value, horizon.to_value) == (1, 1000)
     assert node.describe_parameter('kind').additional_constraints == 'one of rk4, euler'
     assert node.describe_parameter('weights').additional_constraints == \
-        '2 numbers, each at least 0'
+        '2 numbers and 2 a link, each at least 0'
 
 
 def test_values_do_not_change_at_run_time(make_node):
     node = make_node()
-    declare(node, Example)
+    declare_example(node)
     result = node.set_parameters([Parameter('rate', value=5.0)])[0]
     assert not result.successful
     assert node.get_parameter('rate').value == 20.0
 
 
+@pytest.mark.parametrize('links', LINKS)
+@pytest.mark.parametrize('kind', configuration.NODES)
+def test_a_pendulum_has_the_parameters_of_its_links(make_node, kind, links):
+    node = make_node(*given(f'links:={links}'))
+    values = declare_pendulum(node, kind)
+    assert values == configuration.complete(kind, {'links': links})
+    for name in ('link{}_mass', 'link{}_length', 'link{}_inertia_factor', 'joint{}_friction'):
+        assert [node.has_parameter(name.format(i)) for i in LINKS] == [i <= links for i in LINKS]
+    listed = 'initial_state' if kind == 'plant' else 'reference'
+    assert len(node.get_parameter(listed).value) == 2 * len(joints(links))
+
+
+@pytest.mark.parametrize('pairs, words', [
+    (['link3_mass:=0.5'], ("'link3_mass'", '3 links', 'has 2', 'parameter links')),
+    (['links:=1', 'joint2_friction:=0.1'], ("'joint2_friction'", '2 links', 'has 1')),
+    (['links:=4'], ("'links' is 4", 'at most 3')),
+    (['links:=3', 'initial_state:=[0.0, 0.0, 0.0, 0.0]'], ('initial_state', '8 numbers'))])
+def test_what_a_pendulum_of_so_many_links_lacks_is_refused(make_node, pairs, words):
+    node = make_node(*given(*pairs))
+    with pytest.raises(ParameterError) as caught:
+        declare_pendulum(node, 'plant')
+    assert all(word in str(caught.value) for word in words), caught.value
+
+
 def test_table():
-    assert table([('mppi', Example)]).splitlines() == [
+    fields = {f'mppi.{name}': field for name, field in named(Example).items()}
+    assert table(fields).splitlines() == [
         '| parameter | default | unit | range | description |',
         '| --- | --- | --- | --- | --- |',
         '| `mppi.rate` | `20` | Hz | at least 1, at most 1000 | states per second |',
         '| `mppi.bound` | `1` |  |  | a bound |',
         '| `mppi.samples` | `5` |  | at least 1 | number of samples |',
-        '| `mppi.weights` | `[1, 2]` |  | 2 numbers, each at least 0 | weights |',
+        '| `mppi.weights` | `[1, 2, 3, 4]` |  | 2 numbers and 2 a link, each at least 0 | '
+        'weights |',
         '| `mppi.names` | `[a, b]` |  |  | names |',
         '| `mppi.kind` | `rk4` |  | one of rk4, euler | the kind |',
         '| `mppi.fast` | `false` |  |  | in a hurry |']

@@ -5,7 +5,7 @@
 import numpy as np
 import pytest
 
-from dp_swing_ros.bags.configurations import Configuration
+from dp_swing_ros.messages.configuration import Configuration
 from dp_swing_ros.nodes.timing import announcement_of, Clock, Timing
 
 NOW = 1000.0   # [s]

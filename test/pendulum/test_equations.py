@@ -1,152 +1,170 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The equations of motion against an outside engine, and against the energy they must keep."""
+"""The equations of motion against an outside engine, the paper, and the energy they must keep."""
 
 import mujoco
 import numpy as np
 import pytest
 
-from dp_swing_ros.pendulum.equations import derivative, energy, joints, Pendulum, stop
+from dp_swing_ros.pendulum.equations import (
+    derivative, energy, inverse_inertia, mass_matrix, Pendulum, solve)
+from dp_swing_ros.pendulum.geometry import joint_positions
+from dp_swing_ros.pendulum.integrators import INTEGRATORS, rk4
+from dp_swing_ros.pendulum.model import Model, rollout
 from dp_swing_ros.pendulum.parameters import PendulumParameters
-from dp_swing_ros.pendulum.rk4 import RK4
-from dp_swing_ros.pendulum.trajectory import rollout
+from dp_swing_ros.pendulum.state import angles, LINKS, SIZES, upright
 
-BODIES = PendulumParameters(
-    cart_mass=1.3, link1_mass=0.4, link2_mass=0.7, link1_length=0.8, link2_length=1.1,
-    link1_inertia_factor=1.25, link2_inertia_factor=0.6,
-    cart_friction=0.3, joint1_friction=0.1, joint2_friction=0.05)
+UNEVEN = {'cart_mass': 1.3, 'link1_mass': 0.4, 'link2_mass': 0.7, 'link3_mass': 0.3,
+          'link1_length': 0.8, 'link2_length': 1.1, 'link3_length': 0.6,
+          'link1_inertia_factor': 1.25, 'link2_inertia_factor': 0.6, 'link3_inertia_factor': 0.9,
+          'cart_friction': 0.3, 'joint1_friction': 0.1, 'joint2_friction': 0.05,
+          'joint3_friction': 0.02}
+
+of_links = pytest.mark.parametrize('links', LINKS)
 
 
-def mujoco_model(bodies):
-    """Build the same bodies in MuJoCo, whose second hinge measures θ2 - θ1."""
-    def link(mass, length, factor):
-        about_centre = factor * mass * length ** 2 / 12
-        return (f'<inertial pos="0 0 {length / 2}" mass="{mass}" '
-                f'diaginertia="{about_centre} {about_centre} {about_centre}"/>')
+def mujoco_model(physical):
+    """Build the same pendulum in MuJoCo, whose hinges measure θi - θi-1."""
+    inside = ''
+    for i in reversed(range(physical.links)):
+        mass, length = physical.masses[i + 1], physical.lengths[i]
+        about_centre = physical.inertia_factors[i] * mass * length ** 2 / 12
+        base = physical.lengths[i - 1] if i > 0 else 0
+        inside = f"""
+            <body pos="0 0 {base}">
+              <joint type="hinge" axis="0 1 0" damping="{physical.frictions[i + 1]}"/>
+              <inertial pos="0 0 {length / 2}" mass="{mass}"
+                        diaginertia="{about_centre} {about_centre} {about_centre}"/>{inside}
+            </body>"""
     return mujoco.MjModel.from_xml_string(f"""
         <mujoco>
-          <option gravity="0 0 {-bodies.gravity}"/>
+          <option gravity="0 0 {-physical.gravity}"/>
           <worldbody><body>
-            <joint type="slide" axis="1 0 0" damping="{bodies.cart_friction}"/>
-            <inertial pos="0 0 0" mass="{bodies.cart_mass}" diaginertia="1 1 1"/>
-            <body>
-              <joint type="hinge" axis="0 1 0" damping="{bodies.joint1_friction}"/>
-              {link(bodies.link1_mass, bodies.link1_length, bodies.link1_inertia_factor)}
-              <body pos="0 0 {bodies.link1_length}">
-                <joint type="hinge" axis="0 1 0" damping="{bodies.joint2_friction}"/>
-                {link(bodies.link2_mass, bodies.link2_length, bodies.link2_inertia_factor)}
-              </body>
-            </body>
+            <joint type="slide" axis="1 0 0" damping="{physical.cart_friction}"/>
+            <inertial pos="0 0 0" mass="{physical.cart_mass}" diaginertia="1 1 1"/>{inside}
           </body></worldbody>
         </mujoco>""")
 
 
-@pytest.mark.parametrize('bodies', [PendulumParameters(), BODIES])
-def test_accelerations_agree_with_mujoco(bodies, rng):
-    model = mujoco_model(bodies)
+def to_relative(q):
+    """Return the cart's coordinate, and each link's relative to the link before."""
+    return [q[0], *np.diff(q[1:], prepend=0.0)]
+
+
+def random_state(rng, links):
+    return rng.normal(size=SIZES[links]) * (1, *[3] * links, 2, *[5] * links)
+
+
+def mass_matrix_at(p, x):
+    th = x[angles(x)]
+    return np.array(mass_matrix(p, np.sin(th), np.cos(th)))
+
+
+@pytest.mark.parametrize('values', [{}, UNEVEN], ids=['default', 'uneven'])
+@of_links
+def test_accelerations_agree_with_mujoco(links, values, rng):
+    physical = PendulumParameters(links=links, **values)
+    model, p = mujoco_model(physical), Pendulum.of(physical)
     data = mujoco.MjData(model)
-    p = Pendulum.of(bodies)
     for _ in range(200):
-        x, u = rng.normal(size=6) * (1, 3, 3, 2, 5, 5), rng.normal() * 20
-        data.qpos[:] = x[0], x[1], x[2] - x[1]
-        data.qvel[:] = x[3], x[4], x[5] - x[4]
-        data.qfrc_applied[:] = u, 0, 0
+        x, u = random_state(rng, links), rng.normal() * 20
+        data.qpos[:], data.qvel[:] = map(to_relative, np.split(x, 2))
+        data.qfrc_applied[0] = u
         mujoco.mj_forward(model, data)
-        theirs = np.cumsum(data.qacc * (0, 1, 1)) + data.qacc * (1, 0, 0)
-        ours = np.array(derivative(p, x[1], x[2], x[3], x[4], x[5], u))
-        np.testing.assert_allclose(ours, theirs, rtol=1e-12, atol=1e-12 * np.abs(theirs).max())
+        theirs = [data.qacc[0], *np.cumsum(data.qacc[1:])]
+        ours = derivative(p, x, u)
+        np.testing.assert_array_equal(ours[:links + 1], x[links + 1:])
+        np.testing.assert_allclose(ours[links + 1:], theirs, rtol=1e-11,
+                                   atol=1e-12 * np.abs(theirs).max())
+
+
+@of_links
+def test_mujoco_agrees_on_the_tips(links, rng):
+    physical = PendulumParameters(links=links, **UNEVEN)
+    model, x = mujoco_model(physical), rng.normal(size=SIZES[links])
+    data = mujoco.MjData(model)
+    data.qpos[:] = to_relative(x[:links + 1])
+    mujoco.mj_forward(model, data)
+    tips = joint_positions(x, physical.lengths)
+    np.testing.assert_allclose(tips[:-1], data.xpos[2:][:, [0, 2]], atol=1e-12)
+    tip = data.xpos[-1] + data.xmat[-1].reshape(3, 3) @ (0, 0, physical.lengths[-1])
+    np.testing.assert_allclose(tips[-1], tip[[0, 2]], atol=1e-12)
+
+
+def test_the_double_pendulum_s_accelerations_are_the_paper_s(rng):
+    """(4)-(15), D, C, G and H as they stand there, with (14) corrected."""
+    p = PendulumParameters(link1_mass=0.4, link2_mass=0.7, link1_length=0.8, link2_length=1.1)
+    m_0, m_1, m_2 = p.masses
+    (l_1, l_2), g = p.lengths, p.gravity
+    d_1, d_2, d_3 = m_0 + m_1 + m_2, (m_1 / 2 + m_2) * l_1, m_2 * l_2 / 2
+    d_4, d_5, d_6 = (m_1 / 3 + m_2) * l_1 ** 2, m_2 * l_1 * l_2 / 2, m_2 * l_2 ** 2 / 3
+    for _ in range(20):
+        x, u = random_state(rng, 2), rng.normal() * 20
+        _, th_1, th_2, _, w_1, w_2 = x
+        s_1, s_2, s_12 = np.sin([th_1, th_2, th_1 - th_2])
+        c_1, c_2, c_12 = np.cos([th_1, th_2, th_1 - th_2])
+        D = np.array([[d_1, d_2 * c_1, d_3 * c_2], [d_2 * c_1, d_4, d_5 * c_12],
+                      [d_3 * c_2, d_5 * c_12, d_6]])
+        C = np.array([[0, -d_2 * s_1 * w_1, -d_3 * s_2 * w_2], [0, 0, d_5 * s_12 * w_2],
+                      [0, -d_5 * s_12 * w_1, 0]])
+        G = np.array([0, -d_2 * g * s_1, -d_3 * g * s_2])
+        expected = np.linalg.solve(D, np.array([u, 0, 0]) - C @ x[3:] - G)
+        np.testing.assert_allclose(derivative(Pendulum.of(p), x, u)[3:], expected, rtol=1e-11)
 
 
 def test_uniform_links_have_the_paper_s_coefficients_to_the_bit(rng):
     for m_1, m_2, l_1, l_2 in rng.uniform(0.1, 3, (100, 4)):
         p = Pendulum.of(PendulumParameters(link1_mass=m_1, link2_mass=m_2, link1_length=l_1,
                                            link2_length=l_2))
-        assert (p.d_11, p.d_22) == ((m_1 / 3 + m_2) * l_1 ** 2, m_2 * l_2 ** 2 / 3)
+        assert (p.b[0][0], p.b[1][0]) == ((m_1 / 3 + m_2) * (l_1 * l_1), m_2 / 3 * (l_2 * l_2))
 
 
-def test_mujoco_agrees_on_the_tips(rng):
-    model = mujoco_model(BODIES)
-    data = mujoco.MjData(model)
-    x = rng.normal(size=6)
-    data.qpos[:] = x[0], x[1], x[2] - x[1]
-    mujoco.mj_forward(model, data)
-    tips = joints(x, BODIES)
-    np.testing.assert_allclose(tips[:2], data.xpos[2:4][:, [0, 2]], atol=1e-12)
-    tip = data.xpos[3] + data.xmat[3].reshape(3, 3) @ (0, 0, BODIES.link2_length)
-    np.testing.assert_allclose(tips[2], tip[[0, 2]], atol=1e-12)
+@of_links
+def test_the_inertia_is_inverted(links, rng):
+    p = Pendulum.of(PendulumParameters(links=links, **UNEVEN))
+    for _ in range(20):
+        D, r = mass_matrix_at(p, random_state(rng, links)), rng.normal(size=links + 1)
+        np.testing.assert_allclose(solve(D.tolist(), r), np.linalg.solve(D, r), rtol=1e-9)
+        np.testing.assert_allclose(inverse_inertia(D.tolist()), np.linalg.inv(D), rtol=1e-9)
 
 
-HORIZONTAL = np.array([0.0, np.pi / 2, np.pi / 2, 0.0, 0.0, 0.0])
+def horizontal(links):
+    x = upright(links)
+    x[angles(x)] = np.pi / 2
+    return x
 
 
-def largest_energy_error(p, h, reference):
-    X = rollout(RK4.of(p, h), HORIZONTAL, np.zeros(round(5 / h)))
-    energies = np.array([energy(reference, x) for x in X])
-    return np.max(np.abs(energies - energies[0]))
+def energies_of(p, h, steps):
+    x = horizontal(len(p.a))
+    X = rollout(Model(p, INTEGRATORS['rk4'], h), x, np.zeros(steps))
+    return np.array([energy(p, x) for x in X])
 
 
-def test_an_unforced_pendulum_keeps_its_energy():
-    p = Pendulum.of(PendulumParameters())
-    assert largest_energy_error(p, 1e-3, p) < 1e-8
+@of_links
+def test_an_unforced_pendulum_keeps_its_energy(links):
+    energies = energies_of(Pendulum.of(PendulumParameters(links=links)), 1e-3, 2000)
+    assert np.abs(energies - energies[0]).max() < 1e-7
 
 
-def test_friction_takes_energy():
-    p = Pendulum.of(BODIES)
-    X = rollout(RK4.of(p, 1e-3), HORIZONTAL, np.zeros(5000))
-    energies = np.array([energy(p, x) for x in X])
+@of_links
+def test_friction_takes_energy(links):
+    energies = energies_of(Pendulum.of(PendulumParameters(links=links, **UNEVEN)), 1e-3, 5000)
     assert np.all(np.diff(energies) < 1e-9)
     assert energies[-1] < energies[0] - 1
 
 
 def test_the_printed_gravity_does_not_keep_energy():
     """(14) as printed has 0.5 (m1 + m2) l1 g sin θ1, where the potential energy gives more."""
-    bodies = PendulumParameters()
-    p = Pendulum.of(bodies)
-    # As printed, gravity on joint 1 is that of a lighter link 1: scale its share of g d_01 alone.
-    printed = 0.5 * (bodies.link1_mass + bodies.link2_mass) * bodies.link1_length
-    x, energies = HORIZONTAL.copy(), []
-    for _ in range(5000):
+    physical = PendulumParameters()
+    p = Pendulum.of(physical)
+    printed = 0.5 * (physical.link1_mass + physical.link2_mass) * physical.link1_length
+
+    def f(x, u):
+        extra = [0.0, p.g * (printed - p.a[0]) * np.sin(x[1]), 0.0]
+        change = np.linalg.solve(mass_matrix_at(p, np.array(x)), extra)
+        return np.array(derivative(p, x, u)) + [0.0, 0.0, 0.0, *change]
+    x, energies = horizontal(2), []
+    for _ in range(3000):
         energies.append(energy(p, x))
-        x = printed_rk4(p, printed, x, 1e-3)
+        x = rk4(f, x, 0.0, 1e-3)
     assert np.ptp(energies) > 1
-
-
-def printed_rk4(p, d_g, x, h):
-    def f(x):
-        a = np.array(derivative(p, x[1], x[2], x[3], x[4], x[5], 0.0))
-        D = np.array([
-            [p.d_00, p.d_01 * np.cos(x[1]), p.d_02 * np.cos(x[2])],
-            [p.d_01 * np.cos(x[1]), p.d_11, p.d_12 * np.cos(x[1] - x[2])],
-            [p.d_02 * np.cos(x[2]), p.d_12 * np.cos(x[1] - x[2]), p.d_22]])
-        change = np.array([0, p.g * (d_g - p.d_01) * np.sin(x[1]), 0])
-        return np.concatenate([x[3:], a + np.linalg.solve(D, change)])
-    k_1 = f(x)
-    k_2 = f(x + h / 2 * k_1)
-    k_3 = f(x + h / 2 * k_2)
-    k_4 = f(x + h * k_3)
-    return x + h / 6 * (k_1 + 2 * k_2 + 2 * k_3 + k_4)
-
-
-def test_the_end_stop_conserves_the_momentum_of_the_links(rng):
-    """The impulse acts on the cart alone: the links' own generalised momenta do not change."""
-    p = Pendulum.of(BODIES)
-    x = rng.normal(size=6) + (3, 0, 0, 5, 0, 0)
-    before, kinetic = x.copy(), energy(p, x)
-    stop(p, 2.4, x)
-    D = np.array([
-        [p.d_00, p.d_01 * np.cos(x[1]), p.d_02 * np.cos(x[2])],
-        [p.d_01 * np.cos(x[1]), p.d_11, p.d_12 * np.cos(x[1] - x[2])],
-        [p.d_02 * np.cos(x[2]), p.d_12 * np.cos(x[1] - x[2]), p.d_22]])
-    change = D @ (x[3:] - before[3:])
-    assert x[0] == 2.4
-    assert x[3] == 0
-    assert change[0] < 0
-    np.testing.assert_allclose(change[1:], 0, atol=1e-12)
-    assert energy(p, x) < kinetic
-
-
-def test_the_end_stop_lets_the_cart_go():
-    p = Pendulum.of(BODIES)
-    x = np.array([-2.5, 0.1, 0.2, 1.0, 2.0, 3.0])
-    stop(p, 2.4, x)
-    np.testing.assert_array_equal(x, [-2.4, 0.1, 0.2, 1.0, 2.0, 3.0])

@@ -1,6 +1,6 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""One contract for every dynamics model: its derivatives, its twins and its compiled code."""
+"""One contract for every integrator and number of links: derivatives, precisions, tensors."""
 
 import os
 import subprocess
@@ -10,144 +10,185 @@ import numpy as np
 import pytest
 import torch
 
-from dp_swing_ros.kernels import kernel
+from dp_swing_ros.pendulum.derivatives import curvature, expand, identity, lanes, linearisation
 from dp_swing_ros.pendulum.equations import Pendulum
-from dp_swing_ros.pendulum.model import curvature
-from dp_swing_ros.pendulum.model import expand as expand_at
-from dp_swing_ros.pendulum.models import MODELS
+from dp_swing_ros.pendulum.integrators import INTEGRATORS
+from dp_swing_ros.pendulum.model import advance, hold, Model, rollout, step
 from dp_swing_ros.pendulum.parameters import PendulumParameters
-from dp_swing_ros.pendulum.torch_twin import expand, STEPS
-from dp_swing_ros.pendulum.trajectory import hold, rollout, step
-from dp_swing_ros.problem.problem import linearisation
+from dp_swing_ros.pendulum.state import LINKS, SIZES
 from dp_swing_ros.solvers.samples import single
 
 H = 0.05
-BODIES = (PendulumParameters(),
-          PendulumParameters(cart_mass=1.3, link1_mass=0.4, link2_length=1.1, cart_friction=0.3,
-                             joint1_friction=0.1, joint2_friction=0.05, link1_inertia_factor=1.25,
-                             link2_inertia_factor=0.6))
-
-each_model = pytest.mark.parametrize('name', sorted(MODELS))
-each_twin = pytest.mark.parametrize('name', sorted(STEPS))   # a model need not have one
-each_body = pytest.mark.parametrize('bodies', BODIES, ids=['default', 'friction'])
+PHYSICAL = ({}, {'cart_mass': 1.3, 'link1_mass': 0.4, 'link1_length': 1.1, 'cart_friction': 0.3,
+                 'joint1_friction': 0.1, 'joint2_friction': 0.05, 'joint3_friction': 0.02,
+                 'link1_inertia_factor': 1.25, 'link2_inertia_factor': 0.6})
+ADDRESSES = [(name, links) for name in sorted(INTEGRATORS) for links in LINKS]
 
 
-def points(rng, count=20):
+@pytest.fixture(params=ADDRESSES, ids=lambda each: f'{each[0]}-{each[1]}')
+def address(request):
+    return request.param
+
+
+@pytest.fixture(params=PHYSICAL, ids=['default', 'friction'])
+def model(address, request):
+    """Return a model of an integrator, a number of links, and parameters."""
+    name, links = address
+    return Model(Pendulum.of(PendulumParameters(links=links, **request.param)),
+                 INTEGRATORS[name], H)
+
+
+def points(model, rng, count=20):
+    """Yield states and forces."""
+    n = len(model.pendulum.a)
     for _ in range(count):
-        yield rng.normal(size=6) * (1, 3, 3, 2, 4, 4), rng.normal() * 10
+        yield rng.normal(size=SIZES[n]) * (1, *[3] * n, 2, *[4] * n), rng.normal() * 10
 
 
 def next_state(model, z):
-    x = z[:6].copy()
-    step(model, x, z[6], x)
+    x = z[:-1].copy()
+    step(model, x, z[-1], x)
     return x
 
 
-@kernel
+def rollout_step(model, z):
+    return rollout(model, z[:-1].copy(), z[-1:].copy())[1]
+
+
 def second_order(model, x, u, costate):
-    F, W = np.empty((6, 8)), np.empty((7, 8))
-    curvature(model, expand_at(model, x.reshape((1, 6)), np.full(1, u)), 0, costate, F, W)
-    return F[:, :6], F[:, 6], W[:, :7]
+    """Return F = ∂f/∂(x, u), and the second derivatives of λᵀ f."""
+    size = len(x)
+    F, W = np.empty((size, lanes(model))), np.empty((size + 1, lanes(model)))
+    directions = np.zeros((size + 1, lanes(model)))
+    identity(directions)
+    curvature(model, expand(model, x[None], np.full(1, u)), 0, costate, directions, F, W)
+    return F[:, :size + 1], W[:, :size + 1]
+
+
+def first_order(model, z):
+    return np.column_stack(linearisation(model, z[:-1].copy(), z[-1]))
 
 
 def central_difference(f, z, step=1e-5):
-    return np.stack([(f(z + step * e) - f(z - step * e)) / (2 * step) for e in np.eye(7)], -1)
+    """Return ∂f/∂z to the fourth order of the step."""
+    def slope(e):
+        return (8 * (f(z + e) - f(z - e)) - (f(z + 2 * e) - f(z - 2 * e))) / (12 * step)
+    return np.stack([slope(step * e) for e in np.eye(len(z))], -1)
 
 
-@each_model
-@each_body
-def test_jacobian_meets_finite_differences(name, bodies, rng):
-    model = MODELS[name].of(Pendulum.of(bodies), H)
-    for x, u in points(rng):
-        A, B = linearisation(model, x, u)
-        expected = central_difference(lambda z: next_state(model, z), np.append(x, u))
-        np.testing.assert_allclose(np.column_stack((A, B)), expected, atol=1e-7, rtol=1e-7)
+def test_jacobian_meets_finite_differences(model, rng):
+    for x, u in points(model, rng):
+        z = np.append(x, u)
+        expected = central_difference(lambda z: rollout_step(model, z), z, 1e-4)
+        np.testing.assert_allclose(first_order(model, z), expected, atol=1e-7, rtol=1e-7)
 
 
-@each_model
-@each_body
-def test_curvature_meets_finite_differences(name, bodies, rng):
-    model = MODELS[name].of(Pendulum.of(bodies), H)
-    for x, u in points(rng):
-        costate = rng.normal(size=6)
-
-        def gradient(z):
-            A, B = linearisation(model, z[:6].copy(), z[6])
-            return costate @ np.column_stack((A, B))
-        A, B, W = second_order(model, x, u, costate)
-        np.testing.assert_allclose(W, central_difference(gradient, np.append(x, u)), atol=1e-6,
-                                   rtol=1e-6)
+def test_curvature_meets_finite_differences(model, rng):
+    for x, u in points(model, rng):
+        costate, z = rng.normal(size=len(x)), np.append(x, u)
+        expected = central_difference(lambda z: costate @ first_order(model, z), z, 1e-4)
+        F, W = second_order(model, x, u, costate)
+        np.testing.assert_allclose(W, expected, atol=1e-6, rtol=1e-6)
+        np.testing.assert_allclose(W, W.T, atol=1e-10)
         # each kernel fuses other products and sums: a term of order 1 may differ in its last bit
-        np.testing.assert_allclose(A, linearisation(model, x, u)[0], rtol=1e-14, atol=1e-15)
-        np.testing.assert_allclose(B, linearisation(model, x, u)[1], rtol=1e-14, atol=1e-15)
+        np.testing.assert_allclose(F, first_order(model, z), rtol=1e-13, atol=1e-14)
 
 
-@each_twin
-@each_body
-def test_autograd_of_the_torch_twin_agrees(name, bodies, rng):
-    p = Pendulum.of(bodies)
-    model = MODELS[name].of(p, H)
-    X, U = (np.array(part) for part in zip(*points(rng, 6)))
-    x, u = torch.tensor(X), torch.tensor(U)
-    states = STEPS[name](p, H, x, u).numpy()
-    expansion = expand(name, p, H, x, u)
-    for t in range(len(U)):
-        costate = rng.normal(size=6)
-        A, B, W = second_order(model, X[t], U[t], costate)
-        np.testing.assert_allclose(states[t], next_state(model, np.append(X[t], U[t])),
-                                   rtol=1e-12, atol=1e-12)
-        np.testing.assert_allclose(A, expansion.A[t].numpy(), atol=1e-11, rtol=1e-10)
-        np.testing.assert_allclose(B, expansion.B[t].numpy(), atol=1e-11, rtol=1e-10)
-        contracted = np.einsum('i,ijk->jk', costate, expansion.second[t].numpy())
-        np.testing.assert_allclose(W, contracted, atol=1e-10, rtol=1e-9)
+def test_tensors_go_the_same_way_and_autograd_agrees(model, rng):
+    def f(z):
+        return torch.stack(list(advance(model, z[:-1].unbind(), z[-1])))
+
+    for x, u in points(model, rng, 3):
+        z, costate = np.append(x, u), rng.normal(size=len(x))
+        tensor = torch.tensor(z)
+        np.testing.assert_allclose(f(tensor), rollout_step(model, z), rtol=1e-12, atol=1e-12)
+        F, W = second_order(model, x, u, costate)
+        np.testing.assert_allclose(F, torch.func.jacrev(f)(tensor), atol=1e-11, rtol=1e-10)
+        curved = torch.func.hessian(lambda z: f(z) @ torch.tensor(costate))(tensor)
+        np.testing.assert_allclose(W, curved, atol=1e-10, rtol=1e-9)
 
 
-@each_model
-def test_single_precision_follows_double(name, rng):
-    model = MODELS[name].of(Pendulum.of(BODIES[1]), H)
-    for x, u in points(rng):
-        exact = next_state(model, np.append(x, u))
+def test_steps_of_a_long_trajectory_have_their_own_derivatives(address, rng):
+    """Beyond those that stand side by side, too."""
+    name, links = address
+    model = Model(Pendulum.of(PendulumParameters(links=links)), INTEGRATORS[name], H)
+    X, U = (np.array(part) for part in zip(*points(model, rng, 37)))
+    expanded, size = expand(model, X, U), SIZES[links]
+    F, W = np.empty((size, lanes(model))), np.empty((size + 1, lanes(model)))
+    directions = np.zeros((size + 1, lanes(model)))
+    identity(directions)
+    for t in (0, 15, 16, 36):
+        curvature(model, expanded, t, X[0], directions, F, W)
+        expected = second_order(model, X[t], U[t], X[0])
+        np.testing.assert_allclose(F[:, :size + 1], expected[0], rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(W[:, :size + 1], expected[1], rtol=1e-11, atol=1e-11)
+        np.testing.assert_array_equal(F[:, size + 1:], 0.0)
+
+
+def test_single_precision_follows_double(model, rng):
+    for x, u in points(model, rng):
+        exact = rollout_step(model, np.append(x, u))
         x_32 = x.astype(np.float32)
         step(single(model), x_32, np.float32(u), x_32)
-        np.testing.assert_allclose(x_32, exact, atol=2e-4, rtol=2e-5)
+        assert x_32.dtype == np.float32
+        np.testing.assert_allclose(x_32, exact, atol=1e-3, rtol=1e-4)
 
 
-@each_model
-def test_hold_takes_a_remainder_of_a_step(name):
-    model = MODELS[name].of(Pendulum.of(BODIES[0]), H)
-    x = np.array([0.1, 0.2, -0.3, 0.4, 0.5, -0.6])
+def test_a_step_may_be_written_where_it_was_read(model, rng):
+    x, u = next(points(model, rng))
+    out = np.empty_like(x)
+    step(model, x, u, out)
+    np.testing.assert_array_equal(next_state(model, np.append(x, u)), out)
+    np.testing.assert_allclose(out, rollout_step(model, np.append(x, u)), rtol=1e-12, atol=1e-13)
+
+
+def test_hold_takes_a_remainder_of_a_step(address):
+    name, links = address
+    model = Model(Pendulum.of(PendulumParameters(links=links)), INTEGRATORS[name], H)
+    x = np.linspace(-0.6, 0.5, SIZES[links])
     np.testing.assert_array_equal(hold(model, x, 3.0, 2 * H),
                                   rollout(model, x, np.full(2, 3.0))[-1])
+    assert hold(model, x, 3.0, 0.0) is x
     short = hold(model, x, 3.0, 0.01)
     assert 0 < np.abs(short - x).max() < np.abs(hold(model, x, 3.0, H) - x).max()
 
 
-PROGRAM = """
-import numpy as np
-from dp_swing_ros.pendulum.equations import Pendulum
-from dp_swing_ros.pendulum.models import MODELS
-from dp_swing_ros.pendulum.model import curvature, expand as expand_at
-from dp_swing_ros.pendulum.parameters import PendulumParameters
-p = Pendulum.of(PendulumParameters(cart_friction=0.1))
-for name in sorted(MODELS):
-    model = MODELS[name].of(p, 0.05)
-    F, W = np.empty((6, 8)), np.empty((7, 8))
-    points = expand_at(model, np.linspace(-1, 1, 6).reshape((1, 6)), np.full(1, 2.0))
-    curvature(model, points, 0, np.arange(6.0), F, W)
-    print(repr((F[:, :6].sum(), F[:, 6].sum(), W.sum())))
-"""
+@pytest.mark.parametrize(('name', 'order'), [('euler', 1), ('rk4', 4)])
+def test_an_integrator_has_its_order(name, order):
+    model = Model(Pendulum.of(PendulumParameters()), INTEGRATORS[name], 1.0)
+    x = np.array([0.1, 0.2, -0.3, 0.4, 0.5, -0.6])
+
+    def after(steps, name=name):
+        return rollout(model._replace(h=0.2 / steps, integrator=INTEGRATORS[name]), x,
+                       np.full(steps, 3.0))[-1]
+    exact = after(4096, 'rk4')
+    coarse, fine = (np.linalg.norm(after(steps) - exact) for steps in (16, 32))
+    assert np.log2(coarse / fine) == pytest.approx(order, abs=0.3)
 
 
-def test_the_kernels_also_run_as_python(rng):
-    """What stands in the file is what is compiled: without the compiler the result is the same."""
-    run = subprocess.run([sys.executable, '-c', PROGRAM], capture_output=True, text=True,
-                         env={**os.environ, 'NUMBA_DISABLE_JIT': '1'}, check=True)
-    numbers = run.stdout.replace('np.float64', '').replace('(', ' ').replace(')', ' ')
-    numbers = [float(word) for word in numbers.replace(',', ' ').split()]
-    expected = []
-    p = Pendulum.of(PendulumParameters(cart_friction=0.1))
-    for name in sorted(MODELS):
-        A, B, W = second_order(MODELS[name].of(p, H), np.linspace(-1, 1, 6), 2.0,
-                               np.arange(6.0))
-        expected += [A.sum(), B.sum(), W.sum()]
-    np.testing.assert_allclose(numbers, expected, rtol=1e-12)
+def test_the_kernels_also_run_as_python():
+    """Without the compiler the result is the same."""
+    code = 'import test_models; test_models.print_sums()'
+    run = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True,
+                         env={**os.environ, 'NUMBA_DISABLE_JIT': '1',
+                              'PYTHONPATH': os.pathsep.join(
+                                  [os.path.dirname(__file__), *sys.path])})
+    np.testing.assert_allclose([float(line) for line in run.stdout.split()], sums(), rtol=1e-11)
+
+
+def sums():
+    """Return sums of first and second derivatives of all models."""
+    found = []
+    for name, links in ADDRESSES:
+        model = Model(Pendulum.of(PendulumParameters(links=links, cart_friction=0.1)),
+                      INTEGRATORS[name], H)
+        size = SIZES[links]
+        x = np.linspace(-1, 1, size)
+        F, W = second_order(model, x, 2.0, np.arange(float(size)))
+        found += [rollout(model, x, np.full(3, 2.0)).sum(), F.sum(), W.sum()]
+    return found
+
+
+def print_sums():
+    """Print them, a line each."""
+    print(*map(float, sums()), sep='\n')

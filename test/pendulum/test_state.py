@@ -1,24 +1,49 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Arithmetic of the angles."""
+"""The state of n links, and arithmetic of its angles."""
 
 import numpy as np
 import pytest
 
-from dp_swing_ros.pendulum.state import is_upright, to_turn_of
+from dp_swing_ros.pendulum.state import (
+    angles, hanging, is_upright, joints, LINKS, links_of, SIZES, symbols, to_turn_of, units,
+    upright, wrapped)
+
+of_links = pytest.mark.parametrize('links', LINKS)
 
 
-def test_angles_come_to_the_turn_of_the_reference(rng):
-    reference = rng.normal(size=(50, 6)) * 10
-    x = to_turn_of(rng.normal(size=(50, 6)) * 30, reference)
-    assert np.abs(x - reference)[:, 1:3].max() <= np.pi + 1e-9
+@of_links
+def test_the_state_is_as_long_as_its_names(links):
+    size = SIZES[links]
+    assert len(symbols(links)) == len(units(links)) == len(upright(links)) == size
+    assert len(joints(links)) == size // 2
+    assert links_of(np.zeros((4, 7, size))) == links
+    where = angles(hanging(links))
+    assert all(symbol[0] == 'θ' for symbol in symbols(links)[where])
+    np.testing.assert_array_equal(hanging(links)[where], [np.pi] * links)
+    assert np.sum(hanging(links) != 0) == links
 
 
-def test_everything_but_the_angles_stays(rng):
-    x = rng.normal(size=6) * 30
-    moved = to_turn_of(x, np.zeros(6))
-    np.testing.assert_array_equal(moved[[0, 3, 4, 5]], x[[0, 3, 4, 5]])
-    np.testing.assert_allclose(np.sin(moved[1:3]), np.sin(x[1:3]), atol=1e-12)
+@of_links
+def test_angles_come_to_the_turn_of_the_reference(links, rng):
+    reference = rng.normal(size=(50, SIZES[links])) * 10
+    x = to_turn_of(rng.normal(size=(50, SIZES[links])) * 30, reference)
+    assert np.abs(x - reference)[:, angles(x)].max() <= np.pi + 1e-9
+
+
+@of_links
+def test_everything_but_the_angles_stays(links, rng):
+    x = rng.normal(size=SIZES[links]) * 30
+    moved, where = to_turn_of(x, upright(links)), angles(x)
+    np.testing.assert_array_equal(np.delete(moved, where), np.delete(x, where))
+    np.testing.assert_allclose(np.sin(moved[where]), np.sin(x[where]), atol=1e-12)
+
+
+@of_links
+def test_wrapped_angles_have_one_name_for_each_place(links, rng):
+    x = wrapped(rng.normal(size=(50, SIZES[links])) * 30)[:, 1:links + 1]
+    assert np.all((x > -np.pi) & (x <= np.pi))
+    np.testing.assert_array_equal(wrapped(-hanging(links)), hanging(links))
 
 
 @pytest.mark.parametrize(('x', 'expected'), [
@@ -27,6 +52,11 @@ def test_everything_but_the_angles_stays(rng):
     ((0, 0.11, 0, 0, 0, 0), False),
     ((0, 0, 0, 1.1, 0, 0), False),
     ((0, 0, 0, 0, 0, -1.1), False),
-    ((0, np.nan, 0, 0, 0, 0), False)])
-def test_upright_is_both_angles_and_all_speeds(x, expected):
+    ((0, np.nan, 0, 0, 0, 0), False),
+    ((9, 0.09, 0.9, 0.9), True),
+    ((0, 0.11, 0, 0), False),
+    ((9, 0.09, 0.09, -0.09, 0, 0, 0, 0), True),
+    ((0, 0, 0, 0.11, 0, 0, 0, 0), False),
+    ((0, 0, 0, 0, 0, 0, 0, 1.1), False)])
+def test_upright_is_all_angles_and_all_speeds(x, expected):
     assert is_upright(np.array(x, float)) == expected

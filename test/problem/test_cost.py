@@ -7,19 +7,39 @@ import dataclasses
 import numpy as np
 import pytest
 
+from dp_swing_ros.configuration import default_cost
+from dp_swing_ros.pendulum.derivatives import STEPS
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
+from dp_swing_ros.pendulum.state import hanging, LINKS
 from dp_swing_ros.problem.cost import (
-    running, running_derivatives, terminal, terminal_derivatives, trajectory_cost)
+    error, running, running_cost, running_derivatives, terminal, terminal_cost,
+    terminal_derivatives, trajectory_cost)
 from dp_swing_ros.problem.parameters import CostParameters, PredictionParameters
 from dp_swing_ros.problem.problem import Problem
 
-PAPER = CostParameters(angle_error='angle', terminal_cost='scaled', track_weight=0.0)
 SHIFTED = CostParameters(reference=(0.5, np.pi, 0.0, 0.0, 0.0, 0.0))
+AS_THE_PAPER = {'angle_error': 'angle', 'terminal_cost': 'scaled', 'track_weight': 0.0}
+
+
+PAPER = CostParameters(**AS_THE_PAPER)
 
 
 def cost_of(parameters):
-    return Problem.of(PendulumParameters(), LimitParameters(), parameters,
+    links = len(parameters.reference) // 2 - 1
+    return Problem.of(PendulumParameters(links=links), LimitParameters(), parameters,
                       PredictionParameters()).cost
+
+
+def costs():
+    """Return costs by names: the paper's, the tuned ones, and about another equilibrium."""
+    found = {'shifted': SHIFTED}
+    for links in LINKS:
+        tuned = default_cost(links)
+        found.update({f'tuned {links}': tuned,
+                      f'paper {links}': dataclasses.replace(tuned, **AS_THE_PAPER),
+                      f'hanging {links}': dataclasses.replace(
+                          tuned, reference=tuple(hanging(links).tolist()))})
+    return [pytest.param(cost, id=name) for name, cost in found.items()]
 
 
 def test_the_paper_s_cost_to_the_letter(rng):
@@ -44,30 +64,52 @@ def test_near_the_goal_the_chord_is_the_angle(rng):
     assert terminal(chord, x) == pytest.approx(terminal(cost_of(PAPER), x), rel=1e-6)
 
 
-@pytest.mark.parametrize('parameters', [PAPER, CostParameters(), SHIFTED],
-                         ids=['paper', 'tuned', 'shifted'])
+@pytest.mark.parametrize('parameters', costs())
 def test_gradients_meet_finite_differences(parameters, rng):
     cost = cost_of(parameters)
-    for _ in range(20):
-        x = rng.normal(size=6) * (2, 2, 2, 3, 3, 3)
-        V_x, V_xx = np.empty(6), np.empty((6, 6))
-        l_x, l_xx = (part[0, :, 0] for part in running_derivatives(cost, x[None], np.zeros(1)))
+    size = len(cost.S)
+    X, U = rng.normal(size=(20, size)) * 2.5, rng.normal(size=20) * 10
+    of_steps = running_derivatives(cost, X, U)
+    for t, x in enumerate(X):
+        V_x, V_xx = np.empty(size), np.empty((size, size))
+        l_x, l_xx = np.split(of_steps[t // STEPS, :, t % STEPS], 2)
         terminal_derivatives(cost, x, V_x, V_xx)
-        for f, gradient in ((lambda x: running(cost, x, 1.0), l_x),
+        for f, gradient in ((lambda x: running(cost, x, U[t]), l_x),
                             (lambda x: terminal(cost, x), V_x)):
-            expected = [(f(x + 1e-6 * e) - f(x - 1e-6 * e)) / 2e-6 for e in np.eye(6)]
-            np.testing.assert_allclose(gradient, expected, rtol=1e-5, atol=1e-3)
+            expected = [(f(x + 1e-6 * e) - f(x - 1e-6 * e)) / 2e-6 for e in np.eye(size)]
+            np.testing.assert_allclose(gradient, expected, rtol=1e-5, atol=1e-2)
         assert np.all(l_xx >= 0)
         np.testing.assert_allclose(V_xx, V_xx.T, rtol=1e-12)
         assert np.linalg.eigvalsh(V_xx).min() > -1e-9 * np.abs(V_xx).max()
 
 
+@pytest.mark.parametrize('parameters', costs())
+def test_errors_have_their_slopes(parameters, rng):
+    cost = cost_of(parameters)
+    x = rng.normal(size=len(cost.S)) * 2
+    slopes = [(error(cost, x + 1e-6 * e)[0][i] - error(cost, x - 1e-6 * e)[0][i]) / 2e-6
+              for i, e in enumerate(np.eye(len(x)))]
+    np.testing.assert_allclose(error(cost, x)[1], slopes, rtol=1e-6, atol=1e-8)
+    np.testing.assert_array_equal(error(cost, np.array(cost.x_r))[0], 0.0)
+
+
+@pytest.mark.parametrize('parameters', costs())
+def test_tensors_cost_what_arrays_do(parameters, rng):
+    torch = pytest.importorskip('torch')
+    cost = cost_of(parameters)
+    X, U = rng.normal(size=(4, len(cost.S))) * 2.5, rng.normal(size=3) * 10
+    tensors = [torch.tensor(x).unbind() for x in X]
+    J = sum(running_cost(cost, x, torch.tensor(u)) for x, u in zip(tensors, U)) + terminal_cost(
+        cost._replace(P=torch.tensor(cost.P)), tensors[-1])
+    assert float(J) == pytest.approx(trajectory_cost(cost, X, U), rel=1e-12)
+
+
 def test_the_hessian_is_exact_for_the_paper_s_cost(rng):
     cost, x = cost_of(PAPER), rng.normal(size=6)
     V_x, V_xx = np.empty(6), np.empty((6, 6))
-    _, l_xx = running_derivatives(cost, x[None], np.zeros(1))
     terminal_derivatives(cost, x, V_x, V_xx)
-    np.testing.assert_allclose(l_xx[0, :, 0], 2 * cost.S)
+    l_xx = running_derivatives(cost, x[None], np.zeros(1))[0, len(x):, 0]
+    np.testing.assert_allclose(l_xx, 2 * np.array(cost.S))
     np.testing.assert_allclose(V_xx, 2 * cost.P)
 
 

@@ -2,61 +2,121 @@
 # SPDX-License-Identifier: Apache-2.0
 """The problem: its regulator, and the parameters that it refuses."""
 
-import dataclasses
+from dataclasses import FrozenInstanceError, replace
 
 import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 
+from dp_swing_ros.configuration import default_cost
 from dp_swing_ros.parameters import ParameterError
+from dp_swing_ros.pendulum.derivatives import linearisation
+from dp_swing_ros.pendulum.model import rollout
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
-from dp_swing_ros.pendulum.trajectory import rollout
+from dp_swing_ros.pendulum.state import angles, hanging, LINKS, SIZES, upright
 from dp_swing_ros.problem.parameters import CostParameters, PredictionParameters
-from dp_swing_ros.problem.problem import linearisation, policy_rollout, Problem, regulator_rollout
+from dp_swing_ros.problem.problem import policy_rollout, Problem, regulator_rollout, TURN, turns_of
+
+of_links = pytest.mark.parametrize('links', LINKS)
 
 
 def problem(cost=CostParameters(), limits=LimitParameters(),
-            prediction=PredictionParameters(horizon=100)):
-    return Problem.of(PendulumParameters(), limits, cost, prediction)
+            prediction=PredictionParameters(horizon=100), links=2):
+    return Problem.of(PendulumParameters(links=links), limits, cost, prediction)
 
 
-@pytest.mark.parametrize('reference', [(0, 0, 0, 0, 0, 0), (0.5, np.pi, 0, 0, 0, 0),
-                                       (0, np.pi, np.pi, 0, 0, 0), (-1, 0, np.pi, 0, 0, 0)])
+def default(links, **prediction):
+    return problem(default_cost(links), links=links,
+                   prediction=PredictionParameters(**{'horizon': 100, **prediction}))
+
+
+def near(reference, size=0.02):
+    """Return a state near a reference, its links leaning to either side in turn."""
+    x = np.array(reference, float)
+    x[0] += 5 * size
+    x[angles(x)] += [size * (-1) ** i for i in range(len(x) // 2 - 1)]
+    return x
+
+
+@pytest.mark.parametrize('reference', [
+    (0, 0, 0, 0), (1, np.pi, 0, 0),
+    (0, 0, 0, 0, 0, 0), (0.5, np.pi, 0, 0, 0, 0), (0, np.pi, np.pi, 0, 0, 0),
+    (-1, 0, np.pi, 0, 0, 0), (0, np.pi, np.pi, np.pi, 0, 0, 0, 0)])
 def test_the_regulator_holds_every_equilibrium(reference):
-    p = problem(CostParameters(reference=reference))
-    x = np.array(reference) + (0.1, 0.02, -0.02, 0, 0, 0)
+    links = len(reference) // 2 - 1
+    p = problem(replace(default_cost(links), reference=reference), links=links)
+    x = near(reference)
     X = rollout(p.model, x, regulator_rollout(p, x).U)
-    assert np.abs(X[-1] - reference).max() < 0.02
+    assert np.abs(X[-1] - reference).max() < 0.05
 
 
-def test_the_terminal_value_solves_the_riccati_equation():
-    p = problem()
-    A, B = linearisation(p.model, np.zeros(6), 0.0)
+def test_the_regulator_holds_three_links_up():
+    p = problem(default_cost(3), LimitParameters(force_limit=40.0), links=3)
+    x = near(upright(3), 0.002)
+    assert np.abs(regulator_rollout(p, x).X[-1]).max() < 0.01
+
+
+@of_links
+def test_the_terminal_value_solves_the_riccati_equation(links):
+    p = default(links)
+    A, B = linearisation(p.model, upright(links), 0.0)
     P = solve_discrete_are(A, B[:, None], np.diag(p.cost.S), [[p.cost.R]])
     np.testing.assert_allclose(p.cost.P, P, rtol=1e-9)
 
 
-def test_a_policy_goes_on_with_the_regulator():
-    p = problem()
-    x = np.array([0.1, 0.02, -0.02, 0, 0, 0])
+@of_links
+def test_a_policy_goes_on_with_the_regulator(links):
+    p, x = default(links), near(upright(links), 0.002)
     U = regulator_rollout(p, x).U
-    _, X, forces, _ = policy_rollout(p, x, rollout(p.model, x, U[:7]), U[:7], np.zeros((7, 6)))
-    np.testing.assert_allclose(forces, U, atol=1e-12)
-    np.testing.assert_allclose(X, rollout(p.model, x, U), atol=1e-12)
+    none = np.zeros((7, SIZES[links]))
+    _, X, forces, _ = policy_rollout(p, x, rollout(p.model, x, U[:7]), U[:7], none)
+    np.testing.assert_allclose(forces, U, atol=1e-7)
+    np.testing.assert_allclose(X, rollout(p.model, x, U), atol=1e-7)
 
 
-def test_what_is_left_of_a_plan_is_completed_by_the_regulator():
-    p = problem(prediction=PredictionParameters(horizon=30))
-    whole = regulator_rollout(p, np.array([0.005, 0.001, 0.0, 0.0, 0.0, 0.0]))
+@of_links
+def test_what_is_left_of_a_plan_is_completed_by_the_regulator(links):
+    p = default(links, horizon=30)
+    whole = regulator_rollout(p, near(upright(links), 0.0005))
     started = policy_rollout(p, whole.X[10], whole.X[10:], whole.U[10:], whole.K[10:])
-    assert started.X.shape == (31, 6)
+    assert started.X.shape == (31, SIZES[links])
     np.testing.assert_allclose(started.X[:20], whole.X[10:30], atol=1e-9)
-    assert started.U[25] == pytest.approx(-p.lqr.K @ started.X[25], rel=1e-3)
+    assert started.U[25] == pytest.approx(-p.lqr.K @ started.X[25], rel=1e-3, abs=1e-9)
+
+
+@of_links
+def test_a_policy_does_not_see_whole_turns(links):
+    p, x = default(links, horizon=30), near(upright(links), 0.002)
+    plain = regulator_rollout(p, x)
+    turned = x.copy()
+    turned[angles(x)] += [TURN * (-2) ** i for i in range(links)]
+    for policy in (plain[1:], (plain.X[:0], plain.U[:0], plain.K[:0])):
+        found = policy_rollout(p, turned, *policy)
+        np.testing.assert_allclose(found.U, plain.U, atol=1e-6)
+        assert found.U[0] == pytest.approx(plain.U[0], rel=1e-6)
+    np.testing.assert_allclose(turns_of(p, turned), turned - x)
+    as_is = problem(replace(default_cost(links), angle_error='angle'), links=links)
+    np.testing.assert_array_equal(turns_of(as_is, turned), 0.0)
+
+
+@of_links
+def test_a_problem_follows_its_model(links):
+    p = default(links)
+    assert (p.dt, len(p.x_r)) == (p.model.h, SIZES[links])
+    finer = replace(p, model=p.model._replace(h=0.01))
+    assert finer.dt == 0.01
+    heavy = p.with_physical(replace(p.physical, link1_mass=0.7))
+    assert heavy.model != p.model
+    assert heavy.given == p.given
+    assert not np.allclose(heavy.lqr.K, p.lqr.K)
 
 
 @pytest.mark.parametrize(('change', 'words'), [
     ({'limits': LimitParameters(force_limit=0.0)}, 'force_limit'),
     ({'cost': CostParameters(state_weights=(0, 100, 100, 2, 6, 0.1))}, 'state_weights'),
+    ({'links': 1}, 'parameter reference has 6 numbers; expected 4 for links 1'),
+    ({'links': 3, 'cost': CostParameters(reference=tuple(hanging(3).tolist()))},
+     'parameter state_weights has 6 numbers; expected 8 for links 3'),
 ])
 def test_an_impossible_problem_is_refused(change, words):
     with pytest.raises(ParameterError, match=words):
@@ -67,9 +127,11 @@ def test_an_impossible_problem_is_refused(change, words):
     (LimitParameters, 'force_limit', float('nan'), 'finite'),
     (LimitParameters, 'force_limit', -1.0, 'at least 0'),
     (PendulumParameters, 'link1_mass', 0.0, 'at least 0.001 kg'),
+    (PendulumParameters, 'links', 4, 'at most 3'),
+    (PendulumParameters, 'links', 0, 'at least 1'),
     (PredictionParameters, 'model', 'rk5', 'rk4, euler'),
     (PredictionParameters, 'horizon', 2.5, 'horizon'),
-    (CostParameters, 'reference', (0.0, 0.0), 'list of 6'),
+    (CostParameters, 'reference', (0.0, 0.0), 'list of 4'),
     (CostParameters, 'state_weights', (1, 1, 1, 1, 1, -1), 'at least 0'),
 ])
 def test_impossible_parameters_are_refused(group, name, value, words):
@@ -79,5 +141,5 @@ def test_impossible_parameters_are_refused(group, name, value, words):
 
 
 def test_parameters_are_frozen():
-    with pytest.raises(dataclasses.FrozenInstanceError):
+    with pytest.raises(FrozenInstanceError):
         PendulumParameters().link1_mass = 2.0

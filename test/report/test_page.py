@@ -161,17 +161,26 @@ def test_several_runs_have_a_column_each_and_what_differs(tmp_path):
 def test_film_is_json_with_gaps_as_null(tmp_path):
     strict = Strict(page(shown(tmp_path, [unlimited(swing_up(duration=2.0))])))
     film = json.loads(strict.texts['script'][0], parse_constant=pytest.fail)
-    assert film['track'] is None
-    assert len(film['states']) == len(film['forces']) == 101
-    assert film['states'][0] == [0.0, 3.1416, 3.1416]
-    assert film['states'][25] is None
+    assert len(film['joints']) == len(film['forces']) == 101
+    assert film['joints'][0] == [[0.0, 0.0], [0.0, -1.0], [0.0, -2.0]]
+    assert film['joints'][25] is None
     assert film['period'] == pytest.approx(0.02)
+
+
+@pytest.mark.parametrize('links', [1, 2, 3])
+def test_film_has_a_colour_a_link_and_a_point_a_joint(links, tmp_path):
+    (name, run), = shown(tmp_path, [swing_up()]).items()
+    run = run._replace(recording=run.recording._replace(episode=swing_up(links=links)))
+    film = json.loads(Strict(page({name: run})).texts['script'][0])
+    assert len(set(film['links'])) == links
+    assert all(len(joints) == links + 1 for joints in film['joints'])
+    assert film['joints'][-1][-1] == [0.0, links]
 
 
 def test_film_of_a_long_run_stays_small(tmp_path):
     strict = Strict(page(shown(tmp_path, [swing_up(duration=400.0)])))
     film = json.loads(strict.texts['script'][0])
-    assert len(film['states']) == 3001
+    assert len(film['joints']) == 3001
     assert film['period'] * 3000 == pytest.approx(400.0)
 
 

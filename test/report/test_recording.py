@@ -25,7 +25,7 @@ def test_recording_tells_all_there_is(tmp_path):
     mpc = told('mpc', {'horizon': 30})
     found = recording(write_bag(run, tmp_path / 'bag', [mpc]))
     assert found.configurations == {'mpc': mpc}
-    assert found.description == urdf(run.bodies, run.limits)
+    assert found.description == urdf(run.physical, run.limits)
     assert found.began == datetime.fromtimestamp(START / 1e9, timezone.utc)
     assert found.took == pytest.approx(2.0)
     assert found.counts == {'/diagnostics': 40, 'configuration': 1, 'joint_states': 41,

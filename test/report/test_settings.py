@@ -1,29 +1,29 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-import dataclasses
 import math
 
 import pytest
 from recorded_runs import told
 
-from dp_swing_ros.configuration import NODES
+from dp_swing_ros.configuration import declared, NODES
+from dp_swing_ros.pendulum.state import LINKS
 from dp_swing_ros.report.settings import differences, in_words, provenances, settings
 
 
-def defaults(node):
-    """Return the parameters that a node tells when it was given none."""
-    values = {f'{prefix}.{field.name}' if prefix else field.name: field.default
-              for prefix, group in NODES[node] for field in dataclasses.fields(group)}
+def defaults(node, links=2):
+    """Return the parameters that a node tells when it was given the number of links alone."""
+    values = {name: field.default for name, field in declared(node, links).items()}
     return {name: list(value) if isinstance(value, tuple) else value
-            for name, value in {'use_sim_time': False, **values}.items()}
+            for name, value in {'use_sim_time': False, **values, 'links': links}.items()}
 
 
+@pytest.mark.parametrize('links', LINKS)
 @pytest.mark.parametrize('node', NODES)
-def test_defaults_are_not_changed(node):
-    found = settings({node: told(node, defaults(node))})
-    assert len(found) == len(defaults(node))
-    assert not any(one.changed for one in found)
+def test_defaults_are_not_changed(node, links):
+    found = settings({node: told(node, defaults(node, links))})
+    assert len(found) == len(defaults(node, links))
+    assert {one.name for one in found if one.changed} == ({'links'} if links != 2 else set())
     assert all(one.about for one in found if one.name != 'use_sim_time')
 
 

@@ -7,7 +7,7 @@ import pytest
 from real_bags import record
 
 from dp_swing_ros.bags.reader import Bag
-from dp_swing_ros.rerun.counterfactual import fork, plant_at, shadow
+from dp_swing_ros.rerun.counterfactual import counterfactual, plant_at, shadow
 from dp_swing_ros.rerun.runs import Run
 from dp_swing_ros.solvers import SOLVERS
 
@@ -33,7 +33,7 @@ def faulty(tmp_path_factory):
 
 
 def taken_over(run, at, solvers=tuple(SOLVERS), duration=None):
-    return fork(run, run.tick_at(at, duration), solvers, duration, lambda: None)
+    return counterfactual(run, run.tick_at(at, duration), solvers, duration, lambda: None)
 
 
 def same(a, b):
@@ -53,12 +53,12 @@ def test_a_solver_that_takes_over_its_own_run_repeats_it_to_the_bit(runs, solver
 
 def test_another_solver_does_otherwise(runs):
     one = taken_over(runs['ilqr'], 0.5)
-    recorded, mppi = one.recorded, one.courses()['mppi']
+    recorded, mppi = one.recorded, one.trajectories()['mppi']
     np.testing.assert_array_equal(recorded.X[0], mppi.X[0])
     np.testing.assert_array_equal(recorded.t, mppi.t)
     assert not np.array_equal(recorded.U, mppi.U)
     assert recorded.cost != mppi.cost
-    assert min(one.regret(course) for course in one.courses().values()) == 0.0
+    assert min(one.regret(trajectory) for trajectory in one.trajectories().values()) == 0.0
 
 
 def test_the_past_is_what_was_recorded(runs):
@@ -71,22 +71,22 @@ def test_the_past_is_what_was_recorded(runs):
 
 def test_the_cost_to_go_is_the_running_cost_of_what_followed(runs):
     run = runs['ddp']
-    course = taken_over(run, 0.5, ['mppi'], 1.0).others[0]
-    assert len(course.U) == 20
-    error = course.X[:-1].copy()
+    trajectory = taken_over(run, 0.5, ['mppi'], 1.0).others[0]
+    assert len(trajectory.U) == 20
+    error = trajectory.X[:-1].copy()
     error[:, 1:3] = 2 * np.sin(error[:, 1:3] / 2)
     inside = np.maximum(np.abs(error[:, 0]) - 2.0, 0.0)
     weights = (10.0, 100.0, 100.0, 2.0, 6.0, 0.1)
-    expected = np.sum(error ** 2 @ weights) + 0.001 * np.sum(course.U ** 2) \
+    expected = np.sum(error ** 2 @ weights) + 0.001 * np.sum(trajectory.U ** 2) \
         + 3000 * np.sum(inside ** 2)
-    assert course.cost == pytest.approx(expected, rel=1e-12)
+    assert trajectory.cost == pytest.approx(expected, rel=1e-12)
 
 
 def test_a_shadow_goes_by_the_forces_that_were_sent(runs):
     run = runs['ilqr']
     tick = run.tick_at(0.5, None)
     controller, force = shadow(run, tick, 'mppi')
-    sent = [one for _, one in controller.sent]
+    sent = [one for _, one in controller.forces.sent]
     assert sent[:-1] == [one.force for one in run.record.ticks[:tick.number - 1]]
     assert sent[-1] == force
     assert controller.t == tick.stamp / 1e9

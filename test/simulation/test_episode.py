@@ -10,25 +10,30 @@ import pytest
 from synthetic import first, swing_up, without_ticks
 
 from dp_swing_ros.pendulum.state import wrapped
-from dp_swing_ros.simulation.episode import STATE, Ticks
+from dp_swing_ros.simulation.episode import Ticks
 
-COLUMNS = [*STATE, 'force', 'cost', 'iterations', 'solve_time', 'latency', 'late', 'status']
+STATE = {1: ['x', 'theta1', 'x_dot', 'theta1_dot'],
+         2: ['x', 'theta1', 'theta2', 'x_dot', 'theta1_dot', 'theta2_dot'],
+         3: ['x', 'theta1', 'theta2', 'theta3', 'x_dot', 'theta1_dot', 'theta2_dot', 'theta3_dot']}
+OTHERS = ['force', 'cost', 'iterations', 'solve_time', 'latency', 'late', 'status']
 
 
-def test_frame_has_a_row_a_state_with_force_and_tick():
-    episode = swing_up()
+@pytest.mark.parametrize('links', STATE)
+def test_frame_has_a_row_a_state_with_force_and_tick(links):
+    episode = swing_up(links=links)
     frame = episode.to_frame()
-    assert list(frame.columns) == COLUMNS
+    assert list(frame.columns) == [*STATE[links], *OTHERS]
     assert frame.index.name == 't [s]'
     np.testing.assert_array_equal(frame.index, episode.t)
-    np.testing.assert_array_equal(frame[list(STATE)], wrapped(episode.X))
-    np.testing.assert_array_equal(episode.to_frame(whole_turns=True)[list(STATE)], episode.X)
+    np.testing.assert_array_equal(frame[STATE[links]], wrapped(episode.X))
+    np.testing.assert_array_equal(episode.to_frame(whole_turns=True)[STATE[links]],
+                                  episode.X)
     np.testing.assert_array_equal(frame['force'][:-1], episode.U)
     np.testing.assert_array_equal(frame['solve_time'][:-1], episode.ticks.solve_time)
     assert frame['status'].iloc[0] == 'CONVERGED'
-    assert frame.iloc[-1, 6:].isna().all()
+    assert frame.iloc[-1][OTHERS].isna().all()
     assert frame.attrs == {
-        'solver': 'ilqr', 'bodies': episode.bodies, 'limits': episode.limits, 'incomplete': ''}
+        'solver': 'ilqr', 'physical': episode.physical, 'limits': episode.limits, 'incomplete': ''}
 
 
 def test_zero_is_upright_in_a_frame_whatever_the_turn():
@@ -57,7 +62,7 @@ def test_ticks_of_a_frame_stand_by_their_states():
 @pytest.mark.parametrize('states', [0, 1])
 def test_frame_of_hardly_a_run_has_its_columns(states):
     frame = first(swing_up(), states).to_frame()
-    assert list(frame.columns) == COLUMNS
+    assert list(frame.columns) == [*STATE[2], *OTHERS]
     assert len(frame) == states
 
 

@@ -8,30 +8,45 @@ from controllers import controller, LIMITS, plant
 import numpy as np
 import pytest
 
+from dp_swing_ros import configuration
 from dp_swing_ros.evaluation.metrics import measure
 from dp_swing_ros.parameters import ParameterError
-from dp_swing_ros.pendulum.equations import Pendulum
-from dp_swing_ros.pendulum.parameters import LimitParameters
-from dp_swing_ros.pendulum.rk4 import RK4
-from dp_swing_ros.pendulum.state import HANGING
-from dp_swing_ros.pendulum.trajectory import rollout
+from dp_swing_ros.pendulum.equations import energy, mass_matrix, Pendulum
+from dp_swing_ros.pendulum.integrators import INTEGRATORS
+from dp_swing_ros.pendulum.model import Model, rollout
+from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
+from dp_swing_ros.pendulum.state import angles, hanging, LINKS, SIZES
 from dp_swing_ros.problem.plan import Status
 from dp_swing_ros.simulation.closed_loop import simulate
 from dp_swing_ros.simulation.parameters import PlantParameters
+from dp_swing_ros.simulation.plant import stop_at_end
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.streams import Stream, stream
 
 START = (0.0, 1.0, 0.5, 0.0, 0.0, 0.0)
+STARTS = {1: (0.0, 1.0, 0.0, 0.0), 2: START, 3: (0.0, 1.0, 0.5, 0.7, 0.0, 0.0, 0.0, 0.0)}
+
+of_links = pytest.mark.parametrize('links', LINKS)
 
 
-def test_the_plant_integrates_finely_under_a_held_force():
-    p = plant(initial_state=START)
+def fine(physical):
+    """Return the model that the plant integrates."""
+    return Model(Pendulum.of(physical), INTEGRATORS['rk4'], 0.005)
+
+
+@of_links
+def test_the_plant_integrates_finely_under_a_held_force(links):
+    p = plant(physical=PendulumParameters(links=links), initial_state=STARTS[links])
     p.obey(5.0)
     p.advance(0.05)
-    fine = RK4.of(Pendulum.of(p.bodies), 0.005)
-    np.testing.assert_allclose(p.x, rollout(fine, np.array(START), np.full(10, 5.0))[-1],
-                               rtol=1e-13)
+    expected = rollout(fine(p.physical), np.array(STARTS[links]), np.full(10, 5.0))[-1]
+    np.testing.assert_allclose(p.x, expected, rtol=1e-12)
     assert p.t == pytest.approx(0.05)
+
+
+def test_an_initial_state_of_another_pendulum_is_refused():
+    with pytest.raises(ParameterError, match='has 6 numbers; expected 8 for links 3'):
+        plant(physical=PendulumParameters(links=3), initial_state=START)
 
 
 def test_uneven_steps_lead_to_the_same_place():
@@ -76,6 +91,31 @@ def test_the_end_stop_holds_the_cart():
     assert p.x[3] == 0.0
 
 
+@of_links
+def test_the_end_stop_conserves_the_momentum_of_the_links(links, rng):
+    """The impulse acts on the cart alone: the links' own generalised momenta do not change."""
+    model = fine(PendulumParameters(links=links, cart_mass=1.3, link1_mass=0.4, link1_length=0.8))
+    p, x = model.pendulum, rng.normal(size=SIZES[links])
+    x[[0, links + 1]] += 3.0, 5.0
+    before = x.copy()
+    stop_at_end(model, 2.4, x)
+    th = x[angles(x)]
+    change = mass_matrix(p, np.sin(th), np.cos(th)) @ (x - before)[links + 1:]
+    assert (x[0], x[links + 1]) == (2.4, 0.0)
+    assert change[0] < 0
+    np.testing.assert_allclose(change[1:], 0, atol=1e-12)
+    assert energy(p, x) < energy(p, before)
+
+
+@of_links
+def test_the_end_stop_lets_the_cart_go(links):
+    x = np.arange(1.0, SIZES[links] + 1)
+    x[0], expected = -2.5, x.copy()
+    expected[0] = -2.4
+    stop_at_end(fine(PendulumParameters(links=links)), 2.4, x)
+    np.testing.assert_array_equal(x, expected)
+
+
 def test_without_a_limit_there_is_no_end_stop():
     p = plant(limits=LimitParameters(track_limit=math.inf, force_limit=math.inf))
     p.obey(100.0)
@@ -96,7 +136,7 @@ def test_a_push_lasts_one_period_and_is_not_the_actuator_s():
 
 def test_noise_has_the_size_that_was_asked_for():
     p = plant(position_noise=0.01, velocity_noise=0.2, force_noise=1.5)
-    errors = np.array([p.measure().x for _ in range(4000)]) - HANGING
+    errors = np.array([p.measure().x for _ in range(4000)]) - hanging()
     np.testing.assert_allclose(errors[:, :3].std(0), 0.01, rtol=0.05)
     np.testing.assert_allclose(errors[:, 3:].std(0), 0.2, rtol=0.05)
     forces = []
@@ -140,10 +180,10 @@ class Listener:
 
     def update(self, t, x, delay):
         self.told.append((t, delay))
-        return self.inner.let_go(t + delay)
+        return self.inner.zero_force(t + delay)
 
-    def stand_in(self, begins):
-        return self.inner.let_go(begins)
+    def fallback(self, begins):
+        return self.inner.zero_force(begins)
 
 
 @pytest.mark.parametrize('delay', [0.0, 0.05, 0.07])
@@ -188,7 +228,7 @@ def test_a_plant_without_faults_is_its_equations_and_two_noises():
     p = plant(3, initial_state=(0.2, 1.0, 0.5, 1.0, 0.0, 0.0), force_noise=3.0,
               velocity_noise=0.1, position_noise=0.01)
     noises = stream(3, Stream.FORCE_NOISE).normal(0.0, 3.0, 5)[1:]  # one was for the start
-    fine, x = RK4.of(Pendulum.of(p.bodies), 0.005), p.x.copy()
+    x = p.x.copy()
     for n, command in enumerate((-30.0, 4.0, 12.0, -1.0)):
         push = 5.0 if n == 2 else 0.0
         p.begin_period(push)
@@ -197,7 +237,7 @@ def test_a_plant_without_faults_is_its_equations_and_two_noises():
         p.obey(2.0 * n)
         p.advance(0.02)
         forces = np.clip(np.repeat((command, 2.0 * n), (6, 4)) + noises[n], -20.0, 20.0)
-        x = rollout(fine, x, forces + push)[-1]
+        x = rollout(fine(p.physical), x, forces + push)[-1]
         assert p.mean_force == pytest.approx(np.mean(forces), rel=1e-12)
     np.testing.assert_allclose(p.x, x, rtol=1e-12)
     noise = stream(3, Stream.SENSOR_NOISE).normal(0.0, np.repeat((0.01, 0.1), 3))
@@ -207,7 +247,7 @@ def test_a_plant_without_faults_is_its_equations_and_two_noises():
 @pytest.mark.parametrize('response', [0.1, 0.7, 1.0, 1.6, 2.0])
 def test_the_actuator_goes_its_share_of_the_way_each_step(response):
     p = plant(initial_state=START, actuator_response=response)
-    fine, x, force = RK4.of(Pendulum.of(p.bodies), 0.005), np.array(START), 0.0
+    x, force = np.array(START), 0.0
     for command, push in ((10.0, 0.0), (-20.0, 3.0), (18.0, 0.0), (50.0, 0.0)):
         p.begin_period(push)
         p.obey(command)
@@ -217,7 +257,7 @@ def test_the_actuator_goes_its_share_of_the_way_each_step(response):
             force += response * (min(command, 20.0) - force)
             force = max(-20.0, min(force, 20.0))
             forces.append(force)
-        x = rollout(fine, x, np.array(forces) + push)[-1]
+        x = rollout(fine(p.physical), x, np.array(forces) + push)[-1]
         assert p.force == pytest.approx(force, rel=1e-12)
         assert p.mean_force == pytest.approx(np.mean(forces), rel=1e-12)
         np.testing.assert_allclose(p.x, x, rtol=1e-10)
@@ -324,7 +364,7 @@ def test_pushes_are_those_of_their_periods():
     pushes = np.zeros(10)
     pushes[3] = 10.0
     pushed = simulate(plant(command_loss=1.0), controller(), 0.5, pushes=pushes)
-    still = np.tile(HANGING, (4, 1))
+    still = np.tile(hanging(), (4, 1))
     np.testing.assert_allclose(pushed.X[:4], still, atol=1e-12)
     assert pushed.X[4, 3] > 0.1
     p = plant(initial_state=tuple(pushed.X[4]))
@@ -374,6 +414,18 @@ def test_the_pendulum_swings_up_and_stays(name, seed):
 
 
 @pytest.mark.parametrize('name', sorted(SOLVERS))
+@pytest.mark.parametrize('links', [1, 3])
+def test_another_number_of_links_comes_up_too(name, links):
+    """One link swings up; three, near the top, come to rest there."""
+    values = {'links': links}
+    if links == 3:
+        values['initial_state'] = (0.1, 0.02, 0.02, 0.02, 0.0, 0.0, 0.0, 0.0)
+    of_mpc = {'links': links, 'solver': name}
+    metrics = measure(simulate(configuration.plant(values), configuration.controller(of_mpc), 5.0))
+    assert metrics.success
+
+
+@pytest.mark.parametrize('name', sorted(SOLVERS))
 def test_two_runs_of_a_seed_are_the_same_to_the_bit(name):
     first, second = (simulate(plant(2, velocity_noise=0.02), controller(name, 2), 1.0)
                      for _ in range(2))
@@ -389,7 +441,6 @@ def test_an_episode_holds_what_happened():
     np.testing.assert_allclose(episode.t, np.arange(21) * 0.05)
     np.testing.assert_allclose(seen, episode.t[1:])
     assert set(episode.ticks.status) <= {status.name for status in Status}
-    fine = RK4.of(Pendulum.of(episode.bodies), 0.005)
     for n in range(20):
-        np.testing.assert_allclose(rollout(fine, episode.X[n], np.full(10, episode.U[n]))[-1],
-                                   episode.X[n + 1], atol=1e-9)
+        X = rollout(fine(episode.physical), episode.X[n], np.full(10, episode.U[n]))
+        np.testing.assert_allclose(X[-1], episode.X[n + 1], atol=1e-9)

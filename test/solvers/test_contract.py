@@ -1,7 +1,7 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-One contract for every solver of the registry, on every dynamics model of the other.
+One contract for every solver of the registry, on every integrator of the other and all links.
 
 It asks for what README and Solver promise, and no more: a solver that is written from them passes.
 """
@@ -13,28 +13,30 @@ from cross_entropy import CrossEntropy
 import numpy as np
 import pytest
 
+from dp_swing_ros import configuration
 from dp_swing_ros.control.receding_horizon import MpcParameters
 from dp_swing_ros.parameters import ParameterError
-from dp_swing_ros.pendulum.models import MODELS
-from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
-from dp_swing_ros.pendulum.state import HANGING
-from dp_swing_ros.pendulum.torch_twin import ADVANCES
-from dp_swing_ros.pendulum.trajectory import rollout
+from dp_swing_ros.pendulum.integrators import INTEGRATORS
+from dp_swing_ros.pendulum.model import rollout
+from dp_swing_ros.pendulum.state import hanging, links_of, SIZES, upright
 from dp_swing_ros.problem.cost import trajectory_cost
-from dp_swing_ros.problem.parameters import CostParameters, PredictionParameters
-from dp_swing_ros.problem.plan import Plan, SolverStats, Status
-from dp_swing_ros.problem.problem import policy_rollout, Problem
+from dp_swing_ros.problem.plan import Status
+from dp_swing_ros.problem.problem import plan_of, policy_rollout
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.solvers.solver import policy_of
 
-STATES = {'hanging': np.array(HANGING),
+STATES = {'hanging': hanging(),
           'falling': np.array([0.3, 0.2, -0.2, 0.5, 1.0, -1.0]),
-          'upright': np.zeros(6),
+          'upright': upright(),
           'turned': np.array([0.1, 2 * np.pi, -6 * np.pi, 0.0, 0.1, 0.0]),
           'wild': np.array([-2.3, 2.0, -1.0, -3.0, 12.0, -15.0])}
+# of other numbers of links, briefly
+OTHERS = {'one hanging': hanging(1), 'one falling': np.array([0.3, 0.2, 0.5, 1.0]),
+          'three hanging': hanging(3),
+          'three falling': np.array([0.3, 0.1, -0.1, 0.1, 0.2, 0.5, -0.5, 0.5])}
 
 
-@pytest.fixture(params=sorted(MODELS))
+@pytest.fixture(params=sorted(INTEGRATORS))
 def model(request):
     return request.param
 
@@ -55,35 +57,46 @@ def x_0(request):
     return STATES[request.param]
 
 
-def problem(model='rk4', horizon=30, force_limit=20.0, **cost):
-    return Problem.of(PendulumParameters(), LimitParameters(force_limit=force_limit),
-                      CostParameters(**cost), PredictionParameters(model=model, horizon=horizon))
+@pytest.fixture(params=[*sorted(STATES), *OTHERS])
+def any_x_0(request):
+    """Return a state of one, two or three links."""
+    return {**STATES, **OTHERS}[request.param]
+
+
+def problem(links=2, **values):
+    return configuration.problem({'links': links, 'force_limit': 20.0, **values})
+
+
+def problem_at(x_0, **values):
+    return problem(links_of(x_0), **values)
+
+
+def is_wild(x_0):
+    """Return whether it is the state from which a coarse model diverges."""
+    return x_0 is STATES['wild']
 
 
 def solver(name, problem, seed=0, **more):
     kind, parameters = CHOICES[name]
-    if parameters.get('device') == 'torch' and type(problem.model) not in ADVANCES:
-        pytest.skip(f'{type(problem.model).__name__} has no twin in torch')
     return kind(problem, kind.Parameters(**parameters, **more), seed)
 
 
 def random_start(problem, x_0, seed=0):
     U = np.random.default_rng(seed).uniform(-10, 10, problem.horizon)
-    X = rollout(problem.model, x_0, U)
-    return Plan(X, U, np.zeros((len(U), 6)), problem.dt,
-                SolverStats(Status.COMPLETE, math.nan, 0, 0.0))
+    return plan_of(problem, rollout(problem.model, x_0, U), U, Status.COMPLETE)
 
 
-def test_a_plan_re_integrates_to_itself(name, model, x_0):
-    p = problem(model)
+def test_a_plan_re_integrates_to_itself(name, model, any_x_0):
+    x_0 = any_x_0
+    p = problem_at(x_0, model=model)
     plan = solver(name, p).solve(x_0, random_start(p, x_0), math.inf)
-    assert plan.X.shape == (31, 6)
+    assert plan.X.shape == (31, len(x_0))
     assert plan.U.shape == (30,)
-    assert plan.K.shape == (30, 6)
+    assert plan.K.shape == (30, len(x_0))
     np.testing.assert_array_equal(plan.X[0], x_0)
     np.testing.assert_array_equal(plan.X, rollout(p.model, x_0, plan.U))
-    if not plan.usable:   # a coarse model diverges from the wild state
-        assert x_0[4] == 12.0
+    if not plan.usable:
+        assert is_wild(x_0)
         return
     assert plan.stats.cost == pytest.approx(trajectory_cost(p.cost, plan.X, plan.U), rel=1e-9)
 
@@ -96,30 +109,33 @@ def test_the_bound_is_kept(name, force_limit, x_0):
     assert np.all(np.isfinite(plan.U))
 
 
-def test_the_cost_is_never_worse_than_the_warm_start_s(name, model, x_0):
-    p = problem(model)
+def test_the_cost_is_never_worse_than_the_warm_start_s(name, model, any_x_0):
+    x_0 = any_x_0
+    p = problem_at(x_0, model=model)
     for seed in range(5):
         warm = random_start(p, x_0, seed)
         J = policy_rollout(p, *policy_of(p, x_0, warm)).J
         plan = solver(name, p, seed).solve(x_0, warm, math.inf)
-        if not np.isfinite(J):   # a coarse model diverges from the wild state
-            assert x_0[4] == 12.0
+        if not np.isfinite(J):
+            assert is_wild(x_0)
             continue
         assert plan.stats.cost <= J
         again = solver(name, p, seed).solve(x_0, plan, math.inf)
         assert again.stats.cost <= plan.stats.cost * (1 + 1e-12)
 
 
-def test_the_same_seed_gives_the_same_plan(name, x_0):
-    p = problem()
+def test_the_same_seed_gives_the_same_plan(name, any_x_0):
+    x_0 = any_x_0
+    p = problem_at(x_0)
     first, second = (solver(name, p, 3).solve(x_0, random_start(p, x_0), math.inf)
                      for _ in range(2))
     np.testing.assert_array_equal(first.U, second.U)
     np.testing.assert_array_equal(first.K, second.K)
 
 
-def test_a_deadline_that_has_passed_is_a_status_and_no_error(name, x_0):
-    p = problem()
+def test_a_deadline_that_has_passed_is_a_status_and_no_error(name, any_x_0):
+    x_0 = any_x_0
+    p = problem_at(x_0)
     warm = random_start(p, x_0)
     plan = solver(name, p).solve(x_0, warm, time.perf_counter() - 1)
     assert plan.stats.status is Status.DEADLINE
@@ -140,14 +156,26 @@ def test_a_deadline_cuts_a_long_solve_short(name):
     assert plan.usable
 
 
+@pytest.mark.parametrize('links', SIZES)
 @pytest.mark.parametrize('bad', [np.nan, np.inf])
-def test_a_state_that_is_not_finite_is_refused(name, bad):
-    with pytest.raises(ValueError, match='expected six finite numbers'):
-        solver(name, problem()).solve(np.array([0, bad, 0, 0, 0, 0]), None, math.inf)
+def test_a_state_that_is_not_finite_is_refused(name, links, bad):
+    x_0 = upright(links)
+    x_0[1] = bad
+    with pytest.raises(ValueError, match=f'expected {SIZES[links]} finite numbers'):
+        solver(name, problem(links)).solve(x_0, None, math.inf)
 
 
-def test_a_start_beyond_all_numbers_is_a_failure_and_no_exception(name):
-    plan = solver(name, problem()).solve(np.array([0, 0, 0, 0, 1e200, 0]), None, math.inf)
+@pytest.mark.parametrize('links', SIZES)
+def test_a_state_of_another_pendulum_is_refused(name, links):
+    with pytest.raises(ValueError, match=f'expected {SIZES[links]} finite numbers'):
+        solver(name, problem(links)).solve(upright(links % 3 + 1), None, math.inf)
+
+
+@pytest.mark.parametrize('links', SIZES)
+def test_a_start_beyond_all_numbers_is_a_failure_and_no_exception(name, links):
+    x_0 = upright(links)
+    x_0[-1] = 1e200
+    plan = solver(name, problem(links)).solve(x_0, None, math.inf)
     assert plan.stats.status is Status.FAILED
     assert not plan.usable
 

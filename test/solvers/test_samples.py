@@ -5,17 +5,16 @@
 import numpy as np
 import pytest
 
-from dp_swing_ros.pendulum.models import MODELS
-from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
-from dp_swing_ros.pendulum.state import HANGING
-from dp_swing_ros.pendulum.trajectory import rollout
+from dp_swing_ros import configuration
+from dp_swing_ros.pendulum.integrators import INTEGRATORS
+from dp_swing_ros.pendulum.model import rollout
+from dp_swing_ros.pendulum.state import hanging, LINKS, SIZES
 from dp_swing_ros.problem.cost import trajectory_cost
-from dp_swing_ros.problem.parameters import CostParameters, PredictionParameters
-from dp_swing_ros.problem.plan import Plan, SolverStats, Status
-from dp_swing_ros.problem.problem import Problem, regulator_rollout, Rollout
-from dp_swing_ros.solvers.mppi import MPPI, MPPIParameters
+from dp_swing_ros.problem.plan import Status
+from dp_swing_ros.problem.problem import plan_of, regulator_rollout, Rollout
+from dp_swing_ros.solvers.mppi import MPPI, MPPIParameters, weights
 from dp_swing_ros.solvers.noise import fill, LANES, state_from
-from dp_swing_ros.solvers.samples import average, draw, single
+from dp_swing_ros.solvers.samples import average, draw, Samples, single
 
 N = 20
 F = np.float32
@@ -24,49 +23,51 @@ F = np.float32
 def drawn(problem, rng, samples, sigma=3.0, correlation=0.0, gain=0.0, u_max=15.0):
     """Draw samples; return trajectory and forces they are drawn about, noise, forces, costs."""
     U = rng.uniform(-10, 10, N)
-    X = rollout(problem.model, np.array(HANGING), U)
+    x_0 = hanging(problem.physical.links)
+    X = rollout(problem.model, x_0, U)
     blocks = -(-samples // LANES)
     V, J = np.full((blocks, N, LANES), np.nan, F), np.full((blocks, LANES), np.nan, F)
     random, again = (state_from(np.random.default_rng(3)) for _ in range(2))
     noise = np.empty_like(V)
     for block in noise:
         fill(again, block.reshape(-1))
-    draw(single(problem.model), single(problem.cost), X, U, np.full((N, 6), gain), random,
+    draw(single(problem.model), single(problem.cost), X, U, np.full((N, len(x_0)), gain), random,
          np.full_like(J, sigma), F(correlation), F(u_max), V, J)
     noise, V = (many.transpose(1, 0, 2).reshape(N, -1)[:, :samples] for many in (noise, V))
     return X, U, noise, V, J.reshape(-1)[:samples]
 
 
-@pytest.mark.parametrize('model', sorted(MODELS))
-@pytest.mark.parametrize('cost', [
-    CostParameters(), CostParameters(angle_error='angle', terminal_cost='scaled')],
-    ids=['tuned', 'paper'])
-@pytest.mark.parametrize('samples', [1, 63, 64, 200])
-def test_costs_are_those_of_the_forces(model, cost, samples, rng):
-    problem = Problem.of(PendulumParameters(), LimitParameters(track_limit=0.5), cost,
-                         PredictionParameters(model=model, horizon=N))
-    X, U, noise, V, J = drawn(problem, rng, samples)
+def problem(**values):
+    return configuration.problem({'horizon': N, **values})
+
+
+@pytest.mark.parametrize('model', sorted(INTEGRATORS))
+@pytest.mark.parametrize('cost', [{}, {'angle_error': 'angle', 'terminal_cost': 'scaled'}],
+                         ids=['tuned', 'paper'])
+@pytest.mark.parametrize(('links', 'samples'), [(2, 1), (2, 63), (2, 64), (2, 200), (1, 200),
+                                                (3, 200)])
+def test_costs_are_those_of_the_forces(model, cost, links, samples, rng):
+    p = problem(links=links, model=model, track_limit=0.5, **cost)
+    X, U, noise, V, J = drawn(p, rng, samples)
     for n in range(samples):
         forces = V[:, n].astype(float)
-        expected = trajectory_cost(problem.cost, rollout(problem.model, X[0], forces), forces)
+        expected = trajectory_cost(p.cost, rollout(p.model, X[0], forces), forces)
         assert J[n] == pytest.approx(expected, rel=2e-3)
     np.testing.assert_allclose(V, np.clip(U[:, None] + 3 * noise, -15, 15), atol=1e-4)
 
 
-def test_feedback_pulls_the_samples_to_their_policy(rng):
-    problem = Problem.of(PendulumParameters(), LimitParameters(), CostParameters(),
-                         PredictionParameters(horizon=N))
-    X, U, noise, V, _ = drawn(problem, rng, 50, sigma=0.1, gain=-2.0, u_max=1e3)
+@pytest.mark.parametrize('links', LINKS)
+def test_feedback_pulls_the_samples_to_their_policy(links, rng):
+    p = problem(links=links)
+    X, U, noise, V, _ = drawn(p, rng, 50, sigma=0.1, gain=-2.0, u_max=1e3)
     for n in range(50):
-        states = rollout(problem.model, X[0], V[:, n].astype(float))
+        states = rollout(p.model, X[0], V[:, n].astype(float))
         expected = U - 2.0 * (states[:-1] - X[:-1]).sum(axis=1) + 0.1 * noise[:, n]
         np.testing.assert_allclose(V[:, n], expected, atol=2e-3)
 
 
 def test_the_noise_is_as_correlated_as_asked(rng):
-    problem = Problem.of(PendulumParameters(), LimitParameters(), CostParameters(),
-                         PredictionParameters(horizon=N))
-    _, U, _, V, _ = drawn(problem, rng, 20_000, sigma=2.0, correlation=0.8, u_max=1e3)
+    _, U, _, V, _ = drawn(problem(), rng, 20_000, sigma=2.0, correlation=0.8, u_max=1e3)
     e = V - U[:, None].astype(F)
     for t in (0, 1, N - 1):
         assert e[t].std() == pytest.approx(2.0, rel=0.03)
@@ -75,9 +76,7 @@ def test_the_noise_is_as_correlated_as_asked(rng):
 
 
 def mppi(**parameters):
-    problem = Problem.of(PendulumParameters(), LimitParameters(), CostParameters(),
-                         PredictionParameters(horizon=N))
-    return MPPI(problem, MPPIParameters(**parameters))
+    return MPPI(problem(), MPPIParameters(**parameters))
 
 
 def test_the_average_is_that_of_numpy(rng):
@@ -87,20 +86,20 @@ def test_the_average_is_that_of_numpy(rng):
 
 def test_weights_are_boltzmann_s():
     J = np.array([3.0, 1.0, 2.0, np.nan, np.inf], F)
-    w = mppi(temperature=0.5, temperature_scale='fixed').weights(J)
+    w = weights(J, 0.5, relative=False)
     expected = np.exp(-np.array([2.0, 0.0, 1.0]) / 0.5)
     np.testing.assert_allclose(w, [*expected / expected.sum(), 0, 0], rtol=1e-5)
 
 
 def test_a_relative_temperature_counts_from_the_best_to_the_best_tenth(rng):
     J = np.arange(100, dtype=F)
-    w = mppi(temperature=0.2, temperature_scale='relative').weights(rng.permutation(7 + 3 * J))
+    w = weights(rng.permutation(7 + 3 * J), 0.2, relative=True)
     expected = np.exp(-3 * J / (0.2 * 3 * 10))
     np.testing.assert_allclose(np.sort(w)[::-1], expected / expected.sum(), rtol=1e-5)
 
 
 def test_weights_survive_costs_that_are_all_lost():
-    w = mppi().weights(np.full(40, np.nan, F))
+    w = weights(np.full(40, np.nan, F), 0.1, relative=True)
     assert w.sum() == pytest.approx(1.0, rel=1e-5)
 
 
@@ -108,7 +107,7 @@ def test_weights_survive_costs_that_are_all_lost():
 def test_samples_that_are_lost_weigh_nothing(lost):
     J = np.arange(100, dtype=F)
     J[:lost] = np.inf
-    w = mppi().weights(J)
+    w = weights(J, 0.1, relative=True)
     assert np.all(w[:lost] == 0)
     assert w.sum() == pytest.approx(1.0, rel=1e-5)
 
@@ -116,24 +115,33 @@ def test_samples_that_are_lost_weigh_nothing(lost):
 @pytest.mark.parametrize('samples', [64, 100, 1000])
 def test_threads_draw_each_its_part(samples):
     """Each part is what one thread draws from the state that it was given."""
-    alone, shared = (mppi(samples=samples, threads=threads) for threads in (1, 3))
+    sigma = np.geomspace(0.5, 40, samples).astype(F)
+    alone, shared, again = (Samples(problem(), sigma, 0.8, threads) for threads in (1, 3, 3))
     best = Rollout(0.0, np.zeros((N + 1, 6)), np.zeros(N), np.zeros((N, 6)))
-    for solver in (alone, shared):
-        solver.J[:] = np.nan
-        solver.draw(best)
+    for each in (alone, shared):
+        each.J[:] = np.nan
+        each.draw(best, np.random.default_rng(0))
     np.testing.assert_array_equal(alone.J[shared.parts[0]], shared.J[shared.parts[0]])
     assert np.all(np.isfinite(shared.J))
     assert len(np.unique(shared.J)) >= samples - 1
-    again = mppi(samples=samples, threads=3)
-    np.testing.assert_array_equal(again.draw(best), shared.J.reshape(-1)[:samples])
+    np.testing.assert_array_equal(again.draw(best, np.random.default_rng(0)),
+                                  shared.J.reshape(-1)[:samples])
 
 
+def test_proposals_are_the_average_and_the_heaviest(rng):
+    samples = Samples(problem(), np.full(70, 5, F), 0.8, 1)
+    samples.draw(Rollout(0.0, np.zeros((N + 1, 6)), np.zeros(N), np.zeros((N, 6))), rng)
+    V, w = samples.V.transpose(1, 0, 2).reshape(N, -1)[:, :70], rng.uniform(size=70).astype(F)
+    np.testing.assert_allclose(samples.proposals(w), [V @ w, V[:, np.argmax(w)]], atol=1e-3)
+
+
+@pytest.mark.parametrize('links', LINKS)
 @pytest.mark.parametrize('values', [{}, {'device': 'torch', 'samples': 64}])
-def test_near_the_goal_the_plan_is_the_regulator_s(values):
+def test_near_the_goal_the_plan_is_the_regulator_s(values, links):
     """Where the problem is linear and unbounded, its optimum is known."""
-    p = Problem.of(PendulumParameters(), LimitParameters(force_limit=np.inf), CostParameters(),
-                   PredictionParameters())
-    x, plan = np.array([1e-3, 1e-4, -1e-4, 0.0, 0.0, 0.0]), None
+    p = configuration.problem({'links': links, 'force_limit': np.inf})
+    x, plan = np.zeros(SIZES[links]), None
+    x[:2] = 1e-3, 1e-4
     for _ in range(3):
         plan = MPPI(p, MPPIParameters(**values)).solve(x, plan, np.inf)
     assert plan.U[0] == pytest.approx(-p.lqr.K @ x, rel=0.02)
@@ -143,7 +151,7 @@ def test_near_the_goal_the_plan_is_the_regulator_s(values):
 def test_every_force_within_the_bound_follows_the_state():
     solver = mppi()
     for n in range(10):
-        x_0 = np.array(HANGING) + 0.1 * n
+        x_0 = hanging() + 0.1 * n
         plan = solver.solve(x_0, None, np.inf)
         follows = np.any(plan.K != 0.0, axis=1)
         np.testing.assert_array_equal(follows, np.abs(plan.U) < solver.problem.u_max)
@@ -154,7 +162,7 @@ def test_the_paper_s_mppi_is_a_choice_of_parameters(rng):
     solver = mppi(samples=100, iterations=1, temperature=0.01, temperature_scale='fixed',
                   smallest_noise=5.0, largest_noise=5.0, noise_correlation=0.0,
                   feedback=False)
-    plan = solver.solve(np.array(HANGING), None, np.inf)
+    plan = solver.solve(hanging(), None, np.inf)
     assert np.abs(plan.U).max() > 0
     np.testing.assert_array_equal(plan.K, 0.0)
 
@@ -165,9 +173,7 @@ def test_the_regulator_is_a_candidate_where_samples_follow_policies(feedback):
     solver = mppi(samples=2, iterations=1, smallest_noise=1e-3, largest_noise=1e-3,
                   feedback=feedback)
     x_0, U = np.array([0.0, 0.02, 0.02, 0.0, 0.0, 0.0]), np.full(N, 20.0)
-    X = rollout(solver.problem.model, x_0, U)
-    poor = Plan(X, U, np.zeros((N, 6)), solver.problem.dt,
-                SolverStats(Status.COMPLETE, np.inf, 0, 0.0))
+    poor = plan_of(solver.problem, rollout(solver.problem.model, x_0, U), U, Status.COMPLETE)
     plan = solver.solve(x_0, poor, np.inf)
     held = regulator_rollout(solver.problem, x_0)
     if feedback:

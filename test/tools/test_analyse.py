@@ -14,7 +14,7 @@ from dp_swing_ros.bags import read_episode
 from dp_swing_ros.evaluation.comparison import table
 from dp_swing_ros.evaluation.metrics import measure, outcome
 from dp_swing_ros.tools.analyse import main
-from dp_swing_ros.tools.over_bags import beside
+from dp_swing_ros.tools.bag_arguments import beside
 
 STILLS = {'hero.png', 'snapshots.png', 'squared_error.png', 'timeline.png'}
 

@@ -7,11 +7,14 @@ import pytest
 from real_bags import record, rewritten, tick
 from std_msgs.msg import Float64
 
+from dp_swing_ros import figures
 from dp_swing_ros.bags.reader import Bag
-from dp_swing_ros.rerun.counterfactual import fork
+from dp_swing_ros.rerun.counterfactual import counterfactual
 from dp_swing_ros.rerun.runs import Run
+from dp_swing_ros.solvers import SOLVERS
+from dp_swing_ros.solvers.ilqr import ILQR
+from dp_swing_ros.tools.bag_arguments import beside
 from dp_swing_ros.tools.compare import main
-from dp_swing_ros.tools.over_bags import beside
 from dp_swing_ros.topics import CONFIGURATION, DIAGNOSTICS, DISTURBANCE
 
 
@@ -65,7 +68,7 @@ def test_it_is_the_same_every_time(bag, tmp_path, capsys):
 def test_in_real_time_too_all_are_judged_over_the_same_window(bag, duration):
     run = Run(Bag(bag))
     for at in (0.0, 0.3, 0.8, 1.3):
-        one = fork(run, run.tick_at(at, duration), ['ddp'], duration, lambda: None)
+        one = counterfactual(run, run.tick_at(at, duration), ['ddp'], duration, lambda: None)
         assert one.others[0].t[-1] == pytest.approx(one.recorded.t[-1], abs=0.026)
         if duration is not None:
             assert one.recorded.t[-1] - one.at == pytest.approx(duration, abs=0.026)
@@ -81,6 +84,31 @@ def test_many_take_overs_give_the_regret_over_the_run(bag, tmp_path, capsys):
     for row in list(rows.values())[1:]:
         assert min(map(float, row[1:])) == 0.0
     assert is_a_picture(tmp_path / 'new' / 'regret.png')
+
+
+@pytest.fixture
+def more_solvers(monkeypatch):
+    """Register two solvers more, and return their names."""
+    for name in ('mine', 'yours'):
+        monkeypatch.setitem(SOLVERS, name, ILQR)
+    return ['mine', 'yours']
+
+
+@pytest.mark.parametrize('when', [['--at', '0.5'], ['--every', '2']])
+def test_solvers_that_others_register_are_in_table_and_picture(bag, more_solvers, when, tmp_path,
+                                                               capsys, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(figures, 'mark', lambda figure, text: drawn.append(figure))
+    code, out, _ = compared(capsys, bag, *when, '--duration', '0.3', '--output', tmp_path)
+    assert code == 0
+    rows = columns(out)
+    expected = ['recorded ilqr', 'ilqr', 'ddp', 'mppi', *more_solvers]
+    assert expected in (list(rows)[1:], rows.get('from [s]', [])[1:])
+    named = ['recorded (iLQR)', 'iLQR', 'DDP', 'MPPI', *more_solvers]
+    legends = [axes.get_legend() for axes in drawn[0].axes if axes.get_legend()]
+    assert [text.get_text() for text in legends[-1].get_texts()] == named
+    colours = [line.get_color() for line in legends[-1].get_lines()]
+    assert len(set(colours)) == len(named)
 
 
 def test_pushes_are_told_to_be_in_the_record_alone(bag, tmp_path, capsys):
@@ -100,9 +128,8 @@ def without(node):
 
 
 @pytest.mark.parametrize('topic, change, complaint', [
-    (CONFIGURATION, without('mpc'), 'does not tell the parameters of the mpc'),
-    (CONFIGURATION, without('plant'), 'does not tell the parameters of the plant: it has those '
-     'of logger, mpc'),
+    (CONFIGURATION, without('mpc'), 'has no parameters of the mpc'),
+    (CONFIGURATION, without('plant'), 'has no parameters of the plant, but those of logger, mpc'),
     (DIAGNOSTICS, drop, 'has no ticks of an mpc'),
     (DIAGNOSTICS, tick(3, drop), 'there is no tick at 0.5 s or later with a state after it: the '
      'run in')])
@@ -126,8 +153,9 @@ def test_a_time_outside_of_the_run_is_one_line(bag, arguments, complaint, capsys
 
 
 @pytest.mark.parametrize('arguments, complaint', [
-    (['--solvers', 'none'], 'invalid choice'), (['--at', '-1'], 'not a time of 0 s or more'),
-    (['--every', '0'], 'not a time above 0 s'), (['--duration', 'nan'], 'not a time'),
+    (['--solvers', 'none'], 'invalid choice'), (['--at', '-1'], 'not a number of at least 0'),
+    (['--every', '0'], 'not a number of at least 0.001'),
+    (['--duration', 'nan'], 'not a number'),
     (['--at', '1', '--every', '1'], 'not allowed with')])
 def test_misuse_is_refused_at_once(arguments, complaint, capsys):
     with pytest.raises(SystemExit) as end:

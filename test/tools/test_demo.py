@@ -5,6 +5,7 @@
 from pathlib import Path
 import re
 
+import numpy as np
 import pytest
 
 from dp_swing_ros.errors import UserError
@@ -21,11 +22,12 @@ def runs(*arguments):
 
 @pytest.mark.parametrize('arguments, complaint', [
     (['--solver', 'none'], f"choose from .*{'.*'.join(SOLVERS)}"),
-    (['--duration', '0'], '0 is not a number above 0'),
-    (['--duration', 'nan'], 'nan is not a number above 0'),
-    (['--duration', 'inf'], 'inf is not a number above 0'),
+    (['--duration', '0'], '0 is not a number of at least 0.001'),
+    (['--duration', 'nan'], 'nan is not a number of at least 0.001'),
+    (['--duration', 'inf'], 'inf is not a number of at least 0.001'),
     (['--duration', 'long'], 'invalid'),
-    (['--runs', '0'], '0 is not a number above 0'),
+    (['--links', '4'], 'invalid choice: 4'), (['--links', 'two'], 'invalid'),
+    (['--runs', '0'], '0 is not a whole number of at least 1'),
     (['--runs', '1.5'], 'invalid'),
     (['--speed', '2'], 'unrecognized arguments')])
 def test_misuse_is_refused_at_once(arguments, complaint, capsys, here):
@@ -80,6 +82,11 @@ def test_several_runs_have_a_folder_and_a_seed_each(here):
     assert all(run.lockstep for run in several)
 
 
+@pytest.mark.parametrize('arguments, given', [((), None), (('--links', '3'), 3)])
+def test_the_number_of_links_is_that_of_the_parameter_files_unless_it_is_given(arguments, given):
+    assert [run.links for run in runs(*arguments, '--runs', '2')] == [given] * 2
+
+
 def test_folder_that_is_a_file_is_refused(here):
     (here / 'file').write_text('')
     with pytest.raises(UserError, match='file exists already'):
@@ -91,3 +98,11 @@ def test_folder_that_is_a_file_is_refused(here):
     ('plain text', 'plain text')])
 def test_prefix_of_a_log_line_is_left_out(line, text):
     assert demo.without_prefix(line) == text
+
+
+@pytest.mark.parametrize('links, angles', [
+    (1, 'θ1 +3.00 rad'), (2, 'θ1 +3.00 θ2 -3.00 rad'), (3, 'θ1 +3.00 θ2 -3.00 θ3 +0.50 rad')])
+def test_progress_shows_every_angle_within_half_a_turn(links, angles):
+    x = np.zeros(2 * links + 2)
+    x[0], x[1:links + 1] = -0.25, (3.0, 2 * np.pi - 3.0, 0.5)[:links]
+    assert demo.in_words(x, 12.5) == f'{angles}  x -0.25 m  u  +12.5 N'

@@ -4,6 +4,7 @@ import dataclasses
 import json
 import os
 from pathlib import Path
+import re
 import signal
 import subprocess
 import sys
@@ -13,7 +14,8 @@ from PIL import Image
 import pytest
 from results import row
 
-from dp_swing_ros.evaluation.campaign.rows import read, store
+from dp_swing_ros.evaluation.campaign.rows import ERROR, read, store
+from dp_swing_ros.pendulum.state import LINKS
 from dp_swing_ros.tools.evaluate import command_line, main
 
 SOURCES = Path(__file__).parents[2]
@@ -74,6 +76,38 @@ def test_another_campaign_in_its_folder_is_refused(capsys):
     assert '[0, 3]' in one_line(capsys)
 
 
+def test_a_campaign_of_another_number_of_links_is_refused(capsys):
+    assert main(SMALL) == 0
+    capsys.readouterr()
+    assert main([*SMALL, '--links', '3']) == 1
+    assert 'links' in one_line(capsys)
+
+
+@pytest.mark.parametrize('links', LINKS)
+def test_all_contestants_and_cases_have_the_number_of_links(links):
+    scenarios = ['--scenarios', 'hanging', 'random', 'model', '--seeds', '2', '--levels', '2']
+    assert main([*SMALL, *scenarios, '--figures', '--links', str(links)]) == 0
+    about = json.loads(Path('campaign/campaign.json').read_text())
+    assert about['links'] == links
+    assert about['contestants']['nothing'] == {
+        'name': 'nothing', 'plant': {'links': links}, 'mpc': {'links': links}}
+    rows = read(Path('campaign/episodes.csv'))
+    assert not [row.detail for row in rows if row.outcome == ERROR]
+    assert {f'link{i}_mass' for i in range(1, links + 1)} == {
+        row.key.parameter for row in rows if re.fullmatch(r'link\d_mass', row.key.parameter)}
+    assert len(rows) == 2 + 2 + 2 * 2 * (1 + 4 * links)
+    assert Path('campaign/starts.png').exists()
+
+
+def test_a_contestant_may_be_given_its_own_number_of_links():
+    file = Path('single.yaml')
+    file.write_text('/**:\n  ros__parameters: {links: 1}\n')
+    assert main(['--contestants', f'nothing:{file}', *SMALL[2:], '--links', '1']) == 0
+    given = json.loads(Path('campaign/campaign.json').read_text())['contestants']
+    assert given == {'nothing:single': {
+        'name': 'nothing', 'plant': {'links': 1}, 'mpc': {'links': 1}}}
+
+
 def test_a_campaign_is_compared_with_a_stored_one_row_by_row(capsys):
     assert main(SMALL) == 0
     rows = read(Path('campaign/episodes.csv'))
@@ -112,8 +146,8 @@ def test_what_cannot_work_is_one_line(arguments, code, word, capsys):
 @pytest.mark.parametrize('arguments, word', [
     (['--scenarios', 'none'], 'near_goal'), (['--seeds', '0'], 'no seeds'),
     (['--seeds', '5:5'], 'no seeds'), (['--seeds', 'all'], 'invalid'),
-    (['--levels', '0'], 'above 0'), (['--jobs', '0'], 'above 0'), (['--duration', 'inf'], '0.05'),
-    (['--speed', '2'], 'unrecognized')])
+    (['--levels', '0'], 'least 1'), (['--jobs', '0'], 'least 1'), (['--duration', 'inf'], '0.05'),
+    (['--links', '4'], 'invalid choice'), (['--speed', '2'], 'unrecognized')])
 def test_misuse_is_refused_at_once(arguments, word, capsys):
     with pytest.raises(SystemExit) as end:
         main(arguments)

@@ -11,12 +11,13 @@ from recorded_runs import write_bag
 from synthetic import swing_up
 
 from dp_swing_ros.bags import read_episode
-from dp_swing_ros.bags.tables import STATES
-from dp_swing_ros.pendulum.state import JOINTS, wrapped
+from dp_swing_ros.bags.tables import state_columns
+from dp_swing_ros.pendulum.state import joints, wrapped
 from dp_swing_ros.tools import export
 from dp_swing_ros.tools.export import main
 from dp_swing_ros.topics import DIAGNOSTICS
 
+STATES, JOINTS = state_columns(2), joints(2)
 READ = {'csv': pandas.read_csv, 'parquet': pandas.read_parquet}
 
 

@@ -29,7 +29,7 @@ def bag(original, tmp_path):
 
 
 def entries(bag):
-    return {entry[:5] for entry in Bag(bag).entries}
+    return {(entry.topic, *entry[1:]) for entry in Bag(bag).entries}
 
 
 def damage(bag, begin=0.5, size=300):

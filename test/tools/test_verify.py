@@ -234,7 +234,8 @@ def of_plant(old, new):
     (CONFIGURATION, of_plant('physics_step: 0.005', 'physics_step: 0.01'), 'the state at '),
     (CONFIGURATION, of_plant('  rate: 20.0', '  rate: 40.0'), 'the state at '),
     (ROBOT_DESCRIPTION, lambda message: String(data=message.data.replace(
-        'value="9.81"', 'value="9.8"')), 'the robot description, differs: its bodies and limits')])
+        'value="9.81"', 'value="9.8"')), 'the robot description, differs: its physical parameters '
+     'and limits')])
 def test_changed_parameters_of_the_plant_are_named(bags, topic, change, text, tmp_path, capsys):
     code, lines, _ = verified(rewritten(bags['ddp'], tmp_path / 'bag', topic, change), capsys)
     assert code == 1
@@ -301,7 +302,7 @@ def again(message):
 
 
 @pytest.mark.parametrize('topic, change, complaint', [
-    (CONFIGURATION, drop, 'does not tell the parameters of the mpc: it has those of no node'),
+    (CONFIGURATION, drop, 'has no parameters of the mpc, but those of no node'),
     (CONFIGURATION, told('horizon: 30', 'horizont: 30'),
      "unknown parameter 'horizont' of the node 'mpc'; did you mean 'horizon'?"),
     (CONFIGURATION, told('horizon: 30', 'horizon: 0'), "parameter 'horizon' is 0"),
@@ -326,7 +327,7 @@ def test_a_bag_from_before_is_told(bags, tmp_path, capsys):
     bag = rewritten(bags['ilqr'], tmp_path / 'bag', DIAGNOSTICS, change)
     code, lines, error = verified(bag, capsys)
     assert (code, lines) == (2, [])
-    assert 'is of an mpc that did not tell its solves, number at every tick' in error
+    assert 'is of an mpc without solves, number at every tick' in error
 
 
 def test_missing_and_damaged_bags_are_one_line(bags, tmp_path, capsys):

@@ -2,14 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """A campaign against a stored one, episode by episode: what each held, settling, equal rows."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
-import numpy as np
-
-from dp_swing_ros.evaluation.campaign.report import difference, probability, ratio, table
+from dp_swing_ros.evaluation.campaign.report import difference, probability, ratio
 from dp_swing_ros.evaluation.campaign.rows import CampaignError, identical, Key, Row
-from dp_swing_ros.evaluation.comparison import Paired, paired, paired_ratio, Ratio, sign_test
+from dp_swing_ros.evaluation.campaign.summary import Duel, duel
+from dp_swing_ros.tables import compact
 
 ABOUT = """\
 Pairs are the episodes of the same contestant, scenario, level and seed; identical are those whose
@@ -20,17 +19,10 @@ closed-loop costs (now over stored, geometric mean) with its 95 % interval (boot
 
 
 class Rivals(NamedTuple):
-    """A contestant in a scenario, now and as stored, over the episodes that both have."""
+    """A contestant in a scenario, now (first) and as stored, over the episodes that both have."""
 
-    contestant: str
-    scenario: str
-    pairs: int
+    duel: Duel
     identical: int
-    only_now: int       # held
-    only_stored: int
-    p: float
-    settling: Paired    # [s] now less stored
-    cost: Ratio         # now over stored
 
 
 def rivals(now: Sequence[Row], stored: Sequence[Row]) -> list[Rivals]:
@@ -45,7 +37,9 @@ def rivals(now: Sequence[Row], stored: Sequence[Row]) -> list[Rivals]:
     for row in now:
         if row.key in before:
             groups.setdefault(row.key[:2], []).append((row, before[row.key]))
-    return [rival(*names, pairs) for names, pairs in groups.items()]
+    return [Rivals(duel(scenario, contestant, 'stored', pairs),
+                   sum(identical(*pair) for pair in pairs))
+            for (contestant, scenario), pairs in groups.items()]
 
 
 def refuse_strangers(keys: Iterable[Key], stored: Sequence[Row]) -> None:
@@ -56,27 +50,12 @@ def refuse_strangers(keys: Iterable[Key], stored: Sequence[Row]) -> None:
                             f'{", ".join(names) or "none"}')
 
 
-def rival(contestant: str, scenario: str, pairs: Sequence[tuple[Row, Row]]) -> Rivals:
-    """Compare the episodes of a contestant in a scenario, each now and as stored."""
-    won = sum(now.metrics.success and not then.metrics.success for now, then in pairs)
-    lost = sum(then.metrics.success and not now.metrics.success for now, then in pairs)
-    both = [(now.metrics, then.metrics) for now, then in pairs
-            if now.metrics.success and then.metrics.success]
-    settling = np.array([[each.settling_time for each in pair] for pair in both]).reshape(-1, 2)
-    cost = np.array([[each.closed_loop_cost for each in pair] for pair in both]).reshape(-1, 2)
-    return Rivals(contestant, scenario, len(pairs), sum(identical(*pair) for pair in pairs),
-                  won, lost, sign_test(won, lost), paired(*settling.T), paired_ratio(*cost.T))
-
-
 def compared(place: str, found: Sequence[Rivals]) -> str:
     """Return the comparison with what is stored in a place, as Markdown."""
-    return '\n'.join([f'## Against {place}', '', ABOUT, '', *_lines(found)]) + '\n'
-
-
-def _lines(found: Sequence[Rivals]) -> Iterator[str]:
-    yield from table([
+    lines = compact([
         ('scenario', 'contestant', 'pairs', 'identical', 'held only now', 'held only as stored',
          'p', 'settling [s]', 'Σℓ, ratio'),
-        *((one.scenario, f'`{one.contestant}`', str(one.pairs), str(one.identical),
-           str(one.only_now), str(one.only_stored), probability(one.p),
-           difference(one.settling), ratio(one.cost)) for one in found)])
+        *((one.scenario, f'`{one.first}`', str(one.cases), str(same), str(one.first_only),
+           str(one.second_only), probability(one.p), difference(one.differences['settling_time']),
+           ratio(one.cost)) for one, same in found)])
+    return f'## Against {place}\n\n{ABOUT}\n\n{lines}\n'

@@ -20,7 +20,7 @@ FORMAT = re.compile(r'(?:(?P<label>[^=:]+)=)?(?P<name>[^=:]+)(?::(?P<parts>.+))?
 
 @dataclass(frozen=True)
 class Contestant:
-    """A solver in the receding horizon, or a baseline, and what plant and mpc are told."""
+    """A solver in the receding horizon, or a baseline, and the parameters of plant and mpc."""
 
     label: str
     name: str

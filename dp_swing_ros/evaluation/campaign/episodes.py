@@ -7,15 +7,15 @@ from collections.abc import Callable
 import numpy as np
 
 from dp_swing_ros import configuration
+from dp_swing_ros.control.receding_horizon import starts_to_warm_up
 from dp_swing_ros.evaluation.campaign.contestants import Contestant
 from dp_swing_ros.evaluation.campaign.rows import ERROR, Key, Row, UNKNOWN
 from dp_swing_ros.evaluation.metrics import measure, outcome, TIME_LIMIT
 from dp_swing_ros.evaluation.scenarios import Case, PERIOD
-from dp_swing_ros.pendulum.state import HANGING, LEANING
 from dp_swing_ros.simulation.closed_loop import Controller, simulate
 from dp_swing_ros.simulation.episode import Episode
 
-WARM_UP = 4  # ticks before the first that is timed in a process
+WARM_UP = 4    # ticks before the first that is timed in a process
 
 _ready: dict[str, Callable[[int], Controller]] = {}  # by contestant, in this process
 
@@ -65,10 +65,11 @@ def ready(contestant: Contestant) -> Callable[[int], Controller]:
     if name not in _ready:
         make = contestant.prepare()
         controller = make(0)
+        links = configuration.plant(contestant.plant).physical.links
         # the one start needs what the other does not
-        for start in (LEANING, HANGING):
-            plant = configuration.plant({**contestant.plant, 'initial_state': start})
+        for start in starts_to_warm_up(links):
+            plant = configuration.plant({**contestant.plant, 'initial_state': start.tolist()})
             simulate(plant, controller, WARM_UP * PERIOD)
-        controller.stand_in(WARM_UP * PERIOD)
+        controller.fallback(WARM_UP * PERIOD)
         _ready[name] = make
     return _ready[name]

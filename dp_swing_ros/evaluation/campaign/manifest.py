@@ -12,13 +12,15 @@ from dp_swing_ros.evaluation.campaign.contestants import Contestant
 from dp_swing_ros.evaluation.campaign.rows import CampaignError
 from dp_swing_ros.evaluation.scenarios import SCENARIOS
 from dp_swing_ros.kernels import processor
+from dp_swing_ros.pendulum.state import DEFAULT_LINKS
 from dp_swing_ros.provenance import commit, COMPUTING, machine, package_version, packages, sources
 
-DECIDES = ('contestants', 'scenarios', 'duration', 'sources', 'processor')  # rows depend on these
+# rows depend on these
+DECIDES = ('contestants', 'scenarios', 'duration', 'links', 'sources', 'processor')
 
 
 def describe(contestants: Iterable[Contestant], scenarios: Iterable[str], seeds: range | None,
-             levels: int | None, duration: float) -> dict[str, Any]:
+             levels: int | None, duration: float, links: int) -> dict[str, Any]:
     """Return the description of a campaign, ready for JSON."""
     return {
         'contestants': {contestant.label: {
@@ -28,7 +30,7 @@ def describe(contestants: Iterable[Contestant], scenarios: Iterable[str], seeds:
                              'levels': SCENARIOS[name].sweeps and (
                                  levels or SCENARIOS[name].levels) or 0}
                       for name in scenarios},
-        'duration': duration, 'sources': sources(), 'processor': processor(),
+        'duration': duration, 'links': links, 'sources': sources(), 'processor': processor(),
         'version': package_version(), 'commit': commit()}
 
 
@@ -71,7 +73,8 @@ def load(folder: Path) -> dict[str, Any]:
     """
     path = folder / 'campaign.json'
     try:
-        return json.loads(path.read_text(encoding='utf-8'))
+        # a campaign from before there was a choice has two links
+        return {'links': DEFAULT_LINKS, **json.loads(path.read_text(encoding='utf-8'))}
     except (OSError, ValueError) as error:
         raise CampaignError(f'{folder} holds no campaign: {error}') from None
 

@@ -2,18 +2,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """A summary as Markdown."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 import itertools
 import math
 
 from dp_swing_ros.evaluation.campaign.scores import CRITERIA, Level
-from dp_swing_ros.evaluation.campaign.summary import CATCH, DROP, Failure, Standing, Summary
+from dp_swing_ros.evaluation.campaign.summary import DROP, Failure, NEAR_GOAL, Standing, Summary
 from dp_swing_ros.evaluation.comparison import Paired, Rate, Ratio
 from dp_swing_ros.evaluation.scenarios import PROFILE, SCENARIOS
+from dp_swing_ros.tables import compact
 
 NOTES = """\
-An episode is held when both angles are within 0.1 rad and all speeds below 1 over its last second;
-it has settled where that last stay begins, with the cart off the centre as the column says. In
+An episode is held when all angles are within 0.1 rad and all speeds below 1 over its last second;
+it has settled where that last stay begins, with the cart off the centre as in the column. In
 brackets are Wilson's 95 % intervals; nothing is run twice. Medians are over the held episodes,
 what is largest over all; force steps are the standard deviation of Δu over the last 2 s (hold) and
 over all of the run. A strike is the cart's meeting an end stop; counted are those of all episodes.
@@ -27,32 +28,27 @@ the p of the sign test, and the ratio of the closed-loop costs Σℓ (first over
 mean of the cases) with its 95 % interval (bootstrap). The p are of one test each: among twenty of
 them one below 0.05 is to be expected by chance."""
 
+SCORES = ('Performance is the mean over `hanging`; robustness the mean of the six fractions of '
+          'levels that pass, with more than half of their runs.')
+
 
 def markdown(summary: Summary, title: str = 'Campaign', introduction: Sequence[str] = ()) -> str:
     """Return the page, its introduction by default what its campaign was made with."""
-    parts = [[f'# {title}', '', *(introduction or made(summary)), '', NOTES]]
-    names = list(summary.campaign['scenarios'])
-    for scenario in names:
+    parts = [f'# {title}', '\n'.join(introduction or made(summary)), NOTES]
+    for scenario in summary.campaign['scenarios']:
         standings = [one for one in summary.standings if one.scenario == scenario]
         if standings:
-            parts.append([f'## {scenario}', '', f'{SCENARIOS[scenario].about}.', '',
-                          *_standings(standings)])
-        if scenario == CATCH:
-            parts.append([f'Went beyond ±{DROP:g} rad: {_dropped(standings)}.'])
-    parts.append(['## Scores', '', *_scores(summary)])
+            parts += [f'## {scenario}', f'{SCENARIOS[scenario].about}.', _standings(standings)]
+        if scenario == NEAR_GOAL:
+            parts.append(f'Went beyond ±{DROP:g} rad: {_dropped(standings)}.')
+    parts += ['## Scores', SCORES, _scores(summary)]
     if any(one.sweeps for one in summary.standings):
-        parts.append(['## Where each breaks', '', *_breaks(summary)])
+        parts += ['## Where each breaks', 'Levels that pass, and those that fail.',
+                  _breaks(summary)]
     if summary.duels:
-        parts.append(['## Against each other', '', *_duels(summary)])
-    parts.append(['## What was not held, and why', '', *_failures(summary.failures)])
-    return '\n\n'.join('\n'.join(part) for part in parts) + '\n'
-
-
-def table(rows: Iterable[Sequence[str]]) -> list[str]:
-    """Return the lines of a table; the first row is its head."""
-    head, *body = (f'| {" | ".join(cell.replace("|", chr(92) + "|") for cell in row)} |'
-                   for row in rows)
-    return [head, '| --- ' * (head.count(' | ') + 1) + '|', *body]
+        parts += ['## Against each other', DUELS, _duels(summary)]
+    parts += ['## What was not held, and why', _failures(summary.failures)]
+    return '\n\n'.join(parts) + '\n'
 
 
 def made(summary: Summary) -> list[str]:
@@ -78,8 +74,8 @@ def share(rate: Rate) -> str:
             f'({100 * rate.low:.1f}-{100 * rate.high:.1f} %)')
 
 
-def _standings(standings: list[Standing]) -> Iterator[str]:
-    yield from table([
+def _standings(standings: list[Standing]) -> str:
+    return compact([
         ('contestant', 'held', 'settling [s]', 'off [m]', 'hold error [mrad]',
          'force step: hold, run [N]', 'largest u [N], x [m], θ [rad]', 'strikes', 'Σℓ',
          'Σabs(Δx u) [J]', '∫abs(u) [N s]', '∫u² [N² s]', 'solve: median, p99, largest [ms]',
@@ -101,26 +97,21 @@ def _dropped(standings: list[Standing]) -> str:
         + (f' (seeds {spans(one.dropped)})' if one.dropped else '') for one in standings)
 
 
-def _scores(summary: Summary) -> Iterator[str]:
-    yield ('Performance is the mean over `hanging`; robustness the mean of the six fractions of '
-           'levels that pass, with more than half of their runs.')
-    yield ''
-    yield from table([('contestant', 'performance', 'robustness', *CRITERIA), *(
+def _scores(summary: Summary) -> str:
+    return compact([('contestant', 'performance', 'robustness', *CRITERIA), *(
         (f'`{one.contestant}`', number(one.performance, 3), number(one.robustness, 3),
          *(number(one.criteria.get(name, math.nan), 3) for name in CRITERIA))
         for one in summary.scores)])
 
 
-def _breaks(summary: Summary) -> Iterator[str]:
-    yield 'Levels that pass, and those that fail.'
-    yield ''
+def _breaks(summary: Summary) -> str:
     names = list(summary.campaign['contestants'])
     cells: dict[tuple[str, str], dict[str, str]] = {}
     for one in summary.standings:
         for parameter, levels in one.sweeps.items():
             cells.setdefault((one.scenario, parameter), {})[one.contestant] = (
                 f'{sum(level.passed for level in levels)} of {len(levels)}' + failing(levels))
-    yield from table([('scenario', 'swept', *(f'`{name}`' for name in names)), *(
+    return compact([('scenario', 'swept', *(f'`{name}`' for name in names)), *(
         (scenario, parameter, *(row.get(name, '-') for name in names))
         for (scenario, parameter), row in cells.items())])
 
@@ -136,10 +127,8 @@ def failing(levels: Sequence[Level]) -> str:
     return f'; fails at {", ".join(ranges)}' if ranges else ''
 
 
-def _duels(summary: Summary) -> Iterator[str]:
-    yield DUELS
-    yield ''
-    yield from table([
+def _duels(summary: Summary) -> str:
+    return compact([
         ('scenario', 'first', 'second', 'cases', 'only first held', 'only second held', 'p',
          'settling [s]', 'force step at hold [N]', 'force step over the run [N]', 'Σℓ, ratio'),
         *((one.scenario, f'`{one.first}`', f'`{one.second}`', str(one.cases),
@@ -164,14 +153,13 @@ def ratio(of: Ratio) -> str:
     return '-' if math.isnan(of.low) else f'{of.value:.3f} ({of.low:.3f} to {of.high:.3f})'
 
 
-def _failures(failures: Sequence[Failure]) -> Iterator[str]:
+def _failures(failures: Sequence[Failure]) -> str:
     if not failures:
-        yield 'Everything was held.'
-        return
+        return 'Everything was held.'
     groups: dict[tuple[str, str, str], list[Failure]] = {}
     for one in failures:
         groups.setdefault((one.scenario, one.contestant, one.why), []).append(one)
-    yield from table([('scenario', 'contestant', 'why', 'episodes', 'which'), *(
+    return compact([('scenario', 'contestant', 'why', 'episodes', 'which'), *(
         (scenario, f'`{contestant}`', reason, str(len(group)), which(group))
         for (scenario, contestant, reason), group in groups.items())])
 

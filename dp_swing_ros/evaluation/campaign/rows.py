@@ -4,7 +4,7 @@
 The table on disk: one row an episode, appended as it comes.
 
 A line is written in one go, so that a campaign that is killed leaves at most its last line torn;
-such a line is dropped when the campaign goes on. What is to be kept for good is compressed.
+such a line is dropped when the campaign continues. What is to be kept for good is compressed.
 """
 
 from collections.abc import Iterable
@@ -28,7 +28,7 @@ ERROR = 'ERROR'  # the outcome of an episode that raised
 
 
 class CampaignError(Exception):
-    """A campaign cannot go on; the message says why, and what to do. What was run is kept."""
+    """A campaign cannot continue; the message states why, and what to do. What was run is kept."""
 
 
 class Key(NamedTuple):
@@ -80,7 +80,7 @@ def untimed(row: Row) -> Row:
 
 
 def identical(a: Row, b: Row) -> bool:
-    """Tell whether two rows are the same to the bit, the clock apart."""
+    """Return whether two rows are the same to the bit, the clock apart."""
     return _cells(untimed(a)) == _cells(untimed(b))
 
 

@@ -34,7 +34,7 @@ class Level(NamedTuple):
 
     @property
     def passed(self) -> bool:
-        """Tell whether more than half were."""
+        """Return whether more than half were."""
         return 2 * self.held > self.runs
 
 

@@ -1,6 +1,6 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the rows of a campaign say: standings, scores, comparisons, failures."""
+"""Summary of a campaign's rows: standings, scores, comparisons, failures."""
 
 from collections.abc import Sequence
 import dataclasses
@@ -24,7 +24,7 @@ OF_HELD = ('settling_time', 'hold_error', 'smoothness', 'roughness', 'energy', '
 OF_ALL = ('largest_force', 'largest_position', 'largest_angle')
 SWEPT = ['', PROFILE, *(sweep.parameter for scenario in SCENARIOS.values()
                         for sweep in scenario.sweeps)]  # in the order of reports
-CATCH, DROP = 'near_goal', 0.4  # [rad] who gets further from upright has dropped the pendulum
+NEAR_GOAL, DROP = 'near_goal', 0.4  # [rad] who gets further from upright has dropped the pendulum
 COMPARED = ('settling_time', 'smoothness', 'roughness')
 
 
@@ -116,7 +116,7 @@ def summarise(campaign: dict[str, Any], rows: Sequence[Row], expected: int) -> S
         campaign, len(rows), expected - len(rows),
         [standing(*names, group) for names, group in groups.items()],
         [score(contestant, groups) for contestant in contestants],
-        [duel(scenario, first, second, groups[first, scenario], groups[second, scenario])
+        [duel(scenario, first, second, common(groups[first, scenario], groups[second, scenario]))
          for scenario in scenarios for first, second in itertools.combinations(contestants, 2)
          if (first, scenario) in groups and (second, scenario) in groups],
         [Failure(*row.key, why(row)) for row in rows if not row.metrics.success])
@@ -136,7 +136,7 @@ def standing(contestant: str, scenario: str, rows: Sequence[Row]) -> Standing:
         len(times), sum(row.metrics.strikes for row in rows),
         sum(row.metrics.deadline_misses for row in rows),
         sum(row.metrics.stand_ins for row in rows), levels(rows),
-        [row.key.seed for row in rows if scenario == CATCH
+        [row.key.seed for row in rows if scenario == NEAR_GOAL
          and not row.metrics.largest_angle <= DROP])
 
 
@@ -159,13 +159,17 @@ def score(contestant: str, groups: dict[tuple[str, str], list[Row]]) -> Score:
                  if hanging else math.nan, robustness(criteria), criteria)
 
 
-def duel(scenario: str, first: str, second: str, a: Sequence[Row], b: Sequence[Row]) -> Duel:
-    """Compare two contestants on the cases that both were given."""
+def common(a: Sequence[Row], b: Sequence[Row]) -> list[tuple[Row, Row]]:
+    """Pair the rows of two contestants on the cases that both were given."""
     of_b = {row.key[2:]: row for row in b}
-    pairs = [(row, of_b[row.key[2:]]) for row in a if row.key[2:] in of_b]
+    return [(row, of_b[row.key[2:]]) for row in a if row.key[2:] in of_b]
+
+
+def duel(scenario: str, first: str, second: str, pairs: Sequence[tuple[Row, Row]]) -> Duel:
+    """Compare two contestants case by case."""
     won = sum(one.metrics.success and not other.metrics.success for one, other in pairs)
     lost = sum(other.metrics.success and not one.metrics.success for one, other in pairs)
-    # how it settled and held is told by those cases alone that both held
+    # how it settled and held is compared on those cases alone that both held
     held = [pair for pair in pairs if pair[0].metrics.success and pair[1].metrics.success]
     one, other = [pair[0] for pair in held], [pair[1] for pair in held]
     return Duel(

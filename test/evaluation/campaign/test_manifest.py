@@ -9,9 +9,10 @@ from dp_swing_ros.evaluation.campaign.contestants import parse_all
 from dp_swing_ros.evaluation.campaign.rows import CampaignError
 
 
-def described(*contestants, scenarios=('hanging',), seeds=range(3), levels=None, duration=4.0):
+def described(*contestants, scenarios=('hanging',), seeds=range(3), levels=None, duration=4.0,
+              links=2):
     return manifest.describe(parse_all(contestants or ['ilqr']), scenarios, seeds, levels,
-                             duration)
+                             duration, links)
 
 
 def test_the_same_campaign_may_go_on(tmp_path):
@@ -25,7 +26,7 @@ def test_the_same_campaign_may_go_on(tmp_path):
     (lambda: described('ddp'), 'contestants'), (lambda: described('ilqr:horizon=20'), 'horizon'),
     (lambda: described(seeds=range(4)), 'scenarios'),
     (lambda: described(scenarios=('hanging', 'delay')), 'delay'),
-    (lambda: described(duration=5.0), 'duration'),
+    (lambda: described(duration=5.0), 'duration'), (lambda: described(links=3), 'links'),
     (lambda: {**described(), 'sources': 'others'}, 'sources')])
 def test_another_campaign_is_refused(other, part, tmp_path):
     manifest.keep(tmp_path, described())
@@ -41,6 +42,13 @@ def test_what_a_campaign_was_made_with_may_differ(tmp_path):
     manifest.keep(tmp_path, {**described(), 'commit': 'b'})
     assert manifest.load(tmp_path)['commit'] == 'a'
     assert 'numba' in manifest.load(tmp_path)['made']['packages']
+
+
+def test_a_campaign_from_before_there_was_a_choice_has_two_links(tmp_path):
+    (tmp_path / 'campaign.json').write_text(json.dumps(
+        {name: value for name, value in described().items() if name != 'links'}))
+    assert manifest.load(tmp_path)['links'] == 2
+    manifest.keep(tmp_path, described())
 
 
 def test_scenarios_say_their_seeds_and_levels():

@@ -8,7 +8,8 @@ import pytest
 from results import campaign, error_row, row
 
 from dp_swing_ros.evaluation.campaign.report import markdown
-from dp_swing_ros.evaluation.campaign.summary import duel, plain, standing, summarise, why
+from dp_swing_ros.evaluation.campaign.summary import (
+    common, duel, plain, standing, summarise, why)
 from dp_swing_ros.evaluation.metrics import Outcome
 
 
@@ -45,7 +46,7 @@ def test_a_duel_is_over_the_same_cases():
     first = [row('ilqr', seed=seed, held=seed != 3, settling_time=2.0) for seed in range(6)]
     second = [row('mppi', seed=seed, held=seed not in (0, 1), settling_time=2.5)
               for seed in range(1, 7)]
-    one = duel('hanging', 'ilqr', 'mppi', first, second)
+    one = duel('hanging', 'ilqr', 'mppi', common(first, second))
     assert one.cases == 5
     assert (one.first_only, one.second_only) == (1, 1)
     assert one.p == 1.0

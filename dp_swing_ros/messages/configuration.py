@@ -1,0 +1,45 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What each node runs with: the text of a message, so that any bag holds it."""
+
+from typing import Any, NamedTuple
+
+import yaml
+
+from dp_swing_ros.parameters.plain_yaml import parse, YamlError
+
+TEXTS = ('node', 'version', 'commit', 'sources', 'machine')
+
+
+class Configuration(NamedTuple):
+    """A node's parameters by their full names, and what ran where."""
+
+    node: str                    # with its namespace: /mpc
+    parameters: dict[str, Any]
+    version: str
+    commit: str
+    sources: str                 # digest of the modules that decide a force
+    machine: str
+    packages: dict[str, str]     # versions
+
+    def to_text(self) -> str:
+        """Return it as YAML; numbers read back the same."""
+        return yaml.safe_dump(self._asdict(), sort_keys=False, allow_unicode=True)
+
+
+def from_text(text: str) -> Configuration:
+    """
+    Read what `to_text` wrote.
+
+    Raises ValueError where the text is something else.
+    """
+    try:
+        content = parse(text)
+    except YamlError as error:
+        raise ValueError(f'a configuration is not YAML: {error}') from None
+    if not isinstance(content, dict) or not set(Configuration._fields) <= set(content) \
+            or not all(isinstance(content[field], dict) for field in ('parameters', 'packages')) \
+            or not all(isinstance(content[field], str) for field in TEXTS):
+        raise ValueError(f'a configuration is {text[:80]!r}; expected YAML with '
+                         f'{", ".join(Configuration._fields)}')
+    return Configuration(**{field: content[field] for field in Configuration._fields})

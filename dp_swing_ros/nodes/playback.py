@@ -1,0 +1,153 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What of a bag is played, and when; needs no ROS."""
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+from dp_swing_ros.bags.mcap_reader import Entry
+from dp_swing_ros.bags.reader import Bag
+from dp_swing_ros.errors import BagError
+from dp_swing_ros.messages.fields import BILLION
+from dp_swing_ros.nodes.parameters import SENT
+
+LATE = 5_000_000  # [ns] later than this a message is counted as late
+
+
+class Scheduled(NamedTuple):
+    """A message and when it is to be played."""
+
+    time: int  # [ns] of the bag
+    entry: Entry
+
+
+def schedule(bag: Bag, order: str = SENT) -> list[Scheduled]:
+    """
+    Return the messages of a bag as they were sent, or as they were received.
+
+    A logger that was kept waiting receives what was sent over a while all at once, so the time of
+    sending is the closer to what the nodes saw; it is of each sender's own clock, though. What
+    was sent before the recording began is played at its beginning. Raises BagError.
+    """
+    if not bag.entries:
+        raise BagError(f'{bag} holds no message; record a run with the logger')
+    first = min(entry.received for entry in bag.entries)
+
+    def time(entry: Entry) -> int:
+        # some writers know no time of sending, and leave it zero
+        return max(entry.sent, first) if order == SENT and entry.sent else entry.received
+
+    return sorted((Scheduled(time(entry), entry) for entry in bag.entries),
+                  key=lambda scheduled: scheduled.time)
+
+
+def excerpt(bag: Bag, messages: Sequence[Scheduled], topics: Iterable[str] = (),
+            start_offset: float = 0.0, duration: float = 0.0) -> list[Scheduled]:
+    """
+    Return the messages on some topics (none: all) over a part of a bag.
+
+    It begins start_offset [s] after the first of all messages and lasts a duration [s] of the
+    bag's time (0 or less: to its end). Raises BagError if there is no such topic, or nothing.
+    """
+    names = {'/' + name.lstrip('/') for name in topics}
+    unknown = sorted(names - set(bag.topics))
+    if unknown:
+        raise BagError(f'{bag} has nothing on {", ".join(unknown)}; '
+                       f'it holds messages of {", ".join(bag.topics)}')
+    first, last = messages[0].time, messages[-1].time
+    begin = first + round(start_offset * BILLION)
+    end = begin + round(duration * BILLION) if duration > 0 else last
+    found = [message for message in messages
+             if begin <= message.time <= end and (not names or message.entry.topic in names)]
+    if not found:
+        raise BagError(f'{bag} lasts {(last - first) / BILLION:.3f} s and has '
+                       f'nothing to play from {start_offset:g} s on; '
+                       'give another start_offset or playback_duration')
+    return found
+
+
+class Timeline:
+    """
+    The time of a bag as a function of a steady clock, both in nanoseconds; it can stand still.
+
+    It is reckoned from a fixed origin, so that however late a message is, the next is not.
+    """
+
+    def __init__(self, start: int, rate: float) -> None:
+        """Stand still at a time of the bag [ns]; later it runs at this many times real time."""
+        self.rate = rate
+        self._start = start
+        self._began: int | None = None  # when the clock was at `start`; None: it stands still
+
+    def at(self, now: int) -> int:
+        """Return the time of the bag."""
+        if self._began is None:
+            return self._start
+        return self._start + round((now - self._began) * self.rate)
+
+    def due(self, time: int) -> int | None:
+        """Return when a time of the bag comes; None while it stands still."""
+        if self._began is None:
+            return None
+        return self._began + round((time - self._start) / self.rate)
+
+    def run(self, now: int) -> None:
+        """Go on from where it stands."""
+        if self._began is None:
+            self._began = now
+
+    def stand(self, now: int) -> None:
+        """Stand still at the time that it is."""
+        self._start, self._began = self.at(now), None
+
+    def jump(self, time: int, now: int) -> None:
+        """Be at another time of the bag now, and go on or stand as before."""
+        self._start = time
+        if self._began is not None:
+            self._began = now
+
+
+class Playback:
+    """The messages that are played, one after the other, by the clock of a timeline."""
+
+    def __init__(self, messages: Sequence[Scheduled], rate: float, loop: bool = False) -> None:
+        """Stand before the first message; in a loop, it comes again after the last."""
+        self.timeline = Timeline(messages[0].time, rate)
+        self.played = Counter[str]()           # messages by topic
+        self.late = self.largest_lateness = 0  # messages; [ns]
+        self._messages, self._loop = messages, loop
+        self._number = 0                       # of the next message
+
+    @property
+    def done(self) -> bool:
+        """Return whether all have been played."""
+        return self._number == len(self._messages)
+
+    def due(self) -> int | None:
+        """Return when the next message is due; None if nothing is to come or it stands still."""
+        return None if self.done else self.timeline.due(self._messages[self._number].time)
+
+    def at(self, now: int) -> int:
+        """Return the time of the bag, which does not pass a message that is yet to come."""
+        following = self._messages[-1 if self.done else self._number]
+        return min(self.timeline.at(now), following.time)
+
+    def take(self, now: int) -> Scheduled:
+        """Return the next message, which is due, and count it."""
+        due = self.due()
+        if due is not None:
+            self.late += now - due > LATE
+            self.largest_lateness = max(self.largest_lateness, now - due)
+        message = self._messages[self._number]
+        self.played[message.entry.topic] += 1
+        self._number += 1
+        if self.done and self._loop:
+            self._number = 0
+            self.timeline.jump(self._messages[0].time, now)
+        return message
+
+    def step(self, now: int) -> Scheduled:
+        """Return the next message, due or not; it is the time of the message now."""
+        self.timeline.jump(self._messages[self._number].time, now)
+        return self.take(now)

@@ -1,0 +1,120 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The records of an MCAP file, read without trusting any of them.
+
+Source: the MCAP specification, "Records". All numbers are little-endian; a record is an opcode,
+the length of its body (8 bytes) and the body.
+"""
+
+from io import BytesIO
+import struct
+from typing import Any, NamedTuple
+
+from mcap import records
+from mcap.data_stream import ReadDataStream, RecordBuilder
+from mcap.exceptions import EndOfFile
+from mcap.opcode import Opcode
+
+from dp_swing_ros.bags.chunks import STREAMS
+from dp_swing_ros.bags.mcap_reader import Buffer
+
+HEAD = struct.Struct('<BQ')  # opcode, length
+CHUNK = struct.Struct('<QQQII')  # its first and last time, size, checksum; length of a text
+PRIVATE = 0x80  # opcodes from here on are anybody's, to be skipped
+KINDS: dict[int, Any] = {   # MESSAGE_INDEX is a MessageIndex
+    opcode: getattr(records, opcode.name.title().replace('_', ''))
+    for opcode in Opcode if opcode is not Opcode.CHUNK}
+OF_MESSAGES = (records.Schema, records.Channel, records.Message)
+
+
+class ChunkHead(NamedTuple):
+    """What a chunk says of itself, and where its data is."""
+
+    size: int      # [bytes] unpacked
+    checksum: int
+    compression: str
+    begin: int     # of the data
+    end: int
+
+
+class Record(NamedTuple):
+    """Where a record is, and what is in it; None where it is anybody's."""
+
+    opcode: int
+    begin: int
+    end: int
+    content: records.McapRecord | ChunkHead | None
+
+    @property
+    def is_odd(self) -> bool:
+        """Return whether it is a chunk whose two lengths differ."""
+        return isinstance(self.content, ChunkHead) and self.content.end != self.end
+
+
+class Walk(NamedTuple):
+    """The records inside a chunk, up to the first that is none."""
+
+    found: list[tuple[int, Any]]  # schemas, channels and messages, with their offsets
+    end: int  # of the last whole one
+
+
+def record_at(data: Buffer, place: int, exact: bool = False) -> Record | None:
+    """
+    Return the record at a place, of a chunk also one that the file is too short for.
+
+    None where no record can be; `exact` refuses what a later version of MCAP may append to it.
+    """
+    if place + HEAD.size > len(data):
+        return None
+    opcode, length = HEAD.unpack(data[place:place + HEAD.size])
+    begin, end = place + HEAD.size, place + HEAD.size + length
+    if opcode == Opcode.CHUNK:
+        head = _chunk_head(data, begin)
+        return None if head is None else Record(opcode, place, end, head)
+    if end > len(data) or opcode not in KINDS:
+        return Record(opcode, place, end, None) if PRIVATE <= opcode and end <= len(data) else None
+    content = _content(opcode, data[begin:end], exact)
+    return None if content is None else Record(opcode, place, end, content)
+
+
+def _content(opcode: int, body: bytes, exact: bool) -> records.McapRecord | None:
+    """Return what the library reads in a body, if that is what it would write again."""
+    stream, builder = ReadDataStream(BytesIO(body)), RecordBuilder()
+    size = (len(body),) if opcode == Opcode.MESSAGE else ()
+    try:
+        content: records.McapRecord = KINDS[opcode].read(stream, *size)
+        content.write(builder)
+    except (EndOfFile, OverflowError, UnicodeDecodeError, struct.error):
+        return None
+    # the checksum of an attachment is not looked at
+    written = builder.end()[HEAD.size:-4 if opcode == Opcode.ATTACHMENT else None]
+    return content if body.startswith(written) and (
+        not exact or stream.count == len(body)) else None
+
+
+def _chunk_head(data: Buffer, place: int) -> ChunkHead | None:
+    # A chunk says its size twice, which makes it known among anything else.
+    begin = place + CHUNK.size
+    if begin + 16 > len(data):
+        return None
+    _, _, size, checksum, length = CHUNK.unpack(data[place:begin])
+    name, begin = data[begin:begin + min(length, 8)], begin + length + 8
+    compression = name.decode(errors='replace')
+    if compression not in STREAMS or length != len(name) or begin > len(data):
+        return None
+    return ChunkHead(size, checksum, compression, begin,
+                     begin + int.from_bytes(data[begin - 8:begin], 'little'))
+
+
+def walk(content: bytes) -> Walk:
+    """Return the schemas, channels and messages of an unpacked chunk, as far as they go."""
+    found: list[tuple[int, Any]] = []
+    place = 0
+    while (record := record_at(content, place)) is not None:
+        if isinstance(record.content, OF_MESSAGES):
+            found.append((place, record.content))
+        elif record.content is not None:
+            break
+        place = record.end
+    return Walk(found, place)

@@ -1,0 +1,98 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Whole files, as other writers make them, and what the mcap library would pass over."""
+
+import struct
+import subprocess
+import sys
+import zlib
+
+import lz4.frame
+from made_bags import write_bag
+from mcap.opcode import Opcode
+from mcap.writer import MCAP0_MAGIC as MAGIC
+from mcap_files import body, chunk, COUNT, KINDS, make
+import pytest
+import zstandard
+
+from dp_swing_ros.bags.mcap_reader import DamagedFile, read
+
+
+@pytest.mark.parametrize('compression', KINDS)
+@pytest.mark.parametrize('chunks', [True, False])
+def test_files_of_other_writers_are_read(compression, chunks):
+    entries = read(make(compression, chunks))
+    assert [entry.sequence for entry in entries] == [*range(COUNT)]
+    assert all(entry.data == body(entry.sequence) for entry in entries)
+    assert {entry.topic for entry in entries} == {'/a'}
+    assert entries[0].channel.metadata == {'key': 'value'}
+
+
+def first_chunk(data):
+    """Return where the first chunk begins and ends."""
+    place = len(MAGIC)
+    while data[place] != Opcode.CHUNK:
+        place += 9 + struct.unpack_from('<Q', data, place + 1)[0]
+    return place, place + 9 + struct.unpack_from('<Q', data, place + 1)[0]
+
+
+def second_chunk(data):
+    """Return where the second chunk begins and ends."""
+    _, end = first_chunk(data)
+    return tuple(place + end - len(MAGIC) for place in first_chunk(MAGIC + data[end:]))
+
+
+def test_a_chunk_less_is_not_what_the_file_counts():
+    data = make()
+    begin, end = second_chunk(data)   # the first declares the channel
+    with pytest.raises(DamagedFile, match=f'after .* messages, then counts {COUNT} of them'):
+        read(data[:begin] + data[end:])
+
+
+def test_a_chunk_of_no_kind_is_missed_without_a_count():
+    data = bytearray(make(statistics=False))
+    data[second_chunk(data)[0]] ^= 0x10
+    with pytest.raises(DamagedFile, match=f'then counts {COUNT} of them'):
+        read(bytes(data))
+
+
+def test_bytes_after_the_end_are_damage():
+    with pytest.raises(DamagedFile, match='then goes on after its end'):
+        read(make() + make())
+
+
+@pytest.mark.parametrize('compression', KINDS)
+def test_a_checksum_that_is_wrong_is_damage(compression):
+    data = bytearray(make(compression))
+    begin, _ = first_chunk(data)
+    data[begin + 9 + 24] ^= 1
+    with pytest.raises(DamagedFile, match='checksum or size is wrong'):
+        read(bytes(data))
+
+
+def test_a_second_channel_of_a_number_is_damage():
+    inside = b''.join(struct.pack('<BQHHI', 4, 15 + len(name), 1, 0, len(name)) + name
+                      + struct.pack('<II', 3, 0)[:4] + b'cdr' + bytes(4)
+                      for name in (b'/a', b'/b'))
+    with pytest.raises(DamagedFile, match='after 0 messages, then has a second channel 1'):
+        read(MAGIC + chunk(inside, len(inside), b'', zlib.crc32(inside)))
+
+
+@pytest.mark.parametrize('data, compression', [
+    (zstandard.compress(bytes(1 << 28)), b'zstd'), (lz4.frame.compress(bytes(1 << 28)), b'lz4')])
+def test_a_chunk_takes_no_more_memory_than_it_says(data, compression, tmp_path):
+    (tmp_path / 'bomb').write_bytes(MAGIC + chunk(data, 1000, compression))
+    code = ('import resource, sys\nfrom dp_swing_ros.bags.mcap_reader import *\n'
+            'from pathlib import Path\nbefore = resource.getrusage(0).ru_maxrss\n'
+            f'try: read(contents(Path({str(tmp_path / "bomb")!r})))\n'
+            'except DamagedFile: pass\n'
+            'sys.exit(resource.getrusage(0).ru_maxrss - before > 1 << 15)')
+    assert subprocess.run([sys.executable, '-c', code]).returncode == 0
+
+
+def test_whole_bags_are_read_without_recovery(tmp_path):
+    bag = write_bag(tmp_path / 'bag', [(0.0, '/a', 1.0)])
+    code = ('import sys; from dp_swing_ros.bags.reader import Bag; '
+            f'assert len(Bag({str(bag)!r}).entries) == 1; '
+            'sys.exit("dp_swing_ros.recovery" in sys.modules)')
+    assert subprocess.run([sys.executable, '-c', code]).returncode == 0

@@ -1,0 +1,46 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""States of any number of links, from messages that are nobody's in particular."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from dp_swing_ros.messages.fields import links_in, to_force, to_state
+from dp_swing_ros.pendulum.state import joints, LINKS, SIZES
+
+
+def message(names, effort=()):
+    """Return a JointState whose numbers are the places of its joints."""
+    place = np.arange(len(names), dtype=float)
+    return SimpleNamespace(name=names, position=place, velocity=10 + place, effort=effort)
+
+
+@pytest.mark.parametrize('links', LINKS)
+def test_a_state_has_the_joints_of_its_links(links):
+    names = list(joints(links))
+    state = to_state(message(names), links)
+    assert state.tolist() == [*range(links + 1), *range(10, 11 + links)]
+    assert state.shape == (SIZES[links],)
+    other = to_state(message(['wheel', *reversed(names)]), links)
+    assert other.tolist() == [*range(links + 1, 0, -1), *range(11 + links, 10, -1)]
+    assert links_in(message(names)) == links
+
+
+@pytest.mark.parametrize('names, links', [
+    (['joint2', 'wheel', 'cart', 'joint1'], 2), (['cart', 'joint1', 'joint3'], 1),
+    (['cart', *(f'joint{i}' for i in range(1, 8))], 3), (['shoulder', 'elbow'], 1)])
+def test_links_are_the_joints_in_a_row_from_the_first(names, links):
+    assert links_in(message(names)) == links
+
+
+@pytest.mark.parametrize('links', LINKS)
+def test_a_joint_that_is_missing_is_named(links):
+    with pytest.raises(ValueError, match=f'has no joint{links}; it names'):
+        to_state(message(list(joints(links))[:-1]), links)
+
+
+def test_the_force_is_that_of_the_cart():
+    assert to_force(message(['joint1', 'cart'], [0.0, 7.5])) == 7.5
+    assert np.isnan(to_force(message(['joint1', 'cart'])))

@@ -1,0 +1,46 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+from made_bags import encoded, FLOAT, START
+import pytest
+
+from dp_swing_ros.bags.metadata import Recorded
+from dp_swing_ros.bags.writer import BagWriter
+from dp_swing_ros.messages.definitions import schema
+from dp_swing_ros.recovery.recover import Fault, recover
+
+
+def begin(folder):
+    writer = BagWriter(folder)
+    writer.add(Recorded('/a', FLOAT, schema(FLOAT), '', []))
+    return writer
+
+
+def recovered(writer, output):
+    """Return what comes of a bag without its metadata."""
+    writer.close()
+    (writer.folder / 'metadata.yaml').unlink()
+    return recover(writer.folder, output)
+
+
+@pytest.mark.parametrize('numbers, missing', [
+    ([1, 2, 3], 0), ([7, 8, 9], 0), ([1, 2, 5, 7], 3),
+    ([1, 1, 2, 2], None), ([1, 2, 1, 2], None), ([5, 6, 1, 7], None)])
+def test_numbers_are_missing_only_where_one_publisher_counts(numbers, missing, tmp_path):
+    writer = begin(tmp_path / 'bag')
+    for place, number in enumerate(numbers):
+        writer.write('/a', encoded(place), START + place, START, number)
+    account = recovered(writer, tmp_path / 'new').topics['/a']
+    assert (account.saved, account.missing) == (len(numbers), missing)
+    assert (account.first, account.last) == (START, START + len(numbers) - 1)
+
+
+@pytest.mark.parametrize('received, sent, faults', [
+    (2 ** 63 - 1, 2 ** 63 - 1, {}), (2 ** 63, START, {(Fault.TIME, '/a'): 1}),
+    (START, 2 ** 63, {(Fault.TIME, '/a'): 1})])
+def test_times_that_rosbag2_cannot_hold_are_left_out(received, sent, faults, tmp_path):
+    writer = begin(tmp_path / 'bag')
+    writer.write('/a', encoded(1), START, START, 1)
+    writer.write('/a', encoded(2), received, sent, 2)
+    found = recovered(writer, tmp_path / 'new')
+    assert (found.saved, found.faults) == (2 - len(faults), faults)
