@@ -306,6 +306,7 @@ def test_publisher_that_keeps_nothing_joins_one_that_does(log, peer, tmp_path):
         Float64, DISTURBANCE.name, QoSProfile(depth=10, durability=DurabilityPolicy.VOLATILE))
     assert peer.until(second.get_subscription_count)
     assert peer.until(first.get_subscription_count)
+    time.sleep(0.5)   # discovery goes one way at a time: the logger has still to find the second
     second.publish(Float64(data=2.0))
     first.publish(Float64(data=3.0))
     time.sleep(0.2)
