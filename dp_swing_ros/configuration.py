@@ -3,8 +3,8 @@
 """
 Plant and controller from ROS parameters, without ROS.
 
-A node is told its parameters by name ({'horizon': 30, 'mppi.samples': 512}), on the command line
-or in a YAML file; here the same names and files make the same objects without a node.
+A node takes its parameters by name ({'horizon': 30, 'mppi.samples': 512}), from the command line
+or a YAML file; here the same names and files make the same objects without a node.
 """
 
 from collections.abc import Iterable, Mapping
@@ -12,8 +12,8 @@ import dataclasses
 from pathlib import Path
 from typing import Any
 
-from dp_swing_ros.control.estimator import ESTIMATORS
 from dp_swing_ros.control.receding_horizon import MpcParameters, RecedingHorizon
+from dp_swing_ros.estimators import ESTIMATORS
 from dp_swing_ros.parameters import checked, fields_of, ParameterError, Parameters, unknown
 from dp_swing_ros.parameters.files import ANY_NODE, is_of_rclpy, sections
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
@@ -126,7 +126,10 @@ def problem(values: Values) -> Problem:
 
     Raises ParameterError.
     """
-    values = complete('mpc', values)
+    return _problem(complete('mpc', values))
+
+
+def _problem(values: Values) -> Problem:
     return Problem.of(group(PendulumParameters, values), group(LimitParameters, values),
                       group(CostParameters, values), group(PredictionParameters, values))
 
@@ -140,14 +143,14 @@ def controller(values: Values) -> RecedingHorizon:
     values = complete('mpc', values)
     parameters = group(MpcParameters, values)
     solver, estimator = parameters.solver, parameters.estimator
-    return RecedingHorizon(problem(values), parameters,
+    return RecedingHorizon(_problem(values), parameters,
                            group(SOLVERS[solver].Parameters, values, solver),
                            group(ESTIMATORS[estimator].Parameters, values, estimator))
 
 
 def default_cost(links: int) -> CostParameters:
     """Return the default cost of a pendulum with so many links."""
-    cost: CostParameters = group(CostParameters, complete('mpc', {'links': links}))
+    cost: CostParameters = group(CostParameters, DEFAULTS[links])
     return cost
 
 
@@ -159,7 +162,7 @@ def locate(path: Path) -> Path:
 
 def read(paths: Iterable[Path]) -> dict[str, dict[str, Any]]:
     """
-    Return what ROS parameter files tell each of NODES, where files differ the later's.
+    Return what ROS parameter files hold for each of NODES, where files differ the later's.
 
     Of what is for any node (/**) each takes what is its own, as the nodes do.
     Raises ParameterError where a file is none, or is for other nodes.

@@ -25,10 +25,11 @@ import time
 
 import numpy as np
 
-from dp_swing_ros.control.estimator import Estimate, Estimator, ESTIMATORS
 from dp_swing_ros.control.message_filter import MessageFilter
 from dp_swing_ros.control.sent_forces import RESOLUTION, SentForces
 from dp_swing_ros.control.starts import solved, StartParameters, Starts
+from dp_swing_ros.estimators import ESTIMATORS
+from dp_swing_ros.estimators.estimator import Estimate, Estimator
 from dp_swing_ros.parameters import parameter, Parameters
 from dp_swing_ros.pendulum.state import Array, hanging, is_upright, to_turn_of, upright
 from dp_swing_ros.problem.plan import Plan, Status
@@ -140,7 +141,7 @@ class RecedingHorizon:
             self.believed = begins
         if believed is None or self.is_blind(begins):
             return self.zero_force(begins)
-        x_0 = self.forces.predict(self.problem.model, believed, self.t, begins)
+        x_0 = self.predict(believed, self.t, begins)
         plans = self.search(self, x_0, self.starts.of(x_0, self.rests(begins)), deadline)
         best = min(plans, key=lambda plan: plan.stats.cost if plan.usable else math.inf)
         solves = tuple(plan.stats.iterations for plan in plans)
@@ -189,7 +190,8 @@ class RecedingHorizon:
             self.rejection = (f'the state is {estimate.distance:.3g} deviations from its '
                               'prediction; the estimator refuses it')
         if self.estimator.has_moved(self.problem.physical):
-            self.set_problem(self.nominal.with_physical(estimate.physical))
+            self.set_problem(self.nominal.with_physical(
+                replace(self.nominal.physical, **estimate.physical)))
         return estimate.x
 
     def fallback(self, begins: float, x_0: Array | None = None) -> Plan:

@@ -5,7 +5,7 @@
 from collections import deque
 from itertools import chain
 
-from dp_swing_ros.control.estimator import Force
+from dp_swing_ros.estimators.estimator import Force
 from dp_swing_ros.pendulum.model import hold, Model
 from dp_swing_ros.pendulum.state import Array
 

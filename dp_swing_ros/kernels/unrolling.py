@@ -39,9 +39,9 @@ class Symbol:
         self.order = len(trace.symbols)
 
     @property
-    def is_element(self) -> bool:
-        """Return whether it is read from an array."""
-        return not self.operands and '[' in self.operation
+    def is_given(self) -> bool:
+        """Return whether it is an argument, or is read from one."""
+        return not self.operands
 
     def __add__(self, other: Any) -> Any:
         if is_constant(other, 0):
@@ -370,9 +370,9 @@ def written_out(function: Callable, kinds: Sequence[Any]) -> Callable:
     places: dict[Any, list[str]] = {}
     for place, value in trace.written.items():
         places.setdefault(value, []).append(place)
-    for symbol in sorted(needed, key=lambda each: (not each.is_element, each.order)):
+    for symbol in sorted(needed, key=lambda each: (not each.is_given, each.order)):
         program.add(symbol)
-        if not symbol.is_element:
+        if not symbol.is_given:
             program.write(places.pop(symbol, ()), symbol)
     for value, left in places.items():
         program.write(left, value)
@@ -428,8 +428,8 @@ class Constant:
     """
     Something that is known when a kernel is compiled, as a part of its arguments' types.
 
-    What it says decides which machine code in the cache is meant, so it is told apart by its name
-    and by the source of its module.
+    It decides which machine code in the cache is meant, so its identity is its name with the
+    source of its module.
     """
 
     def __init__(self, name: str, of: Callable) -> None:
@@ -470,5 +470,11 @@ def same_type_by(key: Callable[[Any], Any]) -> Callable[[type], type]:
             if known not in found:
                 found[known] = typeof_impl.dispatch(tuple)(value, context)
             return found[known]
+
+        def known_type(value: Any) -> types.Type:
+            return found.get(key(value)) or typeof(value)
+
+        # where Numba's dispatcher looks before it asks Python
+        setattr(cls, '_numba_type_', property(known_type))
         return cls
     return register

@@ -15,7 +15,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from dp_swing_ros.control.estimator import Estimate, parameter_names
+from dp_swing_ros.estimators.estimator import Estimate
 from dp_swing_ros.messages.fields import (
     from_diagnostics, from_trajectory, Report, seconds, split, to_state, Trajectory)
 from dp_swing_ros.pendulum.state import Array, joints, links_of
@@ -66,14 +66,13 @@ def to_diagnostics(stamp: Time, name: str, level: int, message: str,
 
 def of_estimate(estimate: Estimate) -> dict[str, float]:
     """Name the figures of an estimate for the diagnostics."""
-    names, physical = joints(estimate.physical.links), estimate.physical
+    names = joints(links_of(estimate.x))
     places = [f'{joint}_{kind}' for kind in ('position', 'velocity') for joint in names]
     return {**{f'estimate_{place}': value for place, value in zip(places, estimate.x.tolist())},
             **{f'innovation_{place}': value
                for place, value in zip(places, estimate.innovation.tolist())},
             'innovation_distance': estimate.distance, 'refused': estimate.refused,
-            'force_bias': estimate.bias,
-            **{name: getattr(physical, name) for name in parameter_names(physical.links)}}
+            'force_bias': estimate.bias, **estimate.physical}
 
 
 def _duration(time: float) -> Duration:

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dp_swing_ros.kernels import kernel
-from dp_swing_ros.kernels.unrolling import same_type_by, unrolled
+from dp_swing_ros.kernels.unrolling import called, same_type_by, unrolled
 from dp_swing_ros.pendulum.equations import derivative, Pendulum
 from dp_swing_ros.pendulum.integrators import Integrator
 from dp_swing_ros.pendulum.state import Array
@@ -30,10 +30,19 @@ class Model(NamedTuple):
     h: float        # [s] of a step
 
 
+@unrolled
+def accelerated(pendulum, x, u):
+    """Return the accelerations of cart and links; x is a tuple."""
+    return tuple(derivative(pendulum, x, u)[len(pendulum.a) + 1:])
+
+
 def advance(model: Model, x: Any, u: Any) -> Any:
     """Return the 2n + 2 numbers of x⁺ = f(x, u) after one step under the force u [N]."""
-    return model.integrator.step(
-        lambda x, u: derivative(model.pendulum, x, u), x, u, model.h)
+    n = len(model.pendulum.a)
+
+    def f(x: Any, u: Any) -> Any:
+        return [*x[n + 1:], *called(accelerated, n + 1, model.pendulum, tuple(x), u)]
+    return model.integrator.step(f, [x[i] for i in range(2 * n + 2)], u, model.h)
 
 
 @kernel

@@ -98,10 +98,12 @@ def running_cost(cost: Cost, x: Numbers, u: Any) -> Any:
 
 
 def terminal_cost(cost: Cost, x: Numbers) -> Any:
-    """Return ℓ_f(x)."""
-    (e, _), inside = error(cost, x), intrusion(cost, x[0])
-    return total([e[i] * dot([cost.P[i, j] for j in range(len(e))], e) for i in range(len(e))]
-                 ) + cost.w * inside * inside
+    """Return ℓ_f(x); of P, which is symmetric, the upper triangle is enough."""
+    (e, _), inside, n = error(cost, x), intrusion(cost, x[0]), len(cost.S)
+    products = [e[i] * (cost.P[i, i] * e[i]
+                        + 2 * dot([cost.P[i, j] for j in range(i + 1, n)], e[i + 1:]))
+                for i in range(n)]
+    return total(products) + cost.w * inside * inside
 
 
 running, terminal = unrolled(running_cost), unrolled(terminal_cost)

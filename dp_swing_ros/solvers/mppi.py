@@ -90,8 +90,8 @@ def improved(model, cost, lqr_gain, u_max, J, X, U, K, others, feedback):
         regulator = follow_policy(model, cost, lqr_gain, u_max, X[0], X[:0], U[:0], K[:0], N)
         if regulator[0] < J:
             best = regulator
-    for other in others:
-        found = follow_policy(model, cost, lqr_gain, u_max, X[0], X, other, none, N)
+    for i in range(len(others)):
+        found = follow_policy(model, cost, lqr_gain, u_max, X[0], X, others[i], none, N)
         if found[0] < best[0]:
             best = found
     if best[0] < J:

@@ -25,7 +25,7 @@ SUFFICIENT = 1e-2  # share of the expected decrease that a step must reach
 
 
 @unrolled
-def numbers_of(model, V_x, V_xx, F):
+def columns_of(model, V_x, V_xx, F):
     """
     Return V_x, V_xx as its upper triangle has it, and the columns of F, as single numbers.
 
@@ -38,7 +38,7 @@ def numbers_of(model, V_x, V_xx, F):
 
 
 @unrolled
-def expand_lane(given, F, W, Q_z, Q_zz, BF, j):
+def propagate_lane(given, F, W, Q_z, Q_zz, BF, j):
     """
     Write column j of Fᵀ V_x, Fᵀ V_xx F + W and Bᵀ F, (26)-(30) but for the cost.
 
@@ -108,9 +108,9 @@ def backward(model, cost, X, U, gaps, u_max, mu, tensor, k, K):
             curvature(model, points, t, weighted, directions, F, W)
         else:
             linearise(model, points, t, directions, F)
-        given = numbers_of(model, V_x, V_xx, F)
+        given = columns_of(model, V_x, V_xx, F)
         for j in range(lanes(model)):
-            expand_lane(given, F, W, Q_z, Q_zz, BF, j)
+            propagate_lane(given, F, W, Q_z, Q_zz, BF, j)
         for i in range(n):
             Q_z[i] += of_cost[t // STEPS, i, t % STEPS]
             Q_zz[i, i] += of_cost[t // STEPS, n + i, t % STEPS]

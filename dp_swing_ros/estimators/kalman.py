@@ -1,26 +1,25 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Estimators: what is believed of state and pendulum, from noisy states and the forces sent.
-
-The extended Kalman filter augments the state x by a force bias b and by parameters p:
+The extended Kalman filter: state, a force bias b and parameters p, estimated together.
 
     z = (x, b, p),   x⁺ = f(x, u + b; p),   b⁺ = b,   p⁺ = p,   measured: x + noise
 
 where p are the logarithms of masses and lengths over their nominal values, and what the frictions
-are above theirs. Positions are measured well and the forces are known, so a swing-up tells all of
-them. Source: Simon, Optimal State Estimation, 2006, 13.2 and 13.4; covariances by Joseph's form.
+are above theirs. Positions are measured well and the forces are known, so a swing-up identifies
+all of them. Source: Simon, Optimal State Estimation, 2006, 13.2 and 13.4; covariances by Joseph's
+form.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 import math
-from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from dp_swing_ros.estimators.estimator import Estimate, Force
 from dp_swing_ros.kernels import kernel
 from dp_swing_ros.kernels.unrolling import unrolled
-from dp_swing_ros.parameters import parameter, Parameters, registry
+from dp_swing_ros.parameters import parameter, Parameters
 from dp_swing_ros.pendulum.derivatives import expand, identity, lanes, linearise
 from dp_swing_ros.pendulum.equations import coefficients
 from dp_swing_ros.pendulum.model import size, step, steps_in
@@ -65,79 +64,6 @@ class KalmanParameters(Parameters):
         20.0, 'unless a push of this standard deviation explains it', unit='N', minimum=0.0)
     refusals: int = parameter(
         3, 'so many in a row, and the filter starts anew from the last', minimum=1)
-
-
-class Force(NamedTuple):
-    """A force and how long it acted."""
-
-    u: float         # [N]
-    duration: float  # [s]
-
-
-class Estimate(NamedTuple):
-    """
-    What is believed at a measurement's time.
-
-    Shapes: x and innovation (2n + 2,). The innovation is what was measured less what was
-    predicted; its distance is in standard deviations.
-    """
-
-    x: Array
-    physical: PendulumParameters
-    bias: float                      # [N] a lasting force beside the one sent
-    innovation: Array
-    distance: float
-    refused: int                     # states since the last reset
-    accepted: bool                   # not refused, nor the one to start anew from after refusals
-
-
-class Estimator(Protocol):
-    """
-    Estimates the state; deterministic.
-
-    Built as ESTIMATORS[name](problem, parameters), where parameters are an
-    ESTIMATORS[name].Parameters and the problem has the nominal model.
-    """
-
-    def reset(self) -> None:
-        """Forget all measurements."""
-
-    def update(self, t: float, x: Array, forces: list[Force]) -> Estimate | None:
-        """
-        Take the state measured at a time [s] after the last one; return what is believed of it.
-
-        forces are those that acted in between, none at the first. Returns None where the state is
-        taken as it is measured.
-        Shapes: x (2n + 2,), finite, angles on any one turn.
-        """
-
-    def has_moved(self, physical: PendulumParameters) -> bool:
-        """Return whether the pendulum is believed to be another than these parameters'."""
-
-
-@dataclass(frozen=True)
-class Nothing(Parameters):
-    """No parameters."""
-
-
-class Direct:
-    """No estimator: a state is taken as it is measured, the pendulum for the nominal one."""
-
-    Parameters = Nothing
-
-    def __init__(self, problem: Problem, parameters: Nothing) -> None:
-        """Take nothing of it."""
-
-    def reset(self) -> None:
-        """Forget nothing, for nothing is remembered."""
-
-    def update(self, t: float, x: Array, forces: list[Force]) -> Estimate | None:
-        """Believe the measurement."""
-        return None
-
-    def has_moved(self, physical: PendulumParameters) -> bool:
-        """Return False."""
-        return False
 
 
 @kernel
@@ -292,6 +218,7 @@ class ExtendedKalmanFilter:
         self.lowest[-(n + 1):] = [-friction for friction in self.nominal.frictions]
         self.nominal_b = np.array([getattr(self.nominal, name) for name in names])
         self.constants = np.array([*self.nominal.inertia_factors, self.nominal.gravity])
+        self.compared, self.p_compared = self.nominal, self.p_of(self.nominal)
         self.reset()
 
     def reset(self) -> None:
@@ -301,11 +228,11 @@ class ExtendedKalmanFilter:
         self.refused = self.in_a_row = 0
 
     def update(self, t: float, x: Array, forces: list[Force]) -> Estimate:
-        """Take a measured state, and say what is known of it; see Estimator.update."""
+        """Take a measured state; see Estimator.update."""
         about = self.parameters
         if t - self.t > LONGEST_GAP:
             return self.begin(t, x)
-        # a push is told from an outlier by what it does to all numbers of the state
+        # a push differs from an outlier by what it does to all numbers of the state
         for push in (0.0, about.push):
             z, P = self.predicted(forces, push)
             known, variance = z.copy(), P.copy()
@@ -323,7 +250,9 @@ class ExtendedKalmanFilter:
 
     def has_moved(self, physical: PendulumParameters) -> bool:
         """Return whether p is further from these parameters than a share of its prior."""
-        difference = np.abs(self.z[self.size + 1:] - self.p_of(physical))
+        if self.compared is not physical:    # which it is for many ticks on end
+            self.compared, self.p_compared = physical, self.p_of(physical)
+        difference = np.abs(self.z[self.size + 1:] - self.p_compared)
         return bool((difference > self.far).any())
 
     def p_of(self, physical: PendulumParameters) -> Array:
@@ -364,12 +293,11 @@ class ExtendedKalmanFilter:
                     HELD * about.acceleration_noise ** 2, u, steps, z, P)
         return z, P
 
-    def physical(self) -> PendulumParameters:
+    def physical(self) -> dict[str, float]:
         """Return the physical parameters that are believed in."""
         p, b = self.z[self.size + 1:].tolist(), self.nominal_b.tolist()
-        return replace(self.nominal, **{
-            name: nominal * math.exp(each) if i < self.factors else nominal + each
-            for i, (name, nominal, each) in enumerate(zip(self.names, b, p))})
+        return {name: nominal * math.exp(each) if i < self.factors else nominal + each
+                for i, (name, nominal, each) in enumerate(zip(self.names, b, p))}
 
 
 def parameter_names(links: int) -> list[str]:
@@ -377,7 +305,3 @@ def parameter_names(links: int) -> list[str]:
     count = range(1, links + 1)
     return ['cart_mass', *(f'link{i}_mass' for i in count), *(f'link{i}_length' for i in count),
             'cart_friction', *(f'joint{i}_friction' for i in count)]
-
-
-ESTIMATORS: dict[str, Any] = registry('dp_swing_ros.estimators', none=Direct,
-                                      ekf=ExtendedKalmanFilter)

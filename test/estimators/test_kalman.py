@@ -11,8 +11,9 @@ import pytest
 from scipy.stats import chi2
 
 from dp_swing_ros.configuration import default_cost
-from dp_swing_ros.control.estimator import (
-    ExtendedKalmanFilter, Force, KalmanParameters, parameter_names)
+from dp_swing_ros.estimators.estimator import Force
+from dp_swing_ros.estimators.kalman import (
+    ExtendedKalmanFilter, KalmanParameters, parameter_names)
 from dp_swing_ros.evaluation.metrics import measure
 from dp_swing_ros.pendulum.equations import Pendulum
 from dp_swing_ros.pendulum.integrators import INTEGRATORS
@@ -175,10 +176,10 @@ def test_a_swing_identifies_all_masses_and_lengths(factor, links, rng):
     physical = other(factor, nominal)
     e, estimate = swung(physical, rng)
     for name in scaled(physical):
-        assert getattr(estimate.physical, name) == pytest.approx(getattr(physical, name), rel=0.05)
+        assert estimate.physical[name] == pytest.approx(getattr(physical, name), rel=0.05)
     assert e.refused == 0
     assert e.has_moved(nominal)
-    assert not e.has_moved(estimate.physical)
+    assert not e.has_moved(replace(nominal, **estimate.physical))
 
 
 @pytest.mark.parametrize('factor', [0.7, 1.3])
@@ -225,7 +226,7 @@ def test_a_push_is_no_outlier(push):
     assert estimate.refused == 0
     np.testing.assert_allclose(estimate.x[3:], pushed[3:], atol=abs(pushed[4]) / 2)
     # nor do the parameters suffer
-    assert max(abs(getattr(estimate.physical, name) / getattr(PHYSICAL, name) - 1)
+    assert max(abs(estimate.physical[name] / getattr(PHYSICAL, name) - 1)
                for name in SCALED) < 0.05
 
 
