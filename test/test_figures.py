@@ -11,12 +11,12 @@ from matplotlib.collections import LineCollection
 import numpy as np
 from PIL import Image
 import pytest
+from sketch import sketch
 from synthetic import first, swing_up, without_ticks
 
 from dp_swing_ros import figures
 from dp_swing_ros.figures.cover import SPEED
 from dp_swing_ros.figures.curves import unwrapped
-from dp_swing_ros.figures.sketch import sketch
 from dp_swing_ros.pendulum.geometry import joint_positions
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 
@@ -253,8 +253,10 @@ def test_sketch_names_every_coordinate_length_and_sign(links):
 
 
 def test_the_sketch_is_made_by_a_command_and_shown_near_the_top(tmp_path):
-    subprocess.run([sys.executable, '-m', 'dp_swing_ros.figures.sketch', tmp_path / 'made.png'],
-                   check=True)
-    with Image.open(tmp_path / 'made.png') as made, Image.open(FIGURES / 'pendulum.png') as stored:
-        assert made.size == stored.size
+    subprocess.run([sys.executable, TOP / 'scripts' / 'sketch.py', tmp_path], check=True)
+    sizes = []
+    for folder in (tmp_path, FIGURES):
+        with Image.open(folder / 'pendulum.png') as picture:
+            sizes.append(picture.size)
+    assert sizes[0] == sizes[1]
     assert 'docs/figures/pendulum.png' in README.read_text().split('## ')[1]
