@@ -32,8 +32,8 @@ demo: setup  ## swing up and hold in real time for 10 s (SOLVER=ilqr, ddp or mpp
 docs: setup  ## the references of parameters and of the Python API, and the drawings
 	@$(WITH_ROS) && ros2 run dp_swing_ros parameters > docs/parameters.md && \
 	  python scripts/api_reference.py > docs/api.md && \
-	  python -m dp_swing_ros.figures.sketch docs/figures/pendulum.png && \
-	  python scripts/architecture.py docs/figures && python scripts/theory.py docs/figures
+	  for drawing in sketch architecture theory; do \
+	    python scripts/$$drawing.py docs/figures || exit; done
 
 evaluate: setup  ## run a campaign of episodes without ROS (EVALUATE='...' for its arguments)
 	@$(WITH_ROS) && ros2 run dp_swing_ros evaluate $(EVALUATE)

@@ -11,11 +11,12 @@ from matplotlib.collections import LineCollection
 import numpy as np
 from PIL import Image
 import pytest
+from sketch import sketch
 from synthetic import first, swing_up, without_ticks
 
 from dp_swing_ros import figures
+from dp_swing_ros.figures.cover import SPEED
 from dp_swing_ros.figures.curves import unwrapped
-from dp_swing_ros.figures.sketch import sketch
 from dp_swing_ros.pendulum.geometry import joint_positions
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 
@@ -157,13 +158,11 @@ def test_timeline_marks_late_ticks():
 
 
 def test_hero_stands_every_cart_above_its_moment():
-    speed = 3.4
-    figure = figures.hero(swing_up(), seconds=2.0, speed=speed)
-    film, force = figure.axes
-    assert film.get_xlim() == pytest.approx(speed * np.array(force.get_xlim()))
+    film, force = figures.hero(swing_up(duration=6.0)).axes
+    assert film.get_xlim() == pytest.approx(SPEED * np.array(force.get_xlim()))
     assert sum(isinstance(artist, LineCollection) for artist in film.collections) == 2
     carts = [patch.get_x() + patch.get_width() / 2 for patch in film.patches]
-    np.testing.assert_allclose(carts, speed * np.array([*0.25 * np.arange(9), 2.5]), atol=1e-9)
+    np.testing.assert_allclose(carts, SPEED * np.array([*0.25 * np.arange(17), 4.5]), atol=1e-9)
 
 
 def test_hero_goes_on_to_the_end_of_the_run():
@@ -176,6 +175,31 @@ def test_hero_goes_on_to_the_end_of_the_run():
     np.testing.assert_allclose(film.lines[-2].get_ydata(), last[1:, 1], atol=1e-9)
     fallen = figures.hero(first(episode, 31))
     assert 'not upright at the end, 1.5 s' in fallen.texts[-1].get_text()
+
+
+@pytest.mark.parametrize('links', [1, 2, 3])
+@pytest.mark.parametrize('rise', [2.0, 6.0, 30.0])
+def test_hero_has_room_for_all_links_however_late_they_stand(links, rise):
+    episode = swing_up(duration=20.0, rise=rise, links=links)
+    film, _ = figures.hero(episode).axes
+    assert film.get_ylim() == pytest.approx((-links - 0.25, links + 0.25))
+    left, right = film.get_xlim()
+    for line in film.lines[1:]:
+        x, z = line.get_xydata().T
+        assert left < x.min() and x.max() < right
+        assert np.abs(z).max() <= links + 1e-9
+
+
+def test_hero_draws_no_cart_where_the_state_is_not_known():
+    film, _ = figures.hero(gap(swing_up())).axes
+    assert [math.isnan(patch.get_x()) for patch in film.patches].count(True) == 4
+
+
+@pytest.mark.parametrize('rise, shown', [(2.0, 4.0), (6.0, 6.5), (14.0, 10.0)])
+def test_hero_shows_the_swing_up_until_the_pendulum_is_up(rise, shown):
+    _, force = figures.hero(swing_up(duration=20.0, rise=rise)).axes
+    labels = [label.get_text() for label in force.get_xticklabels()]
+    assert labels[-2:] == [f'{shown:.1f}', '20.0']
 
 
 def test_states_between_the_recorded_follow_the_speeds():
@@ -229,8 +253,10 @@ def test_sketch_names_every_coordinate_length_and_sign(links):
 
 
 def test_the_sketch_is_made_by_a_command_and_shown_near_the_top(tmp_path):
-    subprocess.run([sys.executable, '-m', 'dp_swing_ros.figures.sketch', tmp_path / 'made.png'],
-                   check=True)
-    with Image.open(tmp_path / 'made.png') as made, Image.open(FIGURES / 'pendulum.png') as stored:
-        assert made.size == stored.size
+    subprocess.run([sys.executable, TOP / 'scripts' / 'sketch.py', tmp_path], check=True)
+    sizes = []
+    for folder in (tmp_path, FIGURES):
+        with Image.open(folder / 'pendulum.png') as picture:
+            sizes.append(picture.size)
+    assert sizes[0] == sizes[1]
     assert 'docs/figures/pendulum.png' in README.read_text().split('## ')[1]

@@ -17,12 +17,11 @@ from dp_swing_ros.evaluation.campaign.rows import Row
 from dp_swing_ros.evaluation.campaign.summary import Summary
 from dp_swing_ros.figures.counterfactual import counterfactual, regret
 from dp_swing_ros.figures.cover import hero
-from dp_swing_ros.figures.curves import ERROR_FLOOR, squared_error, timeline
+from dp_swing_ros.figures.curves import ERROR_FLOOR, overlay, squared_error, timeline
 from dp_swing_ros.figures.distributions import settling, solve_times
 from dp_swing_ros.figures.experiments import squared_errors, swing_ups
 from dp_swing_ros.figures.filmstrip import snapshots
 from dp_swing_ros.figures.gif import animation
-from dp_swing_ros.figures.overlaid import overlay
 from dp_swing_ros.figures.rates import criteria, successes
 from dp_swing_ros.figures.sampling import states_at
 from dp_swing_ros.figures.starts import starts

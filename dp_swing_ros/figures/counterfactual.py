@@ -13,9 +13,9 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
 import numpy as np
 
 from dp_swing_ros.figures.contestants import colours
-from dp_swing_ros.figures.curves import mark_turns, unwrapped, UPRIGHT_AT
+from dp_swing_ros.figures.curves import name_angles, unwrapped
 from dp_swing_ros.figures.style import (
-    FAINT, formulas, in_decades, INK, legend, limit_lines, solver_name, styled)
+    FAINT, in_decades, INK, legend, limit_lines, solver_name, styled)
 from dp_swing_ros.pendulum.parameters import LimitParameters
 from dp_swing_ros.pendulum.state import angles, links_of
 from dp_swing_ros.rerun.counterfactual import Counterfactual
@@ -41,7 +41,10 @@ def counterfactual(one: Counterfactual, limits: LimitParameters) -> Figure:
                      for row in range(1, states + len(shown)))]
     for (trajectory, colour), dash in zip(shown, _dashes(one), strict=True):
         _draw_states(left[:states], one, trajectory, {'color': colour, 'linestyle': dash})
-    _name_states(left[:states], limits)
+    *of_angles, position = left[:states]
+    name_angles(of_angles)
+    limit_lines(position, limits.track_limit)
+    position.set_ylabel('$x$ [m]')
     for axes, (trajectory, colour) in zip(left[states:], shown):
         _draw_force(axes, one, trajectory, colour, limits)
     for axes in left:
@@ -91,15 +94,6 @@ def _draw_states(panels: Sequence[Axes], one: Counterfactual, trajectory: Scored
     turned = X[:, angles(X)] + unwrapped(base) - base[:, angles(base)]
     for axes, values in zip(panels, (*turned.T, X[:, 0])):
         axes.plot(t, values, **look)
-
-
-def _name_states(panels: Sequence[Axes], limits: LimitParameters) -> None:
-    *of_angles, position = panels
-    for axes, symbol in zip(of_angles, formulas(len(of_angles))[1:]):
-        mark_turns(axes)
-        axes.set_ylabel(f'{symbol} [rad]\n{UPRIGHT_AT}')
-    limit_lines(position, limits.track_limit)
-    position.set_ylabel('$x$ [m]')
 
 
 def _draw_force(axes: Axes, one: Counterfactual, trajectory: ScoredTrajectory, colour: str,

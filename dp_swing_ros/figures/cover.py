@@ -18,86 +18,90 @@ from dp_swing_ros.pendulum.geometry import joint_positions
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.simulation.episode import Episode
 
-CUT = 0.5   # [s] on the film between what it shows and the last state
+SPEED = 3.4      # [m/s] of the film
+BETWEEN = 0.25   # [s] between two carts
+TICK = 0.5       # [s] on the axis of time
+UP = 1.0         # [s] upright that are shown before the cut, at least
+SHORTEST, LONGEST = 4.0, 10.0  # [s] of film before the cut
+CUT = 0.5        # [s] on the film between what it shows and the last state
 
 
 @styled
-def hero(episode: Episode, seconds: float = 4.0, speed: float = 3.4) -> Figure:
+def hero(episode: Episode) -> Figure:
     """
     Draw the swing-up as on film that runs past the cart: again and again, to the right with time.
 
-    The film runs at `speed` [m/s], so that every cart stands above the force of its moment. Of a
-    longer run than `seconds` [s] it is cut, and ends with the last state.
+    Every cart stands above the force of its moment. Of a run that goes on for long after it has
+    settled the film is cut, and ends with the last state.
     """
-    length = float(episode.t[-1] - episode.t[0]) if len(episode.t) else 0.0
+    t = np.asarray(episode.t, dtype=float) - episode.t[:1]
+    length, settled = float(t[-1]) if len(t) else 0.0, settling_time(t, episode.X)
+    seconds = _seconds(settled)
     cut = length > seconds + CUT
-    times = times_of(episode, FINE, seconds)
-    places = _places_on_film(episode, times, speed)
-    figure, film, force = _hero_axes(places, speed, seconds + CUT if cut else 0.0)
-    _draw_ghosts(film, places)
-    keys = times_of(episode, 0.25, seconds)
-    for t, strength in zip(keys, np.linspace(0.3, 1.0, len(keys))):
-        x = states_at(episode, np.array([t]))[0]
-        Drawing(film, episode.physical, strength=strength).show(x, speed * (t - keys[0]) - x[0])
+    fine = _on_film(episode, times_of(episode, FINE, seconds))
+    keys = _on_film(episode, times_of(episode, BETWEEN, seconds))
+    strengths = np.linspace(0.3, 1.0, len(keys)).tolist()
+    if cut:
+        last = episode.X[-1:].copy()
+        last[:, 0] += SPEED * (seconds + CUT) - last[:, 0]
+        keys, strengths = np.vstack([keys, last]), [*strengths, 1.0]
+    lengths = episode.physical.lengths
+    figure, film, force = _hero_axes(joint_positions(np.vstack([fine, keys]), lengths),
+                                     sum(lengths))
+    _draw_ghosts(film, joint_positions(fine, lengths))
+    for x, strength in zip(keys, strengths):
+        Drawing(film, episode.physical, strength=strength).show(x)
     if len(episode.U):
-        t = episode.t - episode.t[0]
         shown = int(np.count_nonzero(t[:-1] < seconds - 1e-9))
         force.stairs(episode.U[:shown], t[:shown + 1], baseline=0, fill=True, color=FORCE,
                      alpha=0.85)
     if cut:
-        _draw_end(film, force, episode, seconds, speed)
+        _mark_cut(film, force, seconds, length)
     limit_lines(force, episode.limits.force_limit)
+    ending = f'not upright at the end, {length:.1f} s' if math.isnan(settled) \
+        else f'upright from {settled:.2f} to {length:.1f} s'
     figure.text(0.055, 0.94, f'Swing-up by {solver_name(episode.solver)}', size=15, va='top',
                 weight='bold')
-    figure.text(0.055, 0.865, f'every 0.25 s, seen from the cart;\n{_ending(episode, length)}',
-                size=10, va='top')
+    figure.text(0.055, 0.865, f'every {BETWEEN:g} s, seen from the cart;\n{ending}', size=10,
+                va='top')
     return figure
 
 
-def _draw_end(film: Axes, force: Axes, episode: Episode, seconds: float, speed: float) -> None:
-    """Draw the last state beyond a cut of the film, and its time."""
-    x, place = states_at(episode, episode.t[-1:])[0], speed * (seconds + CUT)
-    Drawing(film, episode.physical).show(x, place - x[0])
-    film.text(speed * (seconds + CUT / 2), TRACK, '⋯', size=18, ha='center', va='center',
-              backgroundcolor='white', zorder=2)
-    force.axvspan(seconds, seconds + CUT - 0.01, color='white', zorder=3)
-    force.text(seconds + CUT / 2, 0.0, '⋯', size=14, ha='center', va='center', zorder=4)
-    ticks = np.arange(0.0, seconds + 1e-9, 0.5)
-    force.set_xticks([*ticks, seconds + CUT], [
-        *(f'{tick:.1f}' for tick in ticks), f'{episode.t[-1] - episode.t[0]:.1f}'])
-
-
-def _ending(episode: Episode, length: float) -> str:
-    settled = settling_time(np.asarray(episode.t, dtype=float), episode.X)
+def _seconds(settled: float) -> float:
+    """Return how much of the run the film shows [s], given when it has settled [s], or NaN."""
     if math.isnan(settled):
-        return f'not upright at the end, {length:.1f} s'
-    return f'upright from {settled - episode.t[0]:.2f} to {length:.1f} s'
+        return SHORTEST
+    return min(max(SHORTEST, TICK * math.ceil((settled + UP) / TICK)), LONGEST)
 
 
-def _places_on_film(episode: Episode, times: Array, speed: float) -> Array:
-    """Return the joint positions (M, n + 1, 2) [m], the cart moving at the film's speed."""
+def _on_film(episode: Episode, times: Array) -> Array:
+    """Return the states (M, 2n + 2) at times (M,) [s], the cart moving at the film's speed."""
     X = states_at(episode, times)
-    X[:, 0] = speed * (times - times[:1])
-    return joint_positions(X, episode.physical.lengths)
+    # by a sum: a state that is not known stays so, and no cart is drawn of it
+    X[:, 0] += SPEED * (times - episode.t[:1]) - X[:, 0]
+    return X
 
 
-def _hero_axes(places: Array, speed: float, until: float) -> tuple[Figure, Axes, Axes]:
-    """Return axes with room for places (M, n + 1, 2) [m] above an axis of time to its scale."""
-    finite = places[np.isfinite(places).all(axis=(1, 2))].reshape(-1, 2)
-    corners = np.vstack([finite, [(0.0, -1.0), (speed * max(until, 1.0), 1.0)]])
-    left, bottom = corners.min(axis=0) - (0.5, 0.25)
-    right, top = corners.max(axis=0) + (0.5, 0.25)
+def _hero_axes(places: Array, reach: float) -> tuple[Figure, Axes, Axes]:
+    """
+    Return axes with room for places (M, n + 1, 2) [m] above an axis of time to its scale.
+
+    They are as high as links of a length [m] in all reach up and down.
+    """
+    left = np.nanmin(places[..., 0], initial=0.0) - 0.5
+    right = np.nanmax(places[..., 0], initial=SPEED) + 0.5
+    top = reach + 0.25
     width, strip, below, margin = 11.0, 0.9, 0.5, 0.6  # [inch]
-    height = width * (top - bottom) / (right - left)
+    height = width * 2 * top / (right - left)
     total = (width + margin, height + strip + below)
     figure = Figure(figsize=total)
     film = figure.add_axes((margin / total[0], (strip + below) / total[1],
                             width / total[0], height / total[1]))
-    film.set(xlim=(left, right), ylim=(bottom, top))
+    film.set(xlim=(left, right), ylim=(-top, top))
     film.set_axis_off()
     force = figure.add_axes((margin / total[0], below / total[1],
                              width / total[0], strip / total[1]))
-    force.set(xlim=(left / speed, right / speed), xlabel='time [s]', ylabel='force [N]')
+    force.set(xlim=(left / SPEED, right / SPEED), xlabel='time [s]', ylabel='force [N]')
     return figure, film, force
 
 
@@ -105,8 +109,19 @@ def _draw_ghosts(film: Axes, places: Array) -> None:
     """Draw every state as hairlines that grow stronger, and the paths of all tips."""
     film.axhline(TRACK, color=FAINT, linewidth=1.0, zorder=1)
     for link, colour in enumerate(LINKS[:places.shape[1] - 1]):
-        colours = np.tile(to_rgba(colour), (len(places), 1))
-        colours[:, 3] = np.linspace(0.06, 0.2, len(places))
+        colours = [to_rgba(colour, strength) for strength in np.linspace(0.06, 0.2, len(places))]
         film.add_collection(LineCollection(list(places[:, link:link + 2]), colors=colours,
                                            linewidths=1.2))
         film.plot(*places[:, link + 1].T, color=colour, linewidth=1.2, alpha=0.8)
+
+
+def _mark_cut(film: Axes, force: Axes, seconds: float, length: float) -> None:
+    """Leave out what comes after some seconds of a run of a length [s] but for its end."""
+    middle = seconds + CUT / 2
+    film.text(SPEED * middle, TRACK, '⋯', size=18, ha='center', va='center',
+              backgroundcolor='white', zorder=2)
+    force.axvspan(seconds, seconds + CUT - 0.01, color='white', zorder=3)
+    force.text(middle, 0.0, '⋯', size=14, ha='center', va='center', zorder=4)
+    ticks = np.arange(0.0, seconds + 1e-9, TICK)
+    force.set_xticks([*ticks, seconds + CUT],
+                     [*(f'{tick:.1f}' for tick in ticks), f'{length:.1f}'])

@@ -2,16 +2,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """States, force and times of the solver over time; `squared_error` is the paper's Fig. 3."""
 
+from collections.abc import Mapping, Sequence
 import math
+from typing import Any
 
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MultipleLocator
 import numpy as np
 
 from dp_swing_ros.figures.style import (
-    ALARM, CART, FAINT, FORCE, formulas, in_decades, in_numbers, legend, limit_lines, LINKS,
-    PALETTE, solver_name, state_colours, styled)
+    ALARM, CART, DASHES, FAINT, FORCE, formulas, in_decades, in_numbers, INK, legend, limit_lines,
+    LINKS, name_lines, PALETTE, solver_name, styled, widths)
 from dp_swing_ros.pendulum.state import angles, Array, links_of, to_turn_of, units, upright
 from dp_swing_ros.simulation.episode import Episode
 
@@ -19,6 +22,8 @@ ERROR_FLOOR = 1e-8  # squared errors below are drawn here: a log axis has no zer
 NEAR_HANGING = 0.5  # [rad] a start this close to hanging is drawn around +π, never around -π
 MOST = 5 * np.pi    # [rad] of an axis with a tick at every half turn
 UPRIGHT_AT = '0, ±2π: upright'
+RUNS = (*PALETTE[:4], INK, *PALETTE[4:])  # colours of runs over each other
+LETTER = 0.09       # [inch] of their legend, about
 
 
 @styled
@@ -28,7 +33,7 @@ def squared_error(episode: Episode) -> Figure:
     figure = Figure(figsize=(3.2 * (links + 1), 5.0), layout='constrained')
     panels = figure.subplots(2, links + 1, sharex=True)
     errors = to_turn_of(episode.X, upright(links)).T ** 2
-    for axes, error, colour in zip(panels.flat, errors, state_colours(links)):
+    for axes, error, colour in zip(panels.flat, errors, (CART, *LINKS[:links]) * 2):
         curve = np.maximum(error, ERROR_FLOOR)
         axes.semilogy(episode.t, curve, color=colour)
         axes.fill_between(episode.t, ERROR_FLOOR, curve, color=colour, alpha=0.08, linewidth=0)
@@ -71,7 +76,7 @@ def _draw_angles(axes: Axes, episode: Episode) -> None:
     for angle, symbol, colour in zip(unwrapped(episode.X).T, formulas(links_of(episode.X))[1:],
                                      LINKS):
         axes.plot(episode.t, angle, color=colour, label=symbol)
-    mark_turns(axes)
+    mark_turns(axes.yaxis)
     axes.set_ylabel(f'angle [rad]\n{UPRIGHT_AT}')
     legend(axes)
 
@@ -91,15 +96,21 @@ def unwrapped(X: Array) -> Array:
     return turned - 2 * np.pi * np.nan_to_num(np.ceil(beyond))
 
 
-def mark_turns(axes: Axes) -> None:
+def name_angles(panels: Sequence[Axes]) -> None:
+    """Name the angle that each panel shows, link 1 first."""
+    for axes, symbol in zip(panels, formulas(len(panels))[1:]):
+        mark_turns(axes.yaxis)
+        axes.set_ylabel(f'{symbol} [rad]\n{UPRIGHT_AT}')
+
+
+def mark_turns(axis: Axis) -> None:
     """Let an axis of angles count in π."""
-    low, high = axes.get_ylim()
-    axes.yaxis.set_major_locator(MultipleLocator(np.pi * math.ceil((high - low) / MOST)))
-    axes.yaxis.set_major_formatter(FuncFormatter(in_turns))
+    low, high = axis.get_view_interval()
+    axis.set_major_locator(MultipleLocator(np.pi * math.ceil((high - low) / MOST)))
+    axis.set_major_formatter(FuncFormatter(_in_turns))
 
 
-def in_turns(angle: float, _: int | None = None) -> str:
-    """Return an angle in multiples of π, for an axis."""
+def _in_turns(angle: float, _: int) -> str:
     halves = round(angle / np.pi)
     return {0: '0', 1: 'π', -1: '−π'}.get(halves, f'{halves}π'.replace('-', '−'))
 
@@ -138,3 +149,48 @@ def _draw_times(axes: Axes, episode: Episode) -> None:
     in_numbers(axes.yaxis)
     axes.set_ylabel('time [ms]')
     legend(axes)
+
+
+@styled
+def overlay(episodes: Mapping[str, Episode]) -> Figure:
+    """
+    Draw angles, position, force and solve times of runs over time, a colour for each name.
+
+    Runs may be of pendulums with different numbers of links.
+    """
+    links = max(episode.physical.links for episode in episodes.values())
+    figure = Figure(figsize=(9.6, 5.4 + 2.1 * links), layout='constrained')
+    panels = figure.subplots(links + 3, 1, sharex=True,
+                             height_ratios=[*[1.1] * links, 0.9, 1.0, 1.0])
+    of_angles, (position, force, times) = panels[:links], panels[links:]
+    # where there are more runs than colours, their lines differ
+    looks: list[dict[str, Any]] = [
+        {'color': RUNS[n % len(RUNS)], 'linestyle': DASHES[n // len(RUNS) % len(DASHES)]}
+        for n in range(len(episodes))]
+    for episode, look, width in zip(episodes.values(), looks, widths(len(episodes))):
+        line = {**look, 'linewidth': width}
+        for axes, angle in zip(of_angles, unwrapped(episode.X).T):
+            axes.plot(episode.t, angle, **line)
+        position.plot(episode.t, episode.X[:, 0], **line)
+        if len(episode.U):
+            force.stairs(episode.U, episode.t, baseline=None, **line)
+        times.plot(episode.ticks.t, 1e3 * episode.ticks.solve_time, '.', markersize=4,
+                   color=look['color'])
+    name_angles(of_angles)
+    for limit in {episode.limits.track_limit for episode in episodes.values()}:
+        limit_lines(position, limit)
+    for limit in {episode.limits.force_limit for episode in episodes.values()}:
+        limit_lines(force, limit)
+    position.set_ylabel('position $x$ [m]')
+    force.set_ylabel('force $u$ [N]')
+    times.set(ylabel='solve time [ms]', xlabel='time [s]')
+    if any(np.any(episode.ticks.solve_time > 0) for episode in episodes.values()):
+        in_decades(times)
+        in_numbers(times.yaxis)
+    for axes in panels:
+        axes.grid(True)
+        axes.margins(x=0.01)
+    figure.align_ylabels()
+    name_lines(figure, {name: {**look, 'linewidth': 2.4} for name, look in zip(episodes, looks)},
+               'upper left', 0.6 + LETTER * max(map(len, episodes)))
+    return figure

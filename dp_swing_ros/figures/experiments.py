@@ -15,12 +15,12 @@ from matplotlib.figure import Figure, SubFigure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import FuncFormatter, LogLocator, MultipleLocator, NullLocator
+from matplotlib.ticker import LogLocator, NullLocator
 import numpy as np
 
 from dp_swing_ros.evaluation.ensemble import Band, Ensemble
 from dp_swing_ros.evaluation.metrics import settling_time
-from dp_swing_ros.figures.curves import ERROR_FLOOR, in_turns, name_errors
+from dp_swing_ros.figures.curves import ERROR_FLOOR, name_errors
 from dp_swing_ros.figures.filmstrip import snapshot
 from dp_swing_ros.figures.pendulum import room_for
 from dp_swing_ros.figures.sampling import times_of
@@ -95,26 +95,21 @@ def _draw_scale(axes: Axes, half_width: float) -> None:
 
 def _draw_angle(axes: Axes, one: Ensemble, colour: str) -> None:
     """Draw the largest angle of all runs, and of the one that is shown above."""
-    t, error = one.shown.t, _error(one.shown)
+    t, errors = one.shown.t, np.abs(_errors(one.shown))
     _draw_band(axes, t, one.angle, colour)
-    axes.plot(t, np.abs(error[:, angles(error)]).max(axis=1), color=dark(colour), linewidth=0.9)
+    axes.plot(t, errors[:, angles(errors)].max(axis=1), color=dark(colour), linewidth=0.9)
     axes.axhline(0.1, color=FAINT, linestyle='--', linewidth=1)
     axes.set(ylim=(0, 1.04 * np.pi), xlim=(t[0], t[-1]), xlabel='time [s]',
              ylabel='largest angle [rad]')
-    axes.yaxis.set_major_locator(MultipleLocator(np.pi / 2))
-    axes.yaxis.set_major_formatter(FuncFormatter(_halves))
+    axes.set_yticks([0.0, np.pi / 2, np.pi], ['0', 'π/2', 'π'])
     axes.grid(True)
     axes.legend(handles=_handles(one, colour), fontsize='small', loc='lower left', ncols=3,
                 bbox_to_anchor=(0.0, 0.98), borderaxespad=0.0)
 
 
-def _error(episode: Episode) -> Array:
+def _errors(episode: Episode) -> Array:
     """Return the distances (N, 2n + 2) of the states from upright."""
     return to_turn_of(episode.X, upright(links_of(episode.X)))
-
-
-def _halves(angle: float, _: int | None = None) -> str:
-    return 'π/2' if round(2 * angle / np.pi) == 1 else in_turns(angle)
 
 
 def _draw_band(axes: Axes, t: Array, band: Band, colour: str, floor: float = -np.inf) -> None:
@@ -155,5 +150,5 @@ def squared_errors(ensembles: Mapping[str, Ensemble], heading: str) -> Figure:
 def _draw_error(axes: Axes, one: Ensemble, i: int, colour: str) -> None:
     t = one.shown.t
     _draw_band(axes, t, Band(*(part[:, i] for part in one.error)), colour, ERROR_FLOOR)
-    shown = _error(one.shown)[:, i] ** 2
+    shown = _errors(one.shown)[:, i] ** 2
     axes.plot(t, np.maximum(shown, ERROR_FLOOR), color=dark(colour), linewidth=0.9)

@@ -51,29 +51,24 @@ class Drawing:
             [], [], 'o', color='white', markeredgecolor=tint(INK, strength),
             markeredgewidth=size, markersize=3.6 * size, zorder=5)[0]
 
-    def show(self, x: Array, shift: float = 0.0) -> None:
-        """Move to the state x (2n + 2,), drawn a distance [m] to the right."""
-        places = joint_positions(x, self._lengths) + (shift, 0.0)
+    def show(self, x: Array) -> None:
+        """Move to the state x (2n + 2,)."""
+        places = joint_positions(x, self._lengths)
         self._cart.set_x(places[0, 0] - CART_SIZE[0] / 2)
         for link, line in enumerate(self._links):
             line.set_data(*places[link:link + 2].T)
         self._joints.set_data(*places[:-1].T)
 
 
-def fading(points: Array, colour: str, width: float) -> LineCollection:
-    """Return a line through points (M, 2) that is clear at its end and fades to its start."""
-    pieces = np.stack([points[:-1], points[1:]], axis=1)
-    colours = np.tile(to_rgba(colour), (len(pieces), 1))
-    colours[:, 3] = 0.8 * np.linspace(0.0, 1.0, len(pieces)) ** 1.5
-    return LineCollection(list(pieces), colors=colours, linewidths=width, capstyle='butt',
-                          zorder=2)
-
-
 def trail_of(episode: Episode, t: float, length: float, width: float) -> LineCollection:
-    """Return the path of the last tip over the time [s] before t."""
+    """Return the path of the last tip over the time [s] before t, fading to its start."""
     times = np.linspace(max(t - length, episode.t[0]), t, max(2, round(length / FINE)))
     tips = joint_positions(states_at(episode, times), episode.physical.lengths)[:, -1]
-    return fading(tips, LINKS[episode.physical.links - 1], width)
+    pieces = np.stack([tips[:-1], tips[1:]], axis=1)
+    colours = [to_rgba(LINKS[episode.physical.links - 1], 0.8 * strength ** 1.5)
+               for strength in np.linspace(0.0, 1.0, len(pieces))]
+    return LineCollection(list(pieces), colors=colours, linewidths=width, capstyle='butt',
+                          zorder=2)
 
 
 def track_lines(limits: LimitParameters) -> list[Array]:

@@ -22,8 +22,7 @@ LINE = 0.19  # [inch] a contestant in a scenario
 def successes(summary: Summary) -> Figure:
     """Draw how many episodes each contestant held in each scenario, with the 95 % intervals."""
     shown = looks(summary.campaign)
-    scenarios = [name for name in summary.campaign['scenarios']
-                 if any(one.scenario == name for one in summary.standings)]
+    scenarios = _with_standings(summary)
     pitch = len(shown) + 0.9
     figure = Figure(figsize=(8.4, 1.3 + LINE * pitch * len(scenarios)), layout='constrained')
     axes = figure.subplots()
@@ -48,6 +47,11 @@ def successes(summary: Summary) -> Figure:
     return figure
 
 
+def _with_standings(summary: Summary) -> list[str]:
+    return [name for name in summary.campaign['scenarios']
+            if any(one.scenario == name for one in summary.standings)]
+
+
 def _draw_rate(axes: Axes, held: Rate, look: Look, along: str, place: float) -> None:
     """Draw a share on its interval along one axis, at a place on the other."""
     def plot(shares: list[float], **line: Any) -> None:
@@ -61,10 +65,8 @@ def _draw_rate(axes: Axes, held: Rate, look: Look, along: str, place: float) -> 
 @styled
 def criteria(summary: Summary) -> Figure | None:
     """Draw the episodes held over each way that the plant gets worse; None without any."""
-    scenarios = [name for name in summary.campaign['scenarios']
+    scenarios = [name for name in _with_standings(summary)
                  if SCENARIOS[name].sweeps or SCENARIOS[name].criterion]
-    scenarios = [name for name in scenarios
-                 if any(one.scenario == name for one in summary.standings)]
     if not scenarios:
         return None
     shown = looks(summary.campaign)

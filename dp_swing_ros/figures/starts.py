@@ -10,14 +10,13 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, MultipleLocator
 import numpy as np
 from scipy.stats import binned_statistic_2d
 
 from dp_swing_ros.evaluation.campaign.rows import Row
 from dp_swing_ros.evaluation.campaign.summary import Summary
 from dp_swing_ros.evaluation.scenarios import SCENARIOS
-from dp_swing_ros.figures.curves import in_turns
+from dp_swing_ros.figures.curves import mark_turns
 from dp_swing_ros.figures.style import ALARM, formulas, panels_of, plain, styled
 from dp_swing_ros.pendulum.state import Array, links_of, units
 
@@ -29,9 +28,11 @@ COLOURS = 'cividis'
 @styled
 def starts(summary: Summary, rows: Sequence[Row]) -> Figure | None:
     """Draw the settling times over the angles of random starts, and failures; None without any."""
-    groups = {label: [row for row in rows if row.key[:2] == (label, SCENARIO)]
-              for label in summary.campaign['contestants']}
-    groups = {label: group for label, group in groups.items() if group}
+    groups: dict[str, list[Row]] = {}
+    for label in summary.campaign['contestants']:
+        group = [row for row in rows if row.key[:2] == (label, SCENARIO)]
+        if group:
+            groups[label] = group
     if not groups:
         return None
     columns = min(len(groups), 3)
@@ -83,9 +84,8 @@ def _draw_starts(axes: Axes, label: str, group: Sequence[Row], places: Array,
                    f'{np.median(times[~failed]) if not failed.all() else math.nan:.2f} s',
                    size='medium')
     axes.set(xlim=(-ends[0], ends[0]), ylim=(-ends[1], ends[1]), aspect='equal')
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(MultipleLocator(np.pi))
-        axis.set_major_formatter(FuncFormatter(in_turns))
+    mark_turns(axes.xaxis)
+    mark_turns(axes.yaxis)
 
 
 def _start(row: Row, campaign: Mapping[str, Any]) -> tuple[float, ...]:

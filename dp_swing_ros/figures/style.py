@@ -43,11 +43,6 @@ def styled(draw: Callable[P, R]) -> Callable[P, R]:
     return inside
 
 
-def state_colours(links: int) -> tuple[str, ...]:
-    """Return the colours of the numbers of the state."""
-    return (CART, *LINKS[:links]) * 2
-
-
 def formulas(links: int) -> tuple[str, ...]:
     """Return the symbols of the numbers of the state as formulas."""
     angles = [rf'\theta_{i}' for i in range(1, links + 1)]

@@ -9,7 +9,7 @@ import math
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 import numpy as np
 
@@ -23,10 +23,10 @@ from dp_swing_ros.report.recording import Recording
 from dp_swing_ros.report.settings import differences, provenances, settings
 from dp_swing_ros.simulation.episode import Episode
 
+FOLDER = Path(__file__).parent
 FRAME = 0.02   # [s] between the pictures of the animation
 FRAMES = 3000  # at most; those of a long run are further apart
 KINDS = {1: 'Inverted', 2: 'Double inverted', 3: 'Triple inverted'}   # by number of links
-TYPES = {'.gif': 'image/gif', '.png': 'image/png'}
 HIGHLIGHTS = ('settling_time', 'largest_force', 'largest_position', 'median_solve_time',
               'p99_solve_time', 'late_ticks')
 CAPTIONS = {
@@ -53,9 +53,9 @@ def page(runs: Mapping[str, Shown], overlay: Path | None = None) -> str:
     forbids the browser to fetch anything and to run any script but its own.
     """
     environment = Environment(
-        loader=PackageLoader('dp_swing_ros', 'report'), autoescape=True, trim_blocks=True,
-        lstrip_blocks=True, undefined=StrictUndefined)
-    player = _source(environment, 'player.js')
+        loader=FileSystemLoader(FOLDER), autoescape=True, trim_blocks=True, lstrip_blocks=True,
+        undefined=StrictUndefined)
+    player = _source('player.js')
     names = list(runs)
     return environment.get_template('page.html').render(
         names=names,
@@ -66,21 +66,18 @@ def page(runs: Mapping[str, Shown], overlay: Path | None = None) -> str:
         overlay=None if overlay is None else _picture('overlay', overlay, ', '.join(names)),
         colours={'accent': style.PALETTE[0], 'ink': style.INK, 'faint': style.FAINT,
                  'paper': style.PAPER},
-        style=_source(environment, 'style.css'), player=player,
+        style=_source('style.css'), player=player,
         digest=b64encode(sha256(player.encode()).digest()).decode())
 
 
-def _source(environment: Environment, name: str) -> Markup:
-    assert environment.loader is not None
-    return Markup(environment.loader.get_source(environment, name)[0])
+def _source(name: str) -> Markup:
+    return Markup((FOLDER / name).read_text(encoding='utf-8'))
 
 
 def _run(name: str, shown: Shown) -> dict[str, Any]:
     """Return what the template shows of a run."""
     recorded, episode = shown.recording, shown.recording.episode
     metrics = rows([measure(episode)])
-    parameters = settings(recorded.configurations)
-    stills = [each for each in CAPTIONS if each in shown.pictures]
     return {
         'name': name, 'solver': style.SOLVERS.get(episode.solver, name), 'recorded': recorded,
         'kind': KINDS[episode.physical.links],
@@ -90,8 +87,9 @@ def _run(name: str, shown: Shown) -> dict[str, Any]:
         'highlights': [metrics[each] for each in HIGHLIGHTS],
         'film': _film(episode),
         'animation': _data(shown.pictures['animation']) if 'animation' in shown.pictures else '',
-        'pictures': [_picture(each, shown.pictures[each], name) for each in stills],
-        'settings': parameters, 'changed': [one for one in parameters if one.changed],
+        'pictures': [_picture(each, shown.pictures[each], name) for each in CAPTIONS
+                     if each in shown.pictures],
+        'settings': settings(recorded.configurations),
         'provenances': provenances(recorded.configurations)}
 
 
@@ -101,7 +99,7 @@ def _picture(kind: str, path: Path, of: str) -> dict[str, str]:
 
 
 def _data(path: Path) -> str:
-    return f'data:{TYPES[path.suffix]};base64,{b64encode(path.read_bytes()).decode()}'
+    return f'data:image/{path.suffix[1:]};base64,{b64encode(path.read_bytes()).decode()}'
 
 
 def _film(episode: Episode) -> dict[str, Any]:

@@ -82,7 +82,6 @@ def named(recordings: Sequence[Recording]) -> dict[str, Recording]:
 
 def _shortest_end(place: tuple[str, ...], places: Sequence[tuple[str, ...]]) -> str:
     """Return the shortest end of a path that no other has."""
-    for length in range(1, len(place)):
-        if sum(other[-length:] == place[-length:] for other in places) == 1:
-            return '/'.join(place[-length:])
-    return '/'.join(place)
+    ends = (place[-length:] for length in range(1, len(place) + 1))
+    return '/'.join(next(end for end in ends
+                         if sum(other[-len(end):] == end for other in places) == 1))

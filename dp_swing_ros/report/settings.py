@@ -30,7 +30,6 @@ class Setting(NamedTuple):
 class Provenance(NamedTuple):
     """What ran where; nodes of one installation share it."""
 
-    nodes: str
     version: str
     commit: str
     sources: str
@@ -69,14 +68,17 @@ def in_words(value: Any) -> str:
     return f'{value:.12g}' if isinstance(value, float) else str(value) or "''"
 
 
-def provenances(configurations: Configurations) -> list[Provenance]:
-    """Return what ran where, nodes with the same in one."""
-    groups: dict[tuple[str, ...], list[str]] = {}
+def provenances(configurations: Configurations) -> dict[Provenance, list[str]]:
+    """Return what ran where, and the nodes that ran so."""
+    groups: dict[Provenance, list[str]] = {}
     for node, each in configurations.items():
-        packages = ', '.join(f'{name} {version}' for name, version in each.packages.items())
-        groups.setdefault((each.version, each.commit, each.sources, packages, each.machine),
-                          []).append(node)
-    return [Provenance(', '.join(nodes), *what) for what, nodes in groups.items()]
+        groups.setdefault(_provenance(each), []).append(node)
+    return groups
+
+
+def _provenance(one: Configuration) -> Provenance:
+    packages = ', '.join(f'{name} {version}' for name, version in one.packages.items())
+    return Provenance(one.version, one.commit, one.sources, packages, one.machine)
 
 
 def differences(runs: Sequence[Configurations]) -> list[tuple[str, str, list[str]]]:
@@ -95,9 +97,6 @@ def differences(runs: Sequence[Configurations]) -> list[tuple[str, str, list[str
 
 
 def _flat(configurations: Configurations) -> dict[tuple[str, str], str]:
-    flat = {}
-    for one in provenances(configurations):
-        flat.update({(node, name): getattr(one, name) for node in one.nodes.split(', ')
-                     for name in Provenance._fields[1:]})
-    flat.update({(one.node, one.name): one.value for one in settings(configurations)})
-    return flat
+    ran = {(node, name): value for node, one in configurations.items()
+           for name, value in _provenance(one)._asdict().items()}
+    return ran | {(one.node, one.name): one.value for one in settings(configurations)}

@@ -53,8 +53,9 @@ def test_values_read_as_they_are_written(value, words):
 def test_nodes_of_one_installation_are_told_once():
     found = provenances({'plant': told('plant', {}), 'mpc': told('mpc', {}),
                          'logger': told('logger', {}, machine='another')})
-    assert [one.nodes for one in found] == ['plant, mpc', 'logger']
-    assert (found[0].commit, found[0].packages) == ('abc', 'numpy 2.0')
+    assert list(found.values()) == [['plant', 'mpc'], ['logger']]
+    first, _ = found
+    assert (first.commit, first.packages) == ('abc', 'numpy 2.0')
 
 
 def test_differences_are_what_is_not_the_same_in_all_runs():

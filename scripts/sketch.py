@@ -1,9 +1,9 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The pendulum with its symbols and signs: `python -m dp_swing_ros.figures.sketch FILE`.
+The pendulum with its symbols and signs: `python scripts/sketch.py docs/figures`.
 
-Run by `make docs`, which keeps it in docs/figures.
+Run by `make docs`.
 """
 
 from pathlib import Path
@@ -105,4 +105,4 @@ def _draw_force(axes: Axes, cart: Array) -> None:
 
 
 if __name__ == '__main__':
-    sketch().savefig(Path(sys.argv[1]))
+    sketch().savefig(Path(sys.argv[1]) / 'pendulum.png')
