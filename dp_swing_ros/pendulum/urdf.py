@@ -10,7 +10,9 @@ has no word for: gravity, in an element of our own, which other readers skip; in
 UNLIMITED; and that the damping of a joint acts between two links.
 """
 
+from collections.abc import Sequence
 import math
+from textwrap import indent
 from xml.etree import ElementTree
 
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
@@ -25,42 +27,12 @@ DIGITS = 12  # after the point of an inertia factor, which is read from a ratio 
 
 def urdf(physical: PendulumParameters, limits: LimitParameters) -> str:
     """Return the robot description as XML."""
-    links = ''.join(_link(physical, i) for i in range(physical.links))
-    materials = ''.join(f'  <material name="{name}"><color rgba="{colour} 1"/></material>\n'
-                        for name, colour in MATERIALS.items())
-    return f"""\
-<?xml version="1.0"?>
-<robot name="dp_swing">
-  <gravity value="{physical.gravity!r}"/>
-{materials}\
-  <link name="track">
-    <visual>
-      <origin rpy="0 {math.pi / 2!r} 0"/>
-      <geometry><cylinder radius="0.01" length="{_rail(limits)!r}"/></geometry>
-      <material name="steel"/>
-    </visual>
-  </link>
-  <link name="cart_body">
-    <inertial>
-      <mass value="{physical.cart_mass!r}"/>
-{_inertia(*(physical.cart_mass * square / 12 for square in (0.02, 0.05, 0.05)))}
-    </inertial>
-    <visual>
-      <geometry><box size="0.2 0.1 0.1"/></geometry>
-      <material name="steel"/>
-    </visual>
-  </link>
-  <joint name="cart" type="prismatic">
-    <parent link="track"/>
-    <child link="cart_body"/>
-    <axis xyz="1 0 0"/>
-    <limit lower="{_finite(-limits.track_limit)!r}" upper="{_finite(limits.track_limit)!r}" \
-effort="{_finite(limits.force_limit)!r}" velocity="{UNLIMITED!r}"/>
-    <dynamics damping="{physical.cart_friction!r}"/>
-  </joint>
-{links}\
-</robot>
-"""
+    materials = [f'<material name="{name}"><color rgba="{colour} 1"/></material>'
+                 for name, colour in MATERIALS.items()]
+    links = [element for i in range(1, physical.links + 1) for element in _link(physical, i)]
+    robot = _element('robot name="dp_swing"', f'<gravity value="{physical.gravity!r}"/>',
+                     *materials, *_track(physical, limits), *links)
+    return f'<?xml version="1.0"?>\n{robot}\n'
 
 
 def from_urdf(text: str) -> tuple[PendulumParameters, LimitParameters]:
@@ -106,58 +78,70 @@ def _across(mass: float, length: float) -> float:
     return mass * length ** 2 / 12
 
 
-def _link(physical: PendulumParameters, i: int) -> str:
-    """Return link i, from 0, with the joint that it turns in, and the elbow below that."""
-    length, mass = physical.lengths[i], physical.masses[i + 1]
+def _track(physical: PendulumParameters, limits: LimitParameters) -> list[str]:
+    """Return the track and the cart on it."""
+    mass = physical.cart_mass
+    track, force = min(limits.track_limit, UNLIMITED), min(limits.force_limit, UNLIMITED)
+    # an endless track is drawn as long as the default one
+    drawn = LimitParameters() if math.isinf(limits.track_limit) else limits
+    return [
+        _element('link name="track"', _visual(
+            f'cylinder radius="0.01" length="{2 * drawn.track_limit!r}"', 'steel',
+            f'<origin rpy="0 {math.pi / 2!r} 0"/>')),
+        _element('link name="cart_body"',
+                 _inertial(mass, [mass * square / 12 for square in (0.02, 0.05, 0.05)]),
+                 _visual('box size="0.2 0.1 0.1"', 'steel')),
+        _joint('cart', 'track', 'cart_body',
+               f'<limit lower="{-track!r}" upper="{track!r}" effort="{force!r}" '
+               f'velocity="{UNLIMITED!r}"/>',
+               f'<dynamics damping="{physical.cart_friction!r}"/>',
+               kind='prismatic', axis='1 0 0')]
+
+
+def _link(physical: PendulumParameters, i: int) -> list[str]:
+    """Return link i, from 1, and the joint that it turns in, below the elbow of the one before."""
+    length, mass = physical.lengths[i - 1], physical.masses[i]
+    across = physical.inertia_factors[i - 1] * _across(mass, length)
     # The inertia about its own length, which changes nothing, must not be zero.
-    across = physical.inertia_factors[i] * _across(mass, length)
-    parent = 'cart_body' if i == 0 else f'elbow{i}' if i > 1 else 'elbow'
-    return (_elbow(i, physical.lengths[i - 1]) if i > 0 else '') + f"""\
-  <link name="link{i + 1}">
-    <inertial>
-      <origin xyz="0 0 {length / 2!r}"/>
-      <mass value="{mass!r}"/>
-{_inertia(across, across, mass * RADIUS ** 2 / 2)}
-    </inertial>
-    <visual>
-      <origin xyz="0 0 {length / 2!r}"/>
-      <geometry><cylinder radius="{RADIUS}" length="{length!r}"/></geometry>
-      <material name="{list(MATERIALS)[i + 1]}"/>
-    </visual>
-  </link>
-  <joint name="joint{i + 1}" type="continuous">
-    <parent link="{parent}"/>
-    <child link="link{i + 1}"/>
-    <axis xyz="0 1 0"/>
-    <dynamics damping="{physical.frictions[i + 1]!r}"/>
-  </joint>
-"""
+    moments = [across, across, mass * RADIUS ** 2 / 2]
+    number = str(i - 1) if i > 2 else ''   # of the elbow
+    return [
+        *(_elbow(number, i - 1, physical.lengths[i - 2]) if i > 1 else ()),
+        _element(f'link name="link{i}"', _inertial(mass, moments, _above(length / 2)),
+                 _visual(f'cylinder radius="{RADIUS}" length="{length!r}"', list(MATERIALS)[i],
+                         _above(length / 2))),
+        _joint(f'joint{i}', f'elbow{number}' if i > 1 else 'cart_body', f'link{i}',
+               f'<dynamics damping="{physical.frictions[i]!r}"/>')]
 
 
-def _elbow(i: int, length: float) -> str:
+def _elbow(number: str, i: int, length: float) -> list[str]:
     """Return the massless link at the tip of link i, from 1, that turns back by its angle."""
-    number = str(i) if i > 1 else ''
-    return f"""\
-  <link name="elbow{number}"/>
-  <joint name="counter{number}" type="continuous">
-    <origin xyz="0 0 {length!r}"/>
-    <parent link="link{i}"/>
-    <child link="elbow{number}"/>
-    <axis xyz="0 1 0"/>
-    <mimic joint="joint{i}" multiplier="-1"/>
-  </joint>
-"""
+    return [f'<link name="elbow{number}"/>',
+            _joint(f'counter{number}', f'link{i}', f'elbow{number}',
+                   f'<mimic joint="joint{i}" multiplier="-1"/>', origin=[_above(length)])]
 
 
-def _inertia(xx: float, yy: float, zz: float) -> str:
-    return f'      <inertia ixx="{xx!r}" ixy="0" ixz="0" iyy="{yy!r}" iyz="0" izz="{zz!r}"/>'
+def _inertial(mass: float, moments: Sequence[float], *origin: str) -> str:
+    xx, yy, zz = moments
+    return _element('inertial', *origin, f'<mass value="{mass!r}"/>',
+                    f'<inertia ixx="{xx!r}" ixy="0" ixz="0" iyy="{yy!r}" iyz="0" izz="{zz!r}"/>')
 
 
-def _finite(limit: float) -> float:
-    return max(-UNLIMITED, min(limit, UNLIMITED))
+def _visual(shape: str, material: str, *origin: str) -> str:
+    return _element('visual', *origin, f'<geometry><{shape}/></geometry>',
+                    f'<material name="{material}"/>')
 
 
-def _rail(limits: LimitParameters) -> float:
-    # An endless track is drawn as long as the default one.
-    endless = math.isinf(limits.track_limit)
-    return 2 * (LimitParameters() if endless else limits).track_limit
+def _joint(name: str, parent: str, child: str, *more: str, kind: str = 'continuous',
+           axis: str = '0 1 0', origin: Sequence[str] = ()) -> str:
+    return _element(f'joint name="{name}" type="{kind}"', *origin, f'<parent link="{parent}"/>',
+                    f'<child link="{child}"/>', f'<axis xyz="{axis}"/>', *more)
+
+
+def _above(height: float) -> str:
+    return f'<origin xyz="0 0 {height!r}"/>'
+
+
+def _element(head: str, *inside: str) -> str:
+    lines = indent('\n'.join(inside), '  ')
+    return f'<{head}>\n{lines}\n</{head.split()[0]}>'

@@ -19,6 +19,7 @@ from dp_swing_ros import configuration
 from dp_swing_ros.bags.episodes import Sample
 from dp_swing_ros.control.receding_horizon import RecedingHorizon
 from dp_swing_ros.messages.fields import BILLION
+from dp_swing_ros.problem.plan import Plan
 from dp_swing_ros.rerun.runs import Run, ScoredTrajectory
 from dp_swing_ros.rerun.ticks import answer, respond, Tick
 from dp_swing_ros.simulation.plant import Plant
@@ -67,38 +68,33 @@ def counterfactual(run: Run, tick: Tick, solvers: Sequence[str], duration: float
 
 def take_over(run: Run, tick: Tick, solver: str, end: int) -> list[Sample]:
     """Return the states from a tick on under a solver, up to a stamp [ns]."""
-    force: float | None
-    controller, force = shadow(run, tick, solver)
+    controller, answered = shadow(run, tick, solver)
+    plan: Plan | None = answered
     plant = plant_at(run, tick)
     period = 1 / plant.parameters.rate
     samples = [Sample(tick.stamp, np.asarray(tick.x), math.nan)]
     count = round((end - tick.stamp) / BILLION / period)
     for now in stamps_after(tick, plant.parameters.delay, period, count):
-        if force is not None:
-            plant.obey(force)
+        if plan is not None:
+            plant.obey(plan.first_force(run.problem.u_max))
         plant.begin_period(0.0)
         plant.advance(period)
         measured = plant.measure()
         if measured is not None:
             age = plant.t - measured.t
             samples.append(Sample(now - round(age * BILLION), measured.x, plant.mean_force))
-            force = reply(controller, samples[-1], age if tick.real_time else tick.delay)
+            plan = respond(controller, samples[-1].stamp / BILLION, measured.x,
+                           age if tick.real_time else tick.delay)
         elif tick.real_time:
-            force = controller.fallback(now / BILLION).first_force(run.problem.u_max)
+            plan = controller.fallback(now / BILLION)
         else:
-            force = None    # nobody answers, and the last one acts on
+            plan = None   # nobody answers, and the last force acts on
     return samples
 
 
-def reply(controller: RecedingHorizon, sample: Sample, delay: float) -> float:
-    """Return the force [N] for a state of an age [s]."""
-    return respond(controller, sample.stamp / BILLION, sample.x, delay).first_force(
-        controller.nominal.u_max)
-
-
-def shadow(run: Run, until: Tick, solver: str) -> tuple[RecedingHorizon, float]:
+def shadow(run: Run, until: Tick, solver: str) -> tuple[RecedingHorizon, Plan]:
     """
-    Return the controller that a solver is after it saw every tick up to one, and its force [N].
+    Return the controller that a solver is after it saw every tick up to one, and its plan.
 
     That of the recorded solver stops its solves where the recorded ones stopped.
     """
@@ -107,7 +103,7 @@ def shadow(run: Run, until: Tick, solver: str) -> tuple[RecedingHorizon, float]:
         plan = answer(controller, tick, counted=solver == run.solver)
         if tick.number < until.number:
             controller.forces.replace_last(tick.force)
-    return controller, plan.first_force(run.problem.u_max)
+    return controller, plan
 
 
 def plant_at(run: Run, tick: Tick) -> Plant:

@@ -7,13 +7,81 @@ In lockstep it is known which force acts when, and noise and losses come from se
 that it publishes come out again to the bit, and so do the forces that its actuator applied.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
+import math
+from typing import NamedTuple
 
-from dp_swing_ros.bags.episodes import Sample
+from dp_swing_ros import configuration
+from dp_swing_ros.bags.episodes import configurations_of, PLANT, Sample, samples_of
+from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.messages.fields import BILLION
 from dp_swing_ros.pendulum.state import links_of, symbols, units
-from dp_swing_ros.rerun.ticks import Tick
+from dp_swing_ros.pendulum.urdf import from_urdf, urdf
+from dp_swing_ros.rerun.ticks import configuration_of, Record
 from dp_swing_ros.simulation.plant import Plant
+from dp_swing_ros.topics import DISTURBANCE, ROBOT_DESCRIPTION
+
+
+class Difference(NamedTuple):
+    """What was recorded otherwise than it comes out again."""
+
+    of: str     # what there are several of: ticks, states, forces
+    place: str
+    text: str   # of what differs, and by how much
+
+
+class PlantAgain(NamedTuple):
+    """What becomes of the plant under the recorded forces."""
+
+    states: int                    # that were compared
+    differences: list[Difference]
+    beyond: list[str]              # what could not be compared
+
+
+def plant_again(bag: Bag, record: Record) -> PlantAgain:
+    """Compare the plant with its own parameters; raises BagError and ParameterError."""
+    if PLANT not in configurations_of(bag):
+        return PlantAgain(0, [], [
+            'states and efforts, for the bag has no parameters of the plant'])
+    plant = configuration.plant(configuration_of(bag, PLANT).parameters)
+    described = _of_description(bag, plant)
+    if not plant.parameters.lockstep:
+        return PlantAgain(0, described, [
+            'states and efforts, which in real time depend on when each force arrived'])
+    if bag.has(DISTURBANCE):
+        return PlantAgain(0, described, [
+            f'states and efforts, which depend on when each {DISTURBANCE.name} arrived'])
+    states, differences = _of_states(bag, plant, record)
+    return PlantAgain(states, described + differences, [])
+
+
+def _of_description(bag: Bag, plant: Plant) -> list[Difference]:
+    """Return whether the robot description is not that of the plant's parameters."""
+    if not bag.has(ROBOT_DESCRIPTION):
+        return []
+    described = bag.parse(from_urdf, bag.of(ROBOT_DESCRIPTION)[-1].data)
+    if described == from_urdf(urdf(plant.physical, plant.limits)):
+        return []
+    return [Difference('descriptions', 'the robot description',
+                       'its physical parameters and limits are not those of the plant')]
+
+
+def _of_states(bag: Bag, plant: Plant, record: Record) -> tuple[int, list[Difference]]:
+    """Return how many recorded states the plant has too, and how some differ."""
+    samples = samples_of(bag)
+    forces = {tick.stamp: tick.force for tick in record.ticks if tick.x is not None}
+    again = {sample.stamp: sample for sample in published(plant, forces, samples[-1].stamp)}
+    differences = []
+    for sample in samples:
+        text = ''
+        if sample.stamp in again:
+            text = difference(sample, again[sample.stamp])
+        elif not record.gap or sample.stamp <= max(again, default=-1):
+            text = 'the plant has no state then'
+        if text:
+            differences.append(Difference('states', f'the state at {sample.stamp} ns '
+                                          f'({sample.stamp / BILLION:.3f} s)', text))
+    return sum(sample.stamp in again for sample in samples), differences
 
 
 def published(plant: Plant, forces: Mapping[int, float], end: int) -> Iterator[Sample]:
@@ -26,59 +94,30 @@ def published(plant: Plant, forces: Mapping[int, float], end: int) -> Iterator[S
     period = 1 / plant.parameters.rate
     while plant.t - plant.parameters.delay <= end / BILLION + period / 2:
         measured = plant.measure()
-        plant_force = plant.mean_force
-        plant.begin_period(0.0)
         if measured is not None:
             stamp = round(measured.t * BILLION)
-            yield Sample(stamp, measured.x, plant_force)
+            yield Sample(stamp, measured.x, plant.mean_force)
             if stamp not in forces:
                 return
             plant.obey(forces[stamp])
+        plant.begin_period(0.0)
         plant.advance(period)
-
-
-def compared(samples: Sequence[Sample], again: Iterator[Sample],
-             whole: bool) -> tuple[int, dict[int, str]]:
-    """
-    Return how many recorded states were compared with those of the plant, and how some differ.
-
-    The differences are by stamp [ns]. Unless the record is whole, the plant need not come as far
-    as the recording. Of a state that the bag lacks nothing is said.
-    """
-    recorded, last = {sample.stamp: sample for sample in samples}, -1
-    found: dict[int, str] = {}
-    seen = set[int]()
-    for sample in again:
-        last = sample.stamp
-        if last in recorded:
-            seen.add(last)
-            text = difference(recorded[last], sample)
-            if text:
-                found[last] = text
-    for stamp in recorded:
-        if stamp not in seen and (whole or stamp <= last):
-            found[stamp] = 'the plant has no state then'
-    return len(seen), dict(sorted(found.items()))
 
 
 def difference(recorded: Sample, again: Sample) -> str:
     """Return how a state, or the force applied before it, differs; nothing where it does not."""
     links = links_of(recorded.x)
-    for name, unit, before, after in zip(symbols(links), units(links), recorded.x, again.x):
-        if before != after:
-            return figures(name, unit, float(before), float(after))
-    if recorded.force != again.force:
-        return figures('effort', 'N', recorded.force, again.force)
-    return ''
+    numbers = [*zip(symbols(links), units(links), recorded.x, again.x),
+               ('effort', 'N', recorded.force, again.force)]
+    texts = (changed(name, unit, float(before), float(after))
+             for name, unit, before, after in numbers)
+    return next(filter(None, texts), '')
 
 
-def figures(name: str, unit: str, recorded: float, again: float) -> str:
-    """Return how far a number is from the recorded one."""
+def changed(name: str, unit: str, recorded: float, again: float) -> str:
+    """Return how far a number is from the recorded one; nothing where it is the same."""
+    if recorded == again or math.isnan(recorded) and math.isnan(again):
+        return ''
     before, after, apart = (f'{number!r} {unit}'.strip()
                             for number in (recorded, again, abs(again - recorded)))
     return f'{name} {before} recorded, {after} now: {apart} apart'
-
-
-def forces_by_stamp(ticks: Sequence[Tick]) -> dict[int, float]:
-    """Return the forces [N] that answered states, by the stamps of the states."""
-    return {tick.stamp: tick.force for tick in ticks if tick.x is not None}

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """A recorded run with all that it takes to continue from any of its ticks."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,11 +15,9 @@ from dp_swing_ros.control.receding_horizon import MpcParameters
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.evaluation.metrics import settling_time
 from dp_swing_ros.messages.fields import BILLION
-from dp_swing_ros.pendulum.parameters import LimitParameters
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.problem.cost import running
-from dp_swing_ros.problem.problem import Problem
-from dp_swing_ros.rerun.ticks import configuration_of, Record, record_of, Tick
+from dp_swing_ros.rerun.ticks import configuration_of, record_of, Tick
 
 
 class ScoredTrajectory(NamedTuple):
@@ -47,15 +45,14 @@ class Run:
         Raises BagError where the bag lacks them, and ParameterError where they are unknown here.
         """
         self.bag = bag
-        self.mpc: dict[str, Any] = configuration_of(bag, CONTROLLER).parameters
-        self.plant: dict[str, Any] = configuration_of(bag, PLANT).parameters
-        self.record: Record = record_of(bag)
-        self.samples: list[Sample] = samples_of(bag)
-        self.problem: Problem = configuration.problem(self.mpc)
-        self.solver = str(self.mpc.get('solver', MpcParameters.solver))
+        self.mpc = configuration_of(bag, CONTROLLER).parameters
+        self.plant = configuration_of(bag, PLANT).parameters
+        self.record, self.samples = record_of(bag), samples_of(bag)
         self.start, self.end = self.samples[0].stamp, self.samples[-1].stamp
+        self.problem = configuration.problem(self.mpc)
+        self.solver = str(self.mpc.get('solver', MpcParameters.solver))
         plant = configuration.plant(self.plant)
-        self.limits: LimitParameters = plant.limits
+        self.limits = plant.limits
         self.period = BILLION / plant.parameters.rate   # [ns]
 
     def time(self, stamp: int) -> float:
@@ -68,28 +65,23 @@ class Run:
 
         Raises UserError where there is none.
         """
-        return self.checked([tick for tick in self.followed(duration)
-                             if tick.stamp - self.start >= round(at * BILLION)],
-                            f'at {at:g} s or later', duration)[0]
+        return self._followed(duration, f'at {at:g} s or later', round(at * BILLION))[0]
 
     def ticks_every(self, every: float, duration: float | None) -> list[Tick]:
         """Return a tick in every so many seconds; else as `tick_at`."""
         step = max(round(every * BILLION), 1)
         found: dict[int, Tick] = {}
-        for tick in self.followed(duration):
+        for tick in self._followed(duration, 'at all'):
             found.setdefault((tick.stamp - self.start) // step, tick)
-        return self.checked(list(found.values()), 'at all', duration)
+        return list(found.values())
 
-    def followed(self, duration: float | None) -> Iterator[Tick]:
-        """Yield the ticks that answer a state, and after which the run takes that long [s]."""
-        for tick in self.record.ticks:
-            if tick.x is not None and np.all(np.isfinite(tick.x)) \
-                    and tick.stamp < self.window(tick, duration) \
-                    and tick.stamp + (duration or 0.0) * BILLION <= self.end + self.period / 2:
-                yield tick
-
-    def checked(self, ticks: list[Tick], when: str, duration: float | None) -> list[Tick]:
-        """Return ticks; raise UserError where there is none."""
+    def _followed(self, duration: float | None, when: str, since: int = 0) -> list[Tick]:
+        """Return the ticks that answer a state, and after which the run takes that long [s]."""
+        ticks = [tick for tick in self.record.ticks
+                 if tick.x is not None and np.all(np.isfinite(tick.x))
+                 and tick.stamp - self.start >= since
+                 and tick.stamp < self.window(tick, duration)
+                 and tick.stamp + (duration or 0.0) * BILLION <= self.end + self.period / 2]
         if not ticks:
             gap = f'; {self.record.gap}' if self.record.gap else ''
             after = 'a state' if duration is None else f'{duration:g} s'

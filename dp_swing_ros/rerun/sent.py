@@ -9,6 +9,8 @@ has is missing or too much, and what both have is another force.
 """
 
 from collections.abc import Sequence
+from difflib import SequenceMatcher
+from itertools import takewhile
 from typing import NamedTuple
 
 from dp_swing_ros.bags.reader import Bag
@@ -16,7 +18,6 @@ from dp_swing_ros.rerun.ticks import Record, Tick
 from dp_swing_ros.topics import FORCE_COMMAND
 
 AGREEING = 3  # forces in a row that are the same, where two sequences meet again
-REACH = 20    # forces ahead at which they may
 
 
 class Command(NamedTuple):
@@ -59,66 +60,39 @@ def paired(record: Record, commands: Sequence[Command]) -> Pairing:
 
 def by_number(ticks: Sequence[Tick], commands: Sequence[Command]) -> Pairing:
     """Pair a tick with the force of its number; a second one, or of another number, is surplus."""
-    others: dict[int, float] = {}
-    missing, surplus = list[Tick](), list[Command]()
-    left: dict[int, list[Command]] = {}
-    for command in commands:
-        left.setdefault(command.number, []).append(command)
-    for tick in ticks:
-        found = left.pop(tick.number, [])
-        if not found:
-            missing.append(tick)
-            continue
-        own = next((each for each in found if each.force == tick.force), found[-1])
-        found.remove(own)
-        surplus += found
-        if own.force != tick.force:
-            others[tick.number] = own.force
-    rest = [command for command in commands if command.number in left]
-    return Pairing(others, missing, surplus + without_last_zero(rest))
+    forces = {tick.number: tick.force for tick in ticks}
+    own = {command.number: command for command in commands}
+    # of several with one number rather the one that the tick reports
+    own |= {command.number: command for command in commands
+            if command.force == forces.get(command.number)}
+    others = {number: own[number].force for number, force in forces.items()
+              if number in own and own[number].force != force}
+    missing = [tick for tick in ticks if tick.number not in own]
+    second = [command for command in commands
+              if command.number in forces and command is not own[command.number]]
+    rest = [command for command in commands if command.number not in forces]
+    if rest and rest[0].force == 0.0:   # with which a controller ends
+        del rest[0]
+    return Pairing(others, missing, second + rest)
 
 
 def in_order(ticks: Sequence[Tick], commands: Sequence[Command], whole: bool) -> Pairing:
     """Pair them one after the other, and after a difference where they meet again."""
     others: dict[int, float] = {}
     missing, surplus = list[Tick](), list[Command]()
-    i = j = 0
-    while i < len(ticks):
-        if j < len(commands) and ticks[i].force == commands[j].force:
-            i, j = i + 1, j + 1
+    sent, found = [tick.force for tick in ticks], [command.force for command in commands]
+    if whole:
+        sent.append(0.0)   # with which a controller ends
+    begin = i = j = sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], zip(sent, found)))
+    for block in SequenceMatcher(None, sent[begin:], found[begin:]).get_matching_blocks():
+        next_i, next_j = begin + block.a, begin + block.b
+        if block.size < AGREEING and next_i + block.size < len(sent):
             continue
-        next_i, next_j = _meeting(ticks, commands, i, j, whole)
-        both = min(next_i - i, next_j - j)
-        others |= {tick.number: command.force
-                   for tick, command in zip(ticks[i:i + both], commands[j:j + both])}
-        missing += ticks[i + both:next_i]
-        surplus += commands[j + both:next_j]
-        i, j = next_i, next_j
-    return Pairing(others, missing, surplus + without_last_zero(commands[j:]) if whole
-                   else surplus)
-
-
-def _meeting(ticks: Sequence[Tick], commands: Sequence[Command], i: int, j: int,
-             whole: bool) -> tuple[int, int]:
-    """Return the next place from which both agree."""
-    for far in range(1, REACH):
-        for near in range(far + 1):
-            # rather one side lacks some than that all differ
-            for place in ((i + far, j + near), (i + near, j + far)):
-                if _agree(ticks, commands, *place, whole):
-                    return place
-    return i + 1, min(j + 1, len(commands))
-
-
-def _agree(ticks: Sequence[Tick], commands: Sequence[Command], i: int, j: int,
-           whole: bool) -> bool:
-    if i >= len(ticks) or j >= len(commands):
-        return i == len(ticks) and j <= len(commands) and not (
-            whole and without_last_zero(commands[j:j + 2]))
-    return all(tick.force == command.force for tick, command in zip(
-        ticks[i:i + AGREEING], commands[j:j + AGREEING]))
-
-
-def without_last_zero(commands: Sequence[Command]) -> list[Command]:
-    """Leave out the zero with which a controller ends."""
-    return list(commands[1:] if commands and commands[0].force == 0.0 else commands)
+        pairs = list(zip(ticks[i:next_i], commands[j:next_j]))
+        others |= {tick.number: command.force for tick, command in pairs
+                   if tick.force != command.force}
+        missing += ticks[i + len(pairs):next_i]
+        if whole or next_i < len(sent):
+            surplus += commands[j + len(pairs):next_j]
+        i, j = next_i + block.size, next_j + block.size
+    return Pairing(others, missing, surplus)

@@ -30,7 +30,6 @@ class Tick(NamedTuple):
     x: Array | None    # as it was measured; None where none came
     delay: float       # [s] from the stamp until the force would act
     real_time: bool
-    carried: int       # periods since the last state
     reset: bool        # it was reset before
     solves: tuple[int, ...]  # iterations
     status: str
@@ -74,19 +73,15 @@ def record_of(bag: Bag) -> Record:
     if missing:
         raise BagError(f'{bag} is of an {CONTROLLER} without {", ".join(missing)} '
                        'at every tick; record it anew')
-    return bag.parse(_record, bag, sorted(reports, key=_number))
-
-
-def _number(report: Report) -> int:
-    return int(report.values['number'])
+    return bag.parse(_record, bag, reports)
 
 
 def _record(bag: Bag, reports: list[Report]) -> Record:
     states = {sample.stamp: sample.x for sample in samples_of(bag)}
     ticks: list[Tick] = []
     resets = 0
-    for report in reports:
-        number, carried = _number(report), int(report.values['carried'])
+    for report in sorted(reports, key=lambda each: int(each.values['number'])):
+        number, carried = (int(report.values[name]) for name in ('number', 'carried'))
         if ticks and number == ticks[-1].number:
             raise BagError(f'{bag} has two ticks number {number}: the {CONTROLLER} was started '
                            'again, or two ran; record one at a time')
@@ -94,16 +89,15 @@ def _record(bag: Bag, reports: list[Report]) -> Record:
             return Record(ticks, f'tick {len(ticks) + 1} is missing (the next is {number})')
         if not carried and report.stamp not in states:
             return Record(ticks, f'the state of tick {number} is missing ({report.stamp} ns)')
-        ticks.append(_tick(report, None if carried else states[report.stamp], resets))
+        ticks.append(_tick(number, report, None if carried else states[report.stamp], resets))
         resets = int(report.values['resets'])
     return Record(ticks, '')
 
 
-def _tick(report: Report, x: Array | None, resets: int) -> Tick:
+def _tick(number: int, report: Report, x: Array | None, resets: int) -> Tick:
     values: dict[str, Any] = report.values
-    t = float(values.get('time', report.stamp / BILLION))
-    return Tick(_number(report), report.stamp, t, x, float(values['delay']),
-                bool(values['real_time']), int(values['carried']),
+    return Tick(number, report.stamp, float(values.get('time', report.stamp / BILLION)), x,
+                float(values['delay']), bool(values['real_time']),
                 int(values['resets']) > resets, tuple(map(int, str(values['solves']).split())),
                 str(values['status']), float(values['cost']), float(values['force']))
 

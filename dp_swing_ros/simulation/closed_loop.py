@@ -70,14 +70,14 @@ def answer(plant: Plant, controller: Controller) -> Plan | None:
     measured = plant.measure()
     if not plant.is_seen():
         return None
-    # the nodes say the time in whole nanoseconds, and this is to be their run to the bit
+    # the nodes publish the time in whole nanoseconds, and this is to be their run to the bit
     if measured is None:
         return controller.fallback(plant.t)
     return controller.update(round(measured.t * 1e9) / 1e9, measured.x, plant.parameters.delay)
 
 
 def ticks_of(t: list[float], plans: list[Plan], period: float) -> Ticks:
-    """Collect what the plans say of their solves; in lockstep the latency is the solve's time."""
+    """Collect the reports of the solves; in lockstep the latency is the solve's time."""
     stats = [plan.stats for plan in plans]
     times = np.array([s.solve_time for s in stats])
     return Ticks(t=np.array(t), cost=np.array([s.cost for s in stats]),

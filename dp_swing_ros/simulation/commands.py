@@ -20,7 +20,7 @@ class Command(NamedTuple):
 
 class Commands:
     """
-    The force that the actuator is told, and what is on its way there.
+    The force that the actuator obeys, and the commands on their way to it.
 
     A command is never obeyed after a newer one: what would begin later than a newer one is stale.
     """

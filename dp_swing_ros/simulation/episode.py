@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 class Ticks(NamedTuple):
     """
-    What the controller said of each of its ticks.
+    What the controller reported of each of its ticks.
 
     Shapes: all (M,); t is the time of the state that a tick answers, on the episode's clock.
     """
@@ -58,7 +58,8 @@ class Episode:
         and what the controller said of its tick for this state (of two, the later); what there
         is not is missing: the last force, a tick that a state has none of. The angles are in
         (-π, π], 0 upright; with `whole_turns` they are as measured, without jumps. `attrs` holds
-        solver, bodies and limits, and how many messages of how many the bag had if not all.
+        solver, physical parameters and limits, and how many messages of how many the bag had if
+        not all.
         """
         import pandas  # here: it takes half a second, which no node should wait for
 
