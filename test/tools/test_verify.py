@@ -121,10 +121,10 @@ def test_a_changed_report_is_named(bags, key, value, text, tmp_path, capsys):
     assert lines[1].startswith('1 of 21 ticks')
 
 
-def told(old, new):
-    """Return what changes the configuration of the mpc."""
+def configured(node, old, new):
+    """Return what changes the configuration of a node."""
     def change(message):
-        if 'node: /mpc' in message.data:
+        if f'node: /{node}' in message.data:
             assert old in message.data
             message.data = message.data.replace(old, new)
         return message
@@ -132,7 +132,8 @@ def told(old, new):
 
 
 def test_another_seed_is_another_run(bags, tmp_path, capsys):
-    bag = rewritten(bags['mppi'], tmp_path / 'bag', CONFIGURATION, told('seed: 5', 'seed: 6'))
+    bag = rewritten(bags['mppi'], tmp_path / 'bag', CONFIGURATION,
+                    configured('mpc', 'seed: 5', 'seed: 6'))
     code, lines, _ = verified(bag, capsys)
     assert code == 1
     assert lines[0].startswith('tick 1 at 0 ns')
@@ -140,7 +141,7 @@ def test_another_seed_is_another_run(bags, tmp_path, capsys):
 
 def test_other_code_is_the_likely_cause_only_of_a_difference(bags, tmp_path, capsys):
     other = rewritten(bags['ddp'], tmp_path / 'other', CONFIGURATION,
-                      told('sources: ', 'sources: old'))
+                      configured('mpc', 'sources: ', 'sources: old'))
     code, lines, _ = verified(other, capsys)
     assert (code, lines[:4]) == (0, whole(21, 'ddp'))
     assert re.match(r'note: recorded elsewhere \(code old\w+ there, \w+ here\)', lines[4])
@@ -219,20 +220,12 @@ def test_a_changed_effort_or_plan_is_named(bags, topic, change, text, tmp_path, 
     assert lines[1].startswith('1 of 21 ')
 
 
-def of_plant(old, new):
-    """Return what changes the configuration of the plant."""
-    def change(message):
-        if 'node: /plant' in message.data:
-            assert old in message.data
-            message.data = message.data.replace(old, new)
-        return message
-    return change
-
-
 @pytest.mark.parametrize('topic, change, text', [
-    (CONFIGURATION, of_plant('cart_mass: 1.0', 'cart_mass: 1.1'), 'the robot description, diff'),
-    (CONFIGURATION, of_plant('physics_step: 0.005', 'physics_step: 0.01'), 'the state at '),
-    (CONFIGURATION, of_plant('  rate: 20.0', '  rate: 40.0'), 'the state at '),
+    (CONFIGURATION, configured('plant', 'cart_mass: 1.0', 'cart_mass: 1.1'),
+     'the robot description, diff'),
+    (CONFIGURATION, configured('plant', 'physics_step: 0.005', 'physics_step: 0.01'),
+     'the state at '),
+    (CONFIGURATION, configured('plant', '  rate: 20.0', '  rate: 40.0'), 'the state at '),
     (ROBOT_DESCRIPTION, lambda message: String(data=message.data.replace(
         'value="9.81"', 'value="9.8"')), 'the robot description, differs: its physical parameters '
      'and limits')])
@@ -303,9 +296,9 @@ def again(message):
 
 @pytest.mark.parametrize('topic, change, complaint', [
     (CONFIGURATION, drop, 'has no parameters of the mpc, but those of no node'),
-    (CONFIGURATION, told('horizon: 30', 'horizont: 30'),
+    (CONFIGURATION, configured('mpc', 'horizon: 30', 'horizont: 30'),
      "unknown parameter 'horizont' of the node 'mpc'; did you mean 'horizon'?"),
-    (CONFIGURATION, told('horizon: 30', 'horizon: 0'), "parameter 'horizon' is 0"),
+    (CONFIGURATION, configured('mpc', 'horizon: 30', 'horizon: 0'), "parameter 'horizon' is 0"),
     (DIAGNOSTICS, drop, 'has no ticks of an mpc'),
     (DIAGNOSTICS, tick(2, with_value('carried', '?')), 'invalid literal'),
     (DIAGNOSTICS, again, 'has two ticks number 1: the mpc was started again, or two ran'),
