@@ -32,7 +32,7 @@ from dp_swing_ros.evaluation.campaign.episodes import measured, simulated
 from dp_swing_ros.evaluation.campaign.rows import Row, store, untimed
 from dp_swing_ros.evaluation.ensemble import Ensemble, ensemble, trial
 from dp_swing_ros.simulation.episode import Episode
-from dp_swing_ros.tools.argument_types import within
+from dp_swing_ros.tools.command_lines import within
 from dp_swing_ros.tools.demo import perform, Run
 from dp_swing_ros.tools.isolation import isolated
 from dp_swing_ros.tools.processes import interrupt_on_signals

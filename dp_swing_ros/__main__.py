@@ -17,14 +17,14 @@ TOOLS = {
     'evaluate': 'seeded campaigns: rates, scores, comparisons, pictures',
     'export': 'a run as CSV or Parquet tables, with units',
     'parameters': 'all parameters of all nodes',
-    'recover': 'a whole bag of a truncated or damaged one',
+    'recover': 'a whole bag from a truncated or damaged one',
     'verify': 'every recorded tick solved again, to the bit'}
 NODES = {
-    'plant': 'integrates the pendulum, publishes its state, obeys the force',
+    'plant': 'integrates the pendulum, publishes its state, applies the force',
     'mpc': 'solves from each state, publishes the force',
     'logger': 'writes the topics to an MCAP bag',
     'replay': 'plays a bag back'}
-BY_COLCON = {'demo': 'runs plant, mpc and logger, and draws what came of it'}
+BY_COLCON = {'demo': 'runs plant, mpc and logger, and draws the results'}
 MISUSED = 2
 
 
@@ -62,7 +62,7 @@ def usage() -> str:
         'usage: python -m dp_swing_ros COMMAND [ARGUMENT ...]',
         *(f'{title}:\n' + '\n'.join(f'  {name:12}{about}' for name, about in commands.items())
           for title, commands in parts),
-        'COMMAND --help tells the arguments of one.'])
+        'COMMAND --help lists the arguments of one.'])
 
 
 if __name__ == '__main__':

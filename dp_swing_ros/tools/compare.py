@@ -7,17 +7,13 @@ from collections.abc import Sequence
 import math
 from pathlib import Path
 
-from tqdm import tqdm
-
 from dp_swing_ros import figures
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.rerun.counterfactual import Counterfactual, counterfactual
 from dp_swing_ros.rerun.runs import Run
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tables import aligned
-from dp_swing_ros.tools.argument_types import within
-from dp_swing_ros.tools.bag_arguments import bag_parser, beside
-from dp_swing_ros.tools.exit_codes import exit_code
+from dp_swing_ros.tools.command_lines import bag_parser, beside, execute, OK, progress, within
 from dp_swing_ros.topics import DISTURBANCE
 
 AT = 0.5         # [s] the pendulum moves, and everything is still open
@@ -26,25 +22,6 @@ SHORTEST = 1e-3  # [s]
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Compare the solvers on the bag that the command line names; return the exit code."""
-    arguments = _parser().parse_args(argv)
-    return exit_code('compare', lambda: _compare(arguments))
-
-
-def _compare(arguments: argparse.Namespace) -> int:
-    bag = Bag(arguments.bag, arguments.partial, arguments.namespace)
-    run = Run(bag)
-    found = _counterfactuals(run, arguments)
-    print(table(found[0]) if arguments.every is None else regrets(found))
-    if bag.incomplete:
-        print(bag.incomplete)
-    if bag.has(DISTURBANCE):
-        print(f'note: pushes ({len(bag.of(DISTURBANCE))} on {DISTURBANCE.name}) are only in '
-              'what was recorded')
-    print(_draw(found, run, arguments))
-    return 0
-
-
-def _parser() -> argparse.ArgumentParser:
     parser = bag_parser(
         'compare', 'Let each solver take over a recorded run at a tick, in simulation: with the '
         'recorded parameters and seeds, as if it had seen every state until then. Tabulates and '
@@ -64,7 +41,21 @@ def _parser() -> argparse.ArgumentParser:
                         help='for how long (default: for the rest of the run)')
     parser.add_argument('--output', type=Path, metavar='DIR',
                         help='folder for the picture (default: BAG_analysis, beside the bag)')
-    return parser
+    return execute(parser, _compare, argv)
+
+
+def _compare(arguments: argparse.Namespace) -> int:
+    bag = Bag(arguments.bag, arguments.partial, arguments.namespace)
+    run = Run(bag)
+    found = _counterfactuals(run, arguments)
+    print(table(found[0]) if arguments.every is None else regrets(found))
+    if bag.incomplete:
+        print(bag.incomplete)
+    if bag.has(DISTURBANCE):
+        print(f'note: pushes ({len(bag.of(DISTURBANCE))} on {DISTURBANCE.name}) are only in '
+              'what was recorded')
+    print(_draw(found, run, arguments))
+    return OK
 
 
 def _counterfactuals(run: Run, arguments: argparse.Namespace) -> list[Counterfactual]:
@@ -72,8 +63,7 @@ def _counterfactuals(run: Run, arguments: argparse.Namespace) -> list[Counterfac
     duration = arguments.duration
     ticks = [run.tick_at(arguments.at, duration)] if arguments.every is None \
         else run.ticks_every(arguments.every, duration)
-    with tqdm(total=len(ticks) * len(solvers), desc='take-overs', leave=False,
-              disable=None) as bar:
+    with progress(total=len(ticks) * len(solvers), desc='take-overs') as bar:
         return [counterfactual(run, tick, solvers, duration, bar.update) for tick in ticks]
 
 

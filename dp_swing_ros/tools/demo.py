@@ -5,7 +5,6 @@
 import argparse
 from collections.abc import Callable, Mapping, Sequence
 import dataclasses
-from datetime import datetime
 from pathlib import Path
 import re
 import time
@@ -21,11 +20,9 @@ from dp_swing_ros.pendulum.state import (
     angles, Array, DEFAULT_LINKS, LINKS, links_of, symbols, wrapped)
 from dp_swing_ros.report import named, recording
 from dp_swing_ros.solvers import SOLVERS
-from dp_swing_ros.tools import program
 from dp_swing_ros.tools.analyse import write
-from dp_swing_ros.tools.argument_types import within
-from dp_swing_ros.tools.exit_codes import exit_code, FAILED, OK
-from dp_swing_ros.tools.isolation import isolated
+from dp_swing_ros.tools.command_lines import dated, execute, FAILED, OK, program, progress, within
+from dp_swing_ros.tools.isolation import domain_of_user, isolated
 from dp_swing_ros.tools.observer import Observer
 from dp_swing_ros.tools.processes import Crew, interrupt_on_signals, Process, ProcessError
 from dp_swing_ros.topics import DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES, PLAN
@@ -53,16 +50,16 @@ class Run:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Do the runs that the command line asks for; return the exit code."""
-    arguments = command_line().parse_args(argv)
-    return exit_code('demo', lambda: _demo(arguments), (ProcessError,))
+    return execute(command_line(), _demo, argv, (ProcessError,))
 
 
 def _demo(arguments: argparse.Namespace) -> int:
     interrupt_on_signals()
     runs = runs_of(arguments)
+    shared = domain_of_user()
     with isolated() as domain:
-        print(f'ROS_DOMAIN_ID={domain.number}', flush=True)
-        if domain.given:
+        print(f'ROS_DOMAIN_ID={domain}', flush=True)
+        if shared:
             _refuse_company()
         results = [_result(run, arguments.figures) for run in runs]
     _report(runs, results, arguments.spread or len(runs) > COLUMNS)
@@ -108,8 +105,7 @@ def runs_of(arguments: argparse.Namespace) -> list[Run]:
     for file in files:
         if not file.is_file():
             raise UserError(f'--params {file} is not a file')
-    name = f'{arguments.solver}_{datetime.now():%Y%m%d_%H%M%S}'
-    folder = arguments.output or Path('runs', name)
+    folder = arguments.output or Path('runs', dated(arguments.solver))
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise UserError(f'{folder} exists already; give another --output')
     runs = []
@@ -132,7 +128,7 @@ def _result(run: Run, figures: bool) -> Metrics:
 
 def perform(run: Run) -> Path:
     """
-    Do one run and return its bag; the logger comes first and goes last, to hear all.
+    Do one run and return its bag; the logger starts first and ends last, to record all.
 
     Raises ProcessError if a process fails.
     """
@@ -143,7 +139,7 @@ def perform(run: Run) -> Path:
         logger = crew.start('logger', {'output': str(bag), 'progress_period': 0.0},
                             run.folder / 'logger.log')
         mpc = crew.start('mpc', {'solver': run.solver, **shared}, run.folder / 'mpc.log', files)
-        # the mpc listens once it has compiled; the logger, only to what somebody publishes
+        # the mpc subscribes once it has compiled; the logger, only to what somebody publishes
         _await({logger: observer.nodes, mpc: observer.listeners}, observer, crew)
         plant = crew.start(
             'plant', {'duration': run.duration, 'lockstep': run.lockstep, **shared},
@@ -156,7 +152,7 @@ def perform(run: Run) -> Path:
 
 
 def kept(file: Path) -> Path:
-    """Write parameters by which plant and mpc keep what they publish until the logger hears."""
+    """Write parameters by which plant and mpc keep what they publish for a logger to come."""
     overrides = {f'qos_overrides./{topic.name.lstrip("/")}.publisher':
                  {'durability': 'transient_local', 'depth': KEPT}
                  for topic in (JOINT_STATES, FORCE_COMMAND, PLAN, DIAGNOSTICS)}
@@ -165,7 +161,7 @@ def kept(file: Path) -> Path:
 
 
 def _refuse_company() -> None:
-    """Raise UserError where others of our kind are in the domain that the user has set."""
+    """Raise UserError where nodes like ours are in the domain that the user has set."""
     end, others = time.monotonic() + MEETING, set[str]()
     with Observer() as observer:
         # a state may come before the name of who sent it
@@ -182,7 +178,7 @@ def _await(ready: Mapping[Process, Callable[[], set[str]]], observer: Observer,
     """Wait until each process is among the names it looks for, and show their logs."""
     end = time.monotonic() + READY
     waiting = list(ready)
-    with tqdm(bar_format='{desc} ({elapsed})', leave=False, disable=None) as line:
+    with progress(bar_format='{desc} ({elapsed})') as line:
         while waiting:
             names = ' and '.join(process.name for process in waiting)
             line.set_description_str(f'waiting for {names}')

@@ -5,7 +5,6 @@
 import argparse
 from collections.abc import Sequence
 from dataclasses import replace
-from datetime import datetime
 import json
 from pathlib import Path
 import shlex
@@ -20,15 +19,13 @@ from dp_swing_ros.evaluation.campaign.episodes import key
 from dp_swing_ros.evaluation.campaign.report import markdown
 from dp_swing_ros.evaluation.campaign.rows import CampaignError, read, Row, Table
 from dp_swing_ros.evaluation.campaign.runner import run
-from dp_swing_ros.evaluation.campaign.summary import plain, summarise, Summary
+from dp_swing_ros.evaluation.campaign.summary import plain, summarise
 from dp_swing_ros.evaluation.scenarios import Case, PERIOD, SCENARIOS
 from dp_swing_ros.figures import of_campaign
 from dp_swing_ros.parameters import LARGEST
 from dp_swing_ros.pendulum.state import DEFAULT_LINKS, LINKS
 from dp_swing_ros.solvers import SOLVERS
-from dp_swing_ros.tools import program
-from dp_swing_ros.tools.argument_types import within
-from dp_swing_ros.tools.exit_codes import exit_code, OK
+from dp_swing_ros.tools.command_lines import dated, execute, OK, program, SHOWN, within
 from dp_swing_ros.tools.processes import interrupt_on_signals
 
 SEEDS = 100_000      # of a scenario: a case each is held in memory
@@ -37,24 +34,33 @@ MOST = 10_000        # levels of a sweep, processes
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the campaign that the command line asks for; return the exit code."""
-    arguments = command_line().parse_args(argv)
-    folder = arguments.output or Path('runs', f'campaign_{datetime.now():%Y%m%d_%H%M%S}')
-    command = shlex.join(['evaluate', *(sys.argv[1:] if argv is None else argv)])
-    return exit_code('evaluate', lambda: _evaluate(arguments, folder, command),
-                     (CampaignError, OSError),
-                     f'; call again with --output {folder} to go on')
+    given = sys.argv[1:] if argv is None else argv
+    command = shlex.join(['evaluate', *given])
+    return execute(command_line(), lambda arguments: _evaluate(arguments, command), given,
+                   (CampaignError, OSError))
 
 
-def _evaluate(arguments: argparse.Namespace, folder: Path, command: str) -> int:
+def _evaluate(arguments: argparse.Namespace, command: str) -> int:
+    folder = arguments.output or Path('runs', dated('campaign'))
     interrupt_on_signals()
-    stored = read(table_of(arguments.against)) if arguments.against else []
-    if not arguments.summary_only:
-        play(arguments, folder, stored, command)
-    report(folder, arguments.figures, stored, arguments.against)
+    try:
+        stored = _stored(arguments.against)
+        if not arguments.summary_only:
+            _play(arguments, folder, stored, command)
+        _report(folder, arguments.figures, stored, arguments.against)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(f'call again with --output {folder} to go on') from None
     return OK
 
 
-def examples() -> str:
+def _stored(place: Path | None) -> list[Row]:
+    """Return the rows of a table, or of the table in the folder of a campaign."""
+    if place is None:
+        return []
+    return read(place / 'episodes.csv' if place.is_dir() else place)
+
+
+def _examples() -> str:
     """Return the end of the help, which names all solvers, baselines and scenarios."""
     call = program('evaluate')
     scenarios = '\n'.join(f'  {name:16}{scenario.about}' for name, scenario in SCENARIOS.items())
@@ -83,7 +89,7 @@ go on, 2 for what cannot work, 130 after Ctrl-C."""
 def command_line() -> argparse.ArgumentParser:
     """Return the parser of the arguments."""
     parser = argparse.ArgumentParser(
-        prog=program('evaluate'), epilog=examples(),
+        prog=program('evaluate'), epilog=_examples(),
         formatter_class=argparse.RawDescriptionHelpFormatter,
         description='Run every contestant through the same seeded episodes, and report rates, '
                     'scores and comparisons as Markdown, JSON and pictures.')
@@ -122,55 +128,50 @@ def seeds(text: str) -> range:
     begin, _, end = text.rpartition(':')
     found = range(int(begin or 0), int(end))
     if not found or found.start < 0:
-        raise argparse.ArgumentTypeError(f'{text[:80]} has no seeds')
+        raise argparse.ArgumentTypeError(f'{text[:SHOWN]} has no seeds')
     if found.stop - found.start > SEEDS or found.stop > LARGEST:
-        raise argparse.ArgumentTypeError(f'{text[:80]} are not up to {SEEDS} seeds of 63 bits')
+        raise argparse.ArgumentTypeError(f'{text[:SHOWN]} are not up to {SEEDS} seeds of 63 bits')
     return found
 
 
-def play(arguments: argparse.Namespace, folder: Path, stored: Sequence[Row],
-         command: str) -> None:
+def _play(arguments: argparse.Namespace, folder: Path, stored: Sequence[Row],
+          command: str) -> None:
     """
     Run what the folder lacks.
 
     Raises CampaignError where it is to be compared with other episodes, before any is run.
     """
-    contestants = [with_links(each, arguments.links) for each in parse_all(arguments.contestants)]
+    contestants = [_with_links(each, arguments.links)
+                   for each in parse_all(arguments.contestants)]
     description = {**manifest.describe(contestants, arguments.scenarios, arguments.seeds,
                                        arguments.levels, arguments.duration, arguments.links),
                    'made': manifest.made(command)}
+    cases = _cases(description)
     # case by case, so that contestants stay level
-    episodes = [(contestant, case) for case in cases(description) for contestant in contestants]
+    episodes = [(contestant, case) for case in cases for contestant in contestants]
     if arguments.against is not None:
         refuse_strangers([key(*episode) for episode in episodes], stored)
     folder.mkdir(parents=True, exist_ok=True)
     manifest.keep(folder, description)
     with Table(folder / 'episodes.csv') as table:
-        print(f'{folder}: {len(contestants)} contestants, {len(cases(description))} cases each; '
+        print(f'{folder}: {len(contestants)} contestants, {len(cases)} cases each; '
               f'{len(table.rows)} episodes are there already', flush=True)
         run(episodes, table, arguments.jobs, arguments.dask)
 
 
-def with_links(contestant: Contestant, links: int) -> Contestant:
+def _with_links(contestant: Contestant, links: int) -> Contestant:
     """Return a contestant whose plant and mpc have so many links, unless they are given it."""
     return replace(contestant, plant={'links': links, **contestant.plant},
                    mpc={'links': links, **contestant.mpc})
 
 
-def cases(description: dict[str, Any]) -> list[Case]:
-    """Return the cases of a campaign as described."""
+def _cases(description: dict[str, Any]) -> list[Case]:
     return [case for name, about in description['scenarios'].items()
             for case in SCENARIOS[name].cases(name, range(*about['seeds']), about['levels'],
                                               description['duration'], description['links'])]
 
 
-def table_of(place: Path) -> Path:
-    """Return the table that a campaign's folder holds, or the table itself."""
-    return place / 'episodes.csv' if place.is_dir() else place
-
-
-def report(folder: Path, figures: bool, stored: Sequence[Row] = (),
-           against: Path | None = None) -> Summary:
+def _report(folder: Path, figures: bool, stored: Sequence[Row], against: Path | None) -> None:
     """
     Write summary and pictures of what the folder holds, and how it differs from stored rows.
 
@@ -178,7 +179,7 @@ def report(folder: Path, figures: bool, stored: Sequence[Row] = (),
     """
     description = manifest.load(folder)
     rows = read(folder / 'episodes.csv')
-    expected = len(description['contestants']) * len(cases(description))
+    expected = len(description['contestants']) * len(_cases(description))
     summary = summarise(description, rows, expected)
     (folder / 'summary.json').write_text(json.dumps(plain(summary), indent=1) + '\n',
                                          encoding='utf-8')
@@ -191,4 +192,3 @@ def report(folder: Path, figures: bool, stored: Sequence[Row] = (),
         for name, figure in of_campaign(summary, rows):
             figure.savefig(folder / f'{name}.png')
     print(f'table, summary and pictures: {folder}')
-    return summary

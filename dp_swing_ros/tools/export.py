@@ -10,21 +10,29 @@ from pathlib import Path
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.bags.tables import plans_of, states_of
 from dp_swing_ros.errors import UserError
-from dp_swing_ros.tools import program
-from dp_swing_ros.tools.bag_arguments import add_bag, add_namespace, add_partial, beside
-from dp_swing_ros.tools.exit_codes import exit_code
+from dp_swing_ros.tools.command_lines import bag_parser, beside, execute, OK
 
 FORMATS = ('csv', 'parquet')
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Export the bag that the command line names; return the exit code."""
-    arguments = _parser().parse_args(argv)
-    return exit_code('export', lambda: _export(arguments))
+    parser = bag_parser(
+        'export', 'Write a recorded run as two tables: a row a state, with the force and the '
+        "controller's diagnostics of its tick, its estimate too; and, in FILE_plans, a row a step "
+        'of a plan. The columns name their units; angles are in (-pi, pi], 0 upright.')
+    parser.add_argument('--output', type=Path, metavar='FILE',
+                        help='file to write, .csv or .parquet (default: BAG_states.FORMAT, '
+                             'beside the bag)')
+    parser.add_argument('--format', choices=FORMATS,
+                        help='csv or parquet (default: that of --output, else csv)')
+    parser.add_argument('--whole-turns', action='store_true',
+                        help='keep the turns of the angles, which then have no jumps')
+    return execute(parser, _export, argv)
 
 
 def _export(arguments: argparse.Namespace) -> int:
-    output = output_for(arguments.bag, arguments.output, arguments.format)
+    output = _output_for(arguments.bag, arguments.output, arguments.format)
     bag = Bag(arguments.bag, arguments.partial, arguments.namespace)
     tables = {output: states_of(bag, arguments.whole_turns),
               output.with_stem(f'{output.stem}_plans'): plans_of(bag, arguments.whole_turns)}
@@ -37,30 +45,10 @@ def _export(arguments: argparse.Namespace) -> int:
         print(f'{path}: {len(table)} rows')
     if bag.incomplete:
         print(bag.incomplete)
-    return 0
+    return OK
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog=program('export'),
-        description='Write a recorded run as two tables: a row a state, with the force and what '
-                    'the controller said of its tick, its estimate too; and, in FILE_plans, a row '
-                    'a step of a plan. The columns name their units; angles are in (-pi, pi], 0 '
-                    'upright.')
-    add_bag(parser)
-    parser.add_argument('--output', type=Path, metavar='FILE',
-                        help='file to write, .csv or .parquet (default: BAG_states.FORMAT, '
-                             'beside the bag)')
-    parser.add_argument('--format', choices=FORMATS,
-                        help='csv or parquet (default: that of --output, else csv)')
-    parser.add_argument('--whole-turns', action='store_true',
-                        help='keep the turns of the angles, which then have no jumps')
-    add_partial(parser)
-    add_namespace(parser)
-    return parser
-
-
-def output_for(bag: Path, output: Path | None, wanted: str | None) -> Path:
+def _output_for(bag: Path, output: Path | None, wanted: str | None) -> Path:
     """
     Return the file to write.
 

@@ -1,9 +1,8 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A node that observes: who listens to the states, and the last of them."""
+"""A node that observes the states: the last of them, and their subscribers."""
 
 import time
-from types import TracebackType
 from typing import Any
 
 import rclpy
@@ -42,8 +41,7 @@ class Observer:
         subscribe(self._node, JOINT_STATES, self._receive)
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
-                 trace: TracebackType | None) -> None:
+    def __exit__(self, *error: object) -> None:
         self._executor.shutdown()
         self._node.destroy_node()
         self._context.try_shutdown()
@@ -58,7 +56,7 @@ class Observer:
         return set(self._node.get_node_names())
 
     def listeners(self) -> set[str]:
-        """Return the names of the nodes that listen to the states."""
+        """Return the names of the nodes that subscribe to the states."""
         return {end.node_name
                 for end in self._node.get_subscriptions_info_by_topic(JOINT_STATES.name)}
 

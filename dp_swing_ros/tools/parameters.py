@@ -9,7 +9,7 @@ from dp_swing_ros.configuration import declared, DEFAULTS, NODES
 from dp_swing_ros.nodes.parameters import LoggerParameters, named, ReplayParameters, shown, table
 from dp_swing_ros.pendulum.state import DEFAULT_LINKS, LINKS
 from dp_swing_ros.tables import compact
-from dp_swing_ros.tools import program
+from dp_swing_ros.tools.command_lines import OK, program
 
 HEAD = """\
 # Parameters
@@ -54,4 +54,4 @@ def main(argv: Sequence[str] | None = None) -> int:
         description='Print all parameters of all nodes, with default, unit, range and '
                     'description, as Markdown.').parse_args(argv)
     print(reference(), end='')
-    return 0
+    return OK

@@ -11,19 +11,16 @@ import shutil
 import signal
 import subprocess
 import time
-from types import TracebackType
 
 from dp_swing_ros.errors import UserError
 
 GRACE = 10.0     # [s] a process has to end after SIGINT
 LAST_LINES = 12  # of a log, shown when its process fails
-
-
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 def interrupt_on_signals() -> None:
-    """Let every signal that asks this process to end raise KeyboardInterrupt."""
+    """Raise KeyboardInterrupt at every signal that asks this process to end."""
     for number in ENDING:
         # nohup ignores SIGHUP, and means it
         if signal.getsignal(number) is not signal.SIG_IGN:
@@ -67,11 +64,7 @@ class Process:
         return self._process.poll() is None
 
     def check(self) -> None:
-        """
-        Look whether it is still running.
-
-        Raises ProcessError if it is not.
-        """
+        """Raise ProcessError if it has ended."""
         if not self.running:
             raise self._failure(f'ended early with exit code {self._process.returncode}')
 
@@ -85,21 +78,13 @@ class Process:
         self._process.wait()
 
     def end(self) -> None:
-        """
-        Ask it to end, and wait.
-
-        Raises ProcessError if it ended before, or as `finish` does.
-        """
+        """Interrupt it and wait; raise ProcessError if it ended before, or as `finish` does."""
         self.check()
         self.interrupt()
         self.finish()
 
     def finish(self) -> None:
-        """
-        Wait for its end.
-
-        Raises ProcessError if it does not end in time, or with an exit code that is not 0.
-        """
+        """Wait for its end; raise ProcessError if it is late or the exit code is not 0."""
         try:
             code = self._process.wait(GRACE)
         except subprocess.TimeoutExpired:
@@ -142,16 +127,11 @@ class Crew:
         return self._processes[-1]
 
     def check(self) -> None:
-        """
-        Look whether all are still running.
-
-        Raises ProcessError if one is not.
-        """
+        """Raise ProcessError if one has ended."""
         for process in self._processes:
             process.check()
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
-                 trace: TracebackType | None) -> None:
+    def __exit__(self, *error: object) -> None:
         """Ask those that still run to end, wait, and kill what is left."""
         # a second Ctrl-C must not leave processes behind
         handlers = [signal.signal(number, signal.SIG_IGN) for number in ENDING]

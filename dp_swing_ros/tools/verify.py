@@ -7,29 +7,26 @@ from collections import Counter
 from collections.abc import Sequence
 import sys
 
-from tqdm import tqdm
-
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.rerun.verification import Verification, verify
-from dp_swing_ros.tools.bag_arguments import bag_parser
-from dp_swing_ros.tools.exit_codes import exit_code
+from dp_swing_ros.tools.command_lines import bag_parser, execute, progress
 
 IDENTICAL, DIFFERS, UNKNOWN = 0, 1, 2  # exit codes
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Verify the bag that the command line names; return the exit code."""
-    arguments = bag_parser(
+    parser = bag_parser(
         'verify', 'Solve every recorded tick again, with the recorded parameters, seeds and, in '
         'real time, numbers of iterations, and demand the recorded forces and plans to the bit; '
         'in lockstep, simulate the plant again too, and demand its states. The exit code is 0 '
-        'where all are, 1 where one is not, and 2 where that is not known.').parse_args(argv)
-    return exit_code('verify', lambda: _verify(arguments))
+        'where all are, 1 where one is not, and 2 where that is not known.')
+    return execute(parser, _verify, argv)
 
 
 def _verify(arguments: argparse.Namespace) -> int:
     found = verify(Bag(arguments.bag, arguments.partial, arguments.namespace),
-                   lambda ticks: tqdm(ticks, desc='ticks', leave=False, disable=None))
+                   lambda ticks: progress(ticks, desc='ticks'))
     return _differs(found) if found.differences else _identical(found)
 
 
@@ -68,7 +65,7 @@ def _differs(found: Verification) -> int:
 
 
 def _remarks(found: Verification) -> int:
-    """Say what was not checked; return the exit code if it should have been."""
+    """Print what was not checked; return the exit code if it should have been."""
     if found.incomplete:
         print(found.incomplete)
     for text in found.beyond:

@@ -14,7 +14,7 @@ from dp_swing_ros.bags import read_episode
 from dp_swing_ros.evaluation.comparison import table
 from dp_swing_ros.evaluation.metrics import measure, outcome
 from dp_swing_ros.tools.analyse import main
-from dp_swing_ros.tools.bag_arguments import beside
+from dp_swing_ros.tools.command_lines import beside
 
 STILLS = {'hero.png', 'snapshots.png', 'squared_error.png', 'timeline.png'}
 
@@ -94,14 +94,6 @@ def test_pictures_lie_beside_the_bag_by_default(bag, capsys):
     assert sorted(bag.iterdir()) == before
 
 
-def test_place_beside_follows_the_name_of_the_bag(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert beside(tmp_path / 'runs.d', 'analysis') == tmp_path / 'runs.d_analysis'
-    assert beside(tmp_path / 'bag' / 'bag_0.mcap', 'analysis') \
-        == tmp_path / 'bag' / 'bag_0_analysis'
-    assert beside(tmp_path / '.', 'analysis') == tmp_path.with_name(f'{tmp_path.name}_analysis')
-
-
 def one_line(capsys):
     error = capsys.readouterr().err
     assert error.count('\n') == 1
@@ -133,14 +125,6 @@ def test_bag_without_an_end_is_read_when_asked(bag, tmp_path, capsys):
     assert main([str(cut), '--no-animation']) == 2
     one_line(capsys)
     assert main([str(cut), '--no-animation', '--partial']) == 0
-
-
-@pytest.mark.parametrize('option', ['--help', '-h'])
-def test_help_says_what_it_does(option, capsys):
-    with pytest.raises(SystemExit) as end:
-        main([option])
-    assert end.value.code == 0
-    assert 'BAG' in capsys.readouterr().out
 
 
 def test_missing_argument_is_misuse(capsys):

@@ -13,7 +13,7 @@ from dp_swing_ros.rerun.counterfactual import counterfactual
 from dp_swing_ros.rerun.runs import Run
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.solvers.ilqr import ILQR
-from dp_swing_ros.tools.bag_arguments import beside
+from dp_swing_ros.tools.command_lines import beside
 from dp_swing_ros.tools.compare import main
 from dp_swing_ros.topics import CONFIGURATION, DIAGNOSTICS, DISTURBANCE
 

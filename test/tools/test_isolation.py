@@ -24,26 +24,25 @@ def environment(monkeypatch):
 def test_domain_of_the_user_is_kept(monkeypatch):
     monkeypatch.setenv('ROS_DOMAIN_ID', '42')
     with isolated() as domain:
-        assert domain == ('42', True)
+        assert domain == '42'
         assert os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] == 'LOCALHOST'
     assert os.environ['ROS_DOMAIN_ID'] == '42'
 
 
 def test_two_at_once_get_different_domains(monkeypatch):
     with isolated() as domain:
-        assert not domain.given
-        assert os.environ['ROS_DOMAIN_ID'] == domain.number
+        assert os.environ['ROS_DOMAIN_ID'] == domain
         monkeypatch.setenv('ROS_DOMAIN_ID', '')
         with isolated() as other:
-            assert other.number != domain.number
+            assert other != domain
 
 
 def test_domain_with_a_participant_is_passed_over(monkeypatch):
     with isolated() as domain:
         pass
-    monkeypatch.setattr(isolation, 'DOMAINS', [int(domain.number)])
+    monkeypatch.setattr(isolation, 'DOMAINS', [int(domain)])
     with contextlib.closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as participant:
-        participant.bind(('', 7400 + 250 * int(domain.number) + 12))
+        participant.bind(('', 7400 + 250 * int(domain) + 12))
         with pytest.raises(UserError, match='set ROS_DOMAIN_ID'), isolated():
             pass
     with isolated() as again:

@@ -60,9 +60,9 @@ def test_damaged_bag_becomes_a_whole_one(bag, original, capsys):
     told = capsys.readouterr().out
     assert f'saved {len(found)} messages of the {len(entries(original))} that' in told
     assert re.search(r'bag_0.mcap, bytes \d+ to \d+ \(\d+\): ', told)
-    lost = {row[0]: int(row[-1]) for row in map(str.split, told.splitlines())
-            if row and row[0] in ('/joint_states', '/diagnostics', '/force_command')}
-    assert sum(lost.values()) == len(entries(original)) - len(found)
+    lost = re.findall(r'^\| /(?:joint_states|diagnostics|force_command) .* (\d+) \|$', told, re.M)
+    assert len(lost) == 3
+    assert sum(map(int, lost)) == len(entries(original)) - len(found)
     assert main([str(new)]) == 0
     assert 'has nothing to repair' in capsys.readouterr().out
 
@@ -146,10 +146,3 @@ def test_nothing_to_save_is_one_line(bag, content, capsys):
 def test_missing_bag_is_one_line(tmp_path, capsys):
     assert main([str(tmp_path / 'none')]) == 2
     assert 'there is no bag' in capsys.readouterr().err
-
-
-def test_help_says_what_it_does(capsys):
-    with pytest.raises(SystemExit) as end:
-        main(['--help'])
-    assert end.value.code == 0
-    assert 'BAG' in capsys.readouterr().out

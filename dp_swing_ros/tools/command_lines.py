@@ -1,0 +1,91 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the command lines share: names, arguments, progress bars and exit codes."""
+
+import argparse
+from collections.abc import Callable, Sequence
+from datetime import datetime
+import math
+from pathlib import Path
+import sys
+from typing import Any
+
+from tqdm import tqdm
+
+from dp_swing_ros.errors import UserError
+from dp_swing_ros.parameters import ParameterError
+
+OK, FAILED, MISUSED, INTERRUPTED = 0, 1, 2, 130  # exit codes
+SHOWN = 80  # [characters] of what was given
+
+
+def program(tool: str) -> str:
+    """Return how a tool was called: by ros2 run, or without colcon by the package's one name."""
+    called = Path(sys.argv[0]).name
+    if called == '__main__.py':
+        return f'python -m dp_swing_ros {tool}'
+    return f'dp_swing_ros {tool}' if called == 'dp_swing_ros' else f'ros2 run dp_swing_ros {tool}'
+
+
+def bag_parser(tool: str, description: str, **bag: Any) -> argparse.ArgumentParser:
+    """Return the parser of a tool that reads recorded bags; `bag` is for the argument BAG."""
+    parser = argparse.ArgumentParser(prog=program(tool), description=description)
+    parser.add_argument('bag', type=Path, metavar='BAG', **{
+        'help': 'folder of a bag that the logger recorded, or its .mcap file', **bag})
+    parser.add_argument('--partial', action='store_true',
+                        help='read what there is of a bag whose logger was killed')
+    parser.add_argument('--namespace', metavar='NAME',
+                        help='of several pendulums in a bag, that whose topics lie in this '
+                             'namespace, such as /second (/ for the one in none)')
+    return parser
+
+
+def within(kind: type, low: float, high: float = math.inf) -> Callable[[str], Any]:
+    """Return what reads a finite number between two, both included, and refuses others."""
+    def number(text: str) -> Any:
+        value = kind(text)
+        if not (low <= value <= high and value < math.inf):
+            raise argparse.ArgumentTypeError(
+                f'{text[:SHOWN]} is not {"a whole number" if kind is int else "a number"} of at '
+                f'least {low:g}' + (f' and at most {high:g}' if high < math.inf else ''))
+        return value
+    return number
+
+
+def beside(bag: Path, what: str) -> Path:
+    """Return the folder for what is made of a bag: beside it, where rosbag2 does not look."""
+    bag = bag.resolve()
+    return bag.with_name(f'{bag.stem if bag.suffix == ".mcap" else bag.name}_{what}')
+
+
+def dated(name: str) -> str:
+    """Return the name of a folder for what is made now."""
+    return f'{name}_{datetime.now():%Y%m%d_%H%M%S}'
+
+
+def progress(*arguments: Any, **options: Any) -> Any:
+    """Return a progress bar, as tqdm; for terminals alone, and gone at the end."""
+    return tqdm(*arguments, leave=False, disable=None, **options)
+
+
+def execute(parser: argparse.ArgumentParser, work: Callable[[argparse.Namespace], int],
+            argv: Sequence[str] | None, failures: tuple[type[Exception], ...] = ()) -> int:
+    """
+    Do the work that a command line asks for and return its exit code.
+
+    What the user can put right is one line; `failures` are the errors that are no misuse. The
+    text of a KeyboardInterrupt is printed with it.
+    """
+    arguments = parser.parse_args(argv)
+    tool = parser.prog.split()[-1]
+    try:
+        return work(arguments)
+    except failures as error:
+        print(f'{tool}: error: {error}', file=sys.stderr)
+        return FAILED
+    except (UserError, ParameterError, OSError) as error:
+        print(f'{tool}: error: {error}', file=sys.stderr)
+        return MISUSED
+    except KeyboardInterrupt as interrupt:
+        print('; '.join([f'{tool}: interrupted', *interrupt.args]), file=sys.stderr)
+        return INTERRUPTED

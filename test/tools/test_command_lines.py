@@ -1,0 +1,88 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+import argparse
+from importlib import import_module
+
+import pytest
+
+from dp_swing_ros.errors import UserError
+from dp_swing_ros.parameters import ParameterError
+from dp_swing_ros.tools.command_lines import (
+    beside, execute, FAILED, INTERRUPTED, MISUSED, within)
+
+
+@pytest.mark.parametrize('text, value', [('1', 1), ('9', 9)])
+def test_bounds_are_included(text, value):
+    assert within(int, 1, 9)(text) == value
+
+
+@pytest.mark.parametrize('kind, high, text', [
+    (int, 9, '0'), (int, 9, '10'), (float, 1e3, '1e4'), (float, float('inf'), 'inf'),
+    (float, float('inf'), 'nan'), (int, 9, '9' * 400)])
+def test_what_is_outside_is_refused_with_the_bounds(kind, high, text):
+    with pytest.raises(argparse.ArgumentTypeError, match='of at least 1') as error:
+        within(kind, 1, high)(text)
+    assert len(str(error.value)) < 150
+
+
+def test_a_word_is_no_number():
+    with pytest.raises(ValueError):
+        within(float, 0)('much')
+
+
+def test_place_beside_follows_the_name_of_the_bag(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert beside(tmp_path / 'runs.d', 'analysis') == tmp_path / 'runs.d_analysis'
+    assert beside(tmp_path / 'bag' / 'bag_0.mcap', 'analysis') \
+        == tmp_path / 'bag' / 'bag_0_analysis'
+    assert beside(tmp_path / '.', 'analysis') == tmp_path.with_name(f'{tmp_path.name}_analysis')
+
+
+def executed(work, *failures):
+    return execute(argparse.ArgumentParser(prog='ros2 run dp_swing_ros tool'), work, [], failures)
+
+
+def ends(error):
+    def work(arguments):
+        raise error
+    return work
+
+
+def test_the_code_of_the_work_is_that_of_the_tool():
+    assert executed(lambda arguments: 7) == 7
+
+
+@pytest.mark.parametrize('error', [UserError('no'), ParameterError('no'), OSError('no')])
+def test_what_the_user_can_put_right_is_one_line(error, capsys):
+    assert executed(ends(error)) == MISUSED
+    assert capsys.readouterr().err == 'tool: error: no\n'
+
+
+def test_a_failure_is_no_misuse(capsys):
+    assert executed(ends(OSError('full')), OSError) == FAILED
+    assert capsys.readouterr().err == 'tool: error: full\n'
+
+
+@pytest.mark.parametrize('interrupt, line', [
+    (KeyboardInterrupt(), 'tool: interrupted\n'),
+    (KeyboardInterrupt('call again'), 'tool: interrupted; call again\n')])
+def test_an_interrupted_tool_prints_how_to_go_on(interrupt, line, capsys):
+    assert executed(ends(interrupt)) == INTERRUPTED
+    assert capsys.readouterr().err == line
+
+
+def test_a_bug_has_its_traceback():
+    with pytest.raises(ZeroDivisionError):
+        executed(ends(ZeroDivisionError()))
+
+
+@pytest.mark.parametrize('tool, argument', [
+    *((tool, 'BAG') for tool in ('analyse', 'compare', 'export', 'recover', 'verify')),
+    ('demo', '--solver'), ('evaluate', '--scenarios'), ('parameters', '--help')])
+def test_help_names_tool_and_arguments(tool, argument, capsys):
+    with pytest.raises(SystemExit) as end:
+        import_module(f'dp_swing_ros.tools.{tool}').main(['--help'])
+    assert end.value.code == 0
+    shown = capsys.readouterr().out
+    assert f'dp_swing_ros {tool}' in shown
+    assert argument in shown
