@@ -48,7 +48,7 @@ def test_one_take_over_gives_a_table_and_a_picture(bag, capsys):
     assert code == 0
     rows = columns(out)
     assert list(rows)[1:] == ['recorded ilqr', 'ilqr', 'ddp', 'mppi']
-    assert list(rows)[0].startswith('from 0.50 s to 3.0')
+    assert list(rows)[0].startswith('from 0.5')   # the first tick from there on
     costs = [float(row[0]) for row in list(rows.values())[1:]]
     regrets = [float(row[1]) for row in list(rows.values())[1:]]
     np.testing.assert_allclose(regrets, np.array(costs) - min(costs), atol=2e-3)
