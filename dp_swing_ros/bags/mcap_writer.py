@@ -109,7 +109,6 @@ class McapFile:
         about = {'offered_qos_profiles': to_yaml(topic.qos), 'topic_type_hash': topic.type_hash}
         self._channels[topic.name] = self._writer.register_channel(
             topic.name, 'cdr', self._schemas[topic.type], about)
-        self.contents = self.contents.with_topic(topic.name)
         self._summary_size += TOPIC_SIZE + len(topic.definition) + len(str(about))
 
     def write(self, name: str, data: bytes, received: int, sent: int, sequence: int) -> None:
