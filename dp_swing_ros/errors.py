@@ -9,3 +9,8 @@ class UserError(Exception):
 
 class BagError(UserError):
     """A bag cannot be written or read."""
+
+
+def one_line(error: Exception) -> str:
+    """Return the text of an error, in one line and not too long."""
+    return ' '.join(str(error).split())[:300] or type(error).__name__

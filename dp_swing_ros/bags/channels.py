@@ -14,6 +14,8 @@ from mcap_ros2.decoder import DecoderFactory
 FIELDS = 2000  # lines of a definition: reading one takes the square of their number
 DEFINITION = 1 << 18  # [bytes]
 
+Declared = Mapping[tuple[type, int], Any]  # schemas and channels; None where it is not known
+
 
 class ChannelInfo:
     """A topic as a channel and its schema describe it."""
@@ -24,15 +26,11 @@ class ChannelInfo:
         self.encoding = channel.message_encoding
         self.definition = schema.data if schema else b''
         self.metadata = channel.metadata
+        self.qos = channel.metadata.get('offered_qos_profiles', '')  # as YAML; may be empty
         self.is_ros = schema is not None and (channel.message_encoding, schema.encoding) == (
             'cdr', 'ros2msg')
         self._schema = schema
         self._decoder: Callable[[bytes], Any] | None = None
-
-    @property
-    def qos(self) -> str:
-        """Return the QoS profiles of the publishers, as YAML; may be empty."""
-        return self.metadata.get('offered_qos_profiles', '')
 
     def decode(self, data: bytes) -> Any:
         """Return a message of ROS; raises anything where it is none, or the definition none."""
@@ -48,16 +46,11 @@ class ChannelInfo:
 
 
 class Definitions:
-    """
-    The schemas and channels of a file by their numbers: what it declared last of each.
+    """The schemas and channels of a file by their numbers: what was declared last of each."""
 
-    `fallback` is what a number means of which it has declared nothing yet.
-    """
-
-    def __init__(self, fallback: Mapping[tuple[type, int], Any] = MappingProxyType({})) -> None:
-        self._declared: dict[tuple[type, int], Any] = {}
+    def __init__(self, declared: Declared = MappingProxyType({})) -> None:
+        self._declared = dict(declared)
         self._channels: dict[int, ChannelInfo] = {}
-        self._fallback = fallback
 
     def declare(self, item: Schema | Channel) -> bool:
         """Add what a file declares; return whether it agrees with what it declared before."""
@@ -68,23 +61,15 @@ class Definitions:
             self._channels.clear()
         return before in (None, item)
 
-    def invalidate(self) -> None:
-        """Forget what was declared."""
-        self._declared.clear()
-        self._channels.clear()
-
     def channel(self, number: int) -> ChannelInfo | None:
         """Return a channel; None where it is not known."""
         if number not in self._channels:
-            channel = self._known(Channel, number)
-            schema = channel and self._known(Schema, channel.schema_id)
+            channel = self._declared.get((Channel, number))
+            schema = channel and self._declared.get((Schema, channel.schema_id))
             if channel is None or schema is None and channel.schema_id != 0:
                 return None
             self._channels[number] = ChannelInfo(channel, schema)
         return self._channels[number]
-
-    def _known(self, kind: type, number: int) -> Any:
-        return self._declared.get((kind, number), self._fallback.get((kind, number)))
 
 
 class _Body(bytes):

@@ -105,7 +105,7 @@ def configurations_of(bag: Bag) -> dict[str, Configuration]:
     Of a node that was started again it is the last. Raises BagError.
     """
     messages = bag.of(CONFIGURATION) if bag.has(CONFIGURATION) else ()
-    found = [bag.parse(_configuration, message) for message in messages]
+    found = [bag.parse(lambda message: from_text(message.data), message) for message in messages]
     return {each.node.rsplit('/', 1)[-1]: each for each in found}
 
 
@@ -122,10 +122,6 @@ def reports_of(bag: Bag) -> list[Report]:
 
 def _sample(message: Any, links: int) -> Sample:
     return Sample(nanoseconds(message.header.stamp), to_state(message, links), to_force(message))
-
-
-def _configuration(message: Any) -> Configuration:
-    return from_text(message.data)
 
 
 def _described(message: Any) -> tuple[PendulumParameters, LimitParameters]:

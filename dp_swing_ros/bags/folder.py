@@ -18,10 +18,10 @@ NAMED = 10  # files that an error names at most
 
 
 class Described(NamedTuple):
-    """What the metadata.yaml of a bag says of it."""
+    """What metadata.yaml says of a bag's folder, or of one of its files."""
 
-    messages: int | None    # of the folder or file asked for; None where it does not say
-    files: list[str]
+    messages: int | None    # None where it does not say
+    files: list[str]        # of the folder; none of a file
     custom: dict[str, str]
 
 
@@ -37,12 +37,11 @@ def described(path: Path) -> Described | None:
     try:
         about = parse_file(folder / METADATA)['rosbag2_bagfile_information']
         files = {str(each['path']): each for each in about.get('files') or ()}
-        one = about if path.is_dir() else files.get(path.name, {})
-        count = one.get('message_count')
-        return Described(None if count is None else int(count),
-                         [str(name) for name in about['relative_file_paths']],
-                         {str(key): str(value)
-                          for key, value in (about.get('custom_data') or {}).items()})
+        names = [str(name) for name in about['relative_file_paths']]
+        custom = about.get('custom_data') or {}
+        count = (about if path.is_dir() else files.get(path.name, {})).get('message_count')
+        return Described(None if count is None else int(count), names if path.is_dir() else [],
+                         {str(key): str(value) for key, value in custom.items()})
     except (AttributeError, KeyError, OSError, TypeError, ValueError) as error:
         raise ValueError(f'{str(folder / METADATA)!r} is not what rosbag2 writes') from error
 
@@ -67,32 +66,27 @@ def files_of(path: Path) -> list[Path]:
     Raises BagError.
     """
     try:
-        return _files(path)
+        if path.is_file():
+            return [path]
+        if not path.exists():
+            raise BagError(f'there is no bag {str(path)!r}')
+        if not path.is_dir():
+            raise BagError(f'cannot read {str(path)!r}: it is neither a folder nor a regular file')
+        names = sorted(file.name for file in path.iterdir())
     except OSError as error:
         raise BagError(f'cannot read {str(path)!r}: {error.strerror}') from None
-
-
-def missing_files(path: Path, files: Sequence[Path]) -> list[str]:
-    """Return the files that metadata.yaml names and that are not there under any name."""
-    about = described_or_none(path) if path.is_dir() else None
-    names, there = about.files if about else [], {file.name for file in files}
-    return [name for name in names if name not in there] if len(names) > len(there) else []
-
-
-def _files(path: Path) -> list[Path]:
-    if path.is_file():
-        return [path]
-    if not path.exists():
-        raise BagError(f'there is no bag {str(path)!r}')
-    if not path.is_dir():
-        raise BagError(f'cannot read {str(path)!r}: it is neither a folder nor a regular file')
-    files = sorted(path.glob('*.mcap'), key=_in_order)
+    files = sorted((path / name for name in names if name.endswith('.mcap')), key=_in_order)
     if not files:
-        names = sorted(file.name for file in path.iterdir())
         found = ', '.join([*names[:NAMED], *(['...'] if len(names) > NAMED else [])]) or 'nothing'
         raise BagError(f'{str(path)!r} is no bag with an MCAP file, it holds {found}; '
                        f'a bag of another storage: {conversion(path)}')
     return files
+
+
+def missing_files(about: Described | None, files: Sequence[Path]) -> list[str]:
+    """Return the files that metadata.yaml names and that are not there under any name."""
+    names, there = about.files if about else [], {file.name for file in files}
+    return [name for name in names if name not in there] if len(names) > len(there) else []
 
 
 def conversion(folder: Path) -> str:

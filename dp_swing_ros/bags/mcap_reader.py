@@ -7,20 +7,26 @@ What that reader passes over is damage here: a checksum or a count that is wrong
 two channels share, bytes after the end. What is left of a damaged file is for `recovery`.
 """
 
+from contextlib import suppress
 import dataclasses
 from io import BytesIO
 import mmap
-import os
 from pathlib import Path
-import stat
 from typing import Any, NamedTuple
+import zlib
 
+import lz4.frame
 from mcap.records import Channel, Chunk, McapRecord, Message, MessageIndex, Schema, Statistics
 from mcap.stream_reader import breakup_chunk, StreamReader
+import zstandard
 
 from dp_swing_ros.bags.channels import ChannelInfo, Definitions
-from dp_swing_ros.bags.chunks import unpack
-from dp_swing_ros.errors import BagError
+from dp_swing_ros.errors import BagError, one_line
+
+PIECE = 1 << 16    # [bytes] unpacked at a time: what an error costs besides its own block
+LARGEST = 1 << 29  # [bytes] of a chunk; writers make them of a few MiB
+STREAMS: dict[str, Any] = {'': BytesIO, 'lz4': lambda data: lz4.frame.LZ4FrameFile(BytesIO(data)),
+                           'zstd': zstandard.ZstdDecompressor().stream_reader}
 
 Buffer = mmap.mmap | bytes
 
@@ -71,19 +77,14 @@ def contents(file: Path) -> Buffer:
     Raises BagError.
     """
     try:
-        with open(file, 'rb', opener=_without_waiting) as stream:
-            about = os.fstat(stream.fileno())
-            if not stat.S_ISREG(about.st_mode):
-                raise BagError(f'cannot read {str(file)!r}: it is not a regular file')
-            size = about.st_size
-            return mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) if size else b''
+        if file.is_fifo():  # to open it would wait for its writer
+            raise BagError(f'cannot read {str(file)!r}: it is not a regular file')
+        with file.open('rb') as stream:
+            return mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ)
+    except ValueError:  # an empty file cannot be mapped
+        return b''
     except OSError as error:
         raise BagError(f'cannot read {str(file)!r}: {error.strerror}') from None
-
-
-def _without_waiting(path: str, flags: int) -> int:
-    # a named pipe would wait for its writer
-    return os.open(path, flags | os.O_NONBLOCK)
 
 
 def read(data: Buffer) -> list[Entry]:
@@ -105,7 +106,7 @@ def _read(data: Buffer, messages: Messages) -> None:
     stream, counted, indexed = stream_of(data), None, 0
     for record in StreamReader(stream, emit_chunks=True, validate_crcs=True,
                                record_size_limit=len(data)).records:
-        for item in unpacked(record) if isinstance(record, Chunk) else (record,):
+        for item in _unpacked(record) if isinstance(record, Chunk) else (record,):
             messages.add(item)
         if isinstance(record, Statistics):
             counted = record.message_count
@@ -125,8 +126,7 @@ def stream_of(data: Buffer) -> Any:
     return stream
 
 
-def unpacked(chunk: Chunk) -> list[McapRecord]:
-    """Return the records in a chunk; raises ValueError where it is damaged."""
+def _unpacked(chunk: Chunk) -> list[McapRecord]:
     # The library would unpack as much as there is, whatever the chunk says of its size.
     content = unpack(chunk.data, chunk.compression, chunk.uncompressed_size,
                      chunk.uncompressed_crc)
@@ -135,6 +135,27 @@ def unpacked(chunk: Chunk) -> list[McapRecord]:
     return breakup_chunk(dataclasses.replace(chunk, compression='', data=content.content))
 
 
-def one_line(error: Exception) -> str:
-    """Return what an error says, in one line and not too long."""
-    return ' '.join(str(error).split())[:300] or type(error).__name__
+class Unpacked(NamedTuple):
+    """The beginning of a chunk, and how it compares with what the chunk says of itself."""
+
+    content: bytes
+    complete: bool  # of the size that it says
+    verified: bool  # complete, and with the checksum that it says, if any
+
+
+def unpack(data: bytes, compression: str, size: int, checksum: int) -> Unpacked:
+    """
+    Unpack what is to give `size` bytes, up to the first error; a checksum of 0 is none.
+
+    It takes no more memory than these bytes fill.
+    """
+    content = bytearray()
+    # of no data at all zstandard would read for ever
+    if data and size <= LARGEST and compression in STREAMS:
+        stream = STREAMS[compression](data)
+        with suppress(zstandard.ZstdError, RuntimeError, EOFError, MemoryError):
+            while len(content) <= size and (piece := stream.read1(PIECE)):
+                content += piece
+    complete = len(content) == size
+    return Unpacked(bytes(content[:size]), complete,
+                    complete and (checksum == 0 or zlib.crc32(content) == checksum))

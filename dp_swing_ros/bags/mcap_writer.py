@@ -68,7 +68,7 @@ class McapFile:
         self._schemas: dict[str, int] = {}   # by type
         self._channels: dict[str, int] = {}  # by topic
         self._summary_size = self._largest = 0  # [bytes] at most, of the summary and a flush
-        self._unflushed = self._finished = False
+        self._finished = False
         self._handed_over: list[tuple[int, Contents]] = []  # of the last two times, the sizes
         self._pending = _Pending()
         self._writer = Writer(self._pending, storage.chunk_size, CompressionType.ZSTD)
@@ -109,23 +109,18 @@ class McapFile:
         about = {'offered_qos_profiles': to_yaml(topic.qos), 'topic_type_hash': topic.type_hash}
         self._channels[topic.name] = self._writer.register_channel(
             topic.name, 'cdr', self._schemas[topic.type], about)
-        self.contents = self.contents.with_topic(topic.name)
         self._summary_size += TOPIC_SIZE + len(topic.definition) + len(str(about))
 
     def write(self, name: str, data: bytes, received: int, sent: int, sequence: int) -> None:
         """Append a message with its receive and publication times [ns]."""
         self._writer.add_message(self._channels[name], received, data, sent, sequence)
         self.contents = self.contents.with_message(name, received)
-        self._unflushed = True
-        if len(self._pending):  # the chunk was full
-            self._hand_over()
+        self._hand_over()  # where the chunk was full
 
     def flush(self) -> None:
         """Hand every message to the operating system, and notice if it has lost the file."""
-        if self._unflushed:
-            self._writer.flush()
-            self._hand_over()
-            self._unflushed = False
+        self._writer.flush()
+        self._hand_over()
         if os.fstat(self._file.fileno()).st_nlink == 0:
             raise FileNotFoundError(errno.ENOENT, 'it was removed')
 
@@ -167,6 +162,8 @@ class McapFile:
         self._file.truncate()
 
     def _hand_over(self) -> None:
+        if not len(self._pending):
+            return
         self._largest = max(self._largest, len(self._pending))
         self._pending.hand_over(self._file)
         self._handed_over = [*self._handed_over[-1:], (self.size, self.contents)]

@@ -24,7 +24,7 @@ class Contents(NamedTuple):
     """What one file of a bag holds."""
 
     path: str               # within the bag's folder
-    counts: dict[str, int]  # messages per topic
+    counts: dict[str, int]  # messages per topic that has some
     first: int              # [ns] receive time, 0 without a message
     last: int               # [ns]
 
@@ -33,13 +33,9 @@ class Contents(NamedTuple):
         """Messages on all topics."""
         return sum(self.counts.values())
 
-    def with_topic(self, name: str) -> 'Contents':
-        """Return what it holds with another topic."""
-        return self._replace(counts={**self.counts, name: 0})
-
     def with_message(self, name: str, received: int) -> 'Contents':
         """Return what it holds with another message."""
-        return self._replace(counts={**self.counts, name: self.counts[name] + 1},
+        return self._replace(counts={**self.counts, name: self.counts.get(name, 0) + 1},
                              first=min(self.first, received) if self.messages else received,
                              last=max(self.last, received))
 

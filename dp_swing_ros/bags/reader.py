@@ -10,9 +10,10 @@ from mcap.writer import MCAP0_MAGIC as MAGIC
 
 from dp_swing_ros.bags.channels import ChannelInfo
 from dp_swing_ros.bags.folder import (
-    conversion, described_or_none, files_of, incomplete, missing_files, RECOVERED, UNKNOWN)
-from dp_swing_ros.bags.mcap_reader import contents, DamagedFile, Entry, one_line, read
-from dp_swing_ros.errors import BagError
+    conversion, Described, described_or_none, files_of, incomplete, missing_files, RECOVERED,
+    UNKNOWN)
+from dp_swing_ros.bags.mcap_reader import contents, DamagedFile, Entry, read
+from dp_swing_ros.errors import BagError, one_line
 from dp_swing_ros.topics import JOINT_STATES, Topic
 
 R = TypeVar('R')
@@ -33,8 +34,8 @@ class Bag:
         Raises BagError, saying what was found, what is expected and what to do.
         """
         self.path, self.partial, self.namespace = Path(path), partial, namespace
-        files = files_of(self.path)
-        missing = missing_files(self.path, files)
+        files, about = files_of(self.path), described_or_none(self.path)
+        missing = missing_files(about, files)
         self._cut = bool(missing)
         if missing and not partial:
             raise BagError(f'{self} lacks {", ".join(missing)}, which its metadata.yaml names; '
@@ -47,13 +48,13 @@ class Bag:
         if namespace is not None and not self.has(JOINT_STATES):
             raise BagError(f'{self} has no {JOINT_STATES.name} in the namespace {namespace!r}: '
                            f'{self._found()}')
-        self.incomplete = self._incomplete()
+        self.incomplete = self._incomplete(about)
 
     def __repr__(self) -> str:
         return f'the bag {str(self.path)!r}'
 
-    def _incomplete(self) -> str:
-        about, count = described_or_none(self.path), len(self.entries)
+    def _incomplete(self, about: Described | None) -> str:
+        count = len(self.entries)
         if about is not None and RECOVERED in about.custom:
             return incomplete(count, about.custom[RECOVERED])
         if about is None or about.messages is None:
@@ -71,7 +72,7 @@ class Bag:
             return read(data)
         except DamagedFile as damage:
             # not above: a whole bag is read without what goes through damaged ones
-            from dp_swing_ros.recovery.beginning import beginning_of
+            from dp_swing_ros.recovery.scan import beginning_of
             found = beginning_of(data)
             if not found.is_cut:
                 raise BagError(f'{str(file)!r} is damaged {found.damage or damage}; '

@@ -20,7 +20,6 @@ from dp_swing_ros.topics import PLAN
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-TIMES = ['t [s]', 'stamp [ns]']
 KINDS = ('position', 'velocity')
 UNITS = {'solve_time': 's', 'latency': 's', 'delay': 's', 'force': 'N', 'force_bias': 'N',
          **{field.name: field.metadata['unit']
@@ -44,19 +43,18 @@ def states_of(bag: Bag, whole_turns: bool = False) -> DataFrame:
     state. Angles are in (-π, π], 0 upright, unless with `whole_turns`. Raises BagError.
     """
     samples = samples_of(bag)
-    X = np.array([sample.x for sample in samples])
-    frame = _of_states(X, whole_turns)
     stamps = [sample.stamp for sample in samples]
-    for name, column in zip(TIMES, ((np.array(stamps) - stamps[0]) / BILLION, stamps)):
-        frame.insert(TIMES.index(name), name, column)
-    frame['force [N]'] = [*(sample.force for sample in samples[1:]), np.nan]
+    table: dict[str, Any] = {
+        't [s]': (np.array(stamps) - stamps[0]) / BILLION, 'stamp [ns]': stamps,
+        **_states(np.array([sample.x for sample in samples]), whole_turns),
+        'force [N]': [*(sample.force for sample in samples[1:]), np.nan]}
     reports = {report.stamp: report.values for report in reports_of(bag)}
     for key in dict.fromkeys(key for values in reports.values() for key in values):
         column = [reports.get(stamp, {}).get(key) for stamp in stamps]
         if key in ANGULAR and not whole_turns:
             column = [None if value is None else _wrapped_angle(value) for value in column]
-        frame[column_of(key)] = _of_one_kind(column)
-    return _described(frame, bag)
+        table[column_of(key)] = _of_one_kind(column)
+    return _frame([table], bag)
 
 
 def plans_of(bag: Bag, whole_turns: bool = False) -> DataFrame:
@@ -65,21 +63,16 @@ def plans_of(bag: Bag, whole_turns: bool = False) -> DataFrame:
 
     The angles are as in `states_of`; the last step of a plan has no force. Raises BagError.
     """
-    import pandas
-
     first = samples_of(bag)[0]
-    parts = []
+    columns = ['t [s]', 'stamp [ns]', 'k', 'ahead [s]', *state_columns(links_of(first.x)),
+               'force [N]']
+    tables: list[dict[str, Any]] = []
     for message in bag.of(PLAN) if bag.has(PLAN) else ():
         plan, stamp = bag.parse(from_trajectory, message), nanoseconds(message.header.stamp)
-        part = _of_states(plan.X, whole_turns)
-        part.insert(0, TIMES[0], (stamp - first.stamp) / BILLION)
-        part.insert(1, TIMES[1], stamp)
-        part.insert(2, 'k', np.arange(len(part)))
-        part.insert(3, 'ahead [s]', plan.t)
-        parts.append(part.assign(**{'force [N]': [*plan.U, np.nan]}))
-    names = [*TIMES, 'k', 'ahead [s]', *state_columns(links_of(first.x)), 'force [N]']
-    return _described(pandas.concat(parts, ignore_index=True) if parts
-                      else pandas.DataFrame(columns=names, dtype=float), bag)
+        tables.append({'t [s]': (stamp - first.stamp) / BILLION, 'stamp [ns]': stamp,
+                       'k': np.arange(len(plan.X)), 'ahead [s]': plan.t,
+                       **_states(plan.X, whole_turns), 'force [N]': [*plan.U, np.nan]})
+    return _frame(tables or [dict.fromkeys(columns, np.empty(0))], bag)
 
 
 def column_of(key: str) -> str:
@@ -88,17 +81,18 @@ def column_of(key: str) -> str:
     return f'{name} [{UNITS[key]}]' if UNITS.get(key) else name
 
 
-def _described(frame: DataFrame, bag: Bag) -> DataFrame:
+def _frame(tables: list[dict[str, Any]], bag: Bag) -> DataFrame:
+    import pandas  # here: it takes half a second, which no node should wait for
+
+    frame = pandas.concat(map(pandas.DataFrame, tables), ignore_index=True)
     if bag.incomplete:
         frame['incomplete'] = bag.incomplete
     frame.attrs = {'bag': bag.path.resolve().name, 'incomplete': bag.incomplete}
     return frame
 
 
-def _of_states(X: Array, whole_turns: bool) -> DataFrame:
-    import pandas  # here: it takes half a second, which no node should wait for
-
-    return pandas.DataFrame(X if whole_turns else wrapped(X), columns=state_columns(links_of(X)))
+def _states(X: Array, whole_turns: bool) -> dict[str, Array]:
+    return dict(zip(state_columns(links_of(X)), np.transpose(X if whole_turns else wrapped(X))))
 
 
 def _wrapped_angle(angle: Any) -> float:

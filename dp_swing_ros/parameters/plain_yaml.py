@@ -7,6 +7,8 @@ from typing import Any
 
 import yaml
 
+from dp_swing_ros.errors import one_line
+
 SIZE = 1 << 20   # [bytes] of a text
 SCALAR = 1 << 16  # [characters] of a scalar: numbers of base 60 take the square of their length
 NODES = 50_000   # that a text may begin
@@ -44,7 +46,7 @@ def parse(text: str | bytes, loader: type[PlainLoader] = PlainLoader) -> Any:
         return yaml.load(text, loader)
     except Exception as error:  # noqa: B902
         # A text such as '!!int ""' fails within the types that YAML knows.
-        raise YamlError(' '.join(str(error).split())[:300] or type(error).__name__) from None
+        raise YamlError(one_line(error)) from None
 
 
 def parse_file(path: Path, loader: type[PlainLoader] = PlainLoader) -> Any:

@@ -8,8 +8,7 @@ from mcap.records import Chunk, ChunkIndex, DataEnd, Footer, Message, MessageInd
 from mcap.stream_reader import StreamReader
 from mcap.writer import MCAP0_MAGIC as MAGIC
 
-from dp_swing_ros.bags.chunks import unpack
-from dp_swing_ros.bags.mcap_reader import Buffer, stream_of
+from dp_swing_ros.bags.mcap_reader import Buffer, stream_of, unpack
 from dp_swing_ros.recovery.records import CHUNK, HEAD, walk
 
 
@@ -22,8 +21,8 @@ def index_fits(data: Buffer) -> bool:
             length = HEAD.size + CHUNK.size + len(record.compression) + 8 + len(record.data)
             chunks.add((stream.tell() - length, length))
             content = unpack(record.data, record.compression, record.uncompressed_size, 0).content
-            messages = [(place, item) for place, item in walk(content).found
-                        if isinstance(item, Message)]
+            messages = [(each.begin, each.content) for each in walk(content)
+                        if isinstance(each.content, Message)]
             times = [message.log_time for _, message in messages]
             if times and (record.message_start_time, record.message_end_time) != (
                     min(times), max(times)):
@@ -33,9 +32,9 @@ def index_fits(data: Buffer) -> bool:
                     (message.log_time, place) for place, message in messages
                     if message.channel_id == record.channel_id):
                 return False
-        elif isinstance(record, ChunkIndex):
-            if (record.chunk_start_offset, record.chunk_length) not in chunks:
-                return False
+        elif isinstance(record, ChunkIndex) and (
+                record.chunk_start_offset, record.chunk_length) not in chunks:
+            return False
         elif isinstance(record, DataEnd):
             summary = stream.tell()
         elif isinstance(record, Footer):

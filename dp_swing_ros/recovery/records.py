@@ -16,8 +16,7 @@ from mcap.data_stream import ReadDataStream, RecordBuilder
 from mcap.exceptions import EndOfFile
 from mcap.opcode import Opcode
 
-from dp_swing_ros.bags.chunks import STREAMS
-from dp_swing_ros.bags.mcap_reader import Buffer
+from dp_swing_ros.bags.mcap_reader import Buffer, STREAMS
 
 HEAD = struct.Struct('<BQ')  # opcode, length
 CHUNK = struct.Struct('<QQQII')  # its first and last time, size, checksum; length of a text
@@ -52,13 +51,6 @@ class Record(NamedTuple):
         return isinstance(self.content, ChunkHead) and self.content.end != self.end
 
 
-class Walk(NamedTuple):
-    """The records inside a chunk, up to the first that is none."""
-
-    found: list[tuple[int, Any]]  # schemas, channels and messages, with their offsets
-    end: int  # of the last whole one
-
-
 def record_at(data: Buffer, place: int, exact: bool = False) -> Record | None:
     """
     Return the record at a place, of a chunk also one that the file is too short for.
@@ -69,13 +61,13 @@ def record_at(data: Buffer, place: int, exact: bool = False) -> Record | None:
         return None
     opcode, length = HEAD.unpack(data[place:place + HEAD.size])
     begin, end = place + HEAD.size, place + HEAD.size + length
+    content: records.McapRecord | ChunkHead | None = None
     if opcode == Opcode.CHUNK:
-        head = _chunk_head(data, begin)
-        return None if head is None else Record(opcode, place, end, head)
-    if end > len(data) or opcode not in KINDS:
-        return Record(opcode, place, end, None) if PRIVATE <= opcode and end <= len(data) else None
-    content = _content(opcode, data[begin:end], exact)
-    return None if content is None else Record(opcode, place, end, content)
+        content = _chunk_head(data, begin)
+    elif opcode in KINDS and end <= len(data):
+        content = _content(opcode, data[begin:end], exact)
+    is_private = PRIVATE <= opcode and end <= len(data)
+    return Record(opcode, place, end, content) if content or is_private else None
 
 
 def _content(opcode: int, body: bytes, exact: bool) -> records.McapRecord | None:
@@ -107,14 +99,13 @@ def _chunk_head(data: Buffer, place: int) -> ChunkHead | None:
                      begin + int.from_bytes(data[begin - 8:begin], 'little'))
 
 
-def walk(content: bytes) -> Walk:
-    """Return the schemas, channels and messages of an unpacked chunk, as far as they go."""
-    found: list[tuple[int, Any]] = []
+def walk(content: bytes) -> list[Record]:
+    """Return the records of an unpacked chunk up to the first that cannot be in one."""
+    found: list[Record] = []
     place = 0
     while (record := record_at(content, place)) is not None:
-        if isinstance(record.content, OF_MESSAGES):
-            found.append((place, record.content))
-        elif record.content is not None:
+        if record.content is not None and not isinstance(record.content, OF_MESSAGES):
             break
+        found.append(record)
         place = record.end
-    return Walk(found, place)
+    return found

@@ -2,18 +2,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """Saves what is whole of a damaged bag, and keeps account of what is not."""
 
+from collections import Counter
 from collections.abc import Sequence
 import dataclasses
 import enum
 from pathlib import Path
-from typing import Any, Callable, Iterator, NamedTuple
+from typing import Any, Callable
 
 from mcap.records import Message
 
-from dp_swing_ros.bags.channels import ChannelInfo, Definitions
+from dp_swing_ros.bags.channels import ChannelInfo, Declared, Definitions
 from dp_swing_ros.bags.folder import (
     described_or_none, files_of, incomplete, missing_files, RECOVERED, UNKNOWN)
-from dp_swing_ros.bags.mcap_reader import Buffer, contents, DamagedFile, read
+from dp_swing_ros.bags.mcap_reader import contents, DamagedFile, read
 from dp_swing_ros.bags.metadata import Recorded
 from dp_swing_ros.bags.writer import BagWriter
 from dp_swing_ros.errors import BagError
@@ -40,8 +41,9 @@ class Fault(enum.Enum):
 
 @dataclasses.dataclass
 class Account:
-    """The messages of one topic."""
+    """The messages of one topic that are saved."""
 
+    topic: Recorded
     saved: int = 0
     first: int = 0  # [ns] received
     last: int = 0
@@ -61,32 +63,34 @@ class Account:
         self.saved += 1
 
 
-@dataclasses.dataclass
 class Recovery:
     """What is whole of a bag and what is not."""
 
-    topics: dict[str, Account] = dataclasses.field(default_factory=dict)
-    damages: list[tuple[Path, Damage]] = dataclasses.field(default_factory=list)
-    faults: dict[tuple[Fault, str], int] = dataclasses.field(default_factory=dict)
-    notes: list[str] = dataclasses.field(default_factory=list)
-    counted: int | None = 0     # messages by the files' own counts, where all have one
-    described: int | None = None  # messages as metadata.yaml counts them
-    before: str | None = None   # of how many the bag was already what was left
-    unverified: int = 0   # saved, but no checksum says whether they are as they were
+    def __init__(self) -> None:
+        self.topics: dict[str, Account] = {}
+        self.messages: list[tuple[str, Message]] = []  # to save, with their topics
+        self.damages: list[tuple[Path, Damage]] = []
+        self.faults = Counter[tuple[Fault, str]]()     # messages, by what is wrong and topic
+        self.notes: list[str] = []
+        self.counted: int | None = 0        # messages by the files' own counts, where all have one
+        self.described: int | None = None   # messages as metadata.yaml counts them
+        self.before: str | None = None      # of how many the bag was already what was left
+        self.unverified = 0   # saved, but no checksum says whether they are as they were
+        self._seen: set[int] = set()        # hashes of the messages to save
 
     @property
     def saved(self) -> int:
         """The number of messages."""
-        return sum(account.saved for account in self.topics.values())
+        return len(self.messages)
 
     @property
     def recorded(self) -> str | None:
         """How many messages there once were, as far as known; None where all are saved."""
-        known = [count for count in (self.described, self.counted) if count]
+        known = self.described or self.counted
         if self.before is not None:
             return self.before
         if known:
-            return str(known[0]) if self.saved < known[0] else None
+            return str(known) if self.saved < known else None
         return UNKNOWN if self.damages or self.faults else None
 
     @property
@@ -108,55 +112,119 @@ class Recovery:
                 *(f'{count} messages{f" on {topic}" if topic else ""} {fault.value}'
                   for (fault, topic), count in self.faults.items())]
 
+    def examine(self, file: Path, progress: Progress) -> None:
+        """Add the messages of a file, and what is wrong with it."""
+        data = contents(file)
+        scan, items = Scan(data), list[Found | Damage]()
+        for item in scan:
+            items.append(item)
+            progress(scan.place, len(data))
+        damages = [(file, item) for item in items if isinstance(item, Damage)]
+        if not all(map(Definitions().declare, (each.record for each in _declarations(items)))):
+            self.notes.append(f'{file.name} declares two things of a channel or schema')
+        elif not damages:
+            try:
+                read(data)
+                if not index_fits(data):
+                    self.notes.append(f'{file.name} has an index that does not fit what it '
+                                      'points to')
+            except DamagedFile as damage:
+                self.notes.append(f'{file.name} is damaged {damage}')
+        self.damages += damages
+        self.counted = None if self.counted is None or scan.counted is None \
+            else self.counted + scan.counted
+        self._add_messages(items)
 
-class Survivor(NamedTuple):
-    """A message to save, and the topic it is on."""
+    def _add_messages(self, items: Sequence[Found | Damage]) -> None:
+        # What the number of a channel means is what was declared last of it. After damage, which
+        # may have taken the declaration, it is what is declared anywhere in the file.
+        anywhere = _declared_anywhere(items)
+        definitions = Definitions(anywhere)
+        for item in items:
+            if isinstance(item, Damage):
+                definitions = Definitions(anywhere)
+            elif not isinstance(item.record, Message):
+                definitions.declare(item.record)
+            elif (channel := definitions.channel(item.record.channel_id)) is not None:
+                self._add(item.record, channel, item.verified)
+            else:
+                self.faults[Fault.CHANNEL, ''] += 1
 
-    topic: Recorded
-    message: Message
+    def _add(self, message: Message, channel: ChannelInfo, verified: bool) -> None:
+        fault = self._fault(message, channel)
+        if fault is not None:
+            self.faults[fault, channel.topic] += 1
+            return
+        if channel.topic not in self.topics:
+            self.topics[channel.topic] = Account(_recorded(channel))
+        self.topics[channel.topic].enter(message)
+        self.messages.append((channel.topic, message))
+        self.unverified += not verified
 
-
-class MessageFilter:
-    """Passes the messages to save: each once, readable, and all of a topic of one type."""
-
-    def __init__(self) -> None:
-        self._topics: dict[str, Recorded] = {}
-        self._seen: set[int] = set()
-
-    def topic_of(self, message: Message, channel: ChannelInfo | None) -> Recorded | Fault:
-        """Return the topic of a message, or why it is left out."""
-        if channel is None:
-            return Fault.CHANNEL
+    def _fault(self, message: Message, channel: ChannelInfo) -> Fault | None:
+        """Return why a message is left out: all that are saved are readable, each once."""
         if not channel.is_ros:
             return Fault.ENCODING
         if max(message.log_time, message.publish_time) >= LATEST:
             return Fault.TIME
-        if not _is_readable(message.data, channel):
+        if not _is_decoded(message.data, channel) or _is_decoded(message.data[:-PADDING], channel):
             return Fault.BODY
-        topic = self._topics.get(channel.topic)
-        if topic is None:
-            topic = self._topics[channel.topic] = _recorded(channel)
-        if (topic.type, topic.definition) != (channel.type, channel.definition.decode()):
+        account = self.topics.get(channel.topic)
+        if account is not None and (account.topic.type, account.topic.definition) != (
+                channel.type, channel.definition.decode()):
             return Fault.TYPE
         key = hash((channel.topic, message.log_time, message.publish_time, message.sequence,
                     message.data))
         if key in self._seen:
             return Fault.AGAIN
         self._seen.add(key)
-        return topic
+        return None
 
 
-def _is_readable(data: bytes, channel: ChannelInfo) -> bool:
-    """Return whether a message is as long as its definition asks for, and no longer."""
+def recover(path: Path, output: Path, progress: Progress = lambda done, size: None) -> Recovery:
+    """
+    Write what is whole of a bag to a new one, unless all of it is.
+
+    Raises BagError where there is nothing to save, or something at the output.
+    """
+    found = Recovery()
+    about, files = described_or_none(path), files_of(path)
+    if about is not None:
+        found.described, found.before = about.messages, about.custom.get(RECOVERED)
+    elif path.is_dir():
+        found.notes.append('metadata.yaml is missing or damaged')
+    found.notes += [f'{name}, which metadata.yaml names, is missing'
+                    for name in missing_files(about, files)]
+    for file in files:
+        found.examine(file, progress)
+    if found.whole:
+        return found
+    if not found.messages:
+        raise BagError(f'{str(path)!r} has nothing to save: '
+                       f'{"; ".join(found.losses()) or "no message"}')
+    _write(found, output)
+    return found
+
+
+def _write(found: Recovery, output: Path) -> None:
+    writer = BagWriter(output)
+    writer.custom |= {RECOVERED: found.recorded} if found.recorded else {}
+    try:
+        for account in found.topics.values():
+            writer.add(account.topic)
+        for topic, message in found.messages:
+            writer.write(topic, message.data, message.log_time, message.publish_time,
+                         message.sequence)
+    finally:
+        writer.close()
+
+
+def _is_decoded(data: bytes, channel: ChannelInfo) -> bool:
     try:
         channel.decode(data)
     except Exception:  # noqa: B902  as many kinds as there are fields
         return False
-    try:
-        channel.decode(data[:-PADDING])
-    except Exception:  # noqa: B902
-        return True
-    return False
+    return True
 
 
 def _recorded(channel: ChannelInfo) -> Recorded:
@@ -170,96 +238,7 @@ def _recorded(channel: ChannelInfo) -> Recorded:
                     profiles if isinstance(profiles, list) else [])
 
 
-def recover(path: Path, output: Path, progress: Progress = lambda done, size: None) -> Recovery:
-    """
-    Write what is whole of a bag to a new one, unless all of it is.
-
-    Raises BagError where there is nothing to save, or something at the output.
-    """
-    found, survivors, messages = Recovery(), list[Survivor](), MessageFilter()
-    about, files = described_or_none(path), files_of(path)
-    if about is not None:
-        found.described, found.before = about.messages, about.custom.get(RECOVERED)
-    elif path.is_dir():
-        found.notes.append('metadata.yaml is missing or damaged')
-    found.notes += [f'{name}, which metadata.yaml names, is missing'
-                    for name in missing_files(path, files)]
-    for file in files:
-        survivors += _survivors(_examined(file, found, progress), found, messages)
-    if found.whole:
-        return found
-    if not survivors:
-        raise BagError(f'{str(path)!r} has nothing to save: '
-                       f'{"; ".join(found.losses()) or "no message"}')
-    writer = BagWriter(output)
-    writer.custom |= {RECOVERED: found.recorded} if found.recorded else {}
-    try:
-        for topic, message in survivors:
-            if topic.name not in writer.counts:
-                writer.add(topic)
-            writer.write(topic.name, message.data, message.log_time, message.publish_time,
-                         message.sequence)
-    finally:
-        writer.close()
-    return found
-
-
-def _examined(file: Path, found: Recovery, progress: Progress) -> list[Found | Damage]:
-    """Return what is in a file, and add what is wrong with it as a whole."""
-    data = contents(file)
-    scan, items = Scan(data), list[Found | Damage]()
-    for item in scan:
-        items.append(item)
-        progress(scan.place, len(data))
-    damages = [item for item in items if isinstance(item, Damage)]
-    if not all(map(Definitions().declare, (each.record for each in _declarations(items)))):
-        found.notes.append(f'{file.name} declares two things of a channel or schema')
-    elif not damages:
-        found.notes += [f'{file.name} {text}' for text in _complaints(data)]
-    found.damages += [(file, damage) for damage in damages]
-    found.counted = None if found.counted is None or scan.counted is None \
-        else found.counted + scan.counted
-    return items
-
-
-def _complaints(data: Buffer) -> Iterator[str]:
-    """Yield what is wrong with a file whose bytes are all those of records."""
-    try:
-        read(data)
-    except DamagedFile as damage:
-        yield f'is damaged {damage}'
-    else:
-        if not index_fits(data):
-            yield 'has an index that does not fit what it points to'
-
-
-def _survivors(items: Sequence[Found | Damage], found: Recovery,
-               messages: MessageFilter) -> Iterator[Survivor]:
-    """
-    Yield the messages of a file to save, and account for all.
-
-    What the number of a channel means is what was declared last of it. After damage, which may
-    have taken the declaration, it is what is declared anywhere in the file.
-    """
-    definitions = Definitions(_declared_anywhere(items))
-    for item in items:
-        if isinstance(item, Damage):
-            definitions.invalidate()
-        elif not isinstance(item.record, Message):
-            definitions.declare(item.record)
-        else:
-            channel = definitions.channel(item.record.channel_id)
-            topic = messages.topic_of(item.record, channel)
-            if isinstance(topic, Recorded):
-                found.topics.setdefault(topic.name, Account()).enter(item.record)
-                found.unverified += not item.verified
-                yield Survivor(topic, item.record)
-            else:
-                key = topic, channel.topic if channel else ''
-                found.faults[key] = found.faults.get(key, 0) + 1
-
-
-def _declared_anywhere(items: Sequence[Found | Damage]) -> dict[tuple[type, int], Any]:
+def _declared_anywhere(items: Sequence[Found | Damage]) -> Declared:
     """Return what numbers mean, if possible where a checksum verifies it; None if two things."""
     declared: dict[bool, dict[tuple[type, int], Any]] = {False: {}, True: {}}
     for record, verified in _declarations(items):

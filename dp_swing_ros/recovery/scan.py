@@ -7,6 +7,7 @@ Where no record can be, it goes on at the next place where one plausibly is, and
 it: a chunk is known by saying its size twice, and proved by its checksum.
 """
 
+from contextlib import suppress
 import enum
 import re
 from typing import Iterator, NamedTuple
@@ -15,8 +16,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Message, Schema, Statistics
 from mcap.writer import MCAP0_MAGIC as MAGIC
 
-from dp_swing_ros.bags.chunks import unpack, Unpacked
-from dp_swing_ros.bags.mcap_reader import Buffer
+from dp_swing_ros.bags.mcap_reader import Buffer, Entry, Messages, unpack, Unpacked
 from dp_swing_ros.recovery.records import (
     ChunkHead, HEAD, KINDS, OF_MESSAGES, Record, record_at, walk)
 
@@ -62,61 +62,58 @@ class Scan:
         self._data, self._size = data, len(data)
         self._patience = PATIENCE * self._size
         self._last: int | None = None  # opcode
-        self._ended = False
+        self._ended = self._cut = False
         self.place = 0  # up to here it was looked at
         self.counted: int | None = None  # messages, by the file's own count
 
     def __iter__(self) -> Iterator[Found | Damage]:
-        damage: Damage | None = None  # the last one
         while self.place < self._size:
-            for item in self._step(self.place):
-                if isinstance(item, int):
-                    self.place = item
-                    continue
-                if isinstance(item, Damage):
-                    damage = item
-                yield item
-        if not self._ended and (damage is None or damage.reason is not Reason.CUT):
-            yield Damage(self._size, self._size, Reason.NO_END)
+            yield from self._step()
+        if not self._ended and not self._cut:
+            yield self._damage(self._size, Reason.NO_END)
 
-    def _step(self, place: int) -> Iterator[Found | Damage | int]:
-        """Yield what is here, and last where to go on."""
-        if self._data[place:place + len(MAGIC)] == MAGIC:
-            if place > 0 and self._last != Opcode.FOOTER:
-                yield Damage(place, place + len(MAGIC), Reason.SECOND_FILE)
-            self._ended, self._last = self._last == Opcode.FOOTER, None
-            yield place + len(MAGIC)
+    def _step(self) -> Iterator[Found | Damage]:
+        """Yield what is here, and go on to where the next can be."""
+        if self._is_magic(self.place):
+            end, follows = self.place + len(MAGIC), self._last == Opcode.FOOTER
+            if self.place > 0 and not follows:
+                yield self._damage(end, Reason.SECOND_FILE)
+            self._ended, self._last, self.place = follows, None, end
             return
         if self._ended:
-            yield Damage(place, place, Reason.SECOND_FILE)
+            yield self._damage(self.place, Reason.SECOND_FILE)
             self._ended = False
-        record = record_at(self._data, place)
+        record = record_at(self._data, self.place)
         if record is None:
-            limit = self._next(place + 1)
-            yield Damage(place, limit, self._why(place, limit))
-            yield limit
+            limit = self._next(self.place + 1)
+            yield self._damage(limit, self._why(limit))
             return
+        self._last = record.opcode
         if isinstance(record.content, ChunkHead):
             yield from self._of_chunk(record, record.content)
         else:
             yield from self._of_record(record)
-        self._last = record.opcode
 
-    def _of_record(self, record: Record) -> Iterator[Found | Damage | int]:
+    def _damage(self, end: int, reason: Reason) -> Damage:
+        """Return the damage that begins here, and go on after it."""
+        damage = Damage(self.place, end, reason)
+        self.place, self._cut = end, reason is Reason.CUT
+        return damage
+
+    def _of_record(self, record: Record) -> Iterator[Found | Damage]:
         if not self._follows(record.end):
             # either it or what follows is damaged; inside of what is whole nothing is found
             limit = self._next(record.begin + 1)
             if limit < record.end:
-                yield Damage(record.begin, limit, Reason.NO_RECORD)
-                yield limit
+                yield self._damage(limit, Reason.NO_RECORD)
                 return
+        self.place = record.end
         if isinstance(record.content, OF_MESSAGES):
             yield Found(record.content, verified=False)
         elif isinstance(record.content, Statistics):
             self.counted = record.content.message_count
-        yield record.end
 
-    def _of_chunk(self, record: Record, head: ChunkHead) -> Iterator[Found | Damage | int]:
+    def _of_chunk(self, record: Record, head: ChunkHead) -> Iterator[Found | Damage]:
         fits = not record.is_odd and record.end <= self._size
         limit, reason = record.end, None
         content = self._unpacked(head, limit) if fits else Unpacked(b'', False, False)
@@ -134,13 +131,14 @@ class Scan:
         short = not fits or limit < record.end
         inner = walk(content.content if content.verified or short and not content.complete
                      else b'')
-        yield from (Found(item, content.verified and head.checksum != 0)
-                    for _, item in inner.found)
-        if reason is None and inner.end < len(content.content):
+        verified = content.verified and head.checksum != 0
+        yield from (Found(each.content, verified) for each in inner
+                    if isinstance(each.content, OF_MESSAGES))
+        if reason is None and _end_of(inner) < len(content.content):
             reason = Reason.NO_RECORD
         if reason is not None:
-            yield Damage(record.begin, limit, reason)
-        yield limit
+            yield self._damage(limit, reason)
+        self.place = limit
 
     def _unpacked(self, head: ChunkHead, limit: int) -> Unpacked:
         self._patience -= limit - head.begin
@@ -152,11 +150,14 @@ class Scan:
         if head.compression or head.end - head.begin > self._patience:
             return record.begin + 1
         self._patience -= head.end - head.begin
-        return head.begin + walk(self._data[head.begin:head.end]).end
+        return head.begin + _end_of(walk(self._data[head.begin:head.end]))
+
+    def _is_magic(self, place: int) -> bool:
+        return self._data[place:place + len(MAGIC)] == MAGIC
 
     def _follows(self, place: int) -> bool:
         """Return whether the file ends here, or goes on with a record."""
-        if place == self._size or self._data[place:place + len(MAGIC)] == MAGIC:
+        if place == self._size or self._is_magic(place):
             return True
         record = record_at(self._data, place)
         return record is not None and not record.is_odd
@@ -165,7 +166,7 @@ class Scan:
         """Return the next place where a record plausibly is, or the end."""
         for match in CANDIDATE.finditer(self._data, place):
             begin = match.start()
-            if self._data[begin:begin + len(MAGIC)] == MAGIC:
+            if self._is_magic(begin):
                 return begin
             if self._patience < 0:
                 break
@@ -178,12 +179,38 @@ class Scan:
             self._patience -= record.end - begin
         return self._size
 
-    def _why(self, begin: int, end: int) -> Reason:
+    def _why(self, end: int) -> Reason:
         # A killed process leaves half a record, a power cut zeros.
-        rest = self._data[begin:end] if end == self._size else b''
+        rest = self._data[self.place:end] if end == self._size else b''
         if rest and (MAGIC.startswith(rest) or not rest.strip(b'\0')
                      or rest[0] in (*KINDS, Opcode.CHUNK) and (
                          len(rest) < HEAD.size
                          or HEAD.unpack_from(rest)[1] > len(rest) - HEAD.size)):
             return Reason.CUT
         return Reason.NO_RECORD
+
+
+def _end_of(records: list[Record]) -> int:
+    return records[-1].end if records else 0
+
+
+class Beginning(NamedTuple):
+    """The messages before the first damage of a file: all that a killed logger left."""
+
+    entries: list[Entry]
+    damage: str   # in words; empty where all can be read, or nothing says whose a message is
+    is_cut: bool  # it is only that the file ends too early
+
+
+def beginning_of(data: Buffer) -> Beginning:
+    """Return the messages of a file up to the first damage."""
+    messages = Messages()
+    with suppress(ValueError):   # of a channel: the reader has said so already
+        for item in Scan(data):
+            if isinstance(item, Damage):
+                return Beginning(
+                    messages.entries, f'after {len(messages.entries)} messages, at byte '
+                    f'{item.begin}: {item.reason.value}',
+                    item.reason in (Reason.CUT, Reason.NO_END))
+            messages.add(item.record)
+    return Beginning(messages.entries, '', False)

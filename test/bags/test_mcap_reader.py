@@ -15,7 +15,10 @@ from mcap_files import body, chunk, COUNT, KINDS, make
 import pytest
 import zstandard
 
-from dp_swing_ros.bags.mcap_reader import DamagedFile, read
+from dp_swing_ros.bags.mcap_reader import DamagedFile, read, unpack
+
+CONTENT = b'some content ' * 1000
+PACKED = {'': CONTENT, 'lz4': lz4.frame.compress(CONTENT), 'zstd': zstandard.compress(CONTENT)}
 
 
 @pytest.mark.parametrize('compression', KINDS)
@@ -96,3 +99,20 @@ def test_whole_bags_are_read_without_recovery(tmp_path):
             f'assert len(Bag({str(bag)!r}).entries) == 1; '
             'sys.exit("dp_swing_ros.recovery" in sys.modules)')
     assert subprocess.run([sys.executable, '-c', code]).returncode == 0
+
+
+@pytest.mark.parametrize('compression', PACKED)
+def test_a_whole_chunk_is_verified_by_size_and_checksum(compression):
+    packed, size, checksum = PACKED[compression], len(CONTENT), zlib.crc32(CONTENT)
+    assert unpack(packed, compression, size, checksum) == (CONTENT, True, True)
+    assert unpack(packed, compression, size, 0) == (CONTENT, True, True)
+    assert unpack(packed, compression, size, checksum ^ 1) == (CONTENT, True, False)
+    assert not unpack(packed, compression, size + 1, checksum).verified
+    assert unpack(packed, compression, size - 1, 0) == (CONTENT[:-1], False, False)
+    assert unpack(packed, 'zip', size, checksum) == (b'', False, False)
+
+
+@pytest.mark.parametrize('compression', PACKED)
+def test_a_chunk_of_no_bytes_is_nothing(compression):
+    """Where zeros have overwritten the length of a chunk; zstandard reads it for ever."""
+    assert unpack(b'', compression, 4830, 0) == (b'', False, False)
