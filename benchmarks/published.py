@@ -19,6 +19,7 @@ from typing import NamedTuple
 import benchmark
 import campaigns
 import choices
+import links
 import near_goal
 import readme
 import seeded
@@ -51,14 +52,16 @@ class Page(NamedTuple):
     write: Callable[[Path, Path], None]
 
 
+OF_ROWS = {'near_goal': near_goal.page, 'choices': choices.page, 'links': links.page}
+
+
 def of_rows(name: str, minutes: float) -> Page:
     """Return a page that is written from the rows of its episodes."""
     def write(docs: Path, kept: Path) -> None:
         rows, made = seeded.played(name, kept), stamp.made(name, seeded.sources(name))
         store(docs / 'results' / f'{name}.csv.gz', rows)
-        text = {'near_goal': near_goal.page, 'choices': choices.page}[name](rows, made) \
-            if name not in campaigns.CAMPAIGNS else \
-            campaigns.page(name, rows, made, docs / 'figures')
+        text = OF_ROWS[name](rows, made) if name in OF_ROWS else (
+            campaigns.page(name, rows, made, docs / 'figures'))
         (docs / 'results' / f'{name}.md').write_text(text, encoding='utf-8')
     return Page(minutes, lambda: seeded.sources(name), write)
 
@@ -77,10 +80,11 @@ PAGES = {
     'random': of_rows('random', 5),
     'robustness': of_rows('robustness', 7),
     'baselines': of_rows('baselines', 4),
+    'links': of_rows('links', 6),
     'choices': of_rows('choices', 5),
     'near_goal': of_rows('near_goal', 1),
     'paper': of_script('paper', 7, 'paper.py', sources=lambda: seeded.sources('paper')),
-    'real_time': of_script('real_time', 4, 'real_time.py'),
+    'real_time': of_script('real_time', 9, 'real_time.py'),
     'foreign': of_script('foreign', 20, 'foreign.py', 'foreign_plant.py'),
     'durability': of_script('durability', 6, 'durability.py', 'numbered.py', 'readers.py'),
     'damaged_bags': of_script('damaged_bags', 4, 'mutated_bags.py', 'mutations.py',

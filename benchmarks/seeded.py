@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import campaigns
 import choices
+import links
 import near_goal
 import paper_experiments
 
@@ -34,6 +35,7 @@ SEEDED = {
        for name, campaign in campaigns.CAMPAIGNS.items()},
     'near_goal': Seeded(near_goal.episodes, lambda case: False),
     'choices': Seeded(choices.episodes, lambda case: False),
+    'links': Seeded(links.episodes, links.is_timed),
     'paper': Seeded(paper_experiments.episodes, lambda case: False)}
 
 
