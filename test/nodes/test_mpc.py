@@ -161,6 +161,20 @@ def test_pendulums_with_other_numbers_of_links_are_controlled(peer, start_node, 
     talk.node.wait_for(f'JointState has no joint{links}')
 
 
+def test_the_states_of_a_plant_with_more_links_are_refused(peer, start_node):
+    forces, reports = peer.record(FORCE_COMMAND), peer.record(DIAGNOSTICS)
+    mpc = start_node('mpc', {'links': 2})
+    start_node('plant', {'links': 3, 'lockstep': True})
+    mpc.wait_for('JointState has 4 joints [cart, joint1, joint2, joint3]; expected 3 [cart, '
+                 'joint1, joint2]: start plant and mpc with the same links')
+    assert peer.until(lambda: len(forces) > 5)
+    assert not any(force.data for force in forces)
+    refusals = [from_diagnostics(each, 'mpc') for each in reports]
+    last = [each for each in refusals if each is not None][-1]
+    assert last.level == DiagnosticStatus.ERROR[0]
+    assert 'JointState has 4 joints' in last.message and last.values['status'] == 'ZERO'
+
+
 @pytest.mark.parametrize('name', ['ilqr', 'mppi'])
 def test_a_reset_makes_the_next_tick_a_first_one(peer, start_node, name):
     talk = Conversation(peer, start_node, {'solver': name, 'seed': 3})
