@@ -94,13 +94,9 @@ class Timing:
             self.offsets.popleft()
         stands_still, self.stamp = stamp == self.stamp, stamp
         offset = now - (sent if stands_still else stamp)
-        if self.jumps(offset):
-            self.offsets.clear()
+        if self.offsets and abs(offset - self.offsets[-1][1]) > OLDEST:
+            self.offsets.clear()   # a clock was set
         self.offsets.append((now, offset))
         age = offset - min(before for _, before in self.offsets)
         return Measured(now - age, age, 'the stamps stand still; the time of sending counts'
                         if stands_still else '')
-
-    def jumps(self, offset: float) -> bool:
-        """Return whether an offset of clocks [s] is another than before: a clock was set."""
-        return any(abs(offset - before) > OLDEST for _, before in list(self.offsets)[-1:])

@@ -17,8 +17,8 @@ from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
 from dp_swing_ros import configuration
-from dp_swing_ros.nodes.messages import (
-    from_diagnostics, from_trajectory, seconds, to_joint_state, to_stamp)
+from dp_swing_ros.messages.fields import from_diagnostics, from_trajectory, seconds
+from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
 from dp_swing_ros.pendulum.model import rollout
 from dp_swing_ros.pendulum.state import hanging, joints, upright
 from dp_swing_ros.solvers import SOLVERS
