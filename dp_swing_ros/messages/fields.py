@@ -24,7 +24,7 @@ class Trajectory(NamedTuple):
 
 
 class Report(NamedTuple):
-    """What a node said of itself, once."""
+    """The status of a node at one time."""
 
     stamp: int  # [ns]
     level: int

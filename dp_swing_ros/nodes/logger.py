@@ -45,7 +45,7 @@ class Recording:
 class LoggerNode(ProcessNode):
     """Subscribes to each topic as its publishers offer it, and writes what comes as it is."""
 
-    linger = 0.3  # [s] others say their last words at the same signal
+    linger = 0.3  # [s] others send their last messages at the same signal
 
     def __init__(self) -> None:
         super().__init__('logger')
@@ -66,7 +66,7 @@ class LoggerNode(ProcessNode):
         self.get_logger().info(f'recording to {self._bag.folder}')
 
     def close(self) -> None:
-        """Finish the bag and say what is in it."""
+        """Finish the bag and print what is in it."""
         try:
             if not self._bag.failed:
                 self._drain()

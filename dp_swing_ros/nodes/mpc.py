@@ -27,7 +27,7 @@ from dp_swing_ros.nodes.diagnostics import Diagnostics
 from dp_swing_ros.nodes.messages import of_estimate, to_trajectory
 from dp_swing_ros.nodes.process import ProcessNode, run
 from dp_swing_ros.nodes.ros_parameters import declare_pendulum
-from dp_swing_ros.nodes.timing import announcement_of, Clock, Timing
+from dp_swing_ros.nodes.timing import Clock, Timing
 from dp_swing_ros.nodes.watchdog import Watchdog
 from dp_swing_ros.problem.plan import Plan, Status
 from dp_swing_ros.topics import CONFIGURATION, FORCE_COMMAND, JOINT_STATES, PLAN
@@ -109,14 +109,12 @@ class MpcNode(ProcessNode):
     def on_configuration(self, message: String) -> None:
         """Learn from a plant, or from the recording of one, what its stamps are."""
         try:
-            configuration = from_text(message.data)
-            announcement = announcement_of(configuration)
-        except ValueError as error:
+            configured = from_text(message.data)
+            self.timing.learn(configured)
+        except (TypeError, ValueError) as error:
             self.get_logger().warning(f'{error}; going on without it')
             return
-        self.configured.add(configuration.node)
-        if announcement is not None:
-            self.timing.announced = announcement
+        self.configured.add(configured.node)
 
     def on_state(self, message: JointState, info: dict[str, int]) -> None:
         """Answer a state; the first as soon as its clock is known and the force will be heard."""

@@ -76,7 +76,7 @@ class PlantNode(ProcessNode):
         """Let the plant's time begin now."""
         self.began = self.newest = self.clock.now().nanoseconds
         self.epoch = 0 if self.parameters.lockstep else self.get_clock().now().nanoseconds
-        self.timed_out = False       # and said so
+        self.timed_out = False       # and warned
         self.reported = -math.inf
         self.waiting = False         # for the force that answers the last state
         self.begun = True
@@ -173,7 +173,7 @@ class PlantNode(ProcessNode):
         self.lost_commands += not self.plant.obey(force, lasts)
 
     def advance_to(self, now: float) -> None:
-        """Integrate up to a time [s], and say so when no command is left to obey."""
+        """Integrate up to a time [s], and warn when no command is left to obey."""
         self.plant.advance(now - self.plant.t)
         expired = self.plant.commands.expired
         if expired and not self.timed_out:

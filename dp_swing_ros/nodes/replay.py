@@ -88,9 +88,8 @@ class ReplayNode(ProcessNode):
     def on_search(self) -> None:
         """Begin when no more subscribers are found, or after the time that there is for it."""
         now = time.monotonic()
-        if self.begin_at is None:
-            if self.audience.complete():
-                self.begin_at = now + self.parameters.delay
+        if self.begin_at is None and self.audience.complete():
+            self.begin_at = now + self.parameters.delay
         if self.begin_at is not None and now >= self.begin_at:
             self.destroy_timer(self.search)
             self.began = now
@@ -170,7 +169,7 @@ class ReplayNode(ProcessNode):
         return True, message.entry.topic
 
     def close(self) -> None:
-        """End a stream of commands with zero, and say what was played."""
+        """End a stream of commands with zero, and print what was played."""
         for topic, data in self.last_forces.items():
             if any(data[HEADER:]):
                 self.outputs[topic].publish(Float64(data=0.0))

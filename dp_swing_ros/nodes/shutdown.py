@@ -26,13 +26,6 @@ class _Event(ctypes.Structure):
                 ('reserved', ctypes.c_char * 32))
 
 
-class _Times(ctypes.Structure):
-    """The C library's itimerspec."""
-
-    _fields_ = tuple((name, ctypes.c_long) for name in (
-        'interval_seconds', 'interval_nanoseconds', 'seconds', 'nanoseconds'))
-
-
 def on_signals(handler: Callable[..., Any]) -> None:
     """Call a handler on every signal that asks the process to end."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
@@ -50,7 +43,8 @@ def exit_after(seconds: int, code: int) -> Iterator[None]:
     timer = ctypes.c_void_p()
     if libc.timer_create(CLOCK_MONOTONIC, ctypes.byref(event), ctypes.byref(timer)) != 0:
         raise OSError(ctypes.get_errno(), 'timer_create')
-    libc.timer_settime(timer, 0, ctypes.byref(_Times(seconds=seconds)), None)
+    times = (ctypes.c_long * 4)(0, 0, seconds, 0)   # itimerspec: no interval; first, in s and ns
+    libc.timer_settime(timer, 0, times, None)
     try:
         yield
     finally:
