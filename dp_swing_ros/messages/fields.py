@@ -24,7 +24,7 @@ class Trajectory(NamedTuple):
 
 
 class Report(NamedTuple):
-    """What a node said of itself, once."""
+    """The status of a node at one time."""
 
     stamp: int  # [ns]
     level: int
@@ -52,12 +52,19 @@ def to_state(message: Any, links: int) -> Array:
     Return the state of a JointState, whatever the order of its joints, and whatever others it has.
 
     Shapes: (2n + 2,) for n links. What is not finite is left so. Raises ValueError if a joint, a
-    position or a velocity is missing.
+    position or a velocity is missing, or if there are joints of more links.
     """
     names, wanted = list(message.name), joints(links)
     missing = [joint for joint in wanted if joint not in names]
     if missing:
-        raise ValueError(f'JointState has no {", ".join(missing)}; it names {names}')
+        raise ValueError(f'JointState has no {", ".join(missing)}; it names {names}; expected '
+                         f'[{", ".join(wanted)}]: rename them, or start plant and mpc with the '
+                         'same links')
+    if links_in(message) > links:
+        found = joints(links_in(message))
+        raise ValueError(f'JointState has {len(found)} joints [{", ".join(found)}]; expected '
+                         f'{len(wanted)} [{", ".join(wanted)}]: start plant and mpc with the same '
+                         'links')
     for field in ('position', 'velocity'):
         if len(getattr(message, field)) != len(names):
             raise ValueError(f'JointState names {len(names)} joints, '

@@ -10,11 +10,12 @@ from typing import Callable, Iterable, Iterator
 from rclpy.exceptions import InvalidParameterException, InvalidParameterTypeException
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSPolicyKind
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
+from dp_swing_ros.nodes.qos import profile
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.parameters.files import QOS_OVERRIDES
 from dp_swing_ros.topics import Topic
@@ -32,13 +33,11 @@ def publish(node: Node, topic: Topic) -> Publisher:
 
     Raises ParameterError where a parameter overrides this quality of service impossibly.
     """
-    profile = QoSProfile(depth=1 if topic.latched else DEPTH,
-                         reliability=ReliabilityPolicy.RELIABLE,
-                         durability=DurabilityPolicy.TRANSIENT_LOCAL if topic.latched
-                         else DurabilityPolicy.VOLATILE)
     with _overrides_checked(node, topic):
-        return node.create_publisher(message_class(topic.type), topic.name, profile,
-                                     qos_overriding_options=OVERRIDABLE)
+        return node.create_publisher(
+            message_class(topic.type), topic.name,
+            profile(1 if topic.latched else DEPTH, kept=topic.latched),
+            qos_overriding_options=OVERRIDABLE)
 
 
 def subscribe(node: Node, topic: Topic, callback: Callable[..., None],
@@ -51,13 +50,11 @@ def subscribe(node: Node, topic: Topic, callback: Callable[..., None],
     The callback may take a second argument, the information that comes with a message.
     Raises ParameterError as `publish`.
     """
-    profile = QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT if sensor
-                         else ReliabilityPolicy.RELIABLE,
-                         durability=DurabilityPolicy.TRANSIENT_LOCAL if topic.latched
-                         else DurabilityPolicy.VOLATILE)
     with _overrides_checked(node, topic):
-        return node.create_subscription(message_class(topic.type), topic.name, callback, profile,
-                                        qos_overriding_options=OVERRIDABLE)
+        return node.create_subscription(
+            message_class(topic.type), topic.name, callback,
+            profile(depth, reliable=not sensor, kept=topic.latched),
+            qos_overriding_options=OVERRIDABLE)
 
 
 @contextmanager

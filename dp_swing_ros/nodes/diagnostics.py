@@ -11,13 +11,12 @@ from collections.abc import Iterator, Mapping
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.qos import qos_check_compatible, QoSCompatibility
 
 from dp_swing_ros.nodes.connections import owner, publish
 from dp_swing_ros.nodes.messages import to_diagnostics
+from dp_swing_ros.nodes.process import ProcessNode
 from dp_swing_ros.topics import DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES
 
 LOOK_PERIOD = 1.0  # [s] between looks at the topics
@@ -27,14 +26,14 @@ SINGLE = (JOINT_STATES, FORCE_COMMAND)  # one publisher each, or nobody knows wh
 class Diagnostics:
     """Publishes the status of a node, and once a second that of its topics while it is not OK."""
 
-    def __init__(self, node: Node) -> None:
+    def __init__(self, node: ProcessNode) -> None:
         """Take the node whose status it is."""
         self.node = node
         self.name = node.get_fully_qualified_name().lstrip('/')
         self.hardware = node.resolve_topic_name(JOINT_STATES.name)
         self.publisher = publish(node, DIAGNOSTICS)
         self.faulty = False   # the topics were, at the last look
-        node.create_timer(LOOK_PERIOD, self.on_look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        node.every(LOOK_PERIOD, self.on_look)
 
     def publish(self, stamp: Time, level: bytes, message: str,
                 values: Mapping[str, float | int | str]) -> None:

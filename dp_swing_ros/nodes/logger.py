@@ -6,10 +6,10 @@ import dataclasses
 from datetime import datetime
 import functools
 from pathlib import Path
-import sys
 import time
 from typing import Any
 
+from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
@@ -22,7 +22,7 @@ from dp_swing_ros.messages.fields import BILLION
 from dp_swing_ros.nodes.connections import message_class
 from dp_swing_ros.nodes.parameters import LoggerParameters, named
 from dp_swing_ros.nodes.process import ProcessNode, run
-from dp_swing_ros.nodes.qos import described, Request, request_for
+from dp_swing_ros.nodes.qos import described, request_for
 from dp_swing_ros.nodes.ros_parameters import declare
 from dp_swing_ros.nodes.sequences import Tally
 from dp_swing_ros.parameters import ParameterError
@@ -36,7 +36,7 @@ DRAIN_TIME = 0.5     # [s] at most for what waits at the end
 class Recording:
     """A topic that is being recorded."""
 
-    request: Request
+    request: QoSProfile
     subscription: Subscription
     publishers: int
     tally: Tally
@@ -45,14 +45,16 @@ class Recording:
 class LoggerNode(ProcessNode):
     """Subscribes to each topic as its publishers offer it, and writes what comes as it is."""
 
-    linger = 0.3  # [s] others say their last words at the same signal
+    linger = 0.3  # [s] others send their last messages at the same signal
 
     def __init__(self) -> None:
         super().__init__('logger')
         parameters = LoggerParameters(**declare(self, named(LoggerParameters)))
-        self._recordings: dict[str, Recording | None] = {}  # None: cannot be recorded
+        self._recordings: dict[str, Recording] = {}
+        self._impossible = set[str]()   # the names of what cannot be recorded
+        folder = Path(parameters.output or f'{datetime.now():dp_swing_%Y_%m_%d-%H_%M_%S}')
         self._names = list(dict.fromkeys(map(self._resolved, parameters.topics)))
-        self._bag = BagWriter(_folder(parameters.output), Storage(
+        self._bag = BagWriter(folder.expanduser(), Storage(
             parameters.chunk_size, parameters.fsync, parameters.max_bagfile_size,
             round(parameters.max_bagfile_duration * BILLION)))
         self._flush_period = parameters.flush_period
@@ -64,13 +66,13 @@ class LoggerNode(ProcessNode):
         self.get_logger().info(f'recording to {self._bag.folder}')
 
     def close(self) -> None:
-        """Finish the bag and say what is in it."""
+        """Finish the bag and print what is in it."""
         try:
             if not self._bag.failed:
                 self._drain()
         finally:
             self._bag.custom |= {f'lost:{name}': str(recording.tally.lost)
-                                 for name, recording in self._recordings.items() if recording}
+                                 for name, recording in self._recordings.items()}
             self._bag.close()
         if self._bag.failed:
             return
@@ -79,12 +81,12 @@ class LoggerNode(ProcessNode):
             print(f'  {name}: {self._summary(name)}', flush=True)
 
     def _summary(self, name: str) -> str:
+        if name in self._impossible:
+            return 'could not be recorded'
         if name not in self._recordings:
             return '0 written, nobody published it'
-        recording = self._recordings[name]
-        if recording is None:
-            return 'could not be recorded'
-        return f'{recording.tally.came} written, {recording.tally.lost} lost'
+        tally = self._recordings[name].tally
+        return f'{tally.came} written, {tally.lost} lost'
 
     def _resolved(self, name: str) -> str:
         try:
@@ -96,31 +98,33 @@ class LoggerNode(ProcessNode):
     def _look(self) -> None:
         for name in self._names:
             publishers = self.get_publishers_info_by_topic(name)
-            if not publishers:
+            if not publishers or name in self._impossible:
                 continue
-            if name not in self._recordings:
-                self._recordings[name] = self._record(name, publishers)
-            elif (recording := self._recordings[name]) is not None:
-                recording.publishers = len(publishers)
-                self._meet(name, recording, publishers)
+            if name in self._recordings:
+                self._meet(name, self._recordings[name], publishers)
+            else:
+                self._record(name, publishers)
 
-    def _record(self, name: str, publishers: list[TopicEndpointInfo]) -> Recording | None:
-        kind = publishers[0].topic_type
+    def _record(self, name: str, publishers: list[TopicEndpointInfo]) -> None:
+        kind, offered = publishers[0].topic_type, [each.qos_profile for each in publishers]
         try:
             recorded = Recorded(name, kind, schema(kind), str(publishers[0].topic_type_hash),
-                                [described(each.qos_profile) for each in publishers])
+                                list(map(described, offered)))
             message_class(kind)
         except (AttributeError, BagError, ImportError) as error:
             self.get_logger().error(f'{name} is not recorded: {error}')
-            return None
+            self._impossible.add(name)
+            return
         self._bag.add(recorded)
-        request = request_for(publishers)
-        return Recording(request, self._subscribe(name, kind, request), len(publishers), Tally())
+        request = request_for(offered)
+        self._recordings[name] = Recording(
+            request, self._subscribe(name, kind, request), len(publishers), Tally())
 
     def _meet(self, name: str, recording: Recording,
               publishers: list[TopicEndpointInfo]) -> None:
+        recording.publishers = len(publishers)
         # A subscription never hears a publisher that offers less than it asks for.
-        request = recording.request.within(request_for(publishers))
+        request = request_for([recording.request, *(each.qos_profile for each in publishers)])
         if request == recording.request:
             return
         self._take(name, recording, time.monotonic() + DRAIN_TIME)
@@ -128,15 +132,13 @@ class LoggerNode(ProcessNode):
         recording.request = request
         recording.subscription = self._subscribe(name, publishers[0].topic_type, request)
 
-    def _subscribe(self, name: str, kind: str, request: Request) -> Subscription:
+    def _subscribe(self, name: str, kind: str, request: QoSProfile) -> Subscription:
         # rclpy's annotations do not know of the information beside a message
         receive: Any = functools.partial(self._receive, name)
-        return self.create_subscription(message_class(kind), name, receive, request.to_profile(),
-                                        raw=True)
+        return self.create_subscription(message_class(kind), name, receive, request, raw=True)
 
     def _receive(self, name: str, data: bytes, info: dict[str, Any]) -> None:
         recording = self._recordings[name]
-        assert recording is not None
         self._write(name, recording, data, info)
         # The executor takes one message at a time, which costs it more than we do.
         self._take(name, recording, time.monotonic() + TURN)
@@ -163,23 +165,12 @@ class LoggerNode(ProcessNode):
         # Under load, what was sent before the end may still wait in the queues.
         limit = time.monotonic() + DRAIN_TIME
         for name, recording in self._recordings.items():
-            if recording is not None:
-                self._take(name, recording, limit)
+            self._take(name, recording, limit)
 
     def _show_progress(self) -> None:
-        tallies = [recording.tally for recording in self._recordings.values() if recording]
+        tallies = [recording.tally for recording in self._recordings.values()]
         self.get_logger().info(f'{sum(tally.came for tally in tallies)} messages written, '
                                f'{sum(tally.lost for tally in tallies)} lost')
 
 
-def _folder(output: str) -> Path:
-    return Path(output or f'{datetime.now():dp_swing_%Y_%m_%d-%H_%M_%S}').expanduser()
-
-
-def main(args: list[str] | None = None) -> int:
-    """Run the node."""
-    return run(LoggerNode, args)
-
-
-if __name__ == '__main__':
-    sys.exit(main())
+main = functools.partial(run, LoggerNode)

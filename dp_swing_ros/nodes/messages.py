@@ -1,11 +1,6 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""
-Messages <-> arrays.
-
-What reads a message asks for its fields alone, so it also reads those of a bag without ROS; it is
-in `fields` and offered here too.
-"""
+"""Arrays, plans and figures as messages; what reads them needs no ROS: see messages.fields."""
 
 from typing import Mapping
 
@@ -16,13 +11,9 @@ from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from dp_swing_ros.estimators.estimator import Estimate
-from dp_swing_ros.messages.fields import (
-    from_diagnostics, from_trajectory, Report, seconds, split, to_state, Trajectory)
+from dp_swing_ros.messages.fields import split
 from dp_swing_ros.pendulum.state import Array, joints, links_of
 from dp_swing_ros.problem.plan import Plan
-
-__all__ = ['Report', 'Trajectory', 'from_diagnostics', 'from_trajectory', 'of_estimate', 'seconds',
-           'to_diagnostics', 'to_joint_state', 'to_stamp', 'to_state', 'to_trajectory']
 
 
 def to_stamp(time: float | int) -> Time:

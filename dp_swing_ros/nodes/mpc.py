@@ -7,6 +7,7 @@ Where states stop coming in real time, the last plan is followed for a while; th
 zero.
 """
 
+from functools import partial
 import gc
 import math
 import time
@@ -14,22 +15,19 @@ from typing import NamedTuple
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
-from rclpy.clock import Clock as RosClock
-from rclpy.clock_type import ClockType
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, String
-from std_srvs.srv import Trigger
 
 from dp_swing_ros import configuration
 from dp_swing_ros.control.receding_horizon import MpcParameters
 from dp_swing_ros.messages.configuration import from_text
-from dp_swing_ros.messages.fields import BILLION
+from dp_swing_ros.messages.fields import BILLION, seconds, to_state
 from dp_swing_ros.nodes.connections import is_heard, owners, publish, subscribe
 from dp_swing_ros.nodes.diagnostics import Diagnostics
-from dp_swing_ros.nodes.messages import of_estimate, seconds, to_state, to_trajectory
+from dp_swing_ros.nodes.messages import of_estimate, to_trajectory
 from dp_swing_ros.nodes.process import ProcessNode, run
 from dp_swing_ros.nodes.ros_parameters import declare_pendulum
-from dp_swing_ros.nodes.timing import announcement_of, Clock, Timing
+from dp_swing_ros.nodes.timing import Clock, Timing
 from dp_swing_ros.nodes.watchdog import Watchdog
 from dp_swing_ros.problem.plan import Plan, Status
 from dp_swing_ros.topics import CONFIGURATION, FORCE_COMMAND, JOINT_STATES, PLAN
@@ -71,7 +69,7 @@ class MpcNode(ProcessNode):
         self.forces = publish(self, FORCE_COMMAND)
         self.plans = publish(self, PLAN)
         self.diagnostics = Diagnostics(self)
-        self.create_service(Trigger, 'mpc/reset', self.on_reset)
+        self.serve('mpc/reset', self.on_reset)
         subscribe(self, CONFIGURATION, self.on_configuration)
         self.watchdog = Watchdog(self, values['step'], self.on_silence)
         self.sent = 0    # forces
@@ -111,14 +109,12 @@ class MpcNode(ProcessNode):
     def on_configuration(self, message: String) -> None:
         """Learn from a plant, or from the recording of one, what its stamps are."""
         try:
-            configuration = from_text(message.data)
-            announcement = announcement_of(configuration)
-        except ValueError as error:
+            configured = from_text(message.data)
+            self.timing.learn(configured)
+        except (TypeError, ValueError) as error:
             self.get_logger().warning(f'{error}; going on without it')
             return
-        self.configured.add(configuration.node)
-        if announcement is not None:
-            self.timing.announced = announcement
+        self.configured.add(configured.node)
 
     def on_state(self, message: JointState, info: dict[str, int]) -> None:
         """Answer a state; the first as soon as its clock is known and the force will be heard."""
@@ -127,8 +123,7 @@ class MpcNode(ProcessNode):
             return
         if self.waiting is None:
             self.met_by = time.monotonic() + MEETING
-            self.meeting = self.create_timer(
-                MEETING_POLL, self.on_meeting, clock=RosClock(clock_type=ClockType.STEADY_TIME))
+            self.meeting = self.every(MEETING_POLL, self.on_meeting)
         self.waiting = message, info
         self.on_meeting()
 
@@ -151,7 +146,7 @@ class MpcNode(ProcessNode):
 
     def answer(self, message: JointState, info: dict[str, int]) -> None:
         """Send a force for a state, and report how that came about."""
-        now, began = self.now(), time.perf_counter()
+        now, began = self.get_clock().now().nanoseconds / BILLION, time.perf_counter()
         real_time = self.timing.clock is not Clock.LOCKSTEP
         sent = now - (time.time() - info['source_timestamp'] / BILLION) * self.pace
         measured = self.timing.measured(seconds(message.header.stamp), now, sent)
@@ -177,10 +172,6 @@ class MpcNode(ProcessNode):
             self.watchdog.feed(period)
         self.report(message.header.stamp, plan, complaint, measured.complaint, force, late,
                     real_time, delay, measured.age + taken, measured.t)
-
-    def now(self) -> float:
-        """Return the time of this node's clock [s]."""
-        return float(self.get_clock().now().nanoseconds / BILLION)
 
     def pace_since(self, before: Arrival) -> float:
         """Return the pace of this node's clock, which may be a simulated one."""
@@ -245,12 +236,11 @@ class MpcNode(ProcessNode):
              'clock': self.timing.clock.name.lower(),
              **(of_estimate(estimate) if estimate is not None else {})})
 
-    def on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def on_reset(self) -> tuple[bool, str]:
         """Forget the last plan and restart the random numbers."""
         self.forget()
         self.resets += 1
-        response.success, response.message = True, 'the next tick is a first one'
-        return response
+        return True, 'the next tick is a first one'
 
     def close(self) -> None:
         """End the stream of commands with zero."""
@@ -258,6 +248,4 @@ class MpcNode(ProcessNode):
             self.forces.publish(Float64(data=0.0))
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the node; see `ros2 run dp_swing_ros mpc --ros-args -p solver:=mppi`."""
-    return run(MpcNode, args)
+main = partial(run, MpcNode)

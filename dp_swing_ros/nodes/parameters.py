@@ -1,7 +1,7 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What logger and replay are told, and the tables of all parameters; needs no ROS.
+Parameters of logger and replay, and the tables of all parameters; needs no ROS.
 
 Plant and mpc have theirs where the plant and the controller are: see configuration.declared.
 """
@@ -48,7 +48,7 @@ class ReplayParameters(Parameters):
 
     bag: str = parameter('', 'folder of the bag to play, or its .mcap file; must be given')
     partial: bool = parameter(False, 'play what there is of a bag whose logger was killed')
-    # a list of none would tell nobody what it is to be a list of
+    # an empty list would not show of what it is a list
     topics: tuple[str, ...] = parameter(('',), 'topics to play; empty: all')
     rate: float = parameter(1.0, 'times as fast as recorded', minimum=1e-3)
     start_offset: float = parameter(
@@ -102,12 +102,9 @@ def expected(field: dataclasses.Field) -> str:
     about = field.metadata
     if about['choices'] is not None:
         return 'one of ' + ', '.join(about['choices']())
-    bounds = []
-    if about['minimum'] is not None:
-        bounds.append(f'at least {about["minimum"]:g}')
-    if about['maximum'] is not None:
-        bounds.append(f'at most {about["maximum"]:g}')
-    text = ', '.join(bounds)
+    text = ', '.join(f'{words} {about[bound]:g}'
+                     for words, bound in (('at least', 'minimum'), ('at most', 'maximum'))
+                     if about[bound] is not None)
     if about['size'] is not None:
         each = f', each {text}' if text else ''
         return f'2 numbers and 2 a link{each}'

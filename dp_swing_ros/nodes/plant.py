@@ -2,16 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The plant: integrates the pendulum, publishes its state at a fixed rate, obeys the force."""
 
+from functools import partial
 import math
 import time
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 import numpy as np
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from std_msgs.msg import Float64, String
-from std_srvs.srv import Trigger
 
 from dp_swing_ros import configuration
 from dp_swing_ros.nodes.connections import Audience, is_heard, listeners, publish, subscribe
@@ -49,15 +47,14 @@ class PlantNode(ProcessNode):
         self.push = 0.0          # [N] asked for the next period
         self.skipped = self.refused = self.commands = self.lost_commands = self.lost_states = 0
         self.refused_pushes = self.reported_refusals = 0
-        simulated = self.get_parameter('use_sim_time').value
-        self.clock = self.get_clock() if simulated else Clock(clock_type=ClockType.STEADY_TIME)
+        self.clock = self.pace_clock
         self.begun = False       # with the first state
         self.sent_at = -math.inf
         self.states = publish(self, JOINT_STATES)
         self.diagnostics = Diagnostics(self)
         self.description = publish(self, ROBOT_DESCRIPTION)
         self.description.publish(String(data=urdf(self.plant.physical, self.plant.limits)))
-        self.create_service(Trigger, 'plant/reset', self.on_reset)
+        self.serve('plant/reset', self.on_reset)
         self.unanswerable = self.create_guard_condition(self.on_unanswerable)
         subscribe(self, DISTURBANCE, self.on_disturbance)
 
@@ -68,8 +65,7 @@ class PlantNode(ProcessNode):
         lockstep = self.parameters.lockstep
         self.audience = Audience([self.states, self.diagnostics.publisher, self.description],
                                  math.inf if lockstep else PATIENCE)
-        self.search = self.create_timer(LOOK_PERIOD, self.on_search,
-                                        clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.search = self.every(LOOK_PERIOD, self.on_search)
         if lockstep:
             self.get_logger().info('lockstep: waiting for a controller')
         else:
@@ -80,7 +76,7 @@ class PlantNode(ProcessNode):
         """Let the plant's time begin now."""
         self.began = self.newest = self.clock.now().nanoseconds
         self.epoch = 0 if self.parameters.lockstep else self.get_clock().now().nanoseconds
-        self.timed_out = False       # and said so
+        self.timed_out = False       # and warned
         self.reported = -math.inf
         self.waiting = False         # for the force that answers the last state
         self.begun = True
@@ -89,14 +85,13 @@ class PlantNode(ProcessNode):
         """Begin as soon as the first state will be heard, in lockstep by a controller too."""
         if not self.audience.complete() or self.clock.now().nanoseconds == 0:
             return   # a simulated clock is zero until its first message
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
         if not self.parameters.lockstep:
             self.start()
             self.create_timer(self.period, self.on_tick, clock=self.clock)
         elif is_heard(self, self.states, FORCE_COMMAND):
             self.start()
             self.joined = dict.fromkeys(listeners(self, self.states, FORCE_COMMAND), -math.inf)
-            self.create_timer(NEWCOMER_PERIOD, self.on_newcomers, clock=steady)
+            self.every(NEWCOMER_PERIOD, self.on_newcomers)
         else:
             return
         self.destroy_timer(self.search)
@@ -165,21 +160,20 @@ class PlantNode(ProcessNode):
             f'refused a disturbance of {message.data:g} N: those of this period would be {push:g} '
             f'N; expected {limit:g} N at most (disturbance_limit)', throttle_duration_sec=1.0)
 
-    def on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def on_reset(self) -> tuple[bool, str]:
         """Go back to the initial state; in lockstep, to time zero too."""
         self.plant.reset()
         if self.begun:
             self.start()
             self.publish_state()
-        response.success, response.message = True, 'the plant is back at its initial state'
-        return response
+        return True, 'the plant is back at its initial state'
 
     def obey(self, force: float, lasts: float = math.inf) -> None:
         """Let a force [N] act for a time [s] at most, if it is not lost."""
         self.lost_commands += not self.plant.obey(force, lasts)
 
     def advance_to(self, now: float) -> None:
-        """Integrate up to a time [s], and say so when no command is left to obey."""
+        """Integrate up to a time [s], and warn when no command is left to obey."""
         self.plant.advance(now - self.plant.t)
         expired = self.plant.commands.expired
         if expired and not self.timed_out:
@@ -232,6 +226,4 @@ class PlantNode(ProcessNode):
         return DiagnosticStatus.OK, 'obeys the force'
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the node; see `ros2 run dp_swing_ros plant --ros-args -p duration:=10.0`."""
-    return run(PlantNode, args)
+main = partial(run, PlantNode)

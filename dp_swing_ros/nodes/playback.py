@@ -67,57 +67,26 @@ def excerpt(bag: Bag, messages: Sequence[Scheduled], topics: Iterable[str] = (),
     return found
 
 
-class Timeline:
-    """
-    The time of a bag as a function of a steady clock, both in nanoseconds; it can stand still.
-
-    It is reckoned from a fixed origin, so that however late a message is, the next is not.
-    """
-
-    def __init__(self, start: int, rate: float) -> None:
-        """Stand still at a time of the bag [ns]; later it runs at this many times real time."""
-        self.rate = rate
-        self._start = start
-        self._began: int | None = None  # when the clock was at `start`; None: it stands still
-
-    def at(self, now: int) -> int:
-        """Return the time of the bag."""
-        if self._began is None:
-            return self._start
-        return self._start + round((now - self._began) * self.rate)
-
-    def due(self, time: int) -> int | None:
-        """Return when a time of the bag comes; None while it stands still."""
-        if self._began is None:
-            return None
-        return self._began + round((time - self._start) / self.rate)
-
-    def run(self, now: int) -> None:
-        """Go on from where it stands."""
-        if self._began is None:
-            self._began = now
-
-    def stand(self, now: int) -> None:
-        """Stand still at the time that it is."""
-        self._start, self._began = self.at(now), None
-
-    def jump(self, time: int, now: int) -> None:
-        """Be at another time of the bag now, and go on or stand as before."""
-        self._start = time
-        if self._began is not None:
-            self._began = now
-
-
 class Playback:
-    """The messages that are played, one after the other, by the clock of a timeline."""
+    """
+    The messages that are played one after the other, by a steady clock in nanoseconds.
+
+    The time of the bag can stand still. It is reckoned from a fixed origin, so that however late a
+    message is, the next is not.
+    """
 
     def __init__(self, messages: Sequence[Scheduled], rate: float, loop: bool = False) -> None:
-        """Stand before the first message; in a loop, it comes again after the last."""
-        self.timeline = Timeline(messages[0].time, rate)
+        """
+        Stand still before the first message; in a loop, it comes again after the last.
+
+        Later the time runs at this many times real time.
+        """
         self.played = Counter[str]()           # messages by topic
         self.late = self.largest_lateness = 0  # messages; [ns]
-        self._messages, self._loop = messages, loop
+        self._messages, self._rate, self._loop = messages, rate, loop
         self._number = 0                       # of the next message
+        self._origin = messages[0].time
+        self._began: int | None = None         # when it was at the origin; None: it stands still
 
     @property
     def done(self) -> bool:
@@ -126,12 +95,24 @@ class Playback:
 
     def due(self) -> int | None:
         """Return when the next message is due; None if nothing is to come or it stands still."""
-        return None if self.done else self.timeline.due(self._messages[self._number].time)
+        if self.done or self._began is None:
+            return None
+        waits = self._messages[self._number].time - self._origin
+        return self._began + round(waits / self._rate)
 
     def at(self, now: int) -> int:
         """Return the time of the bag, which does not pass a message that is yet to come."""
         following = self._messages[-1 if self.done else self._number]
-        return min(self.timeline.at(now), following.time)
+        return min(self._time(now), following.time)
+
+    def run(self, now: int) -> None:
+        """Go on from where it stands."""
+        if self._began is None:
+            self._began = now
+
+    def stand(self, now: int) -> None:
+        """Stand still at the time that it is."""
+        self._origin, self._began = self._time(now), None
 
     def take(self, now: int) -> Scheduled:
         """Return the next message, which is due, and count it."""
@@ -144,10 +125,19 @@ class Playback:
         self._number += 1
         if self.done and self._loop:
             self._number = 0
-            self.timeline.jump(self._messages[0].time, now)
+            self._jump(self._messages[0].time, now)
         return message
 
     def step(self, now: int) -> Scheduled:
         """Return the next message, due or not; it is the time of the message now."""
-        self.timeline.jump(self._messages[self._number].time, now)
+        self._jump(self._messages[self._number].time, now)
         return self.take(now)
+
+    def _time(self, now: int) -> int:
+        passed = 0 if self._began is None else now - self._began
+        return self._origin + round(passed * self._rate)
+
+    def _jump(self, time: int, now: int) -> None:
+        self._origin = time
+        if self._began is not None:
+            self._began = now

@@ -16,19 +16,22 @@ import tempfile
 import threading
 import time
 import traceback
-from types import FrameType
-from typing import Callable
+from typing import Any, Callable
 
 import rclpy
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
+from rclpy.timer import Timer
 from rclpy.utilities import remove_ros_args
+from std_srvs.srv import Trigger
 
 from dp_swing_ros.errors import UserError
-from dp_swing_ros.nodes.forced_exit import exit_after
 from dp_swing_ros.nodes.ros_parameters import check_topics
+from dp_swing_ros.nodes.shutdown import exit_after, on_signals
 from dp_swing_ros.parameters import ParameterError
 
 POLL = 0.05  # [s] a signal is seen after this time at the latest
@@ -36,10 +39,7 @@ DELIVERY = 0.3  # [s] at most for the last messages to arrive
 TEARDOWN = 2  # [s] at most for the middleware's end
 
 OK, FAILED, MISUSED = 0, 1, 2  # exit codes
-
-
-# What the user can put right: one line, no traceback.
-USER_ERRORS = (ParameterError, UserError)
+STEADY = Clock(clock_type=ClockType.STEADY_TIME)
 
 
 class ProcessNode(Node):
@@ -54,6 +54,22 @@ class ProcessNode(Node):
     def close(self) -> None:
         """Send the last command and finish files; called once, whatever ended the process."""
 
+    @property
+    def pace_clock(self) -> Clock:
+        """Return the clock that nobody sets: /clock with use_sim_time, else a steady one."""
+        return self.get_clock() if self.get_parameter('use_sim_time').value else STEADY
+
+    def every(self, period: float, callback: Callable[[], None]) -> Timer:
+        """Call back once in a period [s] of the steady clock."""
+        return self.create_timer(period, callback, clock=STEADY)
+
+    def serve(self, name: str, act: Callable[[], tuple[bool, str]]) -> None:
+        """Offer a service that answers with success and message of what it does."""
+        def answer(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            response.success, response.message = act()
+            return response
+        self.create_service(Trigger, name, answer)
+
 
 class _Interrupt(BaseException):
     """A signal came while interruptible work was underway."""
@@ -66,12 +82,9 @@ class _Signals:
         self.requested = False
         self._interruptible = False
         self._report, sys.unraisablehook = sys.unraisablehook, self._again
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            # nohup ignores SIGHUP, and means it.
-            if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:
-                signal.signal(number, self._handle)
+        on_signals(self._handle)
 
-    def _handle(self, number: int, frame: FrameType | None) -> None:
+    def _handle(self, *_: Any) -> None:
         self.requested = True
         if self._interruptible:
             self._interruptible = False
@@ -114,7 +127,7 @@ def run(make_node: Callable[[], ProcessNode], args: list[str] | None = None) -> 
         _initialise(args)
         node = make_node()
         _live(node, signals)
-    except USER_ERRORS as error:
+    except (ParameterError, UserError) as error:   # what the user can put right
         print(f'{Path(args[0]).name}: error: {_one_line(error)}', file=sys.stderr)
         code = MISUSED
     except Exception:

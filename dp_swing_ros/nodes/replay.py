@@ -2,17 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The replay node: plays a bag back onto its topics with its recorded timing."""
 
+from functools import partial
 from pathlib import Path
 import time
-from typing import Callable
 
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock as ClockMessage
 from std_msgs.msg import Float64
-from std_srvs.srv import Trigger
 
 from dp_swing_ros.bags.channels import ChannelInfo
 from dp_swing_ros.bags.reader import Bag
@@ -22,7 +19,7 @@ from dp_swing_ros.nodes.connections import Audience, message_class, subscribe
 from dp_swing_ros.nodes.messages import to_stamp
 from dp_swing_ros.nodes.parameters import named, ReplayParameters
 from dp_swing_ros.nodes.playback import excerpt, LATE, Playback, schedule, Scheduled
-from dp_swing_ros.nodes.process import ProcessNode, run
+from dp_swing_ros.nodes.process import ProcessNode, run, STEADY
 from dp_swing_ros.nodes.qos import strongest
 from dp_swing_ros.nodes.ros_parameters import declare
 from dp_swing_ros.parameters import ParameterError
@@ -75,26 +72,24 @@ class ReplayNode(ProcessNode):
 
     def listen(self) -> None:
         """Offer the services and the clock, and look for subscribers."""
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.timer = self.create_timer(1.0, self.on_due, clock=steady, autostart=False)
+        self.timer = self.create_timer(1.0, self.on_due, clock=STEADY, autostart=False)
         if self.parameters.clock > 0:
             self.clocks = self.create_publisher(ClockMessage, '/clock', 10)
-            self.create_timer(1 / self.parameters.clock, self.on_clock, clock=steady)
-        self.serve('pause', lambda: self.set_paused(True))
-        self.serve('resume', lambda: self.set_paused(False))
-        self.serve('toggle_paused', lambda: self.set_paused(not self.paused))
-        self.serve('is_paused', self.is_paused)
-        self.serve('play_next', self.play_next)
+            self.every(1 / self.parameters.clock, self.on_clock)
+        self.serve('replay/pause', lambda: self.set_paused(True))
+        self.serve('replay/resume', lambda: self.set_paused(False))
+        self.serve('replay/toggle_paused', lambda: self.set_paused(not self.paused))
+        self.serve('replay/is_paused', self.is_paused)
+        self.serve('replay/play_next', self.play_next)
         self.audience = Audience(self.outputs.values(), self.parameters.wait)
         self.begin_at: float | None = None
-        self.search = self.create_timer(LOOK_PERIOD, self.on_search, clock=steady)
+        self.search = self.every(LOOK_PERIOD, self.on_search)
 
     def on_search(self) -> None:
         """Begin when no more subscribers are found, or after the time that there is for it."""
         now = time.monotonic()
-        if self.begin_at is None:
-            if self.audience.complete():
-                self.begin_at = now + self.parameters.delay
+        if self.begin_at is None and self.audience.complete():
+            self.begin_at = now + self.parameters.delay
         if self.begin_at is not None and now >= self.begin_at:
             self.destroy_timer(self.search)
             self.began = now
@@ -104,9 +99,9 @@ class ReplayNode(ProcessNode):
         """Let the time of the bag stand still or run, as the user wants it."""
         now = time.monotonic_ns()
         if self.paused:
-            self.playback.timeline.stand(now)
+            self.playback.stand(now)
         elif self.began is not None:
-            self.playback.timeline.run(now)
+            self.playback.run(now)
         self.wait_for_next()
 
     def wait_for_next(self) -> None:
@@ -155,13 +150,6 @@ class ReplayNode(ProcessNode):
         """Publish the time."""
         self.publish_time(self.playback.at(time.monotonic_ns()))
 
-    def serve(self, name: str, act: Callable[[], tuple[bool, str]]) -> None:
-        """Offer a service that answers with success and message of what it does."""
-        def answer(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-            response.success, response.message = act()
-            return response
-        self.create_service(Trigger, f'replay/{name}', answer)
-
     def set_paused(self, paused: bool) -> tuple[bool, str]:
         """Let the time of the bag stand still, or go on from where it stands."""
         self.paused = paused
@@ -181,7 +169,7 @@ class ReplayNode(ProcessNode):
         return True, message.entry.topic
 
     def close(self) -> None:
-        """End a stream of commands with zero, and say what was played."""
+        """End a stream of commands with zero, and print what was played."""
         for topic, data in self.last_forces.items():
             if any(data[HEADER:]):
                 self.outputs[topic].publish(Float64(data=0.0))
@@ -215,6 +203,4 @@ def _is(topic: Topic, name: str, channel: ChannelInfo) -> bool:
     return name.endswith(f'/{topic.name}') and channel.type == topic.type
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the node; see `ros2 run dp_swing_ros replay --ros-args -p bag:=my_bag`."""
-    return run(ReplayNode, args)
+main = partial(run, ReplayNode)

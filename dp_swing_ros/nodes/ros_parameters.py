@@ -23,12 +23,10 @@ from dp_swing_ros import configuration
 from dp_swing_ros.messages.configuration import Configuration
 from dp_swing_ros.nodes.connections import publish
 from dp_swing_ros.nodes.parameters import expected
-from dp_swing_ros.parameters import checked, unknown
+from dp_swing_ros.parameters import checked, LARGEST, unknown
 from dp_swing_ros.parameters.files import ANY_NODE, QOS_OVERRIDES, sections
 from dp_swing_ros.provenance import commit, machine, package_version, packages, sources
 from dp_swing_ros.topics import CONFIGURATION
-
-LARGEST_INTEGER = 2 ** 63 - 1
 
 
 def declare(node: Node, fields: Mapping[str, dataclasses.Field],
@@ -43,12 +41,12 @@ def declare(node: Node, fields: Mapping[str, dataclasses.Field],
     for name, field in fields.items():
         values[name] = checked(field, _given(node, name, field.default), name, links)
         # The override is left aside: it is in the value already, there in its declared type.
-        node.declare_parameter(name, _to_ros(values[name]), _descriptor(field),
+        node.declare_parameter(name, _listed(values[name]), _descriptor(field),
                                ignore_override=True)
     _refuse_unknown(node, lambda name: not name.startswith(QOS_OVERRIDES))
     configured = Configuration(
         node.get_fully_qualified_name(),
-        {each.name: _plain(each.value) for each in node.get_parameters(
+        {each.name: _listed(each.value) for each in node.get_parameters(
             sorted(node.list_parameters([], 0).names))
          if not each.name.startswith(QOS_OVERRIDES)},
         package_version(), commit(), sources(), machine(), packages())
@@ -113,13 +111,9 @@ def _given(node: Node, name: str, default: Any) -> Any:
     return () if override.type_ is Parameter.Type.NOT_SET else override.value
 
 
-def _plain(value: Any) -> Any:
-    # rclpy holds numbers in arrays
-    return list(value) if isinstance(value, array) else value
-
-
-def _to_ros(value: Any) -> Any:
-    return list(value) if isinstance(value, tuple) else value
+def _listed(value: Any) -> Any:
+    # we hold lists in tuples, rclpy those of numbers in arrays
+    return list(value) if isinstance(value, (array, tuple)) else value
 
 
 def _descriptor(field: dataclasses.Field) -> ParameterDescriptor:
@@ -132,8 +126,8 @@ def _descriptor(field: dataclasses.Field) -> ParameterDescriptor:
         descriptor.additional_constraints = expected(field)
     elif isinstance(field.default, int):
         descriptor.integer_range = [IntegerRange(
-            from_value=-LARGEST_INTEGER if low is None else int(low),
-            to_value=LARGEST_INTEGER if high is None else int(high))]
+            from_value=-LARGEST if low is None else int(low),
+            to_value=LARGEST if high is None else int(high))]
     else:
         descriptor.floating_point_range = [FloatingPointRange(
             from_value=-math.inf if low is None else float(low),

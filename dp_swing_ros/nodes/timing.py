@@ -3,8 +3,8 @@
 """
 When a state was measured, by its stamp and its arrival.
 
-Nobody can see from a stamp which clock it was read from. So the controller is told, by its
-parameter `clock`, or by whoever publishes the states, on the topic `configuration`.
+Nobody can see from a stamp which clock it was read from. So the controller learns it, by its
+parameter `clock`, or from whoever publishes the states, on the topic `configuration`.
 """
 
 from collections import deque
@@ -16,7 +16,7 @@ from dp_swing_ros.messages.configuration import Configuration
 
 OLDEST = 1.0       # [s] a state older than this cannot be: no plan reaches much further
 AHEAD = 0.005      # [s] a stamp may be this far in the future, where clocks are kept together
-WINDOW = 5.0       # [s] in which the state that came fastest tells the offset of the clocks
+WINDOW = 5.0       # [s] in which the state that came fastest gives the offset of the clocks
 
 
 class Clock(Enum):
@@ -25,22 +25,6 @@ class Clock(Enum):
     STAMPS = 'stamps are of the clock of this node: a state is as old as its stamp'
     ARRIVAL = 'stamps are of some clock: a state is as old as it came later than others did'
     LOCKSTEP = 'stamps are simulated time, which waits for the answer'
-
-
-class Announcement(NamedTuple):
-    """What a plant announces: the clock of its stamps, and in lockstep the age of its states."""
-
-    clock: Clock
-    delay: float  # [s]
-
-
-def announcement_of(configuration: Configuration) -> Announcement | None:
-    """Return what the configuration of a node announces, None where it is not that of a plant."""
-    lockstep = configuration.parameters.get('lockstep')
-    if lockstep is None:
-        return None
-    delay = float(configuration.parameters.get('delay', 0.0))
-    return Announcement(Clock.LOCKSTEP if lockstep else Clock.STAMPS, delay)
 
 
 class Measured(NamedTuple):
@@ -52,12 +36,13 @@ class Measured(NamedTuple):
 
 
 class Timing:
-    """Tells when states were measured; remembers how fast they came."""
+    """Computes when states were measured; remembers how fast they came."""
 
     def __init__(self, clock: str) -> None:
         """Take the parameter `clock` of the controller."""
-        self.announced = Announcement(Clock.ARRIVAL, 0.0)
         self.given = None if clock == 'announced' else Clock[clock.upper()]
+        self.announced = Clock.ARRIVAL
+        self.delay = 0.0   # [s] age of the states in lockstep
         self.reset()
 
     def reset(self) -> None:
@@ -68,7 +53,18 @@ class Timing:
     @property
     def clock(self) -> Clock:
         """Return which clock the stamps are of."""
-        return self.given or self.announced.clock
+        return self.given or self.announced
+
+    def learn(self, configuration: Configuration) -> None:
+        """
+        Take over what a plant announces; of other nodes the configuration changes nothing.
+
+        Raises TypeError or ValueError where the delay is no number.
+        """
+        lockstep = configuration.parameters.get('lockstep')
+        if lockstep is not None:
+            self.delay = float(configuration.parameters.get('delay', 0.0))
+            self.announced = Clock.LOCKSTEP if lockstep else Clock.STAMPS
 
     def measured(self, stamp: float, now: float, sent: float) -> Measured:
         """
@@ -77,7 +73,7 @@ class Timing:
         It was sent at a time [s] that is right but for a constant offset of the sender's clock.
         """
         if self.clock is Clock.LOCKSTEP:
-            return Measured(stamp, self.announced.delay)
+            return Measured(stamp, self.delay)
         age = now - stamp
         relative = self.relative_age(stamp, now, sent)
         if self.clock is Clock.ARRIVAL:
@@ -94,13 +90,9 @@ class Timing:
             self.offsets.popleft()
         stands_still, self.stamp = stamp == self.stamp, stamp
         offset = now - (sent if stands_still else stamp)
-        if self.jumps(offset):
-            self.offsets.clear()
+        if self.offsets and abs(offset - self.offsets[-1][1]) > OLDEST:
+            self.offsets.clear()   # a clock was set
         self.offsets.append((now, offset))
         age = offset - min(before for _, before in self.offsets)
         return Measured(now - age, age, 'the stamps stand still; the time of sending counts'
                         if stands_still else '')
-
-    def jumps(self, offset: float) -> bool:
-        """Return whether an offset of clocks [s] is another than before: a clock was set."""
-        return any(abs(offset - before) > OLDEST for _, before in list(self.offsets)[-1:])

@@ -6,9 +6,8 @@ from collections import deque
 from typing import Callable
 
 import numpy as np
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
-from rclpy.node import Node
+
+from dp_swing_ros.nodes.process import ProcessNode
 
 SPARE = 0.025    # [s] at least, beyond a period, before the first bark; one every period follows
 PATIENCE = 0.5   # periods, where that is longer
@@ -18,13 +17,11 @@ REMEMBERED = 9   # periods; some of them may be those of losses
 class Watchdog:
     """Learns the period of its feedings, by the node's clock; barks where none came."""
 
-    def __init__(self, node: Node, period: float, bark: Callable[[], None]) -> None:
+    def __init__(self, node: ProcessNode, period: float, bark: Callable[[], None]) -> None:
         """Take the node whose timer it is, the period [s] until one is known, and what to call."""
         self.bark, self.first = bark, period
         # a clock that is set must not look like silence, and simulated time may stand still
-        simulated = node.get_parameter('use_sim_time').value
-        clock = node.get_clock() if simulated else Clock(clock_type=ClockType.STEADY_TIME)
-        self.timer = node.create_timer(1.0, self.on_time, clock=clock, autostart=False)
+        self.timer = node.create_timer(1.0, self.on_time, clock=node.pace_clock, autostart=False)
         self.forget()
 
     def forget(self) -> None:

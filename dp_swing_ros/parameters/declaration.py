@@ -12,7 +12,6 @@ import math
 import numbers
 from typing import Any, Callable, Iterable, Mapping
 
-INFINITE = math.inf
 LARGEST = 2 ** 63 - 1  # whole number that a ROS parameter holds
 SHOWN = 200  # [characters] of a value in an error
 WORDS = {bool: 'true or false', int: 'a whole number', float: 'a number', str: 'a text'}

@@ -37,7 +37,7 @@ PlainLoader.add_constructor('tag:yaml.org,2002:int', PlainLoader.construct_yaml_
 
 def parse(text: str | bytes, loader: type[PlainLoader] = PlainLoader) -> Any:
     """
-    Return what a text of YAML says.
+    Return the content of a text of YAML.
 
     Raises YamlError, before anything is constructed where the text is beyond the bounds.
     """
@@ -51,7 +51,7 @@ def parse(text: str | bytes, loader: type[PlainLoader] = PlainLoader) -> Any:
 
 def parse_file(path: Path, loader: type[PlainLoader] = PlainLoader) -> Any:
     """
-    Return what a file of YAML says.
+    Return the content of a file of YAML.
 
     Raises YamlError, and OSError where the file cannot be read.
     """

@@ -41,6 +41,22 @@ def test_a_joint_that_is_missing_is_named(links):
         to_state(message(list(joints(links))[:-1]), links)
 
 
+@pytest.mark.parametrize('links', LINKS[:-1])
+def test_a_pendulum_with_more_links_is_refused(links):
+    given, expected = (', '.join(joints(each)) for each in (links + 1, links))
+    with pytest.raises(ValueError) as refused:
+        to_state(message(['wheel', *joints(links + 1)]), links)
+    assert str(refused.value) == (
+        f'JointState has {links + 2} joints [{given}]; expected {links + 1} [{expected}]: '
+        'start plant and mpc with the same links')
+
+
+def test_joints_of_another_machine_may_be_numbered():
+    names = ['cart', *(f'joint{i}' for i in range(1, 8))]
+    assert to_state(message(names), max(LINKS)).tolist() == [0, 1, 2, 3, 10, 11, 12, 13]
+    assert to_state(message(['cart', 'joint1', 'joint3']), 1).tolist() == [0, 1, 10, 11]
+
+
 def test_the_force_is_that_of_the_cart():
     assert to_force(message(['joint1', 'cart'], [0.0, 7.5])) == 7.5
     assert np.isnan(to_force(message(['joint1', 'cart'])))

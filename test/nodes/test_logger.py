@@ -30,6 +30,9 @@ from dp_swing_ros.topics import DISTURBANCE, FORCE_COMMAND, ROBOT_DESCRIPTION
 
 NUMBERED = Path(__file__).parents[2] / 'benchmarks' / 'numbered.py'
 
+LOGGER = ('import sys; from dp_swing_ros.nodes.logger import main; '
+          'sys.exit(main(["logger", *sys.argv[1:]]))')
+
 # Publishes numbered states and forces at a rate given first, and says how many at the end.
 PUBLISHER = """
 import sys
@@ -242,10 +245,9 @@ def test_full_disk_is_one_line(start, tmp_path):
         resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
 
     start('-c', PUBLISHER, '200')
-    logger = start('-m', 'dp_swing_ros.nodes.logger', '--ros-args', '-p', 'output:=bag',
-                   preexec_fn=small_disk)
+    logger = start('-c', LOGGER, '--ros-args', '-p', 'output:=bag', preexec_fn=small_disk)
     assert logger.communicate(timeout=60)[1].splitlines()[1:] == [
-        "logger.py: error: cannot write the bag 'bag': File too large; what it holds so far can "
+        "logger: error: cannot write the bag 'bag': File too large; what it holds so far can "
         'be read, and `ros2 run dp_swing_ros recover bag` makes a whole bag of it']
     assert logger.returncode == 2
     episode = read_episode(tmp_path / 'bag')
@@ -272,7 +274,7 @@ def test_existing_output_is_refused(start_node, tmp_path):
 
 
 def test_default_output_is_named_by_the_time(start, tmp_path):
-    logger = start('-m', 'dp_swing_ros.nodes.logger')
+    logger = start('-c', LOGGER)
     assert 'recording to' in logger.stderr.readline()
     logger.send_signal(signal.SIGINT)
     logger.communicate(timeout=20)
@@ -337,9 +339,8 @@ def test_what_a_publisher_sent_before_it_was_heard_is_not_lost(log, peer, tmp_pa
 
 def test_type_that_is_not_installed_is_left_out(start, peer):
     # The definitions are looked for in the installation, which this logger does not find.
-    code = ('import sys; sys.prefix = "/nowhere"; from dp_swing_ros.nodes.logger import main; '
-            'sys.exit(main(["logger", *sys.argv[1:]]))')
-    logger = start('-c', code, '--ros-args', '-p', 'output:=bag', '-p', 'topics:=[force_command]',
+    logger = start('-c', f'import sys; sys.prefix = "/nowhere"; {LOGGER}', '--ros-args',
+                   '-p', 'output:=bag', '-p', 'topics:=[force_command]',
                    env={**os.environ, 'AMENT_PREFIX_PATH': '/nowhere'})
     publisher = publish(peer.node, FORCE_COMMAND)
     publisher.publish(Float64())

@@ -6,10 +6,9 @@ import pytest
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 
-from dp_swing_ros.messages.fields import nanoseconds, to_force
-from dp_swing_ros.nodes.messages import (
-    from_diagnostics, from_trajectory, seconds, to_diagnostics, to_joint_state, to_stamp, to_state,
-    to_trajectory)
+from dp_swing_ros.messages.fields import (
+    from_diagnostics, from_trajectory, nanoseconds, seconds, to_force, to_state)
+from dp_swing_ros.nodes.messages import to_diagnostics, to_joint_state, to_stamp, to_trajectory
 from dp_swing_ros.problem.plan import Plan, SolverStats, Status
 
 STAMP = to_stamp(1_795_225_249_631_521_481)

@@ -17,8 +17,8 @@ from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
 from dp_swing_ros import configuration
-from dp_swing_ros.nodes.messages import (
-    from_diagnostics, from_trajectory, seconds, to_joint_state, to_stamp)
+from dp_swing_ros.messages.fields import from_diagnostics, from_trajectory, seconds
+from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
 from dp_swing_ros.pendulum.model import rollout
 from dp_swing_ros.pendulum.state import hanging, joints, upright
 from dp_swing_ros.solvers import SOLVERS
@@ -159,6 +159,20 @@ def test_pendulums_with_other_numbers_of_links_are_controlled(peer, start_node, 
     assert f'link{links}_mass' in values and f'link{links + 1}_mass' not in values
     talk.states.publish(to_joint_state(to_stamp(10 ** 9), hanging(links)[:-2], 0.0))
     talk.node.wait_for(f'JointState has no joint{links}')
+
+
+def test_the_states_of_a_plant_with_more_links_are_refused(peer, start_node):
+    forces, reports = peer.record(FORCE_COMMAND), peer.record(DIAGNOSTICS)
+    mpc = start_node('mpc', {'links': 2})
+    start_node('plant', {'links': 3, 'lockstep': True})
+    mpc.wait_for('JointState has 4 joints [cart, joint1, joint2, joint3]; expected 3 [cart, '
+                 'joint1, joint2]: start plant and mpc with the same links')
+    assert peer.until(lambda: len(forces) > 5)
+    assert not any(force.data for force in forces)
+    refusals = [from_diagnostics(each, 'mpc') for each in reports]
+    last = [each for each in refusals if each is not None][-1]
+    assert last.level == DiagnosticStatus.ERROR[0]
+    assert 'JointState has 4 joints' in last.message and last.values['status'] == 'ZERO'
 
 
 @pytest.mark.parametrize('name', ['ilqr', 'mppi'])

@@ -20,13 +20,14 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, String
 from std_srvs.srv import Trigger
 
-from dp_swing_ros.nodes import messages
-from dp_swing_ros.nodes.messages import from_diagnostics, seconds, to_stamp
+from dp_swing_ros.messages import fields
+from dp_swing_ros.messages.fields import from_diagnostics, seconds
+from dp_swing_ros.nodes.messages import to_stamp
 from dp_swing_ros.nodes.qos import request_for
 from dp_swing_ros.pendulum.state import hanging, joints
 from dp_swing_ros.topics import DIAGNOSTICS, DISTURBANCE, FORCE_COMMAND, JOINT_STATES
 
-to_state = functools.partial(messages.to_state, links=2)
+to_state = functools.partial(fields.to_state, links=2)
 
 
 @pytest.fixture
@@ -57,7 +58,7 @@ def test_states_come_at_the_rate_with_names_and_stamps(peer, start_node):
 def test_states_have_as_many_joints_as_there_are_links(peer, start_node, links):
     _, states = first_states(peer, start_node, links=links)
     assert list(states[0].name) == list(joints(links))
-    np.testing.assert_array_equal(messages.to_state(states[0], links), hanging(links))
+    np.testing.assert_array_equal(fields.to_state(states[0], links), hanging(links))
     assert len(states[0].effort) == links + 1
 
 
@@ -305,7 +306,8 @@ def late_states(peer):
     """Return a list that fills with the states as a reader asks for them that comes late."""
     states, name = [], '/joint_states'
     assert peer.until(lambda: peer.node.get_publishers_info_by_topic(name))
-    profile = request_for(peer.node.get_publishers_info_by_topic(name)).to_profile()
+    profile = request_for([
+        each.qos_profile for each in peer.node.get_publishers_info_by_topic(name)])
     peer.node.create_subscription(JointState, name, states.append, profile)
     return states
 

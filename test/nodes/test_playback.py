@@ -79,7 +79,7 @@ def played(playback, now):
 def test_messages_are_due_as_recorded_however_late_the_others_were(bag):
     playback = Playback(schedule(bag), rate=2.0)
     assert playback.due() is None  # it stands still
-    playback.timeline.run(7 * SECOND)
+    playback.run(7 * SECOND)
     assert playback.due() == 7 * SECOND
     assert played(playback, 7 * SECOND + 1_000_000) == [0]
     assert playback.due() == 7 * SECOND + SECOND // 20
@@ -93,14 +93,14 @@ def test_messages_are_due_as_recorded_however_late_the_others_were(bag):
 
 def test_a_pause_shifts_what_follows(bag):
     playback = Playback(schedule(bag), rate=1.0)
-    playback.timeline.run(0)
+    playback.run(0)
     assert played(playback, SECOND // 10) == [0, 1]
-    playback.timeline.stand(SECOND // 5)
-    playback.timeline.stand(SECOND // 4)  # again, which changes nothing
+    playback.stand(SECOND // 5)
+    playback.stand(SECOND // 4)  # again, which changes nothing
     assert playback.due() is None
     assert playback.at(3 * SECOND) == START + SECOND // 5
-    playback.timeline.run(9 * SECOND)
-    playback.timeline.run(10 * SECOND)
+    playback.run(9 * SECOND)
+    playback.run(10 * SECOND)
     assert playback.due() == 9 * SECOND + SECOND // 20
 
 
@@ -108,7 +108,7 @@ def test_a_step_takes_the_bag_to_the_time_of_its_message(bag):
     playback = Playback(schedule(bag), rate=1.0)
     assert [number(playback.step(SECOND)) for _ in range(3)] == [0, 1, 2]
     assert playback.at(5 * SECOND) == START + SECOND // 4
-    playback.timeline.run(6 * SECOND)
+    playback.run(6 * SECOND)
     assert playback.due() == 6 * SECOND
     assert played(playback, 6 * SECOND) == [3]
     assert playback.due() == 6 * SECOND + 3 * SECOND // 4
@@ -117,7 +117,7 @@ def test_a_step_takes_the_bag_to_the_time_of_its_message(bag):
 
 def test_time_does_not_pass_a_message_that_is_to_come(bag):
     playback = Playback(schedule(bag), rate=1.0)
-    playback.timeline.run(0)
+    playback.run(0)
     assert playback.at(SECOND) == START
     played(playback, SECOND // 10)
     assert playback.at(SECOND // 5) == START + SECOND // 5
@@ -128,7 +128,7 @@ def test_time_does_not_pass_a_message_that_is_to_come(bag):
 
 def test_a_loop_begins_again_when_the_last_was_played(bag):
     playback = Playback(schedule(bag), rate=1.0, loop=True)
-    playback.timeline.run(0)
+    playback.run(0)
     assert played(playback, SECOND)[:5] == [0, 1, 2, 3, 4]
     assert not playback.done
     assert playback.due() == SECOND + SECOND // 10

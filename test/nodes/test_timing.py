@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dp_swing_ros.messages.configuration import Configuration
-from dp_swing_ros.nodes.timing import announcement_of, Clock, Timing
+from dp_swing_ros.nodes.timing import Clock, Timing
 
 NOW = 1000.0   # [s]
 
@@ -96,18 +96,21 @@ def test_the_fastest_state_counts_for_a_while_only():
 def test_a_plant_announces_its_clock(parameters, clock, delay):
     timing = Timing('announced')
     assert timing.clock is Clock.ARRIVAL
-    timing.announced = announcement_of(configuration(**parameters))
-    assert (timing.clock, timing.announced.delay) == (clock, delay)
+    timing.learn(configuration(**parameters))
+    assert (timing.clock, timing.delay) == (clock, delay)
 
 
 def test_in_lockstep_a_state_is_as_old_as_announced():
     timing = Timing('announced')
-    timing.announced = announcement_of(configuration(lockstep=True, delay=0.07))
+    timing.learn(configuration(lockstep=True, delay=0.07))
     assert timing.measured(3.5, NOW, NOW) == (3.5, 0.07, '')
 
 
 def test_others_announce_nothing_and_a_parameter_says_more():
-    assert announcement_of(configuration(solver='ilqr')) is None
+    others = Timing('announced')
+    others.learn(configuration(lockstep=True))
+    others.learn(configuration(solver='ilqr'))
+    assert others.clock is Clock.LOCKSTEP
     timing = Timing('arrival')
-    timing.announced = announcement_of(configuration(lockstep=True))
+    timing.learn(configuration(lockstep=True))
     assert timing.clock is Clock.ARRIVAL

@@ -1,7 +1,7 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Ends a process whose last steps hang.
+How a process ends: on a signal, and where its last steps hang.
 
 Fast DDS 2.14 can deadlock when two processes end at the same moment: the end of a participant
 (DomainParticipant::set_listener, from rmw_destroy_node) spins for a lock whose holder, a callback
@@ -9,9 +9,11 @@ on the end of the other's endpoints, waits for it. It spins with Python's interp
 Python thread or signal handler can help: a timer of the C library calls _exit.
 """
 
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 import ctypes
-from typing import Iterator
+import signal
+from typing import Any
 
 CLOCK_MONOTONIC, SIGEV_THREAD = 1, 2  # of Linux
 
@@ -24,11 +26,12 @@ class _Event(ctypes.Structure):
                 ('reserved', ctypes.c_char * 32))
 
 
-class _Times(ctypes.Structure):
-    """The C library's itimerspec."""
-
-    _fields_ = tuple((name, ctypes.c_long) for name in (
-        'interval_seconds', 'interval_nanoseconds', 'seconds', 'nanoseconds'))
+def on_signals(handler: Callable[..., Any]) -> None:
+    """Call a handler on every signal that asks the process to end."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        # a script ignores SIGINT for what it starts in the background, nohup means its SIGHUP
+        if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, handler)
 
 
 @contextmanager
@@ -40,7 +43,8 @@ def exit_after(seconds: int, code: int) -> Iterator[None]:
     timer = ctypes.c_void_p()
     if libc.timer_create(CLOCK_MONOTONIC, ctypes.byref(event), ctypes.byref(timer)) != 0:
         raise OSError(ctypes.get_errno(), 'timer_create')
-    libc.timer_settime(timer, 0, ctypes.byref(_Times(seconds=seconds)), None)
+    times = (ctypes.c_long * 4)(0, 0, seconds, 0)   # itimerspec: no interval; first, in s and ns
+    libc.timer_settime(timer, 0, times, None)
     try:
         yield
     finally:
