@@ -22,7 +22,8 @@ import numpy as np
 import pandas as pd
 from stamp import made, sources_with, TOP
 
-from dp_swing_ros.evaluation.comparison import wilson
+from dp_swing_ros.evaluation import comparison
+from dp_swing_ros.evaluation.campaign.report import share
 from dp_swing_ros.tables import compact
 from dp_swing_ros.tools.isolation import isolated
 from dp_swing_ros.tools.processes import Crew, Process
@@ -201,9 +202,7 @@ def do(cases: list[Case], file: Path, jobs: int) -> dict[Case, dict[str, Any]]:
 
 def rate(successes: Iterable[bool]) -> str:
     """Return a count of successes and Wilson's interval."""
-    good = list(successes)
-    low, high = wilson(sum(good), len(good))
-    return f'{sum(good)} of {len(good)} ({100 * low:.0f}-{100 * high:.0f} %)'
+    return share(comparison.rate(list(successes)), 0)
 
 
 def swing_up_cells(runs: list[dict[str, Any]]) -> list[str]:

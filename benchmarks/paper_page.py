@@ -9,8 +9,9 @@ import math
 import numpy as np
 from paper_experiments import Key
 
+from dp_swing_ros.evaluation.campaign.report import probability, share
 from dp_swing_ros.evaluation.campaign.summary import DROP
-from dp_swing_ros.evaluation.comparison import paired, Rate, rate
+from dp_swing_ros.evaluation.comparison import paired, rate
 from dp_swing_ros.evaluation.ensemble import band, Ensemble, FIRST, NEAR, Trial
 from dp_swing_ros.evaluation.metrics import REST
 from dp_swing_ros.figures.style import solver_name
@@ -85,14 +86,13 @@ def _difference(a: Sequence[Trial], b: Sequence[Trial], value: Callable[[Trial],
     found = paired(np.array([value(one) for one in a]), np.array([value(one) for one in b]))
     if found.pairs < 2:
         return '-'
-    p = '< 0.001' if found.p < 0.001 else f'{found.p:.3f}'
-    return (f'{found.median:+.3g} ({found.low:+.3g} to {found.high:+.3g}), p {p}, '
-            f'{found.pairs} pairs')
+    return (f'{found.median:+.3g} ({found.low:+.3g} to {found.high:+.3g}), '
+            f'p {probability(found.p)}, {found.pairs} pairs')
 
 
-def share(found: Rate) -> str:
+def held(runs: Sequence[bool]) -> str:
     """Return a count and the interval of its share."""
-    return f'{found.successes} of {found.runs} ({100 * found.low:.0f}-{100 * found.high:.0f} %)'
+    return share(rate(runs), 0)
 
 
 def middle(values: Sequence[float], digits: int) -> str:
@@ -109,8 +109,8 @@ def _of(name: str, digits: int) -> Column:
 
 
 COLUMNS: dict[str, Column] = {
-    'upright to the end': lambda trials: share(rate([one.metrics.success for one in trials])),
-    'near to the end': lambda trials: share(rate([one.neared >= 0 for one in trials])),
+    'upright to the end': lambda trials: held([one.metrics.success for one in trials]),
+    'near to the end': lambda trials: held([one.neared >= 0 for one in trials]),
     'near from [s]': lambda trials: middle([one.neared for one in trials], 2),
     'upright first [s]': lambda trials: middle([one.reached for one in trials], 2),
     'settled [s]': _of('settling_time', 2),
@@ -121,5 +121,5 @@ COLUMNS: dict[str, Column] = {
     'cart from the centre at the end [mm]': lambda trials: middle(
         [1e3 * one.end for one in trials], 1)}
 NEAR_GOAL: dict[str, Column] = {
-    'dropped': lambda trials: share(rate([one.metrics.largest_angle > DROP for one in trials])),
+    'dropped': lambda trials: held([one.metrics.largest_angle > DROP for one in trials]),
     'largest angle [rad]': _of('largest_angle', 2)}

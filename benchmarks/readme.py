@@ -90,9 +90,9 @@ def scores(rows: dict[str, list[Row]]) -> str:
                  if row.key[:2] == (f'{name}_paper', 'hanging')) for name in SOLVERS]
     runs = len({row.key.seed for row in rows['baselines'] if row.key.scenario == 'hanging'})
     held = ', '.join(f'{count} of {runs}' for count in paper)
-    return ("Robustness is the mean of the leaderboards' six criteria: bodies 25 % off, noisy "
-            'velocities, noisy and slow\nforces, a known delay of the states, pushes; a TVLQR '
-            f"scores {tvlqr.robustness:.3f}. The paper's own set-up, from\nhanging, on an "
+    return ("Robustness is the mean of the leaderboards' six criteria: physical parameters 25 % "
+            'off, noisy velocities, noisy and slow\nforces, a known delay of the states, pushes; '
+            f"a TVLQR scores {tvlqr.robustness:.3f}. The paper's own set-up, from\nhanging, on an "
             'endless track and with a force that is limited for MPPI alone (75 N), holds\nwhere '
             'the plant is integrated finely '
             f'{held} ({", ".join(SOLVERS)}).')

@@ -24,7 +24,7 @@ Episodes = list[tuple[Contestant, Case]]
 
 
 class Seeded(NamedTuple):
-    """All episodes of a page, and of which of them one process alone tells the solve times."""
+    """All episodes of a page, and of which of them one process alone measures the solve times."""
 
     episodes: Callable[[], Episodes]
     timed: Callable[[Case], bool]
@@ -49,16 +49,16 @@ def played(page: str, folder: Path) -> list[Row]:
     """
     Play the episodes of a page that a folder lacks, and return the rows of all in order.
 
-    Those that are timed come first, one after the other; what the clock says of others is left
+    Those that are timed come first, one after the other; what the clock decides of others is left
     out. Raises ParameterError and CampaignError.
     """
     episodes, is_timed = SEEDED[page].episodes(), SEEDED[page].timed
     alone = [one for one in episodes if is_timed(one[1])]
     together = [one for one in episodes if not is_timed(one[1])]
-    with Table(folder / 'timed.csv') as timed, Table(folder / 'others.csv') as others:
-        run(alone, timed, jobs=1)
-        run(together, others, jobs=-1)
-        return in_order(episodes, [*timed.rows, *map(untimed, others.rows)])
+    timed, others = Table(folder / 'timed.csv'), Table(folder / 'others.csv')
+    run(alone, timed, jobs=1)
+    run(together, others, jobs=-1)
+    return in_order(episodes, [*timed.rows, *map(untimed, others.rows)])
 
 
 def in_order(episodes: Episodes, rows: Sequence[Row]) -> list[Row]:

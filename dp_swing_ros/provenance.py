@@ -14,13 +14,12 @@ import subprocess
 PACKAGE = Path(__file__).parent
 COMPUTING = ('numpy', 'numba', 'scipy')
 # what no episode depends on
-AFTERWARDS = ('__main__.py', 'bags/', 'errors.py', 'evaluation/campaign/against.py',
-              'evaluation/campaign/manifest.py', 'evaluation/campaign/report.py',
-              'evaluation/campaign/runner.py', 'evaluation/campaign/scores.py',
-              'evaluation/campaign/summary.py', 'evaluation/comparison.py',
-              'evaluation/ensemble.py', 'figures/', 'messages/', 'nodes/',
-              'pendulum/geometry.py', 'pendulum/urdf.py', 'provenance.py', 'recovery/',
-              'report/', 'rerun/', 'tables.py', 'tools/', 'topics.py')
+AFTERWARDS = ('__main__.py', 'bags/', 'errors.py', 'evaluation/campaign/manifest.py',
+              'evaluation/campaign/report.py', 'evaluation/campaign/runner.py',
+              'evaluation/campaign/scores.py', 'evaluation/campaign/summary.py',
+              'evaluation/comparison.py', 'evaluation/ensemble.py', 'figures/', 'messages/',
+              'nodes/', 'pendulum/geometry.py', 'pendulum/urdf.py', 'provenance.py',
+              'recovery/', 'report/', 'rerun/', 'tables.py', 'tools/', 'topics.py')
 
 
 def cpu() -> str:

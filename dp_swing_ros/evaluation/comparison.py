@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.stats import binomtest, bootstrap
 
-from dp_swing_ros.evaluation.metrics import Metrics
+from dp_swing_ros.evaluation.metrics import Metrics, reduced
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.tables import aligned
 
@@ -51,15 +51,12 @@ class Ratio(NamedTuple):
 
 
 def rate(successes: Sequence[bool]) -> Rate:
-    """Count successes."""
+    """Count successes; without a run there is no interval."""
     count, runs = sum(successes), len(successes)
-    return Rate(count, runs, *(wilson(count, runs) if runs else (math.nan, math.nan)))
-
-
-def wilson(successes: int, runs: int) -> tuple[float, float]:
-    """Return Wilson's 95 % confidence interval of a share of successes."""
-    interval = binomtest(successes, runs).proportion_ci(method='wilson')
-    return float(interval.low), float(interval.high)
+    if not runs:
+        return Rate(0, 0, math.nan, math.nan)
+    interval = binomtest(count, runs).proportion_ci(method='wilson')
+    return Rate(count, runs, float(interval.low), float(interval.high))
 
 
 def paired(a: Array, b: Array) -> Paired:
@@ -69,7 +66,7 @@ def paired(a: Array, b: Array) -> Paired:
     Shapes: a and b (N,), NaN where unknown. Source: Efron and Tibshirani, "An Introduction to the
     Bootstrap", 1993, 13 (percentile intervals).
     """
-    apart = _known(np.asarray(a, dtype=float) - np.asarray(b, dtype=float))
+    apart = _known(a - b)
     p = sign_test(int(np.sum(apart > 0)), int(np.sum(apart < 0))) if len(apart) > 1 else math.nan
     return Paired(len(apart), *_bootstrapped(apart, np.median), p)
 
@@ -80,7 +77,7 @@ def paired_ratio(a: Array, b: Array) -> Ratio:
 
     Shapes: a and b (N,), NaN where unknown. Source as of `paired`.
     """
-    logarithm = _known(np.log(np.asarray(a, dtype=float) / np.asarray(b, dtype=float)))
+    logarithm = _known(np.log(a / b))
     return Ratio(len(logarithm), *map(math.exp, _bootstrapped(logarithm, np.mean)))
 
 
@@ -90,7 +87,7 @@ def _known(values: Array) -> Array:
 
 def _bootstrapped(values: Array, statistic: Callable[..., Any]) -> tuple[float, float, float]:
     """Return a statistic and its percentile interval, NaN where there are too few values."""
-    value = float(statistic(values)) if len(values) else math.nan
+    value = reduced(statistic, values)
     if len(values) < 2:
         return value, math.nan, math.nan
     interval = bootstrap(
@@ -124,12 +121,11 @@ def _of_runs(reduce: Callable[[Array], Any], values: list[Any]) -> Any:
 
 def summary(name: str, runs: Sequence[Metrics]) -> str:
     """Return one line on repeated runs: successes, late ticks and the worst median solve."""
-    successes = sum(run.success for run in runs)
-    low, high = wilson(successes, len(runs))
+    held = rate([run.success for run in runs])
     late = sum(run.late_ticks for run in runs)
-    slowest = max((run.median_solve_time for run in runs), default=math.nan)
-    return (f'{name}: upright in {successes} of {len(runs)} runs (95 % interval '
-            f'{100 * low:.0f}-{100 * high:.0f} %), late ticks {late}, '
+    slowest = max(run.median_solve_time for run in runs)
+    return (f'{name}: upright in {held.successes} of {held.runs} runs (95 % interval '
+            f'{100 * held.low:.0f}-{100 * held.high:.0f} %), late ticks {late}, '
             f'worst median solve {1e3 * slowest:.2f} ms')
 
 

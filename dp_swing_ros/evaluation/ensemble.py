@@ -10,13 +10,12 @@ from typing import NamedTuple
 import numpy as np
 
 from dp_swing_ros.evaluation.comparison import Rate, rate
-from dp_swing_ros.evaluation.metrics import measure, Metrics
+from dp_swing_ros.evaluation.metrics import last_stay, measure, Metrics
 from dp_swing_ros.pendulum.state import angles, Array, is_upright, links_of, to_turn_of, upright
 from dp_swing_ros.simulation.episode import Episode
 
 SHARES = (0.1, 0.5, 0.9)
 NEAR = 0.5      # [rad] of all angles: up, though not held still
-LAST = 1.0      # [s] to the end at least
 FIRST = 5.0     # [s] that runs of any length have, to compare their forces
 
 
@@ -38,7 +37,7 @@ class Trial(NamedTuple):
     error: Array
     metrics: Metrics
     reached: float    # [s] when it was upright first, NaN if never
-    neared: float     # [s] when all angles came within NEAR to stay for LAST or more, or NaN
+    neared: float     # [s] when all angles came within NEAR to stay, as last_stay has it
     roughness: float  # [N] standard deviation of the force steps until FIRST
     end: float        # [m] distance of the cart from the centre at the end
 
@@ -66,11 +65,9 @@ def trial(episode: Episode) -> Trial:
     """Return of a run what its ensemble needs."""
     X, t = to_turn_of(episode.X, upright(links_of(episode.X))), episode.t
     up = np.flatnonzero(is_upright(X))
-    far = np.flatnonzero(np.any(np.abs(X[:, angles(X)]) > NEAR, axis=1))
-    first = int(far[-1]) + 1 if far.size else 0
-    neared = t[first] if first < len(t) and t[-1] - t[first] >= LAST - 1e-9 else math.nan
+    near = np.all(np.abs(X[:, angles(X)]) <= NEAR, axis=1)
     return Trial(X ** 2, measure(episode), float(t[up[0]]) if up.size else math.nan,
-                 float(neared), float(np.std(np.diff(episode.U[t[:-1] < FIRST - 1e-9]))),
+                 last_stay(t, near), float(np.std(np.diff(episode.U[t[:-1] < FIRST - 1e-9]))),
                  float(np.abs(X[-1, 0])))
 
 

@@ -20,7 +20,7 @@ HOLD = 1.0  # [s] upright for less than this at the end may be passing by
 REST = 2.0  # [s] at the end of a run, over which holding is measured
 TIME_LIMIT = 0.04  # [s] for a solve, the mpc's default
 TOUCH = 1e-6  # [m] from an end stop
-STAND_INS = {status.name for status in (Status.LAST_POLICY, Status.REGULATOR, Status.ZERO)}
+WITHOUT_SOLVE = {status.name for status in (Status.LAST_POLICY, Status.REGULATOR, Status.ZERO)}
 
 
 class Outcome(enum.Enum):
@@ -92,29 +92,29 @@ def measure(episode: Episode, time_limit: float = TIME_LIMIT) -> Metrics:
     return Metrics(
         success=not math.isnan(settled),
         settling_time=settled,
-        settling_offset=_offset(t, X, settled),
-        hold_error=_reduced(lambda errors: np.sqrt(np.mean(np.square(errors))),
-                            X[rest, angles(X)]),
+        settling_offset=_largest(X[t == settled, 0]),
+        hold_error=reduced(lambda errors: np.sqrt(np.mean(np.square(errors))),
+                           X[rest, angles(X)]),
         # the force of the period that starts at a state
-        smoothness=_reduced(np.std, np.diff(U[rest[:-1]])),
-        roughness=_reduced(np.std, np.diff(U)),
-        largest_force=_reduced(_largest, U),
-        largest_position=_reduced(_largest, X[:, 0]),
-        largest_angle=_reduced(_largest, X[1:, angles(X)]),
+        smoothness=reduced(np.std, np.diff(U[rest[:-1]])),
+        roughness=reduced(np.std, np.diff(U)),
+        largest_force=_largest(U),
+        largest_position=_largest(X[:, 0]),
+        largest_angle=_largest(X[1:, angles(X)]),
         strikes=strikes(X[:, 0], episode.limits.track_limit),
         energy=float(np.sum(np.abs(np.diff(X[:, 0]) * U))),
         impulse=float(np.sum(np.abs(U) * dt)),
         squared_force=float(np.sum(U ** 2 * dt)),
         squared_speed=float(np.sum(joint_speeds ** 2 * dt)),
         closed_loop_cost=closed_loop_cost(X, U),
-        median_solve_time=_quantile(ticks.solve_time, 0.5),
-        p99_solve_time=_quantile(ticks.solve_time, 0.99),
-        largest_solve_time=_quantile(ticks.solve_time, 1.0),
-        median_latency=_quantile(ticks.latency, 0.5),
-        p99_latency=_quantile(ticks.latency, 0.99),
+        median_solve_time=quantile(ticks.solve_time, 0.5),
+        p99_solve_time=quantile(ticks.solve_time, 0.99),
+        largest_solve_time=quantile(ticks.solve_time, 1.0),
+        median_latency=quantile(ticks.latency, 0.5),
+        p99_latency=quantile(ticks.latency, 0.99),
         late_ticks=int(np.count_nonzero(ticks.late)),
         deadline_misses=int(np.count_nonzero(ticks.solve_time > time_limit)),
-        stand_ins=sum(status in STAND_INS for status in ticks.status),
+        stand_ins=sum(status in WITHOUT_SOLVE for status in ticks.status),
         ticks=len(ticks.t),
         states=len(t),
         duration=float(t[-1] - t[0]) if t.size else math.nan)
@@ -142,10 +142,17 @@ def settling_time(t: Array, X: Array) -> float:
 
     Shapes: t (N,) [s], X (N, 2n + 2).
     """
-    if not len(t):
-        return math.nan
-    fallen = np.flatnonzero(~is_upright(X))
-    first = int(fallen[-1]) + 1 if fallen.size else 0
+    return last_stay(t, is_upright(X))
+
+
+def last_stay(t: Array, inside: Array) -> float:
+    """
+    Return the start [s] of the last unbroken stay to the end, NaN where it is shorter than HOLD.
+
+    Shapes: t (N,) [s], inside (N,) bool.
+    """
+    outside = np.flatnonzero(~inside)
+    first = int(outside[-1]) + 1 if outside.size else 0
     # a stay that began with the run counts however short the run is
     if first == len(t) or (first > 0 and t[-1] - t[first] < HOLD - 1e-9):
         return math.nan
@@ -176,20 +183,16 @@ def strikes(x: Array, track_limit: float) -> int:
     return int(np.count_nonzero(np.diff(at_stop.astype(int), prepend=0) > 0))
 
 
-def _offset(t: Array, X: Array, settled: float) -> float:
-    """Return the distance of the cart from the centre at a time [s], NaN where there is none."""
-    return math.nan if math.isnan(settled) else float(np.abs(X[np.searchsorted(t, settled), 0]))
-
-
-def _quantile(values: Array, share: float) -> float:
+def quantile(values: Array, share: float) -> float:
+    """Return a quantile of the values that are finite, NaN where there are none."""
     values = np.asarray(values, dtype=float)
-    return _reduced(lambda known: np.quantile(known, share), values[np.isfinite(values)])
+    return reduced(lambda known: np.quantile(known, share), values[np.isfinite(values)])
 
 
-def _reduced(reduce: Callable[[Array], Any], values: Array) -> float:
+def reduced(reduce: Callable[[Array], Any], values: Array) -> float:
     """Reduce values to a number, NaN where there are none."""
     return float(reduce(values)) if np.size(values) else math.nan
 
 
-def _largest(values: Array) -> Any:
-    return np.max(np.abs(values))
+def _largest(values: Array) -> float:
+    return reduced(np.max, np.abs(values))

@@ -48,14 +48,14 @@ class Case:
 
 @dataclass(frozen=True)
 class Sweep:
-    """One parameter over its range; `plant` turns a level into parameters of the plant."""
+    """A parameter of the plant over a range, in its unit or as a share of its nominal value."""
 
-    parameter: str   # as figures and tables call it
+    parameter: str
     low: float
     high: float
-    unit: str
-    plant: Callable[[float], dict[str, Any]]
-    links: int = 1   # that there must be
+    unit: str = ''
+    links: int = 1         # that there must be
+    nominal: float = 1.0   # what a level is a share of
 
 
 @dataclass(frozen=True)
@@ -82,8 +82,9 @@ class Scenario:
                 yield self.case(Case(name, seed, duration), links)
         for sweep in (each for each in self.sweeps if each.links <= links):
             for level in np.linspace(sweep.low, sweep.high, levels or self.levels).tolist():
+                plant = {sweep.parameter: level * sweep.nominal}
                 for seed in seeds or self.seeds:
-                    yield Case(name, seed, duration, sweep.parameter, level, sweep.plant(level))
+                    yield Case(name, seed, duration, sweep.parameter, level, plant)
 
 
 def random_start(case: Case, links: int) -> Case:
@@ -127,19 +128,13 @@ def push_profile(seed: int, periods: int) -> Array:
 
 def _scaled(name: str, links: int = 1) -> Sweep:
     """Sweep a mass or length as a share of its nominal value."""
-    nominal = getattr(PHYSICAL, name)
-    return Sweep(name, 0.75, 1.25, '', lambda factor: {name: factor * nominal}, links)
-
-
-def _plain(parameter: str, low: float, high: float, unit: str, links: int = 1) -> Sweep:
-    """Sweep a parameter of the plant itself."""
-    return Sweep(parameter, low, high, unit, lambda level: {parameter: level}, links)
+    return Sweep(name, 0.75, 1.25, links=links, nominal=getattr(PHYSICAL, name))
 
 
 MODEL = (_scaled('cart_mass'), *(_scaled(f'link{i}_mass', i) for i in LINKS),
          *(_scaled(f'link{i}_length', i) for i in LINKS),
-         *(_plain(f'link{i}_inertia_factor', 0.75, 1.25, '', i) for i in LINKS),
-         *(_plain(f'joint{i}_friction', 0.0, 0.1, 'N m s/rad', i) for i in LINKS))
+         *(Sweep(f'link{i}_inertia_factor', 0.75, 1.25, links=i) for i in LINKS),
+         *(Sweep(f'joint{i}_friction', 0.0, 0.1, 'N m s/rad', i) for i in LINKS))
 
 SCENARIOS: dict[str, Scenario] = {
     'hanging': Scenario('from hanging at rest', range(20)),
@@ -151,19 +146,19 @@ SCENARIOS: dict[str, Scenario] = {
                       MODEL, 21, True),
     'velocity_noise': Scenario(
         'noise on the measured velocities', range(10),
-        (_plain('velocity_noise', 0.0, 0.5, 'm/s, rad/s'),), 21, True),
+        (Sweep('velocity_noise', 0.0, 0.5, 'm/s, rad/s'),), 21, True),
     'force_noise': Scenario(
         'noise on the force, up to 18 % of its limit', range(10),
-        (_plain('force_noise', 0.0, 0.18 * LIMITS.force_limit, 'N'),), 21, True),
+        (Sweep('force_noise', 0.0, 0.18 * LIMITS.force_limit, 'N'),), 21, True),
     'response': Scenario(
         'a force that lags or overshoots, u = u₋₁ + k (u_des - u₋₁)', range(1),
-        (_plain('actuator_response', 0.1, 2.0, ''),), 21, True),
+        (Sweep('actuator_response', 0.1, 2.0),), 21, True),
     'delay': Scenario('measurements that come late', range(1),
-                      (_plain('delay', 0.0, 0.15, 's'),), 21, True),
+                      (Sweep('delay', 0.0, 0.15, 's'),), 21, True),
     'pushes': Scenario('three Gaussian pushes of the cart', range(50), criterion=True,
                        case=pushed),
     'loss': Scenario('states, then forces, that are lost', range(5),
-                     (_plain('state_loss', 0.0, 0.5, ''), _plain('command_loss', 0.0, 0.5, '')),
+                     (Sweep('state_loss', 0.0, 0.5), Sweep('command_loss', 0.0, 0.5)),
                      21),
     'jitter': Scenario('forces that come late by chance', range(5),
-                       (_plain('command_jitter', 0.0, 0.05, 's'),), 21)}
+                       (Sweep('command_jitter', 0.0, 0.05, 's'),), 21)}

@@ -13,13 +13,13 @@ from typing import Any
 
 from dp_swing_ros.evaluation.baselines import BASELINES
 from dp_swing_ros.evaluation.campaign import manifest
-from dp_swing_ros.evaluation.campaign.against import compared, refuse_strangers, rivals
 from dp_swing_ros.evaluation.campaign.contestants import Contestant, parse_all
 from dp_swing_ros.evaluation.campaign.episodes import key
-from dp_swing_ros.evaluation.campaign.report import markdown
+from dp_swing_ros.evaluation.campaign.report import compared, markdown
 from dp_swing_ros.evaluation.campaign.rows import CampaignError, read, Row, Table
 from dp_swing_ros.evaluation.campaign.runner import run
-from dp_swing_ros.evaluation.campaign.summary import plain, summarise
+from dp_swing_ros.evaluation.campaign.summary import (
+    plain, refuse_strangers, rivals, summarise)
 from dp_swing_ros.evaluation.scenarios import Case, PERIOD, SCENARIOS
 from dp_swing_ros.figures import of_campaign
 from dp_swing_ros.parameters import LARGEST
@@ -153,10 +153,10 @@ def _play(arguments: argparse.Namespace, folder: Path, stored: Sequence[Row],
         refuse_strangers([key(*episode) for episode in episodes], stored)
     folder.mkdir(parents=True, exist_ok=True)
     manifest.keep(folder, description)
-    with Table(folder / 'episodes.csv') as table:
-        print(f'{folder}: {len(contestants)} contestants, {len(cases)} cases each; '
-              f'{len(table.rows)} episodes are there already', flush=True)
-        run(episodes, table, arguments.jobs, arguments.dask)
+    table = Table(folder / 'episodes.csv')
+    print(f'{folder}: {len(contestants)} contestants, {len(cases)} cases each; '
+          f'{len(table.rows)} episodes are there already', flush=True)
+    run(episodes, table, arguments.jobs, arguments.dask)
 
 
 def _with_links(contestant: Contestant, links: int) -> Contestant:

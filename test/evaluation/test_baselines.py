@@ -104,6 +104,6 @@ def test_nothing_does_nothing():
     np.testing.assert_array_equal(episode.U, 0.0)
 
 
-def test_a_swing_up_that_cannot_be_is_told():
+def test_a_swing_up_that_cannot_be_is_refused():
     with pytest.raises(ValueError, match='no swing-up'):
         swing_up(configuration.problem({'force_limit': 1.0}))

@@ -19,7 +19,7 @@ def leaning(angle, begins):
     return dataclasses.replace(episode, X=X)
 
 
-def test_a_trial_tells_when_it_was_up_and_where_the_cart_ended():
+def test_a_trial_has_when_it_was_up_and_where_the_cart_ended():
     episode = swing_up()
     one = trial(episode)
     assert one.reached == episode.t[np.argmax(is_upright(episode.X))]
@@ -34,7 +34,7 @@ def test_who_leaves_is_near_only_from_when_it_is_back():
     assert math.isnan(trial(leaning(NEAR + 0.01, 5.0)).neared)   # back for less than a second
 
 
-def test_who_never_comes_up_says_so():
+def test_who_never_comes_up_has_no_time():
     one = trial(first(swing_up(), 15))
     assert math.isnan(one.reached) and math.isnan(one.neared)
 

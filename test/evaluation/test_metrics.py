@@ -205,7 +205,7 @@ def test_outcome_of_a_success():
     # 20 periods are a second, in whatever way they round
     ([(20, 40)], Outcome.NEVER_HELD), *(([(n, n + 21)], Outcome.FELL) for n in range(60)),
     ([(61, 81)], Outcome.TOO_LATE), ([(60, 81)], Outcome.HELD)])
-def test_outcome_says_how_a_run_failed(up, expected):
+def test_outcome_is_how_a_run_failed(up, expected):
     X = np.tile([0, np.pi, np.pi, 0, 0, 0], (81, 1))
     for begin, end in up:
         X[begin:end] = 0.0

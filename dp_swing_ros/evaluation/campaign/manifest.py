@@ -10,7 +10,7 @@ from typing import Any
 
 from dp_swing_ros.evaluation.campaign.contestants import Contestant
 from dp_swing_ros.evaluation.campaign.rows import CampaignError
-from dp_swing_ros.evaluation.scenarios import SCENARIOS
+from dp_swing_ros.evaluation.scenarios import Scenario, SCENARIOS
 from dp_swing_ros.kernels import processor
 from dp_swing_ros.pendulum.state import DEFAULT_LINKS
 from dp_swing_ros.provenance import commit, COMPUTING, machine, package_version, packages, sources
@@ -26,10 +26,7 @@ def describe(contestants: Iterable[Contestant], scenarios: Iterable[str], seeds:
         'contestants': {contestant.label: {
             'name': contestant.name, 'plant': contestant.plant, 'mpc': contestant.mpc}
             for contestant in contestants},
-        'scenarios': {name: {'seeds': _bounds(seeds or SCENARIOS[name].seeds),
-                             'levels': SCENARIOS[name].sweeps and (
-                                 levels or SCENARIOS[name].levels) or 0}
-                      for name in scenarios},
+        'scenarios': {name: _described(SCENARIOS[name], seeds, levels) for name in scenarios},
         'duration': duration, 'links': links, 'sources': sources(), 'processor': processor(),
         'version': package_version(), 'commit': commit()}
 
@@ -42,8 +39,10 @@ def made(command: str) -> dict[str, str]:
             (*COMPUTING, 'joblib')).items())}
 
 
-def _bounds(seeds: range) -> list[int]:
-    return [seeds.start, seeds.stop]
+def _described(scenario: Scenario, seeds: range | None, levels: int | None) -> dict[str, Any]:
+    seeds = seeds or scenario.seeds
+    return {'seeds': [seeds.start, seeds.stop],
+            'levels': levels or scenario.levels if scenario.sweeps else 0}
 
 
 def keep(folder: Path, description: dict[str, Any]) -> None:

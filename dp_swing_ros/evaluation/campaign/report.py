@@ -6,8 +6,10 @@ from collections.abc import Iterable, Sequence
 import itertools
 import math
 
+from dp_swing_ros.evaluation.campaign.rows import grouped
 from dp_swing_ros.evaluation.campaign.scores import CRITERIA, Level
-from dp_swing_ros.evaluation.campaign.summary import DROP, Failure, NEAR_GOAL, Standing, Summary
+from dp_swing_ros.evaluation.campaign.summary import (
+    DROP, Failure, NEAR_GOAL, Rivals, Standing, Summary)
 from dp_swing_ros.evaluation.comparison import Paired, Rate, Ratio
 from dp_swing_ros.evaluation.scenarios import PROFILE, SCENARIOS
 from dp_swing_ros.tables import compact
@@ -27,6 +29,13 @@ where both held, the median difference (first less second) with its 95 % interva
 the p of the sign test, and the ratio of the closed-loop costs Σℓ (first over second, geometric
 mean of the cases) with its 95 % interval (bootstrap). The p are of one test each: among twenty of
 them one below 0.05 is to be expected by chance."""
+
+AGAINST = """\
+Pairs are the episodes of the same contestant, scenario, level and seed; identical are those whose
+rows are equal to the bit, the clock apart. What only one of the two held comes with the p of
+McNemar's exact test; where both held, the median difference of the settling times (now less
+stored) with its 95 % interval (bootstrap) and the p of the sign test, and the ratio of the
+closed-loop costs (now over stored, geometric mean) with its 95 % interval (bootstrap)."""
 
 SCORES = ('Performance is the mean over `hanging`; robustness the mean of the six fractions of '
           'levels that pass, with more than half of their runs.')
@@ -68,10 +77,10 @@ def number(value: float, digits: int = 2, scale: float = 1.0) -> str:
     return '-' if math.isnan(value) else f'{scale * value:.{digits}f}'
 
 
-def share(rate: Rate) -> str:
+def share(rate: Rate, digits: int = 1) -> str:
     """Return successes of runs with their interval."""
     return (f'{rate.successes} of {rate.runs} '
-            f'({100 * rate.low:.1f}-{100 * rate.high:.1f} %)')
+            f'({100 * rate.low:.{digits}f}-{100 * rate.high:.{digits}f} %)')
 
 
 def _standings(standings: list[Standing]) -> str:
@@ -156,9 +165,7 @@ def ratio(of: Ratio) -> str:
 def _failures(failures: Sequence[Failure]) -> str:
     if not failures:
         return 'Everything was held.'
-    groups: dict[tuple[str, str, str], list[Failure]] = {}
-    for one in failures:
-        groups.setdefault((one.scenario, one.contestant, one.why), []).append(one)
+    groups = grouped(failures, lambda one: (one.scenario, one.contestant, one.why))
     return compact([('scenario', 'contestant', 'why', 'episodes', 'which'), *(
         (scenario, f'`{contestant}`', reason, str(len(group)), which(group))
         for (scenario, contestant, reason), group in groups.items())])
@@ -166,13 +173,13 @@ def _failures(failures: Sequence[Failure]) -> str:
 
 def which(failures: Sequence[Failure]) -> str:
     """Return the seeds of failures, level by level where something is swept."""
-    places: dict[str, list[int]] = {}
-    for one in failures:
+    def place(one: Failure) -> str:
         swept = one.level is not None and one.parameter != PROFILE
-        place = f'{one.parameter} {one.level:.3g}: ' if swept else ''
-        places.setdefault(place, []).append(one.seed)
-    return '; '.join(f'{place}{"seeds" if len(seeds) > 1 else "seed"} {spans(seeds)}'
-                     for place, seeds in places.items())
+        return f'{one.parameter} {one.level:.3g}: ' if swept else ''
+
+    return '; '.join(
+        f'{where}{"seeds" if len(group) > 1 else "seed"} {spans(one.seed for one in group)}'
+        for where, group in grouped(failures, place).items())
 
 
 def spans(seeds: Iterable[int]) -> str:
@@ -180,3 +187,14 @@ def spans(seeds: Iterable[int]) -> str:
     runs = itertools.groupby(enumerate(sorted(seeds)), key=lambda pair: pair[1] - pair[0])
     ends = [[number for _, number in run] for _, run in runs]
     return ', '.join(str(run[0]) if len(run) == 1 else f'{run[0]}-{run[-1]}' for run in ends)
+
+
+def compared(place: str, found: Sequence[Rivals]) -> str:
+    """Return the comparison with what is stored in a place, as Markdown."""
+    lines = compact([
+        ('scenario', 'contestant', 'pairs', 'identical', 'held only now', 'held only as stored',
+         'p', 'settling [s]', 'Σℓ, ratio'),
+        *((one.scenario, f'`{one.first}`', str(one.cases), str(same), str(one.first_only),
+           str(one.second_only), probability(one.p), difference(one.differences['settling_time']),
+           ratio(one.cost)) for one, same in found)])
+    return f'## Against {place}\n\n{AGAINST}\n\n{lines}\n'

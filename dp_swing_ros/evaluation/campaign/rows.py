@@ -3,19 +3,19 @@
 """
 The table on disk: one row an episode, appended as it comes.
 
-A line is written in one go, so that a campaign that is killed leaves at most its last line torn;
-such a line is dropped when the campaign continues. What is to be kept for good is compressed.
+A campaign that is killed leaves at most its last line torn; such a line is dropped when the
+campaign continues. What is to be kept for good is compressed.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
+import contextlib
 import csv
 import dataclasses
 import gzip
 import io
 import math
 from pathlib import Path
-from types import TracebackType
-from typing import Any, NamedTuple
+from typing import Any, BinaryIO, NamedTuple, TypeVar
 import zlib
 
 import numpy as np
@@ -25,6 +25,9 @@ from dp_swing_ros.pendulum.state import Array
 
 MICRO = 1e-6
 ERROR = 'ERROR'  # the outcome of an episode that raised
+
+Item = TypeVar('Item')
+Name = TypeVar('Name')
 
 
 class CampaignError(Exception):
@@ -66,6 +69,14 @@ COLUMNS = [*Key._fields, 'outcome', 'detail',
            *(field.name for field in dataclasses.fields(Metrics)), 'solve_times_us']
 
 
+def grouped(items: Iterable[Item], name: Callable[[Item], Name]) -> dict[Name, list[Item]]:
+    """Return items by what they have in common, in the order in which they come."""
+    groups: dict[Name, list[Item]] = {}
+    for item in items:
+        groups.setdefault(name(item), []).append(item)
+    return groups
+
+
 def solves(rows: Iterable[Row]) -> Array:
     """Return the times of all solves of some rows [s]; a tick without a solve took none."""
     times = np.concatenate([np.zeros(0), *(row.solve_times for row in rows)])
@@ -95,15 +106,11 @@ class Table:
         """
         self.path = path
         self.rows = read(path) if path.exists() else []
-        try:
-            with path.open('ab') as file:
-                file.truncate(_whole(path.read_bytes()))
-            # without a buffer there is nothing that a full disk could tear later
-            self._file = path.open('ab', buffering=0)
-            if self._file.tell() == 0:
-                self._write(COLUMNS)
-        except OSError as error:
-            raise CampaignError(f'cannot write {path}: {error.strerror}') from None
+        with self._opened() as file:
+            whole = _whole(path.read_bytes())
+            file.truncate(whole)
+            if not whole:
+                file.write(_line(COLUMNS))
 
     def append(self, row: Row) -> None:
         """
@@ -111,24 +118,17 @@ class Table:
 
         Raises CampaignError where it cannot be written.
         """
-        self._write(_cells(row))
+        with self._opened() as file:
+            file.write(_line(_cells(row)))
         self.rows.append(row)
 
-    def _write(self, values: list[str]) -> None:
-        data = _line(values)
+    @contextlib.contextmanager
+    def _opened(self) -> Iterator[BinaryIO]:
         try:
-            written = self._file.write(data)
+            with self.path.open('ab') as file:
+                yield file
         except OSError as error:
             raise CampaignError(f'cannot write {self.path}: {error.strerror}') from None
-        if written < len(data):
-            raise CampaignError(f'cannot write {self.path}: no room for a whole row')
-
-    def __enter__(self) -> 'Table':
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
-                 trace: TracebackType | None) -> None:
-        self._file.close()
 
 
 def store(path: Path, rows: Iterable[Row]) -> None:

@@ -18,7 +18,6 @@ from tqdm import tqdm
 from dp_swing_ros.evaluation.campaign.contestants import Contestant
 from dp_swing_ros.evaluation.campaign.episodes import key, play, ready
 from dp_swing_ros.evaluation.campaign.rows import CampaignError, ERROR, Row, Table
-from dp_swing_ros.evaluation.metrics import Outcome
 from dp_swing_ros.evaluation.scenarios import Case
 from dp_swing_ros.provenance import sources
 
@@ -42,7 +41,7 @@ def run(episodes: Sequence[tuple[Contestant, Case]], table: Table, jobs: int,
         return
     for contestant in {one.label: one for one, _ in todo}.values():
         ready(contestant)  # compiles once for all workers, and refuses what cannot work
-    failures = sum(row.outcome != Outcome.HELD.name for row in table.rows)
+    failures = sum(not row.metrics.success for row in table.rows)
     total = len(episodes)
     with _workers(jobs, dask), tqdm(total=total, initial=total - len(todo), unit='episode',
                                     smoothing=0.05, disable=None) as bar:
@@ -53,7 +52,7 @@ def run(episodes: Sequence[tuple[Contestant, Case]], table: Table, jobs: int,
                 table.append(row)
                 if row.outcome == ERROR:
                     bar.write(f'{" ".join(map(str, row.key))}: {row.detail}', file=sys.stderr)
-                failures += row.outcome != Outcome.HELD.name
+                failures += not row.metrics.success
                 bar.set_postfix(failed=failures, refresh=False)
                 bar.update()
         except TerminatedWorkerError:

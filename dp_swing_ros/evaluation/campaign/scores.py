@@ -8,14 +8,14 @@ The two scores of the DFKI double-pendulum leaderboards, for this plant.
 Source: the RealAIGym leaderboards, version 2; docs/evaluation.md derives the n.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 import math
 from typing import NamedTuple
 
 import numpy as np
 
-from dp_swing_ros.evaluation.campaign.rows import Row
-from dp_swing_ros.evaluation.metrics import Metrics
+from dp_swing_ros.evaluation.campaign.rows import grouped, Row
+from dp_swing_ros.evaluation.metrics import Metrics, reduced
 from dp_swing_ros.evaluation.scenarios import SCENARIOS
 
 # n of each measure c, by which a TVLQR about one offline swing-up scores about as on theirs
@@ -48,14 +48,15 @@ def performance(metrics: Metrics) -> float:
 
 def levels(rows: Iterable[Row]) -> dict[str, list[Level]]:
     """Return the levels of a contestant in one scenario, in order, by what is swept."""
-    runs: dict[str, dict[float, list[bool]]] = {}
-    for row in rows:
-        if row.key.level is not None:
-            swept = runs.setdefault(row.key.parameter, {})
-            swept.setdefault(row.key.level, []).append(row.metrics.success)
-    return {parameter: [Level(value, sum(held), len(held))
-                        for value, held in sorted(swept.items())]
-            for parameter, swept in runs.items()}
+    swept = grouped((row for row in rows if row.key.level is not None),
+                    lambda row: row.key.parameter)
+    return {parameter: [Level(value, sum(row.metrics.success for row in runs), len(runs))
+                        for value, runs in sorted(grouped(of, _level).items())]
+            for parameter, of in swept.items()}
+
+
+def _level(row: Row) -> float:
+    return row.key.level or 0.0
 
 
 def passed_fraction(rows: Sequence[Row]) -> float:
@@ -63,6 +64,23 @@ def passed_fraction(rows: Sequence[Row]) -> float:
     return float(np.mean([level.passed for swept in levels(rows).values() for level in swept]))
 
 
-def robustness(fractions: dict[str, float]) -> float:
+def robustness(fractions: Mapping[str, float]) -> float:
     """Return the mean over the six criteria, NaN where one is missing."""
     return float(np.mean([fractions.get(name, math.nan) for name in CRITERIA]))
+
+
+class Score(NamedTuple):
+    """The scores of a contestant; NaN where their scenarios were not run."""
+
+    contestant: str
+    performance: float
+    robustness: float
+    criteria: dict[str, float]
+
+
+def score(contestant: str, groups: Mapping[tuple[str, str], Sequence[Row]]) -> Score:
+    """Score a contestant on its rows, by contestant and scenario, of the scenarios that ran."""
+    runs = [performance(row.metrics) for row in groups.get((contestant, SCORED), ())]
+    criteria = {name: passed_fraction(groups[contestant, name]) for name in CRITERIA
+                if (contestant, name) in groups}
+    return Score(contestant, reduced(np.mean, np.array(runs)), robustness(criteria), criteria)

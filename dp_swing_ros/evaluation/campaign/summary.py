@@ -2,34 +2,33 @@
 # SPDX-License-Identifier: Apache-2.0
 """Summary of a campaign's rows: standings, scores, comparisons, failures."""
 
-from collections.abc import Sequence
-import dataclasses
+from collections.abc import Iterable, Sequence
 import itertools
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from dp_swing_ros.evaluation.campaign.rows import ERROR, Row, solves
-from dp_swing_ros.evaluation.campaign.scores import (
-    CRITERIA, Level, levels, passed_fraction, performance, robustness, SCORED)
+from dp_swing_ros.evaluation.campaign.rows import (
+    CampaignError, ERROR, grouped, identical, Key, Row, solves)
+from dp_swing_ros.evaluation.campaign.scores import Level, levels, Score, score
 from dp_swing_ros.evaluation.comparison import (
     Paired, paired, paired_ratio, Rate, rate, Ratio, sign_test)
-from dp_swing_ros.evaluation.metrics import Outcome
+from dp_swing_ros.evaluation.metrics import Outcome, quantile, reduced
 from dp_swing_ros.evaluation.scenarios import PROFILE, SCENARIOS
 from dp_swing_ros.pendulum.state import Array
 
 OF_HELD = ('settling_time', 'hold_error', 'smoothness', 'roughness', 'energy', 'impulse',
            'squared_force', 'squared_speed', 'closed_loop_cost', 'settling_offset')
 OF_ALL = ('largest_force', 'largest_position', 'largest_angle')
+OF_SOLVES = {'median': 0.5, 'p99': 0.99, 'largest': 1.0}
 SWEPT = ['', PROFILE, *(sweep.parameter for scenario in SCENARIOS.values()
                         for sweep in scenario.sweeps)]  # in the order of reports
 NEAR_GOAL, DROP = 'near_goal', 0.4  # [rad] who gets further from upright has dropped the pendulum
 COMPARED = ('settling_time', 'smoothness', 'roughness')
 
 
-@dataclasses.dataclass(frozen=True)
-class Standing:
+class Standing(NamedTuple):
     """
     How a contestant did in a scenario.
 
@@ -53,18 +52,7 @@ class Standing:
     dropped: list[int]
 
 
-@dataclasses.dataclass(frozen=True)
-class Score:
-    """The scores of a contestant; NaN where their scenarios were not run."""
-
-    contestant: str
-    performance: float
-    robustness: float
-    criteria: dict[str, float]
-
-
-@dataclasses.dataclass(frozen=True)
-class Duel:
+class Duel(NamedTuple):
     """Two contestants on the same cases: who held what the other did not, and by how much."""
 
     scenario: str
@@ -78,8 +66,14 @@ class Duel:
     cost: Ratio                     # of the closed-loop costs, first over second
 
 
-@dataclasses.dataclass(frozen=True)
-class Failure:
+class Rivals(NamedTuple):
+    """A contestant in a scenario, now (first) and as stored, over the episodes that both have."""
+
+    duel: Duel
+    identical: int
+
+
+class Failure(NamedTuple):
     """An episode that was not held to the end, and why."""
 
     contestant: str
@@ -90,8 +84,7 @@ class Failure:
     why: str
 
 
-@dataclasses.dataclass(frozen=True)
-class Summary:
+class Summary(NamedTuple):
     """All of it; lists are in the order of the campaign's description."""
 
     campaign: dict[str, Any]
@@ -109,9 +102,7 @@ def summarise(campaign: dict[str, Any], rows: Sequence[Row], expected: int) -> S
     rows = sorted(rows, key=lambda row: (
         scenarios.index(row.key.scenario), contestants.index(row.key.contestant),
         SWEPT.index(row.key.parameter), row.key.level or 0.0, row.key.seed))
-    groups: dict[tuple[str, str], list[Row]] = {}
-    for row in rows:
-        groups.setdefault((row.key.contestant, row.key.scenario), []).append(row)
+    groups = grouped(rows, lambda row: row.key[:2])
     return Summary(
         campaign, len(rows), expected - len(rows),
         [standing(*names, group) for names, group in groups.items()],
@@ -129,10 +120,9 @@ def standing(contestant: str, scenario: str, rows: Sequence[Row]) -> Standing:
     return Standing(
         contestant, scenario, rate([row.metrics.success for row in rows]),
         sum(row.outcome == ERROR for row in rows),
-        {name: _reduced(np.median, held, name) for name in OF_HELD},
-        {name: _reduced(np.max, rows, name) for name in OF_ALL},
-        {name: float(np.quantile(times, share)) if len(times) else math.nan
-         for name, share in (('median', 0.5), ('p99', 0.99), ('largest', 1.0))},
+        {name: reduced(np.median, _known(held, name)) for name in OF_HELD},
+        {name: reduced(np.max, _known(rows, name)) for name in OF_ALL},
+        {name: quantile(times, part) for name, part in OF_SOLVES.items()},
         len(times), sum(row.metrics.strikes for row in rows),
         sum(row.metrics.deadline_misses for row in rows),
         sum(row.metrics.stand_ins for row in rows), levels(rows),
@@ -140,23 +130,13 @@ def standing(contestant: str, scenario: str, rows: Sequence[Row]) -> Standing:
          and not row.metrics.largest_angle <= DROP])
 
 
-def _reduced(reduce: Any, rows: Sequence[Row], name: str) -> float:
-    values = _values(rows, name)
-    values = values[~np.isnan(values)]
-    return float(reduce(values)) if len(values) else math.nan
-
-
 def _values(rows: Sequence[Row], name: str) -> Array:
     return np.array([getattr(row.metrics, name) for row in rows], dtype=float)
 
 
-def score(contestant: str, groups: dict[tuple[str, str], list[Row]]) -> Score:
-    """Score a contestant on the scenarios that were run."""
-    hanging = groups.get((contestant, SCORED), [])
-    criteria = {name: passed_fraction(groups[contestant, name]) for name in CRITERIA
-                if (contestant, name) in groups}
-    return Score(contestant, float(np.mean([performance(row.metrics) for row in hanging]))
-                 if hanging else math.nan, robustness(criteria), criteria)
+def _known(rows: Sequence[Row], name: str) -> Array:
+    values = _values(rows, name)
+    return values[~np.isnan(values)]
 
 
 def common(a: Sequence[Row], b: Sequence[Row]) -> list[tuple[Row, Row]]:
@@ -178,6 +158,31 @@ def duel(scenario: str, first: str, second: str, pairs: Sequence[tuple[Row, Row]
         paired_ratio(_values(one, 'closed_loop_cost'), _values(other, 'closed_loop_cost')))
 
 
+def rivals(now: Sequence[Row], stored: Sequence[Row]) -> list[Rivals]:
+    """
+    Compare the rows of two campaigns, in the order of the first.
+
+    Raises CampaignError where they have no episode in common.
+    """
+    refuse_strangers([row.key for row in now], stored)
+    before = grouped(stored, lambda row: row.key[:2])
+    found = []
+    for names, rows in grouped(now, lambda row: row.key[:2]).items():
+        if pairs := common(rows, before.get(names, [])):
+            contestant, scenario = names
+            found.append(Rivals(duel(scenario, contestant, 'stored', pairs),
+                                sum(identical(*pair) for pair in pairs)))
+    return found
+
+
+def refuse_strangers(keys: Iterable[Key], stored: Sequence[Row]) -> None:
+    """Raise CampaignError where none of these episodes is stored."""
+    if not {row.key for row in stored} & set(keys):
+        names = dict.fromkeys(f'{row.key.contestant} in {row.key.scenario}' for row in stored)
+        raise CampaignError('no episode of this campaign is stored; stored are '
+                            f'{", ".join(names) or "none"}')
+
+
 def why(row: Row) -> str:
     """Return why an episode was not held."""
     if row.outcome == ERROR:
@@ -188,11 +193,8 @@ def why(row: Row) -> str:
 
 def plain(value: Any) -> Any:
     """Return a summary as JSON has it: no tuples, no NaN, no infinity."""
-    if dataclasses.is_dataclass(value):
-        return {field.name: plain(getattr(value, field.name))
-                for field in dataclasses.fields(value)}
     if hasattr(value, '_asdict'):
-        return plain(value._asdict())
+        value = value._asdict()
     if isinstance(value, dict):
         return {key: plain(part) for key, part in value.items()}
     if isinstance(value, (list, tuple)):

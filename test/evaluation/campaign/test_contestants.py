@@ -19,7 +19,7 @@ def test_a_name_alone_is_the_solver_with_its_defaults():
     assert (controller.parameters.solver, controller.parameters.seed) == ('ddp', 7)
 
 
-def test_files_tell_plant_and_mpc():
+def test_files_set_plant_and_mpc():
     contestant = parse(f'mppi:{CONFIG}/paper.yaml+{CONFIG}/paper_mppi.yaml')
     assert contestant.label == 'mppi:paper+paper_mppi'
     assert contestant.plant['force_limit'] == 75.0

@@ -51,14 +51,14 @@ def test_a_campaign_from_before_there_was_a_choice_has_two_links(tmp_path):
     manifest.keep(tmp_path, described())
 
 
-def test_scenarios_say_their_seeds_and_levels():
+def test_scenarios_have_their_seeds_and_levels():
     scenarios = described(scenarios=('random', 'delay'), seeds=None)['scenarios']
     assert scenarios == {'random': {'seeds': [0, 1000], 'levels': 0},
                          'delay': {'seeds': [0, 1], 'levels': 21}}
 
 
 @pytest.mark.parametrize('content', [None, '{"contestants": '])
-def test_a_folder_without_a_campaign_is_told(content, tmp_path):
+def test_a_folder_without_a_campaign_is_refused(content, tmp_path):
     if content is not None:
         (tmp_path / 'campaign.json').write_text(content)
     with pytest.raises(CampaignError, match='no campaign'):

@@ -37,12 +37,12 @@ def test_a_page_has_a_line_for_each_contestant_in_each_scenario():
     assert '9 episodes of 4 s, 3 not run yet' in page
 
 
-def test_a_campaign_without_a_failure_says_so():
+def test_a_campaign_without_a_failure_is_reported():
     assert 'Everything was held.' in markdown(summarise(campaign(), [row()], 1))
 
 
 @pytest.mark.parametrize('rows', [[], [error_row()], [row(held=False)]])
-def test_campaigns_with_nothing_to_tell_have_a_page(rows):
+def test_campaigns_with_nothing_to_show_have_a_page(rows):
     assert markdown(summarise(campaign(), rows, 20)).startswith('# Campaign')
 
 
@@ -56,7 +56,7 @@ def test_seeds_are_ranges():
     assert spans([5, 0, 1, 2, 9]) == '0-2, 5, 9'
 
 
-def test_failures_of_a_sweep_are_told_level_by_level():
+def test_failures_of_a_sweep_are_listed_level_by_level():
     failures = [Failure('ilqr', 'delay', 'delay', level, seed, 'fell')
                 for level, seed in ((0.1, 0), (0.1, 1), (0.15, 4))]
     assert which(failures) == 'delay 0.1: seeds 0-1; delay 0.15: seed 4'

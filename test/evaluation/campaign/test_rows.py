@@ -15,9 +15,9 @@ SOURCES = Path(__file__).parents[3]
 
 
 def write(path, *rows):
-    with Table(path) as table:
-        for one in rows:
-            table.append(one)
+    table = Table(path)
+    for one in rows:
+        table.append(one)
 
 
 def assert_same(found, expected):
@@ -63,7 +63,7 @@ def test_what_a_clock_decides_makes_no_other_row(name):
     assert identical(row(**{name: 1}), row(**{name: 2}))
 
 
-def test_rows_are_identical_whatever_the_clock_said():
+def test_rows_are_identical_whatever_the_clock_decided():
     one, other = row(settling_time=1.0, p99_solve_time=1.0), row(settling_time=1.0,
                                                                  solve_times=(0.5,))
     assert identical(one, other)
@@ -77,10 +77,10 @@ def test_rows_are_identical_whatever_the_clock_said():
 def test_a_table_goes_on_where_it_stopped(tmp_path):
     path = tmp_path / 'episodes.csv'
     write(path, row(seed=0))
-    with Table(path) as table:
-        assert [one.key.seed for one in table.rows] == [0]
-        table.append(row(seed=1))
-        assert [one.key.seed for one in table.rows] == [0, 1]
+    table = Table(path)
+    assert [one.key.seed for one in table.rows] == [0]
+    table.append(row(seed=1))
+    assert [one.key.seed for one in table.rows] == [0, 1]
     assert [one.key.seed for one in read(path)] == [0, 1]
 
 
@@ -119,7 +119,7 @@ def test_a_broken_line_is_named(tmp_path):
         read(path)
 
 
-def test_a_full_disk_is_told_and_what_was_written_stays(tmp_path):
+def test_a_full_disk_is_reported_and_what_was_written_stays(tmp_path):
     path = tmp_path / 'episodes.csv'
     script = f"""
 import resource, sys
@@ -129,9 +129,9 @@ from results import row
 from dp_swing_ros.evaluation.campaign.rows import CampaignError, Table
 resource.setrlimit(resource.RLIMIT_FSIZE, (3000, 3000))
 try:
-    with Table(Path({str(path)!r})) as table:
-        for seed in range(100):
-            table.append(row(seed=seed))
+    table = Table(Path({str(path)!r}))
+    for seed in range(100):
+        table.append(row(seed=seed))
 except CampaignError as error:
     print(error)
 """
@@ -143,7 +143,7 @@ except CampaignError as error:
     assert seeds == list(range(len(seeds)))
 
 
-def test_a_place_that_cannot_be_written_is_told(tmp_path):
+def test_a_place_that_cannot_be_written_is_refused(tmp_path):
     with pytest.raises(CampaignError, match='none'):
         Table(tmp_path / 'none' / 'episodes.csv')
 
