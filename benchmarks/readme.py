@@ -56,7 +56,7 @@ def solvers(rows: dict[str, list[Row]]) -> str:
          'solve, p99 of 50 ms', 'robustness', 'real time, from hanging'),
         *((f'`{name}`', *of_solver([row for row in rows['random'] if row.key.contestant == name]),
            f'{found[name].robustness:.3f}', live([row for row in rows['real_time']
-                                                  if row.key.contestant == name]))
+                                                  if row.key[:2] == (name, 'real_time')]))
           for name in SOLVERS)])
 
 
