@@ -17,20 +17,21 @@ from typing import NamedTuple
 
 from joblib import delayed, Parallel
 import numpy as np
+from paper_ensemble import Ensemble, ensemble, trial
 from paper_experiments import (
     case, contestant, files_of, Key, keys, PERIOD, PICTURES, SEEDS, SETUPS, STARTS, STEPS, TOP)
+from paper_figures import squared_errors, swing_ups
 from paper_page import page
 from seeded import sources
 from stamp import made
 from tqdm import tqdm
 import yaml
 
-from dp_swing_ros import figures
 from dp_swing_ros.bags import read_episode
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.evaluation.campaign.episodes import measured, simulated
 from dp_swing_ros.evaluation.campaign.rows import Row, store, untimed
-from dp_swing_ros.evaluation.ensemble import Ensemble, ensemble, trial
+from dp_swing_ros.figures.style import solver_name
 from dp_swing_ros.simulation.episode import Episode
 from dp_swing_ros.tools.command_lines import within
 from dp_swing_ros.tools.demo import perform, Run
@@ -140,9 +141,9 @@ def _draw(experiments: Mapping[Key, Ensemble], folder: Path) -> None:
         ensembles = {SETUPS[key.setup].title: one for key, one in experiments.items()
                      if key[:2] == (solver, start) and SETUPS[key.setup].title}
         # of a swing-up the paper has snapshots and errors, of a start near the goal errors
-        for number, draw in zip(reversed(numbers), (figures.squared_errors, figures.swing_ups)):
+        for number, draw in zip(reversed(numbers), (squared_errors, swing_ups)):
             if ensembles:
-                name = figures.style.solver_name(solver)
+                name = solver_name(solver)
                 heading = f'Fig. {number} anew: {name}, {start}, {STEPS[solver]} steps'
                 draw(ensembles, heading).savefig(folder / f'paper_fig{number}.png')
 

@@ -7,12 +7,12 @@ import itertools
 import math
 
 import numpy as np
+from paper_ensemble import band, Ensemble, FIRST, NEAR, Trial
 from paper_experiments import Key
 
 from dp_swing_ros.evaluation.campaign.report import probability, share
 from dp_swing_ros.evaluation.campaign.summary import DROP
 from dp_swing_ros.evaluation.comparison import paired, rate
-from dp_swing_ros.evaluation.ensemble import band, Ensemble, FIRST, NEAR, Trial
 from dp_swing_ros.evaluation.metrics import REST
 from dp_swing_ros.figures.style import solver_name
 from dp_swing_ros.solvers import SOLVERS

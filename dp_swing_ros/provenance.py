@@ -17,9 +17,9 @@ COMPUTING = ('numpy', 'numba', 'scipy')
 AFTERWARDS = ('__main__.py', 'bags/', 'errors.py', 'evaluation/campaign/manifest.py',
               'evaluation/campaign/report.py', 'evaluation/campaign/runner.py',
               'evaluation/campaign/scores.py', 'evaluation/campaign/summary.py',
-              'evaluation/comparison.py', 'evaluation/ensemble.py', 'figures/', 'messages/',
-              'nodes/', 'pendulum/geometry.py', 'pendulum/urdf.py', 'provenance.py',
-              'recovery/', 'report/', 'rerun/', 'tables.py', 'tools/', 'topics.py')
+              'evaluation/comparison.py', 'figures/', 'messages/', 'nodes/',
+              'pendulum/geometry.py', 'pendulum/urdf.py', 'provenance.py', 'recovery/',
+              'report/', 'rerun/', 'tables.py', 'tools/', 'topics.py')
 
 
 def cpu() -> str:

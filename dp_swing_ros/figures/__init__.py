@@ -4,9 +4,8 @@
 Pictures, drawn from what was recorded alone.
 
 Of an episode: `snapshots` and `squared_error` redraw the paper's two kinds of figure (its Figs. 2
-and 3), `timeline`, `hero` and `animation` show a run, `overlay` several in one picture. Of many
-like it: `swing_ups` and `squared_errors`. Of a campaign: `of_campaign` draws all. Of take-overs:
-`counterfactual` draws one, `regret` many.
+and 3), `timeline`, `hero` and `animation` show a run, `overlay` several in one picture. Of a
+campaign: `of_campaign` draws all. Of take-overs: `counterfactual` draws one, `regret` many.
 """
 
 from collections.abc import Iterator, Sequence
@@ -19,7 +18,6 @@ from dp_swing_ros.figures.counterfactual import counterfactual, regret
 from dp_swing_ros.figures.cover import hero
 from dp_swing_ros.figures.curves import ERROR_FLOOR, overlay, squared_error, timeline
 from dp_swing_ros.figures.distributions import settling, solve_times
-from dp_swing_ros.figures.experiments import squared_errors, swing_ups
 from dp_swing_ros.figures.filmstrip import snapshots
 from dp_swing_ros.figures.gif import animation
 from dp_swing_ros.figures.rates import criteria, successes
@@ -29,8 +27,7 @@ from dp_swing_ros.figures.style import mark
 from dp_swing_ros.figures.sweeps import sweeps
 
 __all__ = ['animation', 'counterfactual', 'ERROR_FLOOR', 'hero', 'mark', 'of_campaign', 'overlay',
-           'regret', 'snapshots', 'squared_error', 'squared_errors', 'states_at', 'swing_ups',
-           'timeline']
+           'regret', 'snapshots', 'squared_error', 'states_at', 'timeline']
 
 
 def of_campaign(summary: Summary, rows: Sequence[Row]) -> Iterator[tuple[str, Figure]]:

@@ -4,10 +4,10 @@ import dataclasses
 import math
 
 import numpy as np
+from paper_ensemble import band, ensemble, FIRST, NEAR, trial
 import pytest
 from synthetic import first, PERIOD, swing_up
 
-from dp_swing_ros.evaluation.ensemble import band, ensemble, FIRST, NEAR, trial
 from dp_swing_ros.pendulum.state import is_upright
 
 

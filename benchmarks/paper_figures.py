@@ -17,8 +17,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, NullLocator
 import numpy as np
+from paper_ensemble import Band, Ensemble
 
-from dp_swing_ros.evaluation.ensemble import Band, Ensemble
 from dp_swing_ros.evaluation.metrics import settling_time
 from dp_swing_ros.figures.curves import ERROR_FLOOR, name_errors
 from dp_swing_ros.figures.filmstrip import snapshot

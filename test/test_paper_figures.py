@@ -4,14 +4,14 @@ import dataclasses
 import math
 
 import numpy as np
+from paper_ensemble import ensemble, trial
+from paper_figures import moments, squared_errors, swing_ups
 from PIL import Image
 import pytest
 from synthetic import swing_up
 
-from dp_swing_ros.evaluation.ensemble import ensemble, trial
 from dp_swing_ros.evaluation.metrics import settling_time
-from dp_swing_ros.figures import ERROR_FLOOR, squared_errors, swing_ups
-from dp_swing_ros.figures.experiments import moments
+from dp_swing_ros.figures import ERROR_FLOOR
 
 
 def of(*rises, duration=4.0, links=2):
