@@ -70,7 +70,7 @@ FAULTS = ('silence', 'nan', 'frozen', 'wrong_names', 'wrong_lengths', 'outlier_c
 
 
 class Pendulum:
-    """The bodies in MuJoCo, whose elbow measures θ2 - θ1."""
+    """The cart and links in MuJoCo, whose elbow measures θ2 - θ1."""
 
     def __init__(self, seed: int) -> None:
         """Hang, but for a tiny disturbance."""
@@ -218,7 +218,7 @@ class Rig(Node):
         return (time.monotonic() - self.started) * self.speed
 
     def advance(self) -> float:
-        """Step the bodies up to now, and return the time [s] that they have reached."""
+        """Step the engine up to now, and return the time [s] that they have reached."""
         for step in range(self.steps, int(self.time() * 1000)):
             force = self.force if step / 1000 < self.expires else 0.0
             if step % SAMPLE == 0:

@@ -5,8 +5,8 @@ Damage a bag in many ways, give it to the tools, and write docs/results/damaged_
 
 A tool passes if it ends soon, with exit code 2 and one line, or with a result that is that of the
 undamaged bag or comes with the notice "Incomplete: N of M messages". A mutation that fixes the
-checksums cannot be told from a recording, so any result is right there. The exit code is 1 if a
-tool failed.
+checksums makes another recording, so any result is right there. The exit code is 1 if a tool
+failed.
 """
 
 import argparse
@@ -42,7 +42,7 @@ from dp_swing_ros.tools.isolation import isolated
 
 PATIENCE = 20  # [s] for a tool
 INCOMPLETE = 'Incomplete: '  # begins what a tool says of a bag that lacks messages
-ERROR, RESULT, PARTIAL, OTHER = 'error', 'result', 'told as partial', 'forged'
+ERROR, RESULT, PARTIAL, OTHER = 'error', 'result', 'reported as partial', 'forged'
 
 
 class Whole(NamedTuple):
@@ -70,7 +70,7 @@ def analyse(bag: Path, whole: Whole, forged: bool) -> str:
 
 
 def analyse_partial(bag: Path, whole: Whole, forged: bool) -> str:
-    """Call `analyse --partial`: the user said that a part will do, and is told that it is one."""
+    """Call `analyse --partial`: the user said that a part will do, and learns that it is one."""
     try:
         text = shown(bag, partial=True)
     except UserError as error:
@@ -78,8 +78,8 @@ def analyse_partial(bag: Path, whole: Whole, forged: bool) -> str:
     if forged or text == whole.table:
         return OTHER if forged else RESULT
     with replaced(analysis, 'write', lambda *_: []):    # pictures take long, and are tested
-        _, told, _ = called(analysis.main, [str(bag), '--partial'])
-    if INCOMPLETE not in told:
+        _, text, _ = called(analysis.main, [str(bag), '--partial'])
+    if INCOMPLETE not in text:
         raise Failure('another table than that of the undamaged bag, and no notice')
     return PARTIAL
 
@@ -87,12 +87,12 @@ def analyse_partial(bag: Path, whole: Whole, forged: bool) -> str:
 def recovered(bag: Path, whole: Whole, forged: bool) -> str:
     """Recover a bag; nothing is in the new one that was not in the undamaged one."""
     output = bag.with_name('recovered')
-    code, told, complaint = called(recover.main, [str(bag), '--output', str(output)])
+    code, text, complaint = called(recover.main, [str(bag), '--output', str(output)])
     if code == 2:
         return _one_line(complaint)
     if code != 0:
         raise Failure(f'exit code {code}')
-    if 'is whole' in told:
+    if 'is whole' in text:
         return OTHER if forged else _same(shown(bag), whole, forged)
     found = messages(output)
     if not forged and not found <= whole.messages:
@@ -100,7 +100,7 @@ def recovered(bag: Path, whole: Whole, forged: bool) -> str:
     with contextlib.suppress(UserError):
         shown(output)
     if not forged and found != whole.messages and not (
-            INCOMPLETE in told and Bag(output).incomplete):
+            INCOMPLETE in text and Bag(output).incomplete):
         raise Failure('messages are gone, and neither the tool nor the new bag says so')
     return OTHER if forged else PARTIAL
 
@@ -117,13 +117,13 @@ def verified(bag: Path, whole: Whole, forged: bool) -> str:
 
 def replayed(bag: Path, whole: Whole, forged: bool) -> str:
     """Play a bag, a thousand times as fast, with all its messages or none."""
-    code, told, complaint = called(replay.main, [
+    code, text, complaint = called(replay.main, [
         'replay', '--ros-args', '--log-level', 'fatal', '-p', f'bag:={bag}', '-p', 'rate:=1000.0',
         '-p', 'wait:=0.0', '-p', 'playback_duration:=60.0'])
     if code == 2:
         return _one_line(complaint)
-    if code != 0 or not forged and f': {len(whole.messages)} messages' not in told:
-        raise Failure(f'exit code {code}: {told}{complaint}')
+    if code != 0 or not forged and f': {len(whole.messages)} messages' not in text:
+        raise Failure(f'exit code {code}: {text}{complaint}')
     return OTHER if forged else RESULT
 
 
@@ -140,10 +140,10 @@ def replaced(module: ModuleType, name: str, value: object) -> Iterator[None]:
 
 def called(main: Callable[[list[str]], int], arguments: list[str]) -> tuple[int, str, str]:
     """Return exit code, output and complaints of a tool."""
-    told, complaint = io.StringIO(), io.StringIO()
-    with contextlib.redirect_stdout(told), contextlib.redirect_stderr(complaint):
+    text, complaint = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(text), contextlib.redirect_stderr(complaint):
         code = main(arguments)
-    return code, told.getvalue(), complaint.getvalue()
+    return code, text.getvalue(), complaint.getvalue()
 
 
 TOOLS: dict[str, Callable[[Path, Whole, bool], str]] = {
@@ -241,8 +241,8 @@ def page(counts: Counter[tuple[str, str, str]], seeds: range) -> str:
              made('damaged_bags', sources_with('mutated_bags.py', 'mutations.py', 'forgeries.py')),
              'A recorded run is damaged and given to each tool, with the seeds '
              f'{seeds.start} to {seeds[-1]}. error: exit code 2 and one line; '
-             'result: the table of the undamaged bag; told as partial: a part of it, and it says '
-             'so; forged: checksums were made to fit the damage, so nobody can tell it; FAILED: '
+             'result: the table of the undamaged bag; reported as partial: a part of it, with that '
+             'notice; forged: checksums were made to fit the damage, so nobody can see it; FAILED: '
              'a traceback, a wrong table or message, or no end after '
              f'{PATIENCE} s.\n']
     rows = [['damage', *TOOLS]]

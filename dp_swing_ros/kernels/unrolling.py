@@ -458,7 +458,7 @@ def same_type_by(key: Callable[[Any], Any]) -> Callable[[type], type]:
     """
     Let Numba find the type of a class's instances once for each key, instead of at every call.
 
-    The key must tell apart all that the type depends on; the type of a tuple of tuples takes Numba
+    The key must hold all that the type depends on; the type of a tuple of tuples takes Numba
     longer to find than a short kernel takes to run.
     """
     def register(cls: type) -> type:

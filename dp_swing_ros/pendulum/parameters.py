@@ -69,7 +69,7 @@ class PendulumParameters(Parameters):
 
 @dataclasses.dataclass(frozen=True)
 class LimitParameters(Parameters):
-    """What the actuator and the track allow; plant and controller should be told the same."""
+    """What the actuator and the track allow; plant and controller should have the same."""
 
     force_limit: float = parameter(
         20.0, 'largest force on the cart, either way', unit='N', minimum=0.0, finite=False)

@@ -72,7 +72,7 @@ def fill(state, out):
             turn, a[i], b[i], c[i], d[i] = drawn(a_i, b_i, c_i, d_i)
             uniform = F(np.int32(size >> U(8)) + np.int32(1)) * ULP
             radius = np.sqrt(MINUS_TWO * logarithm(uniform))
-            # the lowest bit, unused so far, tells which half of the circle
+            # the lowest bit, unused so far, chooses the half of the circle
             radius = signed(radius, U(size).view(F))
             s, c_turn = sincos_ahead(F(U(turn).view(np.int32)) * PER_BIT)
             pairs[0, i], pairs[1, i] = radius * c_turn, radius * s
