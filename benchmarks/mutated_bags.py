@@ -241,8 +241,8 @@ def page(counts: Counter[tuple[str, str, str]], seeds: range) -> str:
              made('damaged_bags', sources_with('mutated_bags.py', 'mutations.py', 'forgeries.py')),
              'A recorded run is damaged and given to each tool, with the seeds '
              f'{seeds.start} to {seeds[-1]}. error: exit code 2 and one line; '
-             'result: the table of the undamaged bag; reported as partial: a part of it, with that '
-             'notice; forged: checksums were made to fit the damage, so nobody can see it; FAILED: '
+             'result: the table of the undamaged bag; reported as partial: a part of it, with '
+             'that notice; forged: checksums were made to fit, so nobody can see it; FAILED: '
              'a traceback, a wrong table or message, or no end after '
              f'{PATIENCE} s.\n']
     rows = [['damage', *TOOLS]]
