@@ -43,7 +43,7 @@ results:  ## every published figure anew, under an hour (PAGES='random robustnes
 	@$(WITH_ROS) && python benchmarks/published.py $(PAGES) $(RESULTS)
 
 test: setup $(VENV)/.installed-test  ## all tests, linters and type checks (PYTEST='...' for arguments of pytest)
-	@$(WITH_ROS) && python -m pytest -n auto --maxprocesses 8 $(PYTEST)
+	@$(WITH_ROS) && pytest -n auto --maxprocesses 8 --dist loadgroup $(PYTEST)
 
 shell: setup  ## a shell in which ros2 run dp_swing_ros ... works
 	@exec bash --rcfile <(echo '[ ! -f ~/.bashrc ] || source ~/.bashrc; $(WITH_ROS)') -i

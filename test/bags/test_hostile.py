@@ -3,11 +3,9 @@
 """What is made to hang or to fill the memory ends soon, in one line; each in its own process."""
 
 import os
-import resource
-import subprocess
-import sys
 from types import SimpleNamespace
 
+from limited import called
 from made_bags import encoded, FLOAT
 from mcap.writer import Writer
 import pytest
@@ -22,16 +20,10 @@ from dp_swing_ros.bags.metadata import Recorded
 from dp_swing_ros.bags.writer import BagWriter
 from dp_swing_ros.messages.definitions import schema
 
-SECONDS, MEMORY = 15, 3 << 30  # of a processor; [bytes] of addresses, most of them libraries
 TOOLS = ('analyse', 'verify', 'compare', 'recover', 'export', 'replay')
 ALIASES = 'a0: &a0 [x, x, x, x, x, x, x, x, x]\n' + ''.join(
     f'a{n}: &a{n} [{", ".join([f"*a{n - 1}"] * 9)}]\n' for n in range(1, 40))
 DEEP, LONG = '[' * 100_000, 'a: ' + 'x' * (2 << 20)
-
-
-def limited():
-    resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS))
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
 
 
 def run(tool, bag, *arguments):
@@ -41,17 +33,6 @@ def run(tool, bag, *arguments):
         place, given = 'nodes', ['--ros-args', '-p', f'bag:={bag}', '-p', 'rate:=1000.0', '-p',
                                  'wait:=0.0']
     return called(f'{place}.{tool}', given if place == 'tools' else [tool, *given], bag.parent)
-
-
-def called(module, arguments, folder):
-    """Call the main function of a module within the limits; return code and what it printed."""
-    done = subprocess.run(
-        [sys.executable, '-c', f'import sys; from dp_swing_ros.{module} import main; '
-         f'sys.exit(main({arguments}))'],
-        capture_output=True, text=True, timeout=120, preexec_fn=limited, cwd=folder)
-    assert 'Traceback' not in done.stderr, done.stderr
-    assert done.returncode in (0, 1, 2), done.stdout + done.stderr
-    return done.returncode, done.stdout + done.stderr
 
 
 @pytest.fixture

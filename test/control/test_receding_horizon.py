@@ -331,7 +331,7 @@ def test_warming_up_changes_nothing():
 
 
 @pytest.mark.parametrize('solver', sorted(SOLVERS))
-def test_after_warming_up_no_tick_compiles(solver):
+def test_after_warming_up_no_tick_compiles(solver, tmp_path):
     """Kernels are compiled, or loaded, by their first call with arguments of a kind."""
     code = f"""
 import sys
@@ -360,9 +360,9 @@ assert len(before) > 30, before
 print(sorted(name for name, count in compiled().items() if count != before[name]))
 """
     done = subprocess.run(
-        [sys.executable, '-c', code], capture_output=True, text=True, check=True,
+        [sys.executable, '-c', code], capture_output=True, text=True, check=True, cwd=tmp_path,
         env={**os.environ, 'PYTHONPATH': os.pathsep.join(
-            [str(Path(__file__).parents[1]), str(Path(__file__).parents[2])])})
+            [str(Path(__file__).parents[1]), *sys.path])})
     assert done.stdout.strip() == '[]'
 
 

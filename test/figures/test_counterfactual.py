@@ -38,14 +38,14 @@ ODD = {'whole': made_up(), 'from the start': made_up(at=0), 'nobody held': made_
 
 @pytest.mark.filterwarnings('error')
 @pytest.mark.parametrize('name', ODD)
-@pytest.mark.parametrize('draw', [
-    lambda one: counterfactual(one, LimitParameters()),
-    lambda one: counterfactual(one, LimitParameters(force_limit=math.inf)),
-    lambda one: regret([one]), lambda one: regret([one, one._replace(at=3.0)])])
-def test_pictures_are_not_blank_and_drawn_without_a_warning(draw, name, tmp_path):
-    draw(ODD[name]).savefig(tmp_path / 'picture.png', dpi=50)
-    with Image.open(tmp_path / 'picture.png') as image:
-        assert np.asarray(image.convert('L')).std() > 5
+def test_pictures_are_not_blank_and_drawn_without_a_warning(name, tmp_path):
+    limits = LimitParameters(force_limit=math.inf if name == 'many turns' else 20.0)
+    times = (0.5,) if name == 'one solver' else (0.5, 3.0)
+    for figure in (counterfactual(ODD[name], limits),
+                   regret([ODD[name]._replace(at=at) for at in times])):
+        figure.savefig(tmp_path / 'picture.png', dpi=50)
+        with Image.open(tmp_path / 'picture.png') as image:
+            assert np.asarray(image.convert('L')).std() > 5
 
 
 @pytest.mark.parametrize('count', [1, 5, 12])

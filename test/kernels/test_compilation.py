@@ -13,11 +13,11 @@ SOLVES = """
 import hashlib, math, numpy as np
 from dp_swing_ros import configuration
 from dp_swing_ros.solvers import SOLVERS
-problem, plans = configuration.problem({}), hashlib.sha256()
+problem, plans = configuration.problem({'links': 1}), hashlib.sha256()  # compiles sooner
 for name, solver in SOLVERS.items():
     one, random = solver(problem, solver.Parameters()), np.random.default_rng(0)
     for _ in range(10):
-        plan = one.solve(random.uniform(-3, 3, 6), None, math.inf)
+        plan = one.solve(random.uniform(-3, 3, 4), None, math.inf)
         plans.update(plan.U.tobytes() + plan.K.tobytes())
 print(plans.hexdigest())
 """

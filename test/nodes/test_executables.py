@@ -10,8 +10,8 @@ import pytest
 NODES = ('plant', 'mpc', 'logger', 'replay')
 
 
-@pytest.mark.parametrize('option', ['-h', '--help'])
-@pytest.mark.parametrize('name', NODES)
+@pytest.mark.parametrize(('name', 'option'), [
+    *((name, '--help') for name in NODES), ('plant', '-h')])
 def test_help_says_what_it_does_and_takes(start_node, name, option):
     node = start_node(name, options=[option])
     assert node.wait() == 0
@@ -23,7 +23,7 @@ def test_help_says_what_it_does_and_takes(start_node, name, option):
         assert word in node.output()
 
 
-@pytest.mark.parametrize('delay', [0.15, 0.3, 0.5, 0.8, 1.2, 2.0])
+@pytest.mark.parametrize('delay', [0.15, 0.5, 1.0, 2.0])
 @pytest.mark.parametrize('name', ['plant', 'mpc', 'logger'])
 def test_an_early_signal_ends_it_without_a_word(start_node, tmp_path, name, delay):
     node = start_node(name, {'output': str(tmp_path / 'bag')} if name == 'logger' else {},

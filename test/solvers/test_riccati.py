@@ -48,15 +48,16 @@ def pass_back(problem, X, U, *more):
     return backward(problem.model, problem.cost, X, U, no_gaps(X), *more)
 
 
-def expansion(problem, x, u):
-    """Return the first and second derivatives of a step by (x, u), by autograd."""
+def expansions(problem, X, U):
+    """Return the first and second derivatives of all steps by (x, u), by autograd."""
     import torch
 
     def f(z):
         return torch.stack(list(advance(problem.model, z[:-1].unbind(), z[-1])))
-    z = torch.tensor(np.append(x, u))
-    return (torch.func.jacrev(f)(z).numpy(),
-            torch.func.jacfwd(torch.func.jacrev(f))(z).numpy())
+    first = torch.func.jacrev(f)
+    Z = torch.tensor(np.column_stack((X[:-1], U)))
+    return (torch.func.vmap(first)(Z).numpy(),
+            torch.func.vmap(torch.func.jacfwd(first))(Z).numpy())
 
 
 def plain(problem, X, U, mu, tensor, gaps=None):
@@ -66,9 +67,10 @@ def plain(problem, X, U, mu, tensor, gaps=None):
     terminal_derivatives(problem.cost, X[-1], V_x, V_xx)
     k, K = empty_policy(X)
     of_cost = running_derivatives(problem.cost, X, U)
+    of_steps = expansions(problem, X, U)
     for t in range(N - 1, -1, -1):
         l_x, l_xx = np.split(of_cost[t // STEPS, :, t % STEPS], 2)
-        F, second = expansion(problem, X[t], U[t])
+        F, second = of_steps[0][t], of_steps[1][t]
         a, b = F[:, :n], F[:, n:]
         if gaps is not None:
             V_x = V_x + V_xx @ gaps[t]
