@@ -1,6 +1,6 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Estimators: what is believed of state and pendulum, and the registry of how it is found out."""
+"""Estimators: one file each, and the registry that nodes and tools choose from."""
 
 from typing import Any
 

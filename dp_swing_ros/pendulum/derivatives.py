@@ -26,8 +26,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dp_swing_ros.kernels import kernel
-from dp_swing_ros.kernels.unrolling import (
-    called, cos, dot, fixed, flat, gradient, sin, total, unrolled)
+from dp_swing_ros.kernels.symbols import called, cos, dot, fixed, flat, gradient, sin, total
+from dp_swing_ros.kernels.unrolling import unrolled
 from dp_swing_ros.pendulum.equations import (
     generalised_force, inverse_inertia, mass_matrix, Matrix, Numbers, Parts, Pendulum, solve)
 from dp_swing_ros.pendulum.model import Model, size, zeros

@@ -20,7 +20,7 @@ All of it is plain Python over numbers, symbols, arrays or tensors; see kernels/
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from dp_swing_ros.kernels.unrolling import cos, dot, sin, total
+from dp_swing_ros.kernels.symbols import cos, dot, sin, total
 from dp_swing_ros.pendulum.parameters import PendulumParameters
 
 Numbers = Sequence[Any]

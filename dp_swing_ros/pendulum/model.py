@@ -13,7 +13,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dp_swing_ros.kernels import kernel
-from dp_swing_ros.kernels.unrolling import called, same_type_by, unrolled
+from dp_swing_ros.kernels.constants import same_type_by
+from dp_swing_ros.kernels.symbols import called
+from dp_swing_ros.kernels.unrolling import unrolled
 from dp_swing_ros.pendulum.equations import derivative, Pendulum
 from dp_swing_ros.pendulum.integrators import Integrator
 from dp_swing_ros.pendulum.state import Array

@@ -19,8 +19,9 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from dp_swing_ros.kernels import kernel
-from dp_swing_ros.kernels.unrolling import (
-    clamp, Constant, cos, dot, is_nonzero, same_type_by, sin, total, unrolled)
+from dp_swing_ros.kernels.constants import Constant, same_type_by
+from dp_swing_ros.kernels.symbols import clamp, cos, dot, is_nonzero, sin, total
+from dp_swing_ros.kernels.unrolling import unrolled
 from dp_swing_ros.pendulum.derivatives import blocks, load, STEPS
 from dp_swing_ros.pendulum.state import Array
 

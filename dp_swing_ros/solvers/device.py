@@ -19,7 +19,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from dp_swing_ros.kernels.unrolling import Constant, dot
+from dp_swing_ros.kernels.constants import Constant
+from dp_swing_ros.kernels.symbols import dot
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.pendulum.model import advance, Model
 from dp_swing_ros.pendulum.state import Array

@@ -15,7 +15,8 @@ trajectory optimization", IROS 2012, (11).
 import numpy as np
 
 from dp_swing_ros.kernels import kernel
-from dp_swing_ros.kernels.unrolling import dot, unrolled
+from dp_swing_ros.kernels.symbols import dot
+from dp_swing_ros.kernels.unrolling import unrolled
 from dp_swing_ros.pendulum.derivatives import curvature, expand, identity, lanes, linearise, STEPS
 from dp_swing_ros.pendulum.model import size, step
 from dp_swing_ros.problem.cost import running, running_derivatives, terminal, terminal_derivatives

@@ -15,7 +15,9 @@ from typing import Any
 import numpy as np
 
 from dp_swing_ros.kernels import kernel
-from dp_swing_ros.kernels.unrolling import clamp, Constant, dot, unrolled
+from dp_swing_ros.kernels.constants import Constant
+from dp_swing_ros.kernels.symbols import clamp, dot
+from dp_swing_ros.kernels.unrolling import unrolled
 from dp_swing_ros.pendulum.model import advance, size
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.problem.cost import running_cost, terminal_cost

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from dp_swing_ros.kernels import kernel
-from dp_swing_ros.kernels.unrolling import (
-    called, clamp, Constant, cos, dot, fixed, gradient, is_nonzero, same_type_by, sin, total,
-    unrolled, written_out)
+from dp_swing_ros.kernels.constants import Constant, same_type_by
+from dp_swing_ros.kernels.symbols import (
+    called, clamp, cos, dot, fixed, gradient, is_nonzero, sin, total)
+from dp_swing_ros.kernels.unrolling import unrolled, written_out
 
 F = np.float32
 
