@@ -61,10 +61,13 @@ class MessageFilter:
 
     def frozen(self, x: Array, predict: Predict) -> str:
         """Return what has not moved though the model did; nothing where all moves."""
+        positions = len(self.joints)
+        if len(self.past) < 2 or not (self.past[-2][1] == x)[:positions].any():
+            return ''
         same = np.array([past == x for _, past in self.past])   # (count, 2n + 2)
         for count, columns, limit in (
-                (_repeated(np.asarray(same.all(axis=1))), range(len(self.joints)), STILL),
-                *((_repeated(same[:, i]), [i], STUCK) for i in range(len(self.joints)))):
+                (_repeated(np.asarray(same.all(axis=1))), range(positions), STILL),
+                *((_repeated(same[:, i]), [i], STUCK) for i in range(positions))):
             if count == 1:
                 continue
             (since, before), (t, _) = self.past[-count], self.past[-1]

@@ -9,6 +9,7 @@ Evaluating Derivatives, 2008, 3.2 (the reverse mode).
 """
 
 from collections.abc import Callable, Iterable, Sequence
+import inspect
 from typing import Any
 
 import numpy as np
@@ -140,7 +141,7 @@ def called(function: Callable, count: int, *arguments: Any) -> list[Any]:
     """
     given = [each for each in flat(arguments) if isinstance(each, Symbol)]
     if not given:
-        return list(function(*arguments))
+        return list(inspect.unwrap(function)(*arguments))
     trace = given[0].trace
     call = trace.symbol(f'call {len(trace.calls)}', *given)
     trace.calls[call] = function, arguments
