@@ -121,9 +121,10 @@ def our_iteration(problem: Problem, second_order: bool) -> tuple[Work, Callable[
     X, U = trajectory(problem)
     k, K, gaps = np.empty(len(U)), np.empty((len(U), 6)), np.empty((0, 6))
     X_new, U_new, infinite = np.empty_like(X), np.empty_like(U), np.inf
+    tensor = 1.0 if second_order else None
 
     def policy() -> Policy:
-        backward(problem.model, problem.cost, X, U, gaps, infinite, 0.0, float(second_order), k, K)
+        backward(problem.model, problem.cost, X, U, gaps, infinite, 0.0, tensor, k, K)
         return Policy(k, K)
 
     def run() -> int:

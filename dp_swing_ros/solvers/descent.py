@@ -46,15 +46,15 @@ def solve(problem: Problem, parameters: DescentParameters, second_order: bool, x
     began = time.perf_counter()
     end, J, iterations, X, U, K = descend(
         *kernel_arguments(problem), problem.horizon, *policy_of(problem, x_0, warm_start),
-        second_order, parameters.iterations,
-        parameters.tolerance, parameters.largest_regularisation, deadline - began)
+        1.0 if second_order else None, parameters.iterations, parameters.tolerance,
+        parameters.largest_regularisation, deadline - began)
     return Plan(X, U, K, problem.dt,
                 SolverStats(ENDS[end], J, iterations, time.perf_counter() - began))
 
 
 @kernel
-def descend(model, cost, lqr_gain, u_max, horizon, x_0, X, U, K, second_order, iterations,
-            tolerance, largest_mu, seconds):
+def descend(model, cost, lqr_gain, u_max, horizon, x_0, X, U, K, tensor, iterations, tolerance,
+            largest_mu, seconds):
     """
     Follow a policy from x_0 and lower its cost; one call, for each takes some microseconds.
 
@@ -62,6 +62,7 @@ def descend(model, cost, lqr_gain, u_max, horizon, x_0, X, U, K, second_order, i
     fails, a smaller share of the tensor terms is taken, and none in the end, as in iLQR, whose
     expansion is positive; where the search fails, μ is raised. Only a pass without μ shows that
     the descent has converged: μ shortens the step, and so what it promises.
+    tensor is the share of the tensor terms to begin with, None for iLQR, which knows none.
     Returns how it ended (of ENDS), the cost, the number of iterations, and X, U and K.
     Shapes: as in follow_policy.
     """
@@ -69,16 +70,17 @@ def descend(model, cost, lqr_gain, u_max, horizon, x_0, X, U, K, second_order, i
     J, X, U, K = follow_policy(model, cost, lqr_gain, u_max, x_0, X, U, K, horizon)
     X_new, U_new, K_new, k = np.empty_like(X), np.empty_like(U), np.empty_like(K), np.empty_like(U)
     mu, iteration, end, gaps = 0.0, 0, ITERATION_LIMIT, np.empty((0, len(x_0)))
-    tensor = 1.0 if second_order else 0.0
+    share = tensor
     while iteration < iterations:
         if now() - began > seconds:
             end = DEADLINE
             break
         iteration += 1
-        positive, slope, bend = backward(model, cost, X, U, gaps, u_max, mu, tensor, k, K_new)
-        if not positive and tensor > 0:
-            tensor = tensor * TENSOR_CUT if tensor > TENSOR_LEAST else 0.0
-            continue
+        positive, slope, bend = backward(model, cost, X, U, gaps, u_max, mu, share, k, K_new)
+        if tensor is not None:
+            if not positive and share > 0:
+                share = share * TENSOR_CUT if share > TENSOR_LEAST else 0.0
+                continue
         if positive and mu == 0 and -slope <= tolerance * J:
             K, end = K_new, CONVERGED
             break
@@ -87,8 +89,8 @@ def descend(model, cost, lqr_gain, u_max, horizon, x_0, X, U, K, second_order, i
         if J_new < J:
             J, X, X_new, U, U_new, K, K_new = J_new, X_new, X, U_new, U, K_new, K
             mu = mu / MU_FACTOR if mu > MU_FIRST else 0.0
-            if second_order:
-                tensor = min(max(tensor * TENSOR_GROWTH, TENSOR_LEAST), 1.0)
+            if tensor is not None:
+                share = min(max(share * TENSOR_GROWTH, TENSOR_LEAST), 1.0)
             continue
         mu = max(mu * MU_FACTOR, MU_FIRST)
         if mu > largest_mu:

@@ -108,7 +108,7 @@ def set_gains(model, cost, u_max, X, U, feedback, K):
     could end on the bound.
     Shapes: X (N + 1, 2n + 2), U (N,), K (N, 2n + 2).
     """
-    if feedback and backward(model, cost, X, U, X[:0], u_max, 0.0, 0.0,
+    if feedback and backward(model, cost, X, U, X[:0], u_max, 0.0, None,
                              np.empty(0), K)[0]:
         return
     K[:] = 0.0

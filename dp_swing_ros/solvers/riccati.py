@@ -81,7 +81,7 @@ def backward(model, cost, X, U, gaps, u_max, mu, tensor, k, K):
     Write the policy δu = k + K δx, and return whether Q_uu stayed positive and two slopes.
 
     The expected change of the cost under α k is α slope + α² / 2 bend. The expansion holds a share
-    `tensor` of the terms Σ V'_x[i] ∂²f_i: with 1 it is DDP, with 0 iLQR. The gaps are
+    `tensor` of the terms Σ V'_x[i] ∂²f_i: with 1 it is DDP, with None iLQR. The gaps are
     f(X[t], U[t]) - X[t + 1], which the policy closes; a trajectory of the model has none.
     Shapes: X (T + 1, 2n + 2), U (T,), gaps (T, 2n + 2), or (0, 2n + 2) for none, k (T,), or (0,)
     where the forces stay as they are, K (T, 2n + 2).
@@ -103,12 +103,12 @@ def backward(model, cost, X, U, gaps, u_max, mu, tensor, k, K):
             for i in range(n):
                 for j in range(n):
                     V_x[i] += V_xx[i, j] * gaps[t, j]
-        if tensor > 0:
+        if tensor is None:
+            linearise(model, points, t, directions, F)
+        else:
             for i in range(n):
                 weighted[i] = tensor * V_x[i]
             curvature(model, points, t, weighted, directions, F, W)
-        else:
-            linearise(model, points, t, directions, F)
         given = columns_of(model, V_x, V_xx, F)
         for j in range(lanes(model)):
             propagate_lane(given, F, W, Q_z, Q_zz, BF, j)

@@ -74,7 +74,7 @@ def plain(problem, X, U, mu, tensor, gaps=None):
         a, b = F[:, :n], F[:, n:]
         if gaps is not None:
             V_x = V_x + V_xx @ gaps[t]
-        W = np.einsum('i,ijk->jk', V_x, second) * tensor
+        W = np.einsum('i,ijk->jk', V_x, second) * (tensor or 0.0)
         Q_x = l_x + a.T @ V_x
         Q_u = 2 * problem.cost.R * U[t] + b.T @ V_x
         Q_xx = np.diag(l_xx) + a.T @ V_xx @ a + W[:n, :n]
@@ -90,7 +90,7 @@ def plain(problem, X, U, mu, tensor, gaps=None):
     return k, K
 
 
-@pytest.mark.parametrize('tensor', [0.0, 0.3, 1.0], ids=['ilqr', 'between', 'ddp'])
+@pytest.mark.parametrize('tensor', [None, 0.3, 1.0], ids=['ilqr', 'between', 'ddp'])
 @pytest.mark.parametrize('mu', [0.0, 10.0])
 def test_gains_are_the_paper_s(problem, trajectory, tensor, mu):
     X, U = trajectory
@@ -113,7 +113,7 @@ def test_gains_about_a_path_with_gaps(problem, trajectory, rng):
     assert not np.allclose(k, plain(problem, X, U, 0.0, 1.0)[0])
 
 
-@pytest.mark.parametrize('tensor', [0.0, 1.0], ids=['ilqr', 'ddp'])
+@pytest.mark.parametrize('tensor', [None, 1.0], ids=['ilqr', 'ddp'])
 def test_the_slope_is_the_cost_s(problem, trajectory, tensor):
     """For a small α the cost changes by α slope."""
     X, U = trajectory
@@ -130,7 +130,7 @@ def test_on_the_bound_the_force_stays_and_does_not_follow(problem, trajectory):
     X, U = trajectory
     k, K = empty_policy(X)
     u_max = 0.5
-    pass_back(problem, X, U, u_max, 0.0, 0.0, k, K)
+    pass_back(problem, X, U, u_max, 0.0, None, k, K)
     on_bound = np.isclose(np.abs(U + k), u_max)
     assert 0 < on_bound.sum() < N
     assert np.all(np.abs(U + k) <= u_max + 1e-12)
@@ -146,7 +146,7 @@ def test_a_linear_problem_is_solved_in_one_step(problem):
     X = rollout(problem.model, x, U)
     k, K = empty_policy(X)
     J = trajectory_cost(problem.cost, X, U)
-    _, slope, bend = pass_back(problem, X, U, 20.0, 0.0, 0.0, k, K)
+    _, slope, bend = pass_back(problem, X, U, 20.0, 0.0, None, k, K)
     X_new, U_new = np.empty_like(X), np.empty_like(U)
     J_new = line_search(problem.model, problem.cost, X, U, J, k, K, slope, bend,
                         20.0, X_new, U_new)
@@ -158,4 +158,4 @@ def test_a_curvature_that_is_not_positive_is_reported(problem, trajectory):
     X, U = trajectory
     concave = problem.cost._replace(P=-problem.cost.P)
     k, K = empty_policy(X)
-    assert not pass_back(replace(problem, cost=concave), X, U, 20.0, 0.0, 0.0, k, K)[0]
+    assert not pass_back(replace(problem, cost=concave), X, U, 20.0, 0.0, None, k, K)[0]
