@@ -38,7 +38,8 @@ DEFAULTS: dict[int, dict[str, Any]] = {
         'state_weights': (10.0, 100.0, 2.0, 6.0)},
     2: {},
     3: {'initial_state': tuple(hanging(3).tolist()), 'reference': tuple(upright(3).tolist()),
-        'state_weights': (10.0, 100.0, 100.0, 100.0, 2.0, 6.0, 6.0, 6.0), 'force_limit': 40.0}}
+        'state_weights': (10.0, 100.0, 100.0, 100.0, 2.0, 6.0, 6.0, 6.0), 'force_limit': 40.0,
+        'mppi.samples': 1024}}
 
 
 def groups_of(node: str) -> Groups:

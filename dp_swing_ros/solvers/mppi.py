@@ -124,7 +124,8 @@ def weights(J: Array, temperature: float, relative: bool) -> Array:
     if not np.isfinite(lowest):
         return np.full_like(J, 1 / len(J))
     if relative:
-        tenth = min(np.partition(J, len(J) // 10)[len(J) // 10], np.finfo(F).max)
+        # not a number, where that is what most samples cost
+        tenth = np.fmin(np.partition(J, len(J) // 10)[len(J) // 10], np.finfo(F).max)
         temperature *= max(float(tenth - lowest), 1e-9)
     with np.errstate(over='ignore'):
         exponent = (lowest - J) / F(temperature)

@@ -100,10 +100,11 @@ def test_weights_survive_costs_that_are_all_lost():
     assert w.sum() == pytest.approx(1.0, rel=1e-5)
 
 
+@pytest.mark.parametrize('cost', [np.inf, np.nan])
 @pytest.mark.parametrize('lost', [89, 95])
-def test_samples_that_are_lost_weigh_nothing(lost):
+def test_samples_that_are_lost_weigh_nothing(lost, cost):
     J = np.arange(100, dtype=F)
-    J[:lost] = np.inf
+    J[:lost] = cost
     w = weights(J, 0.1, relative=True)
     assert np.all(w[:lost] == 0)
     assert w.sum() == pytest.approx(1.0, rel=1e-5)
