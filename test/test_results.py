@@ -36,7 +36,8 @@ TICKS = 2               # by which another rounding may move the settling
 SETTLES = {'hanging', 'near_goal', 'swing-up', 'near the goal'}
 HOLDS = {*SETTLES, 'random'}
 DEFAULTS = {f'{name}{setup}' for name in SOLVERS
-            for setup in ('', ', defaults', ', nothing', ', nothing: the defaults')}
+            for setup in ('', ', defaults', ', nothing', ', nothing: the defaults',
+                          ', 1 links, 20 N')}
 
 
 def chosen(page, exactly):
