@@ -60,10 +60,12 @@ def hero(episode: Episode) -> Figure:
     limit_lines(force, episode.limits.force_limit)
     ending = f'not upright at the end, {length:.1f} s' if math.isnan(settled) \
         else f'upright from {settled:.2f} to {length:.1f} s'
+    # long links reach up to it
+    readable = {'color': 'white', 'alpha': 0.7, 'linewidth': 0, 'pad': 1}
     figure.text(0.055, 0.94, f'Swing-up by {solver_name(episode.solver)}', size=15, va='top',
-                weight='bold')
+                weight='bold', bbox=readable)
     figure.text(0.055, 0.865, f'every {BETWEEN:g} s, seen from the cart;\n{ending}', size=10,
-                va='top')
+                va='top', bbox=readable)
     return figure
 
 
