@@ -19,7 +19,9 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Float64
 
-KEPT = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE,
+# What a logger has not acknowledged yet must not be overwritten by what came after it, even where
+# the machine stands still for seconds: that would be this process's loss, not the logger's.
+KEPT = QoSProfile(depth=100_000, reliability=ReliabilityPolicy.RELIABLE,
                   durability=DurabilityPolicy.TRANSIENT_LOCAL)
 PAUSE = 0.0005  # [s] between looks at the clock
 
@@ -45,7 +47,8 @@ def main() -> None:
     times: list[list[int]] = []
     wanted, start = arguments.duration * arguments.rate, time.monotonic()
     while not ended and len(times) < wanted:
-        while len(times) < min(wanted, (time.monotonic() - start) * arguments.rate):
+        while not ended and len(times) < min(
+                wanted, (time.monotonic() - start) * arguments.rate):
             message, row = Float64(data=float(len(times))), []
             for publisher in publishers:
                 row.append(time.time_ns())

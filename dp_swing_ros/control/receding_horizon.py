@@ -158,7 +158,7 @@ class RecedingHorizon:
 
     def observe(self, t: float, x: Array) -> Array | None:
         """Take a measurement; return the newest believed state, None before one."""
-        x = np.asarray(x, dtype=float)
+        x = np.array(x, dtype=float)   # a copy: what is remembered is not the caller's
         size = len(self.nominal.cost.S)
         if x.shape != (size,) or not np.all(np.isfinite(x)):
             raise ValueError(f'the state is {x}; expected {size} finite numbers')
@@ -230,8 +230,8 @@ class RecedingHorizon:
         """
         Return the rest of the last plan from a time on [s], if any, and of one a whole step older.
 
-        Between its steps a plan is interpolated, which blurs its forces, and with every tick more
-        so; after a whole step it is not.
+        Between its steps the forces of a plan are interpolated, which blurs them, and with every
+        tick more so; after a whole step they are not.
         """
         left = self.left_over(begins)
         if left is None:
@@ -255,16 +255,21 @@ class RecedingHorizon:
         return plan
 
     def warm_up(self) -> float:
-        """Compile all that a tick needs, on a copy of the controller, and return the time [s]."""
-        began = time.perf_counter()
+        """
+        Compile all that a tick needs, on a copy of the controller.
+
+        Returns how long a tick takes from then on [s].
+        """
         twin = RecedingHorizon(self.nominal, self.parameters, self.solver_parameters)
         for x in starts_to_warm_up(self.nominal.physical.links):
             twin.reset()
             for n in range(3):
+                began = time.perf_counter()
                 # a state that stands still would be refused, and the estimator left out
                 twin.update(n * self.problem.dt, x + 1e-3 * n, delay=1e-3)
+                tick_time = time.perf_counter() - began
         twin.fallback(3 * self.problem.dt)
-        return time.perf_counter() - began
+        return tick_time
 
 
 def starts_to_warm_up(links: int) -> tuple[Array, Array]:

@@ -27,15 +27,14 @@ from dp_swing_ros.nodes.diagnostics import Diagnostics
 from dp_swing_ros.nodes.messages import of_estimate, to_trajectory
 from dp_swing_ros.nodes.process import ProcessNode, run
 from dp_swing_ros.nodes.ros_parameters import declare_pendulum
-from dp_swing_ros.nodes.timing import Clock, Timing
+from dp_swing_ros.nodes.timing import Clock, Latency, Timing
 from dp_swing_ros.nodes.watchdog import Watchdog
 from dp_swing_ros.problem.plan import Plan, Status
 from dp_swing_ros.topics import CONFIGURATION, FORCE_COMMAND, JOINT_STATES, PLAN
 
 MEETING = 2.0        # [s] at most, to learn who sends the states, and for them to find the forces
 MEETING_POLL = 0.02  # [s]
-LONGEST_TRANSPORT = 0.05  # [s]; beyond, the clocks of two machines differ
-SMOOTHING = 0.1      # share of the newest tick in the mean processing time and pace
+SMOOTHING = 0.1      # share of the newest tick in the mean pace
 SLOW_START = 1.0     # [s] a warm-up longer than this was a compilation
 PACES = (0.01, 100.0)  # slowest and fastest of a simulated clock, in seconds a second
 
@@ -83,8 +82,7 @@ class MpcNode(ProcessNode):
         self.controller.reset()
         self.timing.reset()
         self.watchdog.forget()
-        self.processing = 0.0   # [s] mean time from a state's arrival to its force
-        self.transport = 0.0    # [s] of the last state, from the plant
+        self.latency = Latency(self.tick_time)
         self.pace = 1.0         # seconds of this node's clock in a second
         self.carried = 0        # periods since the last state
         self.late_total = 0
@@ -96,8 +94,8 @@ class MpcNode(ProcessNode):
                                'machine compiles for half a minute; later ones take a second)')
         began = time.perf_counter()
         self.controller = self.build()
+        self.tick_time = self.controller.warm_up()
         self.forget()
-        self.controller.warm_up()
         taken = time.perf_counter() - began
         gc.collect()
         gc.freeze()   # else the collector looks through all modules in a first tick, for 25 ms
@@ -158,17 +156,16 @@ class MpcNode(ProcessNode):
         delay, deadline = measured.age, math.inf
         if real_time:
             self.pace = self.pace_since(before)
-            # the force takes as long to the plant as the state took from there
-            transport = (info['received_timestamp'] - info['source_timestamp']) / BILLION
-            self.transport = transport if 0 < transport < LONGEST_TRANSPORT else 0.0
-            delay += self.processing + self.transport * self.pace
+            self.latency.add_transport((now - sent) / self.pace)
+            delay += self.latency.expected() * self.pace
             deadline = began + self.parameters.time_limit / self.pace
         plan, complaint = self.solve(message, measured.t, delay, deadline)
         late = plan.stats.solve_time * self.pace > (period if period > 0 else plan.dt)
+        if real_time:
+            self.latency.keep(began, first=math.isnan(before.t))
         force = self.send(plan)
         taken = (time.perf_counter() - began) * self.pace
         if real_time:
-            self.processing += SMOOTHING * (taken - self.processing)
             self.watchdog.feed(period)
         self.report(message.header.stamp, plan, complaint, measured.complaint, force, late,
                     real_time, delay, measured.age + taken, measured.t)
@@ -185,7 +182,7 @@ class MpcNode(ProcessNode):
         """Follow the last plan without a state that should have come, for a while."""
         self.carried += 1
         stamp = self.get_clock().now().to_msg()
-        t, delay = seconds(stamp), self.processing + self.transport * self.pace
+        t, delay = seconds(stamp), self.latency.transport() * self.pace
         plan = self.controller.fallback(t + delay)
         if plan.stats.status is Status.ZERO:
             self.watchdog.stop()

@@ -1,7 +1,7 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-When a state was measured, by its stamp and its arrival.
+When a state was measured, by its stamp and its arrival, and when the force for it will act.
 
 Nobody can see from a stamp which clock it was read from. So the controller learns it, by its
 parameter `clock`, or from whoever publishes the states, on the topic `configuration`.
@@ -10,12 +10,16 @@ parameter `clock`, or from whoever publishes the states, on the topic `configura
 from collections import deque
 from enum import Enum
 import math
+from statistics import median
+import time
 from typing import NamedTuple
 
 from dp_swing_ros.messages.configuration import Configuration
 
 OLDEST = 1.0       # [s] a state older than this cannot be: no plan reaches much further
 AHEAD = 0.005      # [s] a stamp may be this far in the future, where clocks are kept together
+LONGEST_TRANSPORT = 0.05  # [s]; beyond, the clocks of two machines differ
+TICKS, LONGER = 20, 1     # of the last ticks, so many may take longer than the next is given
 WINDOW = 5.0       # [s] in which the state that came fastest gives the offset of the clocks
 
 
@@ -96,3 +100,46 @@ class Timing:
         age = offset - min(before for _, before in self.offsets)
         return Measured(now - age, age, 'the stamps stand still; the time of sending counts'
                         if stands_still else '')
+
+
+class Latency:
+    """
+    How long after the arrival of a state its force acts: as long as nearly every tick needs.
+
+    A plan begins where its force will act, and three links are dropped for a few milliseconds of
+    error. So a force that is ready early waits: the logical execution time of Henzinger,
+    Horowitz and Kirsch (Giotto, 2003).
+    """
+
+    def __init__(self, tick_time: float) -> None:
+        """Take how long a tick has taken before the first [s]."""
+        self.ticks = deque([tick_time], maxlen=TICKS)     # [s] from a state's arrival to its plan
+        self.transports = deque[float](maxlen=TICKS)      # [s] from a state's sender to here
+
+    def add_transport(self, duration: float) -> None:
+        """Remember how long a state was on its way [s], by two clocks that may differ."""
+        if 0 < duration < LONGEST_TRANSPORT:
+            self.transports.append(duration)
+
+    def transport(self) -> float:
+        """Return how long a force will be on its way [s]: as long as states are."""
+        return median(self.transports) if self.transports else 0.0
+
+    def tick(self) -> float:
+        """Return the time that the next tick is given [s]."""
+        return sorted(self.ticks)[max(len(self.ticks) - 1 - LONGER, 0)]
+
+    def expected(self) -> float:
+        """Return the time from a state's arrival until its force acts [s]."""
+        return self.tick() + self.transport()
+
+    def keep(self, began: float, first: bool) -> None:
+        """
+        Wait until the time that the tick was given, which began at time.perf_counter() [s].
+
+        The first of a run solves from more starts than others, so it says nothing about them.
+        """
+        given, taken = self.tick(), time.perf_counter() - began
+        if not first:
+            self.ticks.append(taken)
+        time.sleep(max(given - taken, 0.0))

@@ -19,7 +19,7 @@ from dp_swing_ros.evaluation.metrics import measure
 from dp_swing_ros.pendulum.equations import Pendulum
 from dp_swing_ros.pendulum.integrators import INTEGRATORS
 from dp_swing_ros.pendulum.model import hold, Model
-from dp_swing_ros.pendulum.state import angles, hanging, is_upright
+from dp_swing_ros.pendulum.state import angles, hanging, is_upright, to_turn_of
 from dp_swing_ros.problem.plan import Status
 from dp_swing_ros.rerun.ticks import repeated
 from dp_swing_ros.simulation.closed_loop import simulate
@@ -62,6 +62,20 @@ def test_at_five_ticks_a_step_it_is_swung_up_as_at_one(solver, seed):
     """Interpolated from tick to tick, a plan lost its edges; then link 2 went on spinning."""
     metrics = measure(simulate(plant(rate=100.0), controller(solver, seed), 4.0))
     assert metrics.success and metrics.settling_time < 3.0
+
+
+@pytest.mark.parametrize('seed', [0, 4])
+def test_three_links_are_swung_up_by_forces_that_act_sooner_or_later(seed, rng):
+    """Plans then begin between the steps of those before, by less than a millisecond."""
+    pendulum, c = (make({'links': 3, 'seed': seed})
+                   for make in (configuration.plant, configuration.controller))
+    for n in range(55):
+        delay = 0.011 + 0.0007 * rng.normal()
+        force = c.update(pendulum.t, pendulum.x, delay).first_force(c.problem.u_max)
+        pendulum.advance(delay)
+        pendulum.obey(force)
+        pendulum.advance(0.05 * (n + 1) - pendulum.t)
+    assert is_upright(to_turn_of(pendulum.x, c.problem.x_r) - c.problem.x_r)
 
 
 def test_an_encoder_that_wraps_changes_nothing():

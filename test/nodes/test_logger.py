@@ -186,7 +186,7 @@ def test_killed_logger_leaves_a_readable_file(start, log, tmp_path):
 @pytest.mark.parametrize('rate', [20, 1000])
 def test_kill_costs_a_tenth_of_a_second_at_most(start, log, tmp_path, rate):
     # what was sent is not received yet where the machine stands still, so not every run counts
-    for attempt in range(3):
+    for attempt in range(6):
         own = f'bag_{attempt}'
         publisher = start(NUMBERED, f'{own}.npy', '--rate', str(rate))
         logger = log(topics=['number_0', 'number_1'], progress_period=0.5,
@@ -242,10 +242,11 @@ def test_split_bag_is_read_as_one(start, log, tmp_path):
 
 def test_full_disk_is_one_line(start, tmp_path):
     def small_disk():
-        resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
+        resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, 50_000))
 
     start('-c', PUBLISHER, '200')
-    logger = start('-c', LOGGER, '--ros-args', '-p', 'output:=bag', preexec_fn=small_disk)
+    logger = start('-c', LOGGER, '--ros-args', '-p', 'output:=bag', '-p',
+                   'progress_period:=0.0', preexec_fn=small_disk)
     assert logger.communicate(timeout=60)[1].splitlines()[1:] == [
         "logger: error: cannot write the bag 'bag': File too large; what it holds so far can "
         'be read, and `ros2 run dp_swing_ros recover bag` makes a whole bag of it']
@@ -324,7 +325,7 @@ def test_what_a_publisher_sent_before_it_was_heard_is_not_lost(log, peer, tmp_pa
     first.publish(Float64(data=1.0))
     other = Peer('other')   # which has still to find the logger
     second = other.node.create_publisher(Float64, DISTURBANCE.name, 10)
-    for _ in range(500):
+    for _ in range(20):
         second.publish(Float64(data=-1.0))
     assert other.until(second.get_subscription_count)
     other.spin(1.0)
@@ -333,7 +334,7 @@ def test_what_a_publisher_sent_before_it_was_heard_is_not_lost(log, peer, tmp_pa
     other.close()
     assert logger.stop() == 0
     heard = numbers(recorded(tmp_path / 'bag')['/disturbance'])
-    assert heard[0] == 1.0 and heard[-1] == 2.0 and len(heard) < 500
+    assert heard[0] == 1.0 and heard[-1] == 2.0 and len(heard) < 22
     assert f'/disturbance: {len(heard)} written, 0 lost' in logger.output()
 
 

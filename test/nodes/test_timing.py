@@ -2,11 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """When a state was measured, whatever its stamp says."""
 
+import time
+
 import numpy as np
 import pytest
 
 from dp_swing_ros.messages.configuration import Configuration
-from dp_swing_ros.nodes.timing import Clock, Timing
+from dp_swing_ros.nodes.timing import Clock, Latency, LONGEST_TRANSPORT, Timing
 
 NOW = 1000.0   # [s]
 
@@ -114,3 +116,32 @@ def test_others_announce_nothing_and_a_parameter_says_more():
     timing = Timing('arrival')
     timing.learn(configuration(lockstep=True))
     assert timing.clock is Clock.ARRIVAL
+
+
+def test_a_tick_is_given_what_all_but_the_longest_of_late_took(monkeypatch):
+    monkeypatch.setattr(time, 'sleep', lambda _: None)
+    latency = Latency(0.008)
+    assert latency.tick() == 0.008
+    latency.keep(time.perf_counter() - 1.0, first=True)   # which says nothing about the next
+    assert latency.tick() == 0.008
+    for taken in [0.003] * 18 + [0.03, 0.004]:
+        latency.keep(time.perf_counter() - taken, first=False)
+    assert latency.tick() == pytest.approx(0.004, abs=1e-3)
+
+
+def test_a_force_waits_until_what_the_tick_was_given():
+    latency, began = Latency(0.05), time.perf_counter()
+    latency.keep(began, first=True)
+    assert time.perf_counter() - began >= 0.05
+    began = time.perf_counter() - 0.06
+    latency.keep(began, first=True)
+    assert time.perf_counter() - began < 0.1    # a late one does not wait
+
+
+def test_a_force_is_expected_to_travel_as_states_do():
+    latency = Latency(0.008)
+    assert latency.expected() == 0.008
+    for duration in (0.001, 0.002, 0.04, -3.0, 2 * LONGEST_TRANSPORT):
+        latency.add_transport(duration)
+    assert latency.transport() == 0.002
+    assert latency.expected() == pytest.approx(0.01)

@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicHermiteSpline
 
 from dp_swing_ros.pendulum.state import SIZES
 from dp_swing_ros.problem.plan import Plan, SolverStats, Status
@@ -21,6 +22,13 @@ def plan(request, rng):
                 STATS)
 
 
+def spline(plan):
+    """Return the states of a plan as a function of time, by scipy."""
+    q, v = np.hsplit(plan.X, 2)
+    positions = CubicHermiteSpline(plan.dt * np.arange(len(q)), q, v)
+    return lambda t: np.hstack((positions(t), positions.derivative()(t)))
+
+
 @pytest.mark.parametrize('planned, sent', [
     (3.0, 3.0), (30.0, 20.0), (-30.0, -20.0), (math.nan, 0.0), (math.inf, 0.0)])
 def test_the_force_that_is_sent_is_finite_and_within_its_limit(plan, planned, sent):
@@ -29,14 +37,15 @@ def test_the_force_that_is_sent_is_finite_and_within_its_limit(plan, planned, se
 
 def test_between_steps_the_plan_is_interpolated(plan):
     left = plan.shifted(0.0625)
-    for part, whole in ((left.X, plan.X), (left.U, plan.U), (left.K, plan.K)):
+    for part, whole in ((left.U, plan.U), (left.K, plan.K)):
         np.testing.assert_allclose(part[0], 0.75 * whole[1] + 0.25 * whole[2])
+    np.testing.assert_allclose(left.X, spline(plan)(0.0625 + 0.05 * np.arange(4)))
     assert (len(left.U), len(left.K)) == (4, 4)
 
 
 def test_over_the_last_step_force_and_gain_are_held(plan):
     left = plan.shifted(0.2125)
-    np.testing.assert_allclose(left.X, [0.75 * plan.X[4] + 0.25 * plan.X[5]])
+    np.testing.assert_allclose(left.X, spline(plan)([0.2125]))
     np.testing.assert_allclose(left.U, plan.U[4:])
     np.testing.assert_allclose(left.K, plan.K[4:])
 
