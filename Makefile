@@ -39,11 +39,11 @@ evaluate: setup  ## run a campaign of episodes without ROS (EVALUATE='...' for i
 	@$(WITH_ROS) && ros2 run dp_swing_ros evaluate $(EVALUATE)
 
 results: setup $(if $(filter benchmark,$(or $(PAGES),benchmark)),$(VENV)/.peers)
-results:  ## every published figure anew, under an hour (PAGES='random robustness' for some)
+results:  ## every published figure anew, in an hour and a half (PAGES='random robustness' for some)
 	@$(WITH_ROS) && python benchmarks/published.py $(PAGES) $(RESULTS)
 
 test: setup $(VENV)/.installed-test  ## all tests, linters and type checks (PYTEST='...' for arguments of pytest)
-	@$(WITH_ROS) && pytest -n auto --maxprocesses 8 --dist loadgroup $(PYTEST)
+	@$(WITH_ROS) && pytest -n auto --dist loadfile $(PYTEST)
 
 shell: setup  ## a shell in which ros2 run dp_swing_ros ... works
 	@exec bash --rcfile <(echo '[ ! -f ~/.bashrc ] || source ~/.bashrc; $(WITH_ROS)') -i

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What all tests share: a ROS domain for each worker, seeded numbers, processes that end."""
 
+import fcntl
 import json
 import os
 from pathlib import Path
@@ -44,6 +45,11 @@ for number in ENDING:
         signal.signal(number, lambda *_: None)
 
 PATIENCE = 60.0  # [s] for what should take one
+
+
+def pytest_xdist_auto_num_workers():
+    """Return how many test processes there are: nodes wait for each other, and cores idle."""
+    return min(os.cpu_count() * 3 // 2, 8)
 
 
 @pytest.fixture
@@ -120,11 +126,17 @@ def here(tmp_path, monkeypatch):
 
 @pytest.fixture(scope='session')
 def lockstep_bag(tmp_path_factory):
-    """Return the bag of a run of plant, mpc and logger in lockstep."""
-    folder = tmp_path_factory.mktemp('lockstep') / 'run'
-    subprocess.run(['ros2', 'run', 'dp_swing_ros', 'demo', '--lockstep', '--duration', '5',
-                    '--no-figures', '--output', str(folder)], check=True, capture_output=True,
-                   timeout=280, env={**os.environ, 'ROS_DOMAIN_ID': ''})
+    """Return the bag of a run of plant, mpc and logger in lockstep, one for all test processes."""
+    here = tmp_path_factory.getbasetemp()
+    shared = here.parent if 'PYTEST_XDIST_WORKER' in os.environ else here
+    folder = shared / 'lockstep'
+    with (shared / 'lockstep.lock').open('w') as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not folder.exists():
+            subprocess.run(['ros2', 'run', 'dp_swing_ros', 'demo', '--lockstep', '--duration', '5',
+                            '--no-figures', '--output', str(folder)], check=True,
+                           capture_output=True, timeout=280,
+                           env={**os.environ, 'ROS_DOMAIN_ID': ''})
     return folder / 'bag'
 
 

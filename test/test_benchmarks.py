@@ -31,7 +31,7 @@ def test_the_ratio_of_a_race_is_that_of_the_work(rng):
     times = timing.race({'one': work(1), 'eight': work(8)}, 15)
     found = timing.ratio(times['eight'], times['one'])
     assert found.low <= found.value <= found.high
-    assert 4 < found.value < 16
+    assert found.low < 10 and found.high > 6   # between them where nothing else runs
 
 
 def test_the_exponent_of_a_power_is_found(rng):

@@ -74,8 +74,9 @@ def messages(bag, topic):
 
 
 @pytest.mark.parametrize('solver', sorted(SOLVERS))
-def test_solver_swings_up_in_lockstep(solver, tmp_path):
-    demo = Demo(tmp_path, '--solver', solver, '--duration', '6', '--lockstep', '--no-figures')
+def test_solver_swings_up_in_lockstep_and_the_bag_tells_with_what(solver, tmp_path):
+    demo = Demo(tmp_path, '--solver', solver, '--duration', '6', '--seed', '3', '--lockstep',
+                '--no-figures')
     assert demo.finish() == 0, demo.out + demo.err
     assert demo.left_behind() == []
     episode = read_episode(demo.folder / 'bag')
@@ -86,18 +87,13 @@ def test_solver_swings_up_in_lockstep(solver, tmp_path):
     assert metrics.largest_position <= 2.4
     assert episode.solver == solver
     assert f'{metrics.settling_time:.2f}' in demo.out
-
-
-def test_same_seed_gives_the_same_run_to_the_bit(tmp_path):
-    arguments = ('--solver', 'mppi', '--seed', '3', '--duration', '2', '--lockstep',
-                 '--no-figures')
-    both = [Demo(tmp_path / name, *arguments) for name in ('first', 'second')]
-    for demo in both:
-        demo.finish()
-    first, second = (read_episode(demo.folder / 'bag') for demo in both)
-    np.testing.assert_array_equal(first.X, second.X)
-    np.testing.assert_array_equal(first.U, second.U)
-    np.testing.assert_array_equal(first.ticks.cost, second.ticks.cost)
+    told = configurations_of(Bag(demo.folder / 'bag'))
+    assert set(told) == {'plant', 'mpc', 'logger'}
+    assert (told['mpc'].parameters['solver'], told['mpc'].parameters['seed']) == (solver, 3)
+    assert told['plant'].parameters['duration'] == 6.0
+    for each in told.values():
+        assert (each.commit, each.machine) == (commit(), machine())
+        assert each.packages['numpy'] == np.__version__
 
 
 class Watched:
@@ -115,7 +111,7 @@ class Watched:
         return found
 
 
-@pytest.mark.parametrize('delay', [0.0, 0.05, 0.07])
+@pytest.mark.parametrize('delay', [0.0, 0.07])
 def test_a_lockstep_run_is_the_one_without_ros_to_the_bit(delay, tmp_path):
     faults = {'velocity_noise': 0.02, 'force_noise': 0.5, 'command_jitter': 0.02,
               'command_loss': 0.1, 'actuator_response': 0.5, 'delay': delay}
@@ -172,7 +168,7 @@ def states_so_far(bag):
         return 0
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGHUP])
 def test_interrupted_demo_ends_everything_and_finishes_the_bag(number, tmp_path):
     demo = Demo(tmp_path, '--duration', '60')
     end = time.monotonic() + LIMIT
@@ -215,16 +211,3 @@ def test_demo_does_not_join_another(tmp_path):
     assert 'already in this ROS domain' in second.err
     first.process.send_signal(signal.SIGINT)
     assert first.finish() == 130
-
-
-def test_bag_tells_what_every_node_ran_with(tmp_path):
-    demo = Demo(tmp_path, '--duration', '1', '--lockstep', '--no-figures', '--solver', 'mppi',
-                '--seed', '3')
-    demo.finish()
-    told = configurations_of(Bag(demo.folder / 'bag'))
-    assert set(told) == {'plant', 'mpc', 'logger'}
-    assert (told['mpc'].parameters['solver'], told['mpc'].parameters['seed']) == ('mppi', 3)
-    assert told['plant'].parameters['duration'] == 1.0
-    for each in told.values():
-        assert (each.commit, each.machine) == (commit(), machine())
-        assert each.packages['numpy'] == np.__version__

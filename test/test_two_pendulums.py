@@ -9,7 +9,7 @@ import pytest
 
 from dp_swing_ros.bags import read_episode
 from dp_swing_ros.errors import BagError
-from dp_swing_ros.report import recording
+from dp_swing_ros.report.recording import recording
 from dp_swing_ros.tools import analyse, compare, verify
 
 DURATION = 1.5

@@ -13,7 +13,6 @@ gaps to the real one, which is multiple shooting (Giftthaler et al., IROS 2018).
 
 import numpy as np
 from scipy.linalg import cholesky, qr
-from scipy.optimize import lsq_linear
 
 from dp_swing_ros.kernels import kernel
 from dp_swing_ros.pendulum.derivatives import linearisation
@@ -71,6 +70,7 @@ class BoundedLQR:
         half = len(e_0) // 2
         if (np.any(np.abs(e_0[1:half]) > REACH[0]) or np.any(np.abs(e_0[half:]) > REACH[1])):
             return None
+        from scipy.optimize import lsq_linear   # 0.2 s of loading, which a plant does without
         U = lsq_linear(self.L, -self.M @ e_0, (-problem.u_max, problem.u_max), method='bvls').x
         U = np.clip(U, -problem.u_max, problem.u_max)
         found = self.closed(problem.x_r + self.Phi @ e_0 + self.G @ U, U)

@@ -8,7 +8,6 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.stats import binomtest, bootstrap
 
 from dp_swing_ros.evaluation.metrics import Metrics, reduced
 from dp_swing_ros.pendulum.state import Array
@@ -55,6 +54,7 @@ def rate(successes: Sequence[bool]) -> Rate:
     count, runs = sum(successes), len(successes)
     if not runs:
         return Rate(0, 0, math.nan, math.nan)
+    from scipy.stats import binomtest   # here and below: 0.4 s of loading, which few need
     interval = binomtest(count, runs).proportion_ci(method='wilson')
     return Rate(count, runs, float(interval.low), float(interval.high))
 
@@ -90,6 +90,7 @@ def _bootstrapped(values: Array, statistic: Callable[..., Any]) -> tuple[float, 
     value = reduced(statistic, values)
     if len(values) < 2:
         return value, math.nan, math.nan
+    from scipy.stats import bootstrap
     interval = bootstrap(
         (values,), statistic, confidence_level=CONFIDENCE, n_resamples=RESAMPLES, batch=100,
         method='percentile', random_state=np.random.default_rng(0)).confidence_interval
@@ -102,6 +103,7 @@ def sign_test(first: int, second: int) -> float:
 
     Of successes it is McNemar's exact test.
     """
+    from scipy.stats import binomtest
     return float(binomtest(first, first + second).pvalue) if first + second else 1.0
 
 

@@ -14,9 +14,11 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
 from rclpy.qos import qos_check_compatible, QoSCompatibility
 
+from dp_swing_ros.estimators.estimator import Estimate
 from dp_swing_ros.nodes.connections import owner, publish
 from dp_swing_ros.nodes.messages import to_diagnostics
 from dp_swing_ros.nodes.process import ProcessNode
+from dp_swing_ros.pendulum.state import joints, links_of
 from dp_swing_ros.topics import DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES
 
 LOOK_PERIOD = 1.0  # [s] between looks at the topics
@@ -78,3 +80,14 @@ def incompatible(node: Node) -> Iterator[str]:
                 if fit == QoSCompatibility.ERROR:
                     yield (f'{name} from {owner(sender)} to {owner(listener)}: '
                            f'{why.replace("ERROR: ", "").strip(";")}; set qos_overrides of one')
+
+
+def of_estimate(estimate: Estimate) -> dict[str, float]:
+    """Name the figures of an estimate for the diagnostics."""
+    names = joints(links_of(estimate.x))
+    places = [f'{joint}_{kind}' for kind in ('position', 'velocity') for joint in names]
+    return {**{f'estimate_{place}': value for place, value in zip(places, estimate.x.tolist())},
+            **{f'innovation_{place}': value
+               for place, value in zip(places, estimate.innovation.tolist())},
+            'innovation_distance': estimate.distance, 'refused': estimate.refused,
+            'force_bias': estimate.bias, **estimate.physical}

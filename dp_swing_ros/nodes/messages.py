@@ -10,7 +10,6 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from dp_swing_ros.estimators.estimator import Estimate
 from dp_swing_ros.messages.fields import split
 from dp_swing_ros.pendulum.state import Array, joints, links_of
 from dp_swing_ros.problem.plan import Plan
@@ -53,17 +52,6 @@ def to_diagnostics(stamp: Time, name: str, level: int, message: str,
     status = DiagnosticStatus(level=bytes([level]), name=name, message=message,
                               hardware_id=hardware, values=pairs)
     return DiagnosticArray(header=Header(stamp=stamp), status=[status])
-
-
-def of_estimate(estimate: Estimate) -> dict[str, float]:
-    """Name the figures of an estimate for the diagnostics."""
-    names = joints(links_of(estimate.x))
-    places = [f'{joint}_{kind}' for kind in ('position', 'velocity') for joint in names]
-    return {**{f'estimate_{place}': value for place, value in zip(places, estimate.x.tolist())},
-            **{f'innovation_{place}': value
-               for place, value in zip(places, estimate.innovation.tolist())},
-            'innovation_distance': estimate.distance, 'refused': estimate.refused,
-            'force_bias': estimate.bias, **estimate.physical}
 
 
 def _duration(time: float) -> Duration:

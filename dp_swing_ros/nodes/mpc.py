@@ -23,10 +23,10 @@ from dp_swing_ros.control.receding_horizon import MpcParameters
 from dp_swing_ros.messages.configuration import from_text
 from dp_swing_ros.messages.fields import BILLION, seconds, to_state
 from dp_swing_ros.nodes.connections import is_heard, owners, publish, subscribe
-from dp_swing_ros.nodes.diagnostics import Diagnostics
-from dp_swing_ros.nodes.messages import of_estimate, to_trajectory
+from dp_swing_ros.nodes.diagnostics import Diagnostics, of_estimate
+from dp_swing_ros.nodes.messages import to_trajectory
+from dp_swing_ros.nodes.pendulum_parameters import declare_pendulum
 from dp_swing_ros.nodes.process import ProcessNode, run
-from dp_swing_ros.nodes.ros_parameters import declare_pendulum
 from dp_swing_ros.nodes.timing import Clock, Latency, Timing
 from dp_swing_ros.nodes.watchdog import Watchdog
 from dp_swing_ros.problem.plan import Plan, Status

@@ -15,8 +15,8 @@ from dp_swing_ros import configuration
 from dp_swing_ros.nodes.connections import Audience, is_heard, listeners, publish, subscribe
 from dp_swing_ros.nodes.diagnostics import Diagnostics
 from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
+from dp_swing_ros.nodes.pendulum_parameters import declare_pendulum
 from dp_swing_ros.nodes.process import ProcessNode, run
-from dp_swing_ros.nodes.ros_parameters import declare_pendulum
 from dp_swing_ros.pendulum.urdf import urdf
 from dp_swing_ros.topics import DISTURBANCE, FORCE_COMMAND, JOINT_STATES, ROBOT_DESCRIPTION
 

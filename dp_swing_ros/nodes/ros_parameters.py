@@ -19,7 +19,6 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_msgs.msg import String
 
-from dp_swing_ros import configuration
 from dp_swing_ros.messages.configuration import Configuration
 from dp_swing_ros.nodes.connections import publish
 from dp_swing_ros.nodes.parameters import expected
@@ -39,7 +38,7 @@ def declare(node: Node, fields: Mapping[str, dataclasses.Field],
     """
     values = {}
     for name, field in fields.items():
-        values[name] = checked(field, _given(node, name, field.default), name, links)
+        values[name] = checked(field, given(node, name, field.default), name, links)
         # The override is left aside: it is in the value already, there in its declared type.
         node.declare_parameter(name, _listed(values[name]), _descriptor(field),
                                ignore_override=True)
@@ -54,19 +53,6 @@ def declare(node: Node, fields: Mapping[str, dataclasses.Field],
     return values
 
 
-def declare_pendulum(node: Node, kind: str) -> dict[str, Any]:
-    """
-    Declare the parameters of a plant or an mpc, those of a pendulum with as many links as given.
-
-    Raises ParameterError, as `declare`.
-    """
-    given = {name: _given(node, name, None) for name in _overrides(node)}
-    links = configuration.links_in(given)
-    for name in given:
-        configuration.check_links(kind, name, links)
-    return declare(node, configuration.declared(kind, links), links)
-
-
 def check_topics(node: Node) -> None:
     """
     Refuse overrides of a quality of service that no topic of the node has; after the last topic.
@@ -77,7 +63,7 @@ def check_topics(node: Node) -> None:
 
 
 def _refuse_unknown(node: Node, concerned: Callable[[str], bool]) -> None:
-    for name in sorted(filter(concerned, _overrides(node))):
+    for name in sorted(filter(concerned, overrides(node))):
         if not node.has_parameter(name) and name not in _for_any_node(sys.argv, node.get_name()):
             raise unknown(name, node.get_name(),
                           filter(concerned, node.list_parameters([], 0).names))
@@ -98,13 +84,15 @@ def _for_any_node(arguments: list[str], node: str) -> set[str]:
     return shared - own
 
 
-def _overrides(node: Node) -> dict[str, Parameter]:
-    # rclpy has no public way to ask what was given on the command line and in parameter files
+def overrides(node: Node) -> dict[str, Parameter]:
+    """Return what was given on the command line and in parameter files, by name."""
+    # rclpy has no public way to ask
     return node._parameter_overrides
 
 
-def _given(node: Node, name: str, default: Any) -> Any:
-    override = _overrides(node).get(name)
+def given(node: Node, name: str, default: Any) -> Any:
+    """Return the value that was given for a parameter, else the default."""
+    override = overrides(node).get(name)
     if override is None:
         return default
     # An empty list reaches a node without a type or a value.

@@ -1,8 +1,3 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """A page on recorded runs: one HTML file that holds all it shows; needs no ROS."""
-
-from dp_swing_ros.report.page import page, Shown
-from dp_swing_ros.report.recording import named, Recording, recording
-
-__all__ = ['named', 'page', 'Recording', 'recording', 'Shown']

@@ -10,7 +10,8 @@ import re
 from dp_swing_ros import figures
 from dp_swing_ros.evaluation.comparison import table
 from dp_swing_ros.evaluation.metrics import measure
-from dp_swing_ros.report import named, page, Recording, recording, Shown
+from dp_swing_ros.report.page import page, Shown
+from dp_swing_ros.report.recording import named, Recording, recording
 from dp_swing_ros.simulation.episode import Episode
 from dp_swing_ros.tools.command_lines import bag_parser, beside, dated, execute, OK, progress
 

@@ -18,9 +18,8 @@ from dp_swing_ros.evaluation.comparison import spread, summary, table
 from dp_swing_ros.evaluation.metrics import measure, Metrics
 from dp_swing_ros.pendulum.state import (
     angles, Array, DEFAULT_LINKS, LINKS, links_of, symbols, wrapped)
-from dp_swing_ros.report import named, recording
+from dp_swing_ros.report.recording import named, recording
 from dp_swing_ros.solvers import SOLVERS
-from dp_swing_ros.tools.analyse import write
 from dp_swing_ros.tools.command_lines import dated, execute, FAILED, OK, program, progress, within
 from dp_swing_ros.tools.isolation import domain_of_user, isolated
 from dp_swing_ros.tools.observer import Observer
@@ -122,6 +121,7 @@ def _result(run: Run, figures: bool) -> Metrics:
     print(f'{run.solver}, seed {run.seed} -> {run.folder}', flush=True)
     recorded = recording(perform(run))
     if figures:
+        from dp_swing_ros.tools.analyse import write   # 0.7 s of loading
         write(named([recorded]), run.folder)
     return measure(recorded.episode)
 

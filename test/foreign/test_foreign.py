@@ -15,9 +15,6 @@ import pytest
 from dp_swing_ros.pendulum.equations import derivative, Pendulum
 from dp_swing_ros.pendulum.parameters import PendulumParameters
 
-# one test process does them: in another they would only wait for their turn
-pytestmark = pytest.mark.xdist_group('real time')
-
 ATTEMPTS = 5     # at most, on a machine that is late
 SLOW = 2         # recoveries that are too many
 STALL = 0.05     # [s] by which a tick of the rig may be late before a run shows nothing,

@@ -14,7 +14,8 @@ from rclpy.signals import SignalHandlerOptions
 
 from dp_swing_ros import configuration
 from dp_swing_ros.nodes.parameters import named, table
-from dp_swing_ros.nodes.ros_parameters import declare, declare_pendulum
+from dp_swing_ros.nodes.pendulum_parameters import declare_pendulum
+from dp_swing_ros.nodes.ros_parameters import declare
 from dp_swing_ros.parameters import parameter, ParameterError, Parameters
 from dp_swing_ros.pendulum.state import joints, LINKS, SIZES
 

@@ -14,7 +14,8 @@ from recorded_runs import told, write_bag
 from synthetic import first, swing_up, without_ticks
 
 from dp_swing_ros.evaluation.metrics import measure
-from dp_swing_ros.report import named, page, recording, Shown
+from dp_swing_ros.report.page import page, Shown
+from dp_swing_ros.report.recording import named, recording
 
 VOID = {'img', 'input', 'link', 'meta'}
 

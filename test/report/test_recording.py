@@ -10,7 +10,7 @@ import yaml
 
 from dp_swing_ros.errors import BagError
 from dp_swing_ros.pendulum.urdf import urdf
-from dp_swing_ros.report import named, recording
+from dp_swing_ros.report.recording import named, recording
 
 
 def lose(bag, told_of):
