@@ -47,6 +47,7 @@ for number in ENDING:
 PATIENCE = 60.0  # [s] for what should take one
 
 
+@pytest.hookimpl(optionalhook=True)   # without pytest-xdist nobody asks
 def pytest_xdist_auto_num_workers():
     """Return how many test processes there are: nodes wait for each other, and cores idle."""
     return min(os.cpu_count() * 3 // 2, 8)

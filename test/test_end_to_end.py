@@ -96,6 +96,18 @@ def test_solver_swings_up_in_lockstep_and_the_bag_tells_with_what(solver, tmp_pa
         assert each.packages['numpy'] == np.__version__
 
 
+def test_same_seed_gives_the_same_run_to_the_bit(tmp_path):
+    arguments = ('--solver', 'mppi', '--seed', '3', '--duration', '2', '--lockstep',
+                 '--no-figures')
+    both = [Demo(tmp_path / name, *arguments) for name in ('first', 'second')]
+    for demo in both:
+        demo.finish()
+    first, second = (read_episode(demo.folder / 'bag') for demo in both)
+    np.testing.assert_array_equal(first.X, second.X)
+    np.testing.assert_array_equal(first.U, second.U)
+    np.testing.assert_array_equal(first.ticks.cost, second.ticks.cost)
+
+
 class Watched:
     """A plant that remembers what was measured."""
 
@@ -111,7 +123,7 @@ class Watched:
         return found
 
 
-@pytest.mark.parametrize('delay', [0.0, 0.07])
+@pytest.mark.parametrize('delay', [0.0, 0.05, 0.07])
 def test_a_lockstep_run_is_the_one_without_ros_to_the_bit(delay, tmp_path):
     faults = {'velocity_noise': 0.02, 'force_noise': 0.5, 'command_jitter': 0.02,
               'command_loss': 0.1, 'actuator_response': 0.5, 'delay': delay}
@@ -168,7 +180,7 @@ def states_so_far(bag):
         return 0
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGHUP])
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_interrupted_demo_ends_everything_and_finishes_the_bag(number, tmp_path):
     demo = Demo(tmp_path, '--duration', '60')
     end = time.monotonic() + LIMIT

@@ -98,18 +98,14 @@ def test_parameters_of_all_nodes_are_printed_without_ros(installed):
     assert installed.tool('parameters').stdout == (TOP / 'docs' / 'parameters.md').read_text()
 
 
-def test_the_parameter_files_and_the_version_are_found_where_they_were_installed(installed):
-    done = installed.python('-c', """
-from pathlib import Path
-from dp_swing_ros.configuration import locate
-from dp_swing_ros.provenance import package_version
-print(locate(Path('config/paper.yaml')), package_version())
-""")
+def test_a_campaign_finds_the_parameter_files_that_were_installed(installed):
+    done = installed.tool('evaluate', '--contestants', 'ilqr:config/paper.yaml', '--scenarios',
+                          'hanging', '--seeds', '1', '--duration', '0.5', '--jobs', '1',
+                          '--no-figures', '--output', 'campaign')
     assert done.returncode == 0, done.stderr
-    path, version = done.stdout.split()
-    assert Path(path).is_relative_to(installed.prefix)
-    assert Path(path).read_text() == (TOP / 'config' / 'paper.yaml').read_text()
-    assert version in (TOP / 'package.xml').read_text()
+    page = (installed.here / 'campaign' / 'summary.md').read_text()
+    assert '`ilqr:paper` | 0 of 1' in page
+    assert 'version not installed' not in page
 
 
 def snippets():

@@ -6,13 +6,13 @@ import math
 
 import numpy as np
 
-from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.pendulum.state import Array, between
 from dp_swing_ros.simulation.episode import Episode
 
 
 def states_at(episode: Episode, times: Array) -> Array:
     """
-    Return the states between the recorded ones, positions as cubics with the recorded speeds.
+    Return the states between the recorded ones, by cubics.
 
     Shapes: times (M,) [s] -> (M, 2n + 2); before the first and after the last state these hold.
     """
@@ -22,10 +22,7 @@ def states_at(episode: Episode, times: Array) -> Array:
     n = np.clip(np.searchsorted(t, times, side='right') - 1, 0, len(t) - 2)
     h = np.maximum(t[n + 1] - t[n], 1e-9)[:, None]
     s = np.clip((times - t[n])[:, None] / h, 0.0, 1.0)
-    (q, v), (q_next, v_next) = (np.split(X[at], 2, axis=1) for at in (n, n + 1))
-    positions = ((1 + 2 * s) * (1 - s) ** 2 * q + s ** 2 * (3 - 2 * s) * q_next
-                 + h * s * (1 - s) * ((1 - s) * v - s * v_next))
-    return np.concatenate([positions, (1 - s) * v + s * v_next], axis=1)
+    return between(X[n], X[n + 1], s, h)
 
 
 def force_at(episode: Episode, t: float) -> float:

@@ -76,6 +76,20 @@ def to_turn_of(x: Array, reference: Array) -> Array:
     return shifted
 
 
+def between(x: Array, following: Array, share: Array | float, h: Array | float) -> Array:
+    """
+    Return the states at a share of the way to those a time h [s] later, by Hermite's cubics.
+
+    Shapes: x and following (M, 2n + 2), share and h (M, 1) or numbers.
+    """
+    s, (q, v), (q_next, v_next) = share, np.hsplit(x, 2), np.hsplit(following, 2)
+    positions = ((1 + 2 * s) * (1 - s) ** 2 * q + s ** 2 * (3 - 2 * s) * q_next
+                 + h * s * (1 - s) * ((1 - s) * v - s * v_next))
+    speeds = (6 * s * (1 - s) * (q_next - q) / h + (1 - s) * (1 - 3 * s) * v
+              + s * (3 * s - 2) * v_next)
+    return np.hstack((positions, speeds))
+
+
 def wrapped(x: Array) -> Array:
     """
     Shift the angles of x by whole turns into (-π, π]: 0 is upright, π hangs.

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.pendulum.state import Array, between
 
 
 class Status(enum.Enum):
@@ -76,21 +76,7 @@ class Plan:
         t, weight = int(place), place - int(place)
         X, U, K = self.X[t:], self.U[t:], self.K[t:]
         if weight > 0 and len(U) > 0:
-            X = between(X, weight, self.dt)
+            X = between(X[:-1], X[1:], weight, self.dt)
             U = (1 - weight) * U + weight * np.append(U[1:], U[-1])
             K = (1 - weight) * K + weight * np.vstack((K[1:], K[-1:]))
         return replace(self, X=X, U=U, K=K)
-
-
-def between(X: Array, s: float, dt: float) -> Array:
-    """
-    Return the states at a share s of every step dt [s], by Hermite's cubics.
-
-    Shapes: X (N + 1, 2n + 2), positions before their speeds; the result (N, 2n + 2).
-    """
-    q, v = np.hsplit(X, 2)
-    slope = np.diff(q, axis=0) / dt
-    square = 3 * slope - 2 * v[:-1] - v[1:]
-    cube = v[:-1] + v[1:] - 2 * slope
-    return np.hstack((q[:-1] + dt * s * (v[:-1] + s * (square + s * cube)),
-                      v[:-1] + s * (2 * square + 3 * s * cube)))

@@ -345,7 +345,7 @@ def test_warming_up_changes_nothing():
 
 
 @pytest.mark.parametrize('solver', sorted(SOLVERS))
-def test_after_warming_up_no_tick_compiles(solver, tmp_path):
+def test_after_warming_up_no_tick_compiles_or_loads(solver, tmp_path):
     """Kernels are compiled, or loaded, by their first call with arguments of a kind."""
     code = f"""
 import sys
@@ -361,7 +361,7 @@ c, p = controller({solver!r}), plant(delay=0.02)
 p.advance(0.05)
 p.reset()
 c.warm_up()
-before = compiled()
+before, modules = compiled(), set(sys.modules)
 for n in range(60):
     measured = p.measure()
     if measured is None or n == 20:
@@ -371,7 +371,8 @@ for n in range(60):
     p.obey(plan.first_force(20.0))
     p.advance(0.05)
 assert len(before) > 30, before
-print(sorted(name for name, count in compiled().items() if count != before[name]))
+print(sorted(name for name, count in compiled().items() if count != before[name]) +
+      sorted(set(sys.modules) - modules))
 """
     done = subprocess.run(
         [sys.executable, '-c', code], capture_output=True, text=True, check=True, cwd=tmp_path,

@@ -51,14 +51,15 @@ def test_lockstep_comes_out_again(bags, solver, capsys):
     assert verified(bags[solver], capsys)[:2] == (0, whole(21, solver))
 
 
-def test_noise_lost_states_and_what_the_estimator_makes_of_them(tmp_path, capsys):
-    bag = record(tmp_path, '--solver', 'mppi', '--duration', '2', '--lockstep', plant=FAULTS)
+@pytest.mark.parametrize('solver', sorted(SOLVERS))
+def test_noise_lost_states_and_what_the_estimator_makes_of_them(solver, tmp_path, capsys):
+    bag = record(tmp_path, '--solver', solver, '--duration', '2', '--lockstep', plant=FAULTS)
     ticks = record_of(Bag(bag)).ticks
     assert len(ticks) < 35
     code, lines, _ = verified(bag, capsys)
     # noise and losses come from seeds, so the plant comes out again too
     assert (code, lines[0].split()[0]) == (0, str(len(ticks)))
-    assert lines[-1] == whole(0, 'mppi')[-1]
+    assert lines[-1] == whole(0, solver)[-1]
 
 
 def test_real_time_comes_out_again(tmp_path, capsys):
@@ -73,7 +74,7 @@ def test_real_time_comes_out_again(tmp_path, capsys):
         'not checked: states and efforts, which in real time depend on when each force arrived'])
 
 
-@pytest.mark.parametrize('solver', ['ddp', 'mppi'])   # iLQR is cut where DDP is
+@pytest.mark.parametrize('solver', sorted(SOLVERS))
 def test_solves_that_a_deadline_cut_come_out_again(solver, tmp_path, capsys):
     bag = record(tmp_path, '--solver', solver, '--duration', '3',
                  mpc='    time_limit: 0.0005\n')
