@@ -15,6 +15,7 @@ import time
 
 import numpy as np
 import rclpy
+from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Float64
@@ -24,6 +25,7 @@ from std_msgs.msg import Float64
 KEPT = QoSProfile(depth=100_000, reliability=ReliabilityPolicy.RELIABLE,
                   durability=DurabilityPolicy.TRANSIENT_LOCAL)
 PAUSE = 0.0005  # [s] between looks at the clock
+ACKNOWLEDGED = Duration(seconds=0.05)   # until the next look for a signal
 
 
 def main() -> None:
@@ -55,6 +57,10 @@ def main() -> None:
                 publisher.publish(message)
             times.append(row)
         time.sleep(PAUSE)
+    for publisher in publishers:
+        # a logger that is ended once the times are there has then received them all
+        while not (ended or publisher.wait_for_all_acked(ACKNOWLEDGED)):
+            pass
     np.save(arguments.times, np.array(times, dtype=np.int64).reshape(-1, arguments.topics))
     while not ended:  # until then the last messages may be on their way
         time.sleep(0.05)
