@@ -58,23 +58,36 @@ def declared(node: str, links: int) -> dict[str, dataclasses.Field]:
     for prefix, group in groups_of(node):
         for field in fields_of(group, links):
             name = f'{prefix}.{field.name}' if prefix else field.name
-            found[name] = with_default(field, DEFAULTS[links].get(name, field.default))
+            found[name] = _of_links(field, links, DEFAULTS[links].get(name, field.default))
     return found
 
 
-def with_default(field: dataclasses.Field, default: Any) -> dataclasses.Field:
-    """Return a field like another, with a default of its own."""
-    made: dataclasses.Field = dataclasses.field(default=default, metadata=field.metadata)
+def _of_links(field: dataclasses.Field, links: int, default: Any) -> dataclasses.Field:
+    sizes = field.metadata['size']
+    made: dataclasses.Field = dataclasses.field(default=default, metadata={
+        **field.metadata, 'size': sizes and {links: sizes[links]}})
     made.name = field.name
     return made
 
 
-def links_in(values: Values) -> int:
+def declared_for(node: str, values: Values) -> dict[str, dataclasses.Field]:
     """
-    Return the number of links that parameters are for.
+    Return the parameters of a node by their full names, with as many links as values ask for.
 
-    Raises ParameterError.
+    Raises ParameterError where one of the values is of a pendulum with more links.
     """
+    links = links_in(values)
+    fields = declared(node, links)
+    for name in sorted(set(values) - set(fields)):
+        there = [n for n in LINKS if name in declared(node, n)]
+        if there:
+            raise ParameterError(f'parameter {name!r} is one of a pendulum with {min(there)} '
+                                 f'links; this one has {links} (parameter links)')
+    return fields
+
+
+def links_in(values: Values) -> int:
+    """Return the number of links that parameters are for; raises ParameterError."""
     field, = (field for field in dataclasses.fields(PendulumParameters) if field.name == 'links')
     links: int = checked(field, values.get('links', DEFAULT_LINKS))
     return links
@@ -86,21 +99,11 @@ def complete(node: str, values: Values) -> dict[str, Any]:
 
     Raises ParameterError, also for names that the node lacks with so many links.
     """
-    links = links_in(values)
-    fields = declared(node, links)
+    fields = declared_for(node, values)
     for name in sorted(set(values) - set(fields)):
-        check_links(node, name, links)
         raise unknown(name, node, fields)
-    return {name: checked(field, values.get(name, field.default), name, links)
+    return {name: checked(field, values.get(name, field.default), name)
             for name, field in fields.items()}
-
-
-def check_links(node: str, name: str, links: int) -> None:
-    """Raise ParameterError where a parameter is one of a pendulum with more links."""
-    there = [n for n in LINKS if name in declared(node, n)]
-    if there and min(there) > links:
-        raise ParameterError(f'parameter {name!r} is one of a pendulum with {min(there)} links; '
-                             f'this one has {links} (parameter links)')
 
 
 def group(kind: type[Parameters], values: Values, prefix: str = '') -> Any:

@@ -1,26 +1,35 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Publishers and subscriptions of the topics, with their quality of service."""
+"""Publishers and subscriptions, each with a quality of service by which all are heard."""
 
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from enum import IntEnum
 from importlib import import_module
 import time
-from typing import Callable, Iterable, Iterator
+from typing import Any, TypeVar
 
+from rclpy.duration import Duration
 from rclpy.exceptions import InvalidParameterException, InvalidParameterTypeException
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import QoSPolicyKind
+from rclpy.qos import (
+    DurabilityPolicy, LivelinessPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy)
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from dp_swing_ros.nodes.qos import profile
+from dp_swing_ros.messages.fields import BILLION
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.parameters.files import QOS_OVERRIDES
+from dp_swing_ros.parameters.plain_yaml import parse
 from dp_swing_ros.topics import Topic
 
+Policy = TypeVar('Policy', bound=IntEnum)
+
 DEPTH = 10          # messages that wait for a slow partner
+QUEUE = 10_000      # messages of a topic that wait for the logger
+LASTING = 1000      # messages that replay keeps for whoever asks for those before its time
 QUIET = 0.3         # [s] without another subscription: all have been found
 OVERRIDABLE = QoSOverridingOptions([
     QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY,
@@ -127,3 +136,67 @@ def message_class(name: str) -> type:
     """
     package, kind, message = name.split('/')
     return getattr(import_module(f'{package}.{kind}'), message)
+
+
+def profile(depth: int, reliable: bool = True, kept: bool = False) -> QoSProfile:
+    """Return a profile; with `kept`, messages wait for those who join late."""
+    return QoSProfile(
+        depth=depth,
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if kept else DurabilityPolicy.VOLATILE)
+
+
+def request_for(offered: Sequence[QoSProfile]) -> QoSProfile:
+    """Return the most that all publishers offer: one that offers less is never heard."""
+    return profile(
+        QUEUE,
+        reliable=all(each.reliability == ReliabilityPolicy.RELIABLE for each in offered),
+        kept=all(each.durability == DurabilityPolicy.TRANSIENT_LOCAL for each in offered))
+
+
+def described(offered: QoSProfile) -> dict[str, Any]:
+    """Return a profile in the words of rosbag2's metadata."""
+    return {'history': offered.history.name.lower(), 'depth': offered.depth,
+            'reliability': offered.reliability.name.lower(),
+            'durability': offered.durability.name.lower(),
+            'deadline': _parts(offered.deadline), 'lifespan': _parts(offered.lifespan),
+            'liveliness': offered.liveliness.name.lower(),
+            'liveliness_lease_duration': _parts(offered.liveliness_lease_duration),
+            'avoid_ros_namespace_conventions': offered.avoid_ros_namespace_conventions}
+
+
+def _parts(duration: Duration) -> dict[str, int]:
+    second, nanosecond = divmod(duration.nanoseconds, BILLION)
+    return {'sec': second, 'nsec': nanosecond}
+
+
+def strongest(text: str) -> QoSProfile:
+    """
+    Return a profile for the subscriptions of all publishers, whose profiles a bag has as YAML.
+
+    Raises ValueError where they are none.
+    """
+    try:
+        profiles = parse(text) or [{}]
+        found = QoSProfile(
+            depth=max([LASTING, *(each.get('depth', 0) for each in profiles)]),
+            reliability=min(_policy(ReliabilityPolicy, each.get('reliability', 'reliable'))
+                            for each in profiles),
+            durability=min(_policy(DurabilityPolicy, each.get('durability', 'volatile'))
+                           for each in profiles),
+            liveliness=max(_policy(LivelinessPolicy, each.get('liveliness', 'automatic'))
+                           for each in profiles))
+        for name in ('deadline', 'liveliness_lease_duration'):
+            times = [each[name] for each in profiles if name in each]
+            if times:
+                setattr(found, name, min(Duration(
+                    seconds=each['sec'], nanoseconds=each['nsec']) for each in times))
+    except (ArithmeticError, AttributeError, KeyError, TypeError, ValueError) as error:
+        raise ValueError(f'its quality of service is {text[:80]!r}: '
+                         f'{" ".join(str(error).split())}') from None
+    return found
+
+
+def _policy(kind: type[Policy], value: Any) -> Policy:
+    # of ROS 2 before Jazzy they are numbers, those of rclpy
+    return kind[value.upper()] if isinstance(value, str) else kind(value)

@@ -20,7 +20,7 @@ HELP = {'-h', '--help'}
 def _start(name: str) -> int:
     on_signals(lambda *_: os._exit(0))
     if HELP & set(sys.argv[1:]):
-        print(import_module('dp_swing_ros.nodes.help').help_of(name))
+        print(*import_module('dp_swing_ros.nodes.help').lines(name), sep='\n')
         return 0
     print(f'{name}: loading', flush=True)
     code: int = import_module(f'dp_swing_ros.nodes.{name}').main()

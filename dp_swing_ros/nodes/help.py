@@ -2,13 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """What --help prints of a node: what it does, its topics, its parameters."""
 
-from collections.abc import Callable, Iterator, Mapping
-import dataclasses
+from collections.abc import Iterator
 import textwrap
 from typing import NamedTuple
 
 from dp_swing_ros.configuration import declared
-from dp_swing_ros.nodes.parameters import LoggerParameters, named, ReplayParameters, rows
+from dp_swing_ros.nodes.parameters import (
+    expected, LoggerParameters, named, ReplayParameters, shown)
 from dp_swing_ros.pendulum.state import DEFAULT_LINKS
 from dp_swing_ros.topics import (
     CONFIGURATION, DIAGNOSTICS, DISTURBANCE, FORCE_COMMAND, JOINT_STATES, PLAN, ROBOT_DESCRIPTION,
@@ -26,8 +26,7 @@ class About(NamedTuple):
     does: str
     publishes: tuple[Topic, ...]
     subscribes: tuple[Topic, ...]
-    services: tuple[str, ...]
-    parameters: Callable[[], Mapping[str, dataclasses.Field]]
+    services: tuple[str, ...] = ()
 
 
 NODE: dict[str, About] = {
@@ -35,28 +34,22 @@ NODE: dict[str, About] = {
         'Integrates the pendulum on its cart, publishes its state at a fixed rate and '
         'obeys the force: in real time, on /clock with use_sim_time, or in lockstep.',
         (JOINT_STATES, DIAGNOSTICS, ROBOT_DESCRIPTION, CONFIGURATION),
-        (FORCE_COMMAND, DISTURBANCE), ('plant/reset',), lambda: declared('plant', DEFAULT_LINKS)),
+        (FORCE_COMMAND, DISTURBANCE), ('plant/reset',)),
     'mpc': About(
         'Solves for a plan from each state, warm-started by the last one, and publishes the '
         'force that it begins with.',
-        (FORCE_COMMAND, PLAN, DIAGNOSTICS, CONFIGURATION), (JOINT_STATES,), ('mpc/reset',),
-        lambda: declared('mpc', DEFAULT_LINKS)),
-    'logger': About(
-        'Writes topics to an MCAP bag that rosbag2 opens.',
-        (CONFIGURATION,), (), (), lambda: named(LoggerParameters)),
+        (FORCE_COMMAND, PLAN, DIAGNOSTICS, CONFIGURATION), (JOINT_STATES,), ('mpc/reset',)),
+    'logger': About('Writes topics to an MCAP bag that rosbag2 opens.', (CONFIGURATION,), ()),
     'replay': About(
         'Plays a bag back onto its topics with its recorded timing.',
         (CONFIGURATION,), (), tuple(f'replay/{name}' for name in (
-            'pause', 'resume', 'toggle_paused', 'is_paused', 'play_next')),
-        lambda: named(ReplayParameters))}
+            'pause', 'resume', 'toggle_paused', 'is_paused', 'play_next')))}
+OF_BAGS = {'logger': LoggerParameters, 'replay': ReplayParameters}
 
 
-def help_of(name: str) -> str:
-    """Return the help on a node."""
-    return '\n'.join(_lines(name, NODE[name]))
-
-
-def _lines(name: str, about: About) -> Iterator[str]:
+def lines(name: str) -> Iterator[str]:
+    """Yield the lines of the help on a node."""
+    about = NODE[name]
     yield USAGE.format(name=name)
     yield from ('', *textwrap.wrap(about.does, WIDTH))
     for title, topics in (('publishes', about.publishes), ('subscribes', about.subscribes)):
@@ -66,7 +59,9 @@ def _lines(name: str, about: About) -> Iterator[str]:
         yield from ('', 'services (std_srvs/srv/Trigger):')
         yield from (f'  {each}' for each in about.services)
     yield from ('', 'parameters, with their defaults:')
-    for row in rows(about.parameters()):
-        yield f'  {row.name}:={row.default} {row.unit}'.rstrip()
-        text = f'{row.description} ({row.expected})' if row.expected else row.description
+    fields = named(OF_BAGS[name]) if name in OF_BAGS else declared(name, DEFAULT_LINKS)
+    for full, field in fields.items():
+        yield f'  {full}:={shown(field.default)} {field.metadata["unit"]}'.rstrip()
+        text, limits = field.metadata['description'], expected(field)
+        text += f' ({limits})' if limits else ''
         yield from textwrap.wrap(text, WIDTH, initial_indent=' ' * 6, subsequent_indent=' ' * 6)

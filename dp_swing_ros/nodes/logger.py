@@ -19,17 +19,43 @@ from dp_swing_ros.bags.writer import BagWriter
 from dp_swing_ros.errors import BagError
 from dp_swing_ros.messages.definitions import schema
 from dp_swing_ros.messages.fields import BILLION
-from dp_swing_ros.nodes.connections import message_class
+from dp_swing_ros.nodes.connections import described, message_class, request_for
 from dp_swing_ros.nodes.parameters import LoggerParameters, named
 from dp_swing_ros.nodes.process import ProcessNode, run
-from dp_swing_ros.nodes.qos import described, request_for
 from dp_swing_ros.nodes.ros_parameters import declare
-from dp_swing_ros.nodes.sequences import Tally
 from dp_swing_ros.parameters import ParameterError
 
 LOOK_PERIOD = 0.05   # [s] between looks for new publishers
 TURN = 0.01          # [s] at most for what waits on one topic, then it is the others' turn
 DRAIN_TIME = 0.5     # [s] at most for what waits at the end
+
+
+class Tally:
+    """
+    The messages of one topic that came, and those lost by the gaps in their numbers.
+
+    Each publisher counts its messages, but a message does not say whose it is. So a number
+    belongs to the publisher whose last one is closest below it: exact for one publisher, an
+    estimate for several. What was sent before the first message that came is not counted.
+    """
+
+    def __init__(self) -> None:
+        self.came = 0
+        self.lost = 0
+        self._last: list[int] = []  # number of the last message of each publisher
+
+    def count(self, number: int, publishers: int) -> None:
+        """Count the message of this number, on a topic with so many publishers now."""
+        self.came += 1
+        if number - 1 in self._last:
+            gap = 0
+        elif len(self._last) < publishers or number <= min(self._last):
+            self._last.append(number)  # the first of a publisher
+            return
+        else:
+            gap = number - 1 - max(last for last in self._last if last < number)
+        self._last[self._last.index(number - 1 - gap)] = number
+        self.lost += gap
 
 
 @dataclasses.dataclass

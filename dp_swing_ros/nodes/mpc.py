@@ -25,10 +25,9 @@ from dp_swing_ros.messages.fields import BILLION, seconds, to_state
 from dp_swing_ros.nodes.connections import is_heard, owners, publish, subscribe
 from dp_swing_ros.nodes.diagnostics import Diagnostics, of_estimate
 from dp_swing_ros.nodes.messages import to_trajectory
-from dp_swing_ros.nodes.pendulum_parameters import declare_pendulum
 from dp_swing_ros.nodes.process import ProcessNode, run
-from dp_swing_ros.nodes.timing import Clock, Latency, Timing
-from dp_swing_ros.nodes.watchdog import Watchdog
+from dp_swing_ros.nodes.ros_parameters import declare, given
+from dp_swing_ros.nodes.timing import Clock, Latency, Timing, Watchdog
 from dp_swing_ros.problem.plan import Plan, Status
 from dp_swing_ros.topics import CONFIGURATION, FORCE_COMMAND, JOINT_STATES, PLAN
 
@@ -59,7 +58,7 @@ class MpcNode(ProcessNode):
     def __init__(self) -> None:
         """Read the parameters, and refuse what cannot work."""
         super().__init__('mpc')
-        values = declare_pendulum(self, 'mpc')
+        values = declare(self, configuration.declared_for('mpc', given(self)))
         self.links, self.u_max = values['links'], values['force_limit']
         self.parameters = configuration.group(MpcParameters, values)
         self.solver = self.parameters.solver

@@ -6,10 +6,10 @@ Parameters of logger and replay, and the tables of all parameters; needs no ROS.
 Plant and mpc have theirs where the plant and the controller are: see configuration.declared.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 import dataclasses
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 from dp_swing_ros.parameters import parameter, Parameters
 from dp_swing_ros.tables import compact
@@ -68,28 +68,11 @@ class ReplayParameters(Parameters):
     delay: float = parameter(0.0, 'before the first message', unit='s', minimum=0.0)
 
 
-class Row(NamedTuple):
-    """A parameter as it is shown."""
-
-    name: str
-    default: str
-    unit: str
-    expected: str
-    description: str
-
-
-def rows(fields: Mapping[str, dataclasses.Field]) -> Iterator[Row]:
-    """Yield parameters by their full names."""
-    for name, field in fields.items():
-        yield Row(name, shown(field.default), field.metadata['unit'], expected(field),
-                  field.metadata['description'])
-
-
 def table(fields: Mapping[str, dataclasses.Field]) -> str:
     """Return the Markdown table of parameters by their full names."""
     return compact([('parameter', 'default', 'unit', 'range', 'description'), *(
-        row._replace(name=f'`{row.name}`', default=f'`{row.default}`')
-        for row in rows(fields))]) + '\n'
+        (f'`{name}`', f'`{shown(field.default)}`', field.metadata['unit'], expected(field),
+         field.metadata['description']) for name, field in fields.items())]) + '\n'
 
 
 def named(group: type[Parameters]) -> dict[str, dataclasses.Field]:

@@ -15,8 +15,8 @@ from dp_swing_ros import configuration
 from dp_swing_ros.nodes.connections import Audience, is_heard, listeners, publish, subscribe
 from dp_swing_ros.nodes.diagnostics import Diagnostics
 from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
-from dp_swing_ros.nodes.pendulum_parameters import declare_pendulum
 from dp_swing_ros.nodes.process import ProcessNode, run
+from dp_swing_ros.nodes.ros_parameters import declare, given
 from dp_swing_ros.pendulum.urdf import urdf
 from dp_swing_ros.topics import DISTURBANCE, FORCE_COMMAND, JOINT_STATES, ROBOT_DESCRIPTION
 
@@ -39,7 +39,7 @@ class PlantNode(ProcessNode):
     def __init__(self) -> None:
         """Read the parameters and offer the topics."""
         super().__init__('plant')
-        self.values = declare_pendulum(self, 'plant')
+        self.values = declare(self, configuration.declared_for('plant', given(self)))
         self.get_logger().info('preparing the integrator')   # compiled at the first start
         self.plant = configuration.plant(self.values)
         self.parameters = self.plant.parameters

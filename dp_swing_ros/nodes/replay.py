@@ -15,12 +15,11 @@ from dp_swing_ros.bags.channels import ChannelInfo
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.errors import BagError
 from dp_swing_ros.messages.fields import BILLION
-from dp_swing_ros.nodes.connections import Audience, message_class, subscribe
+from dp_swing_ros.nodes.connections import Audience, message_class, strongest, subscribe
 from dp_swing_ros.nodes.messages import to_stamp
 from dp_swing_ros.nodes.parameters import named, ReplayParameters
 from dp_swing_ros.nodes.playback import excerpt, LATE, Playback, schedule, Scheduled
 from dp_swing_ros.nodes.process import ProcessNode, run, STEADY
-from dp_swing_ros.nodes.qos import strongest
 from dp_swing_ros.nodes.ros_parameters import declare
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.topics import FORCE_COMMAND, JOINT_STATES, Topic

@@ -28,17 +28,23 @@ from dp_swing_ros.provenance import commit, machine, package_version, packages, 
 from dp_swing_ros.topics import CONFIGURATION
 
 
-def declare(node: Node, fields: Mapping[str, dataclasses.Field],
-            links: int | None = None) -> dict[str, Any]:
+def given(node: Node) -> dict[str, Any]:
+    """Return what was given on the command line and in parameter files, by name."""
+    # rclpy has no public way to ask; an empty list reaches a node without a type or a value
+    return {name: () if override.type_ is Parameter.Type.NOT_SET else override.value
+            for name, override in node._parameter_overrides.items()}
+
+
+def declare(node: Node, fields: Mapping[str, dataclasses.Field]) -> dict[str, Any]:
     """
     Declare ROS parameters, refuse what nobody declared, and publish what the node runs with.
 
     fields are by the full names; a parameter is read-only once the node runs. Returns their
     values. Raises ParameterError, naming the closest match and all the choices.
     """
-    values = {}
+    asked, values = given(node), {}
     for name, field in fields.items():
-        values[name] = checked(field, given(node, name, field.default), name, links)
+        values[name] = checked(field, asked.get(name, field.default), name)
         # The override is left aside: it is in the value already, there in its declared type.
         node.declare_parameter(name, _listed(values[name]), _descriptor(field),
                                ignore_override=True)
@@ -54,16 +60,12 @@ def declare(node: Node, fields: Mapping[str, dataclasses.Field],
 
 
 def check_topics(node: Node) -> None:
-    """
-    Refuse overrides of a quality of service that no topic of the node has; after the last topic.
-
-    Raises ParameterError, as `declare`.
-    """
+    """Refuse overrides, by ParameterError, of a QoS that no topic has; after the last topic."""
     _refuse_unknown(node, lambda name: name.startswith(QOS_OVERRIDES))
 
 
 def _refuse_unknown(node: Node, concerned: Callable[[str], bool]) -> None:
-    for name in sorted(filter(concerned, overrides(node))):
+    for name in sorted(filter(concerned, given(node))):
         if not node.has_parameter(name) and name not in _for_any_node(sys.argv, node.get_name()):
             raise unknown(name, node.get_name(),
                           filter(concerned, node.list_parameters([], 0).names))
@@ -71,10 +73,10 @@ def _refuse_unknown(node: Node, concerned: Callable[[str], bool]) -> None:
 
 def _for_any_node(arguments: list[str], node: str) -> set[str]:
     """Return the names that parameter files give to any node (/**), and nothing to this one."""
-    given = list(pairwise(arguments))
+    options = list(pairwise(arguments))
     shared, own = set[str](), {value.split(':=')[0].rsplit(':', 1)[-1]
-                               for option, value in given if option in ('-p', '--param')}
-    for path in (value for option, value in given if option == '--params-file'):
+                               for option, value in options if option in ('-p', '--param')}
+    for path in (value for option, value in options if option == '--params-file'):
         for pattern, values in sections(Path(path)):
             name = pattern.rsplit('/', 1)[-1]
             if name in ANY_NODE:
@@ -82,21 +84,6 @@ def _for_any_node(arguments: list[str], node: str) -> set[str]:
             elif name == node:
                 own |= set(values)
     return shared - own
-
-
-def overrides(node: Node) -> dict[str, Parameter]:
-    """Return what was given on the command line and in parameter files, by name."""
-    # rclpy has no public way to ask
-    return node._parameter_overrides
-
-
-def given(node: Node, name: str, default: Any) -> Any:
-    """Return the value that was given for a parameter, else the default."""
-    override = overrides(node).get(name)
-    if override is None:
-        return default
-    # An empty list reaches a node without a type or a value.
-    return () if override.type_ is Parameter.Type.NOT_SET else override.value
 
 
 def _listed(value: Any) -> Any:

@@ -1,13 +1,14 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-When a state was measured, by its stamp and its arrival, and when the force for it will act.
+When a state was measured, when the force for it will act, and when no state came in time.
 
 Nobody can see from a stamp which clock it was read from. So the controller learns it, by its
 parameter `clock`, or from whoever publishes the states, on the topic `configuration`.
 """
 
 from collections import deque
+from collections.abc import Callable
 from enum import Enum
 import math
 from statistics import median
@@ -15,12 +16,16 @@ import time
 from typing import NamedTuple
 
 from dp_swing_ros.messages.configuration import Configuration
+from dp_swing_ros.nodes.process import ProcessNode
 
 OLDEST = 1.0       # [s] a state older than this cannot be: no plan reaches much further
 AHEAD = 0.005      # [s] a stamp may be this far in the future, where clocks are kept together
 LONGEST_TRANSPORT = 0.05  # [s]; beyond, the clocks of two machines differ
 TICKS, LONGER = 20, 1     # of the last ticks, so many may take longer than the next is given
 WINDOW = 5.0       # [s] in which the state that came fastest gives the offset of the clocks
+SPARE = 0.025      # [s] at least, beyond a period, to a first silence; one every period follows
+PATIENCE = 0.5     # periods, where that is longer
+PERIODS = 9        # that are remembered; some of them may be those of losses
 
 
 class Clock(Enum):
@@ -143,3 +148,44 @@ class Latency:
         if not first:
             self.ticks.append(taken)
         time.sleep(max(given - taken, 0.0))
+
+
+class Watchdog:
+    """Learns the period of its feedings, by the node's clock; barks where none came."""
+
+    def __init__(self, node: ProcessNode, period: float, bark: Callable[[], None]) -> None:
+        """Take the node whose timer it is, the period [s] until one is known, and what to call."""
+        self.bark, self.first = bark, period
+        # a clock that is set must not look like silence, and simulated time may stand still
+        self.timer = node.create_timer(1.0, self.on_time, clock=node.pace_clock, autostart=False)
+        self.forget()
+
+    def forget(self) -> None:
+        """Stop, and forget the period."""
+        self.timer.cancel()
+        self.periods: deque[float] = deque([self.first], maxlen=PERIODS)
+
+    @property
+    def period(self) -> float:
+        """Return the period [s] as it is known."""
+        return float(median(self.periods))
+
+    def feed(self, period: float) -> None:
+        """Wait anew; the last feeding was this time [s] ago."""
+        if period > 0:
+            self.periods.append(period)
+        self.wait(self.period + max(PATIENCE * self.period, SPARE))
+
+    def wait(self, duration: float) -> None:
+        """Bark after a time [s]."""
+        self.timer.timer_period_ns = round(duration * 1e9)
+        self.timer.reset()
+
+    def on_time(self) -> None:
+        """Bark, after a wait for the next."""
+        self.wait(self.period)
+        self.bark()
+
+    def stop(self) -> None:
+        """Bark no more until it is fed."""
+        self.timer.cancel()

@@ -42,11 +42,7 @@ class Parameters:
     """A group of parameters, checked when it is made."""
 
     def __post_init__(self) -> None:
-        """
-        Check every value against its declaration.
-
-        Raises ParameterError.
-        """
+        """Check every value against its declaration; raises ParameterError."""
         for field in dataclasses.fields(self):
             object.__setattr__(self, field.name, checked(field, getattr(self, field.name)))
 
@@ -56,12 +52,9 @@ def fields_of(group: type[Parameters], links: int) -> list[dataclasses.Field]:
     return [field for field in dataclasses.fields(group) if field.metadata['links'] <= links]
 
 
-def checked(field: dataclasses.Field, value: Any, name: str = '',
-            links: int | None = None) -> Any:
+def checked(field: dataclasses.Field, value: Any, name: str = '') -> Any:
     """
     Return the value in its declared type; `name` is its full name, if not the field's.
-
-    Without a number of links a list may have the size for any.
 
     Raises ParameterError, naming the value, what is expected and the choices.
     """
@@ -73,9 +66,7 @@ def checked(field: dataclasses.Field, value: Any, name: str = '',
                               f'expected {expected} ({about["description"]})')
 
     if kind is tuple:
-        sizes = about['size'] or {}
-        value = _sequence(value, type(default[0]),
-                          [sizes[links]] if links in sizes else list(sizes.values()), refuse)
+        value = _sequence(value, type(default[0]), list((about['size'] or {}).values()), refuse)
     else:
         value = _converted(value, kind, refuse)
     for element in value if kind is tuple else (value,):

@@ -22,8 +22,8 @@ from std_srvs.srv import Trigger
 
 from dp_swing_ros.messages import fields
 from dp_swing_ros.messages.fields import from_diagnostics, seconds
+from dp_swing_ros.nodes.connections import request_for
 from dp_swing_ros.nodes.messages import to_stamp
-from dp_swing_ros.nodes.qos import request_for
 from dp_swing_ros.pendulum.state import hanging, joints
 from dp_swing_ros.topics import DIAGNOSTICS, DISTURBANCE, FORCE_COMMAND, JOINT_STATES
 

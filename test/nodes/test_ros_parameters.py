@@ -13,11 +13,11 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
 from dp_swing_ros import configuration
+from dp_swing_ros.nodes import ros_parameters
 from dp_swing_ros.nodes.parameters import named, table
-from dp_swing_ros.nodes.pendulum_parameters import declare_pendulum
 from dp_swing_ros.nodes.ros_parameters import declare
 from dp_swing_ros.parameters import parameter, ParameterError, Parameters
-from dp_swing_ros.pendulum.state import joints, LINKS, SIZES
+from dp_swing_ros.pendulum.state import joints, LINKS
 
 
 @dataclasses.dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Example(Parameters):
     bound: float = parameter(1.0, 'a bound', finite=False)
     samples: int = parameter(5, 'number of samples', minimum=1)
     weights: tuple[float, ...] = parameter(
-        (1.0, 2.0, 3.0, 4.0), 'weights', minimum=0.0, size=SIZES)
+        (1.0, 2.0, 3.0, 4.0), 'weights', minimum=0.0, size={1: 4})
     names: tuple[str, ...] = parameter(('a', 'b'), 'names')
     kind: str = parameter('rk4', 'the kind', choices=lambda: ['rk4', 'euler'])
     fast: bool = parameter(False, 'in a hurry')
@@ -51,8 +51,12 @@ def make_node(tmp_path):
 
 def declare_example(node, prefix=''):
     """Declare the example for one link; return its values."""
-    values = declare(node, {prefix + name: field for name, field in named(Example).items()}, 1)
+    values = declare(node, {prefix + name: field for name, field in named(Example).items()})
     return Example(**{name.removeprefix(prefix): value for name, value in values.items()})
+
+
+def declare_pendulum(node, kind):
+    return declare(node, configuration.declared_for(kind, ros_parameters.given(node)))
 
 
 def given(*pairs):

@@ -5,7 +5,7 @@ import random
 
 import pytest
 
-from dp_swing_ros.nodes.sequences import Tally
+from dp_swing_ros.nodes.logger import Tally
 
 
 def tally(numbers, publishers):
