@@ -8,8 +8,6 @@ import yaml
 
 from dp_swing_ros.parameters.plain_yaml import parse, YamlError
 
-TEXTS = ('node', 'version', 'commit', 'sources', 'machine')
-
 
 class Configuration(NamedTuple):
     """A node's parameters by their full names, and what ran where."""
@@ -28,18 +26,15 @@ class Configuration(NamedTuple):
 
 
 def from_text(text: str) -> Configuration:
-    """
-    Read what `to_text` wrote.
-
-    Raises ValueError where the text is something else.
-    """
+    """Read what `to_text` wrote; raises ValueError where the text is something else."""
     try:
         content = parse(text)
     except YamlError as error:
         raise ValueError(f'a configuration is not YAML: {error}') from None
-    if not isinstance(content, dict) or not set(Configuration._fields) <= set(content) \
-            or not all(isinstance(content[field], dict) for field in ('parameters', 'packages')) \
-            or not all(isinstance(content[field], str) for field in TEXTS):
+    kinds: dict[str, type] = {**dict.fromkeys(Configuration._fields, str),
+                              'parameters': dict, 'packages': dict}
+    if not isinstance(content, dict) or not all(
+            isinstance(content.get(field), kind) for field, kind in kinds.items()):
         raise ValueError(f'a configuration is {text[:80]!r}; expected YAML with '
                          f'{", ".join(Configuration._fields)}')
-    return Configuration(**{field: content[field] for field in Configuration._fields})
+    return Configuration(**{field: content[field] for field in kinds})

@@ -21,17 +21,14 @@ def schema(message: str) -> str:
 
     Raises BagError if one is not installed. Source: the ros2msg encoding of MCAP.
     """
-    texts = {message: _definition(message)}
-    waiting = [message]
-    while waiting:
-        parent = waiting.pop(0)
-        for part in _parts(parent, texts[parent]):
-            if part not in texts:
-                texts[part] = _definition(part)
-                waiting.append(part)
+    texts, waiting = dict[str, str](), [message]
+    for name in waiting:   # which grows
+        if name not in texts:
+            texts[name] = _definition(name)
+            waiting.extend(_parts(name, texts[name]))
     root, *parts = texts
-    return '\n'.join([texts[root], *(f'{RULE}\nMSG: {part.replace("/msg/", "/")}\n{texts[part]}'
-                                     for part in parts)])
+    return f'\n{RULE}\nMSG: '.join([
+        texts[root], *(f'{part.replace("/msg/", "/")}\n{texts[part]}' for part in parts)])
 
 
 def _definition(message: str) -> str:

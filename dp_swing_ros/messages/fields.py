@@ -42,11 +42,6 @@ def nanoseconds(stamp: Any) -> int:
     return stamp.sec * BILLION + stamp.nanosec
 
 
-def split(time: float | int) -> tuple[int, int]:
-    """Split a time in seconds (float) or nanoseconds (int) into the fields of a Time."""
-    return divmod(time if isinstance(time, int) else round(time * BILLION), BILLION)
-
-
 def to_state(message: Any, links: int) -> Array:
     """
     Return the state of a JointState, whatever the order of its joints, and whatever others it has.

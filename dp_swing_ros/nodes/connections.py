@@ -54,10 +54,8 @@ def subscribe(node: Node, topic: Topic, callback: Callable[..., None],
     """
     Make a reliable subscription; a sensor's is best effort, so that every publisher is heard.
 
-    That of a latched topic hears also what was sent before it was made.
-
-    The callback may take a second argument, the information that comes with a message.
-    Raises ParameterError as `publish`.
+    That of a latched topic hears also what was sent before it was made. The callback may take a
+    second argument, the information that comes with a message. Raises ParameterError as `publish`.
     """
     with _overrides_checked(node, topic):
         return node.create_subscription(

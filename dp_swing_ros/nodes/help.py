@@ -7,8 +7,8 @@ import textwrap
 from typing import NamedTuple
 
 from dp_swing_ros.configuration import declared
-from dp_swing_ros.nodes.parameters import (
-    expected, LoggerParameters, named, ReplayParameters, shown)
+from dp_swing_ros.nodes.parameters import LoggerParameters, named, ReplayParameters, shown
+from dp_swing_ros.parameters import expected
 from dp_swing_ros.pendulum.state import DEFAULT_LINKS
 from dp_swing_ros.topics import (
     CONFIGURATION, DIAGNOSTICS, DISTURBANCE, FORCE_COMMAND, JOINT_STATES, PLAN, ROBOT_DESCRIPTION,

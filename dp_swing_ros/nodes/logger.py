@@ -95,7 +95,10 @@ class LoggerNode(ProcessNode):
         """Finish the bag and print what is in it."""
         try:
             if not self._bag.failed:
-                self._drain()
+                # Under load, what was sent before the end may still wait in the queues.
+                limit = time.monotonic() + DRAIN_TIME
+                for name, recording in self._recordings.items():
+                    self._take(name, recording, limit)
         finally:
             self._bag.custom |= {f'lost:{name}': str(recording.tally.lost)
                                  for name, recording in self._recordings.items()}
@@ -186,12 +189,6 @@ class LoggerNode(ProcessNode):
     def _flush(self) -> None:
         self._bag.flush()
         self._flush_due = time.monotonic() + self._flush_period
-
-    def _drain(self) -> None:
-        # Under load, what was sent before the end may still wait in the queues.
-        limit = time.monotonic() + DRAIN_TIME
-        for name, recording in self._recordings.items():
-            self._take(name, recording, limit)
 
     def _show_progress(self) -> None:
         tallies = [recording.tally for recording in self._recordings.values()]

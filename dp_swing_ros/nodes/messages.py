@@ -10,15 +10,14 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from dp_swing_ros.messages.fields import split
+from dp_swing_ros.messages.fields import BILLION
 from dp_swing_ros.pendulum.state import Array, joints, links_of
 from dp_swing_ros.problem.plan import Plan
 
 
 def to_stamp(time: float | int) -> Time:
     """Convert a time in seconds (float) or, to the nanosecond, in nanoseconds (int)."""
-    second, nanosecond = split(time)
-    return Time(sec=second, nanosec=nanosecond)
+    return Time(**_parts(time))
 
 
 def to_joint_state(stamp: Time, x: Array, force: float) -> JointState:
@@ -39,7 +38,7 @@ def to_trajectory(plan: Plan, stamp: Time) -> JointTrajectory:
     count, none = len(names), [0.0] * (len(names) - 1)
     points = [JointTrajectoryPoint(positions=x[:count], velocities=x[count:],
                                    effort=[force, *none],
-                                   time_from_start=_duration(t * plan.dt))
+                                   time_from_start=Duration(**_parts(t * plan.dt)))
               for t, (x, force) in enumerate(zip(plan.X.tolist(), forces))]
     return JointTrajectory(header=Header(stamp=stamp), joint_names=list(names), points=points)
 
@@ -54,9 +53,9 @@ def to_diagnostics(stamp: Time, name: str, level: int, message: str,
     return DiagnosticArray(header=Header(stamp=stamp), status=[status])
 
 
-def _duration(time: float) -> Duration:
-    second, nanosecond = split(time)
-    return Duration(sec=second, nanosec=nanosecond)
+def _parts(time: float | int) -> dict[str, int]:
+    all_of_it = time if isinstance(time, int) else round(time * BILLION)
+    return {'sec': all_of_it // BILLION, 'nanosec': all_of_it % BILLION}
 
 
 def _text(value: float | int | str) -> str:

@@ -11,7 +11,7 @@ import dataclasses
 import math
 from typing import Any
 
-from dp_swing_ros.parameters import parameter, Parameters
+from dp_swing_ros.parameters import expected, parameter, Parameters
 from dp_swing_ros.tables import compact
 from dp_swing_ros.topics import TOPICS
 
@@ -78,20 +78,6 @@ def table(fields: Mapping[str, dataclasses.Field]) -> str:
 def named(group: type[Parameters]) -> dict[str, dataclasses.Field]:
     """Return the parameters of a group by their names."""
     return {field.name: field for field in dataclasses.fields(group)}
-
-
-def expected(field: dataclasses.Field) -> str:
-    """Return in words what a parameter may be; empty where anything of its type is."""
-    about = field.metadata
-    if about['choices'] is not None:
-        return 'one of ' + ', '.join(about['choices']())
-    text = ', '.join(f'{words} {about[bound]:g}'
-                     for words, bound in (('at least', 'minimum'), ('at most', 'maximum'))
-                     if about[bound] is not None)
-    if about['size'] is not None:
-        each = f', each {text}' if text else ''
-        return f'2 numbers and 2 a link{each}'
-    return text
 
 
 def shown(value: Any) -> str:

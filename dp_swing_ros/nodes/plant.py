@@ -137,9 +137,9 @@ class PlantNode(ProcessNode):
             return
         if not self.parameters.lockstep:
             self.advance_to(self.elapsed())
-            self.obey(force, self.parameters.command_timeout)
+            self.lost_commands += not self.plant.obey(force, self.parameters.command_timeout)
         elif self.waiting:
-            self.obey(force)
+            self.lost_commands += not self.plant.obey(force)
             self.plant.advance(self.period)
             self.publish_state()
 
@@ -167,10 +167,6 @@ class PlantNode(ProcessNode):
             self.start()
             self.publish_state()
         return True, 'the plant is back at its initial state'
-
-    def obey(self, force: float, lasts: float = math.inf) -> None:
-        """Let a force [N] act for a time [s] at most, if it is not lost."""
-        self.lost_commands += not self.plant.obey(force, lasts)
 
     def advance_to(self, now: float) -> None:
         """Integrate up to a time [s], and warn when no command is left to obey."""

@@ -3,14 +3,14 @@
 """What of a bag is played, and when; needs no ROS."""
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from dp_swing_ros.bags.mcap_reader import Entry
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.errors import BagError
 from dp_swing_ros.messages.fields import BILLION
-from dp_swing_ros.nodes.parameters import SENT
+from dp_swing_ros.nodes.parameters import ReplayParameters, SENT
 
 LATE = 5_000_000  # [ns] later than this a message is counted as late
 
@@ -22,47 +22,39 @@ class Scheduled(NamedTuple):
     entry: Entry
 
 
-def schedule(bag: Bag, order: str = SENT) -> list[Scheduled]:
+def excerpt(bag: Bag, p: ReplayParameters) -> list[Scheduled]:
     """
-    Return the messages of a bag as they were sent, or as they were received.
+    Return the messages of a bag that are to be played, as they were sent or as they were received.
 
     A logger that was kept waiting receives what was sent over a while all at once, so the time of
     sending is the closer to what the nodes saw; it is of each sender's own clock, though. What
-    was sent before the recording began is played at its beginning. Raises BagError.
+    was sent before the recording began is played at its beginning. Raises BagError if there is no
+    such topic, or nothing to play.
     """
     if not bag.entries:
         raise BagError(f'{bag} holds no message; record a run with the logger')
-    first = min(entry.received for entry in bag.entries)
-
-    def time(entry: Entry) -> int:
-        # some writers know no time of sending, and leave it zero
-        return max(entry.sent, first) if order == SENT and entry.sent else entry.received
-
-    return sorted((Scheduled(time(entry), entry) for entry in bag.entries),
-                  key=lambda scheduled: scheduled.time)
-
-
-def excerpt(bag: Bag, messages: Sequence[Scheduled], topics: Iterable[str] = (),
-            start_offset: float = 0.0, duration: float = 0.0) -> list[Scheduled]:
-    """
-    Return the messages on some topics (none: all) over a part of a bag.
-
-    It begins start_offset [s] after the first of all messages and lasts a duration [s] of the
-    bag's time (0 or less: to its end). Raises BagError if there is no such topic, or nothing.
-    """
-    names = {'/' + name.lstrip('/') for name in topics}
+    names = {'/' + name.lstrip('/') for name in p.topics if name}
     unknown = sorted(names - set(bag.topics))
     if unknown:
         raise BagError(f'{bag} has nothing on {", ".join(unknown)}; '
                        f'it holds messages of {", ".join(bag.topics)}')
+    earliest = min(entry.received for entry in bag.entries)
+
+    def time(entry: Entry) -> int:
+        # some writers know no time of sending, and leave it zero
+        as_sent = p.message_order == SENT and entry.sent
+        return max(entry.sent, earliest) if as_sent else entry.received
+
+    messages = sorted((Scheduled(time(entry), entry) for entry in bag.entries),
+                      key=lambda scheduled: scheduled.time)
     first, last = messages[0].time, messages[-1].time
-    begin = first + round(start_offset * BILLION)
-    end = begin + round(duration * BILLION) if duration > 0 else last
+    begin = first + round(p.start_offset * BILLION)
+    end = begin + round(p.playback_duration * BILLION) if p.playback_duration > 0 else last
     found = [message for message in messages
              if begin <= message.time <= end and (not names or message.entry.topic in names)]
     if not found:
         raise BagError(f'{bag} lasts {(last - first) / BILLION:.3f} s and has '
-                       f'nothing to play from {start_offset:g} s on; '
+                       f'nothing to play from {p.start_offset:g} s on; '
                        'give another start_offset or playback_duration')
     return found
 
@@ -105,14 +97,9 @@ class Playback:
         following = self._messages[-1 if self.done else self._number]
         return min(self._time(now), following.time)
 
-    def run(self, now: int) -> None:
-        """Go on from where it stands."""
-        if self._began is None:
-            self._began = now
-
-    def stand(self, now: int) -> None:
-        """Stand still at the time that it is."""
-        self._origin, self._began = self._time(now), None
+    def pause(self, now: int, paused: bool) -> None:
+        """Let the time of the bag stand still, or go on from where it is."""
+        self._origin, self._began = self._time(now), None if paused else now
 
     def take(self, now: int) -> Scheduled:
         """Return the next message, which is due, and count it."""
@@ -125,19 +112,19 @@ class Playback:
         self._number += 1
         if self.done and self._loop:
             self._number = 0
-            self._jump(self._messages[0].time, now)
+            self._jump(now)
         return message
 
     def step(self, now: int) -> Scheduled:
         """Return the next message, due or not; it is the time of the message now."""
-        self._jump(self._messages[self._number].time, now)
+        self._jump(now)
         return self.take(now)
 
     def _time(self, now: int) -> int:
         passed = 0 if self._began is None else now - self._began
         return self._origin + round(passed * self._rate)
 
-    def _jump(self, time: int, now: int) -> None:
-        self._origin = time
+    def _jump(self, now: int) -> None:
+        self._origin = self._messages[self._number].time
         if self._began is not None:
             self._began = now

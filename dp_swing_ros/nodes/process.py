@@ -30,7 +30,7 @@ from rclpy.utilities import remove_ros_args
 from std_srvs.srv import Trigger
 
 from dp_swing_ros.errors import UserError
-from dp_swing_ros.nodes.ros_parameters import check_topics
+from dp_swing_ros.nodes.ros_parameters import refuse_unknown
 from dp_swing_ros.nodes.shutdown import exit_after, on_signals
 from dp_swing_ros.parameters import ParameterError
 
@@ -128,7 +128,9 @@ def run(make_node: Callable[[], ProcessNode], args: list[str] | None = None) -> 
         node = make_node()
         _live(node, signals)
     except (ParameterError, UserError) as error:   # what the user can put right
-        print(f'{Path(args[0]).name}: error: {_one_line(error)}', file=sys.stderr)
+        # rcl appends where in its own source it failed
+        text = re.sub(r', at /\S+:\d+', '', ' '.join(str(error).split()))
+        print(f'{Path(args[0]).name}: error: {text}', file=sys.stderr)
         code = MISUSED
     except Exception:
         traceback.print_exc()
@@ -155,28 +157,18 @@ def _initialise(args: list[str]) -> None:
         raise UserError(f'{type(error).__name__}: {error}') from None
 
 
-def _one_line(error: Exception) -> str:
-    # rcl appends where in its own source it failed.
-    return re.sub(r', at /\S+:\d+', '', ' '.join(str(error).split()))
-
-
 def _live(node: ProcessNode, signals: _Signals) -> None:
     try:
         signals.cut_short(node.prepare)
         if not signals.requested:
-            check_topics(node)
+            refuse_unknown(node, of_topics=True)
         _spin(node, signals)
     finally:
         node.close()
-        _deliver(node)
-
-
-def _deliver(node: ProcessNode) -> None:
-    # A publisher takes messages with it that nobody has confirmed yet, such as the last command.
-    limit = time.monotonic() + DELIVERY
-    for publisher in node.publishers:
-        rest = max(0.0, limit - time.monotonic())
-        publisher.wait_for_all_acked(Duration(seconds=rest))
+        # A publisher takes messages with it that nobody has confirmed yet, as the last command.
+        limit = time.monotonic() + DELIVERY
+        for publisher in node.publishers:
+            publisher.wait_for_all_acked(Duration(seconds=max(0.0, limit - time.monotonic())))
 
 
 def _spin(node: ProcessNode, signals: _Signals) -> None:

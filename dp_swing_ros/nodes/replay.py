@@ -18,7 +18,7 @@ from dp_swing_ros.messages.fields import BILLION
 from dp_swing_ros.nodes.connections import Audience, message_class, strongest, subscribe
 from dp_swing_ros.nodes.messages import to_stamp
 from dp_swing_ros.nodes.parameters import named, ReplayParameters
-from dp_swing_ros.nodes.playback import excerpt, LATE, Playback, schedule, Scheduled
+from dp_swing_ros.nodes.playback import excerpt, LATE, Playback, Scheduled
 from dp_swing_ros.nodes.process import ProcessNode, run, STEADY
 from dp_swing_ros.nodes.ros_parameters import declare
 from dp_swing_ros.parameters import ParameterError
@@ -48,8 +48,7 @@ class ReplayNode(ProcessNode):
         """Read the bag and offer what it holds; then look for subscribers."""
         p = self.parameters
         bag = Bag(Path(p.bag).expanduser(), p.partial)
-        messages = excerpt(bag, schedule(bag, p.message_order), filter(None, p.topics),
-                           p.start_offset, p.playback_duration)
+        messages = excerpt(bag, p)
         span = messages[-1].time - messages[0].time
         if p.loop and span == 0:
             raise BagError(f'{bag} has messages of one moment alone to play; a loop needs two')
@@ -74,7 +73,8 @@ class ReplayNode(ProcessNode):
         self.timer = self.create_timer(1.0, self.on_due, clock=STEADY, autostart=False)
         if self.parameters.clock > 0:
             self.clocks = self.create_publisher(ClockMessage, '/clock', 10)
-            self.every(1 / self.parameters.clock, self.on_clock)
+            self.every(1 / self.parameters.clock, lambda: self.publish_time(
+                self.playback.at(time.monotonic_ns())))
         self.serve('replay/pause', lambda: self.set_paused(True))
         self.serve('replay/resume', lambda: self.set_paused(False))
         self.serve('replay/toggle_paused', lambda: self.set_paused(not self.paused))
@@ -92,16 +92,7 @@ class ReplayNode(ProcessNode):
         if self.begin_at is not None and now >= self.begin_at:
             self.destroy_timer(self.search)
             self.began = now
-            self.stand_or_run()
-
-    def stand_or_run(self) -> None:
-        """Let the time of the bag stand still or run, as the user wants it."""
-        now = time.monotonic_ns()
-        if self.paused:
-            self.playback.stand(now)
-        elif self.began is not None:
-            self.playback.run(now)
-        self.wait_for_next()
+            self.set_paused(self.paused)
 
     def wait_for_next(self) -> None:
         """Set the timer to when the next message is due, if it ever is."""
@@ -145,14 +136,11 @@ class ReplayNode(ProcessNode):
         if self.clocks is not None:
             self.clocks.publish(ClockMessage(clock=to_stamp(now)))
 
-    def on_clock(self) -> None:
-        """Publish the time."""
-        self.publish_time(self.playback.at(time.monotonic_ns()))
-
     def set_paused(self, paused: bool) -> tuple[bool, str]:
         """Let the time of the bag stand still, or go on from where it stands."""
         self.paused = paused
-        self.stand_or_run()
+        self.playback.pause(time.monotonic_ns(), paused or self.began is None)
+        self.wait_for_next()
         return True, self.is_paused()[1]
 
     def is_paused(self) -> tuple[bool, str]:

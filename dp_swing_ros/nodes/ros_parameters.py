@@ -12,7 +12,7 @@ from itertools import pairwise
 import math
 from pathlib import Path
 import sys
-from typing import Any, Callable, Mapping
+from typing import Any, Mapping
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.node import Node
@@ -21,8 +21,7 @@ from std_msgs.msg import String
 
 from dp_swing_ros.messages.configuration import Configuration
 from dp_swing_ros.nodes.connections import publish
-from dp_swing_ros.nodes.parameters import expected
-from dp_swing_ros.parameters import checked, LARGEST, unknown
+from dp_swing_ros.parameters import checked, expected, LARGEST, unknown
 from dp_swing_ros.parameters.files import ANY_NODE, QOS_OVERRIDES, sections
 from dp_swing_ros.provenance import commit, machine, package_version, packages, sources
 from dp_swing_ros.topics import CONFIGURATION
@@ -48,7 +47,7 @@ def declare(node: Node, fields: Mapping[str, dataclasses.Field]) -> dict[str, An
         # The override is left aside: it is in the value already, there in its declared type.
         node.declare_parameter(name, _listed(values[name]), _descriptor(field),
                                ignore_override=True)
-    _refuse_unknown(node, lambda name: not name.startswith(QOS_OVERRIDES))
+    refuse_unknown(node, of_topics=False)
     configured = Configuration(
         node.get_fully_qualified_name(),
         {each.name: _listed(each.value) for each in node.get_parameters(
@@ -59,16 +58,19 @@ def declare(node: Node, fields: Mapping[str, dataclasses.Field]) -> dict[str, An
     return values
 
 
-def check_topics(node: Node) -> None:
-    """Refuse overrides, by ParameterError, of a QoS that no topic has; after the last topic."""
-    _refuse_unknown(node, lambda name: name.startswith(QOS_OVERRIDES))
+def refuse_unknown(node: Node, of_topics: bool) -> None:
+    """
+    Refuse what was given and the node has no parameter for.
 
-
-def _refuse_unknown(node: Node, concerned: Callable[[str], bool]) -> None:
-    for name in sorted(filter(concerned, given(node))):
-        if not node.has_parameter(name) and name not in _for_any_node(sys.argv, node.get_name()):
-            raise unknown(name, node.get_name(),
-                          filter(concerned, node.list_parameters([], 0).names))
+    That is of its topics' quality of service, after the last of them was made, or all else.
+    Raises ParameterError, as `declare`.
+    """
+    known = node.list_parameters([], 0).names
+    for name in sorted(set(given(node)) - set(known)):
+        if name.startswith(QOS_OVERRIDES) == of_topics and (
+                name not in _for_any_node(sys.argv, node.get_name())):
+            raise unknown(name, node.get_name(), (
+                each for each in known if each.startswith(QOS_OVERRIDES) == of_topics))
 
 
 def _for_any_node(arguments: list[str], node: str) -> set[str]:
@@ -96,15 +98,13 @@ def _descriptor(field: dataclasses.Field) -> ParameterDescriptor:
     unit = f' [{about["unit"]}]' if about['unit'] else ''
     descriptor = ParameterDescriptor(description=about['description'] + unit, read_only=True)
     low, high = about['minimum'], about['maximum']
-    if low is None and high is None or isinstance(field.default, tuple):
+    if isinstance(field.default, tuple) or math.isinf(low) and math.isinf(high):
         # ROS knows no range of the elements of a list.
         descriptor.additional_constraints = expected(field)
     elif isinstance(field.default, int):
         descriptor.integer_range = [IntegerRange(
-            from_value=-LARGEST if low is None else int(low),
-            to_value=LARGEST if high is None else int(high))]
+            from_value=int(max(low, -LARGEST)), to_value=int(min(high, LARGEST)))]
     else:
         descriptor.floating_point_range = [FloatingPointRange(
-            from_value=-math.inf if low is None else float(low),
-            to_value=math.inf if high is None else float(high))]
+            from_value=float(low), to_value=float(high))]
     return descriptor

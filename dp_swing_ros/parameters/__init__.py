@@ -3,8 +3,8 @@
 """Parameters: each declared once, with default, unit, range and description; registries."""
 
 from dp_swing_ros.parameters.declaration import (
-    checked, fields_of, LARGEST, parameter, ParameterError, Parameters, unknown)
+    checked, expected, fields_of, LARGEST, parameter, ParameterError, Parameters, unknown)
 from dp_swing_ros.parameters.registry import registry
 
-__all__ = ['checked', 'fields_of', 'LARGEST', 'parameter', 'ParameterError', 'Parameters',
-           'registry', 'unknown']
+__all__ = ['checked', 'expected', 'fields_of', 'LARGEST', 'parameter', 'ParameterError',
+           'Parameters', 'registry', 'unknown']

@@ -17,8 +17,8 @@ SHOWN = 200  # [characters] of a value in an error
 WORDS = {bool: 'true or false', int: 'a whole number', float: 'a number', str: 'a text'}
 
 
-def parameter(default: Any, description: str, *, unit: str = '', minimum: float | None = None,
-              maximum: float | None = None, choices: Callable[[], list[str]] | None = None,
+def parameter(default: Any, description: str, *, unit: str = '', minimum: float = -math.inf,
+              maximum: float = math.inf, choices: Callable[[], list[str]] | None = None,
               size: Mapping[int, int] | None = None, finite: bool = True, links: int = 1) -> Any:
     """
     Declare one parameter as a dataclass field.
@@ -59,22 +59,39 @@ def checked(field: dataclasses.Field, value: Any, name: str = '') -> Any:
     Raises ParameterError, naming the value, what is expected and the choices.
     """
     default: Any = field.default
-    kind, about = type(default), field.metadata
+    about, listed = field.metadata, isinstance(default, tuple)
 
     def refuse(expected: str) -> ParameterError:
         return ParameterError(f'parameter {name or field.name!r} is {_shown(value)}; '
                               f'expected {expected} ({about["description"]})')
 
-    if kind is tuple:
+    if listed:
         value = _sequence(value, type(default[0]), list((about['size'] or {}).values()), refuse)
     else:
-        value = _converted(value, kind, refuse)
-    for element in value if kind is tuple else (value,):
-        if isinstance(element, (float, int)):
-            _check_number(element, about, refuse)
+        value = _converted(value, type(default), refuse)
+    for element in value if listed else (value,):
+        if isinstance(element, float) and (
+                math.isnan(element) or about['finite'] and math.isinf(element)):
+            raise refuse('a finite number')
+        if isinstance(element, (float, int)) and not (
+                about['minimum'] <= element <= about['maximum']):
+            raise refuse(expected(field, f' {about["unit"]}'.rstrip()))
     if about['choices'] is not None and value not in about['choices']():
-        raise refuse(f'one of {", ".join(about["choices"]())}')
+        raise refuse(expected(field))
     return value
+
+
+def expected(field: dataclasses.Field, unit: str = '') -> str:
+    """Return in words what a parameter may be; empty where anything of its type is."""
+    about = field.metadata
+    if about['choices'] is not None:
+        return f'one of {", ".join(about["choices"]())}'
+    text = ', '.join(f'{words} {about[bound]:g}{unit}'
+                     for words, bound in (('at least', 'minimum'), ('at most', 'maximum'))
+                     if math.isfinite(about[bound]))
+    if about['size'] is not None:
+        return '2 numbers and 2 a link' + (f', each {text}' if text else '')
+    return text
 
 
 def _shown(value: Any) -> str:
@@ -105,17 +122,6 @@ def _sequence(value: Any, kind: type, sizes: list[int],
     if sizes and len(elements) not in sizes:
         raise refuse(expected)
     return elements
-
-
-def _check_number(number: float, about: Any, refuse: Callable[[str], ParameterError]) -> None:
-    minimum, maximum = about['minimum'], about['maximum']
-    unit = f' {about["unit"]}' if about['unit'] else ''
-    if math.isnan(number) or (about['finite'] and math.isinf(number)):
-        raise refuse('a finite number')
-    if minimum is not None and number < minimum:
-        raise refuse(f'at least {minimum:g}{unit}')
-    if maximum is not None and number > maximum:
-        raise refuse(f'at most {maximum:g}{unit}')
 
 
 def unknown(name: str, node: str, known: Iterable[str]) -> ParameterError:

@@ -29,24 +29,15 @@ _Loader.add_implicit_resolver('tag:yaml.org,2002:float', re.compile(r'[-+]?\d+[e
 
 
 def value_of(text: str) -> Any:
-    """
-    Return the value of a parameter given as text, as on the command line of ROS.
-
-    Raises ParameterError.
-    """
+    """Return the value of a parameter given as text, as ROS does; raises ParameterError."""
     try:
         return parse(text, _Loader)
     except YamlError as error:
-        raise ParameterError(f'{text[:80]!r} is not the value of a parameter: '
-                             f'{error}') from None
+        raise ParameterError(f'{text[:80]!r} is not the value of a parameter: {error}') from None
 
 
 def sections(path: Path) -> list[tuple[str, dict[str, Any]]]:
-    """
-    Return the patterns of nodes in a ROS parameter file, and the parameters for each.
-
-    Raises ParameterError where it is none.
-    """
+    """Return the node patterns of a parameter file, each with its values; or ParameterError."""
     try:
         content = parse_file(path, _Loader)
     except OSError as error:

@@ -50,11 +50,7 @@ def parse(text: str | bytes, loader: type[PlainLoader] = PlainLoader) -> Any:
 
 
 def parse_file(path: Path, loader: type[PlainLoader] = PlainLoader) -> Any:
-    """
-    Return the content of a file of YAML.
-
-    Raises YamlError, and OSError where the file cannot be read.
-    """
+    """Return the content of a file of YAML; raises YamlError, and OSError if it is unreadable."""
     with path.open('rb') as file:
         return parse(file.read(SIZE + 1), loader)
 

@@ -9,7 +9,8 @@ import pytest
 
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.errors import BagError
-from dp_swing_ros.nodes.playback import excerpt, Playback, schedule
+from dp_swing_ros.nodes.parameters import ReplayParameters
+from dp_swing_ros.nodes.playback import excerpt, Playback
 
 SECOND = 1_000_000_000
 MESSAGES = [(0.0, '/a', 0), (0.1, '/b', 1), (0.25, '/a', 2), (0.25, '/b', 3), (1.0, '/a', 4)]
@@ -18,6 +19,10 @@ MESSAGES = [(0.0, '/a', 0), (0.1, '/b', 1), (0.25, '/a', 2), (0.25, '/b', 3), (1
 @pytest.fixture
 def bag(tmp_path):
     return Bag(write_bag(tmp_path / 'bag', MESSAGES))
+
+
+def schedule(bag, **selection):
+    return excerpt(bag, ReplayParameters(**selection))
 
 
 def number(message):
@@ -31,10 +36,10 @@ def numbers(messages):
 @pytest.mark.parametrize('selection, expected', [
     ({}, [0, 1, 2, 3, 4]), ({'topics': ['/b']}, [1, 3]), ({'topics': ['a']}, [0, 2, 4]),
     ({'start_offset': 0.1}, [1, 2, 3, 4]), ({'start_offset': 0.11}, [2, 3, 4]),
-    ({'duration': 0.25}, [0, 1, 2, 3]), ({'duration': -1.0}, [0, 1, 2, 3, 4]),
-    ({'topics': ['/a'], 'start_offset': 0.1, 'duration': 0.5}, [2])])
+    ({'playback_duration': 0.25}, [0, 1, 2, 3]), ({'playback_duration': -1.0}, [0, 1, 2, 3, 4]),
+    ({'topics': ['/a'], 'start_offset': 0.1, 'playback_duration': 0.5}, [2])])
 def test_part_of_a_bag(bag, selection, expected):
-    assert numbers(excerpt(bag, schedule(bag), **selection)) == expected
+    assert numbers(schedule(bag, **selection)) == expected
 
 
 @pytest.mark.parametrize('selection, reason', [
@@ -43,7 +48,7 @@ def test_part_of_a_bag(bag, selection, expected):
     ({'topics': ['/b'], 'start_offset': 0.5}, 'nothing to play from 0.5 s on')])
 def test_nothing_to_play_is_refused(bag, selection, reason):
     with pytest.raises(BagError, match=reason):
-        excerpt(bag, schedule(bag), **selection)
+        schedule(bag, **selection)
 
 
 def test_bag_without_messages_is_refused(tmp_path):
@@ -54,7 +59,7 @@ def test_bag_without_messages_is_refused(tmp_path):
 def test_order_of_sending_and_of_receipt(tmp_path):
     bag = Bag(write_bag(tmp_path / 'bag', [
         (-60.0, '/latched', 1, 0.0), (0.30, '/b', 3, 0.41), (0.10, '/a', 2, 0.40)]))
-    sent, received = schedule(bag), schedule(bag, 'received')
+    sent, received = schedule(bag), schedule(bag, message_order='received')
     assert numbers(sent) == [1, 2, 3]  # what was sent long before begins with the recording
     assert [message.time - START for message in sent] == [0, SECOND // 10, 3 * SECOND // 10]
     assert numbers(received) == [1, 2, 3]
@@ -79,7 +84,7 @@ def played(playback, now):
 def test_messages_are_due_as_recorded_however_late_the_others_were(bag):
     playback = Playback(schedule(bag), rate=2.0)
     assert playback.due() is None  # it stands still
-    playback.run(7 * SECOND)
+    playback.pause(7 * SECOND, False)
     assert playback.due() == 7 * SECOND
     assert played(playback, 7 * SECOND + 1_000_000) == [0]
     assert playback.due() == 7 * SECOND + SECOND // 20
@@ -93,14 +98,14 @@ def test_messages_are_due_as_recorded_however_late_the_others_were(bag):
 
 def test_a_pause_shifts_what_follows(bag):
     playback = Playback(schedule(bag), rate=1.0)
-    playback.run(0)
+    playback.pause(0, False)
     assert played(playback, SECOND // 10) == [0, 1]
-    playback.stand(SECOND // 5)
-    playback.stand(SECOND // 4)  # again, which changes nothing
+    playback.pause(SECOND // 5, True)
+    playback.pause(SECOND // 4, True)  # again, which changes nothing
     assert playback.due() is None
     assert playback.at(3 * SECOND) == START + SECOND // 5
-    playback.run(9 * SECOND)
-    playback.run(10 * SECOND)
+    playback.pause(9 * SECOND, False)
+    playback.pause(10 * SECOND, False)
     assert playback.due() == 9 * SECOND + SECOND // 20
 
 
@@ -108,7 +113,7 @@ def test_a_step_takes_the_bag_to_the_time_of_its_message(bag):
     playback = Playback(schedule(bag), rate=1.0)
     assert [number(playback.step(SECOND)) for _ in range(3)] == [0, 1, 2]
     assert playback.at(5 * SECOND) == START + SECOND // 4
-    playback.run(6 * SECOND)
+    playback.pause(6 * SECOND, False)
     assert playback.due() == 6 * SECOND
     assert played(playback, 6 * SECOND) == [3]
     assert playback.due() == 6 * SECOND + 3 * SECOND // 4
@@ -117,7 +122,7 @@ def test_a_step_takes_the_bag_to_the_time_of_its_message(bag):
 
 def test_time_does_not_pass_a_message_that_is_to_come(bag):
     playback = Playback(schedule(bag), rate=1.0)
-    playback.run(0)
+    playback.pause(0, False)
     assert playback.at(SECOND) == START
     played(playback, SECOND // 10)
     assert playback.at(SECOND // 5) == START + SECOND // 5
@@ -128,7 +133,7 @@ def test_time_does_not_pass_a_message_that_is_to_come(bag):
 
 def test_a_loop_begins_again_when_the_last_was_played(bag):
     playback = Playback(schedule(bag), rate=1.0, loop=True)
-    playback.run(0)
+    playback.pause(0, False)
     assert played(playback, SECOND)[:5] == [0, 1, 2, 3, 4]
     assert not playback.done
     assert playback.due() == SECOND + SECOND // 10

@@ -93,7 +93,8 @@ def test_prefix_file_and_empty_list(make_node, tmp_path):
 
 
 @pytest.mark.parametrize('wrong, text', [
-    ('rate:=0.5', r"'mppi.rate' is 0.5; expected at least 1 Hz \(states per second\)"),
+    ('rate:=0.5', r"'mppi.rate' is 0.5; expected at least 1 Hz, at most 1000 Hz "
+     r'\(states per second\)'),
     ('rate:=1001.0', 'at most 1000 Hz'),
     ('rate:=.nan', 'a finite number'),
     ('rate:=.inf', 'a finite number'),
