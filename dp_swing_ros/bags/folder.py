@@ -9,7 +9,7 @@ import shlex
 from typing import NamedTuple
 
 from dp_swing_ros.errors import BagError
-from dp_swing_ros.parameters.plain_yaml import parse_file
+from dp_swing_ros.parameters.files import parse_file
 
 METADATA = 'metadata.yaml'
 RECOVERED = 'recovered_of'  # in custom_data: of how many messages a bag is what was left

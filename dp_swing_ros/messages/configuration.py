@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import yaml
 
-from dp_swing_ros.parameters.plain_yaml import parse, YamlError
+from dp_swing_ros.parameters.files import parse, YamlError
 
 
 class Configuration(NamedTuple):

@@ -21,8 +21,7 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from dp_swing_ros.messages.fields import BILLION
 from dp_swing_ros.parameters import ParameterError
-from dp_swing_ros.parameters.files import QOS_OVERRIDES
-from dp_swing_ros.parameters.plain_yaml import parse
+from dp_swing_ros.parameters.files import parse, QOS_OVERRIDES
 from dp_swing_ros.topics import Topic
 
 Policy = TypeVar('Policy', bound=IntEnum)

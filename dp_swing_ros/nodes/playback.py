@@ -68,11 +68,7 @@ class Playback:
     """
 
     def __init__(self, messages: Sequence[Scheduled], rate: float, loop: bool = False) -> None:
-        """
-        Stand still before the first message; in a loop, it comes again after the last.
-
-        Later the time runs at this many times real time.
-        """
+        """Stand still at first, then run at `rate` times real time; a loop begins again."""
         self.played = Counter[str]()           # messages by topic
         self.late = self.largest_lateness = 0  # messages; [ns]
         self._messages, self._rate, self._loop = messages, rate, loop

@@ -104,9 +104,7 @@ class _Signals:
         try:
             if not self.requested:
                 work()
-        except _Interrupt:
-            pass
-        except Exception:
+        except (Exception, _Interrupt):
             if not self.requested:   # else what was interrupted may fail in ways of its own
                 raise
         finally:
@@ -162,23 +160,16 @@ def _live(node: ProcessNode, signals: _Signals) -> None:
         signals.cut_short(node.prepare)
         if not signals.requested:
             refuse_unknown(node, of_topics=True)
-        _spin(node, signals)
+        with SingleThreadedExecutor() as executor:
+            executor.add_node(node)
+            while not (signals.requested or node.done):
+                executor.spin_once(timeout_sec=POLL)
+            end = time.monotonic() + node.linger
+            while (rest := end - time.monotonic()) > 0:
+                executor.spin_once(timeout_sec=rest)
     finally:
         node.close()
         # A publisher takes messages with it that nobody has confirmed yet, as the last command.
         limit = time.monotonic() + DELIVERY
         for publisher in node.publishers:
             publisher.wait_for_all_acked(Duration(seconds=max(0.0, limit - time.monotonic())))
-
-
-def _spin(node: ProcessNode, signals: _Signals) -> None:
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
-    try:
-        while not (signals.requested or node.done):
-            executor.spin_once(timeout_sec=POLL)
-        end = time.monotonic() + node.linger
-        while (rest := end - time.monotonic()) > 0:
-            executor.spin_once(timeout_sec=rest)
-    finally:
-        executor.shutdown()

@@ -1,10 +1,157 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters: each declared once, with default, unit, range and description; registries."""
+"""
+Parameters: each declared once, with default, unit, range and description; registries.
 
-from dp_swing_ros.parameters.declaration import (
-    checked, expected, fields_of, LARGEST, parameter, ParameterError, Parameters, unknown)
-from dp_swing_ros.parameters.registry import registry
+The ROS parameters, their descriptors and the table in docs/parameters.md come from these classes.
+"""
 
-__all__ = ['checked', 'expected', 'fields_of', 'LARGEST', 'parameter', 'ParameterError',
-           'Parameters', 'registry', 'unknown']
+import dataclasses
+import difflib
+from importlib.metadata import entry_points
+import math
+import numbers
+from typing import Any, Callable, Iterable, Mapping
+import warnings
+
+LARGEST = 2 ** 63 - 1  # whole number that a ROS parameter holds
+SHOWN = 200  # [characters] of a value in an error
+WORDS = {bool: 'true or false', int: 'a whole number', float: 'a number', str: 'a text'}
+
+
+def parameter(default: Any, description: str, *, unit: str = '', minimum: float | None = None,
+              maximum: float | None = None, choices: Callable[[], list[str]] | None = None,
+              size: Mapping[int, int] | None = None, finite: bool = True, links: int = 1) -> Any:
+    """
+    Declare one parameter as a dataclass field.
+
+    minimum and maximum are inclusive and hold for every element of a list; `choices` is called
+    when needed, so that a registry may be filled after the class is made; `size` is the length
+    of a list by the number of links; `finite=False` allows infinity (NaN never passes); the
+    parameter is one of pendulums with so many `links` or more.
+    """
+    return dataclasses.field(default=default, metadata={
+        'description': description, 'unit': unit,
+        'minimum': -math.inf if minimum is None else minimum,
+        'maximum': math.inf if maximum is None else maximum,
+        'choices': choices, 'size': size, 'finite': finite, 'links': links})
+
+
+class ParameterError(ValueError):
+    """A parameter has an impossible value; the message says which, and what is expected."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Parameters:
+    """A group of parameters, checked when it is made."""
+
+    def __post_init__(self) -> None:
+        """Check every value against its declaration; raises ParameterError."""
+        for field in dataclasses.fields(self):
+            object.__setattr__(self, field.name, checked(field, getattr(self, field.name)))
+
+
+def fields_of(group: type[Parameters], links: int) -> list[dataclasses.Field]:
+    """Return the parameters of a group that a pendulum with so many links has."""
+    return [field for field in dataclasses.fields(group) if field.metadata['links'] <= links]
+
+
+def checked(field: dataclasses.Field, value: Any, name: str = '') -> Any:
+    """
+    Return the value in its declared type; `name` is its full name, if not the field's.
+
+    Raises ParameterError, naming the value, what is expected and the choices.
+    """
+    default: Any = field.default
+    about, listed = field.metadata, isinstance(default, tuple)
+
+    def refuse(expected: str) -> ParameterError:
+        return ParameterError(f'parameter {name or field.name!r} is {_shown(value)}; '
+                              f'expected {expected} ({about["description"]})')
+
+    if listed:
+        value = _sequence(value, type(default[0]), list((about['size'] or {}).values()), refuse)
+    else:
+        value = _converted(value, type(default), refuse)
+    for element in value if listed else (value,):
+        if isinstance(element, float) and (
+                math.isnan(element) or about['finite'] and math.isinf(element)):
+            raise refuse('a finite number')
+        if isinstance(element, (float, int)) and not (
+                about['minimum'] <= element <= about['maximum']):
+            raise refuse(expected(field, f' {about["unit"]}'.rstrip()))
+    if about['choices'] is not None and value not in about['choices']():
+        raise refuse(expected(field))
+    return value
+
+
+def expected(field: dataclasses.Field, unit: str = '') -> str:
+    """Return in words what a parameter may be; empty where anything of its type is."""
+    about = field.metadata
+    if about['choices'] is not None:
+        return f'one of {", ".join(about["choices"]())}'
+    text = ', '.join(f'{words} {about[bound]:g}{unit}'
+                     for words, bound in (('at least', 'minimum'), ('at most', 'maximum'))
+                     if math.isfinite(about[bound]))
+    if about['size'] is not None:
+        return '2 numbers and 2 a link' + (f', each {text}' if text else '')
+    return text
+
+
+def _shown(value: Any) -> str:
+    try:
+        return repr(value)[:SHOWN]
+    except ValueError:  # Python writes whole numbers of 4,300 digits at most
+        return 'beyond all bounds'
+
+
+def _converted(value: Any, kind: type, refuse: Callable[[str], ParameterError]) -> Any:
+    if isinstance(value, int) and abs(value) > LARGEST:
+        raise refuse('a whole number of 63 bits at most')
+    # A whole number will do for a number; true and false are neither.
+    if kind is float and isinstance(value, numbers.Real) and not isinstance(value, bool):
+        return float(value)
+    if not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
+        raise refuse(WORDS[kind])
+    return value
+
+
+def _sequence(value: Any, kind: type, sizes: list[int],
+              refuse: Callable[[str], ParameterError]) -> tuple[Any, ...]:
+    expected = (f'a list of {" or ".join(map(str, sizes))} numbers' if sizes
+                else f'a list, each {WORDS[kind]}')
+    if isinstance(value, str) or not isinstance(value, Iterable):
+        raise refuse(expected)
+    elements = tuple(_converted(element, kind, lambda _: refuse(expected)) for element in value)
+    if sizes and len(elements) not in sizes:
+        raise refuse(expected)
+    return elements
+
+
+def unknown(name: str, node: str, known: Iterable[str]) -> ParameterError:
+    """Return the error for a parameter that a node does not have, with the closest it has."""
+    names = sorted(known)
+    close = difflib.get_close_matches(name, names, n=1)
+    hint = f'did you mean {close[0]!r}? ' if close else ''
+    return ParameterError(f'unknown parameter {name!r} of the node {node!r}; '
+                          f'{hint}available: {", ".join(names)}')
+
+
+def registry(group: str, **own: Any) -> dict[str, Any]:
+    """
+    Return what this package has by name, and what others offer as entry points of a group.
+
+    Another package cannot replace what this one has; one that cannot be imported is left out, with
+    a warning that says why.
+    """
+    found = dict(own)
+    for entry in entry_points(group=group):
+        if entry.name in found:
+            warnings.warn(f'{entry.value} is left out: {group} has {entry.name!r} already')
+            continue
+        try:
+            found[entry.name] = entry.load()
+        except Exception as error:  # noqa: B902
+            warnings.warn(f'{entry.value}, {entry.name!r} of {group}, cannot be imported: '
+                          f'{type(error).__name__}: {error}')
+    return found

@@ -18,7 +18,7 @@ from dp_swing_ros.bags.mcap_reader import contents, DamagedFile, read
 from dp_swing_ros.bags.metadata import Recorded
 from dp_swing_ros.bags.writer import BagWriter
 from dp_swing_ros.errors import BagError
-from dp_swing_ros.parameters.plain_yaml import parse, YamlError
+from dp_swing_ros.parameters.files import parse, YamlError
 from dp_swing_ros.recovery.index import index_fits
 from dp_swing_ros.recovery.scan import Damage, Found, Scan
 

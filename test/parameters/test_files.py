@@ -4,7 +4,7 @@
 
 import pytest
 
-from dp_swing_ros.parameters.plain_yaml import parse, parse_file, YamlError
+from dp_swing_ros.parameters.files import parse, parse_file, YamlError
 
 
 def comment(size):
