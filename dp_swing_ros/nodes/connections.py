@@ -126,11 +126,7 @@ def owner(endpoint: TopicEndpointInfo) -> str:
 
 
 def message_class(name: str) -> type:
-    """
-    Return the class of a type such as 'std_msgs/msg/Float64'.
-
-    Raises ImportError or AttributeError if it is not installed.
-    """
+    """Return the class of a type by its name; raises ImportError or AttributeError."""
     package, kind, message = name.split('/')
     return getattr(import_module(f'{package}.{kind}'), message)
 

@@ -7,19 +7,26 @@ Nothing here is slow to import, so that a first line comes at once, and a signal
 the node is there ends the process without a word.
 """
 
+from collections.abc import Callable
 from functools import partial
 from importlib import import_module
 import os
+import signal
 import sys
+from typing import Any
 
-from dp_swing_ros.nodes.shutdown import on_signals
 
-HELP = {'-h', '--help'}
+def on_signals(handler: Callable[..., Any]) -> None:
+    """Call a handler on every signal that asks the process to end."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        # a script ignores SIGINT for what it starts in the background, nohup means its SIGHUP
+        if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, handler)
 
 
 def _start(name: str) -> int:
     on_signals(lambda *_: os._exit(0))
-    if HELP & set(sys.argv[1:]):
+    if {'-h', '--help'} & set(sys.argv[1:]):
         print(*import_module('dp_swing_ros.nodes.help').lines(name), sep='\n')
         return 0
     print(f'{name}: loading', flush=True)

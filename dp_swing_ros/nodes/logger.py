@@ -30,42 +30,34 @@ TURN = 0.01          # [s] at most for what waits on one topic, then it is the o
 DRAIN_TIME = 0.5     # [s] at most for what waits at the end
 
 
-class Tally:
+@dataclasses.dataclass
+class Recording:
     """
-    The messages of one topic that came, and those lost by the gaps in their numbers.
+    A topic that is being recorded; messages are lost where their numbers have gaps.
 
     Each publisher counts its messages, but a message does not say whose it is. So a number
     belongs to the publisher whose last one is closest below it: exact for one publisher, an
     estimate for several. What was sent before the first message that came is not counted.
     """
 
-    def __init__(self) -> None:
-        self.came = 0
-        self.lost = 0
-        self._last: list[int] = []  # number of the last message of each publisher
-
-    def count(self, number: int, publishers: int) -> None:
-        """Count the message of this number, on a topic with so many publishers now."""
-        self.came += 1
-        if number - 1 in self._last:
-            gap = 0
-        elif len(self._last) < publishers or number <= min(self._last):
-            self._last.append(number)  # the first of a publisher
-            return
-        else:
-            gap = number - 1 - max(last for last in self._last if last < number)
-        self._last[self._last.index(number - 1 - gap)] = number
-        self.lost += gap
-
-
-@dataclasses.dataclass
-class Recording:
-    """A topic that is being recorded."""
-
-    request: QoSProfile
     subscription: Subscription
     publishers: int
-    tally: Tally
+    came: int = 0
+    lost: int = 0
+    last: list[int] = dataclasses.field(default_factory=list)   # number of each publisher
+
+    def count(self, number: int) -> None:
+        """Count the message of this number."""
+        self.came += 1
+        if number - 1 in self.last:
+            gap = 0
+        elif len(self.last) < self.publishers or number <= min(self.last):
+            self.last.append(number)  # the first of a publisher
+            return
+        else:
+            gap = number - 1 - max(last for last in self.last if last < number)
+        self.last[self.last.index(number - 1 - gap)] = number
+        self.lost += gap
 
 
 class LoggerNode(ProcessNode):
@@ -100,7 +92,7 @@ class LoggerNode(ProcessNode):
                 for name, recording in self._recordings.items():
                     self._take(name, recording, limit)
         finally:
-            self._bag.custom |= {f'lost:{name}': str(recording.tally.lost)
+            self._bag.custom |= {f'lost:{name}': str(recording.lost)
                                  for name, recording in self._recordings.items()}
             self._bag.close()
         if self._bag.failed:
@@ -114,8 +106,8 @@ class LoggerNode(ProcessNode):
             return 'could not be recorded'
         if name not in self._recordings:
             return '0 written, nobody published it'
-        tally = self._recordings[name].tally
-        return f'{tally.came} written, {tally.lost} lost'
+        recording = self._recordings[name]
+        return f'{recording.came} written, {recording.lost} lost'
 
     def _resolved(self, name: str) -> str:
         try:
@@ -145,20 +137,19 @@ class LoggerNode(ProcessNode):
             self._impossible.add(name)
             return
         self._bag.add(recorded)
-        request = request_for(offered)
         self._recordings[name] = Recording(
-            request, self._subscribe(name, kind, request), len(publishers), Tally())
+            self._subscribe(name, kind, request_for(offered)), len(publishers))
 
     def _meet(self, name: str, recording: Recording,
               publishers: list[TopicEndpointInfo]) -> None:
         recording.publishers = len(publishers)
         # A subscription never hears a publisher that offers less than it asks for.
-        request = request_for([recording.request, *(each.qos_profile for each in publishers)])
-        if request == recording.request:
+        before = recording.subscription.qos_profile
+        request = request_for([before, *(each.qos_profile for each in publishers)])
+        if request == before:
             return
         self._take(name, recording, time.monotonic() + DRAIN_TIME)
         self.destroy_subscription(recording.subscription)
-        recording.request = request
         recording.subscription = self._subscribe(name, publishers[0].topic_type, request)
 
     def _subscribe(self, name: str, kind: str, request: QoSProfile) -> Subscription:
@@ -182,7 +173,7 @@ class LoggerNode(ProcessNode):
     def _write(self, name: str, recording: Recording, data: bytes, info: dict[str, Any]) -> None:
         number = info['publication_sequence_number']
         self._bag.write(name, data, info['received_timestamp'], info['source_timestamp'], number)
-        recording.tally.count(number, recording.publishers)
+        recording.count(number)
         if time.monotonic() >= self._flush_due:  # under load the timers may wait for long
             self._flush()
 
@@ -191,9 +182,9 @@ class LoggerNode(ProcessNode):
         self._flush_due = time.monotonic() + self._flush_period
 
     def _show_progress(self) -> None:
-        tallies = [recording.tally for recording in self._recordings.values()]
-        self.get_logger().info(f'{sum(tally.came for tally in tallies)} messages written, '
-                               f'{sum(tally.lost for tally in tallies)} lost')
+        recordings = self._recordings.values()
+        self.get_logger().info(f'{sum(each.came for each in recordings)} messages written, '
+                               f'{sum(each.lost for each in recordings)} lost')
 
 
 main = functools.partial(run, LoggerNode)

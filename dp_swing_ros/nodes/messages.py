@@ -21,11 +21,7 @@ def to_stamp(time: float | int) -> Time:
 
 
 def to_joint_state(stamp: Time, x: Array, force: float) -> JointState:
-    """
-    Convert a state and the force [N] that was applied over the period before it.
-
-    Shapes: x (2n + 2,).
-    """
+    """Convert a state, x (2n + 2,), and the force [N] applied over the period before it."""
     names = joints(links_of(x))
     return JointState(header=Header(stamp=stamp), name=list(names),
                       position=x[:len(names)].tolist(), velocity=x[len(names):].tolist(),

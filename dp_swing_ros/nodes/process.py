@@ -7,6 +7,9 @@ rclpy's own signal handling ends the context at once, before a node can send a l
 or finish a file. Here a signal only ends the loop; `close` then runs with everything still alive.
 """
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+import ctypes
 import os
 from pathlib import Path
 import re
@@ -16,7 +19,7 @@ import tempfile
 import threading
 import time
 import traceback
-from typing import Any, Callable
+from typing import Any
 
 import rclpy
 from rclpy.clock import Clock
@@ -30,14 +33,15 @@ from rclpy.utilities import remove_ros_args
 from std_srvs.srv import Trigger
 
 from dp_swing_ros.errors import UserError
+from dp_swing_ros.nodes.executables import on_signals
 from dp_swing_ros.nodes.ros_parameters import refuse_unknown
-from dp_swing_ros.nodes.shutdown import exit_after, on_signals
 from dp_swing_ros.parameters import ParameterError
 
 POLL = 0.05  # [s] a signal is seen after this time at the latest
 DELIVERY = 0.3  # [s] at most for the last messages to arrive
 TEARDOWN = 2  # [s] at most for the middleware's end
 
+CLOCK_MONOTONIC, SIGEV_THREAD = 1, 2  # of Linux
 OK, FAILED, MISUSED = 0, 1, 2  # exit codes
 STEADY = Clock(clock_type=ClockType.STEADY_TIME)
 
@@ -159,7 +163,7 @@ def _live(node: ProcessNode, signals: _Signals) -> None:
     try:
         signals.cut_short(node.prepare)
         if not signals.requested:
-            refuse_unknown(node, of_topics=True)
+            refuse_unknown(node, of_topics=True)   # which have all been made
         with SingleThreadedExecutor() as executor:
             executor.add_node(node)
             while not (signals.requested or node.done):
@@ -173,3 +177,35 @@ def _live(node: ProcessNode, signals: _Signals) -> None:
         limit = time.monotonic() + DELIVERY
         for publisher in node.publishers:
             publisher.wait_for_all_acked(Duration(seconds=max(0.0, limit - time.monotonic())))
+
+
+class _Event(ctypes.Structure):
+    """The C library's sigevent: call a function with a value in a thread of its own."""
+
+    _fields_ = (('value', ctypes.c_void_p), ('signal', ctypes.c_int), ('notify', ctypes.c_int),
+                ('function', ctypes.c_void_p), ('attributes', ctypes.c_void_p),
+                ('reserved', ctypes.c_char * 32))
+
+
+@contextmanager
+def exit_after(seconds: int, code: int) -> Iterator[None]:
+    """
+    End the process with an exit code if what is inside takes longer than this time [s].
+
+    Fast DDS 2.14 can deadlock when two processes end at the same moment: the end of a participant
+    (DomainParticipant::set_listener, from rmw_destroy_node) spins for a lock whose holder, a
+    callback on the end of the other's endpoints, waits for it. It spins with Python's interpreter
+    lock, so no Python thread or signal handler can help: a timer of the C library calls _exit.
+    """
+    libc = ctypes.CDLL(None, use_errno=True)
+    event = _Event(value=code, notify=SIGEV_THREAD,
+                   function=ctypes.cast(libc._exit, ctypes.c_void_p))
+    timer = ctypes.c_void_p()
+    if libc.timer_create(CLOCK_MONOTONIC, ctypes.byref(event), ctypes.byref(timer)) != 0:
+        raise OSError(ctypes.get_errno(), 'timer_create')
+    times = (ctypes.c_long * 4)(0, 0, seconds, 0)   # itimerspec: no interval; first, in s and ns
+    libc.timer_settime(timer, 0, times, None)
+    try:
+        yield
+    finally:
+        libc.timer_delete(timer)

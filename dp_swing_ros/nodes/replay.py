@@ -113,11 +113,7 @@ class ReplayNode(ProcessNode):
         self.wait_for_next()
 
     def play(self, message: Scheduled) -> None:
-        """
-        Publish a message; the last one ends the node.
-
-        Raises BagError where it is not one of its topic's type.
-        """
+        """Publish a message, the last of which ends the node; raises BagError if it is damaged."""
         self.publish_time(message.time)
         entry = message.entry
         try:
@@ -171,11 +167,7 @@ class ReplayNode(ProcessNode):
 
 
 def publish_again(node: Node, name: str, channel: ChannelInfo) -> Publisher:
-    """
-    Make a publisher of what a bag holds, for whoever heard those that were recorded.
-
-    Raises BagError where it cannot be.
-    """
+    """Make a publisher for whoever heard those that a bag recorded; raises BagError."""
     try:
         if channel.encoding != 'cdr':
             raise ValueError(f'it is encoded as {channel.encoding!r}')

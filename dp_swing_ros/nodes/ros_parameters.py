@@ -59,12 +59,7 @@ def declare(node: Node, fields: Mapping[str, dataclasses.Field]) -> dict[str, An
 
 
 def refuse_unknown(node: Node, of_topics: bool) -> None:
-    """
-    Refuse what was given and the node has no parameter for.
-
-    That is of its topics' quality of service, after the last of them was made, or all else.
-    Raises ParameterError, as `declare`.
-    """
+    """Refuse, by ParameterError, what was given for no parameter: of its topics' QoS, or else."""
     known = node.list_parameters([], 0).names
     for name in sorted(set(given(node)) - set(known)):
         if name.startswith(QOS_OVERRIDES) == of_topics and (

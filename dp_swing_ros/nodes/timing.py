@@ -65,12 +65,8 @@ class Timing:
         return self.given or self.announced
 
     def learn(self, configuration: Configuration) -> None:
-        """
-        Take over what a plant announces; of other nodes the configuration changes nothing.
-
-        Raises TypeError or ValueError where the delay is no number.
-        """
-        lockstep = configuration.parameters.get('lockstep')
+        """Take over what a plant announces; raises TypeError or ValueError for a bad delay."""
+        lockstep = configuration.parameters.get('lockstep')   # which other nodes do not have
         if lockstep is not None:
             self.delay = float(configuration.parameters.get('delay', 0.0))
             self.announced = Clock.LOCKSTEP if lockstep else Clock.STAMPS

@@ -5,13 +5,13 @@ import random
 
 import pytest
 
-from dp_swing_ros.nodes.logger import Tally
+from dp_swing_ros.nodes.logger import Recording
 
 
 def tally(numbers, publishers):
-    result = Tally()
+    result = Recording(None, publishers)
     for number in numbers:
-        result.count(number, publishers)
+        result.count(number)
     return result
 
 

@@ -7,14 +7,14 @@ import time
 
 import pytest
 
-from dp_swing_ros.nodes.shutdown import exit_after
+from dp_swing_ros.nodes.process import exit_after
 
 
 @pytest.mark.parametrize('code', [0, 2])
 def test_hang_with_the_interpreter_lock_ends(code):
     # PyDLL keeps the interpreter's lock during the call, as the middleware does.
     script = ('import ctypes\n'
-              'from dp_swing_ros.nodes.shutdown import exit_after\n'
+              'from dp_swing_ros.nodes.process import exit_after\n'
               f'with exit_after(1, {code}):\n'
               '    ctypes.PyDLL(None).pause()')
     before = time.monotonic()
