@@ -4,10 +4,9 @@
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from enum import IntEnum
 from importlib import import_module
 import time
-from typing import Any, TypeVar
+from typing import Any
 
 from rclpy.duration import Duration
 from rclpy.exceptions import InvalidParameterException, InvalidParameterTypeException
@@ -23,8 +22,6 @@ from dp_swing_ros.messages.fields import BILLION
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.parameters.files import parse, QOS_OVERRIDES
 from dp_swing_ros.topics import Topic
-
-Policy = TypeVar('Policy', bound=IntEnum)
 
 DEPTH = 10          # messages that wait for a slow partner
 QUEUE = 10_000      # messages of a topic that wait for the logger
@@ -190,6 +187,6 @@ def strongest(text: str) -> QoSProfile:
     return found
 
 
-def _policy(kind: type[Policy], value: Any) -> Policy:
+def _policy(kind: Any, value: str | int) -> Any:
     # of ROS 2 before Jazzy they are numbers, those of rclpy
     return kind[value.upper()] if isinstance(value, str) else kind(value)

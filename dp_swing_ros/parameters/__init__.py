@@ -66,7 +66,7 @@ def checked(field: dataclasses.Field, value: Any, name: str = '') -> Any:
     about, listed = field.metadata, isinstance(default, tuple)
 
     def refuse(expected: str) -> ParameterError:
-        return ParameterError(f'parameter {name or field.name!r} is {_shown(value)}; '
+        return ParameterError(f'parameter {name or field.name!r} is {repr(value)[:SHOWN]}; '
                               f'expected {expected} ({about["description"]})')
 
     if listed:
@@ -96,13 +96,6 @@ def expected(field: dataclasses.Field, unit: str = '') -> str:
     if about['size'] is not None:
         return '2 numbers and 2 a link' + (f', each {text}' if text else '')
     return text
-
-
-def _shown(value: Any) -> str:
-    try:
-        return repr(value)[:SHOWN]
-    except ValueError:  # Python writes whole numbers of 4,300 digits at most
-        return 'beyond all bounds'
 
 
 def _converted(value: Any, kind: type, refuse: Callable[[str], ParameterError]) -> Any:
