@@ -24,7 +24,7 @@ from dp_swing_ros.figures.curves import ERROR_FLOOR, name_errors
 from dp_swing_ros.figures.filmstrip import snapshot
 from dp_swing_ros.figures.pendulum import room_for
 from dp_swing_ros.figures.sampling import times_of
-from dp_swing_ros.figures.style import ALARM, dark, FAINT, FORCE, INK, panels_of, styled, tint
+from dp_swing_ros.figures.style import ALARM, FAINT, FORCE, INK, panels_of, styled, tint
 from dp_swing_ros.pendulum.state import angles, Array, links_of, to_turn_of, upright
 from dp_swing_ros.simulation.episode import Episode
 
@@ -97,7 +97,8 @@ def _draw_angle(axes: Axes, one: Ensemble, colour: str) -> None:
     """Draw the largest angle of all runs, and of the one that is shown above."""
     t, errors = one.shown.t, np.abs(_errors(one.shown))
     _draw_band(axes, t, one.angle, colour)
-    axes.plot(t, errors[:, angles(errors)].max(axis=1), color=dark(colour), linewidth=0.9)
+    axes.plot(t, errors[:, angles(errors)].max(axis=1), color=tint(colour, 0.5, 'black'),
+              linewidth=0.9)
     axes.axhline(0.1, color=FAINT, linestyle='--', linewidth=1)
     axes.set(ylim=(0, 1.04 * np.pi), xlim=(t[0], t[-1]), xlabel='time [s]',
              ylabel='largest angle [rad]')
@@ -119,7 +120,7 @@ def _draw_band(axes: Axes, t: Array, band: Band, colour: str, floor: float = -np
 
 
 def _handles(one: Ensemble, colour: str) -> list[Artist]:
-    return [Line2D([], [], color=dark(colour), linewidth=0.9, label='the run shown'),
+    return [Line2D([], [], color=tint(colour, 0.5, 'black'), linewidth=0.9, label='the run shown'),
             Line2D([], [], color=colour, linewidth=2.2, label=f'median of {one.held.runs}'),
             Patch(color=tint(colour, 0.28), linewidth=0, label='10-90 %')]
 
@@ -151,4 +152,4 @@ def _draw_error(axes: Axes, one: Ensemble, i: int, colour: str) -> None:
     t = one.shown.t
     _draw_band(axes, t, Band(*(part[:, i] for part in one.error)), colour, ERROR_FLOOR)
     shown = _errors(one.shown)[:, i] ** 2
-    axes.plot(t, np.maximum(shown, ERROR_FLOOR), color=dark(colour), linewidth=0.9)
+    axes.plot(t, np.maximum(shown, ERROR_FLOOR), color=tint(colour, 0.5, 'black'), linewidth=0.9)

@@ -2,10 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Palette and style of all pictures."""
 
-from collections.abc import Callable, Mapping
-import functools
+from collections.abc import Mapping
 import math
-from typing import Any, ParamSpec, TypeVar
+from typing import Any
 
 import matplotlib
 from matplotlib.axes import Axes
@@ -29,18 +28,8 @@ STYLE: dict[Any, Any] = {
     'figure.dpi': 120, 'figure.labelsize': 'medium', 'figure.titlesize': 'large',
     'font.size': 9.0, 'grid.color': '#e3e7eb', 'grid.linewidth': 0.8, 'legend.frameon': False,
     'lines.linewidth': 1.6, 'text.color': INK, 'xtick.color': INK, 'ytick.color': INK}
-
-P = ParamSpec('P')
-R = TypeVar('R')
-
-
-def styled(draw: Callable[P, R]) -> Callable[P, R]:
-    """Draw in the house style without touching the settings of the caller."""
-    @functools.wraps(draw)
-    def inside(*args: P.args, **kwargs: P.kwargs) -> R:
-        with matplotlib.rc_context(STYLE):
-            return draw(*args, **kwargs)
-    return inside
+# draws in the house style, without touching the settings of the caller
+styled = matplotlib.rc_context(STYLE)
 
 
 def formulas(links: int) -> tuple[str, ...]:
@@ -67,15 +56,10 @@ def plain(text: str) -> str:
     return text.replace('$', r'\$')
 
 
-def tint(colour: str, strength: float) -> tuple[float, float, float]:
-    """Return a colour mixed with white: 0 is white, and nothing shines through."""
-    red, green, blue = (1 - strength * (1 - part) for part in to_rgb(colour))
-    return red, green, blue
-
-
-def dark(colour: str) -> tuple[float, float, float]:
-    """Return a colour mixed with as much black."""
-    red, green, blue = (0.5 * part for part in to_rgb(colour))
+def tint(colour: str, strength: float, ground: str = 'white') -> tuple[float, float, float]:
+    """Return a colour mixed with that of the ground: 0 is the ground, nothing shines through."""
+    red, green, blue = (below - strength * (below - part)
+                        for part, below in zip(to_rgb(colour), to_rgb(ground)))
     return red, green, blue
 
 
@@ -113,8 +97,15 @@ def limit_lines(axes: Axes, limit: float, label: str = '') -> None:
         axes.axhline(-limit, color=FAINT, linestyle='--', linewidth=1)
 
 
-def name_lines(figure: Figure, looks: Mapping[str, Mapping[str, Any]], place: str,
-               entry: float) -> None:
+def as_share(axes: Axes, along: str) -> None:
+    """Let an axis go from 0 to 100 %."""
+    axis = axes.xaxis if along == 'x' else axes.yaxis
+    axis.set_ticks([0.0, 0.25, 0.5, 0.75, 1.0], ['0', '25', '50', '75', '100 %'])
+    axes.set(**{f'{along}lim': (-0.02, 1.02)})
+
+
+def name_lines(figure: Figure, looks: Mapping[str, Mapping[str, Any]],
+               place: str = 'lower center', entry: float = 1.3) -> None:
     """Put a legend of lines beside all axes, each entry so wide [inch]."""
     figure.legend(
         handles=[Line2D([], [], label=plain(label), **look) for label, look in looks.items()],

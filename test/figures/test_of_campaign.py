@@ -9,10 +9,8 @@ from results import campaign, error_row, row
 from dp_swing_ros.evaluation.campaign.summary import summarise
 from dp_swing_ros.figures import of_campaign
 from dp_swing_ros.figures.contestants import looks
-from dp_swing_ros.figures.distributions import settling, solve_times
-from dp_swing_ros.figures.rates import criteria, successes
-from dp_swing_ros.figures.starts import starts
-from dp_swing_ros.figures.sweeps import SHARES, sweeps
+from dp_swing_ros.figures.distributions import settling, solve_times, starts
+from dp_swing_ros.figures.rates import criteria, SHARES, successes, sweeps
 
 NAMES = ('ilqr', 'mppi', 'ilqr:paper')
 SCENARIOS = ('random', 'model', 'delay', 'pushes')
@@ -69,7 +67,10 @@ def test_a_solver_has_one_colour_and_its_variants_other_lines():
 
 def test_successes_are_at_their_shares():
     axes = successes(summary_of(ROWS)).axes[0]
-    points = [line.get_xdata()[0] for line in axes.lines if line.get_linestyle() == 'None']
+    for line in axes.lines:
+        assert line.get_markevery() == [1]
+        assert np.ptp(line.get_ydata()) == 0
+    points = [line.get_xdata()[1] for line in axes.lines]
     assert points[:3] == [5 / 6, 4 / 6, 3 / 6]
     assert {'5 of 6', '6 of 6', '4 of 5', '3 of 3'} >= {
         text.get_text() for text in axes.texts} - {'4 of 6', '3 of 6'}
@@ -105,10 +106,11 @@ def test_every_sweep_has_a_unit_and_every_text_can_be_read():
 def test_robustness_is_shown_with_intervals():
     figure = criteria(summary_of(ROWS))
     axes, = figure.axes
-    bars = [line for line in axes.lines if len(line.get_xdata()) == 2
-            and line.get_xdata()[0] == line.get_xdata()[1] and line.get_linestyle() == '-']
+    bars = [line for line in axes.lines if line.get_markevery() == [1]]
+    assert all(np.ptp(line.get_xdata()) == 0 and line.get_linestyle() == '-' for line in bars)
     intervals = {tuple(np.round(line.get_ydata(), 6)) for line in bars}
-    expected = {tuple(np.round(one.held[2:], 6)) for one in summary_of(ROWS).standings
+    expected = {tuple(np.round((one.held.low, one.held.successes / one.held.runs, one.held.high),
+                               6)) for one in summary_of(ROWS).standings
                 if one.scenario != 'random'}
     assert expected <= intervals
     assert [label.get_text() for label in axes.get_xticklabels()] == [
@@ -118,8 +120,7 @@ def test_robustness_is_shown_with_intervals():
 def test_the_legend_of_intervals_has_their_lines():
     figure = successes(summary_of(ROWS))
     legend, = figure.legends
-    drawn = {(line.get_color(), line.get_linestyle()) for line in figure.axes[0].lines
-             if len(line.get_xdata()) == 2}
+    drawn = {(line.get_color(), line.get_linestyle()) for line in figure.axes[0].lines}
     assert {(line.get_color(), line.get_linestyle()) for line in legend.get_lines()} <= drawn
 
 
