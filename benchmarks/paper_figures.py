@@ -21,9 +21,8 @@ from paper_ensemble import Band, Ensemble
 
 from dp_swing_ros.evaluation.metrics import settling_time
 from dp_swing_ros.figures.curves import ERROR_FLOOR, name_errors
-from dp_swing_ros.figures.filmstrip import snapshot
-from dp_swing_ros.figures.pendulum import room_for
-from dp_swing_ros.figures.sampling import times_of
+from dp_swing_ros.figures.film import snapshot
+from dp_swing_ros.figures.pendulum import room_for, times_of
 from dp_swing_ros.figures.style import ALARM, FAINT, FORCE, INK, panels_of, styled, tint
 from dp_swing_ros.pendulum.state import angles, Array, links_of, to_turn_of, upright
 from dp_swing_ros.simulation.episode import Episode

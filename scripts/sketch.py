@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Arc
 import numpy as np
 
-from dp_swing_ros.figures.pendulum import CART_SIZE, draw_track, Drawing, TRACK
+from dp_swing_ros.figures.pendulum import CART_SIZE, draw_pendulum, draw_track, TRACK
 from dp_swing_ros.figures.style import CART, FORCE, INK, LINKS, styled
 from dp_swing_ros.pendulum.geometry import joint_positions
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
@@ -38,7 +38,7 @@ def sketch(physical: PendulumParameters = PendulumParameters(),
     axes.set(xlim=(-2.95, 2.95), ylim=(bottom, top), aspect='equal')
     axes.set_axis_off()
     _draw_track(axes, limits)
-    Drawing(axes, physical, size=1.6).show(x)
+    draw_pendulum(axes, physical, x, size=1.6)
     for link, colour in enumerate(LINKS[:physical.links]):
         _draw_angle(axes, places[link:link + 2], link + 1, colour)
     _draw_position(axes, places[0])

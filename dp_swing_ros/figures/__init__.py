@@ -18,14 +18,12 @@ from dp_swing_ros.figures.counterfactual import counterfactual, regret
 from dp_swing_ros.figures.cover import hero
 from dp_swing_ros.figures.curves import ERROR_FLOOR, overlay, squared_error, timeline
 from dp_swing_ros.figures.distributions import settling, solve_times, starts
-from dp_swing_ros.figures.filmstrip import snapshots
-from dp_swing_ros.figures.gif import animation
+from dp_swing_ros.figures.film import animation, snapshots
 from dp_swing_ros.figures.rates import criteria, successes, sweeps
-from dp_swing_ros.figures.sampling import states_at
 from dp_swing_ros.figures.style import mark
 
 __all__ = ['animation', 'counterfactual', 'ERROR_FLOOR', 'hero', 'mark', 'of_campaign', 'overlay',
-           'regret', 'snapshots', 'squared_error', 'states_at', 'timeline']
+           'regret', 'snapshots', 'squared_error', 'timeline']
 
 
 def of_campaign(summary: Summary, rows: Sequence[Row]) -> Iterator[tuple[str, Figure]]:

@@ -11,8 +11,7 @@ from matplotlib.figure import Figure
 import numpy as np
 
 from dp_swing_ros.evaluation.metrics import settling_time
-from dp_swing_ros.figures.pendulum import Drawing, FINE, TRACK
-from dp_swing_ros.figures.sampling import states_at, times_of
+from dp_swing_ros.figures.pendulum import draw_pendulum, FINE, states_at, times_of, TRACK
 from dp_swing_ros.figures.style import FAINT, FORCE, limit_lines, LINKS, solver_name, styled
 from dp_swing_ros.pendulum.geometry import joint_positions
 from dp_swing_ros.pendulum.state import Array
@@ -34,27 +33,27 @@ def hero(episode: Episode) -> Figure:
     Every cart stands above the force of its moment. Of a run that goes on for long after it has
     settled the film is cut, and ends with the last state.
     """
-    t = np.asarray(episode.t, dtype=float) - episode.t[:1]
-    length, settled = float(t[-1]) if len(t) else 0.0, settling_time(t, episode.X)
-    seconds = _seconds(settled)
+    length, settled = float(episode.t[-1]), settling_time(episode.t, episode.X)
+    seconds = SHORTEST if math.isnan(settled) else min(
+        max(SHORTEST, TICK * math.ceil((settled + UP) / TICK)), LONGEST)
     cut = length > seconds + CUT
-    fine = _on_film(episode, times_of(episode, FINE, seconds))
-    keys = _on_film(episode, times_of(episode, BETWEEN, seconds))
-    strengths = np.linspace(0.3, 1.0, len(keys)).tolist()
+    times, fine = (times_of(episode, period, seconds) for period in (BETWEEN, FINE))
+    keys = _on_film(states_at(episode, times), times)
+    ghosts = _on_film(states_at(episode, fine), fine)
+    strengths = np.linspace(0.3, 1.0, len(keys))
     if cut:
-        last = episode.X[-1:].copy()
-        last[:, 0] += SPEED * (seconds + CUT) - last[:, 0]
-        keys, strengths = np.vstack([keys, last]), [*strengths, 1.0]
+        keys = np.vstack([keys, _on_film(episode.X[-1:], seconds + CUT)])
+        strengths = np.append(strengths, 1.0)
     lengths = episode.physical.lengths
-    figure, film, force = _hero_axes(joint_positions(np.vstack([fine, keys]), lengths),
+    figure, film, force = _hero_axes(joint_positions(np.vstack([ghosts, keys]), lengths),
                                      sum(lengths))
-    _draw_ghosts(film, joint_positions(fine, lengths))
+    _draw_ghosts(film, joint_positions(ghosts, lengths))
     for x, strength in zip(keys, strengths):
-        Drawing(film, episode.physical, strength=strength).show(x)
+        draw_pendulum(film, episode.physical, x, strength=strength)
     if len(episode.U):
-        shown = int(np.count_nonzero(t[:-1] < seconds - 1e-9))
-        force.stairs(episode.U[:shown], t[:shown + 1], baseline=0, fill=True, color=FORCE,
-                     alpha=0.85)
+        shown = int(np.count_nonzero(episode.t[:-1] < seconds - 1e-9))
+        force.stairs(episode.U[:shown], episode.t[:shown + 1], baseline=0, fill=True,
+                     color=FORCE, alpha=0.85)
     if cut:
         _mark_cut(film, force, seconds, length)
     limit_lines(force, episode.limits.force_limit)
@@ -69,19 +68,12 @@ def hero(episode: Episode) -> Figure:
     return figure
 
 
-def _seconds(settled: float) -> float:
-    """Return how much of the run the film shows [s], given when it has settled [s], or NaN."""
-    if math.isnan(settled):
-        return SHORTEST
-    return min(max(SHORTEST, TICK * math.ceil((settled + UP) / TICK)), LONGEST)
-
-
-def _on_film(episode: Episode, times: Array) -> Array:
-    """Return the states (M, 2n + 2) at times (M,) [s], the cart moving at the film's speed."""
-    X = states_at(episode, times)
+def _on_film(X: Array, t: Array | float) -> Array:
+    """Return states (M, 2n + 2) with the cart where the film is at their times [s]."""
+    moved = X.copy()
     # by a sum: a state that is not known stays so, and no cart is drawn of it
-    X[:, 0] += SPEED * (times - episode.t[:1]) - X[:, 0]
-    return X
+    moved[:, 0] += SPEED * t - X[:, 0]
+    return moved
 
 
 def _hero_axes(places: Array, reach: float) -> tuple[Figure, Axes, Axes]:
@@ -97,12 +89,11 @@ def _hero_axes(places: Array, reach: float) -> tuple[Figure, Axes, Axes]:
     height = width * 2 * top / (right - left)
     total = (width + margin, height + strip + below)
     figure = Figure(figsize=total)
-    film = figure.add_axes((margin / total[0], (strip + below) / total[1],
-                            width / total[0], height / total[1]))
+    film, force = figure.subplots(2, 1, height_ratios=(height, strip), gridspec_kw={
+        'left': margin / total[0], 'right': 1.0, 'bottom': below / total[1], 'top': 1.0,
+        'hspace': 0.0})
     film.set(xlim=(left, right), ylim=(-top, top))
     film.set_axis_off()
-    force = figure.add_axes((margin / total[0], below / total[1],
-                             width / total[0], strip / total[1]))
     force.set(xlim=(left / SPEED, right / SPEED), xlabel='time [s]', ylabel='force [N]')
     return figure, film, force
 

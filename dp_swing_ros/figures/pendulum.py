@@ -1,20 +1,21 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The pendulum on its track, as all pictures of it draw it."""
+"""The pendulum at any time of a run, and on its track as all pictures of it draw it."""
 
+import math
 from typing import NamedTuple
 
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgba
 from matplotlib.patches import FancyBboxPatch
 import numpy as np
 
-from dp_swing_ros.figures.sampling import states_at
 from dp_swing_ros.figures.style import CART, FAINT, INK, LINKS, tint
 from dp_swing_ros.pendulum.geometry import joint_positions
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
-from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.pendulum.state import Array, between
 from dp_swing_ros.simulation.episode import Episode
 
 CART_SIZE = (0.44, 0.22)  # [m]
@@ -33,63 +34,30 @@ class Arrow(NamedTuple):
     least: float = 0.5   # [N] of a force that is shown
 
 
-class Drawing:
-    """A cart with its links on some axes, moved to one state after another."""
-
-    def __init__(self, axes: Axes, physical: PendulumParameters, size: float = 1.0,
-                 strength: float = 1.0) -> None:
-        self._lengths = physical.lengths
-        width, height = CART_SIZE
-        self._cart = FancyBboxPatch(
-            (0, -height / 2), width, height, boxstyle='round,pad=0,rounding_size=0.05',
-            facecolor=tint(CART, strength), edgecolor='none', zorder=3)
-        axes.add_patch(self._cart)
-        self._links = [
-            axes.plot([], [], color=tint(colour, strength), linewidth=4 * size,
-                      solid_capstyle='round', zorder=4)[0] for colour in LINKS[:physical.links]]
-        self._joints = axes.plot(
-            [], [], 'o', color='white', markeredgecolor=tint(INK, strength),
-            markeredgewidth=size, markersize=3.6 * size, zorder=5)[0]
-
-    def show(self, x: Array) -> None:
-        """Move to the state x (2n + 2,)."""
-        places = joint_positions(x, self._lengths)
-        self._cart.set_x(places[0, 0] - CART_SIZE[0] / 2)
-        for link, line in enumerate(self._links):
-            line.set_data(*places[link:link + 2].T)
-        self._joints.set_data(*places[:-1].T)
+def times_of(episode: Episode, period: float, until: float = math.inf) -> Array:
+    """Return times from the first state to the last, or until a time, a period [s] apart."""
+    return period * np.arange(math.floor(min(episode.t[-1], until) / period + 0.02) + 1)
 
 
-def trail_of(episode: Episode, t: float, length: float, width: float) -> LineCollection:
-    """Return the path of the last tip over the time [s] before t, fading to its start."""
-    times = np.linspace(max(t - length, episode.t[0]), t, max(2, round(length / FINE)))
-    tips = joint_positions(states_at(episode, times), episode.physical.lengths)[:, -1]
-    pieces = np.stack([tips[:-1], tips[1:]], axis=1)
-    colours = [to_rgba(LINKS[episode.physical.links - 1], 0.8 * strength ** 1.5)
-               for strength in np.linspace(0.0, 1.0, len(pieces))]
-    return LineCollection(list(pieces), colors=colours, linewidths=width, capstyle='butt',
-                          zorder=2)
+def states_at(episode: Episode, times: Array) -> Array:
+    """
+    Return the states between the recorded ones, by cubics.
+
+    Shapes: times (M,) [s] -> (M, 2n + 2); before the first and after the last state these hold.
+    """
+    t, X = episode.t, episode.X
+    if len(t) < 2:
+        return np.repeat(X, len(times), axis=0)
+    n = np.clip(np.searchsorted(t, times, side='right') - 1, 0, len(t) - 2)
+    h = np.maximum(t[n + 1] - t[n], 1e-9)[:, None]
+    s = np.clip((times - t[n])[:, None] / h, 0.0, 1.0)
+    return between(X[n], X[n + 1], s, h)
 
 
-def track_lines(limits: LimitParameters) -> list[Array]:
-    """Return the lines (2, 2) [m] of the track and its two end stops."""
-    end = min(limits.track_limit + CART_SIZE[0] / 2, FAR)
-    return [np.array(ends) for ends in (
-        [(-end, TRACK), (end, TRACK)], *([(side, TRACK), (side, TRACK + STOP)]
-                                         for side in (-end, end)))]
-
-
-def draw_track(axes: Axes, limits: LimitParameters, size: float = 1.0) -> None:
-    """Draw the track and its end stops."""
-    for line, width in zip(track_lines(limits), (1.2, 2.5, 2.5)):
-        axes.plot(*line.T, color=FAINT, linewidth=width * size, zorder=1)
-
-
-def scene(axes: Axes, episode: Episode, half_width: float) -> None:
-    """Set the view and lay the track."""
-    draw_track(axes, episode.limits)
-    reach = 1.1 * sum(episode.physical.lengths)
-    axes.set(xlim=(-half_width, half_width), ylim=(-reach, reach), aspect='equal')
+def force_at(episode: Episode, t: float) -> float:
+    """Return the force [N] that acts from a time [s] on."""
+    n = int(np.searchsorted(episode.t, t + 1e-9)) - 1
+    return float(episode.U[n]) if 0 <= n < len(episode.U) else 0.0
 
 
 def room_for(episode: Episode) -> float:
@@ -98,3 +66,50 @@ def room_for(episode: Episode) -> float:
     places = joint_positions(episode.X, lengths)[..., 0]
     reached = np.abs(places[np.isfinite(places)])
     return max(float(reached.max(initial=0.0)) + 0.2, 0.6 * sum(lengths))
+
+
+def draw_scene(axes: Axes, episode: Episode, half_width: float) -> None:
+    """Set the view and lay the track."""
+    draw_track(axes, episode.limits)
+    reach = 1.1 * sum(episode.physical.lengths)
+    axes.set(xlim=(-half_width, half_width), ylim=(-reach, reach), aspect='equal')
+
+
+def draw_track(axes: Axes, limits: LimitParameters, size: float = 1.0) -> None:
+    """Draw the track and its end stops."""
+    for line, width in zip(track_lines(limits), (1.2, 2.5, 2.5)):
+        axes.plot(*line.T, color=FAINT, linewidth=width * size, zorder=1)
+
+
+def track_lines(limits: LimitParameters) -> Array:
+    """Return the lines (3, 2, 2) [m] of the track and its two end stops."""
+    end = min(limits.track_limit + CART_SIZE[0] / 2, FAR)
+    return np.array([[(-end, TRACK), (end, TRACK)], *([(side, TRACK), (side, TRACK + STOP)]
+                                                      for side in (-end, end))])
+
+
+def draw_pendulum(axes: Axes, physical: PendulumParameters, x: Array, size: float = 1.0,
+                  strength: float = 1.0) -> list[Artist]:
+    """Draw cart and links in the state x (2n + 2,), white at strength 0; return the artists."""
+    places, (width, height) = joint_positions(x, physical.lengths), CART_SIZE
+    cart = axes.add_patch(FancyBboxPatch(
+        (places[0, 0] - width / 2, -height / 2), width, height,
+        boxstyle='round,pad=0,rounding_size=0.05', facecolor=tint(CART, strength),
+        edgecolor='none', zorder=3))
+    lines = [line for link, colour in enumerate(LINKS[:physical.links]) for line in axes.plot(
+        *places[link:link + 2].T, color=tint(colour, strength), linewidth=4 * size,
+        solid_capstyle='round', zorder=4)]
+    joints = axes.plot(*places[:-1].T, 'o', color='white', markeredgecolor=tint(INK, strength),
+                       markeredgewidth=size, markersize=3.6 * size, zorder=5)
+    return [cart, *lines, *joints]
+
+
+def draw_trail(axes: Axes, episode: Episode, t: float, length: float, width: float) -> Artist:
+    """Draw the path of the last tip over the time [s] before t, fading to its start."""
+    times = np.linspace(max(t - length, 0.0), t, max(2, round(length / FINE)))
+    tips = joint_positions(states_at(episode, times), episode.physical.lengths)[:, -1]
+    pieces = np.stack([tips[:-1], tips[1:]], axis=1)
+    colours = [to_rgba(LINKS[episode.physical.links - 1], 0.8 * strength ** 1.5)
+               for strength in np.linspace(0.0, 1.0, len(pieces))]
+    return axes.add_collection(LineCollection(
+        list(pieces), colors=colours, linewidths=width, capstyle='butt', zorder=2))

@@ -10,14 +10,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
-from markupsafe import Markup
 import numpy as np
 
 from dp_swing_ros.evaluation.comparison import rows
 from dp_swing_ros.evaluation.metrics import measure, outcome
 from dp_swing_ros.figures import style
-from dp_swing_ros.figures.pendulum import Arrow, CART_SIZE, room_for, track_lines
-from dp_swing_ros.figures.sampling import force_at, states_at, times_of
+from dp_swing_ros.figures.pendulum import (
+    Arrow, CART_SIZE, force_at, room_for, states_at, times_of, track_lines)
 from dp_swing_ros.pendulum.geometry import joint_positions
 from dp_swing_ros.report.recording import Recording
 from dp_swing_ros.report.settings import differences, provenances, settings
@@ -55,7 +54,7 @@ def page(runs: Mapping[str, Shown], overlay: Path | None = None) -> str:
     environment = Environment(
         loader=FileSystemLoader(FOLDER), autoescape=True, trim_blocks=True, lstrip_blocks=True,
         undefined=StrictUndefined)
-    player = _source('player.js')
+    player = (FOLDER / 'player.js').read_text(encoding='utf-8')
     names = list(runs)
     return environment.get_template('page.html').render(
         names=names,
@@ -66,12 +65,7 @@ def page(runs: Mapping[str, Shown], overlay: Path | None = None) -> str:
         overlay=None if overlay is None else _picture('overlay', overlay, ', '.join(names)),
         colours={'accent': style.PALETTE[0], 'ink': style.INK, 'faint': style.FAINT,
                  'paper': style.PAPER},
-        style=_source('style.css'), player=player,
-        digest=b64encode(sha256(player.encode()).digest()).decode())
-
-
-def _source(name: str) -> Markup:
-    return Markup((FOLDER / name).read_text(encoding='utf-8'))
+        player=player, digest=b64encode(sha256(player.encode()).digest()).decode())
 
 
 def _run(name: str, shown: Shown) -> dict[str, Any]:
@@ -83,7 +77,7 @@ def _run(name: str, shown: Shown) -> dict[str, Any]:
         'kind': KINDS[episode.physical.links],
         'place': '/'.join(recorded.path.resolve().parts[-2:]),
         'outcome': outcome(episode).value,
-        'length': float(episode.t[-1] - episode.t[0]),
+        'length': float(episode.t[-1]),
         'highlights': [metrics[each] for each in HIGHLIGHTS],
         'film': _film(episode),
         'animation': _data(shown.pictures['animation']) if 'animation' in shown.pictures else '',
@@ -108,12 +102,12 @@ def _film(episode: Episode) -> dict[str, Any]:
 
     A frame is the force [N] and the polyline of the joints, whose pieces are the links.
     """
-    period = max(FRAME, float(episode.t[-1] - episode.t[0]) / FRAMES)
+    period = max(FRAME, float(episode.t[-1]) / FRAMES)
     times, physical = times_of(episode, period), episode.physical
     joints = np.round(joint_positions(states_at(episode, times), physical.lengths), 4)
     return {
         'period': period, 'half_width': room_for(episode), 'reach': 1.15 * sum(physical.lengths),
-        'track': [line.tolist() for line in track_lines(episode.limits)],
+        'track': track_lines(episode.limits).tolist(),
         'cart': CART_SIZE, 'links': style.LINKS[:physical.links],
         'arrow': Arrow()._asdict(),
         'colours': {'track': style.FAINT, 'cart': style.CART, 'force': style.FORCE},
