@@ -15,7 +15,7 @@ import numpy as np
 from dp_swing_ros.figures.contestants import colours
 from dp_swing_ros.figures.curves import name_angles, unwrapped
 from dp_swing_ros.figures.style import (
-    FAINT, in_decades, INK, legend, limit_lines, solver_name, styled)
+    FAINT, formulas, in_decades, INK, legend, limit_lines, solver_name, styled)
 from dp_swing_ros.pendulum.parameters import LimitParameters
 from dp_swing_ros.pendulum.state import angles, links_of
 from dp_swing_ros.rerun.counterfactual import Counterfactual
@@ -33,36 +33,37 @@ def counterfactual(one: Counterfactual, limits: LimitParameters) -> Figure:
     shown, states = _coloured(one), links_of(one.recorded.X) + 1
     figure = Figure(figsize=(9.6, 1.6 + 1.33 * states + STRIP * len(shown)),
                     layout='constrained')
-    grid = figure.add_gridspec(
-        states + len(shown), 2, width_ratios=(2.6, 1.0),
+    rows = range(states + len(shown))
+    panels = figure.subplot_mosaic(
+        [[row, 'names' if row < states else 'costs'] for row in rows], width_ratios=(2.6, 1.0),
         height_ratios=[*[1.5] * (states - 1), 1.3, *[STRIP] * len(shown)])
-    first = figure.add_subplot(grid[0, 0])
-    left = [first, *(figure.add_subplot(grid[row, 0], sharex=first)
-                     for row in range(1, states + len(shown)))]
-    for (trajectory, colour), dash in zip(shown, _dashes(one), strict=True):
+    left = [panels[row] for row in rows]
+    for axes, (trajectory, colour), dash in zip(left[states:], shown, _dashes(len(shown) - 1)):
         _draw_states(left[:states], one, trajectory, {'color': colour, 'linestyle': dash})
+        _draw_force(axes, one, trajectory, colour, limits)
     *of_angles, position = left[:states]
-    name_angles(of_angles)
+    for axes, symbol in zip(of_angles, formulas(states - 1)[1:]):
+        name_angles(axes, symbol)
     limit_lines(position, limits.track_limit)
     position.set_ylabel('$x$ [m]')
-    for axes, (trajectory, colour) in zip(left[states:], shown):
-        _draw_force(axes, one, trajectory, colour, limits)
+    # until all who hold the pendulum have held it for a while; else to the end of the run
+    settled = np.fmax.reduce([trajectory.settled for trajectory, _ in shown])
+    end = np.fmin(one.recorded.t[-1], settled + REST)
     for axes in left:
         axes.axvline(one.at, color=INK, linewidth=1, linestyle=(0, (1, 1.5)))
         axes.grid(True)
+        axes.set_xlim(one.past.t[0], end)
         axes.tick_params('x', labelbottom=axes is left[-1])
-    first.set_xlim(one.past.t[0], _end(one))
     left[-1].set_xlabel('time [s]')
     figure.align_ylabels(left)
-    _list_names(figure.add_subplot(grid[:states, 1]), one)
-    _draw_costs(figure.add_subplot(grid[states:, 1]), one)
+    _list_names(panels['names'], one)
+    _draw_costs(panels['costs'], one)
     figure.suptitle(f'Had another solver taken over at {one.at:.2f} s')
     return figure
 
 
-def _dashes(one: Counterfactual) -> list[Any]:
+def _dashes(others: int) -> list[Any]:
     """Return line styles whose dashes fall into each other's gaps: lines that agree all show."""
-    others = len(one.others)
     return ['-', *((DASH * n, (DASH, DASH * (others - 1))) if others > 1 else '-'
                    for n in range(others))]
 
@@ -78,19 +79,13 @@ def _label(one: Counterfactual, trajectory: ScoredTrajectory) -> str:
     return f'recorded ({name})' if trajectory is one.recorded else name
 
 
-def _end(one: Counterfactual) -> float:
-    """Return when all who hold the pendulum have held it for a while; else the end of the run."""
-    settled = [trajectory.settled for trajectory in (one.recorded, *one.others)]
-    return float(np.nanmin([one.recorded.t[-1], max(settled) + REST]))
-
-
 def _draw_states(panels: Sequence[Axes], one: Counterfactual, trajectory: ScoredTrajectory,
                  look: dict[str, Any]) -> None:
     t, X = trajectory.t, trajectory.X
     if trajectory is one.recorded:
         t, X = np.append(one.past.t, t[1:]), np.vstack((one.past.X, X[1:]))
     # all on the turn of the recorded run, which begins as every picture begins
-    base = one.past.X[:1] if len(one.past.X) else one.recorded.X[:1]
+    base = one.past.X[:1]
     turned = X[:, angles(X)] + unwrapped(base) - base[:, angles(base)]
     for axes, values in zip(panels, (*turned.T, X[:, 0])):
         axes.plot(t, values, **look)
@@ -145,13 +140,17 @@ def regret(many: Sequence[Counterfactual]) -> Figure:
     """Draw the least cost to go of many take-overs, and how much more each solver's costs."""
     figure = Figure(figsize=(9.6, 5.8), layout='constrained')
     least, regrets = figure.subplots(2, 1, sharex=True, height_ratios=(0.6, 1.0))
-    least.plot([one.at for one in many], [one.least for one in many], color=INK, marker='o',
-               markersize=3)
+    at = [one.at for one in many]
+    least.plot(at, [one.least for one in many], color=INK, marker='o', markersize=3)
     in_decades(least)
     least.yaxis.set_minor_formatter(NullFormatter())
     least.set_ylabel('least cost to go')
     for n, (trajectory, colour) in enumerate(_coloured(many[0])):
-        _draw_regret(regrets, many, n, colour, _label(many[0], trajectory))
+        followed = [(one.recorded, *one.others)[n] for one in many]
+        values = [one.regret(each) for one, each in zip(many, followed)]
+        regrets.plot(at, values, color=colour, linewidth=1.0, label=_label(many[0], trajectory))
+        regrets.scatter(at, values, 25, linewidths=1.0, edgecolors=colour, zorder=2, facecolors=[
+            'white' if math.isnan(each.settled) else colour for each in followed])
     regrets.set_yscale('symlog', linthresh=SMALLEST)
     regrets.set(ylim=(-SMALLEST / 2, None), xlabel='taken over at [s]',
                 ylabel='regret, without unit')
@@ -163,14 +162,3 @@ def regret(many: Sequence[Counterfactual]) -> Figure:
     figure.suptitle('Had another solver taken over: least cost to go, and regret '
                     '(hollow: not held)')
     return figure
-
-
-def _draw_regret(axes: Axes, many: Sequence[Counterfactual], n: int, colour: str,
-                 label: str) -> None:
-    at = [one.at for one in many]
-    trajectories = [(one.recorded, *one.others)[n] for one in many]
-    values = [one.regret(trajectory) for one, trajectory in zip(many, trajectories)]
-    axes.plot(at, values, color=colour, linewidth=1.0, label=label)
-    for x, y, trajectory in zip(at, values, trajectories):
-        axes.plot(x, y, 'o', color=colour, markersize=5,
-                  markerfacecolor='white' if math.isnan(trajectory.settled) else colour)

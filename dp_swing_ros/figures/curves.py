@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """States, force and times of the solver over time; `squared_error` is the paper's Fig. 3."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from itertools import cycle, product
 import math
 from typing import Any
 
@@ -21,8 +22,8 @@ from dp_swing_ros.simulation.episode import Episode
 ERROR_FLOOR = 1e-8  # squared errors below are drawn here: a log axis has no zero
 NEAR_HANGING = 0.5  # [rad] a start this close to hanging is drawn around +π, never around -π
 MOST = 5 * np.pi    # [rad] of an axis with a tick at every half turn
-UPRIGHT_AT = '0, ±2π: upright'
-RUNS = (*PALETTE[:4], INK, *PALETTE[4:])  # colours of runs over each other
+# colours of runs over each other; where there are more runs, their lines differ
+RUNS = (*PALETTE[:4], INK, *PALETTE[4:])
 LETTER = 0.09       # [inch] of their legend, about
 
 
@@ -62,23 +63,97 @@ def timeline(episode: Episode) -> Figure:
     """Draw angles, position, force and the controller's times over time, one below another."""
     figure = Figure(figsize=(9.6, 8.4), layout='constrained')
     panels = figure.subplots(4, 1, sharex=True, height_ratios=(1.2, 0.8, 1.0, 1.2))
-    for axes, draw in zip(panels, (_draw_angles, _draw_position, _draw_force, _draw_times)):
-        draw(axes, episode)
-        axes.grid(True)
-        axes.margins(x=0.01)
-    panels[-1].set_xlabel('time [s]')
-    figure.align_ylabels()
+    of_angles, position, force, times = panels
+    for angle, symbol, colour in zip(unwrapped(episode.X).T, formulas(links_of(episode.X))[1:],
+                                     LINKS):
+        of_angles.plot(episode.t, angle, color=colour, label=symbol)
+    name_angles(of_angles, 'angle')
+    _draw_position(position, episode, color=CART, label='cart')
+    limit_lines(position, episode.limits.track_limit, 'end stops')
+    _draw_force(force, episode, color=FORCE, linewidth=1.4, label='applied')
+    limit_lines(force, episode.limits.force_limit, 'limits')
+    _draw_times(times, episode)
+    for axes in panels:
+        legend(axes)
+    _finish(figure, panels)
     figure.suptitle(f'{solver_name(episode.solver)}: the run over time')
     return figure
 
 
-def _draw_angles(axes: Axes, episode: Episode) -> None:
-    for angle, symbol, colour in zip(unwrapped(episode.X).T, formulas(links_of(episode.X))[1:],
-                                     LINKS):
-        axes.plot(episode.t, angle, color=colour, label=symbol)
-    mark_turns(axes.yaxis)
-    axes.set_ylabel(f'angle [rad]\n{UPRIGHT_AT}')
-    legend(axes)
+def _draw_position(axes: Axes, episode: Episode, **look: Any) -> None:
+    axes.plot(episode.t, episode.X[:, 0], **look)
+    axes.set_ylabel('position $x$ [m]')
+
+
+def _draw_force(axes: Axes, episode: Episode, **look: Any) -> None:
+    if len(episode.U):
+        axes.stairs(episode.U, episode.t, baseline=None, **look)
+    axes.set_ylabel('force $u$ [N]')
+
+
+def _draw_times(axes: Axes, episode: Episode) -> None:
+    ticks = episode.ticks
+    axes.plot(ticks.t, 1e3 * ticks.solve_time, '.', color=PALETTE[0], markersize=4,
+              label='solve time')
+    axes.plot(ticks.t, 1e3 * ticks.latency, '.', color=PALETTE[1], markersize=4,
+              label='latency, state to force')
+    if ticks.late.any():
+        axes.plot(ticks.t[ticks.late], 1e3 * ticks.solve_time[ticks.late], 'o', color='none',
+                  markersize=8, markeredgecolor=ALARM, markeredgewidth=1.6,
+                  label=f'late ({np.count_nonzero(ticks.late)})')
+    if len(episode.t) > 1:
+        axes.axhline(1e3 * float(np.median(np.diff(episode.t))), color=FAINT, linestyle='--',
+                     linewidth=1, label='period')
+    in_decades(axes)
+    in_numbers(axes.yaxis)
+    axes.set_ylabel('time [ms]')
+
+
+def _finish(figure: Figure, panels: Array) -> None:
+    """Lay a grid under panels that share one axis of time."""
+    for axes in panels:
+        axes.grid(True)
+        axes.margins(x=0.01)
+    panels[-1].set_xlabel('time [s]')
+    figure.align_ylabels()
+
+
+@styled
+def overlay(episodes: Mapping[str, Episode]) -> Figure:
+    """
+    Draw angles, position, force and solve times of runs over time, a colour for each name.
+
+    Runs may be of pendulums with different numbers of links.
+    """
+    runs = episodes.values()
+    links = max(episode.physical.links for episode in runs)
+    figure = Figure(figsize=(9.6, 5.4 + 2.1 * links), layout='constrained')
+    panels = figure.subplots(links + 3, 1, sharex=True,
+                             height_ratios=[*[1.1] * links, 0.9, 1.0, 1.0])
+    *of_angles, position, force, times = panels
+    looks: dict[str, dict[str, Any]] = {
+        name: {'color': colour, 'linestyle': dash}
+        for name, (dash, colour) in zip(episodes, cycle(product(DASHES, RUNS)))}
+    for episode, look, width in zip(runs, looks.values(), widths(len(runs))):
+        for axes, angle in zip(of_angles, unwrapped(episode.X).T):
+            axes.plot(episode.t, angle, linewidth=width, **look)
+        _draw_position(position, episode, linewidth=width, **look)
+        _draw_force(force, episode, linewidth=width, **look)
+        times.plot(episode.ticks.t, 1e3 * episode.ticks.solve_time, '.', markersize=4,
+                   color=look['color'])
+    for axes, symbol in zip(of_angles, formulas(links)[1:]):
+        name_angles(axes, symbol)
+    for limits in {episode.limits for episode in runs}:
+        limit_lines(position, limits.track_limit)
+        limit_lines(force, limits.force_limit)
+    times.set_ylabel('solve time [ms]')
+    if any(np.any(episode.ticks.solve_time > 0) for episode in runs):
+        in_decades(times)
+        in_numbers(times.yaxis)
+    _finish(figure, panels)
+    name_lines(figure, {name: {**look, 'linewidth': 2.4} for name, look in looks.items()},
+               'upper left', 0.6 + LETTER * max(map(len, episodes)))
+    return figure
 
 
 def unwrapped(X: Array) -> Array:
@@ -96,11 +171,10 @@ def unwrapped(X: Array) -> Array:
     return turned - 2 * np.pi * np.nan_to_num(np.ceil(beyond))
 
 
-def name_angles(panels: Sequence[Axes]) -> None:
-    """Name the angle that each panel shows, link 1 first."""
-    for axes, symbol in zip(panels, formulas(len(panels))[1:]):
-        mark_turns(axes.yaxis)
-        axes.set_ylabel(f'{symbol} [rad]\n{UPRIGHT_AT}')
+def name_angles(axes: Axes, name: str) -> None:
+    """Name the angles that axes show, and let them count in π."""
+    mark_turns(axes.yaxis)
+    axes.set_ylabel(f'{name} [rad]\n0, ±2π: upright')
 
 
 def mark_turns(axis: Axis) -> None:
@@ -113,84 +187,3 @@ def mark_turns(axis: Axis) -> None:
 def _in_turns(angle: float, _: int) -> str:
     halves = round(angle / np.pi)
     return {0: '0', 1: 'π', -1: '−π'}.get(halves, f'{halves}π'.replace('-', '−'))
-
-
-def _draw_position(axes: Axes, episode: Episode) -> None:
-    axes.plot(episode.t, episode.X[:, 0], color=CART, label='cart')
-    limit_lines(axes, episode.limits.track_limit, 'end stops')
-    axes.set_ylabel('position $x$ [m]')
-    legend(axes)
-
-
-def _draw_force(axes: Axes, episode: Episode) -> None:
-    if len(episode.U):
-        axes.stairs(episode.U, episode.t, baseline=None, color=FORCE, linewidth=1.4,
-                    label='applied')
-    limit_lines(axes, episode.limits.force_limit, 'limits')
-    axes.set_ylabel('force $u$ [N]')
-    legend(axes)
-
-
-def _draw_times(axes: Axes, episode: Episode) -> None:
-    ticks = episode.ticks
-    late = np.asarray(ticks.late, dtype=bool)
-    axes.plot(ticks.t, 1e3 * ticks.solve_time, '.', color=PALETTE[0], markersize=4,
-              label='solve time')
-    axes.plot(ticks.t, 1e3 * ticks.latency, '.', color=PALETTE[1], markersize=4,
-              label='latency, state to force')
-    if late.any():
-        axes.plot(ticks.t[late], 1e3 * ticks.solve_time[late], 'o', color='none', markersize=8,
-                  markeredgecolor=ALARM, markeredgewidth=1.6,
-                  label=f'late ({np.count_nonzero(late)})')
-    if len(episode.t) > 1:
-        axes.axhline(1e3 * float(np.median(np.diff(episode.t))), color=FAINT, linestyle='--',
-                     linewidth=1, label='period')
-    in_decades(axes)
-    in_numbers(axes.yaxis)
-    axes.set_ylabel('time [ms]')
-    legend(axes)
-
-
-@styled
-def overlay(episodes: Mapping[str, Episode]) -> Figure:
-    """
-    Draw angles, position, force and solve times of runs over time, a colour for each name.
-
-    Runs may be of pendulums with different numbers of links.
-    """
-    links = max(episode.physical.links for episode in episodes.values())
-    figure = Figure(figsize=(9.6, 5.4 + 2.1 * links), layout='constrained')
-    panels = figure.subplots(links + 3, 1, sharex=True,
-                             height_ratios=[*[1.1] * links, 0.9, 1.0, 1.0])
-    of_angles, (position, force, times) = panels[:links], panels[links:]
-    # where there are more runs than colours, their lines differ
-    looks: list[dict[str, Any]] = [
-        {'color': RUNS[n % len(RUNS)], 'linestyle': DASHES[n // len(RUNS) % len(DASHES)]}
-        for n in range(len(episodes))]
-    for episode, look, width in zip(episodes.values(), looks, widths(len(episodes))):
-        line = {**look, 'linewidth': width}
-        for axes, angle in zip(of_angles, unwrapped(episode.X).T):
-            axes.plot(episode.t, angle, **line)
-        position.plot(episode.t, episode.X[:, 0], **line)
-        if len(episode.U):
-            force.stairs(episode.U, episode.t, baseline=None, **line)
-        times.plot(episode.ticks.t, 1e3 * episode.ticks.solve_time, '.', markersize=4,
-                   color=look['color'])
-    name_angles(of_angles)
-    for limit in {episode.limits.track_limit for episode in episodes.values()}:
-        limit_lines(position, limit)
-    for limit in {episode.limits.force_limit for episode in episodes.values()}:
-        limit_lines(force, limit)
-    position.set_ylabel('position $x$ [m]')
-    force.set_ylabel('force $u$ [N]')
-    times.set(ylabel='solve time [ms]', xlabel='time [s]')
-    if any(np.any(episode.ticks.solve_time > 0) for episode in episodes.values()):
-        in_decades(times)
-        in_numbers(times.yaxis)
-    for axes in panels:
-        axes.grid(True)
-        axes.margins(x=0.01)
-    figure.align_ylabels()
-    name_lines(figure, {name: {**look, 'linewidth': 2.4} for name, look in zip(episodes, looks)},
-               'upper left', 0.6 + LETTER * max(map(len, episodes)))
-    return figure
