@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from dp_swing_ros.configuration import declared, links_in, NODES
 from dp_swing_ros.messages.configuration import Configuration
 
-OF_ROS = {'use_sim_time': False, 'start_type_description_service': True}  # in every node
+OF_ROS = {'use_sim_time': 'false', 'start_type_description_service': 'true'}  # in every node
 Configurations = Mapping[str, Configuration]  # by node
 
 
@@ -41,22 +41,16 @@ def settings(configurations: Configurations) -> list[Setting]:
     """Return every parameter of every node."""
     found = []
     for node, configuration in configurations.items():
-        known = _declared(node, configuration.parameters)
-        for name, value in configuration.parameters.items():
-            default, about = known.get(name, ('', ''))
+        values = configuration.parameters
+        known = declared(node, links_in(values)) if node in NODES else {}
+        for name, value in values.items():
+            default, about = OF_ROS.get(name, ''), ''
+            if name in known:
+                unit = known[name].metadata['unit']
+                default = in_words(known[name].default)
+                about = known[name].metadata['description'] + (f' [{unit}]' if unit else '')
             found.append(Setting(node, name, in_words(value), default, about))
     return found
-
-
-def _declared(node: str, values: Mapping[str, Any]) -> dict[str, tuple[str, str]]:
-    """Return default and description of each parameter of a node, as far as they are known."""
-    known = {name: (in_words(default), '') for name, default in OF_ROS.items()}
-    if node in NODES:
-        for name, field in declared(node, links_in(values)).items():
-            unit = field.metadata['unit']
-            known[name] = (in_words(field.default),
-                           field.metadata['description'] + (f' [{unit}]' if unit else ''))
-    return known
 
 
 def in_words(value: Any) -> str:
