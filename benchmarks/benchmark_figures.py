@@ -8,8 +8,8 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from dp_swing_ros.figures.contestants import colours
-from dp_swing_ros.figures.style import FORCE, in_numbers, INK, PALETTE, solver_name, styled
+from dp_swing_ros.figures.style import (
+    colours, FORCE, in_numbers, INK, PALETTE, solver_name, styled)
 
 # what is measured of whom: its name in the results, its colour and its name here
 UPDATES = {'mppi': (FORCE, 'MPPI here'),

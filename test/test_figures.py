@@ -15,8 +15,8 @@ from sketch import sketch
 from synthetic import first, swing_up, without_ticks
 
 from dp_swing_ros import figures
-from dp_swing_ros.figures.cover import SPEED
 from dp_swing_ros.figures.curves import unwrapped
+from dp_swing_ros.figures.film import SPEED
 from dp_swing_ros.figures.pendulum import states_at
 from dp_swing_ros.pendulum.geometry import joint_positions
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters

@@ -12,10 +12,9 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
 import numpy as np
 
-from dp_swing_ros.figures.contestants import colours
 from dp_swing_ros.figures.curves import name_angles, unwrapped
 from dp_swing_ros.figures.style import (
-    FAINT, formulas, in_decades, INK, legend, limit_lines, solver_name, styled)
+    colours, FAINT, formulas, in_decades, INK, legend, limit_lines, solver_name, styled)
 from dp_swing_ros.pendulum.parameters import LimitParameters
 from dp_swing_ros.pendulum.state import angles, links_of
 from dp_swing_ros.rerun.counterfactual import Counterfactual

@@ -165,8 +165,9 @@ def unwrapped(X: Array) -> Array:
     Shapes: X (N, 2n + 2) -> (N, n) [rad].
     """
     turned = np.array(X[:, angles(X)], dtype=float)
-    jumps = np.nan_to_num(np.round(np.diff(turned, axis=0) / (2 * np.pi)))
-    turned[1:] -= 2 * np.pi * np.cumsum(jumps, axis=0)
+    for angle in turned.T:
+        known = np.isfinite(angle)
+        angle[known] = np.unwrap(angle[known])
     beyond = (turned[:1] - np.pi - NEAR_HANGING) / (2 * np.pi)
     return turned - 2 * np.pi * np.nan_to_num(np.ceil(beyond))
 

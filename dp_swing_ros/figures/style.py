@@ -1,15 +1,16 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Palette and style of all pictures."""
+"""Palette and style of all pictures, and how each solver and contestant looks in them."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from itertools import count
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
-from matplotlib.colors import to_rgb
+from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, NullFormatter
@@ -21,6 +22,9 @@ INK, FAINT, PAPER, WARNING = '#26323e', '#9aa5b1', '#f4f6f8', '#b3261e'
 CART, FORCE, ALARM = INK, PALETTE[2], PALETTE[3]
 LINKS = (PALETTE[0], PALETTE[1], PALETTE[3])  # link 1 first
 DASHES: tuple[Any, ...] = ('-', (0, (4, 1.5)), (0, (1, 1)), (0, (5, 1, 1, 1)))
+MARKERS = ('o', 's', '^', 'D')
+OWN = dict(zip(('ilqr', 'ddp', 'mppi'), PALETTE)) | {'tvlqr': ALARM, 'nothing': FAINT}
+OTHERS = PALETTE[4:]  # of solvers that are not ours, in turn, and then paler
 SOLVERS = {'ilqr': 'iLQR', 'ddp': 'DDP', 'mppi': 'MPPI'}  # those that are written otherwise
 STYLE: dict[Any, Any] = {
     'axes.axisbelow': True, 'axes.edgecolor': FAINT, 'axes.labelcolor': INK,
@@ -30,6 +34,36 @@ STYLE: dict[Any, Any] = {
     'lines.linewidth': 1.6, 'text.color': INK, 'xtick.color': INK, 'ytick.color': INK}
 # draws in the house style, without touching the settings of the caller
 styled = matplotlib.rc_context(STYLE)
+
+
+class Look(NamedTuple):
+    """
+    The arguments of a contestant's line, and of its point on an interval.
+
+    The colour stands for the solver, dashes and marker for its variant.
+    """
+
+    line: dict[str, Any]
+    mark: dict[str, Any]
+
+
+def looks(campaign: Mapping[str, Any]) -> dict[str, Look]:
+    """Return the look of every contestant in a campaign's description."""
+    names = [about['name'] for about in campaign['contestants'].values()]
+    of_solver, found = colours(names), {}
+    for n, (label, name) in enumerate(zip(campaign['contestants'], names)):
+        variant, colour = names[:n].count(name), of_solver[name]
+        found[label] = Look(
+            {'color': colour, 'linestyle': DASHES[variant % len(DASHES)]},
+            {'color': colour, 'linewidth': 1.4, 'marker': MARKERS[variant % len(MARKERS)],
+             'markeredgewidth': 1.2, 'markerfacecolor': 'white' if variant else colour})
+    return found
+
+
+def colours(names: Iterable[str]) -> dict[str, str]:
+    """Return a colour of its own for each solver or baseline, however many there are."""
+    others = (to_hex(tint(colour, 0.55 ** turn)) for turn in count() for colour in OTHERS)
+    return {name: OWN[name] if name in OWN else next(others) for name in dict.fromkeys(names)}
 
 
 def formulas(links: int) -> tuple[str, ...]:

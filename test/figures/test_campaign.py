@@ -7,10 +7,9 @@ import pytest
 from results import campaign, error_row, row
 
 from dp_swing_ros.evaluation.campaign.summary import summarise
-from dp_swing_ros.figures import of_campaign
-from dp_swing_ros.figures.contestants import looks
-from dp_swing_ros.figures.distributions import settling, solve_times, starts
-from dp_swing_ros.figures.rates import criteria, SHARES, successes, sweeps
+from dp_swing_ros.figures.campaign import (
+    criteria, of_campaign, settling, SHARES, solve_times, starts, successes, sweeps)
+from dp_swing_ros.figures.style import looks
 
 NAMES = ('ilqr', 'mppi', 'ilqr:paper')
 SCENARIOS = ('random', 'model', 'delay', 'pushes')
@@ -60,9 +59,11 @@ def test_only_what_there_is_to_see_is_drawn(rows, names, tmp_path):
 
 def test_a_solver_has_one_colour_and_its_variants_other_lines():
     first, _, variant = looks(campaign(NAMES)).values()
-    assert first.colour == variant.colour
-    assert first.dash != variant.dash
-    assert first.filled and not variant.filled
+    assert first.line['color'] == first.mark['color'] == variant.line['color'] \
+        == variant.mark['color'] == first.mark['markerfacecolor']
+    assert first.line['linestyle'] != variant.line['linestyle']
+    assert first.mark['marker'] != variant.mark['marker']
+    assert variant.mark['markerfacecolor'] == 'white'
 
 
 def test_successes_are_at_their_shares():
