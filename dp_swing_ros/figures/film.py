@@ -18,7 +18,7 @@ from PIL import Image
 
 from dp_swing_ros.evaluation.metrics import settling_time
 from dp_swing_ros.figures.pendulum import (
-    Arrow, CART_SIZE, draw_pendulum, draw_scene, draw_trail, FINE, force_at, room_for, states_at,
+    ARROW, CART_SIZE, draw_pendulum, draw_scene, draw_trail, FINE, force_at, room_for, states_at,
     times_of, TRACK)
 from dp_swing_ros.figures.style import (
     FAINT, FORCE, INK, limit_lines, LINKS, mark, panels_of, PAPER, solver_name, styled, tint,
@@ -222,9 +222,8 @@ def _picture(canvas: FigureCanvasAgg, axes: Axes, episode: Episode, t: float) ->
 
 def _arrow(x: float, u: float) -> FancyArrow:
     """Return an arrow beside the cart at x [m] that shows the force u [N]."""
-    look = Arrow()
-    length = look.scale * u
-    head = min(look.head, abs(length))
-    return FancyArrow(x + math.copysign(CART_SIZE[0] / 2 + look.gap, u), 0.0, length, 0.0,
+    length = ARROW['scale'] * u
+    head = min(ARROW['head'], abs(length))
+    return FancyArrow(x + math.copysign(CART_SIZE[0] / 2 + ARROW['gap'], u), 0.0, length, 0.0,
                       width=0.3 * head, head_width=head, head_length=head, color=FORCE,
-                      length_includes_head=True, visible=abs(u) > look.least, zorder=6)
+                      length_includes_head=True, visible=abs(u) > ARROW['least'], zorder=6)

@@ -3,7 +3,6 @@
 """The pendulum at any time of a run, and on its track as all pictures of it draw it."""
 
 import math
-from typing import NamedTuple
 
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
@@ -23,15 +22,8 @@ TRACK = -0.15             # [m] height of the track under the joint of the cart
 STOP = 0.25               # [m] height of an end stop
 FAR = 1e3                 # [m] where a track without an end ends
 FINE = 0.0125             # [s] between the points of a trail
-
-
-class Arrow(NamedTuple):
-    """How a force is drawn beside the cart."""
-
-    gap: float = 0.04    # [m] from the cart
-    scale: float = 0.05  # [m/N]
-    head: float = 0.18   # [m] at most
-    least: float = 0.5   # [N] of a force that is shown
+# of a force beside the cart: gap [m], length [m/N], head [m] at most, least force [N] shown
+ARROW = {'gap': 0.04, 'scale': 0.05, 'head': 0.18, 'least': 0.5}
 
 
 def times_of(episode: Episode, period: float, until: float = math.inf) -> Array:
@@ -49,7 +41,7 @@ def states_at(episode: Episode, times: Array) -> Array:
     if len(t) < 2:
         return np.repeat(X, len(times), axis=0)
     n = np.clip(np.searchsorted(t, times, side='right') - 1, 0, len(t) - 2)
-    h = np.maximum(t[n + 1] - t[n], 1e-9)[:, None]
+    h = (t[n + 1] - t[n])[:, None]
     s = np.clip((times - t[n])[:, None] / h, 0.0, 1.0)
     return between(X[n], X[n + 1], s, h)
 

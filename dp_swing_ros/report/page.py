@@ -16,7 +16,7 @@ from dp_swing_ros.evaluation.comparison import rows
 from dp_swing_ros.evaluation.metrics import measure, outcome
 from dp_swing_ros.figures import style
 from dp_swing_ros.figures.pendulum import (
-    Arrow, CART_SIZE, force_at, room_for, states_at, times_of, track_lines)
+    ARROW, CART_SIZE, force_at, room_for, states_at, times_of, track_lines)
 from dp_swing_ros.pendulum.geometry import joint_positions
 from dp_swing_ros.report.recording import Recording
 from dp_swing_ros.report.settings import differences, provenances, settings
@@ -108,8 +108,7 @@ def _film(episode: Episode) -> dict[str, Any]:
     return {
         'period': period, 'half_width': room_for(episode), 'reach': 1.15 * sum(physical.lengths),
         'track': track_lines(episode.limits).tolist(),
-        'cart': CART_SIZE, 'links': style.LINKS[:physical.links],
-        'arrow': Arrow()._asdict(),
+        'cart': CART_SIZE, 'links': style.LINKS[:physical.links], 'arrow': ARROW,
         'colours': {'track': style.FAINT, 'cart': style.CART, 'force': style.FORCE},
         'joints': [each.tolist() if np.isfinite(each).all() else None for each in joints],
         'forces': [round(u, 2) if math.isfinite(u) else None
