@@ -6,8 +6,7 @@ from dp_swing_ros.control.receding_horizon import MpcParameters, RecedingHorizon
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.problem.parameters import CostParameters, PredictionParameters
 from dp_swing_ros.problem.problem import Problem
-from dp_swing_ros.simulation.parameters import PlantParameters
-from dp_swing_ros.simulation.plant import Plant
+from dp_swing_ros.simulation.plant import Plant, PlantParameters
 from dp_swing_ros.solvers import SOLVERS
 
 LIMITS = LimitParameters()

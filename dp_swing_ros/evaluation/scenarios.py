@@ -17,7 +17,7 @@ import numpy as np
 
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.pendulum.state import angles, Array, DEFAULT_LINKS, LINKS, upright
-from dp_swing_ros.simulation.parameters import PlantParameters
+from dp_swing_ros.simulation.plant import PlantParameters
 
 PHYSICAL, LIMITS = PendulumParameters(), LimitParameters()
 PERIOD = 1 / PlantParameters().rate    # [s]

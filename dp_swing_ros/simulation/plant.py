@@ -9,6 +9,7 @@ runs the same class.
 """
 
 from collections import deque
+import dataclasses
 import math
 from typing import NamedTuple
 
@@ -16,15 +17,58 @@ import numpy as np
 
 from dp_swing_ros.kernels import kernel
 from dp_swing_ros.kernels.unrolling import unrolled
-from dp_swing_ros.parameters import ParameterError
+from dp_swing_ros.parameters import parameter, ParameterError, Parameters
 from dp_swing_ros.pendulum.equations import after_impact, Pendulum
 from dp_swing_ros.pendulum.integrators import INTEGRATORS
 from dp_swing_ros.pendulum.model import Model, ROUNDING, size, step, steps_in
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
-from dp_swing_ros.pendulum.state import Array, SIZES
-from dp_swing_ros.simulation.commands import Commands
-from dp_swing_ros.simulation.parameters import PlantParameters
+from dp_swing_ros.pendulum.state import Array, hanging, SIZES
 from dp_swing_ros.streams import Stream, stream
+
+
+@dataclasses.dataclass(frozen=True)
+class PlantParameters(Parameters):
+    """The plant beside the pendulum and its limits: schedule, start, integrator, disturbances."""
+
+    rate: float = parameter(20.0, 'states published per second', unit='Hz', minimum=1.0,
+                            maximum=1000.0)
+    initial_state: tuple[float, ...] = parameter(
+        tuple(hanging().tolist()), 'state at the start and after a reset [x, θ1 …, ẋ, θ̇1 …]',
+        unit='m, rad, m/s, rad/s', size=SIZES)
+    physics_step: float = parameter(0.005, 'longest step of the integrator', unit='s',
+                                    minimum=1e-5, maximum=1.0)
+    integrator: str = parameter(
+        'rk4', 'integrator of the plant', choices=lambda: list(INTEGRATORS))
+    lockstep: bool = parameter(
+        False, 'wait for one force after each state instead of running in real time')
+    duration: float = parameter(0.0, 'the plant ends itself after this time (0: never)', unit='s',
+                                minimum=0.0)
+    command_timeout: float = parameter(
+        0.2, 'without a command for this long the force is zero (real time only)', unit='s',
+        minimum=1e-3)
+    position_noise: float = parameter(
+        0.0, 'standard deviation of the measured positions', unit='m, rad', minimum=0.0)
+    velocity_noise: float = parameter(
+        0.0, 'standard deviation of the measured velocities', unit='m/s, rad/s', minimum=0.0)
+    force_noise: float = parameter(
+        0.0, 'standard deviation of the applied force, drawn once a period', unit='N',
+        minimum=0.0)
+    actuator_response: float = parameter(
+        1.0, 'share k of the way to the commanded force that the actuator goes in a physics step; '
+        'above 1 it overshoots', minimum=1e-3, maximum=2.0)
+    delay: float = parameter(0.0, 'age of a measurement when it is published', unit='s',
+                             minimum=0.0, maximum=1.0)
+    command_jitter: float = parameter(
+        0.0, 'a command acts late by a time drawn from 0 to this', unit='s', minimum=0.0,
+        maximum=1.0)
+    command_loss: float = parameter(
+        0.0, 'probability that a command is lost', minimum=0.0, maximum=1.0)
+    state_loss: float = parameter(
+        0.0, 'probability that a state is lost', minimum=0.0, maximum=1.0)
+    disturbance_limit: float = parameter(
+        100.0, 'a disturbance is refused where those of a period would exceed this', unit='N',
+        minimum=0.0)
+    seed: int = parameter(0, 'seed of all noises, losses and latenesses', minimum=0)
 
 
 class Measurement(NamedTuple):
@@ -32,13 +76,6 @@ class Measurement(NamedTuple):
 
     t: float
     x: Array
-
-
-class Actuator(NamedTuple):
-    """How a force comes about: the share of the way to it gone in a step, and its bound [N]."""
-
-    response: float
-    limit: float
 
 
 @unrolled
@@ -66,21 +103,71 @@ def stop_at_end(model, limit, x):
 
 
 @kernel
-def integrate(model, actuator, track_limit, x, force, target, push, steps):
+def integrate(model, response, limit, track_limit, x, force, target, push, steps):
     """
     Advance the state in place by some steps under a held target and push, between the end stops.
 
-    Returns the actuator's last force and its mean [N]. Shapes: x (2n + 2,).
+    In a step the actuator goes a share, its response, of the way to the target, within its limit.
+    Returns its last force and its mean [N]. Shapes: x (2n + 2,).
     """
     mean = 0.0
     for n in range(steps):
         # in this form a response of 1 gives the target to the bit
-        force = (1 - actuator.response) * force + actuator.response * target
-        force = min(max(force, -actuator.limit), actuator.limit)
+        force = (1 - response) * force + response * target
+        force = min(max(force, -limit), limit)
         mean += (force - mean) / (n + 1)
         step(model, x, force + push, x)
         stop_at_end(model, track_limit, x)
     return force, mean
+
+
+class Command(NamedTuple):
+    """A force [N], the time at which it begins to act, and for how long it does [s]."""
+
+    begins: float
+    force: float
+    lasts: float
+
+
+class Commands:
+    """
+    The force that the actuator obeys, and the commands on their way to it.
+
+    A command is never obeyed after a newer one: what would begin later than a newer one is stale.
+    """
+
+    def __init__(self, parameters: PlantParameters) -> None:
+        """Take how commands fare, and the seed of their fates."""
+        self.parameters = parameters
+        self.loss = stream(parameters.seed, Stream.COMMAND_LOSS)
+        self.lateness = stream(parameters.seed, Stream.COMMAND_JITTER)
+        self.force = 0.0            # [N] held until the next
+        self.expires = math.inf     # [s] when it no longer is
+        self.expired = False        # whether the force is zero for want of a command
+        self.coming: deque[Command] = deque()   # in the order in which they will act
+
+    def send(self, now: float, force: float, lasts: float = math.inf) -> bool:
+        """Send a force [N] that acts for a time [s] at most, and return whether it will arrive."""
+        # drawn whether needed or not, so that one fault does not change the numbers of another
+        begins = now + self.lateness.uniform(0.0, self.parameters.command_jitter)
+        if self.loss.random() < self.parameters.command_loss:
+            return False
+        while self.coming and self.coming[-1].begins >= begins:
+            self.coming.pop()
+        self.coming.append(Command(begins, force, lasts))
+        return True
+
+    def next_change(self) -> float:
+        """Return when the force changes next [s], infinity if it does not."""
+        return min(self.coming[0].begins if self.coming else math.inf, self.expires)
+
+    def change(self) -> None:
+        """Let the change happen: the next command acts, or the present one expires."""
+        if self.coming and self.coming[0].begins <= self.expires:
+            begins, self.force, lasts = self.coming.popleft()
+            self.expires, self.expired = begins + lasts, False
+        else:
+            self.force, self.expires, self.expired = 0.0, math.inf, True
 
 
 class Plant:
@@ -157,10 +244,10 @@ class Plant:
             return
         limit = self.limits.force_limit
         model = Model(self.pendulum, INTEGRATORS[self.parameters.integrator], duration / steps)
-        actuator = Actuator(self.response(duration / steps / physics_step), limit)
+        response = self.response(duration / steps / physics_step)
         target = min(max(self.commands.force + self.noise, -limit), limit)
-        self.force, mean = integrate(model, actuator, self.limits.track_limit, self.x, self.force,
-                                     target, self.push, steps)
+        self.force, mean = integrate(model, response, limit, self.limits.track_limit, self.x,
+                                     self.force, target, self.push, steps)
         self.t += duration
         self.acted += duration
         # in steps, so that the mean of one and the same force is that force to the bit

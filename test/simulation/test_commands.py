@@ -7,8 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from dp_swing_ros.simulation.commands import Commands
-from dp_swing_ros.simulation.parameters import PlantParameters
+from dp_swing_ros.simulation.plant import Commands, PlantParameters
 from dp_swing_ros.streams import Stream, stream
 
 LATENESS = 0.1   # [s] at most

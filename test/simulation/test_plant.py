@@ -18,8 +18,7 @@ from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.pendulum.state import angles, hanging, LINKS, SIZES
 from dp_swing_ros.problem.plan import Status
 from dp_swing_ros.simulation.closed_loop import simulate
-from dp_swing_ros.simulation.parameters import PlantParameters
-from dp_swing_ros.simulation.plant import stop_at_end
+from dp_swing_ros.simulation.plant import PlantParameters, stop_at_end
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.streams import Stream, stream
 
