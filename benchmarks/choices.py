@@ -7,8 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dp_swing_ros.evaluation.campaign.contestants import Contestant
-from dp_swing_ros.evaluation.campaign.episodes import key
+from dp_swing_ros.evaluation.campaign.contestants import Contestant, key
 from dp_swing_ros.evaluation.campaign.report import share
 from dp_swing_ros.evaluation.campaign.rows import Row
 from dp_swing_ros.evaluation.comparison import rate

@@ -10,8 +10,7 @@ import numpy as np
 from timing import exponent, Interval, median, race, Work
 
 from dp_swing_ros import configuration
-from dp_swing_ros.evaluation.campaign.contestants import parse
-from dp_swing_ros.evaluation.campaign.episodes import play
+from dp_swing_ros.evaluation.campaign.contestants import parse, play
 from dp_swing_ros.evaluation.scenarios import SCENARIOS
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.problem.plan import Status

@@ -8,8 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dp_swing_ros import configuration
-from dp_swing_ros.evaluation.campaign.contestants import Contestant
-from dp_swing_ros.evaluation.campaign.episodes import key
+from dp_swing_ros.evaluation.campaign.contestants import Contestant, key
 from dp_swing_ros.evaluation.campaign.report import share
 from dp_swing_ros.evaluation.campaign.rows import Row, solves
 from dp_swing_ros.evaluation.comparison import rate

@@ -29,7 +29,7 @@ import yaml
 
 from dp_swing_ros.bags import read_episode
 from dp_swing_ros.errors import UserError
-from dp_swing_ros.evaluation.campaign.episodes import measured, simulated
+from dp_swing_ros.evaluation.campaign.contestants import measured, simulated
 from dp_swing_ros.evaluation.campaign.rows import Row, store, untimed
 from dp_swing_ros.figures.style import solver_name
 from dp_swing_ros.simulation.episode import Episode

@@ -14,8 +14,7 @@ import near_goal
 import paper_experiments
 
 from dp_swing_ros import provenance
-from dp_swing_ros.evaluation.campaign.contestants import Contestant
-from dp_swing_ros.evaluation.campaign.episodes import key
+from dp_swing_ros.evaluation.campaign.contestants import Contestant, key
 from dp_swing_ros.evaluation.campaign.rows import Row, Table, untimed
 from dp_swing_ros.evaluation.campaign.runner import run
 from dp_swing_ros.evaluation.scenarios import Case

@@ -14,7 +14,7 @@ import paper_experiments
 from PIL import Image
 
 from dp_swing_ros.bags import read_episode
-from dp_swing_ros.evaluation.campaign.episodes import key, play
+from dp_swing_ros.evaluation.campaign.contestants import key, play
 from dp_swing_ros.evaluation.campaign.rows import identical, read
 
 TOP = Path(__file__).parents[1]

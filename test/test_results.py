@@ -22,7 +22,7 @@ import seeded
 import stamp
 
 from dp_swing_ros import provenance
-from dp_swing_ros.evaluation.campaign.episodes import key, play
+from dp_swing_ros.evaluation.campaign.contestants import key, play
 from dp_swing_ros.evaluation.campaign.rows import identical, read, store
 from dp_swing_ros.evaluation.scenarios import PERIOD
 from dp_swing_ros.kernels import processor
@@ -110,7 +110,6 @@ def test_what_is_no_longer_the_stored_row_is_seen():
 
 def test_the_digest_is_of_the_modules_that_an_episode_needs_and_no_others():
     script = ('import sys, dp_swing_ros.evaluation.campaign.contestants, '
-              'dp_swing_ros.evaluation.campaign.episodes, '
               'dp_swing_ros.evaluation.scenarios, dp_swing_ros.solvers.device\n'
               'print(*(m for m in sys.modules if m.startswith("dp_swing_ros.")))')
     loaded = subprocess.run([sys.executable, '-c', script], capture_output=True, text=True,

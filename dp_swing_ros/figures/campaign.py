@@ -14,8 +14,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 import numpy as np
 
 from dp_swing_ros.evaluation.campaign.rows import grouped, Row, solves
-from dp_swing_ros.evaluation.campaign.scores import Level
-from dp_swing_ros.evaluation.campaign.summary import Summary
+from dp_swing_ros.evaluation.campaign.summary import Level, Summary
 from dp_swing_ros.evaluation.comparison import Rate
 from dp_swing_ros.evaluation.metrics import reduced, TIME_LIMIT
 from dp_swing_ros.evaluation.scenarios import PROFILE, SCENARIOS

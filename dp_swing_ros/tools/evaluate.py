@@ -13,8 +13,7 @@ from typing import Any
 
 from dp_swing_ros.evaluation.baselines import BASELINES
 from dp_swing_ros.evaluation.campaign import manifest
-from dp_swing_ros.evaluation.campaign.contestants import Contestant, parse_all
-from dp_swing_ros.evaluation.campaign.episodes import key
+from dp_swing_ros.evaluation.campaign.contestants import Contestant, key, parse_all
 from dp_swing_ros.evaluation.campaign.report import compared, markdown
 from dp_swing_ros.evaluation.campaign.rows import CampaignError, read, Row, Table
 from dp_swing_ros.evaluation.campaign.runner import run

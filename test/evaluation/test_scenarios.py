@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dp_swing_ros import configuration
-from dp_swing_ros.evaluation.campaign.scores import CRITERIA
+from dp_swing_ros.evaluation.campaign.summary import CRITERIA
 from dp_swing_ros.evaluation.scenarios import APART, FIRST_PUSH, LAST_PUSH, push_profile, SCENARIOS
 from dp_swing_ros.pendulum.state import angles, LINKS
 

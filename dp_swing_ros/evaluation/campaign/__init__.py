@@ -3,6 +3,6 @@
 """
 Campaigns: every contestant through every case, kept in a table, and summaries of it.
 
-Contestants and cases make episodes (`episodes`), in parallel (`runner`), each a row of a table on
+Contestants play cases (`contestants`), in parallel (`runner`), each episode a row of a table on
 disk (`rows`) from which a stopped campaign continues; `summary` counts, `report` writes it down.
 """

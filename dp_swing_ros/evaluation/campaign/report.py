@@ -7,9 +7,8 @@ import itertools
 import math
 
 from dp_swing_ros.evaluation.campaign.rows import grouped
-from dp_swing_ros.evaluation.campaign.scores import CRITERIA, Level
 from dp_swing_ros.evaluation.campaign.summary import (
-    DROP, Failure, NEAR_GOAL, Rivals, Standing, Summary)
+    CRITERIA, DROP, Duel, Failure, Level, NEAR_GOAL, Standing, Summary)
 from dp_swing_ros.evaluation.comparison import Paired, Rate, Ratio
 from dp_swing_ros.evaluation.scenarios import PROFILE, SCENARIOS
 from dp_swing_ros.tables import compact
@@ -189,7 +188,7 @@ def spans(seeds: Iterable[int]) -> str:
     return ', '.join(str(run[0]) if len(run) == 1 else f'{run[0]}-{run[-1]}' for run in ends)
 
 
-def compared(place: str, found: Sequence[Rivals]) -> str:
+def compared(place: str, found: Sequence[tuple[Duel, int]]) -> str:
     """Return the comparison with what is stored in a place, as Markdown."""
     lines = compact([
         ('scenario', 'contestant', 'pairs', 'identical', 'held only now', 'held only as stored',

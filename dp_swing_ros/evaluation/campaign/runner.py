@@ -15,8 +15,7 @@ from joblib import delayed, Parallel, parallel_config
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 from tqdm import tqdm
 
-from dp_swing_ros.evaluation.campaign.contestants import Contestant
-from dp_swing_ros.evaluation.campaign.episodes import key, play, ready
+from dp_swing_ros.evaluation.campaign.contestants import Contestant, key, play, ready
 from dp_swing_ros.evaluation.campaign.rows import CampaignError, ERROR, Row, Table
 from dp_swing_ros.evaluation.scenarios import Case
 from dp_swing_ros.provenance import sources

@@ -1,8 +1,16 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Summary of a campaign's rows: standings, scores, comparisons, failures."""
+"""
+Summary of a campaign's rows: standings, scores, comparisons, failures.
 
-from collections.abc import Iterable, Sequence
+The two scores are those of the DFKI double-pendulum leaderboards, for this plant:
+
+    performance = success (1 - 1/5 Σ tanh(π c / n)),    robustness = mean of six passed fractions
+
+Source: the RealAIGym leaderboards, version 2; docs/evaluation.md derives the n.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
 import itertools
 import math
 from typing import Any, NamedTuple
@@ -11,10 +19,9 @@ import numpy as np
 
 from dp_swing_ros.evaluation.campaign.rows import (
     CampaignError, ERROR, grouped, identical, Key, Row, solves)
-from dp_swing_ros.evaluation.campaign.scores import Level, levels, Score, score
 from dp_swing_ros.evaluation.comparison import (
     Paired, paired, paired_ratio, Rate, rate, Ratio, sign_test)
-from dp_swing_ros.evaluation.metrics import Outcome, quantile, reduced
+from dp_swing_ros.evaluation.metrics import Metrics, Outcome, quantile, reduced
 from dp_swing_ros.evaluation.scenarios import PROFILE, SCENARIOS
 from dp_swing_ros.pendulum.state import Array
 
@@ -26,6 +33,24 @@ SWEPT = ['', PROFILE, *(sweep.parameter for scenario in SCENARIOS.values()
                         for sweep in scenario.sweeps)]  # in the order of reports
 NEAR_GOAL, DROP = 'near_goal', 0.4  # [rad] who gets further from upright has dropped the pendulum
 COMPARED = ('settling_time', 'smoothness', 'roughness')
+# n of each measure c, by which a TVLQR about one offline swing-up scores about as on theirs
+NORMS = {'settling_time': 20.0, 'energy': 360.0, 'squared_force': 6500.0, 'roughness': 36.0,
+         'squared_speed': 290.0}
+SCORED = 'hanging'  # the scenario whose runs give the performance
+CRITERIA = [name for name, scenario in SCENARIOS.items() if scenario.criterion]
+
+
+class Level(NamedTuple):
+    """One level of a sweep: how many of its runs were held; it passes with more than half."""
+
+    value: float
+    held: int
+    runs: int
+
+    @property
+    def passed(self) -> bool:
+        """Return whether more than half were."""
+        return 2 * self.held > self.runs
 
 
 class Standing(NamedTuple):
@@ -52,6 +77,15 @@ class Standing(NamedTuple):
     dropped: list[int]
 
 
+class Score(NamedTuple):
+    """The scores of a contestant; NaN where their scenarios were not run."""
+
+    contestant: str
+    performance: float
+    robustness: float
+    criteria: dict[str, float]
+
+
 class Duel(NamedTuple):
     """Two contestants on the same cases: who held what the other did not, and by how much."""
 
@@ -64,13 +98,6 @@ class Duel(NamedTuple):
     p: float
     differences: dict[str, Paired]  # first less second
     cost: Ratio                     # of the closed-loop costs, first over second
-
-
-class Rivals(NamedTuple):
-    """A contestant in a scenario, now (first) and as stored, over the episodes that both have."""
-
-    duel: Duel
-    identical: int
 
 
 class Failure(NamedTuple):
@@ -139,6 +166,38 @@ def _known(rows: Sequence[Row], name: str) -> Array:
     return values[~np.isnan(values)]
 
 
+def levels(rows: Iterable[Row]) -> dict[str, list[Level]]:
+    """Return the levels of a contestant in one scenario, in order, by what is swept."""
+    swept: dict[str, list[Level]] = {}
+    for (parameter, value), runs in grouped(rows, lambda row: row.key[2:4]).items():
+        if value is not None:
+            held = sum(row.metrics.success for row in runs)
+            swept.setdefault(parameter, []).append(Level(value, held, len(runs)))
+    return {parameter: sorted(found) for parameter, found in swept.items()}
+
+
+def score(contestant: str, groups: Mapping[tuple[str, str], Sequence[Row]]) -> Score:
+    """Score a contestant on its rows, by contestant and scenario, of the scenarios that ran."""
+    runs = [performance(row.metrics) for row in groups.get((contestant, SCORED), ())]
+    criteria = {name: passed_fraction(groups[contestant, name]) for name in CRITERIA
+                if (contestant, name) in groups}
+    robustness = float(np.mean([criteria.get(name, math.nan) for name in CRITERIA]))
+    return Score(contestant, reduced(np.mean, np.array(runs)), robustness, criteria)
+
+
+def performance(metrics: Metrics) -> float:
+    """Return the performance score of a run."""
+    if not metrics.success:
+        return 0.0
+    costs = [math.tanh(math.pi * getattr(metrics, name) / norm) for name, norm in NORMS.items()]
+    return 1 - sum(costs) / len(costs)
+
+
+def passed_fraction(rows: Iterable[Row]) -> float:
+    """Return the share of levels that pass, of all that is swept together."""
+    return float(np.mean([level.passed for swept in levels(rows).values() for level in swept]))
+
+
 def common(a: Sequence[Row], b: Sequence[Row]) -> list[tuple[Row, Row]]:
     """Pair the rows of two contestants on the cases that both were given."""
     of_b = {row.key[2:]: row for row in b}
@@ -158,11 +217,12 @@ def duel(scenario: str, first: str, second: str, pairs: Sequence[tuple[Row, Row]
         paired_ratio(_values(one, 'closed_loop_cost'), _values(other, 'closed_loop_cost')))
 
 
-def rivals(now: Sequence[Row], stored: Sequence[Row]) -> list[Rivals]:
+def rivals(now: Sequence[Row], stored: Sequence[Row]) -> list[tuple[Duel, int]]:
     """
     Compare the rows of two campaigns, in the order of the first.
 
-    Raises CampaignError where they have no episode in common.
+    Beside each duel, now against stored, stands how many of its rows are equal to the bit. Raises
+    CampaignError where they have no episode in common.
     """
     refuse_strangers([row.key for row in now], stored)
     before = grouped(stored, lambda row: row.key[:2])
@@ -170,8 +230,8 @@ def rivals(now: Sequence[Row], stored: Sequence[Row]) -> list[Rivals]:
     for names, rows in grouped(now, lambda row: row.key[:2]).items():
         if pairs := common(rows, before.get(names, [])):
             contestant, scenario = names
-            found.append(Rivals(duel(scenario, contestant, 'stored', pairs),
-                                sum(identical(*pair) for pair in pairs)))
+            found.append((duel(scenario, contestant, 'stored', pairs),
+                          sum(identical(*pair) for pair in pairs)))
     return found
 
 

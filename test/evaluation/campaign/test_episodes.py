@@ -4,8 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from dp_swing_ros.evaluation.campaign.contestants import parse
-from dp_swing_ros.evaluation.campaign.episodes import play
+from dp_swing_ros.evaluation.campaign.contestants import parse, play
 from dp_swing_ros.evaluation.campaign.rows import ERROR, identical
 from dp_swing_ros.evaluation.scenarios import Case, SCENARIOS
 

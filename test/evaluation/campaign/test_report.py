@@ -4,8 +4,7 @@ import pytest
 from results import campaign, error_row, row
 
 from dp_swing_ros.evaluation.campaign.report import failing, markdown, spans, which
-from dp_swing_ros.evaluation.campaign.scores import Level
-from dp_swing_ros.evaluation.campaign.summary import Failure, summarise
+from dp_swing_ros.evaluation.campaign.summary import Failure, Level, summarise
 
 ROWS = [row('ilqr', seed=0), row('mppi', seed=0, held=False), error_row('mppi', seed=1),
         *(row(name, 'delay', parameter='delay', level=level, held=level < 0.1)

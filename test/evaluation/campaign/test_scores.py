@@ -5,8 +5,8 @@ import math
 import pytest
 from results import row
 
-from dp_swing_ros.evaluation.campaign.scores import (
-    CRITERIA, Level, levels, NORMS, passed_fraction, performance, robustness)
+from dp_swing_ros.evaluation.campaign.summary import (
+    CRITERIA, Level, levels, NORMS, passed_fraction, performance, score)
 
 
 def test_performance_is_the_leaderboards_formula():
@@ -38,7 +38,10 @@ def test_runs_are_gathered_by_level_in_order():
 
 def test_robustness_needs_all_six():
     assert len(CRITERIA) == 6
-    fractions = dict(zip(CRITERIA, [1.0, 0.5, 1.0, 0.5, 1.0, 0.5]))
-    assert robustness(fractions) == pytest.approx(0.75)
-    del fractions['delay']
-    assert math.isnan(robustness(fractions))
+    groups = {('ilqr', name): [
+        row(scenario=name, parameter='swept', level=0.0),
+        row(scenario=name, parameter='swept', level=1.0, held=n % 2 == 0)]
+        for n, name in enumerate(CRITERIA)}
+    assert score('ilqr', groups).robustness == pytest.approx(0.75)
+    del groups['ilqr', 'delay']
+    assert math.isnan(score('ilqr', groups).robustness)

@@ -95,24 +95,23 @@ def test_episodes_are_compared_with_those_of_the_same_seed():
               for seed in range(6)]
     now = [row(seed=seed, held=seed not in (2, 3), settling_time=2.5, closed_loop_cost=100.0)
            for seed in range(5)]
-    one, = rivals([*now, row(seed=9)], [*stored, row('mppi', seed=0)])
-    duel = one.duel
+    (duel, equal), = rivals([*now, row(seed=9)], [*stored, row('mppi', seed=0)])
     assert (duel.first, duel.scenario, duel.cases) == ('ilqr', 'hanging', 5)
     assert (duel.first_only, duel.second_only, duel.p) == (1, 2, 1.0)
     settling = duel.differences['settling_time']
     assert (settling.pairs, settling.median) == (2, 0.5)
     assert duel.cost.value == pytest.approx(0.5)
-    assert one.identical == 0
+    assert equal == 0
     assert '| hanging | `ilqr` | 5 | 0 | 1 | 2 | 1.000 | +0.5 (+0.5 to +0.5)' in compared(
-        'there', [one])
+        'there', [(duel, equal)])
 
 
 def test_what_is_equal_to_the_bit_is_counted():
     rows = [row(seed=seed, level=level, parameter='delay', scenario='delay')
             for seed in range(2) for level in (0.0, 0.1)]
     changed = row(seed=1, level=0.1, parameter='delay', scenario='delay', energy=1e-300)
-    one, = rivals([*rows[:3], changed], rows)
-    assert (one.duel.cases, one.identical) == (4, 3)
+    (duel, equal), = rivals([*rows[:3], changed], rows)
+    assert (duel.cases, equal) == (4, 3)
 
 
 def test_nothing_in_common_is_refused():
