@@ -89,6 +89,7 @@ def measure(episode: Episode, time_limit: float = TIME_LIMIT) -> Metrics:
     # of the joints, as encoders see them: the angles of the state are absolute; a sum is the same
     # to the bit only in the same order
     joint_speeds = np.diff(X[:-1, links + 2:].T.copy(), axis=0, prepend=0.0)
+    at_stop = np.abs(X[:, 0]) >= episode.limits.track_limit - TOUCH
     return Metrics(
         success=not math.isnan(settled),
         settling_time=settled,
@@ -101,7 +102,7 @@ def measure(episode: Episode, time_limit: float = TIME_LIMIT) -> Metrics:
         largest_force=_largest(U),
         largest_position=_largest(X[:, 0]),
         largest_angle=_largest(X[1:, angles(X)]),
-        strikes=strikes(X[:, 0], episode.limits.track_limit),
+        strikes=int(np.count_nonzero(np.diff(at_stop.astype(int), prepend=0) > 0)),
         energy=float(np.sum(np.abs(np.diff(X[:, 0]) * U))),
         impulse=float(np.sum(np.abs(U) * dt)),
         squared_force=float(np.sum(U ** 2 * dt)),
@@ -137,11 +138,7 @@ def outcome(episode: Episode) -> Outcome:
 
 
 def settling_time(t: Array, X: Array) -> float:
-    """
-    Return the start [s] of the last unbroken upright stay; NaN where none is held to the end.
-
-    Shapes: t (N,) [s], X (N, 2n + 2).
-    """
+    """Return when (N,) [s] the last stay upright of X (N, 2n + 2) began, NaN as of last_stay."""
     return last_stay(t, is_upright(X))
 
 
@@ -171,16 +168,6 @@ def closed_loop_cost(X: Array, U: Array) -> float:
     intrusion = np.maximum(0, np.abs(X[:len(U), 0]) - limits.track_limit + cost.track_margin)
     return float(np.sum(error ** 2 @ np.array(cost.state_weights) + cost.force_weight * U ** 2
                         + cost.track_weight * intrusion ** 2)) if len(U) else math.nan
-
-
-def strikes(x: Array, track_limit: float) -> int:
-    """
-    Return how often the cart meets an end stop: entries into |x| ≥ track_limit [m].
-
-    Shapes: x (N,) [m].
-    """
-    at_stop = np.abs(x) >= track_limit - TOUCH
-    return int(np.count_nonzero(np.diff(at_stop.astype(int), prepend=0) > 0))
 
 
 def quantile(values: Array, share: float) -> float:

@@ -90,18 +90,15 @@ class Scenario:
 def random_start(case: Case, links: int) -> Case:
     """Start anywhere."""
     largest = np.repeat(RANDOM_START, (1, links, 1, links))
-    return _from(case, np.random.default_rng((START, case.seed)).uniform(-largest, largest))
+    x = np.random.default_rng((START, case.seed)).uniform(-largest, largest)
+    return replace(case, plant={'initial_state': tuple(x.tolist())})
 
 
 def near_goal(case: Case, links: int) -> Case:
     """Start at rest with all links off the vertical, as in the paper's Figs. 8-10."""
     x = upright(links)
     x[angles(x)] = np.random.default_rng((START, case.seed)).uniform(-NEAR_GOAL, NEAR_GOAL, links)
-    return _from(case, x)
-
-
-def _from(case: Case, x: Array) -> Case:
-    return replace(case, plant={**case.plant, 'initial_state': tuple(x.tolist())})
+    return replace(case, plant={'initial_state': tuple(x.tolist())})
 
 
 def pushed(case: Case, links: int) -> Case:

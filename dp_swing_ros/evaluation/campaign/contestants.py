@@ -38,11 +38,7 @@ class Contestant:
     mpc: dict[str, Any]
 
     def prepare(self) -> Callable[[int], Controller]:
-        """
-        Return what makes the controller for a seed, all that seeds share done once.
-
-        Raises ParameterError.
-        """
+        """Return what makes the controller for a seed; raises ParameterError."""
         if self.name in SOLVERS:
             return lambda seed: configuration.controller(
                 {**self.mpc, 'solver': self.name, 'seed': seed})
@@ -71,11 +67,7 @@ def parse(text: str) -> Contestant:
 
 
 def parse_all(texts: Iterable[str]) -> list[Contestant]:
-    """
-    Read several; each must have a label of its own.
-
-    Raises ParameterError.
-    """
+    """Read several, each with a label of its own; raises ParameterError."""
     contestants: dict[str, Contestant] = {}
     for text in texts:
         contestant = parse(text)
@@ -103,11 +95,7 @@ def play(contestant: Contestant, case: Case) -> Row:
 
 
 def simulated(contestant: Contestant, case: Case) -> Episode:
-    """
-    Run an episode.
-
-    Raises ParameterError, and ValueError where the case does not fit the plant.
-    """
+    """Run an episode; raises ParameterError, and ValueError for a case that does not fit."""
     controller = ready(contestant)(case.seed)
     plant = configuration.plant({**contestant.plant, **case.plant, 'seed': case.seed})
     return simulate(plant, controller, case.duration, contestant.name,

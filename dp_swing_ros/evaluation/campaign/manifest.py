@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from datetime import datetime
 import json
 from pathlib import Path
+from textwrap import shorten
 from typing import Any
 
 from dp_swing_ros.evaluation.campaign.contestants import Contestant
@@ -46,11 +47,7 @@ def _described(scenario: Scenario, seeds: range | None, levels: int | None) -> d
 
 
 def keep(folder: Path, description: dict[str, Any]) -> None:
-    """
-    Write the description into the folder, or find it there.
-
-    Raises CampaignError where the folder holds another campaign.
-    """
+    """Write the description into the folder; raises CampaignError where another is there."""
     path = folder / 'campaign.json'
     description = json.loads(json.dumps(description))
     if not path.exists():
@@ -59,25 +56,17 @@ def keep(folder: Path, description: dict[str, Any]) -> None:
     before = load(folder)
     for part in DECIDES:
         if before.get(part) != description[part]:
-            raise CampaignError(
-                f'{folder} holds a campaign with other {part}: {_short(before.get(part))}, now '
-                f'{_short(description[part])}; give another --output')
+            was, now = (shorten(json.dumps(value, ensure_ascii=False), 200, placeholder='...')
+                        for value in (before.get(part), description[part]))
+            raise CampaignError(f'{folder} holds a campaign with other {part}: {was}, now {now}; '
+                                'give another --output')
 
 
 def load(folder: Path) -> dict[str, Any]:
-    """
-    Read the description of the campaign in a folder.
-
-    Raises CampaignError where there is none.
-    """
+    """Read the description of the campaign in a folder; raises CampaignError without one."""
     path = folder / 'campaign.json'
     try:
         # a campaign from before there was a choice has two links
         return {'links': DEFAULT_LINKS, **json.loads(path.read_text(encoding='utf-8'))}
     except (OSError, ValueError) as error:
         raise CampaignError(f'{folder} holds no campaign: {error}') from None
-
-
-def _short(value: Any) -> str:
-    text = json.dumps(value, ensure_ascii=False)
-    return text if len(text) <= 200 else f'{text[:200]}...'

@@ -29,12 +29,11 @@ the p of the sign test, and the ratio of the closed-loop costs Σℓ (first over
 mean of the cases) with its 95 % interval (bootstrap). The p are of one test each: among twenty of
 them one below 0.05 is to be expected by chance."""
 
-AGAINST = """\
+AGAINST = f"""\
 Pairs are the episodes of the same contestant, scenario, level and seed; identical are those whose
-rows are equal to the bit, the clock apart. What only one of the two held comes with the p of
-McNemar's exact test; where both held, the median difference of the settling times (now less
-stored) with its 95 % interval (bootstrap) and the p of the sign test, and the ratio of the
-closed-loop costs (now over stored, geometric mean) with its 95 % interval (bootstrap)."""
+rows are equal to the bit, the clock apart. The first of two is now, the second as stored.
+
+{DUELS}"""
 
 SCORES = ('Performance is the mean over `hanging`; robustness the mean of the six fractions of '
           'levels that pass, with more than half of their runs.')

@@ -59,9 +59,9 @@ class Row:
     solve_times: Array
 
 
-NOTHING: dict[Any, Any] = {bool: False, int: 0, float: math.nan}
-UNKNOWN = Metrics(**{field.name: NOTHING[field.type]
-                     for field in dataclasses.fields(Metrics)})  # of an episode that raised
+KINDS: list[Any] = [field.type for field in dataclasses.fields(Metrics)]
+NOTHING = {bool: False, int: 0, float: math.nan}
+UNKNOWN = Metrics(*(NOTHING[kind] for kind in KINDS))  # of an episode that raised
 # what a clock decides, and not the seed
 CLOCKED = ('median_solve_time', 'p99_solve_time', 'largest_solve_time', 'median_latency',
            'p99_latency', 'late_ticks', 'deadline_misses')
@@ -113,11 +113,7 @@ class Table:
                 file.write(_line(COLUMNS))
 
     def append(self, row: Row) -> None:
-        """
-        Keep a row.
-
-        Raises CampaignError where it cannot be written.
-        """
+        """Keep a row; raises CampaignError where it cannot be written."""
         with self._opened() as file:
             file.write(_line(_cells(row)))
         self.rows.append(row)
@@ -138,11 +134,7 @@ def store(path: Path, rows: Iterable[Row]) -> None:
 
 
 def read(path: Path) -> list[Row]:
-    """
-    Read the whole rows of a table, compressed or not.
-
-    Raises CampaignError where it is another table.
-    """
+    """Read the whole rows of a table, compressed or not; raises CampaignError for another."""
     data = path.read_bytes()
     if path.suffix == '.gz':
         try:
@@ -156,8 +148,8 @@ def read(path: Path) -> list[Row]:
     rows = []
     for number, cells in enumerate(lines, 2):
         try:
-            rows.append(_row(dict(zip(COLUMNS, cells, strict=True))))
-        except (ValueError, KeyError) as error:
+            rows.append(_row(cells))
+        except ValueError as error:
             raise CampaignError(f'{path}, line {number}: {error}; remove the line for the episode '
                                 'to be run again') from None
     return rows
@@ -180,21 +172,17 @@ def _whole(data: bytes) -> int:
     return data.rfind(b'\n') + 1
 
 
-def _row(cells: dict[str, str]) -> Row:
-    key = Key(cells['contestant'], cells['scenario'], cells['parameter'],
-              float(cells['level']) if cells['level'] else None, int(cells['seed']))
-    metrics = Metrics(**{field.name: _value(field.type, cells[field.name])
-                         for field in dataclasses.fields(Metrics)})
-    ticks = MICRO * np.array(cells['solve_times_us'].split(), dtype=float)
-    return Row(key, cells['outcome'], cells['detail'], metrics, ticks)
+def _row(cells: list[str]) -> Row:
+    contestant, scenario, parameter, level, seed, outcome, detail, *measured, ticks = cells
+    key = Key(contestant, scenario, parameter, float(level) if level else None, int(seed))
+    metrics = Metrics(*(_value(*each) for each in zip(KINDS, measured, strict=True)))
+    return Row(key, outcome, detail, metrics, MICRO * np.array(ticks.split(), dtype=float))
 
 
 def _text(value: Any) -> str:
-    if isinstance(value, bool):
-        return str(int(value))
-    if isinstance(value, float):
-        return '' if math.isnan(value) else repr(value)
-    return '' if value is None else str(value)
+    if value is None or value != value:   # as NaN is
+        return ''
+    return str(int(value) if isinstance(value, bool) else value)
 
 
 def _value(kind: Any, text: str) -> Any:
