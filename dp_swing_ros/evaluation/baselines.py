@@ -38,11 +38,7 @@ class Reference(NamedTuple):
 
 
 def swing_up(problem: Problem) -> Reference:
-    """
-    Solve for swing-ups from hanging, and return the cheapest that its regulator brings to hold.
-
-    Raises ValueError where it holds none.
-    """
+    """Return the cheapest swing-up from hanging that its regulator holds; raises ValueError."""
     N = round(SWING_UP / problem.dt)
     bound = MARGIN * min(problem.u_max, 1e3)  # an unlimited force needs no margin
     long = replace(problem, horizon=N, u_max=bound)
@@ -97,8 +93,7 @@ class TVLQR:
         """Take the reference of swing_up."""
         self.problem, self.reference = problem, reference
         self.joined: float | None = None  # [s] when the reference would have begun
-        self.last: Plan | None = None     # what was answered last, and from when
-        self.began = 0.0
+        self.last, self.began = Nothing(problem).fallback(0.0), 0.0   # the last answer, its time
 
     def update(self, t: float, x: Array, delay: float) -> Plan:
         """Return the policy followed from the measured state on; see Controller.update."""
@@ -113,12 +108,8 @@ class TVLQR:
     def fallback(self, begins: float) -> Plan:
         """Go on with what the last answer predicted; see Controller.fallback."""
         began = time.perf_counter()
-        if self.last is None:
-            X, U = np.tile(hanging(self.problem.physical.links), (2, 1)), np.zeros(1)
-        else:
-            left = self.last.shifted(min(begins - self.began, self.last.duration - self.last.dt))
-            X, U = left.X, left.U
-        return self.answer(X, U, Status.LAST_POLICY, begins, began)
+        left = self.last.shifted(min(begins - self.began, self.last.duration - self.last.dt))
+        return self.answer(left.X, left.U, Status.LAST_POLICY, begins, began)
 
     def skips(self, x: Array) -> bool:
         """Return whether a start (2n + 2,) is nearer to the goal, as the regulators measure it."""

@@ -62,11 +62,7 @@ def simulate(plant: Plant, controller: Controller, duration: float, solver: str 
 
 
 def answer(plant: Plant, controller: Controller) -> Plan | None:
-    """
-    Return the controller's plan for the state as it is measured, or for one that is lost.
-
-    None as long as there is nothing to answer.
-    """
+    """Return the plan for a state as it is measured, or for one lost; None before the first."""
     measured = plant.measure()
     if not plant.is_seen():
         return None

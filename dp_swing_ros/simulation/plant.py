@@ -210,11 +210,7 @@ class Plant:
         self.mean_force = 0.0    # [N] of the actuator since the period began
 
     def obey(self, force: float, lasts: float = math.inf) -> bool:
-        """
-        Take a command [N], which acts for a time [s] at most, and return whether it was received.
-
-        It acts from now on, or late where the parameters say so.
-        """
+        """Take a command [N] for a time [s] at most, and return whether it was received."""
         return self.commands.send(self.t, force, lasts)
 
     def advance(self, duration: float) -> None:
@@ -244,7 +240,11 @@ class Plant:
             return
         limit = self.limits.force_limit
         model = Model(self.pendulum, INTEGRATORS[self.parameters.integrator], duration / steps)
-        response = self.response(duration / steps / physics_step)
+        response = self.parameters.actuator_response
+        # two halves of a physics step make what the whole one would; an actuator that overshoots
+        # does so in a step of any length
+        if response < 1:
+            response = 1 - (1 - response) ** (duration / steps / physics_step)
         target = min(max(self.commands.force + self.noise, -limit), limit)
         self.force, mean = integrate(model, response, limit, self.limits.track_limit, self.x,
                                      self.force, target, self.push, steps)
@@ -256,26 +256,12 @@ class Plant:
         while len(self.past) > 1 and self.past[1].t <= self.t - self.parameters.delay + ROUNDING:
             self.past.popleft()
 
-    def response(self, share: float) -> float:
-        """
-        Return the actuator's response in a share of a physics step.
-
-        Two halves of a step make what the whole one would, as far as there is such a law: an
-        actuator that overshoots does so in a step of any length.
-        """
-        k = self.parameters.actuator_response
-        return 1 - (1 - k) ** share if k < 1 else k
-
     def is_seen(self) -> bool:
         """Return whether a delay has passed, so that the first measurement can have arrived."""
         return self.past[0].t <= self.t - self.parameters.delay + ROUNDING
 
     def measure(self) -> Measurement | None:
-        """
-        Return the state as it was a delay ago, with the noise of the sensors.
-
-        None where that measurement is lost, or cannot have arrived yet.
-        """
+        """Return the noisy state of a delay ago; None where it is lost, or cannot be here yet."""
         t, x = self.past[0]
         noise = np.repeat((self.parameters.position_noise, self.parameters.velocity_noise),
                           len(x) // 2)
