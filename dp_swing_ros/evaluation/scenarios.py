@@ -26,6 +26,7 @@ START, PUSHES = 1, 2                   # before the seed: streams beside those o
 RANDOM_START = (1.0, math.pi, 1.0, 3.0)  # largest x, θ, ẋ and θ̇, either way
 NEAR_GOAL = 0.3                        # [rad] largest angle at the start of near_goal
 
+LEVELS = 21                            # of a sweep
 PROFILE = 'profile'                    # what pushes sweep: a profile is a level
 PULSES = 3                             # in a profile of pushes
 FIRST_PUSH, LAST_PUSH, APART = 0.5, 7.0, 1.0  # [s] between their middles
@@ -70,7 +71,6 @@ class Scenario:
     about: str
     seeds: range
     sweeps: tuple[Sweep, ...] = ()
-    levels: int = 0
     criterion: bool = False
     case: Callable[[Case, int], Case] = lambda case, links: case
 
@@ -81,7 +81,7 @@ class Scenario:
             for seed in seeds or self.seeds:
                 yield self.case(Case(name, seed, duration), links)
         for sweep in (each for each in self.sweeps if each.links <= links):
-            for level in np.linspace(sweep.low, sweep.high, levels or self.levels).tolist():
+            for level in np.linspace(sweep.low, sweep.high, levels or LEVELS).tolist():
                 plant = {sweep.parameter: level * sweep.nominal}
                 for seed in seeds or self.seeds:
                     yield Case(name, seed, duration, sweep.parameter, level, plant)
@@ -109,11 +109,7 @@ def pushed(case: Case, links: int) -> Case:
 
 
 def push_profile(seed: int, periods: int) -> Array:
-    """
-    Return a force for each period [N]: pulses at random times, sampled in the periods' middles.
-
-    Shapes: -> (periods,).
-    """
+    """Return the forces (periods,) [N] of pulses at random times, in the periods' middles."""
     random = np.random.default_rng((PUSHES, seed))
     slack = LAST_PUSH - FIRST_PUSH - (PULSES - 1) * APART
     middles = FIRST_PUSH + np.sort(random.uniform(0, slack, PULSES)) + APART * np.arange(PULSES)
@@ -124,13 +120,12 @@ def push_profile(seed: int, periods: int) -> Array:
 
 
 def _scaled(name: str, links: int = 1) -> Sweep:
-    """Sweep a mass or length as a share of its nominal value."""
+    """Sweep a physical parameter as a share of its nominal value."""
     return Sweep(name, 0.75, 1.25, links=links, nominal=getattr(PHYSICAL, name))
 
 
-MODEL = (_scaled('cart_mass'), *(_scaled(f'link{i}_mass', i) for i in LINKS),
-         *(_scaled(f'link{i}_length', i) for i in LINKS),
-         *(Sweep(f'link{i}_inertia_factor', 0.75, 1.25, links=i) for i in LINKS),
+OF_LINK = ('mass', 'length', 'inertia_factor')
+MODEL = (_scaled('cart_mass'), *(_scaled(f'link{i}_{name}', i) for name in OF_LINK for i in LINKS),
          *(Sweep(f'joint{i}_friction', 0.0, 0.1, 'N m s/rad', i) for i in LINKS))
 
 SCENARIOS: dict[str, Scenario] = {
@@ -140,22 +135,21 @@ SCENARIOS: dict[str, Scenario] = {
     'near_goal': Scenario('from rest with all angles within ±0.3 rad', range(100),
                           case=near_goal),
     'model': Scenario('a plant with other physical parameters than the controller knows', range(1),
-                      MODEL, 21, True),
+                      MODEL, criterion=True),
     'velocity_noise': Scenario(
         'noise on the measured velocities', range(10),
-        (Sweep('velocity_noise', 0.0, 0.5, 'm/s, rad/s'),), 21, True),
+        (Sweep('velocity_noise', 0.0, 0.5, 'm/s, rad/s'),), criterion=True),
     'force_noise': Scenario(
         'noise on the force, up to 18 % of its limit', range(10),
-        (Sweep('force_noise', 0.0, 0.18 * LIMITS.force_limit, 'N'),), 21, True),
+        (Sweep('force_noise', 0.0, 0.18 * LIMITS.force_limit, 'N'),), criterion=True),
     'response': Scenario(
         'a force that lags or overshoots, u = u₋₁ + k (u_des - u₋₁)', range(1),
-        (Sweep('actuator_response', 0.1, 2.0),), 21, True),
+        (Sweep('actuator_response', 0.1, 2.0),), criterion=True),
     'delay': Scenario('measurements that come late', range(1),
-                      (Sweep('delay', 0.0, 0.15, 's'),), 21, True),
+                      (Sweep('delay', 0.0, 0.15, 's'),), criterion=True),
     'pushes': Scenario('three Gaussian pushes of the cart', range(50), criterion=True,
                        case=pushed),
     'loss': Scenario('states, then forces, that are lost', range(5),
-                     (Sweep('state_loss', 0.0, 0.5), Sweep('command_loss', 0.0, 0.5)),
-                     21),
+                     (Sweep('state_loss', 0.0, 0.5), Sweep('command_loss', 0.0, 0.5))),
     'jitter': Scenario('forces that come late by chance', range(5),
-                       (Sweep('command_jitter', 0.0, 0.05, 's'),), 21)}
+                       (Sweep('command_jitter', 0.0, 0.05, 's'),))}

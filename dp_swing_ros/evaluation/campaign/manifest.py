@@ -11,9 +11,8 @@ from typing import Any
 
 from dp_swing_ros.evaluation.campaign.contestants import Contestant
 from dp_swing_ros.evaluation.campaign.rows import CampaignError
-from dp_swing_ros.evaluation.scenarios import Scenario, SCENARIOS
+from dp_swing_ros.evaluation.scenarios import LEVELS, SCENARIOS
 from dp_swing_ros.kernels import processor
-from dp_swing_ros.pendulum.state import DEFAULT_LINKS
 from dp_swing_ros.provenance import commit, COMPUTING, machine, package_version, packages, sources
 
 # rows depend on these
@@ -23,11 +22,15 @@ DECIDES = ('contestants', 'scenarios', 'duration', 'links', 'sources', 'processo
 def describe(contestants: Iterable[Contestant], scenarios: Iterable[str], seeds: range | None,
              levels: int | None, duration: float, links: int) -> dict[str, Any]:
     """Return the description of a campaign, ready for JSON."""
+    ranges = {name: seeds or SCENARIOS[name].seeds for name in scenarios}
     return {
         'contestants': {contestant.label: {
             'name': contestant.name, 'plant': contestant.plant, 'mpc': contestant.mpc}
             for contestant in contestants},
-        'scenarios': {name: _described(SCENARIOS[name], seeds, levels) for name in scenarios},
+        'scenarios': {name: {
+            'seeds': [of.start, of.stop],
+            'levels': levels or LEVELS if SCENARIOS[name].sweeps else 0}
+            for name, of in ranges.items()},
         'duration': duration, 'links': links, 'sources': sources(), 'processor': processor(),
         'version': package_version(), 'commit': commit()}
 
@@ -38,12 +41,6 @@ def made(command: str) -> dict[str, str]:
         'command': command, 'date': f'{datetime.now():%Y-%m-%d %H:%M}', 'machine': machine(),
         'packages': ', '.join(f'{name} {version}' for name, version in packages(
             (*COMPUTING, 'joblib')).items())}
-
-
-def _described(scenario: Scenario, seeds: range | None, levels: int | None) -> dict[str, Any]:
-    seeds = seeds or scenario.seeds
-    return {'seeds': [seeds.start, seeds.stop],
-            'levels': levels or scenario.levels if scenario.sweeps else 0}
 
 
 def keep(folder: Path, description: dict[str, Any]) -> None:
@@ -66,7 +63,6 @@ def load(folder: Path) -> dict[str, Any]:
     """Read the description of the campaign in a folder; raises CampaignError without one."""
     path = folder / 'campaign.json'
     try:
-        # a campaign from before there was a choice has two links
-        return {'links': DEFAULT_LINKS, **json.loads(path.read_text(encoding='utf-8'))}
+        return json.loads(path.read_text(encoding='utf-8'))
     except (OSError, ValueError) as error:
         raise CampaignError(f'{folder} holds no campaign: {error}') from None

@@ -44,13 +44,6 @@ def test_what_a_campaign_was_made_with_may_differ(tmp_path):
     assert 'numba' in manifest.load(tmp_path)['made']['packages']
 
 
-def test_a_campaign_from_before_there_was_a_choice_has_two_links(tmp_path):
-    (tmp_path / 'campaign.json').write_text(json.dumps(
-        {name: value for name, value in described().items() if name != 'links'}))
-    assert manifest.load(tmp_path)['links'] == 2
-    manifest.keep(tmp_path, described())
-
-
 def test_scenarios_have_their_seeds_and_levels():
     scenarios = described(scenarios=('random', 'delay'), seeds=None)['scenarios']
     assert scenarios == {'random': {'seeds': [0, 1000], 'levels': 0},
