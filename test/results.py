@@ -34,7 +34,8 @@ def campaign(contestants=('ilqr', 'mppi'), scenarios=('hanging',), duration=4.0,
     return {'contestants': {name: {'name': name.split(':')[0], 'plant': {}, 'mpc': {}}
                             for name in contestants},
             'scenarios': {name: {'seeds': [0, 20], 'levels': 0} for name in scenarios},
-            'duration': duration, 'links': links, 'version': '0.1.0', 'commit': 'abc'}
+            'duration': duration, 'links': links, 'version': '0.1.0', 'commit': 'abc',
+            'made': dict.fromkeys(('command', 'date', 'machine', 'packages'), 'made up')}
 
 
 def same(a, b):

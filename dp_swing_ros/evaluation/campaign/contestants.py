@@ -110,11 +110,7 @@ def measured(contestant: Contestant, case: Case, episode: Episode) -> Row:
 
 
 def ready(contestant: Contestant) -> Callable[[int], Controller]:
-    """
-    Return what makes the contestant's controllers, compiled and loaded in this process.
-
-    Raises ParameterError.
-    """
+    """Return what makes its controllers, compiled and loaded here; raises ParameterError."""
     name = repr(contestant)
     if name not in _ready:
         make = contestant.prepare()

@@ -60,14 +60,11 @@ def markdown(summary: Summary, title: str = 'Campaign', introduction: Sequence[s
 
 def made(summary: Summary) -> list[str]:
     """Return the lines on where a campaign comes from, and on how many episodes it has."""
-    campaign, lines = summary.campaign, []
-    about = campaign.get('made', {})
-    if about:
-        lines = [f'Made by `{about["command"]}` on {about["date"]}, version '
-                 f'{campaign["version"]}, commit {campaign["commit"]}; {about["machine"]}; '
-                 f'{about["packages"]}.']
+    campaign, about = summary.campaign, summary.campaign['made']
     missing = f', {summary.missing} not run yet' if summary.missing else ''
-    return [*lines, f'{summary.episodes} episodes of {campaign["duration"]:g} s{missing}.']
+    return [f'Made by `{about["command"]}` on {about["date"]}, version {campaign["version"]}, '
+            f'commit {campaign["commit"]}; {about["machine"]}; {about["packages"]}.',
+            f'{summary.episodes} episodes of {campaign["duration"]:g} s{missing}.']
 
 
 def number(value: float, digits: int = 2, scale: float = 1.0) -> str:

@@ -60,7 +60,7 @@ class Row:
 
 
 KINDS: list[Any] = [field.type for field in dataclasses.fields(Metrics)]
-NOTHING = {bool: False, int: 0, float: math.nan}
+NOTHING: dict[Any, Any] = {bool: False, int: 0, float: math.nan}
 UNKNOWN = Metrics(*(NOTHING[kind] for kind in KINDS))  # of an episode that raised
 # what a clock decides, and not the seed
 CLOCKED = ('median_solve_time', 'p99_solve_time', 'largest_solve_time', 'median_latency',

@@ -30,8 +30,7 @@ def run(episodes: Sequence[tuple[Contestant, Case]], table: Table, jobs: int,
     """
     Play every episode that the table lacks, in their order.
 
-    Raises ParameterError where a contestant cannot be made and CampaignError where it cannot go
-    on.
+    Raises ParameterError for a contestant that is none, CampaignError where it cannot go on.
     """
     done = {row.key for row in table.rows}
     todo = [(contestant, case) for contestant, case in episodes

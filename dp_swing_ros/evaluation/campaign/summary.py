@@ -225,14 +225,11 @@ def rivals(now: Sequence[Row], stored: Sequence[Row]) -> list[tuple[Duel, int]]:
     CampaignError where they have no episode in common.
     """
     refuse_strangers([row.key for row in now], stored)
-    before = grouped(stored, lambda row: row.key[:2])
-    found = []
-    for names, rows in grouped(now, lambda row: row.key[:2]).items():
-        if pairs := common(rows, before.get(names, [])):
-            contestant, scenario = names
-            found.append((duel(scenario, contestant, 'stored', pairs),
-                          sum(identical(*pair) for pair in pairs)))
-    return found
+    before = {row.key: row for row in stored}
+    pairs = [(row, before[row.key]) for row in now if row.key in before]
+    return [(duel(scenario, contestant, 'stored', group), sum(identical(*pair) for pair in group))
+            for (contestant, scenario), group in
+            grouped(pairs, lambda pair: pair[0].key[:2]).items()]
 
 
 def refuse_strangers(keys: Iterable[Key], stored: Sequence[Row]) -> None:
