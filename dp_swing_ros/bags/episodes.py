@@ -46,7 +46,7 @@ def episode_of(bag: Bag) -> Episode:
     """Return the run in a bag; raises as `read_episode`."""
     samples, reports = samples_of(bag), reports_of(bag)
     start = samples[0].stamp
-    physical, limits = bag.parse(_described, bag.of(ROBOT_DESCRIPTION)[-1])
+    physical, limits = description_of(bag)
     if physical.links != links_of_state(samples[0].x):
         raise BagError(f'{bag} has states of {links_of_state(samples[0].x)} links, but a robot '
                        f'description of {physical.links}; record a run with the logger')
@@ -86,9 +86,9 @@ def links_of(bag: Bag) -> int:
     for node in (PLANT, CONTROLLER):
         if node in configurations and 'links' in configurations[node].parameters:
             return bag.parse(_checked_links, configurations[node].parameters['links'])
-    if bag.has(ROBOT_DESCRIPTION):
+    for message in bag.any_of(ROBOT_DESCRIPTION)[-1:]:
         with suppress(AttributeError, TypeError, ValueError):  # of another robot
-            return _described(bag.of(ROBOT_DESCRIPTION)[-1])[0].links
+            return from_urdf(message.data)[0].links
     return bag.parse(links_in, bag.decoded(bag.entries_of(JOINT_STATES)[0]))
 
 
@@ -104,9 +104,14 @@ def configurations_of(bag: Bag) -> dict[str, Configuration]:
 
     Of a node that was started again it is the last. Raises BagError.
     """
-    messages = bag.of(CONFIGURATION) if bag.has(CONFIGURATION) else ()
-    found = [bag.parse(lambda message: from_text(message.data), message) for message in messages]
+    found = [bag.parse(lambda message: from_text(message.data), message)
+             for message in bag.any_of(CONFIGURATION)]
     return {each.node.rsplit('/', 1)[-1]: each for each in found}
+
+
+def description_of(bag: Bag) -> tuple[PendulumParameters, LimitParameters]:
+    """Return what the robot description of a bag says; raises BagError."""
+    return bag.parse(lambda message: from_urdf(message.data), bag.of(ROBOT_DESCRIPTION)[-1])
 
 
 def reports_of(bag: Bag) -> list[Report]:
@@ -122,10 +127,6 @@ def reports_of(bag: Bag) -> list[Report]:
 
 def _sample(message: Any, links: int) -> Sample:
     return Sample(nanoseconds(message.header.stamp), to_state(message, links), to_force(message))
-
-
-def _described(message: Any) -> tuple[PendulumParameters, LimitParameters]:
-    return from_urdf(message.data)
 
 
 def _ticks(reports: list[Report], start: int) -> Ticks:

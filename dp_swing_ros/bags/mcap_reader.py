@@ -7,32 +7,99 @@ What that reader passes over is damage here: a checksum or a count that is wrong
 two channels share, bytes after the end. What is left of a damaged file is for `recovery`.
 """
 
-from contextlib import suppress
+from collections.abc import Mapping
+from contextlib import redirect_stderr, suppress
 import dataclasses
-from io import BytesIO
-import mmap
+from io import BytesIO, StringIO
 from pathlib import Path
-from typing import Any, NamedTuple
+from types import MappingProxyType
+from typing import Any, Callable, NamedTuple
 import zlib
 
 import lz4.frame
 from mcap.records import Channel, Chunk, McapRecord, Message, MessageIndex, Schema, Statistics
 from mcap.stream_reader import breakup_chunk, StreamReader
+from mcap_ros2.decoder import DecoderFactory
 import zstandard
 
-from dp_swing_ros.bags.channels import ChannelInfo, Definitions
 from dp_swing_ros.errors import BagError, one_line
 
 PIECE = 1 << 16    # [bytes] unpacked at a time: what an error costs besides its own block
 LARGEST = 1 << 29  # [bytes] of a chunk; writers make them of a few MiB
 STREAMS: dict[str, Any] = {'': BytesIO, 'lz4': lambda data: lz4.frame.LZ4FrameFile(BytesIO(data)),
                            'zstd': zstandard.ZstdDecompressor().stream_reader}
+FIELDS = 2000      # lines of a definition: reading one takes the square of their number
+DEFINITION = 1 << 18  # [bytes]
 
-Buffer = mmap.mmap | bytes
+Declared = Mapping[tuple[type, int], Any]  # schemas and channels; None where it is not known
 
 
 class DamagedFile(Exception):
     """A file is not whole; the message says after how many messages, and what is wrong."""
+
+
+class ChannelInfo:
+    """A topic as a channel and its schema describe it."""
+
+    def __init__(self, channel: Channel, schema: Schema | None) -> None:
+        self.topic = channel.topic
+        self.type = schema.name if schema else ''
+        self.encoding = channel.message_encoding
+        self.definition = schema.data if schema else b''
+        self.metadata = channel.metadata
+        self.qos = channel.metadata.get('offered_qos_profiles', '')  # as YAML; may be empty
+        self.is_ros = schema is not None and (channel.message_encoding, schema.encoding) == (
+            'cdr', 'ros2msg')
+        self._schema = schema
+        self._decoder: Callable[[bytes], Any] | None = None
+
+    def decode(self, data: bytes) -> Any:
+        """Return a message of ROS; raises anything where it is none, or the definition none."""
+        # Only who asks for a message minds whether its definition can be read.
+        if self._decoder is None:
+            if len(self.definition) > DEFINITION or self.definition.count(b'\n') > FIELDS:
+                raise ValueError(f'its definition is longer than {DEFINITION} bytes or '
+                                 f'{FIELDS} lines')
+            with redirect_stderr(StringIO()):   # where its parser prints what is wrong, too
+                self._decoder = DecoderFactory().decoder_for(self.encoding, self._schema)
+            assert self._decoder is not None, 'a message of ROS has a decoder'
+        return self._decoder(_Body(data))
+
+
+class _Body(bytes):
+    """A message as it is serialised; unlike bytes, it does not end silently."""
+
+    def __getitem__(self, key: Any) -> Any:
+        if isinstance(key, slice) and key.stop is not None and key.stop > len(self):
+            raise ValueError('it ends amid a field')
+        return super().__getitem__(key)
+
+
+class Definitions:
+    """The schemas and channels of a file by their numbers: what was declared last of each."""
+
+    def __init__(self, declared: Declared = MappingProxyType({})) -> None:
+        self._declared = dict(declared)
+        self._channels: dict[int, ChannelInfo] = {}
+
+    def declare(self, item: Schema | Channel) -> bool:
+        """Add what a file declares; return whether it agrees with what it declared before."""
+        key = type(item), item.id
+        before = self._declared.get(key)
+        if before != item:
+            self._declared[key] = item
+            self._channels.clear()
+        return before in (None, item)
+
+    def channel(self, number: int) -> ChannelInfo | None:
+        """Return a channel; None where it is not known."""
+        if number not in self._channels:
+            channel = self._declared.get((Channel, number))
+            schema = channel and self._declared.get((Schema, channel.schema_id))
+            if channel is None or schema is None and channel.schema_id != 0:
+                return None
+            self._channels[number] = ChannelInfo(channel, schema)
+        return self._channels[number]
 
 
 class Entry(NamedTuple):
@@ -70,29 +137,18 @@ class Messages:
                                       record.sequence, record.data))
 
 
-def contents(file: Path) -> Buffer:
-    """
-    Return the bytes of a file, which stay on the disk until they are looked at.
-
-    Raises BagError.
-    """
+def contents(file: Path) -> bytes:
+    """Return the bytes of a file; raises BagError."""
     try:
-        if file.is_fifo():  # to open it would wait for its writer
+        if not file.is_file() and not file.is_dir():  # to open a pipe would wait for its writer
             raise BagError(f'cannot read {str(file)!r}: it is not a regular file')
-        with file.open('rb') as stream:
-            return mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ)
-    except ValueError:  # an empty file cannot be mapped
-        return b''
+        return file.read_bytes()
     except OSError as error:
         raise BagError(f'cannot read {str(file)!r}: {error.strerror}') from None
 
 
-def read(data: Buffer) -> list[Entry]:
-    """
-    Return the messages of a file as they follow each other.
-
-    Raises DamagedFile where it is not whole.
-    """
+def read(data: bytes) -> list[Entry]:
+    """Return the messages of a file in their order; raises DamagedFile where it is not whole."""
     messages = Messages()
     try:
         _read(data, messages)
@@ -102,8 +158,8 @@ def read(data: Buffer) -> list[Entry]:
     return messages.entries
 
 
-def _read(data: Buffer, messages: Messages) -> None:
-    stream, counted, indexed = stream_of(data), None, 0
+def _read(data: bytes, messages: Messages) -> None:
+    stream, counted, indexed = BytesIO(data), None, 0
     for record in StreamReader(stream, emit_chunks=True, validate_crcs=True,
                                record_size_limit=len(data)).records:
         for item in _unpacked(record) if isinstance(record, Chunk) else (record,):
@@ -117,13 +173,6 @@ def _read(data: Buffer, messages: Messages) -> None:
         raise ValueError('goes on after its end')
     if counted not in (None, found) or indexed > found:  # a record of no kind is passed over
         raise ValueError(f'counts {indexed if counted is None else counted} of them')
-
-
-def stream_of(data: Buffer) -> Any:
-    """Return the bytes of a file as the library reads them, from the first on."""
-    stream = data if isinstance(data, mmap.mmap) else BytesIO(data)
-    stream.seek(0)
-    return stream
 
 
 def _unpacked(chunk: Chunk) -> list[McapRecord]:

@@ -1,13 +1,19 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Writes the metadata.yaml of a bag. Source: version 9 of rosbag2's metadata, that of Jazzy."""
+"""The metadata.yaml of a bag. Source: version 9 of rosbag2's metadata, that of Jazzy."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import yaml
 
+from dp_swing_ros.parameters.files import parse_file
+
+METADATA = 'metadata.yaml'
 VERSION = 9
+RECOVERED = 'recovered_of'  # in custom_data: of how many messages a bag is what was left
 
 
 class Recorded(NamedTuple):
@@ -79,3 +85,48 @@ class _PlainDumper(yaml.SafeDumper):
 
     def ignore_aliases(self, data: Any) -> bool:
         return True
+
+
+class Described(NamedTuple):
+    """What metadata.yaml says of a bag's folder, or of one of its files."""
+
+    messages: int | None = None     # None where it does not say
+    files: Sequence[str] = ()       # of the folder; none of a file
+    custom: Mapping[str, str] = MappingProxyType({})
+    damaged: bool = False           # it is there, but not what rosbag2 writes
+
+    def recorded(self, count: int, damaged: bool) -> str:
+        """Return of how many messages these are what is left; nothing where they are all."""
+        if RECOVERED in self.custom:
+            return self.custom[RECOVERED]
+        if self.messages:
+            return str(self.messages) if count < self.messages else ''
+        return 'unknown' if damaged else ''
+
+    def missing(self, files: Iterable[Path]) -> list[str]:
+        """Return the files that it names and that are not there under any name."""
+        there = {file.name for file in files}
+        lacking = [name for name in self.files if name not in there]
+        return lacking if len(self.files) > len(there) else []
+
+
+def described(path: Path) -> Described:
+    """Return what metadata.yaml says of a bag's folder, or of its file; nothing without one."""
+    file = (path if path.is_dir() else path.parent) / METADATA
+    if not file.is_file():
+        return Described()
+    try:
+        about = parse_file(file)['rosbag2_bagfile_information']
+        files = {str(each['path']): each for each in about.get('files') or ()}
+        names = [str(name) for name in about['relative_file_paths']]
+        custom = about.get('custom_data') or {}
+        count = (about if path.is_dir() else files.get(path.name, {})).get('message_count')
+        return Described(None if count is None else int(count), names if path.is_dir() else (),
+                         {str(key): str(value) for key, value in custom.items()})
+    except (AttributeError, KeyError, OSError, TypeError, ValueError):
+        return Described(damaged=True)
+
+
+def incomplete(count: int, recorded: str) -> str:
+    """Return what every tool says of a bag that holds so many messages of those recorded."""
+    return f'Incomplete: {count} of {recorded} messages' if recorded else ''

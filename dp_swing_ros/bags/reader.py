@@ -3,21 +3,20 @@
 """Reads the messages of a bag, topic by topic; needs no ROS."""
 
 from pathlib import Path
+import re
 import shlex
 from typing import Any, Callable, TypeVar
 
 from mcap.writer import MCAP0_MAGIC as MAGIC
 
-from dp_swing_ros.bags.channels import ChannelInfo
-from dp_swing_ros.bags.folder import (
-    conversion, Described, described_or_none, files_of, incomplete, missing_files, RECOVERED,
-    UNKNOWN)
-from dp_swing_ros.bags.mcap_reader import contents, DamagedFile, Entry, read
+from dp_swing_ros.bags.mcap_reader import ChannelInfo, contents, DamagedFile, Entry, read
+from dp_swing_ros.bags.metadata import described, incomplete
 from dp_swing_ros.errors import BagError, one_line
 from dp_swing_ros.topics import JOINT_STATES, Topic
 
 R = TypeVar('R')
 SQLITE = b'SQLite format 3\0'
+NAMED = 10  # files that an error names at most
 
 
 class Bag:
@@ -34,8 +33,8 @@ class Bag:
         Raises BagError, saying what was found, what is expected and what to do.
         """
         self.path, self.partial, self.namespace = Path(path), partial, namespace
-        files, about = files_of(self.path), described_or_none(self.path)
-        missing = missing_files(about, files)
+        files, self.about = files_of(self.path), described(self.path)
+        missing = self.about.missing(files)
         self._cut = bool(missing)
         if missing and not partial:
             raise BagError(f'{self} lacks {", ".join(missing)}, which its metadata.yaml names; '
@@ -48,18 +47,11 @@ class Bag:
         if namespace is not None and not self.has(JOINT_STATES):
             raise BagError(f'{self} has no {JOINT_STATES.name} in the namespace {namespace!r}: '
                            f'{self._found()}')
-        self.incomplete = self._incomplete(about)
+        count = len(self.entries)
+        self.incomplete = incomplete(count, self.about.recorded(count, self._cut))
 
     def __repr__(self) -> str:
         return f'the bag {str(self.path)!r}'
-
-    def _incomplete(self, about: Described | None) -> str:
-        count = len(self.entries)
-        if about is not None and RECOVERED in about.custom:
-            return incomplete(count, about.custom[RECOVERED])
-        if about is None or about.messages is None:
-            return incomplete(count, UNKNOWN) if self._cut else ''
-        return incomplete(count, about.messages) if count < about.messages else ''
 
     def _read(self, file: Path) -> list[Entry]:
         data = contents(file)
@@ -70,19 +62,22 @@ class Bag:
                            'of what is left')
         try:
             return read(data)
-        except DamagedFile as damage:
+        except DamagedFile as error:
             # not above: a whole bag is read without what goes through damaged ones
             from dp_swing_ros.recovery.scan import beginning_of
-            found = beginning_of(data)
-            if not found.is_cut:
-                raise BagError(f'{str(file)!r} is damaged {found.damage or damage}; '
-                               f'{self._remedy()} of what is left') from None
+            entries, damage = beginning_of(data)
+            if damage is None or not damage.is_cut:
+                where = error if damage is None else (
+                    f'after {len(entries)} messages, at byte {damage.begin}: '
+                    f'{damage.reason.value}')
+                raise BagError(f'{str(file)!r} is damaged {where}; {self._remedy()} of what is '
+                               'left') from None
         if not self.partial:
-            raise BagError(f'{str(file)!r} has {len(found.entries)} messages but no end, as if '
-                           'its logger was killed; ask for what is there (partial), or '
+            raise BagError(f'{str(file)!r} has {len(entries)} messages but no end, as if its '
+                           f'logger was killed; ask for what is there (partial), or '
                            f'{self._remedy()}')
         self._cut = True
-        return found.entries
+        return entries
 
     def _remedy(self) -> str:
         path = shlex.quote(str(self.path))
@@ -93,15 +88,19 @@ class Bag:
         return bool(self._names(topic))
 
     def of(self, topic: Topic) -> list[Any]:
+        """Return the messages on a topic as they were received; raises as `entries_of`."""
+        return [self.decoded(entry) for entry in self.entries_of(topic)]
+
+    def any_of(self, topic: Topic) -> list[Any]:
+        """Return the messages on a topic, which may have none; else raises as `entries_of`."""
+        return self.of(topic) if self.has(topic) else []
+
+    def entries_of(self, topic: Topic) -> list[Entry]:
         """
-        Return the messages on a topic as they were received.
+        Return the entries of a topic.
 
         Raises BagError where there are none, or those of several pendulums.
         """
-        return [self.decoded(entry) for entry in self.entries_of(topic)]
-
-    def entries_of(self, topic: Topic) -> list[Entry]:
-        """Return the entries of a topic; raises as `of`."""
         names = self._names(topic)
         if not names:
             raise BagError(f'{self} has nothing on {topic.name}: {self._found()}; '
@@ -128,11 +127,7 @@ class Bag:
         return f'it holds messages of {", ".join(self.topics) or "no topic"}'
 
     def decoded(self, entry: Entry) -> Any:
-        """
-        Return the message of an entry.
-
-        Raises BagError where it is not one of ROS 2, or not one of its type.
-        """
+        """Return the message of an entry; raises BagError where it is none of its type."""
         if not entry.channel.is_ros:
             raise BagError(f'{self} has {entry.topic} in another encoding; '
                            'expected cdr messages with a ros2msg definition')
@@ -159,3 +154,37 @@ class Bag:
 
 def _namespace(name: str, topic: Topic) -> str:
     return f'/{name.removesuffix(topic.name).strip("/")}'
+
+
+def files_of(path: Path) -> list[Path]:
+    """Return the MCAP files of a bag, in their order; raises BagError."""
+    try:
+        if path.is_file():
+            return [path]
+        if not path.exists():
+            raise BagError(f'there is no bag {str(path)!r}')
+        if not path.is_dir():
+            raise BagError(f'cannot read {str(path)!r}: it is neither a folder nor a regular file')
+        names = sorted(file.name for file in path.iterdir())
+    except OSError as error:
+        raise BagError(f'cannot read {str(path)!r}: {error.strerror}') from None
+    files = sorted((path / name for name in names if name.endswith('.mcap')), key=_in_order)
+    if not files:
+        found = ', '.join([*names[:NAMED], *(['...'] if len(names) > NAMED else [])]) or 'nothing'
+        raise BagError(f'{str(path)!r} is no bag with an MCAP file, it holds {found}; '
+                       f'a bag of another storage: {conversion(path)}')
+    return files
+
+
+def conversion(folder: Path) -> str:
+    """Return the commands that make a bag of MCAP of one of another storage."""
+    source, target = (shlex.quote(str(folder.resolve()) + end) for end in ('', '_mcap'))
+    return (f'`rosbags-convert --src {source} --dst {target} --dst-storage mcap` (pip install '
+            f'rosbags) makes one of MCAP, and so does `ros2 bag convert -i {source} -o mcap.yaml` '
+            f'with `output_bags: [{{uri: {target}, storage_id: mcap, all_topics: true}}]` in '
+            'mcap.yaml')
+
+
+def _in_order(file: Path) -> list[int | str]:
+    # bag_2 before bag_10
+    return [int(part) if part.isdecimal() else part for part in re.split(r'(\d+)', file.name)]

@@ -2,13 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """A run as pandas frames whose columns name their units: its states and its plans."""
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
-from typing import Any, TYPE_CHECKING
 
 import numpy as np
+import pandas
 
 from dp_swing_ros.bags.episodes import reports_of, samples_of
 from dp_swing_ros.bags.reader import Bag
@@ -17,17 +15,13 @@ from dp_swing_ros.pendulum.parameters import PendulumParameters
 from dp_swing_ros.pendulum.state import Array, columns, joints, LINKS, links_of, units, wrapped
 from dp_swing_ros.topics import PLAN
 
-if TYPE_CHECKING:
-    from pandas import DataFrame
-
-KINDS = ('position', 'velocity')
 UNITS = {'solve_time': 's', 'latency': 's', 'delay': 's', 'force': 'N', 'force_bias': 'N',
          **{field.name: field.metadata['unit']
             for field in dataclasses.fields(PendulumParameters)},
          **{f'{what}_{joint}_{kind}': unit for what in ('estimate', 'innovation')
-            for (kind, joint), unit in zip(itertools.product(KINDS, joints(max(LINKS))),
-                                           units(max(LINKS)))}}
-ANGULAR = [f'estimate_{joint}_position' for joint in joints(max(LINKS))[1:]]
+            for (kind, joint), unit in zip(
+                itertools.product(('position', 'velocity'), joints(max(LINKS))),
+                units(max(LINKS)))}}
 
 
 def state_columns(links: int) -> list[str]:
@@ -35,7 +29,7 @@ def state_columns(links: int) -> list[str]:
     return [f'{name} [{unit}]' for name, unit in zip(columns(links), units(links))]
 
 
-def states_of(bag: Bag, whole_turns: bool = False) -> DataFrame:
+def states_of(bag: Bag, whole_turns: bool = False) -> pandas.DataFrame:
     """
     Return a row a state, and what the controller reported of its tick for it.
 
@@ -44,20 +38,22 @@ def states_of(bag: Bag, whole_turns: bool = False) -> DataFrame:
     """
     samples = samples_of(bag)
     stamps = [sample.stamp for sample in samples]
-    table: dict[str, Any] = {
+    states = pandas.DataFrame({
         't [s]': (np.array(stamps) - stamps[0]) / BILLION, 'stamp [ns]': stamps,
         **_states(np.array([sample.x for sample in samples]), whole_turns),
-        'force [N]': [*(sample.force for sample in samples[1:]), np.nan]}
+        'force [N]': [*(sample.force for sample in samples[1:]), np.nan]})
     reports = {report.stamp: report.values for report in reports_of(bag)}
-    for key in dict.fromkeys(key for values in reports.values() for key in values):
-        column = [reports.get(stamp, {}).get(key) for stamp in stamps]
-        if key in ANGULAR and not whole_turns:
-            column = [None if value is None else _wrapped_angle(value) for value in column]
-        table[column_of(key)] = _of_one_kind(column)
-    return _frame([table], bag)
+    ticks = pandas.DataFrame([reports.get(stamp, {}) for stamp in stamps])
+    for key, column in ticks.items():
+        if UNITS.get(key) == 'rad' and key.startswith('estimate_') and not whole_turns:
+            ticks[key] = wrapped(np.outer(column, (0.0, 1.0, 0.0, 0.0)))[:, 1]
+        elif column.dtype == object:
+            # '3 2' stands beside 3 where a tick solved twice, once
+            ticks[key] = column.map(str, na_action='ignore')
+    return _of_bag(pandas.concat([states, ticks.rename(columns=_with_unit)], axis=1), bag)
 
 
-def plans_of(bag: Bag, whole_turns: bool = False) -> DataFrame:
+def plans_of(bag: Bag, whole_turns: bool = False) -> pandas.DataFrame:
     """
     Return a row a step of a plan: which state it answers, the step k, and how far ahead it is.
 
@@ -66,25 +62,24 @@ def plans_of(bag: Bag, whole_turns: bool = False) -> DataFrame:
     first = samples_of(bag)[0]
     columns = ['t [s]', 'stamp [ns]', 'k', 'ahead [s]', *state_columns(links_of(first.x)),
                'force [N]']
-    tables: list[dict[str, Any]] = []
-    for message in bag.of(PLAN) if bag.has(PLAN) else ():
+    tables = []
+    for message in bag.any_of(PLAN):
         plan, stamp = bag.parse(from_trajectory, message), nanoseconds(message.header.stamp)
-        tables.append({'t [s]': (stamp - first.stamp) / BILLION, 'stamp [ns]': stamp,
-                       'k': np.arange(len(plan.X)), 'ahead [s]': plan.t,
-                       **_states(plan.X, whole_turns), 'force [N]': [*plan.U, np.nan]})
-    return _frame(tables or [dict.fromkeys(columns, np.empty(0))], bag)
+        tables.append(pandas.DataFrame({
+            't [s]': (stamp - first.stamp) / BILLION, 'stamp [ns]': stamp,
+            'k': np.arange(len(plan.X)), 'ahead [s]': plan.t, **_states(plan.X, whole_turns),
+            'force [N]': [*plan.U, np.nan]}))
+    return _of_bag(pandas.concat(tables, ignore_index=True) if tables else
+                   pandas.DataFrame(columns=columns, dtype=float), bag)
 
 
-def column_of(key: str) -> str:
-    """Return the column of a figure in the diagnostics, with its unit."""
+def _with_unit(key: str) -> str:
+    """Return the column of a figure in the diagnostics."""
     name = 'force_sent' if key == 'force' else key
     return f'{name} [{UNITS[key]}]' if UNITS.get(key) else name
 
 
-def _frame(tables: list[dict[str, Any]], bag: Bag) -> DataFrame:
-    import pandas  # here: it takes half a second, which no node should wait for
-
-    frame = pandas.concat(map(pandas.DataFrame, tables), ignore_index=True)
+def _of_bag(frame: pandas.DataFrame, bag: Bag) -> pandas.DataFrame:
     if bag.incomplete:
         frame['incomplete'] = bag.incomplete
     frame.attrs = {'bag': bag.path.resolve().name, 'incomplete': bag.incomplete}
@@ -93,14 +88,3 @@ def _frame(tables: list[dict[str, Any]], bag: Bag) -> DataFrame:
 
 def _states(X: Array, whole_turns: bool) -> dict[str, Array]:
     return dict(zip(state_columns(links_of(X)), np.transpose(X if whole_turns else wrapped(X))))
-
-
-def _wrapped_angle(angle: Any) -> float:
-    return float(wrapped(np.array([0.0, angle, 0.0, 0.0]))[1])
-
-
-def _of_one_kind(column: list[Any]) -> list[Any]:
-    # '3 2' stands beside 3 where a tick solved twice, once
-    if any(isinstance(value, str) for value in column):
-        return [None if value is None else str(value) for value in column]
-    return [np.nan if value is None else value for value in column]

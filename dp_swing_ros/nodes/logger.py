@@ -13,9 +13,8 @@ from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from dp_swing_ros.bags.mcap_writer import Storage
 from dp_swing_ros.bags.metadata import Recorded
-from dp_swing_ros.bags.writer import BagWriter
+from dp_swing_ros.bags.writer import BagWriter, Storage
 from dp_swing_ros.errors import BagError
 from dp_swing_ros.messages.definitions import schema
 from dp_swing_ros.messages.fields import BILLION

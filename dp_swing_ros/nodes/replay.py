@@ -11,7 +11,7 @@ from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock as ClockMessage
 from std_msgs.msg import Float64
 
-from dp_swing_ros.bags.channels import ChannelInfo
+from dp_swing_ros.bags.mcap_reader import ChannelInfo
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.errors import BagError
 from dp_swing_ros.messages.fields import BILLION

@@ -10,13 +10,15 @@ the length of its body (8 bytes) and the body.
 from io import BytesIO
 import struct
 from typing import Any, NamedTuple
+import zlib
 
 from mcap import records
 from mcap.data_stream import ReadDataStream, RecordBuilder
 from mcap.exceptions import EndOfFile
 from mcap.opcode import Opcode
+from mcap.writer import MCAP0_MAGIC as MAGIC
 
-from dp_swing_ros.bags.mcap_reader import Buffer, STREAMS
+from dp_swing_ros.bags.mcap_reader import STREAMS, unpack
 
 HEAD = struct.Struct('<BQ')  # opcode, length
 CHUNK = struct.Struct('<QQQII')  # its first and last time, size, checksum; length of a text
@@ -30,6 +32,8 @@ OF_MESSAGES = (records.Schema, records.Channel, records.Message)
 class ChunkHead(NamedTuple):
     """What a chunk says of itself, and where its data is."""
 
+    first: int     # [ns] of its messages
+    last: int
     size: int      # [bytes] unpacked
     checksum: int
     compression: str
@@ -51,7 +55,7 @@ class Record(NamedTuple):
         return isinstance(self.content, ChunkHead) and self.content.end != self.end
 
 
-def record_at(data: Buffer, place: int, exact: bool = False) -> Record | None:
+def record_at(data: bytes, place: int, exact: bool = False) -> Record | None:
     """
     Return the record at a place, of a chunk also one that the file is too short for.
 
@@ -85,17 +89,17 @@ def _content(opcode: int, body: bytes, exact: bool) -> records.McapRecord | None
         not exact or stream.count == len(body)) else None
 
 
-def _chunk_head(data: Buffer, place: int) -> ChunkHead | None:
+def _chunk_head(data: bytes, place: int) -> ChunkHead | None:
     # A chunk says its size twice, which makes it known among anything else.
     begin = place + CHUNK.size
     if begin + 16 > len(data):
         return None
-    _, _, size, checksum, length = CHUNK.unpack(data[place:begin])
+    first, last, size, checksum, length = CHUNK.unpack(data[place:begin])
     name, begin = data[begin:begin + min(length, 8)], begin + length + 8
     compression = name.decode(errors='replace')
     if compression not in STREAMS or length != len(name) or begin > len(data):
         return None
-    return ChunkHead(size, checksum, compression, begin,
+    return ChunkHead(first, last, size, checksum, compression, begin,
                      begin + int.from_bytes(data[begin - 8:begin], 'little'))
 
 
@@ -109,3 +113,36 @@ def walk(content: bytes) -> list[Record]:
         found.append(record)
         place = record.end
     return found
+
+
+def index_fits(data: bytes) -> bool:
+    """Return whether a program that reads a whole file by its indexes finds its messages."""
+    place = summary = len(MAGIC)   # where the summary begins
+    chunks = set[tuple[int, int]]()
+    messages = list[tuple[int, records.Message]]()  # of the last chunk, with their places
+    while (record := record_at(data, place)) is not None:
+        content, place = record.content, record.end
+        if isinstance(content, ChunkHead):
+            chunks.add((record.begin, record.end - record.begin))
+            inside = unpack(data[content.begin:content.end], content.compression, content.size, 0)
+            messages = [(each.begin, each.content) for each in walk(inside.content)
+                        if isinstance(each.content, records.Message)]
+            times = [message.log_time for _, message in messages]
+            if times and (content.first, content.last) != (min(times), max(times)):
+                return False
+        elif isinstance(content, records.MessageIndex):
+            if sorted(content.records) != sorted(
+                    (message.log_time, begin) for begin, message in messages
+                    if message.channel_id == content.channel_id):
+                return False
+        elif isinstance(content, records.ChunkIndex):
+            if (content.chunk_start_offset, content.chunk_length) not in chunks:
+                return False
+        elif isinstance(content, records.DataEnd):
+            summary = record.end
+        elif isinstance(content, records.Footer):
+            checksum = zlib.crc32(data[summary:len(data) - len(MAGIC) - 4])
+            if content.summary_start not in (0, summary) \
+                    or content.summary_crc not in (0, checksum):
+                return False
+    return True

@@ -11,15 +11,14 @@ from typing import Any, Callable
 
 from mcap.records import Message
 
-from dp_swing_ros.bags.channels import ChannelInfo, Declared, Definitions
-from dp_swing_ros.bags.folder import (
-    described_or_none, files_of, incomplete, missing_files, RECOVERED, UNKNOWN)
-from dp_swing_ros.bags.mcap_reader import contents, DamagedFile, read
-from dp_swing_ros.bags.metadata import Recorded
+from dp_swing_ros.bags.mcap_reader import (
+    ChannelInfo, contents, DamagedFile, Declared, Definitions, read)
+from dp_swing_ros.bags.metadata import Described, described, incomplete, Recorded, RECOVERED
+from dp_swing_ros.bags.reader import files_of
 from dp_swing_ros.bags.writer import BagWriter
 from dp_swing_ros.errors import BagError
 from dp_swing_ros.parameters.files import parse, YamlError
-from dp_swing_ros.recovery.index import index_fits
+from dp_swing_ros.recovery.records import index_fits
 from dp_swing_ros.recovery.scan import Damage, Found, Scan
 
 LATEST = 2 ** 63  # [ns] what the times of rosbag2 end at
@@ -66,16 +65,16 @@ class Account:
 class Recovery:
     """What is whole of a bag and what is not."""
 
-    def __init__(self) -> None:
+    def __init__(self, about: Described) -> None:
+        """Begin with what metadata.yaml says of the bag."""
         self.topics: dict[str, Account] = {}
         self.messages: list[tuple[str, Message]] = []  # to save, with their topics
         self.damages: list[tuple[Path, Damage]] = []
         self.faults = Counter[tuple[Fault, str]]()     # messages, by what is wrong and topic
         self.notes: list[str] = []
         self.counted: int | None = 0        # messages by the files' own counts, where all have one
-        self.described: int | None = None   # messages as metadata.yaml counts them
-        self.before: str | None = None      # of how many the bag was already what was left
         self.unverified = 0   # saved, but no checksum says whether they are as they were
+        self._about = about
         self._seen: set[int] = set()        # hashes of the messages to save
 
     @property
@@ -84,19 +83,15 @@ class Recovery:
         return len(self.messages)
 
     @property
-    def recorded(self) -> str | None:
-        """How many messages there once were, as far as known; None where all are saved."""
-        known = self.described or self.counted
-        if self.before is not None:
-            return self.before
-        if known:
-            return str(known) if self.saved < known else None
-        return UNKNOWN if self.damages or self.faults else None
+    def recorded(self) -> str:
+        """How many messages there once were, as far as known; nothing where all are saved."""
+        about = self._about._replace(messages=self._about.messages or self.counted)
+        return about.recorded(self.saved, bool(self.damages or self.faults))
 
     @property
     def incomplete(self) -> str:
-        """What every tool says of a bag that lacks messages; empty where all are saved."""
-        return '' if self.recorded is None else incomplete(self.saved, self.recorded)
+        """What every tool says of a bag that lacks messages; nothing where all are saved."""
+        return incomplete(self.saved, self.recorded)
 
     @property
     def whole(self) -> bool:
@@ -120,9 +115,7 @@ class Recovery:
             items.append(item)
             progress(scan.place, len(data))
         damages = [(file, item) for item in items if isinstance(item, Damage)]
-        if not all(map(Definitions().declare, (each.record for each in _declarations(items)))):
-            self.notes.append(f'{file.name} declares two things of a channel or schema')
-        elif not damages:
+        if not damages:
             try:
                 read(data)
                 if not index_fits(data):
@@ -187,14 +180,12 @@ def recover(path: Path, output: Path, progress: Progress = lambda done, size: No
 
     Raises BagError where there is nothing to save, or something at the output.
     """
-    found = Recovery()
-    about, files = described_or_none(path), files_of(path)
-    if about is not None:
-        found.described, found.before = about.messages, about.custom.get(RECOVERED)
-    elif path.is_dir():
+    about, files = described(path), files_of(path)
+    found = Recovery(about)
+    if path.is_dir() and not about.files:
         found.notes.append('metadata.yaml is missing or damaged')
     found.notes += [f'{name}, which metadata.yaml names, is missing'
-                    for name in missing_files(about, files)]
+                    for name in about.missing(files)]
     for file in files:
         found.examine(file, progress)
     if found.whole:
@@ -241,13 +232,9 @@ def _recorded(channel: ChannelInfo) -> Recorded:
 def _declared_anywhere(items: Sequence[Found | Damage]) -> Declared:
     """Return what numbers mean, if possible where a checksum verifies it; None if two things."""
     declared: dict[bool, dict[tuple[type, int], Any]] = {False: {}, True: {}}
-    for record, verified in _declarations(items):
-        known, key = declared[verified], (type(record), record.id)
-        if known.setdefault(key, record) != record:
-            known[key] = None
+    for item in items:
+        if isinstance(item, Found) and not isinstance(item.record, Message):
+            known, key = declared[item.verified], (type(item.record), item.record.id)
+            if known.setdefault(key, item.record) != item.record:
+                known[key] = None
     return declared[False] | declared[True]
-
-
-def _declarations(items: Sequence[Found | Damage]) -> list[Any]:
-    return [item for item in items
-            if isinstance(item, Found) and not isinstance(item.record, Message)]

@@ -16,7 +16,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Message, Schema, Statistics
 from mcap.writer import MCAP0_MAGIC as MAGIC
 
-from dp_swing_ros.bags.mcap_reader import Buffer, Entry, Messages, unpack, Unpacked
+from dp_swing_ros.bags.mcap_reader import Entry, Messages, unpack, Unpacked
 from dp_swing_ros.recovery.records import (
     ChunkHead, HEAD, KINDS, OF_MESSAGES, Record, record_at, walk)
 
@@ -43,6 +43,11 @@ class Damage(NamedTuple):
     end: int
     reason: Reason
 
+    @property
+    def is_cut(self) -> bool:
+        """Return whether it is only that the file ends too early."""
+        return self.reason in (Reason.CUT, Reason.NO_END)
+
 
 class Found(NamedTuple):
     """
@@ -58,7 +63,7 @@ class Found(NamedTuple):
 class Scan:
     """The contents of a file in their order; ask for it once."""
 
-    def __init__(self, data: Buffer) -> None:
+    def __init__(self, data: bytes) -> None:
         self._data, self._size = data, len(data)
         self._patience = PATIENCE * self._size
         self._last: int | None = None  # opcode
@@ -194,23 +199,16 @@ def _end_of(records: list[Record]) -> int:
     return records[-1].end if records else 0
 
 
-class Beginning(NamedTuple):
-    """The messages before the first damage of a file: all that a killed logger left."""
+def beginning_of(data: bytes) -> tuple[list[Entry], Damage | None]:
+    """
+    Return the messages of a file up to the first damage: all that a killed logger left.
 
-    entries: list[Entry]
-    damage: str   # in words; empty where all can be read, or nothing says whose a message is
-    is_cut: bool  # it is only that the file ends too early
-
-
-def beginning_of(data: Buffer) -> Beginning:
-    """Return the messages of a file up to the first damage."""
+    Without damage all can be read, or nothing says whose a message is.
+    """
     messages = Messages()
     with suppress(ValueError):   # of a channel: the reader has said so already
         for item in Scan(data):
             if isinstance(item, Damage):
-                return Beginning(
-                    messages.entries, f'after {len(messages.entries)} messages, at byte '
-                    f'{item.begin}: {item.reason.value}',
-                    item.reason in (Reason.CUT, Reason.NO_END))
+                return messages.entries, item
             messages.add(item.record)
-    return Beginning(messages.entries, '', False)
+    return messages.entries, None

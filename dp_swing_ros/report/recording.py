@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 from dp_swing_ros.bags.episodes import configurations_of, episode_of
-from dp_swing_ros.bags.folder import described
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.errors import BagError
 from dp_swing_ros.messages.configuration import Configuration
@@ -48,20 +47,17 @@ def recording(path: Path | str, partial: bool = False,
         bag.path, episode, configurations_of(bag), bag.of(ROBOT_DESCRIPTION)[-1].data,
         datetime.fromtimestamp(min(received) // BILLION, timezone.utc),
         (max(received) - min(received)) / BILLION,
-        dict(sorted(Counter(entry.topic for entry in bag.entries).items())), _lost(bag.path),
+        dict(sorted(Counter(entry.topic for entry in bag.entries).items())), _lost(bag),
         bag.incomplete)
 
 
-def _lost(path: Path) -> dict[str, int]:
-    try:
-        about = described(path)
-        if about is None:  # as after a logger that was killed
-            return {}
-        return {key.removeprefix(LOST): int(count) for key, count in about.custom.items()
-                if key.startswith(LOST)}
-    except ValueError:
-        raise BagError(f'the metadata.yaml of {str(path)!r} is not what rosbag2 writes; '
-                       '`ros2 bag reindex` makes it anew') from None
+def _lost(bag: Bag) -> dict[str, int]:
+    counts = {key.removeprefix(LOST): count for key, count in bag.about.custom.items()
+              if key.startswith(LOST)}
+    if bag.about.damaged or not all(map(str.isdecimal, counts.values())):
+        raise BagError(f'the metadata.yaml of {str(bag.path)!r} is not what rosbag2 writes; '
+                       '`ros2 bag reindex` makes it anew')
+    return {topic: int(count) for topic, count in counts.items()}
 
 
 def named(recordings: Sequence[Recording]) -> dict[str, Recording]:

@@ -8,7 +8,6 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from dp_swing_ros.bags.reader import Bag
-from dp_swing_ros.bags.tables import plans_of, states_of
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.tools.command_lines import bag_parser, beside, execute, OK
 
@@ -32,6 +31,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _export(arguments: argparse.Namespace) -> int:
+    # here: pandas takes half a second, which --help should not wait for
+    from dp_swing_ros.bags.tables import plans_of, states_of
     output = _output_for(arguments.bag, arguments.output, arguments.format)
     bag = Bag(arguments.bag, arguments.partial, arguments.namespace)
     tables = {output: states_of(bag, arguments.whole_turns),

@@ -4,8 +4,8 @@
 from mcap.reader import make_reader
 import pytest
 
-from dp_swing_ros.bags.mcap_writer import McapFile, Storage
 from dp_swing_ros.bags.metadata import Recorded
+from dp_swing_ros.bags.writer import McapFile, Storage
 
 TOPICS = [Recorded('/a', 'std_msgs/msg/Float64', 'float64 data', '', []),
           Recorded('/b', 'std_msgs/msg/Float64', 'float64 data', '', []),

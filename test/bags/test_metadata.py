@@ -5,8 +5,7 @@
 import pytest
 import yaml
 
-from dp_swing_ros.bags.folder import described
-from dp_swing_ros.bags.metadata import Contents, metadata, Recorded
+from dp_swing_ros.bags.metadata import Contents, described, metadata, Recorded
 
 FOREVER = {'sec': 9223372036, 'nsec': 854775807}
 QOS = {'history': 'keep_last', 'depth': 100, 'reliability': 'reliable',

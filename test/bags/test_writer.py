@@ -16,10 +16,9 @@ from rosbags.highlevel import AnyReader
 from std_msgs.msg import Float64
 import yaml
 
-from dp_swing_ros.bags.mcap_writer import McapFile, Storage
 from dp_swing_ros.bags.metadata import Recorded
 from dp_swing_ros.bags.reader import Bag
-from dp_swing_ros.bags.writer import BagWriter, METADATA_ROOM
+from dp_swing_ros.bags.writer import BagWriter, McapFile, METADATA_ROOM, Storage
 from dp_swing_ros.errors import BagError
 from dp_swing_ros.messages.definitions import schema
 

@@ -21,8 +21,8 @@ from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
 from dp_swing_ros.bags import read_episode
-from dp_swing_ros.bags.channels import ChannelInfo
 from dp_swing_ros.bags.episodes import reports_of, samples_of
+from dp_swing_ros.bags.mcap_reader import ChannelInfo
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.errors import BagError
 from dp_swing_ros.evaluation.comparison import table

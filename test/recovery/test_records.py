@@ -7,7 +7,7 @@ from mcap.opcode import Opcode
 from mcap_files import KINDS, make
 import pytest
 
-from dp_swing_ros.recovery.index import index_fits
+from dp_swing_ros.recovery.records import index_fits
 
 
 def place_of(data, opcode):
