@@ -17,8 +17,7 @@ from dp_swing_ros.figures.style import (
     colours, FAINT, formulas, in_decades, INK, legend, limit_lines, solver_name, styled)
 from dp_swing_ros.pendulum.parameters import LimitParameters
 from dp_swing_ros.pendulum.state import angles, links_of
-from dp_swing_ros.rerun.counterfactual import Counterfactual
-from dp_swing_ros.rerun.runs import ScoredTrajectory
+from dp_swing_ros.rerun.counterfactual import Counterfactual, ScoredTrajectory
 
 DASH = 5          # [line widths]
 STRIP = 0.85      # [inch] of a force

@@ -9,22 +9,121 @@ cost ℓ(x, u) of the recorded problem over the states and forces that followed,
 prediction; what comes after the window counts for nothing, there is no terminal cost.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 import math
 from typing import NamedTuple
 
 import numpy as np
 
 from dp_swing_ros import configuration
-from dp_swing_ros.bags.episodes import Sample
-from dp_swing_ros.control.receding_horizon import RecedingHorizon
+from dp_swing_ros.bags.episodes import CONTROLLER, PLANT, Sample, samples_of
+from dp_swing_ros.bags.reader import Bag
+from dp_swing_ros.control.receding_horizon import MpcParameters, RecedingHorizon
+from dp_swing_ros.errors import UserError
+from dp_swing_ros.evaluation.metrics import settling_time
 from dp_swing_ros.messages.fields import BILLION
+from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.problem.cost import running
 from dp_swing_ros.problem.plan import Plan
-from dp_swing_ros.rerun.runs import Run, ScoredTrajectory
-from dp_swing_ros.rerun.ticks import answer, respond, Tick
+from dp_swing_ros.rerun.ticks import answer, configuration_of, record_of, respond, Tick
 from dp_swing_ros.simulation.plant import Plant
 
-ROUNDING = 100  # [ns] stamps are whole nanoseconds
+
+class ScoredTrajectory(NamedTuple):
+    """
+    A trajectory as the plant published it, and how good it is.
+
+    Shapes: t (N,) [s] from the run's first state, X (N, 2n + 2), U (N - 1,) [N].
+    """
+
+    solver: str
+    t: Array
+    X: Array
+    U: Array
+    cost: float
+    settled: float   # [s] when the stay upright began that was held to the end; NaN without one
+
+
+class Run:
+    """A recorded run that can be taken over."""
+
+    def __init__(self, bag: Bag) -> None:
+        """
+        Read the parameters of plant and controller, and what happened.
+
+        Raises BagError where the bag lacks them, and ParameterError where they are unknown here.
+        """
+        self.bag = bag
+        self.mpc = configuration_of(bag, CONTROLLER).parameters
+        self.plant = configuration_of(bag, PLANT).parameters
+        self.record, self.samples = record_of(bag), samples_of(bag)
+        self.start, self.end = self.samples[0].stamp, self.samples[-1].stamp
+        self.problem = configuration.problem(self.mpc)
+        self.solver = str(self.mpc.get('solver', MpcParameters.solver))
+        plant = configuration.plant(self.plant)
+        self.limits = plant.limits
+        self.period = BILLION / plant.parameters.rate   # [ns]
+
+    def time(self, stamp: int) -> float:
+        """Return the time of a stamp from the run's first state [s]."""
+        return (stamp - self.start) / BILLION
+
+    def tick_at(self, at: float, duration: float | None) -> Tick:
+        """
+        Return the first tick at a time [s] or later that can be followed for a duration [s].
+
+        Raises UserError where there is none.
+        """
+        return self._followed(duration, f'at {at:g} s or later', round(at * BILLION))[0]
+
+    def ticks_every(self, every: float, duration: float | None) -> list[Tick]:
+        """Return a tick in every so many seconds; else as `tick_at`."""
+        step = max(round(every * BILLION), 1)
+        found: dict[int, Tick] = {}
+        for tick in self._followed(duration, 'at all'):
+            found.setdefault((tick.stamp - self.start) // step, tick)
+        return list(found.values())
+
+    def _followed(self, duration: float | None, when: str, since: int = 0) -> list[Tick]:
+        """Return the ticks that answer a state, and after which the run takes that long [s]."""
+        ticks = [tick for tick in self.record.ticks
+                 if tick.x is not None and np.all(np.isfinite(tick.x))
+                 and tick.stamp - self.start >= since
+                 and tick.stamp < self.window(tick, duration)
+                 and tick.stamp + (duration or 0.0) * BILLION <= self.end + self.period / 2]
+        if not ticks:
+            gap = f'; {self.record.gap}' if self.record.gap else ''
+            after = 'a state' if duration is None else f'{duration:g} s'
+            raise UserError(f'there is no tick {when} with {after} after it: the run in '
+                            f'{self.bag} takes {self.time(self.end):g} s{gap}')
+        return ticks
+
+    def window(self, tick: Tick, duration: float | None) -> int:
+        """
+        Return the stamp [ns] of the state closest to a time [s] after a tick.
+
+        In real time states come a little early or late. Without a time it is the run's last.
+        """
+        if duration is None:
+            return self.end
+        end = tick.stamp + round(duration * BILLION)
+        return min((sample.stamp for sample in self.samples), key=lambda stamp: abs(stamp - end))
+
+    def scored(self, solver: str, samples: Sequence[Sample]) -> ScoredTrajectory:
+        """Return the trajectory of states with its cost and its settling time."""
+        stamps = np.array([sample.stamp for sample in samples])
+        t = (stamps - self.start) / BILLION
+        X = np.array([sample.x for sample in samples])
+        U = np.array([sample.force for sample in samples[1:]])
+        steps = np.diff(stamps) / BILLION / self.problem.dt
+        cost = math.fsum(share * running(self.problem.cost, x, u)
+                         for share, x, u in zip(steps, X, U))
+        return ScoredTrajectory(solver, t, X, U, cost, settling_time(t, X))
+
+    def between(self, begin: int, end: int) -> ScoredTrajectory:
+        """Return what was recorded between two stamps [ns], both included."""
+        return self.scored(self.solver, [sample for sample in self.samples
+                                         if begin <= sample.stamp <= end])
 
 
 class Counterfactual(NamedTuple):
@@ -74,7 +173,12 @@ def take_over(run: Run, tick: Tick, solver: str, end: int) -> list[Sample]:
     period = 1 / plant.parameters.rate
     samples = [Sample(tick.stamp, np.asarray(tick.x), math.nan)]
     count = round((end - tick.stamp) / BILLION / period)
-    for now in stamps_after(tick, plant.parameters.delay, period, count):
+    arrival = tick.stamp + round(plant.parameters.delay * BILLION)
+    # in lockstep the plant counts its periods from the first on: stamps are rounded from there
+    before = 0 if tick.real_time else round(arrival / BILLION / period)
+    epoch = arrival if tick.real_time else 0
+    for n in range(before + 1, before + count + 1):
+        now = epoch + round(n * period * BILLION)
         if plan is not None:
             plant.obey(plan.first_force(run.problem.u_max))
         plant.begin_period(0.0)
@@ -117,16 +221,3 @@ def plant_at(run: Run, tick: Tick) -> Plant:
     plant.past[0] = plant.past[0]._replace(t=-delay)
     plant.advance(delay)
     return plant
-
-
-def stamps_after(tick: Tick, delay: float, period: float, count: int) -> Iterator[int]:
-    """Yield the times of the next periods' ends [ns] as the plant counts them, to the bit."""
-    arrival = tick.stamp + round(delay * BILLION)
-    epoch, now = arrival, 0.0
-    if not tick.real_time:
-        epoch = 0
-        while round(now * BILLION) < arrival - ROUNDING:
-            now += period
-    for _ in range(count):
-        now += period
-        yield epoch + round(now * BILLION)

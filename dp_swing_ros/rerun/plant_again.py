@@ -12,7 +12,8 @@ import math
 from typing import NamedTuple
 
 from dp_swing_ros import configuration
-from dp_swing_ros.bags.episodes import configurations_of, PLANT, Sample, samples_of
+from dp_swing_ros.bags.episodes import (
+    configurations_of, description_of, PLANT, Sample, samples_of)
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.messages.fields import BILLION
 from dp_swing_ros.pendulum.state import links_of, symbols, units
@@ -44,26 +45,20 @@ def plant_again(bag: Bag, record: Record) -> PlantAgain:
         return PlantAgain(0, [], [
             'states and efforts, for the bag has no parameters of the plant'])
     plant = configuration.plant(configuration_of(bag, PLANT).parameters)
-    described = _of_description(bag, plant)
+    differences = []
+    if bag.has(ROBOT_DESCRIPTION) and description_of(bag) != from_urdf(
+            urdf(plant.physical, plant.limits)):
+        differences.append(Difference(
+            'descriptions', 'the robot description',
+            'its physical parameters and limits are not those of the plant'))
     if not plant.parameters.lockstep:
-        return PlantAgain(0, described, [
+        return PlantAgain(0, differences, [
             'states and efforts, which in real time depend on when each force arrived'])
     if bag.has(DISTURBANCE):
-        return PlantAgain(0, described, [
+        return PlantAgain(0, differences, [
             f'states and efforts, which depend on when each {DISTURBANCE.name} arrived'])
-    states, differences = _of_states(bag, plant, record)
-    return PlantAgain(states, described + differences, [])
-
-
-def _of_description(bag: Bag, plant: Plant) -> list[Difference]:
-    """Return whether the robot description is not that of the plant's parameters."""
-    if not bag.has(ROBOT_DESCRIPTION):
-        return []
-    described = bag.parse(from_urdf, bag.of(ROBOT_DESCRIPTION)[-1].data)
-    if described == from_urdf(urdf(plant.physical, plant.limits)):
-        return []
-    return [Difference('descriptions', 'the robot description',
-                       'its physical parameters and limits are not those of the plant')]
+    states, others = _of_states(bag, plant, record)
+    return PlantAgain(states, differences + others, [])
 
 
 def _of_states(bag: Bag, plant: Plant, record: Record) -> tuple[int, list[Difference]]:

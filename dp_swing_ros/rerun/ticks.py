@@ -45,11 +45,7 @@ class Record(NamedTuple):
 
 
 def configuration_of(bag: Bag, node: str) -> Configuration:
-    """
-    Return the configuration of a node, without the parameters of rclpy.
-
-    Raises BagError where the bag has none.
-    """
+    """Return the configuration of a node without rclpy's parameters; raises BagError."""
     found = configurations_of(bag)
     if node not in found:
         raise BagError(f'{bag} has no parameters of the {node}, but those of '
@@ -89,17 +85,15 @@ def _record(bag: Bag, reports: list[Report]) -> Record:
             return Record(ticks, f'tick {len(ticks) + 1} is missing (the next is {number})')
         if not carried and report.stamp not in states:
             return Record(ticks, f'the state of tick {number} is missing ({report.stamp} ns)')
-        ticks.append(_tick(number, report, None if carried else states[report.stamp], resets))
-        resets = int(report.values['resets'])
+        values: dict[str, Any] = report.values
+        ticks.append(Tick(
+            number, report.stamp, float(values.get('time', report.stamp / BILLION)),
+            None if carried else states[report.stamp], float(values['delay']),
+            bool(values['real_time']), int(values['resets']) > resets,
+            tuple(map(int, str(values['solves']).split())), str(values['status']),
+            float(values['cost']), float(values['force'])))
+        resets = int(values['resets'])
     return Record(ticks, '')
-
-
-def _tick(number: int, report: Report, x: Array | None, resets: int) -> Tick:
-    values: dict[str, Any] = report.values
-    return Tick(number, report.stamp, float(values.get('time', report.stamp / BILLION)), x,
-                float(values['delay']), bool(values['real_time']),
-                int(values['resets']) > resets, tuple(map(int, str(values['solves']).split())),
-                str(values['status']), float(values['cost']), float(values['force']))
 
 
 def answer(controller: RecedingHorizon, tick: Tick, counted: bool = True) -> Plan:

@@ -8,7 +8,10 @@ the recorded forces the plant of a lockstep run integrates again: states, and fo
 together are the whole run. What the bag lacks for that is not passed over.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from difflib import SequenceMatcher
+from itertools import takewhile
 from typing import NamedTuple
 
 import numpy as np
@@ -21,11 +24,11 @@ from dp_swing_ros.messages.configuration import Configuration
 from dp_swing_ros.messages.fields import BILLION, from_trajectory, nanoseconds, Trajectory
 from dp_swing_ros.problem.plan import Plan
 from dp_swing_ros.rerun.plant_again import changed, Difference, plant_again
-from dp_swing_ros.rerun.sent import commands_of, paired
 from dp_swing_ros.rerun.ticks import answer, configuration_of, Record, record_of, Tick
 from dp_swing_ros.topics import FORCE_COMMAND, PLAN, Topic
 
-SHOWN = 5  # numbers of ticks in a sentence
+SHOWN = 5     # numbers of ticks in a sentence
+AGREEING = 3  # forces in a row that are the same, where two sequences meet again
 
 
 class Verification(NamedTuple):
@@ -52,14 +55,14 @@ def verify(bag: Bag, progress: Callable[[list[Tick]], Iterable[Tick]]) -> Verifi
     """
     config, record = configuration_of(bag, CONTROLLER), record_of(bag)
     controller = configuration.controller(config.parameters)
-    pairing, plans = paired(record, commands_of(bag)), Plans(bag)
+    pairing, plans = paired(record, commands_of(bag)), _plans_of(bag, record)
     differences = list[Difference]()
     for tick in progress(record.ticks):
         plan = answer(controller, tick)
         sent = pairing.others.get(tick.number, tick.force)
         text = differs(controller, plan, tick) \
             or changed(f'force on {FORCE_COMMAND.name}', 'N', sent, tick.force) \
-            or plans.difference(plan, tick)
+            or (_of_plans(plans[tick.number], plan) if tick.number in plans else '')
         if text:
             differences.append(Difference(
                 'ticks', f'tick {tick.number} at {tick.stamp} ns ({tick.stamp / BILLION:.3f} s), '
@@ -68,36 +71,23 @@ def verify(bag: Bag, progress: Callable[[list[Tick]], Iterable[Tick]]) -> Verifi
                                f'on {FORCE_COMMAND.name}, which no tick sent')
                     for command in pairing.surplus]
     again = plant_again(bag, record)
+    lacking = {FORCE_COMMAND: pairing.missing}
+    if bag.has(PLAN):
+        lacking[PLAN] = [tick for tick in record.ticks if tick.number not in plans]
+    else:
+        again.beyond.insert(0, f'the plans, for the bag has no {PLAN.name}')
     return Verification(
-        controller.parameters.solver, len(record.ticks), plans.compared, again.states,
+        controller.parameters.solver, len(record.ticks), len(plans), again.states,
         any(tick.real_time for tick in record.ticks), differences + again.differences,
-        _unchecked(bag, record, {FORCE_COMMAND: pairing.missing, PLAN: plans.missing}),
-        [*plans.beyond, *again.beyond], elsewhere(config), bag.incomplete)
+        _unchecked(bag, record, lacking), again.beyond, elsewhere(config), bag.incomplete)
 
 
-class Plans:
-    """The plans in a bag, by the stamps that they answer, one after the other."""
-
-    def __init__(self, bag: Bag) -> None:
-        """Read them; raises BagError."""
-        self.compared = 0
-        self.missing = list[Tick]()   # whose plan is not there
-        self.beyond = [] if bag.has(PLAN) else [f'the plans, for the bag has no {PLAN.name}']
-        self._found: dict[int, list[Trajectory]] = {}
-        for message in bag.of(PLAN) if bag.has(PLAN) else ():
-            self._found.setdefault(nanoseconds(message.header.stamp), []).append(
-                bag.parse(from_trajectory, message))
-
-    def difference(self, plan: Plan, tick: Tick) -> str:
-        """Return how the recorded plan of a tick differs; nothing where it does not."""
-        if self.beyond:
-            return ''
-        found = self._found.get(tick.stamp)
-        if not found:
-            self.missing.append(tick)
-            return ''
-        self.compared += 1
-        return _of_plans(found.pop(0), plan)
+def _plans_of(bag: Bag, record: Record) -> dict[int, Trajectory]:
+    """Return the plans in a bag by the numbers of their ticks; of one stamp, in their order."""
+    found = defaultdict[int, list[Trajectory]](list)
+    for message in reversed(bag.any_of(PLAN)):
+        found[nanoseconds(message.header.stamp)].append(bag.parse(from_trajectory, message))
+    return {tick.number: found[tick.stamp].pop() for tick in record.ticks if found[tick.stamp]}
 
 
 def _unchecked(bag: Bag, record: Record, lacking: Mapping[Topic, list[Tick]]) -> list[str]:
@@ -145,3 +135,84 @@ def elsewhere(recorded: Configuration) -> list[str]:
     there = {'code': recorded.sources, **recorded.packages, 'machine': recorded.machine}
     return [f'{name} {there.get(name, "unknown")} there, {here.get(name, "none")} here'
             for name in {**here, **there} if here.get(name) != there.get(name)]
+
+
+class Command(NamedTuple):
+    """A force on the topic."""
+
+    number: int   # that its publisher gave it
+    time: int     # [ns] when it was sent, or received where that is not known
+    force: float  # [N]
+
+
+class Pairing(NamedTuple):
+    """How the topic differs from what the ticks sent."""
+
+    others: dict[int, float]  # [N] instead of the tick's, by its number
+    missing: list[Tick]       # whose forces are not there
+    surplus: list[Command]    # that no tick sent
+
+
+def commands_of(bag: Bag) -> list[Command]:
+    """Return the forces on their topic in the order in which they were sent."""
+    entries = bag.entries_of(FORCE_COMMAND) if bag.has(FORCE_COMMAND) else []
+    found = [Command(entry.sequence, entry.sent or entry.received, bag.parse(
+        lambda message: float(message.data), bag.decoded(entry))) for entry in entries]
+    return sorted(found, key=lambda command: command.time)
+
+
+def paired(record: Record, commands: Sequence[Command]) -> Pairing:
+    """
+    Pair the ticks of a record with what is on the topic.
+
+    The numbers that their publisher gave them pair them. Where a bag has none, as one that was
+    converted, they are paired by their order in time: between ticks that agree, what one side
+    alone has is missing or too much, and what both have is another force. What was sent after
+    the first tick that is missing in the record is not looked at.
+    """
+    forces = {tick.number: tick.force for tick in record.ticks}
+    numbered = sum(forces.get(command.number) == command.force for command in commands)
+    if 2 * numbered > len(record.ticks):
+        return by_number(record.ticks, [each for each in commands if not record.gap
+                                        or each.number <= len(record.ticks)])
+    return in_order(record.ticks, commands, whole=not record.gap)
+
+
+def by_number(ticks: Sequence[Tick], commands: Sequence[Command]) -> Pairing:
+    """Pair a tick with the force of its number; a second one, or of another number, is surplus."""
+    forces = {tick.number: tick.force for tick in ticks}
+    own = {command.number: command for command in commands}
+    # of several with one number rather the one that the tick reports
+    own |= {command.number: command for command in commands
+            if command.force == forces.get(command.number)}
+    others = {number: own[number].force for number, force in forces.items()
+              if number in own and own[number].force != force}
+    missing = [tick for tick in ticks if tick.number not in own]
+    second = [command for command in commands
+              if command.number in forces and command is not own[command.number]]
+    rest = [command for command in commands if command.number not in forces]
+    if rest and rest[0].force == 0.0:   # with which a controller ends
+        del rest[0]
+    return Pairing(others, missing, second + rest)
+
+
+def in_order(ticks: Sequence[Tick], commands: Sequence[Command], whole: bool) -> Pairing:
+    """Pair them one after the other, and after a difference where they meet again."""
+    others: dict[int, float] = {}
+    missing, surplus = list[Tick](), list[Command]()
+    sent, found = [tick.force for tick in ticks], [command.force for command in commands]
+    if whole:
+        sent.append(0.0)   # with which a controller ends
+    begin = i = j = sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], zip(sent, found)))
+    for block in SequenceMatcher(None, sent[begin:], found[begin:]).get_matching_blocks():
+        next_i, next_j = begin + block.a, begin + block.b
+        if block.size < AGREEING and next_i + block.size < len(sent):
+            continue
+        pairs = list(zip(ticks[i:next_i], commands[j:next_j]))
+        others |= {tick.number: command.force for tick, command in pairs
+                   if tick.force != command.force}
+        missing += ticks[i + len(pairs):next_i]
+        if whole or next_i < len(sent):
+            surplus += commands[j + len(pairs):next_j]
+        i, j = next_i + block.size, next_j + block.size
+    return Pairing(others, missing, surplus)

@@ -9,8 +9,7 @@ from pathlib import Path
 
 from dp_swing_ros import figures
 from dp_swing_ros.bags.reader import Bag
-from dp_swing_ros.rerun.counterfactual import Counterfactual, counterfactual
-from dp_swing_ros.rerun.runs import Run
+from dp_swing_ros.rerun.counterfactual import Counterfactual, counterfactual, Run
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tables import aligned
 from dp_swing_ros.tools.command_lines import bag_parser, beside, execute, OK, progress, within

@@ -10,8 +10,7 @@ from synthetic import swing_up
 
 from dp_swing_ros.figures import counterfactual, regret
 from dp_swing_ros.pendulum.parameters import LimitParameters
-from dp_swing_ros.rerun.counterfactual import Counterfactual
-from dp_swing_ros.rerun.runs import ScoredTrajectory
+from dp_swing_ros.rerun.counterfactual import Counterfactual, ScoredTrajectory
 
 
 def trajectory(solver, begin, end, cost, settled=2.0, scale=1.0, links=2):

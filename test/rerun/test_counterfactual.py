@@ -7,8 +7,7 @@ import pytest
 from real_bags import record
 
 from dp_swing_ros.bags.reader import Bag
-from dp_swing_ros.rerun.counterfactual import counterfactual, plant_at, shadow
-from dp_swing_ros.rerun.runs import Run
+from dp_swing_ros.rerun.counterfactual import counterfactual, plant_at, Run, shadow
 from dp_swing_ros.solvers import SOLVERS
 
 RATES = {'ilqr': 30.0, 'ddp': 20.0, 'mppi': 20.0}  # at 30 Hz stamps are rounded

@@ -9,8 +9,7 @@ from std_msgs.msg import Float64
 
 from dp_swing_ros import figures
 from dp_swing_ros.bags.reader import Bag
-from dp_swing_ros.rerun.counterfactual import counterfactual
-from dp_swing_ros.rerun.runs import Run
+from dp_swing_ros.rerun.counterfactual import counterfactual, Run
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.solvers.ilqr import ILQR
 from dp_swing_ros.tools.command_lines import beside
