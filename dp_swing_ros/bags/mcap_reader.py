@@ -75,6 +75,21 @@ class _Body(bytes):
         return super().__getitem__(key)
 
 
+class Entry(NamedTuple):
+    """A message, decoded if it is asked for."""
+
+    channel: ChannelInfo
+    received: int  # [ns]
+    sent: int      # [ns]
+    sequence: int  # of its publisher
+    data: bytes
+
+    @property
+    def topic(self) -> str:
+        """Return the topic that it is on."""
+        return self.channel.topic
+
+
 class Definitions:
     """The schemas and channels of a file by their numbers: what was declared last of each."""
 
@@ -91,30 +106,17 @@ class Definitions:
             self._channels.clear()
         return before in (None, item)
 
-    def channel(self, number: int) -> ChannelInfo | None:
-        """Return a channel; None where it is not known."""
+    def entry(self, message: Message) -> Entry | None:
+        """Return a message with its channel; None where that is not known."""
+        number = message.channel_id
         if number not in self._channels:
             channel = self._declared.get((Channel, number))
             schema = channel and self._declared.get((Schema, channel.schema_id))
             if channel is None or schema is None and channel.schema_id != 0:
                 return None
             self._channels[number] = ChannelInfo(channel, schema)
-        return self._channels[number]
-
-
-class Entry(NamedTuple):
-    """A message, decoded if it is asked for."""
-
-    channel: ChannelInfo
-    received: int  # [ns]
-    sent: int      # [ns]
-    sequence: int  # of its publisher
-    data: bytes
-
-    @property
-    def topic(self) -> str:
-        """Return the topic that it is on."""
-        return self.channel.topic
+        return Entry(self._channels[number], message.log_time, message.publish_time,
+                     message.sequence, message.data)
 
 
 class Messages:
@@ -130,11 +132,10 @@ class Messages:
             if not self._definitions.declare(record):
                 raise ValueError(f'has a second {type(record).__name__.lower()} {record.id}')
         elif isinstance(record, Message):
-            channel = self._definitions.channel(record.channel_id)
-            if channel is None:
+            entry = self._definitions.entry(record)
+            if entry is None:
                 raise ValueError(f'has a message of the unknown channel {record.channel_id}')
-            self.entries.append(Entry(channel, record.log_time, record.publish_time,
-                                      record.sequence, record.data))
+            self.entries.append(entry)
 
 
 def contents(file: Path) -> bytes:

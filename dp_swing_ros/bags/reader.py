@@ -25,12 +25,9 @@ class Bag:
     def __init__(self, path: Path | str, partial: bool = False,
                  namespace: str | None = None) -> None:
         """
-        Read the folder of a bag, or its MCAP file.
+        Read the folder of a bag, or its MCAP file; arguments and errors as of `read_episode`.
 
-        A file without an end, as a logger leaves that was killed, is read only if `partial`. Of
-        several pendulums the namespace, such as '/second', says which.
         `incomplete` says how many messages are there of how many, and is empty where all are.
-        Raises BagError, saying what was found, what is expected and what to do.
         """
         self.path, self.partial, self.namespace = Path(path), partial, namespace
         files, self.about = files_of(self.path), described(self.path)
@@ -55,8 +52,8 @@ class Bag:
 
     def _read(self, file: Path) -> list[Entry]:
         data = contents(file)
-        if data[:len(MAGIC)] != MAGIC:
-            if data[:len(SQLITE)] == SQLITE:
+        if not data.startswith(MAGIC):
+            if data.startswith(SQLITE):
                 raise BagError(f'{str(file)!r} is of sqlite3; {conversion(file.parent)}')
             raise BagError(f'{str(file)!r} is no MCAP file; if it was one, {self._remedy()} '
                            'of what is left')
@@ -96,11 +93,7 @@ class Bag:
         return self.of(topic) if self.has(topic) else []
 
     def entries_of(self, topic: Topic) -> list[Entry]:
-        """
-        Return the entries of a topic.
-
-        Raises BagError where there are none, or those of several pendulums.
-        """
+        """Return a topic's entries; raises BagError for none, or those of several pendulums."""
         names = self._names(topic)
         if not names:
             raise BagError(f'{self} has nothing on {topic.name}: {self._found()}; '

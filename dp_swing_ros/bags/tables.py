@@ -50,7 +50,7 @@ def states_of(bag: Bag, whole_turns: bool = False) -> pandas.DataFrame:
         elif column.dtype == object:
             # '3 2' stands beside 3 where a tick solved twice, once
             ticks[key] = column.map(str, na_action='ignore')
-    return _of_bag(pandas.concat([states, ticks.rename(columns=_with_unit)], axis=1), bag)
+    return _noted(pandas.concat([states, ticks.rename(columns=_with_unit)], axis=1), bag)
 
 
 def plans_of(bag: Bag, whole_turns: bool = False) -> pandas.DataFrame:
@@ -69,8 +69,8 @@ def plans_of(bag: Bag, whole_turns: bool = False) -> pandas.DataFrame:
             't [s]': (stamp - first.stamp) / BILLION, 'stamp [ns]': stamp,
             'k': np.arange(len(plan.X)), 'ahead [s]': plan.t, **_states(plan.X, whole_turns),
             'force [N]': [*plan.U, np.nan]}))
-    return _of_bag(pandas.concat(tables, ignore_index=True) if tables else
-                   pandas.DataFrame(columns=columns, dtype=float), bag)
+    return _noted(pandas.concat(tables, ignore_index=True) if tables else
+                  pandas.DataFrame(columns=columns, dtype=float), bag)
 
 
 def _with_unit(key: str) -> str:
@@ -79,11 +79,8 @@ def _with_unit(key: str) -> str:
     return f'{name} [{UNITS[key]}]' if UNITS.get(key) else name
 
 
-def _of_bag(frame: pandas.DataFrame, bag: Bag) -> pandas.DataFrame:
-    if bag.incomplete:
-        frame['incomplete'] = bag.incomplete
-    frame.attrs = {'bag': bag.path.resolve().name, 'incomplete': bag.incomplete}
-    return frame
+def _noted(table: pandas.DataFrame, bag: Bag) -> pandas.DataFrame:
+    return table.assign(incomplete=bag.incomplete) if bag.incomplete else table
 
 
 def _states(X: Array, whole_turns: bool) -> dict[str, Array]:

@@ -3,16 +3,16 @@
 """Saves what is whole of a damaged bag, and keeps account of what is not."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import closing
 import dataclasses
-import enum
 from pathlib import Path
-from typing import Any, Callable
+from typing import Any
 
 from mcap.records import Message
 
 from dp_swing_ros.bags.mcap_reader import (
-    ChannelInfo, contents, DamagedFile, Declared, Definitions, read)
+    ChannelInfo, contents, DamagedFile, Declared, Definitions, Entry, read)
 from dp_swing_ros.bags.metadata import Described, described, incomplete, Recorded, RECOVERED
 from dp_swing_ros.bags.reader import files_of
 from dp_swing_ros.bags.writer import BagWriter
@@ -24,18 +24,7 @@ from dp_swing_ros.recovery.scan import Damage, Found, Scan
 LATEST = 2 ** 63  # [ns] what the times of rosbag2 end at
 PADDING = 12      # [bytes] that a body may have more than its definition asks for
 
-Progress = Callable[[int, int], None]  # bytes that were read, of how many
-
-
-class Fault(enum.Enum):
-    """Why a message is left out."""
-
-    CHANNEL = 'of a channel that nothing whole describes'
-    ENCODING = 'in another encoding than cdr with a ros2msg definition'
-    BODY = 'that are not what their type says'
-    TIME = 'at a time that cannot be'
-    AGAIN = 'that are there twice'
-    TYPE = 'of another type than the topic had before'
+Items = Sequence[Found | Damage]  # of a file, in their order
 
 
 @dataclasses.dataclass
@@ -49,16 +38,16 @@ class Account:
     missing: int | None = 0  # between the first and the last, by their numbers
     number: int = 0          # the last one
 
-    def enter(self, message: Message) -> None:
+    def enter(self, entry: Entry) -> None:
         """Count a message that is saved."""
-        self.first = min(self.first, message.log_time) if self.saved else message.log_time
-        self.last = max(self.last, message.log_time)
+        self.first = min(self.first, entry.received) if self.saved else entry.received
+        self.last = max(self.last, entry.received)
         # every publisher numbers its own from 1 on: numbers that fall are those of several
-        if self.missing is None or message.sequence <= self.number:
+        if self.missing is None or entry.sequence <= self.number:
             self.missing = None
         elif self.saved:
-            self.missing += message.sequence - self.number - 1
-        self.number = message.sequence
+            self.missing += entry.sequence - self.number - 1
+        self.number = entry.sequence
         self.saved += 1
 
 
@@ -68,19 +57,19 @@ class Recovery:
     def __init__(self, about: Described) -> None:
         """Begin with what metadata.yaml says of the bag."""
         self.topics: dict[str, Account] = {}
-        self.messages: list[tuple[str, Message]] = []  # to save, with their topics
-        self.damages: list[tuple[Path, Damage]] = []
-        self.faults = Counter[tuple[Fault, str]]()     # messages, by what is wrong and topic
-        self.notes: list[str] = []
+        self.entries: list[Entry] = []  # to save
+        self.notes: list[str] = []      # on the files
+        self.damages: list[str] = []    # of bytes
+        self.faults = Counter[str]()    # of messages that are left out, by what is wrong
         self.counted: int | None = 0        # messages by the files' own counts, where all have one
         self.unverified = 0   # saved, but no checksum says whether they are as they were
         self._about = about
-        self._seen: set[int] = set()        # hashes of the messages to save
+        self._seen: set[int] = set()        # hashes of the entries to save
 
     @property
     def saved(self) -> int:
         """The number of messages."""
-        return len(self.messages)
+        return len(self.entries)
 
     @property
     def recorded(self) -> str:
@@ -100,21 +89,16 @@ class Recovery:
 
     def losses(self) -> list[str]:
         """Return what is wrong or gone, a line for each."""
-        return [*self.notes,
-                *(f'{file.name}, bytes {damage.begin} to {damage.end} '
-                  f'({damage.end - damage.begin}): {damage.reason.value}'
-                  for file, damage in self.damages),
-                *(f'{count} messages{f" on {topic}" if topic else ""} {fault.value}'
-                  for (fault, topic), count in self.faults.items())]
+        return [*self.notes, *self.damages,
+                *(f'{count} messages {fault}' for fault, count in self.faults.items())]
 
-    def examine(self, file: Path, progress: Progress) -> None:
+    def examine(self, file: Path, progress: Callable[[Items], Iterable[Found | Damage]]) -> None:
         """Add the messages of a file, and what is wrong with it."""
         data = contents(file)
-        scan, items = Scan(data), list[Found | Damage]()
-        for item in scan:
-            items.append(item)
-            progress(scan.place, len(data))
-        damages = [(file, item) for item in items if isinstance(item, Damage)]
+        scan = Scan(data)
+        items = list(scan)
+        damages = [f'{file.name}, bytes {item.begin} to {item.end} ({item.end - item.begin}): '
+                   f'{item.reason.value}' for item in items if isinstance(item, Damage)]
         if not damages:
             try:
                 read(data)
@@ -126,59 +110,57 @@ class Recovery:
         self.damages += damages
         self.counted = None if self.counted is None or scan.counted is None \
             else self.counted + scan.counted
-        self._add_messages(items)
-
-    def _add_messages(self, items: Sequence[Found | Damage]) -> None:
         # What the number of a channel means is what was declared last of it. After damage, which
         # may have taken the declaration, it is what is declared anywhere in the file.
         anywhere = _declared_anywhere(items)
         definitions = Definitions(anywhere)
-        for item in items:
+        for item in progress(items):
             if isinstance(item, Damage):
                 definitions = Definitions(anywhere)
             elif not isinstance(item.record, Message):
                 definitions.declare(item.record)
-            elif (channel := definitions.channel(item.record.channel_id)) is not None:
-                self._add(item.record, channel, item.verified)
+            elif (entry := definitions.entry(item.record)) is not None:
+                self._add(entry, item.verified)
             else:
-                self.faults[Fault.CHANNEL, ''] += 1
+                self.faults['of a channel that nothing whole describes'] += 1
 
-    def _add(self, message: Message, channel: ChannelInfo, verified: bool) -> None:
-        fault = self._fault(message, channel)
-        if fault is not None:
-            self.faults[fault, channel.topic] += 1
+    def _add(self, entry: Entry, verified: bool) -> None:
+        fault = self._fault(entry)
+        if fault:
+            self.faults[f'on {entry.topic} {fault}'] += 1
             return
-        if channel.topic not in self.topics:
-            self.topics[channel.topic] = Account(_recorded(channel))
-        self.topics[channel.topic].enter(message)
-        self.messages.append((channel.topic, message))
+        if entry.topic not in self.topics:
+            self.topics[entry.topic] = Account(_recorded(entry.channel))
+        self.topics[entry.topic].enter(entry)
+        self.entries.append(entry)
         self.unverified += not verified
 
-    def _fault(self, message: Message, channel: ChannelInfo) -> Fault | None:
+    def _fault(self, entry: Entry) -> str:
         """Return why a message is left out: all that are saved are readable, each once."""
+        channel, data, account = entry.channel, entry.data, self.topics.get(entry.topic)
         if not channel.is_ros:
-            return Fault.ENCODING
-        if max(message.log_time, message.publish_time) >= LATEST:
-            return Fault.TIME
-        if not _is_decoded(message.data, channel) or _is_decoded(message.data[:-PADDING], channel):
-            return Fault.BODY
-        account = self.topics.get(channel.topic)
+            return 'in another encoding than cdr with a ros2msg definition'
+        if max(entry.received, entry.sent) >= LATEST:
+            return 'at a time that cannot be'
+        if not _is_decoded(data, channel) or _is_decoded(data[:-PADDING], channel):
+            return 'that are not what their type says'
         if account is not None and (account.topic.type, account.topic.definition) != (
                 channel.type, channel.definition.decode()):
-            return Fault.TYPE
-        key = hash((channel.topic, message.log_time, message.publish_time, message.sequence,
-                    message.data))
+            return 'of another type than the topic had before'
+        key = hash((entry.topic, *entry[1:]))
         if key in self._seen:
-            return Fault.AGAIN
+            return 'that are there twice'
         self._seen.add(key)
-        return None
+        return ''
 
 
-def recover(path: Path, output: Path, progress: Progress = lambda done, size: None) -> Recovery:
+def recover(path: Path, output: Path,
+            progress: Callable[[Items], Iterable[Found | Damage]] = iter) -> Recovery:
     """
     Write what is whole of a bag to a new one, unless all of it is.
 
-    Raises BagError where there is nothing to save, or something at the output.
+    `progress` goes through the contents of a file. Raises BagError where there is nothing to
+    save, or something at the output.
     """
     about, files = described(path), files_of(path)
     found = Recovery(about)
@@ -190,7 +172,7 @@ def recover(path: Path, output: Path, progress: Progress = lambda done, size: No
         found.examine(file, progress)
     if found.whole:
         return found
-    if not found.messages:
+    if not found.entries:
         raise BagError(f'{str(path)!r} has nothing to save: '
                        f'{"; ".join(found.losses()) or "no message"}')
     _write(found, output)
@@ -198,16 +180,12 @@ def recover(path: Path, output: Path, progress: Progress = lambda done, size: No
 
 
 def _write(found: Recovery, output: Path) -> None:
-    writer = BagWriter(output)
-    writer.custom |= {RECOVERED: found.recorded} if found.recorded else {}
-    try:
+    with closing(BagWriter(output)) as writer:
+        writer.custom |= {RECOVERED: found.recorded} if found.recorded else {}
         for account in found.topics.values():
             writer.add(account.topic)
-        for topic, message in found.messages:
-            writer.write(topic, message.data, message.log_time, message.publish_time,
-                         message.sequence)
-    finally:
-        writer.close()
+        for entry in found.entries:
+            writer.write(entry.topic, entry.data, entry.received, entry.sent, entry.sequence)
 
 
 def _is_decoded(data: bytes, channel: ChannelInfo) -> bool:
@@ -229,7 +207,7 @@ def _recorded(channel: ChannelInfo) -> Recorded:
                     profiles if isinstance(profiles, list) else [])
 
 
-def _declared_anywhere(items: Sequence[Found | Damage]) -> Declared:
+def _declared_anywhere(items: Items) -> Declared:
     """Return what numbers mean, if possible where a checksum verifies it; None if two things."""
     declared: dict[bool, dict[tuple[type, int], Any]] = {False: {}, True: {}}
     for item in items:

@@ -79,7 +79,7 @@ class Scan:
 
     def _step(self) -> Iterator[Found | Damage]:
         """Yield what is here, and go on to where the next can be."""
-        if self._is_magic(self.place):
+        if self._data.startswith(MAGIC, self.place):
             end, follows = self.place + len(MAGIC), self._last == Opcode.FOOTER
             if self.place > 0 and not follows:
                 yield self._damage(end, Reason.SECOND_FILE)
@@ -157,12 +157,9 @@ class Scan:
         self._patience -= head.end - head.begin
         return head.begin + _end_of(walk(self._data[head.begin:head.end]))
 
-    def _is_magic(self, place: int) -> bool:
-        return self._data[place:place + len(MAGIC)] == MAGIC
-
     def _follows(self, place: int) -> bool:
         """Return whether the file ends here, or goes on with a record."""
-        if place == self._size or self._is_magic(place):
+        if place == self._size or self._data.startswith(MAGIC, place):
             return True
         record = record_at(self._data, place)
         return record is not None and not record.is_odd
@@ -171,7 +168,7 @@ class Scan:
         """Return the next place where a record plausibly is, or the end."""
         for match in CANDIDATE.finditer(self._data, place):
             begin = match.start()
-            if self._is_magic(begin):
+            if self._data.startswith(MAGIC, begin):
                 return begin
             if self._patience < 0:
                 break

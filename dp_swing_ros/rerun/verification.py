@@ -9,26 +9,36 @@ together are the whole run. What the bag lacks for that is not passed over.
 """
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from difflib import SequenceMatcher
-from itertools import takewhile
+from collections.abc import Callable, Iterable, Iterator, Mapping
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from dp_swing_ros import configuration, provenance
-from dp_swing_ros.bags.episodes import CONTROLLER
+from dp_swing_ros.bags.episodes import (
+    configurations_of, CONTROLLER, description_of, PLANT, Sample, samples_of)
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.control.receding_horizon import RecedingHorizon
 from dp_swing_ros.messages.configuration import Configuration
 from dp_swing_ros.messages.fields import BILLION, from_trajectory, nanoseconds, Trajectory
+from dp_swing_ros.pendulum.state import links_of, symbols, units
+from dp_swing_ros.pendulum.urdf import from_urdf, urdf
 from dp_swing_ros.problem.plan import Plan
-from dp_swing_ros.rerun.plant_again import changed, Difference, plant_again
-from dp_swing_ros.rerun.ticks import answer, configuration_of, Record, record_of, Tick
-from dp_swing_ros.topics import FORCE_COMMAND, PLAN, Topic
+from dp_swing_ros.rerun.ticks import (
+    answer, commands_of, configuration_of, paired, Record, record_of, Tick)
+from dp_swing_ros.simulation.plant import Plant
+from dp_swing_ros.topics import DISTURBANCE, FORCE_COMMAND, PLAN, ROBOT_DESCRIPTION, Topic
 
-SHOWN = 5     # numbers of ticks in a sentence
-AGREEING = 3  # forces in a row that are the same, where two sequences meet again
+SHOWN = 5  # numbers of ticks in a sentence
+
+
+class Difference(NamedTuple):
+    """What was recorded otherwise than it comes out again."""
+
+    of: str     # what there are several of: ticks, states, forces
+    place: str
+    text: str   # of what differs, and by how much
 
 
 class Verification(NamedTuple):
@@ -137,82 +147,92 @@ def elsewhere(recorded: Configuration) -> list[str]:
             for name in {**here, **there} if here.get(name) != there.get(name)]
 
 
-class Command(NamedTuple):
-    """A force on the topic."""
+class PlantAgain(NamedTuple):
+    """What becomes of the plant under the recorded forces."""
 
-    number: int   # that its publisher gave it
-    time: int     # [ns] when it was sent, or received where that is not known
-    force: float  # [N]
-
-
-class Pairing(NamedTuple):
-    """How the topic differs from what the ticks sent."""
-
-    others: dict[int, float]  # [N] instead of the tick's, by its number
-    missing: list[Tick]       # whose forces are not there
-    surplus: list[Command]    # that no tick sent
+    states: int                    # that were compared
+    differences: list[Difference]
+    beyond: list[str]              # what could not be compared
 
 
-def commands_of(bag: Bag) -> list[Command]:
-    """Return the forces on their topic in the order in which they were sent."""
-    entries = bag.entries_of(FORCE_COMMAND) if bag.has(FORCE_COMMAND) else []
-    found = [Command(entry.sequence, entry.sent or entry.received, bag.parse(
-        lambda message: float(message.data), bag.decoded(entry))) for entry in entries]
-    return sorted(found, key=lambda command: command.time)
-
-
-def paired(record: Record, commands: Sequence[Command]) -> Pairing:
+def plant_again(bag: Bag, record: Record) -> PlantAgain:
     """
-    Pair the ticks of a record with what is on the topic.
+    Compare a plant with the recorded one; raises BagError and ParameterError.
 
-    The numbers that their publisher gave them pair them. Where a bag has none, as one that was
-    converted, they are paired by their order in time: between ticks that agree, what one side
-    alone has is missing or too much, and what both have is another force. What was sent after
-    the first tick that is missing in the record is not looked at.
+    In lockstep it is known which force acts when, and noise and losses come from seeds.
     """
-    forces = {tick.number: tick.force for tick in record.ticks}
-    numbered = sum(forces.get(command.number) == command.force for command in commands)
-    if 2 * numbered > len(record.ticks):
-        return by_number(record.ticks, [each for each in commands if not record.gap
-                                        or each.number <= len(record.ticks)])
-    return in_order(record.ticks, commands, whole=not record.gap)
+    if PLANT not in configurations_of(bag):
+        return PlantAgain(0, [], [
+            'states and efforts, for the bag has no parameters of the plant'])
+    plant = configuration.plant(configuration_of(bag, PLANT).parameters)
+    differences = []
+    if bag.has(ROBOT_DESCRIPTION) and description_of(bag) != from_urdf(
+            urdf(plant.physical, plant.limits)):
+        differences.append(Difference(
+            'descriptions', 'the robot description',
+            'its physical parameters and limits are not those of the plant'))
+    if not plant.parameters.lockstep:
+        return PlantAgain(0, differences, [
+            'states and efforts, which in real time depend on when each force arrived'])
+    if bag.has(DISTURBANCE):
+        return PlantAgain(0, differences, [
+            f'states and efforts, which depend on when each {DISTURBANCE.name} arrived'])
+    states, others = _of_states(bag, plant, record)
+    return PlantAgain(states, differences + others, [])
 
 
-def by_number(ticks: Sequence[Tick], commands: Sequence[Command]) -> Pairing:
-    """Pair a tick with the force of its number; a second one, or of another number, is surplus."""
-    forces = {tick.number: tick.force for tick in ticks}
-    own = {command.number: command for command in commands}
-    # of several with one number rather the one that the tick reports
-    own |= {command.number: command for command in commands
-            if command.force == forces.get(command.number)}
-    others = {number: own[number].force for number, force in forces.items()
-              if number in own and own[number].force != force}
-    missing = [tick for tick in ticks if tick.number not in own]
-    second = [command for command in commands
-              if command.number in forces and command is not own[command.number]]
-    rest = [command for command in commands if command.number not in forces]
-    if rest and rest[0].force == 0.0:   # with which a controller ends
-        del rest[0]
-    return Pairing(others, missing, second + rest)
+def _of_states(bag: Bag, plant: Plant, record: Record) -> tuple[int, list[Difference]]:
+    """Return how many recorded states the plant has too, and how some differ."""
+    samples = samples_of(bag)
+    forces = {tick.stamp: tick.force for tick in record.ticks if tick.x is not None}
+    again = {sample.stamp: sample for sample in published(plant, forces, samples[-1].stamp)}
+    differences = []
+    for sample in samples:
+        text = ''
+        if sample.stamp in again:
+            text = difference(sample, again[sample.stamp])
+        elif not record.gap or sample.stamp <= max(again, default=-1):
+            text = 'the plant has no state then'
+        if text:
+            differences.append(Difference('states', f'the state at {sample.stamp} ns '
+                                          f'({sample.stamp / BILLION:.3f} s)', text))
+    return sum(sample.stamp in again for sample in samples), differences
 
 
-def in_order(ticks: Sequence[Tick], commands: Sequence[Command], whole: bool) -> Pairing:
-    """Pair them one after the other, and after a difference where they meet again."""
-    others: dict[int, float] = {}
-    missing, surplus = list[Tick](), list[Command]()
-    sent, found = [tick.force for tick in ticks], [command.force for command in commands]
-    if whole:
-        sent.append(0.0)   # with which a controller ends
-    begin = i = j = sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], zip(sent, found)))
-    for block in SequenceMatcher(None, sent[begin:], found[begin:]).get_matching_blocks():
-        next_i, next_j = begin + block.a, begin + block.b
-        if block.size < AGREEING and next_i + block.size < len(sent):
-            continue
-        pairs = list(zip(ticks[i:next_i], commands[j:next_j]))
-        others |= {tick.number: command.force for tick, command in pairs
-                   if tick.force != command.force}
-        missing += ticks[i + len(pairs):next_i]
-        if whole or next_i < len(sent):
-            surplus += commands[j + len(pairs):next_j]
-        i, j = next_i + block.size, next_j + block.size
-    return Pairing(others, missing, surplus)
+def published(plant: Plant, forces: Mapping[int, float], end: int) -> Iterator[Sample]:
+    """
+    Yield the states that a plant in lockstep publishes, up to a time [ns].
+
+    forces are those [N] that answered the states, by their stamps [ns]; where one is not known,
+    nothing is known of what follows.
+    """
+    period = 1 / plant.parameters.rate
+    while plant.t - plant.parameters.delay <= end / BILLION + period / 2:
+        measured = plant.measure()
+        if measured is not None:
+            stamp = round(measured.t * BILLION)
+            yield Sample(stamp, measured.x, plant.mean_force)
+            if stamp not in forces:
+                return
+            plant.obey(forces[stamp])
+        plant.begin_period(0.0)
+        plant.advance(period)
+
+
+def difference(recorded: Sample, again: Sample) -> str:
+    """Return how a state, or the force applied before it, differs; nothing where it does not."""
+    links = links_of(recorded.x)
+    numbers = [*zip(symbols(links), units(links), recorded.x, again.x),
+               ('effort', 'N', recorded.force, again.force)]
+    texts = (changed(name, unit, float(before), float(after))
+             for name, unit, before, after in numbers)
+    return next(filter(None, texts), '')
+
+
+def changed(name: str, unit: str, recorded: float, again: float) -> str:
+    """Return how far a number is from the recorded one; nothing where it is the same."""
+    if recorded == again or math.isnan(recorded) and math.isnan(again):
+        return ''
+    before, after, apart = (f'{number!r} {unit}'.strip()
+                            for number in (recorded, again, abs(again - recorded)))
+    return f'{name} {before} recorded, {after} now: {apart} apart'

@@ -31,7 +31,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _recover(arguments: argparse.Namespace) -> int:
     bag, output = arguments.bag, arguments.output or beside(arguments.bag, 'recovered')
     try:
-        found = _saved(bag, output)
+        found = recover(bag, output, lambda items: progress(items, desc='records', delay=1))
     except KeyboardInterrupt:
         raise KeyboardInterrupt(f'{output} holds a part, if it is there') from None
     if found.whole:
@@ -42,15 +42,6 @@ def _recover(arguments: argparse.Namespace) -> int:
     if found.incomplete:
         print(found.incomplete)
     return OK
-
-
-def _saved(bag: Path, output: Path) -> Recovery:
-    with progress(desc='bytes', unit='B', unit_scale=True, delay=1) as bar:
-        def update(done: int, size: int) -> None:
-            bar.total = size
-            bar.update(done - bar.n)
-
-        return recover(bag, output, update)
 
 
 def _report(found: Recovery, bag: Path, output: Path) -> str:

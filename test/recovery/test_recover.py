@@ -7,7 +7,7 @@ import pytest
 from dp_swing_ros.bags.metadata import Recorded
 from dp_swing_ros.bags.writer import BagWriter
 from dp_swing_ros.messages.definitions import schema
-from dp_swing_ros.recovery.recover import Fault, recover
+from dp_swing_ros.recovery.recover import recover
 
 
 def begin(folder):
@@ -36,8 +36,8 @@ def test_numbers_are_missing_only_where_one_publisher_counts(numbers, missing, t
 
 
 @pytest.mark.parametrize('received, sent, faults', [
-    (2 ** 63 - 1, 2 ** 63 - 1, {}), (2 ** 63, START, {(Fault.TIME, '/a'): 1}),
-    (START, 2 ** 63, {(Fault.TIME, '/a'): 1})])
+    (2 ** 63 - 1, 2 ** 63 - 1, {}), (2 ** 63, START, {'on /a at a time that cannot be': 1}),
+    (START, 2 ** 63, {'on /a at a time that cannot be': 1})])
 def test_times_that_rosbag2_cannot_hold_are_left_out(received, sent, faults, tmp_path):
     writer = begin(tmp_path / 'bag')
     writer.write('/a', encoded(1), START, START, 1)
