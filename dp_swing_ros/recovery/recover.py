@@ -5,9 +5,8 @@
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import closing
-import dataclasses
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from mcap.records import Message
 
@@ -27,28 +26,13 @@ PADDING = 12      # [bytes] that a body may have more than its definition asks f
 Items = Sequence[Found | Damage]  # of a file, in their order
 
 
-@dataclasses.dataclass
-class Account:
+class Account(NamedTuple):
     """The messages of one topic that are saved."""
 
-    topic: Recorded
-    saved: int = 0
-    first: int = 0  # [ns] received
-    last: int = 0
-    missing: int | None = 0  # between the first and the last, by their numbers
-    number: int = 0          # the last one
-
-    def enter(self, entry: Entry) -> None:
-        """Count a message that is saved."""
-        self.first = min(self.first, entry.received) if self.saved else entry.received
-        self.last = max(self.last, entry.received)
-        # every publisher numbers its own from 1 on: numbers that fall are those of several
-        if self.missing is None or entry.sequence <= self.number:
-            self.missing = None
-        elif self.saved:
-            self.missing += entry.sequence - self.number - 1
-        self.number = entry.sequence
-        self.saved += 1
+    saved: int
+    first: int   # [ns] received
+    last: int
+    missing: int | None  # between first and last, by their numbers; None where these do not say
 
 
 class Recovery:
@@ -56,7 +40,7 @@ class Recovery:
 
     def __init__(self, about: Described) -> None:
         """Begin with what metadata.yaml says of the bag."""
-        self.topics: dict[str, Account] = {}
+        self.topics: dict[str, Recorded] = {}
         self.entries: list[Entry] = []  # to save
         self.notes: list[str] = []      # on the files
         self.damages: list[str] = []    # of bytes
@@ -67,25 +51,25 @@ class Recovery:
         self._seen: set[int] = set()        # hashes of the entries to save
 
     @property
-    def saved(self) -> int:
-        """The number of messages."""
-        return len(self.entries)
-
-    @property
     def recorded(self) -> str:
         """How many messages there once were, as far as known; nothing where all are saved."""
         about = self._about._replace(messages=self._about.messages or self.counted)
-        return about.recorded(self.saved, bool(self.damages or self.faults))
+        return about.recorded(len(self.entries), bool(self.damages or self.faults))
 
     @property
     def incomplete(self) -> str:
         """What every tool says of a bag that lacks messages; nothing where all are saved."""
-        return incomplete(self.saved, self.recorded)
+        return incomplete(len(self.entries), self.recorded)
 
     @property
     def whole(self) -> bool:
         """Whether nothing is wrong."""
         return not (self.damages or self.faults or self.notes)
+
+    def accounts(self) -> dict[str, Account]:
+        """Return what is saved of each topic."""
+        return {topic: _account([entry for entry in self.entries if entry.topic == topic])
+                for topic in self.topics}
 
     def losses(self) -> list[str]:
         """Return what is wrong or gone, a line for each."""
@@ -130,21 +114,20 @@ class Recovery:
             self.faults[f'on {entry.topic} {fault}'] += 1
             return
         if entry.topic not in self.topics:
-            self.topics[entry.topic] = Account(_recorded(entry.channel))
-        self.topics[entry.topic].enter(entry)
+            self.topics[entry.topic] = _recorded(entry.channel)
         self.entries.append(entry)
         self.unverified += not verified
 
     def _fault(self, entry: Entry) -> str:
         """Return why a message is left out: all that are saved are readable, each once."""
-        channel, data, account = entry.channel, entry.data, self.topics.get(entry.topic)
+        channel, data, topic = entry.channel, entry.data, self.topics.get(entry.topic)
         if not channel.is_ros:
             return 'in another encoding than cdr with a ros2msg definition'
         if max(entry.received, entry.sent) >= LATEST:
             return 'at a time that cannot be'
         if not _is_decoded(data, channel) or _is_decoded(data[:-PADDING], channel):
             return 'that are not what their type says'
-        if account is not None and (account.topic.type, account.topic.definition) != (
+        if topic is not None and (topic.type, topic.definition) != (
                 channel.type, channel.definition.decode()):
             return 'of another type than the topic had before'
         key = hash((entry.topic, *entry[1:]))
@@ -175,17 +158,21 @@ def recover(path: Path, output: Path,
     if not found.entries:
         raise BagError(f'{str(path)!r} has nothing to save: '
                        f'{"; ".join(found.losses()) or "no message"}')
-    _write(found, output)
+    with closing(BagWriter(output)) as writer:
+        writer.custom |= {RECOVERED: found.recorded} if found.recorded else {}
+        for topic in found.topics.values():
+            writer.add(topic)
+        for entry in found.entries:
+            writer.write(entry.topic, entry.data, entry.received, entry.sent, entry.sequence)
     return found
 
 
-def _write(found: Recovery, output: Path) -> None:
-    with closing(BagWriter(output)) as writer:
-        writer.custom |= {RECOVERED: found.recorded} if found.recorded else {}
-        for account in found.topics.values():
-            writer.add(account.topic)
-        for entry in found.entries:
-            writer.write(entry.topic, entry.data, entry.received, entry.sent, entry.sequence)
+def _account(entries: Sequence[Entry]) -> Account:
+    times, numbers = [each.received for each in entries], [each.sequence for each in entries]
+    # every publisher numbers its own from 1 on: numbers that fall are those of several
+    rising = all(before < number for before, number in zip([0, *numbers], numbers))
+    return Account(len(entries), min(times), max(times),
+                   numbers[-1] - numbers[0] + 1 - len(numbers) if rising else None)
 
 
 def _is_decoded(data: bytes, channel: ChannelInfo) -> bool:

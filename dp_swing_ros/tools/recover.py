@@ -36,7 +36,7 @@ def _recover(arguments: argparse.Namespace) -> int:
         raise KeyboardInterrupt(f'{output} holds a part, if it is there') from None
     if found.whole:
         print(f'{bag} {"has nothing to repair" if found.incomplete else "is whole"}: '
-              f'{found.saved} messages; nothing was written')
+              f'{len(found.entries)} messages; nothing was written')
     else:
         print(_report(found, bag, output))
     if found.incomplete:
@@ -50,9 +50,9 @@ def _report(found: Recovery, bag: Path, output: Path) -> str:
     losses = found.losses()
     if len(losses) > LINES:
         losses[LINES:] = [f'and {len(losses) - LINES} more like these']
-    start = min(account.first for account in found.topics.values())
+    start = min(entry.received for entry in found.entries)
     date = datetime.fromtimestamp(start / BILLION, timezone.utc)
-    lines = [f'{bag} is damaged; saved {found.saved} messages{counted}: {output}', '',
+    lines = [f'{bag} is damaged; saved {len(found.entries)} messages{counted}: {output}', '',
              _table(found, start), '',
              f'time 0 is {date:%Y-%m-%d %H:%M:%S} UTC; lost: numbers skipped where one publisher '
              'counts', '', 'damaged:', *(f'  {loss}' for loss in losses)]
@@ -67,4 +67,4 @@ def _table(found: Recovery, start: int) -> str:
         (name, str(account.saved), f'{(account.first - start) / BILLION:.3f}',
          f'{(account.last - start) / BILLION:.3f}',
          '-' if account.missing is None else str(account.missing))
-        for name, account in sorted(found.topics.items()))], names=1)
+        for name, account in sorted(found.accounts().items()))], names=1)

@@ -30,7 +30,7 @@ def test_numbers_are_missing_only_where_one_publisher_counts(numbers, missing, t
     writer = begin(tmp_path / 'bag')
     for place, number in enumerate(numbers):
         writer.write('/a', encoded(place), START + place, START, number)
-    account = recovered(writer, tmp_path / 'new').topics['/a']
+    account = recovered(writer, tmp_path / 'new').accounts()['/a']
     assert (account.saved, account.missing) == (len(numbers), missing)
     assert (account.first, account.last) == (START, START + len(numbers) - 1)
 
@@ -43,4 +43,4 @@ def test_times_that_rosbag2_cannot_hold_are_left_out(received, sent, faults, tmp
     writer.write('/a', encoded(1), START, START, 1)
     writer.write('/a', encoded(2), received, sent, 2)
     found = recovered(writer, tmp_path / 'new')
-    assert (found.saved, found.faults) == (2 - len(faults), faults)
+    assert (len(found.entries), found.faults) == (2 - len(faults), faults)
