@@ -93,7 +93,7 @@ class Described(NamedTuple):
     messages: int | None = None     # None where it does not say
     files: Sequence[str] = ()       # of the folder; none of a file
     custom: Mapping[str, str] = MappingProxyType({})
-    damaged: bool = False           # it is there, but not what rosbag2 writes
+    malformed: bool = False         # it is there, but not what rosbag2 writes
 
     def recorded(self, count: int, damaged: bool) -> str:
         """Return of how many messages these are what is left; nothing where they are all."""
@@ -124,9 +124,9 @@ def described(path: Path) -> Described:
         return Described(None if count is None else int(count), names if path.is_dir() else (),
                          {str(key): str(value) for key, value in custom.items()})
     except (AttributeError, KeyError, OSError, TypeError, ValueError):
-        return Described(damaged=True)
+        return Described(malformed=True)
 
 
 def incomplete(count: int, recorded: str) -> str:
-    """Return what every tool says of a bag that holds so many messages of those recorded."""
+    """Return what every tool says of a bag that lacks some of its messages; else nothing."""
     return f'Incomplete: {count} of {recorded} messages' if recorded else ''

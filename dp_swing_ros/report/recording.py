@@ -54,7 +54,7 @@ def recording(path: Path | str, partial: bool = False,
 def _lost(bag: Bag) -> dict[str, int]:
     counts = {key.removeprefix(LOST): count for key, count in bag.about.custom.items()
               if key.startswith(LOST)}
-    if bag.about.damaged or not all(map(str.isdecimal, counts.values())):
+    if bag.about.malformed or not all(map(str.isdecimal, counts.values())):
         raise BagError(f'the metadata.yaml of {str(bag.path)!r} is not what rosbag2 writes; '
                        '`ros2 bag reindex` makes it anew')
     return {topic: int(count) for topic, count in counts.items()}
