@@ -25,8 +25,7 @@ from tqdm import tqdm
 import yaml
 
 from dp_swing_ros.tables import compact
-from dp_swing_ros.tools.isolation import isolated
-from dp_swing_ros.tools.processes import Crew, Process
+from dp_swing_ros.tools.processes import Crew, isolated, Process
 
 TOPICS = 2                 # of the runs that are killed
 LIFE = 0.5, 2.0            # [s] a logger lives on once it writes

@@ -25,8 +25,7 @@ from stamp import made, sources_with, TOP
 from dp_swing_ros.evaluation import comparison
 from dp_swing_ros.evaluation.campaign.report import share
 from dp_swing_ros.tables import compact
-from dp_swing_ros.tools.isolation import isolated
-from dp_swing_ros.tools.processes import Crew, Process
+from dp_swing_ros.tools.processes import Crew, isolated, Process
 
 SOLVERS = ('ilqr', 'ddp', 'mppi')
 PLANT = Path(__file__).with_name('foreign_plant.py')

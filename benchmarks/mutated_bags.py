@@ -38,7 +38,7 @@ from dp_swing_ros.evaluation.metrics import measure
 from dp_swing_ros.nodes import replay
 from dp_swing_ros.tables import compact
 from dp_swing_ros.tools import analyse as analysis, recover, verify
-from dp_swing_ros.tools.isolation import isolated
+from dp_swing_ros.tools.processes import isolated
 
 PATIENCE = 20  # [s] for a tool
 INCOMPLETE = 'Incomplete: '  # begins what a tool says of a bag that lacks messages

@@ -33,10 +33,9 @@ from dp_swing_ros.evaluation.campaign.contestants import measured, simulated
 from dp_swing_ros.evaluation.campaign.rows import Row, store, untimed
 from dp_swing_ros.figures.style import solver_name
 from dp_swing_ros.simulation.episode import Episode
-from dp_swing_ros.tools.command_lines import within
+from dp_swing_ros.tools.command_lines import interrupt_on_signals, within
 from dp_swing_ros.tools.demo import perform, Run
-from dp_swing_ros.tools.isolation import isolated
-from dp_swing_ros.tools.processes import interrupt_on_signals
+from dp_swing_ros.tools.processes import isolated
 
 SEED = 0   # of the run that is shown whole
 

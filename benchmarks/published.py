@@ -28,7 +28,7 @@ import stamp
 from dp_swing_ros.evaluation.campaign.rows import CampaignError, store
 from dp_swing_ros.kernels import processor
 from dp_swing_ros.parameters import ParameterError
-from dp_swing_ros.tools.processes import interrupt_on_signals
+from dp_swing_ros.tools.command_lines import interrupt_on_signals
 
 HERE = Path(__file__).parent
 KEPT = stamp.TOP / 'runs' / 'results'

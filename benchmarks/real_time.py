@@ -26,7 +26,7 @@ from dp_swing_ros.simulation.episode import Episode
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tables import compact
 from dp_swing_ros.tools.demo import perform, Run
-from dp_swing_ros.tools.isolation import isolated
+from dp_swing_ros.tools.processes import isolated
 
 RUNS = 5
 DURATIONS = {2: 10.0, 3: 15.0}  # [s] of a run, by the number of links

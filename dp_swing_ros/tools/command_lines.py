@@ -1,12 +1,13 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the command lines share: names, arguments, progress bars and exit codes."""
+"""What the command lines share: names, arguments, progress bars, signals and exit codes."""
 
 import argparse
 from collections.abc import Callable, Sequence
 from datetime import datetime
 import math
 from pathlib import Path
+import signal
 import sys
 from typing import Any
 
@@ -16,6 +17,7 @@ from dp_swing_ros.errors import UserError
 from dp_swing_ros.parameters import ParameterError
 
 OK, FAILED, MISUSED, INTERRUPTED = 0, 1, 2, 130  # exit codes
+ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 SHOWN = 80  # [characters] of what was given
 
 
@@ -66,6 +68,14 @@ def dated(name: str) -> str:
 def progress(*arguments: Any, **options: Any) -> Any:
     """Return a progress bar, as tqdm; for terminals alone, and gone at the end."""
     return tqdm(*arguments, leave=False, disable=None, **options)
+
+
+def interrupt_on_signals() -> None:
+    """Raise KeyboardInterrupt at every signal that asks this process to end."""
+    for number in ENDING:
+        # nohup ignores SIGHUP, and means it
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, signal.default_int_handler)
 
 
 def execute(parser: argparse.ArgumentParser, work: Callable[[argparse.Namespace], int],

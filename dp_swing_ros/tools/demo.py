@@ -3,35 +3,44 @@
 """`ros2 run dp_swing_ros demo`: plant, mpc and logger swing the pendulum up; a bag stays."""
 
 import argparse
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 import dataclasses
+import os
 from pathlib import Path
 import re
 import time
+from typing import Any
 
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 from tqdm import tqdm
-import yaml
 
 from dp_swing_ros.configuration import locate
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.evaluation.comparison import spread, summary, table
 from dp_swing_ros.evaluation.metrics import measure, Metrics
+from dp_swing_ros.messages.fields import links_in, seconds, to_state
+from dp_swing_ros.nodes.connections import subscribe
 from dp_swing_ros.pendulum.state import (
     angles, Array, DEFAULT_LINKS, LINKS, links_of, symbols, wrapped)
 from dp_swing_ros.report.recording import named, recording
 from dp_swing_ros.solvers import SOLVERS
-from dp_swing_ros.tools.command_lines import dated, execute, FAILED, OK, program, progress, within
-from dp_swing_ros.tools.isolation import domain_of_user, isolated
-from dp_swing_ros.tools.observer import Observer
-from dp_swing_ros.tools.processes import Crew, interrupt_on_signals, Process, ProcessError
+from dp_swing_ros.tools.command_lines import (
+    dated, execute, FAILED, interrupt_on_signals, OK, program, progress, within)
+from dp_swing_ros.tools.processes import Crew, isolated, Process, ProcessError
 from dp_swing_ros.topics import DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES, PLAN
 
 READY = 180.0   # [s] for logger and mpc to come up; the first start of the mpc compiles
 MEETING = 3.0   # [s] to find the nodes that are there already, however they announce themselves
-KEPT = 1000     # messages of a topic: the logger may find it late
 COLUMNS = 5     # of more runs than this the table shows the spread
 SILENCE = 20.0  # [s] without a state: something hangs
 SHORTEST = 1e-3  # [s] of a run
+# by which plant and mpc keep what they publish: the logger may find a topic late
+KEEPING = {f'qos_overrides./{topic.name.lstrip("/")}.publisher.{policy}': value
+           for topic in (JOINT_STATES, FORCE_COMMAND, PLAN, DIAGNOSTICS)
+           for policy, value in (('durability', 'transient_local'), ('depth', 1000))}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,6 +56,57 @@ class Run:
     folder: Path
 
 
+class Observer:
+    """
+    A node that hears the states: the last, its time and force; used as a context manager.
+
+    t [s] from the first state, x (2n + 2,), None at first, u [N] applied over the period before;
+    heard [s] is when it came, by the monotonic clock.
+    """
+
+    t, u, heard = 0.0, 0.0, 0.0
+    x: Array | None = None
+    first: float | None = None    # stamp of the first state [s]
+
+    def __enter__(self) -> 'Observer':
+        self._context = rclpy.Context()
+        rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
+        self._node = Node('demo', context=self._context, enable_rosout=False,
+                          start_parameter_services=False, use_global_arguments=False)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        subscribe(self._node, JOINT_STATES, self._receive)
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._executor.shutdown()
+        self._node.destroy_node()
+        self._context.try_shutdown()
+
+    def nodes(self) -> set[str]:
+        """Return the names of the nodes that are there."""
+        return set(self._node.get_node_names())
+
+    def listeners(self) -> set[str]:
+        """Return the names of the nodes that subscribe to the states."""
+        return {end.node_name
+                for end in self._node.get_subscriptions_info_by_topic(JOINT_STATES.name)}
+
+    def wait(self, timeout: float) -> None:
+        """Wait for the next state, at most for a time [s]."""
+        self._executor.spin_once(timeout_sec=timeout)
+
+    def _receive(self, message: Any) -> None:
+        try:
+            x = to_state(message, links_in(message))
+        except ValueError:
+            return  # of another robot
+        stamp = seconds(message.header.stamp)
+        self.first = stamp if self.first is None else self.first
+        self.t, self.x, self.heard = stamp - self.first, x, time.monotonic()
+        self.u = float(message.effort[0]) if message.effort else 0.0
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Do the runs that the command line asks for; return the exit code."""
     return execute(command_line(), _demo, argv, (ProcessError,))
@@ -55,13 +115,19 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _demo(arguments: argparse.Namespace) -> int:
     interrupt_on_signals()
     runs = runs_of(arguments)
-    shared = domain_of_user()
+    shared = os.environ.get('ROS_DOMAIN_ID')
     with isolated() as domain:
         print(f'ROS_DOMAIN_ID={domain}', flush=True)
         if shared:
             _refuse_company()
         results = [_result(run, arguments.figures) for run in runs]
-    _report(runs, results, arguments.spread or len(runs) > COLUMNS)
+    names = [run.solver if len(runs) == 1 else f'seed {run.seed}' for run in runs]
+    spread_only = arguments.spread or len(runs) > COLUMNS
+    print('', table(spread(results) if spread_only else dict(zip(names, results))), '', sep='\n')
+    if len(runs) > 1:
+        print(summary(arguments.solver, results))
+    for run in runs:
+        print(f'bag, logs and pictures: {run.folder}')
     return OK if all(result.success for result in results) else FAILED
 
 
@@ -133,31 +199,21 @@ def perform(run: Run) -> Path:
     Raises ProcessError if a process fails.
     """
     bag = run.folder / 'bag'
-    shared = {'seed': run.seed, **({'links': run.links} if run.links else {})}
-    files = (*run.parameter_files, kept(run.folder / 'qos.yaml'))
+    shared = {'seed': run.seed, **KEEPING, **({'links': run.links} if run.links else {})}
     with Crew() as crew, Observer() as observer:
         logger = crew.start('logger', {'output': str(bag), 'progress_period': 0.0},
                             run.folder / 'logger.log')
-        mpc = crew.start('mpc', {'solver': run.solver, **shared}, run.folder / 'mpc.log', files)
-        # the mpc subscribes once it has compiled; the logger, only to what somebody publishes
-        _await({logger: observer.nodes, mpc: observer.listeners}, observer, crew)
+        mpc = crew.start('mpc', {'solver': run.solver, **shared}, run.folder / 'mpc.log',
+                         run.parameter_files)
+        _await(logger, mpc, observer)
         plant = crew.start(
             'plant', {'duration': run.duration, 'lockstep': run.lockstep, **shared},
-            run.folder / 'plant.log', files)
+            run.folder / 'plant.log', run.parameter_files)
         _follow(observer, plant, [mpc, logger], run.duration)
         plant.finish()
         mpc.end()  # it sends a last zero force, which belongs into the bag
         logger.end()
     return bag
-
-
-def kept(file: Path) -> Path:
-    """Write parameters by which plant and mpc keep what they publish for a logger to come."""
-    overrides = {f'qos_overrides./{topic.name.lstrip("/")}.publisher':
-                 {'durability': 'transient_local', 'depth': KEPT}
-                 for topic in (JOINT_STATES, FORCE_COMMAND, PLAN, DIAGNOSTICS)}
-    file.write_text(yaml.safe_dump({'/**': {'ros__parameters': overrides}}), encoding='utf-8')
-    return file
 
 
 def _refuse_company() -> None:
@@ -173,23 +229,21 @@ def _refuse_company() -> None:
                         'or unset ROS_DOMAIN_ID for the demo to find a free one')
 
 
-def _await(ready: Mapping[Process, Callable[[], set[str]]], observer: Observer,
-           crew: Crew) -> None:
-    """Wait until each process is among the names it looks for, and show their logs."""
+def _await(logger: Process, mpc: Process, observer: Observer) -> None:
+    """Wait until logger and mpc hear, and show their logs."""
     end = time.monotonic() + READY
-    waiting = list(ready)
     with progress(bar_format='{desc} ({elapsed})') as line:
-        while waiting:
-            names = ' and '.join(process.name for process in waiting)
+        # the mpc subscribes once it has compiled; the logger, only to what somebody publishes
+        while waiting := {'logger'} - observer.nodes() | {'mpc'} - observer.listeners():
+            names = ' and '.join(sorted(waiting))
             line.set_description_str(f'waiting for {names}')
             if time.monotonic() > end:
                 raise ProcessError(f'{names} not ready after {READY:g} s')
-            crew.check()
-            for process in ready:
+            for process in (logger, mpc):
+                process.check()
                 for text in process.new_lines():
                     line.write(f'  {process.name}: {without_prefix(text)}')
             observer.wait(0.1)
-            waiting = [process for process in waiting if process.name not in ready[process]()]
 
 
 def without_prefix(line: str) -> str:
@@ -206,10 +260,10 @@ def _follow(observer: Observer, plant: Process, others: Sequence[Process],
         while plant.running:
             for process in others:
                 process.check()
-            if min(observer.silence, time.monotonic() - start) > SILENCE:
+            if time.monotonic() - max(observer.heard, start) > SILENCE:
                 raise ProcessError(f'no state for {SILENCE:g} s; the logs are beside the bag')
             observer.wait(0.1)
-            if observer.x is not None and observer.t is not None:
+            if observer.x is not None:
                 bar.set_description_str(in_words(observer.x, observer.u), refresh=False)
                 bar.update(min(observer.t, duration) - bar.n)
 
@@ -220,13 +274,3 @@ def in_words(x: Array, u: float) -> str:
     turned = ' '.join(f'{symbol} {angle:+5.2f}' for symbol, angle in zip(
         symbols(links_of(x))[of_angles], wrapped(x)[of_angles]))
     return f'{turned} rad  x {x[0]:+5.2f} m  u {u:+6.1f} N'
-
-
-def _report(runs: Sequence[Run], results: Sequence[Metrics], spread_only: bool) -> None:
-    names = [run.solver if len(runs) == 1 else f'seed {run.seed}' for run in runs]
-    columns = spread(results) if spread_only else dict(zip(names, results))
-    print('', table(columns), '', sep='\n')
-    if len(runs) > 1:
-        print(summary(runs[0].solver, results))
-    for run in runs:
-        print(f'bag, logs and pictures: {run.folder}')

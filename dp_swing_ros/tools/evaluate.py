@@ -24,8 +24,8 @@ from dp_swing_ros.figures import of_campaign
 from dp_swing_ros.parameters import LARGEST
 from dp_swing_ros.pendulum.state import DEFAULT_LINKS, LINKS
 from dp_swing_ros.solvers import SOLVERS
-from dp_swing_ros.tools.command_lines import dated, execute, OK, program, SHOWN, within
-from dp_swing_ros.tools.processes import interrupt_on_signals
+from dp_swing_ros.tools.command_lines import (
+    dated, execute, interrupt_on_signals, OK, program, SHOWN, within)
 
 SEEDS = 100_000      # of a scenario: a case each is held in memory
 MOST = 10_000        # levels of a sweep, processes

@@ -1,30 +1,71 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Executables of the package as processes that are watched, and never left behind."""
+"""Executables of the package as processes, in a ROS domain of their own, never left behind."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 import contextlib
 import json
 import os
 from pathlib import Path
 import shutil
 import signal
+import socket
 import subprocess
-import time
 
+from dp_swing_ros.configuration import locate
 from dp_swing_ros.errors import UserError
+from dp_swing_ros.tools.command_lines import ENDING
 
 GRACE = 10.0     # [s] a process has to end after SIGINT
 LAST_LINES = 12  # of a log, shown when its process fails
-ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+DOMAINS = range(102)  # their ports lie below those that Linux gives to anybody
+PORTS_PER_DOMAIN, FIRST_PORT = 250, 7400  # Source: the DDSI-RTPS specification, 9.6.1
+PARTICIPANTS = 20     # looked for in a domain
+# left to themselves, nodes that keep to this machine may take 3 s to find each other
+FAST_DISCOVERY = Path('config', 'fast_discovery.xml')
 
 
-def interrupt_on_signals() -> None:
-    """Raise KeyboardInterrupt at every signal that asks this process to end."""
-    for number in ENDING:
-        # nohup ignores SIGHUP, and means it
-        if signal.getsignal(number) is not signal.SIG_IGN:
-            signal.signal(number, signal.default_int_handler)
+@contextlib.contextmanager
+def isolated() -> Iterator[str]:
+    """
+    Keep this process and its children on this machine and in a domain of their own; yield it.
+
+    What the user has set, a ROS_DOMAIN_ID or a profile of Fast DDS, is kept.
+    Raises UserError where no domain is free.
+    """
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    os.environ.setdefault('FASTRTPS_DEFAULT_PROFILES_FILE', str(locate(FAST_DISCOVERY).resolve()))
+    if os.environ.get('ROS_DOMAIN_ID'):
+        yield os.environ['ROS_DOMAIN_ID']
+        return
+    domain, claim = _claim_domain()
+    with claim:
+        os.environ['ROS_DOMAIN_ID'] = domain
+        try:
+            yield domain
+        finally:
+            os.environ.pop('ROS_DOMAIN_ID', None)
+
+
+def _claim_domain() -> tuple[str, socket.socket]:
+    """Return the first domain without nodes, and the socket that claims it while it is open."""
+    for domain in DOMAINS:
+        base = FIRST_PORT + PORTS_PER_DOMAIN * domain
+        claim = _udp_socket()
+        try:
+            # no participant uses the last port: it keeps apart two runs that start together
+            claim.bind(('', base + PORTS_PER_DOMAIN - 1))
+            for n in range(PARTICIPANTS):
+                with _udp_socket() as participant:
+                    participant.bind(('', base + 10 + 2 * n))
+            return str(domain), claim
+        except OSError:  # somebody has the port
+            claim.close()
+    raise UserError('there are nodes in every ROS domain of this machine; set ROS_DOMAIN_ID')
+
+
+def _udp_socket() -> socket.socket:
+    return socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
 
 
 class ProcessError(UserError):
@@ -68,19 +109,22 @@ class Process:
         if not self.running:
             raise self._failure(f'ended early with exit code {self._process.returncode}')
 
-    def interrupt(self) -> None:
-        """Ask it, and whatever it started, to end."""
-        self._signal(signal.SIGINT)
-
     def kill(self) -> None:
         """End what is left of it and of whatever it started."""
         self._signal(signal.SIGKILL)
         self._process.wait()
 
+    def stop(self) -> None:
+        """Ask it, and whatever it started, to end; wait, and kill what is left."""
+        self._signal(signal.SIGINT)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(GRACE)
+        self.kill()
+
     def end(self) -> None:
         """Interrupt it and wait; raise ProcessError if it ended before, or as `finish` does."""
         self.check()
-        self.interrupt()
+        self._signal(signal.SIGINT)
         self.finish()
 
     def finish(self) -> None:
@@ -95,10 +139,8 @@ class Process:
     def new_lines(self) -> list[str]:
         """Return the whole lines that it has written since the last call."""
         text = self._log.read_text(errors='replace')
-        end = text.rfind('\n') + 1
-        lines = text[self._read:end].splitlines()
-        self._read = max(self._read, end)
-        return lines
+        begin, self._read = self._read, text.rfind('\n') + 1
+        return text[begin:self._read].splitlines()
 
     def _signal(self, number: int) -> None:
         # the group outlives its first process while anything of it runs
@@ -126,24 +168,13 @@ class Crew:
         self._processes.append(Process(name, parameters, log, parameter_files))
         return self._processes[-1]
 
-    def check(self) -> None:
-        """Raise ProcessError if one has ended."""
-        for process in self._processes:
-            process.check()
-
     def __exit__(self, *error: object) -> None:
-        """Ask those that still run to end, wait, and kill what is left."""
+        """Stop those that still run, the last one first: it may be what others wait for."""
         # a second Ctrl-C must not leave processes behind
         handlers = [signal.signal(number, signal.SIG_IGN) for number in ENDING]
         try:
-            left = [process for process in self._processes if process.running]
-            for process in left:
-                process.interrupt()
-            end = time.monotonic() + GRACE
-            while any(process.running for process in left) and time.monotonic() < end:
-                time.sleep(0.05)
-            for process in self._processes:
-                process.kill()
+            for process in reversed(self._processes):
+                process.stop()
         finally:
             for number, handler in zip(ENDING, handlers):
                 signal.signal(number, handler)

@@ -1,15 +1,18 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
+import contextlib
 import os
 from pathlib import Path
+import socket
 import time
+from xml.etree import ElementTree
 
 import pytest
 
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.tools import processes
-from dp_swing_ros.tools.processes import Crew, Process, ProcessError
+from dp_swing_ros.tools.processes import Crew, isolated, Process, ProcessError
 
 # stands for ros2: the executable's name says how it behaves
 ROS2 = """\
@@ -110,12 +113,13 @@ def test_crew_leaves_nobody_behind(tmp_path, monkeypatch):
 
 def test_crew_notices_who_died(tmp_path):
     with Crew() as crew:
-        started(crew.start('polite', {}, tmp_path / 'polite.log'))
-        crew.check()
+        polite = crew.start('polite', {}, tmp_path / 'polite.log')
+        started(polite)
+        polite.check()
         broken = crew.start('broken', {}, tmp_path / 'broken.log')
         until(lambda: not broken.running)
         with pytest.raises(ProcessError, match='broken'):
-            crew.check()
+            broken.check()
 
 
 def test_half_a_line_waits_for_its_end(tmp_path):
@@ -135,3 +139,53 @@ def test_missing_ros2_is_said(tmp_path, monkeypatch):
     monkeypatch.setenv('PATH', '')
     with pytest.raises(UserError, match='no ros2 on the PATH'):
         Process('short', {}, tmp_path / 'log')
+
+
+@pytest.fixture(autouse=True)
+def environment(monkeypatch):
+    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'SUBNET')
+    monkeypatch.setenv('ROS_DOMAIN_ID', '')
+    monkeypatch.setenv('FASTRTPS_DEFAULT_PROFILES_FILE', 'mine.xml')
+
+
+def test_domain_of_the_user_is_kept(monkeypatch):
+    monkeypatch.setenv('ROS_DOMAIN_ID', '42')
+    with isolated() as domain:
+        assert domain == '42'
+        assert os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] == 'LOCALHOST'
+    assert os.environ['ROS_DOMAIN_ID'] == '42'
+
+
+def test_two_at_once_get_different_domains(monkeypatch):
+    with isolated() as domain:
+        assert os.environ['ROS_DOMAIN_ID'] == domain
+        monkeypatch.setenv('ROS_DOMAIN_ID', '')
+        with isolated() as other:
+            assert other != domain
+
+
+def test_domain_with_a_participant_is_passed_over(monkeypatch):
+    with isolated() as domain:
+        pass
+    monkeypatch.setattr(processes, 'DOMAINS', [int(domain)])
+    with contextlib.closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as participant:
+        participant.bind(('', 7400 + 250 * int(domain) + 12))
+        with pytest.raises(UserError, match='set ROS_DOMAIN_ID'), isolated():
+            pass
+    with isolated() as again:
+        assert again == domain
+
+
+def test_profile_of_the_user_is_kept():
+    with isolated():
+        assert os.environ['FASTRTPS_DEFAULT_PROFILES_FILE'] == 'mine.xml'
+
+
+def test_profile_of_the_package_is_one_of_fast_dds(monkeypatch):
+    monkeypatch.delenv('FASTRTPS_DEFAULT_PROFILES_FILE')
+    with isolated():
+        profile = Path(os.environ['FASTRTPS_DEFAULT_PROFILES_FILE'])
+    root = ElementTree.parse(profile).getroot()
+    participant = root.find('.//{*}participant')
+    assert participant.get('is_default_profile') == 'true'
+    assert participant.find('.//{*}leaseAnnouncement') is not None
