@@ -25,6 +25,7 @@ NODES = {
     'logger': 'writes the topics to an MCAP bag',
     'replay': 'plays a bag back'}
 BY_COLCON = {'demo': 'runs plant, mpc and logger, and draws the results'}
+COMMANDS = TOOLS | NODES | BY_COLCON
 MISUSED = 2
 
 
@@ -34,23 +35,21 @@ def main(argv: Sequence[str] | None = None) -> int:
     if name in ('-h', '--help'):
         print(usage())
         return 0
-    if name not in TOOLS | NODES | BY_COLCON:
-        print(f'dp_swing_ros: error: unknown command {name!r}; expected one of '
-              f'{", ".join(TOOLS | NODES | BY_COLCON)}', file=sys.stderr)
-        return MISUSED
+    if name not in COMMANDS:
+        return _misused(f'unknown command {name!r}; expected one of {", ".join(COMMANDS)}')
     try:
         module = import_module(f'dp_swing_ros.{"nodes" if name in NODES else "tools"}.{name}')
     except ModuleNotFoundError as error:
-        return _missing(name, str(error.name))
+        remedy = 'pip install what the package needs' if name in TOOLS else \
+            'source an installation of ROS 2, or run `make setup` in a checkout'
+        return _misused(f'{name} needs the Python module {error.name}, which is not installed; '
+                        f'{remedy}')
     # of a node rclpy wants the name of the program, too
     return int(module.main([name, *rest] if name in NODES else rest))
 
 
-def _missing(name: str, module: str) -> int:
-    remedy = 'pip install what the package needs' if name in TOOLS else \
-        'source an installation of ROS 2, or run `make setup` in a checkout'
-    print(f'dp_swing_ros: error: {name} needs the Python module {module}, which is not '
-          f'installed; {remedy}', file=sys.stderr)
+def _misused(why: str) -> int:
+    print(f'dp_swing_ros: error: {why}', file=sys.stderr)
     return MISUSED
 
 

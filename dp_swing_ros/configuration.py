@@ -8,9 +8,11 @@ or a YAML file; here the same names and files make the same objects without a no
 """
 
 from collections.abc import Iterable, Mapping
+import copy
 import dataclasses
 from pathlib import Path
-from typing import Any
+from types import MappingProxyType
+from typing import Any, TypeVar
 
 from dp_swing_ros.control.receding_horizon import MpcParameters, RecedingHorizon
 from dp_swing_ros.estimators import ESTIMATORS
@@ -24,7 +26,7 @@ from dp_swing_ros.simulation.plant import Plant, PlantParameters
 from dp_swing_ros.solvers import SOLVERS
 
 Values = Mapping[str, Any]               # by the full name of the parameter
-Groups = list[tuple[str, type[Parameters]]]  # with the prefix of their names
+Group = TypeVar('Group', bound=Parameters)
 
 NODES = ('plant', 'mpc')
 PACKAGE = Path(__file__).parent
@@ -41,32 +43,24 @@ DEFAULTS: dict[int, dict[str, Any]] = {
         'mppi.samples': 1024}}
 
 
-def groups_of(node: str) -> Groups:
-    """Return the groups of parameters of a plant or an mpc, with the prefix of their names."""
-    shared: Groups = [('', PendulumParameters), ('', LimitParameters)]
-    if node == 'plant':
-        return [*shared, ('', PlantParameters)]
-    return [*shared, ('', MpcParameters), ('', PredictionParameters), ('', CostParameters),
-            *((name, kinds[name].Parameters) for kinds in (ESTIMATORS, SOLVERS)
-              for name in sorted(kinds))]
-
-
 def declared(node: str, links: int) -> dict[str, dataclasses.Field]:
-    """Return the parameters of a node by their full names, their defaults for so many links."""
+    """Return a plant's or an mpc's parameters by full names, with defaults for so many links."""
+    groups: list[tuple[str, type[Parameters]]] = [('', PendulumParameters), ('', LimitParameters)]
+    if node == 'plant':
+        groups += [('', PlantParameters)]
+    else:
+        groups += [('', MpcParameters), ('', PredictionParameters), ('', CostParameters),
+                   *((f'{name}.', kinds[name].Parameters) for kinds in (ESTIMATORS, SOLVERS)
+                     for name in sorted(kinds))]
     found = {}
-    for prefix, group in groups_of(node):
-        for field in fields_of(group, links):
-            name = f'{prefix}.{field.name}' if prefix else field.name
-            found[name] = _of_links(field, links, DEFAULTS[links].get(name, field.default))
+    for prefix, group in groups:
+        for field in map(copy.copy, fields_of(group, links)):
+            sizes = field.metadata['size']
+            field.metadata = MappingProxyType(
+                {**field.metadata, 'size': sizes and {links: sizes[links]}})
+            field.default = DEFAULTS[links].get(prefix + field.name, field.default)
+            found[prefix + field.name] = field
     return found
-
-
-def _of_links(field: dataclasses.Field, links: int, default: Any) -> dataclasses.Field:
-    sizes = field.metadata['size']
-    made: dataclasses.Field = dataclasses.field(default=default, metadata={
-        **field.metadata, 'size': sizes and {links: sizes[links]}})
-    made.name = field.name
-    return made
 
 
 def declared_for(node: str, values: Values) -> dict[str, dataclasses.Field]:
@@ -87,9 +81,7 @@ def declared_for(node: str, values: Values) -> dict[str, dataclasses.Field]:
 
 def links_in(values: Values) -> int:
     """Return the number of links that parameters are for; raises ParameterError."""
-    field, = (field for field in dataclasses.fields(PendulumParameters) if field.name == 'links')
-    links: int = checked(field, values.get('links', DEFAULT_LINKS))
-    return links
+    return PendulumParameters(links=values.get('links', DEFAULT_LINKS)).links
 
 
 def complete(node: str, values: Values) -> dict[str, Any]:
@@ -105,11 +97,10 @@ def complete(node: str, values: Values) -> dict[str, Any]:
             for name, field in fields.items()}
 
 
-def group(kind: type[Parameters], values: Values, prefix: str = '') -> Any:
+def group(kind: type[Group], values: Values, prefix: str = '') -> Group:
     """Make a group of parameters from complete values of a node."""
-    names = {field.name: f'{prefix}.{field.name}' if prefix else field.name
-             for field in dataclasses.fields(kind)}
-    return kind(**{name: values[full] for name, full in names.items() if full in values})
+    return kind(**{field.name: values[prefix + field.name] for field in dataclasses.fields(kind)
+                   if prefix + field.name in values})
 
 
 def plant(values: Values) -> Plant:
@@ -147,14 +138,13 @@ def controller(values: Values) -> RecedingHorizon:
     parameters = group(MpcParameters, values)
     solver, estimator = parameters.solver, parameters.estimator
     return RecedingHorizon(_problem(values), parameters,
-                           group(SOLVERS[solver].Parameters, values, solver),
-                           group(ESTIMATORS[estimator].Parameters, values, estimator))
+                           group(SOLVERS[solver].Parameters, values, f'{solver}.'),
+                           group(ESTIMATORS[estimator].Parameters, values, f'{estimator}.'))
 
 
 def default_cost(links: int) -> CostParameters:
     """Return the default cost of a pendulum with so many links."""
-    cost: CostParameters = group(CostParameters, DEFAULTS[links])
-    return cost
+    return group(CostParameters, DEFAULTS[links])
 
 
 def locate(path: Path) -> Path:
@@ -177,7 +167,8 @@ def read(paths: Iterable[Path]) -> dict[str, dict[str, Any]]:
             name = pattern.rsplit('/', 1)[-1]
             if name in ANY_NODE:
                 for node in NODES:
-                    found[node].update({key: values[key] for key in _names(node) & set(values)})
+                    names = declared(node, max(LINKS)).keys() & values
+                    found[node].update({key: values[key] for key in names})
             elif name in NODES:
                 found[name].update({key: value for key, value in values.items()
                                     if not is_of_rclpy(key)})
@@ -185,7 +176,3 @@ def read(paths: Iterable[Path]) -> dict[str, dict[str, Any]]:
                 raise ParameterError(f'{path} has parameters for {pattern!r}; expected nodes '
                                      f'called {" or ".join(NODES)}')
     return found
-
-
-def _names(node: str) -> set[str]:
-    return set(declared(node, max(LINKS)))

@@ -22,18 +22,14 @@ AFTERWARDS = ('__main__.py', 'bags/', 'evaluation/campaign/manifest.py',
               'report/', 'rerun/', 'tables.py', 'tools/', 'topics.py')
 
 
-def cpu() -> str:
-    """Return the model of the processor."""
+def machine() -> str:
+    """Return processor, cores and system in words."""
     try:
         found = re.search(r'model name\s*: (.*)', Path('/proc/cpuinfo').read_text())
     except OSError:
         found = None
-    return found[1] if found else platform.processor() or 'unknown processor'
-
-
-def machine() -> str:
-    """Return processor, cores and system in words."""
-    return f'{cpu()}, {os.cpu_count()} cores, {platform.system()} {platform.machine()}'
+    cpu = found[1] if found else platform.processor() or 'unknown processor'
+    return f'{cpu}, {os.cpu_count()} cores, {platform.system()} {platform.machine()}'
 
 
 def packages(names: Iterable[str] = COMPUTING) -> dict[str, str]:

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What an estimator is: state and pendulum, from noisy states and the forces sent."""
 
-from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
 from dp_swing_ros.parameters import Parameters
@@ -59,17 +58,12 @@ class Estimator(Protocol):
         """Return whether the pendulum is believed to be another than these parameters'."""
 
 
-@dataclass(frozen=True)
-class Nothing(Parameters):
-    """No parameters."""
-
-
 class Direct:
     """No estimator: a state is taken as it is measured, the pendulum for the nominal one."""
 
-    Parameters = Nothing
+    Parameters = Parameters   # none
 
-    def __init__(self, problem: Problem, parameters: Nothing) -> None:
+    def __init__(self, problem: Problem, parameters: object) -> None:
         """Take nothing of it."""
 
     def reset(self) -> None:

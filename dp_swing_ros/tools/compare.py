@@ -45,38 +45,29 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _compare(arguments: argparse.Namespace) -> int:
     bag = Bag(arguments.bag, arguments.partial, arguments.namespace)
-    run = Run(bag)
-    found = _counterfactuals(run, arguments)
-    print(table(found[0]) if arguments.every is None else regrets(found))
+    run, duration = Run(bag), arguments.duration
+    solvers = list(dict.fromkeys(arguments.solvers))
+    ticks = [run.tick_at(arguments.at, duration)] if arguments.every is None \
+        else run.ticks_every(arguments.every, duration)
+    with progress(total=len(ticks) * len(solvers), desc='take-overs') as bar:
+        found = [counterfactual(run, tick, solvers, duration, bar.update) for tick in ticks]
+    if arguments.every is None:
+        name, text = 'counterfactual.png', table(found[0])
+        figure = figures.counterfactual(found[0], run.limits)
+    else:
+        name, text, figure = 'regret.png', regrets(found), figures.regret(found)
+    print(text)
     if bag.incomplete:
         print(bag.incomplete)
     if bag.has(DISTURBANCE):
         print(f'note: pushes ({len(bag.of(DISTURBANCE))} on {DISTURBANCE.name}) are only in '
               'what was recorded')
-    print(_draw(found, run, arguments))
-    return OK
-
-
-def _counterfactuals(run: Run, arguments: argparse.Namespace) -> list[Counterfactual]:
-    solvers = list(dict.fromkeys(arguments.solvers))
-    duration = arguments.duration
-    ticks = [run.tick_at(arguments.at, duration)] if arguments.every is None \
-        else run.ticks_every(arguments.every, duration)
-    with progress(total=len(ticks) * len(solvers), desc='take-overs') as bar:
-        return [counterfactual(run, tick, solvers, duration, bar.update) for tick in ticks]
-
-
-def _draw(found: list[Counterfactual], run: Run, arguments: argparse.Namespace) -> Path:
-    folder = arguments.output or beside(arguments.bag, 'analysis')
-    folder.mkdir(parents=True, exist_ok=True)
-    if arguments.every is None:
-        path, figure = folder / 'counterfactual.png', figures.counterfactual(
-            found[0], run.limits)
-    else:
-        path, figure = folder / 'regret.png', figures.regret(found)
-    figures.mark(figure, run.bag.incomplete)
+    path = (arguments.output or beside(arguments.bag, 'analysis')) / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figures.mark(figure, bag.incomplete)
     figure.savefig(path)
-    return path
+    print(path)
+    return OK
 
 
 def table(one: Counterfactual) -> str:

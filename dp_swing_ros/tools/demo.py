@@ -30,17 +30,14 @@ from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tools.command_lines import (
     dated, execute, FAILED, interrupt_on_signals, OK, program, progress, within)
 from dp_swing_ros.tools.processes import Crew, isolated, Process, ProcessError
-from dp_swing_ros.topics import DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES, PLAN
+from dp_swing_ros.topics import DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES, PLAN, Topic
 
 READY = 180.0   # [s] for logger and mpc to come up; the first start of the mpc compiles
+KEPT = 1000     # messages of a topic: the logger may find it late
 MEETING = 3.0   # [s] to find the nodes that are there already, however they announce themselves
 COLUMNS = 5     # of more runs than this the table shows the spread
 SILENCE = 20.0  # [s] without a state: something hangs
 SHORTEST = 1e-3  # [s] of a run
-# by which plant and mpc keep what they publish: the logger may find a topic late
-KEEPING = {f'qos_overrides./{topic.name.lstrip("/")}.publisher.{policy}': value
-           for topic in (JOINT_STATES, FORCE_COMMAND, PLAN, DIAGNOSTICS)
-           for policy, value in (('durability', 'transient_local'), ('depth', 1000))}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -199,21 +196,30 @@ def perform(run: Run) -> Path:
     Raises ProcessError if a process fails.
     """
     bag = run.folder / 'bag'
-    shared = {'seed': run.seed, **KEEPING, **({'links': run.links} if run.links else {})}
+    shared = {'seed': run.seed, **({'links': run.links} if run.links else {})}
     with Crew() as crew, Observer() as observer:
         logger = crew.start('logger', {'output': str(bag), 'progress_period': 0.0},
                             run.folder / 'logger.log')
-        mpc = crew.start('mpc', {'solver': run.solver, **shared}, run.folder / 'mpc.log',
-                         run.parameter_files)
+        mpc = crew.start(
+            'mpc', {'solver': run.solver, **shared, **keeping(FORCE_COMMAND, PLAN, DIAGNOSTICS)},
+            run.folder / 'mpc.log', run.parameter_files)
         _await(logger, mpc, observer)
         plant = crew.start(
-            'plant', {'duration': run.duration, 'lockstep': run.lockstep, **shared},
+            'plant', {'duration': run.duration, 'lockstep': run.lockstep, **shared,
+                      **keeping(JOINT_STATES, DIAGNOSTICS)},
             run.folder / 'plant.log', run.parameter_files)
         _follow(observer, plant, [mpc, logger], run.duration)
         plant.finish()
         mpc.end()  # it sends a last zero force, which belongs into the bag
         logger.end()
     return bag
+
+
+def keeping(*topics: Topic) -> dict[str, object]:
+    """Return the parameters by which a node keeps what it publishes for a logger to come."""
+    return {f'qos_overrides./{topic.name.lstrip("/")}.publisher.{policy}': value
+            for topic in topics
+            for policy, value in (('durability', 'transient_local'), ('depth', KEPT))}
 
 
 def _refuse_company() -> None:

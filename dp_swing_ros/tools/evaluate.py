@@ -13,7 +13,7 @@ from typing import Any
 
 from dp_swing_ros.evaluation.baselines import BASELINES
 from dp_swing_ros.evaluation.campaign import manifest
-from dp_swing_ros.evaluation.campaign.contestants import Contestant, key, parse_all
+from dp_swing_ros.evaluation.campaign.contestants import key, parse_all
 from dp_swing_ros.evaluation.campaign.report import compared, markdown
 from dp_swing_ros.evaluation.campaign.rows import CampaignError, read, Row, Table
 from dp_swing_ros.evaluation.campaign.runner import run
@@ -43,20 +43,16 @@ def _evaluate(arguments: argparse.Namespace, command: str) -> int:
     folder = arguments.output or Path('runs', dated('campaign'))
     interrupt_on_signals()
     try:
-        stored = _stored(arguments.against)
+        against = arguments.against
+        if against is not None and against.is_dir():
+            against /= 'episodes.csv'
+        stored = [] if against is None else read(against)
         if not arguments.summary_only:
             _play(arguments, folder, stored, command)
         _report(folder, arguments.figures, stored, arguments.against)
     except KeyboardInterrupt:
         raise KeyboardInterrupt(f'call again with --output {folder} to go on') from None
     return OK
-
-
-def _stored(place: Path | None) -> list[Row]:
-    """Return the rows of a table, or of the table in the folder of a campaign."""
-    if place is None:
-        return []
-    return read(place / 'episodes.csv' if place.is_dir() else place)
 
 
 def _examples() -> str:
@@ -140,7 +136,8 @@ def _play(arguments: argparse.Namespace, folder: Path, stored: Sequence[Row],
 
     Raises CampaignError where it is to be compared with other episodes, before any is run.
     """
-    contestants = [_with_links(each, arguments.links)
+    links = {'links': arguments.links}    # unless parameter files say otherwise
+    contestants = [replace(each, plant=links | each.plant, mpc=links | each.mpc)
                    for each in parse_all(arguments.contestants)]
     description = {**manifest.describe(contestants, arguments.scenarios, arguments.seeds,
                                        arguments.levels, arguments.duration, arguments.links),
@@ -156,12 +153,6 @@ def _play(arguments: argparse.Namespace, folder: Path, stored: Sequence[Row],
     print(f'{folder}: {len(contestants)} contestants, {len(cases)} cases each; '
           f'{len(table.rows)} episodes are there already', flush=True)
     run(episodes, table, arguments.jobs, arguments.dask)
-
-
-def _with_links(contestant: Contestant, links: int) -> Contestant:
-    """Return a contestant whose plant and mpc have so many links, unless they are given it."""
-    return replace(contestant, plant={'links': links, **contestant.plant},
-                   mpc={'links': links, **contestant.mpc})
 
 
 def _cases(description: dict[str, Any]) -> list[Case]:

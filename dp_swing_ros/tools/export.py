@@ -56,8 +56,6 @@ def _output_for(bag: Path, output: Path | None, wanted: str | None) -> Path:
     Raises UserError where its name and format do not fit, or the format cannot be written here.
     """
     path = output or Path(f'{beside(bag, "states")}.{wanted or FORMATS[0]}')
-    if output is not None and not output.suffix and wanted is not None:
-        path = output.with_name(f'{output.name}.{wanted}')
     if path.suffix[1:] not in FORMATS or wanted not in (None, path.suffix[1:]):
         names = ' or '.join(f'.{each}' for each in ((wanted,) if wanted else FORMATS))
         raise UserError(f'--output {path} does not end in {names}; name it so, or give another '

@@ -25,13 +25,12 @@ links; parameters of a link or a joint that is not there are refused.
 
 def reference() -> str:
     """Return the page as Markdown."""
-    nodes = {node: declared(node, max(LINKS)) for node in NODES}
+    # those of the most links, with the defaults of two
+    nodes = {node: declared(node, max(LINKS)) | declared(node, DEFAULT_LINKS) for node in NODES}
     shared = {name: field for name, field in nodes['plant'].items() if name in nodes['mpc']}
-    own = {node: {name: field for name, field in declared(node, DEFAULT_LINKS).items()
-                  if name not in shared} for node in NODES}
-    limits = {name: declared('plant', DEFAULT_LINKS).get(name, field)
-              for name, field in shared.items()}
-    sections = {'The pendulum and its limits (plant and mpc)': limits, **own,
+    own = {node: {name: field for name, field in fields.items() if name not in shared}
+           for node, fields in nodes.items()}
+    sections = {'The pendulum and its limits (plant and mpc)': shared, **own,
                 'logger': named(LoggerParameters), 'replay': named(ReplayParameters)}
     return '\n'.join([
         HEAD, *(f'## {name}\n\n{table(fields)}' for name, fields in sections.items()),

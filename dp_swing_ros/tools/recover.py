@@ -52,19 +52,16 @@ def _report(found: Recovery, bag: Path, output: Path) -> str:
         losses[LINES:] = [f'and {len(losses) - LINES} more like these']
     start = min(entry.received for entry in found.entries)
     date = datetime.fromtimestamp(start / BILLION, timezone.utc)
+    topics = aligned([('topic', 'saved', 'first [s]', 'last [s]', 'lost'), *(
+        (name, str(account.saved), f'{(account.first - start) / BILLION:.3f}',
+         f'{(account.last - start) / BILLION:.3f}',
+         '-' if account.missing is None else str(account.missing))
+        for name, account in sorted(found.accounts().items()))], names=1)
     lines = [f'{bag} is damaged; saved {len(found.entries)} messages{counted}: {output}', '',
-             _table(found, start), '',
+             topics, '',
              f'time 0 is {date:%Y-%m-%d %H:%M:%S} UTC; lost: numbers skipped where one publisher '
              'counts', '', 'damaged:', *(f'  {loss}' for loss in losses)]
     if found.unverified:
         lines += ['', f'{found.unverified} messages were saved that no checksum verifies, as '
                   'those of a chunk without its end; their numbers may be wrong']
     return '\n'.join(lines)
-
-
-def _table(found: Recovery, start: int) -> str:
-    return aligned([('topic', 'saved', 'first [s]', 'last [s]', 'lost'), *(
-        (name, str(account.saved), f'{(account.first - start) / BILLION:.3f}',
-         f'{(account.last - start) / BILLION:.3f}',
-         '-' if account.missing is None else str(account.missing))
-        for name, account in sorted(found.accounts().items()))], names=1)

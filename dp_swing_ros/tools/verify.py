@@ -4,7 +4,7 @@
 
 import argparse
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 import sys
 
 from dp_swing_ros.bags.reader import Bag
@@ -27,53 +27,45 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _verify(arguments: argparse.Namespace) -> int:
     found = verify(Bag(arguments.bag, arguments.partial, arguments.namespace),
                    lambda ticks: progress(ticks, desc='ticks'))
-    return _differs(found) if found.differences else _identical(found)
-
-
-def _identical(found: Verification) -> int:
-    if found.ticks:
-        print(f'{found.ticks} ticks of {found.solver} in {_mode(found)}: every force is the '
-              'recorded one to the bit')
-    if found.plans:
-        print(f'{found.plans} plans: all states and forces are the recorded ones to the bit')
-    if found.states:
-        print(f'{found.states} states: the plant simulated again gives them and the forces '
-              'applied to the bit')
-    if found.states and not (found.unchecked or found.incomplete):
-        print('so the whole run, simulated again from its parameters alone, is the recorded one')
-    if found.ticks and found.elsewhere:
-        print(f'note: recorded elsewhere ({"; ".join(found.elsewhere)}), which changed nothing')
-    return _remarks(found) or IDENTICAL
-
-
-def _differs(found: Verification) -> int:
-    first, counts = found.differences[0], Counter(each.of for each in found.differences)
-    print(f'{first.place}, differs: {first.text}')
-    if counts['ticks']:
-        print(f'{counts["ticks"]} of {found.ticks} ticks of {found.solver} in {_mode(found)} '
-              'differ; after the first, one may follow from another')
-    if counts['forces']:
-        print(f'{counts["forces"]} forces on force_command are of no tick')
-    if counts['states']:
-        print(f'{counts["states"]} of {found.states} states differ from those of the plant '
-              'simulated again')
-    print(f'likely cause: {"; ".join(found.elsewhere)}' if found.elsewhere else
-          'code, packages and machine are the same: the bag was changed, or the run depended on '
-          'what is not recorded')
-    _remarks(found)
-    return DIFFERS
-
-
-def _remarks(found: Verification) -> int:
-    """Print what was not checked; return the exit code if it should have been."""
+    ticks = f'{found.ticks} ticks of {found.solver} in ' \
+        f'{"real time" if found.real_time else "lockstep"}'
+    for text in _differences(found, ticks) if found.differences else _identical(found, ticks):
+        print(text)
     if found.incomplete:
         print(found.incomplete)
     for text in found.beyond:
         print(f'not checked: {text}')
     for text in found.unchecked:
         print(f'verify: error: {text}', file=sys.stderr)
+    if found.differences:
+        return DIFFERS
     return UNKNOWN if found.unchecked else IDENTICAL
 
 
-def _mode(found: Verification) -> str:
-    return 'real time' if found.real_time else 'lockstep'
+def _identical(found: Verification, ticks: str) -> Iterator[str]:
+    if found.ticks:
+        yield f'{ticks}: every force is the recorded one to the bit'
+    if found.plans:
+        yield f'{found.plans} plans: all states and forces are the recorded ones to the bit'
+    if found.states:
+        yield (f'{found.states} states: the plant simulated again gives them and the forces '
+               'applied to the bit')
+    if found.states and not (found.unchecked or found.incomplete):
+        yield 'so the whole run, simulated again from its parameters alone, is the recorded one'
+    if found.ticks and found.elsewhere:
+        yield f'note: recorded elsewhere ({"; ".join(found.elsewhere)}), which changed nothing'
+
+
+def _differences(found: Verification, ticks: str) -> Iterator[str]:
+    first, counts = found.differences[0], Counter(each.of for each in found.differences)
+    yield f'{first.place}, differs: {first.text}'
+    if counts['ticks']:
+        yield f'{counts["ticks"]} of {ticks} differ; after the first, one may follow from another'
+    if counts['forces']:
+        yield f'{counts["forces"]} forces on force_command are of no tick'
+    if counts['states']:
+        yield (f'{counts["states"]} of {found.states} states differ from those of the plant '
+               'simulated again')
+    yield (f'likely cause: {"; ".join(found.elsewhere)}' if found.elsewhere else
+           'code, packages and machine are the same: the bag was changed, or the run depended on '
+           'what is not recorded')
