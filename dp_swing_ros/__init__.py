@@ -15,38 +15,24 @@ from typing import Any
 # machine for 20 ms at times; it reads this when NumPy is imported for the first time.
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
-PUBLIC = {   # name: the module below this package that defines it
-    'plant': 'configuration',
-    'controller': 'configuration',
-    'simulate': 'simulation.closed_loop',
-    'Controller': 'simulation.closed_loop',
-    'measure': 'evaluation.metrics',
-    'read_episode': 'bags',
-    'Episode': 'simulation.episode',
-    'Problem': 'problem.problem',
-    'Plan': 'problem.plan',
-    'SolverStats': 'problem.plan',
-    'Status': 'problem.plan',
-    'SOLVERS': 'solvers',
-    'ESTIMATORS': 'estimators',
-    'INTEGRATORS': 'pendulum.integrators',
-    'Solver': 'solvers.solver',
-    'Estimator': 'estimators.estimator',
-    'Estimate': 'estimators.estimator',
-    'Force': 'estimators.estimator',
-    'hold': 'pendulum.model',
-    'PendulumParameters': 'pendulum.parameters',
-    'Integrator': 'pendulum.integrators',
-    'moved': 'pendulum.integrators',
-    'Parameters': 'parameters',
-    'parameter': 'parameters',
-    'policy_of': 'solvers.solver',
-    'policy_rollout': 'problem.problem',
-    'Rollout': 'problem.problem',
-    'generator': 'solvers.solver',
-    'ParameterError': 'parameters',
-    'UserError': 'errors',
-}
+MODULES = {   # below this package: the names that each defines
+    'configuration': ('plant', 'controller'),
+    'simulation.closed_loop': ('simulate', 'Controller'),
+    'evaluation.metrics': ('measure',),
+    'bags': ('read_episode',),
+    'simulation.episode': ('Episode',),
+    'problem.problem': ('Problem', 'policy_rollout', 'Rollout'),
+    'problem.plan': ('Plan', 'SolverStats', 'Status'),
+    'solvers': ('SOLVERS',),
+    'solvers.solver': ('Solver', 'policy_of', 'generator'),
+    'estimators': ('ESTIMATORS',),
+    'estimators.estimator': ('Estimator', 'Estimate', 'Force'),
+    'pendulum.integrators': ('INTEGRATORS', 'Integrator', 'moved'),
+    'pendulum.model': ('hold',),
+    'pendulum.parameters': ('PendulumParameters',),
+    'parameters': ('Parameters', 'parameter', 'ParameterError'),
+    'errors': ('UserError',)}
+PUBLIC = {name: module for module, names in MODULES.items() for name in names}
 __all__ = list(PUBLIC)
 
 

@@ -90,12 +90,9 @@ def execute(parser: argparse.ArgumentParser, work: Callable[[argparse.Namespace]
     tool = parser.prog.split()[-1]
     try:
         return work(arguments)
-    except failures as error:
+    except failures + (UserError, ParameterError, OSError) as error:
         print(f'{tool}: error: {error}', file=sys.stderr)
-        return FAILED
-    except (UserError, ParameterError, OSError) as error:
-        print(f'{tool}: error: {error}', file=sys.stderr)
-        return MISUSED
+        return FAILED if isinstance(error, failures) else MISUSED
     except KeyboardInterrupt as interrupt:
         print('; '.join([f'{tool}: interrupted', *interrupt.args]), file=sys.stderr)
         return INTERRUPTED

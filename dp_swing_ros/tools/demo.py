@@ -4,6 +4,7 @@
 
 import argparse
 from collections.abc import Sequence
+from contextlib import ExitStack
 import dataclasses
 import os
 from pathlib import Path
@@ -29,7 +30,7 @@ from dp_swing_ros.report.recording import named, recording
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tools.command_lines import (
     dated, execute, FAILED, interrupt_on_signals, OK, program, progress, within)
-from dp_swing_ros.tools.processes import Crew, isolated, Process, ProcessError
+from dp_swing_ros.tools.processes import isolated, Process, ProcessError
 from dp_swing_ros.topics import DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES, PLAN, Topic
 
 READY = 180.0   # [s] for logger and mpc to come up; the first start of the mpc compiles
@@ -119,8 +120,8 @@ def _demo(arguments: argparse.Namespace) -> int:
             _refuse_company()
         results = [_result(run, arguments.figures) for run in runs]
     names = [run.solver if len(runs) == 1 else f'seed {run.seed}' for run in runs]
-    spread_only = arguments.spread or len(runs) > COLUMNS
-    print('', table(spread(results) if spread_only else dict(zip(names, results))), '', sep='\n')
+    columns = spread(results) if len(runs) > COLUMNS else dict(zip(names, results))
+    print('', table(columns), '', sep='\n')
     if len(runs) > 1:
         print(summary(arguments.solver, results))
     for run in runs:
@@ -142,9 +143,8 @@ def command_line() -> argparse.ArgumentParser:
                         metavar='SECONDS')
     parser.add_argument('--seed', type=int, default=0, help='of noises and solver (default: 0)')
     parser.add_argument('--runs', type=within(int, 1), default=1, metavar='N',
-                        help='number of runs, with seeds from --seed on (default: 1)')
-    parser.add_argument('--spread', action='store_true',
-                        help=f'tabulate the spread of the runs (of more than {COLUMNS}, always)')
+                        help='number of runs, with seeds from --seed on (default: 1); of more '
+                             f'than {COLUMNS} the spread is tabulated')
     parser.add_argument('--lockstep', action='store_true',
                         help='as fast as the solver, and repeatable to the bit')
     parser.add_argument('--params', type=Path, metavar='FILE', action='append', default=[],
@@ -197,17 +197,17 @@ def perform(run: Run) -> Path:
     """
     bag = run.folder / 'bag'
     shared = {'seed': run.seed, **({'links': run.links} if run.links else {})}
-    with Crew() as crew, Observer() as observer:
-        logger = crew.start('logger', {'output': str(bag), 'progress_period': 0.0},
-                            run.folder / 'logger.log')
-        mpc = crew.start(
+    with ExitStack() as crew, Observer() as observer:
+        logger = crew.enter_context(Process(
+            'logger', {'output': str(bag), 'progress_period': 0.0}, run.folder / 'logger.log'))
+        mpc = crew.enter_context(Process(
             'mpc', {'solver': run.solver, **shared, **keeping(FORCE_COMMAND, PLAN, DIAGNOSTICS)},
-            run.folder / 'mpc.log', run.parameter_files)
+            run.folder / 'mpc.log', run.parameter_files))
         _await(logger, mpc, observer)
-        plant = crew.start(
+        plant = crew.enter_context(Process(
             'plant', {'duration': run.duration, 'lockstep': run.lockstep, **shared,
                       **keeping(JOINT_STATES, DIAGNOSTICS)},
-            run.folder / 'plant.log', run.parameter_files)
+            run.folder / 'plant.log', run.parameter_files))
         _follow(observer, plant, [mpc, logger], run.duration)
         plant.finish()
         mpc.end()  # it sends a last zero force, which belongs into the bag

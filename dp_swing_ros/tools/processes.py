@@ -73,7 +73,11 @@ class ProcessError(UserError):
 
 
 class Process:
-    """One executable under `ros2 run`, in a session of its own, its output in a file."""
+    """
+    One executable under `ros2 run`, in a session of its own, its output in a file.
+
+    As a context manager it is gone at the end of the context, however that ended.
+    """
 
     def __init__(self, name: str, parameters: Mapping[str, object], log: Path,
                  parameter_files: Iterable[Path] = ()) -> None:
@@ -99,6 +103,22 @@ class Process:
                 command, stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT,
                 env={**os.environ, 'PYTHONUNBUFFERED': '1'}, start_new_session=True)
 
+    def __enter__(self) -> 'Process':
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Ask it, and whatever it started, to end; wait, and kill what is left."""
+        # a second Ctrl-C must not leave processes behind
+        handlers = [signal.signal(number, signal.SIG_IGN) for number in ENDING]
+        try:
+            self._signal(signal.SIGINT)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._process.wait(GRACE)
+            self.kill()
+        finally:
+            for number, handler in zip(ENDING, handlers):
+                signal.signal(number, handler)
+
     @property
     def running(self) -> bool:
         """Return whether it has not ended yet."""
@@ -113,13 +133,6 @@ class Process:
         """End what is left of it and of whatever it started."""
         self._signal(signal.SIGKILL)
         self._process.wait()
-
-    def stop(self) -> None:
-        """Ask it, and whatever it started, to end; wait, and kill what is left."""
-        self._signal(signal.SIGINT)
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            self._process.wait(GRACE)
-        self.kill()
 
     def end(self) -> None:
         """Interrupt it and wait; raise ProcessError if it ended before, or as `finish` does."""
@@ -151,30 +164,3 @@ class Process:
         lines = self._log.read_text(errors='replace').splitlines()[-LAST_LINES:]
         return ProcessError('\n'.join([f'{self.name} {what}; the end of {self._log}:',
                                        *(f'    {line}' for line in lines)]))
-
-
-class Crew:
-    """The processes of one run; when the run is over, however it ended, so are they."""
-
-    def __init__(self) -> None:
-        self._processes: list[Process] = []
-
-    def __enter__(self) -> 'Crew':
-        return self
-
-    def start(self, name: str, parameters: Mapping[str, object], log: Path,
-              parameter_files: Iterable[Path] = ()) -> Process:
-        """Start a process that belongs to the crew; as Process does."""
-        self._processes.append(Process(name, parameters, log, parameter_files))
-        return self._processes[-1]
-
-    def __exit__(self, *error: object) -> None:
-        """Stop those that still run, the last one first: it may be what others wait for."""
-        # a second Ctrl-C must not leave processes behind
-        handlers = [signal.signal(number, signal.SIG_IGN) for number in ENDING]
-        try:
-            for process in reversed(self._processes):
-                process.stop()
-        finally:
-            for number, handler in zip(ENDING, handlers):
-                signal.signal(number, handler)

@@ -12,7 +12,7 @@ import pytest
 
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.tools import processes
-from dp_swing_ros.tools.processes import Crew, isolated, Process, ProcessError
+from dp_swing_ros.tools.processes import isolated, Process, ProcessError
 
 # stands for ros2: the executable's name says how it behaves
 ROS2 = """\
@@ -96,12 +96,11 @@ def test_process_that_does_not_end_is_an_error_and_can_be_killed(tmp_path, monke
     until(lambda: not alive(child))
 
 
-def test_crew_leaves_nobody_behind(tmp_path, monkeypatch):
+def test_nobody_is_left_behind(tmp_path, monkeypatch):
     monkeypatch.setattr(processes, 'GRACE', 0.5)
     with pytest.raises(KeyboardInterrupt):
-        with Crew() as crew:
-            polite = crew.start('polite', {}, tmp_path / 'polite.log')
-            rude = crew.start('rude', {}, tmp_path / 'rude.log')
+        with Process('polite', {}, tmp_path / 'polite.log') as polite, \
+                Process('rude', {}, tmp_path / 'rude.log') as rude:
             started(polite)
             child = int(started(rude)[-1].split()[-1])
             raise KeyboardInterrupt
@@ -111,15 +110,15 @@ def test_crew_leaves_nobody_behind(tmp_path, monkeypatch):
     until(lambda: not alive(child))
 
 
-def test_crew_notices_who_died(tmp_path):
-    with Crew() as crew:
-        polite = crew.start('polite', {}, tmp_path / 'polite.log')
+def test_who_has_died_is_noticed(tmp_path):
+    with Process('polite', {}, tmp_path / 'polite.log') as polite:
         started(polite)
         polite.check()
-        broken = crew.start('broken', {}, tmp_path / 'broken.log')
-        until(lambda: not broken.running)
-        with pytest.raises(ProcessError, match='broken'):
-            broken.check()
+        with Process('broken', {}, tmp_path / 'broken.log') as broken:
+            until(lambda: not broken.running)
+            with pytest.raises(ProcessError, match='broken'):
+                broken.check()
+        polite.check()
 
 
 def test_half_a_line_waits_for_its_end(tmp_path):
