@@ -34,7 +34,7 @@ from dp_swing_ros.evaluation.campaign.rows import Row, store, untimed
 from dp_swing_ros.figures.style import solver_name
 from dp_swing_ros.simulation.episode import Episode
 from dp_swing_ros.tools.command_lines import interrupt_on_signals, within
-from dp_swing_ros.tools.demo import perform, Run
+from dp_swing_ros.tools.demo import perform
 from dp_swing_ros.tools.processes import isolated
 
 SEED = 0   # of the run that is shown whole
@@ -56,8 +56,9 @@ def record(key: Key, folder: Path) -> Episode:
     start = folder / 'start.yaml'
     start.write_text(yaml.safe_dump({'/**/plant': {'ros__parameters': {
         'initial_state': list(STARTS[key.start])}}}), encoding='utf-8')
-    return read_episode(perform(Run(key.solver, SEED, None, STEPS[key.solver] * PERIOD, True,
-                                    (*files_of(key), start), folder)))
+    return read_episode(perform(
+        folder, key.solver, SEED, STEPS[key.solver] * PERIOD, lockstep=True,
+        parameter_files=[*files_of(key), start]))
 
 
 def check(bag: Episode, simulated: Episode) -> int:

@@ -25,7 +25,7 @@ from dp_swing_ros.pendulum.state import DEFAULT_LINKS
 from dp_swing_ros.simulation.episode import Episode
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tables import compact
-from dp_swing_ros.tools.demo import perform, Run
+from dp_swing_ros.tools.demo import perform
 from dp_swing_ros.tools.processes import isolated
 
 RUNS = 5
@@ -45,7 +45,7 @@ def run(solver: str, links: int, seed: int, folder: Path) -> Episode:
     Raises ProcessError if a process fails.
     """
     folder.mkdir(parents=True)
-    return read_episode(perform(Run(solver, seed, links, DURATIONS[links], False, (), folder)))
+    return read_episode(perform(folder, solver, seed, DURATIONS[links], links))
 
 
 def row_of(solver: str, links: int, seed: int, episode: Episode) -> Row:

@@ -3,9 +3,8 @@
 """`ros2 run dp_swing_ros demo`: plant, mpc and logger swing the pendulum up; a bag stays."""
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
-import dataclasses
 import os
 from pathlib import Path
 import re
@@ -39,19 +38,6 @@ MEETING = 3.0   # [s] to find the nodes that are there already, however they ann
 COLUMNS = 5     # of more runs than this the table shows the spread
 SILENCE = 20.0  # [s] without a state: something hangs
 SHORTEST = 1e-3  # [s] of a run
-
-
-@dataclasses.dataclass(frozen=True)
-class Run:
-    """What one run is to be, and the folder for its bag, logs and pictures."""
-
-    solver: str
-    seed: int
-    links: int | None   # None: as in the parameter files
-    duration: float  # [s]
-    lockstep: bool
-    parameter_files: tuple[Path, ...]
-    folder: Path
 
 
 class Observer:
@@ -112,20 +98,25 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _demo(arguments: argparse.Namespace) -> int:
     interrupt_on_signals()
-    runs = runs_of(arguments)
+    files = [locate(file) for file in arguments.params]
+    for file in files:
+        if not file.is_file():
+            raise UserError(f'--params {file} is not a file')
+    folders, results = folders_of(arguments), []
     shared = os.environ.get('ROS_DOMAIN_ID')
     with isolated() as domain:
         print(f'ROS_DOMAIN_ID={domain}', flush=True)
         if shared:
             _refuse_company()
-        results = [_result(run, arguments.figures) for run in runs]
-    names = [run.solver if len(runs) == 1 else f'seed {run.seed}' for run in runs]
-    columns = spread(results) if len(runs) > COLUMNS else dict(zip(names, results))
-    print('', table(columns), '', sep='\n')
-    if len(runs) > 1:
-        print(summary(arguments.solver, results))
-    for run in runs:
-        print(f'bag, logs and pictures: {run.folder}')
+        for seed, folder in folders.items():
+            print(f'{arguments.solver}, seed {seed} -> {folder}', flush=True)
+            recorded = recording(perform(folder, arguments.solver, seed, arguments.duration,
+                                         arguments.links, arguments.lockstep, files))
+            if arguments.figures:
+                from dp_swing_ros.tools.analyse import write   # 0.7 s of loading
+                write(named([recorded]), folder)
+            results.append(measure(recorded.episode))
+    _report(arguments.solver, folders, results)
     return OK if all(result.success for result in results) else FAILED
 
 
@@ -157,58 +148,44 @@ def command_line() -> argparse.ArgumentParser:
     return parser
 
 
-def runs_of(arguments: argparse.Namespace) -> list[Run]:
+def folders_of(arguments: argparse.Namespace) -> dict[int, Path]:
     """
-    Return what to do, the folders made.
+    Make a folder for the bag, logs and pictures of each run, and return them by their seeds.
 
-    Raises UserError for what cannot work.
+    Raises UserError where there is something already.
     """
-    files = tuple(map(locate, arguments.params))
-    for file in files:
-        if not file.is_file():
-            raise UserError(f'--params {file} is not a file')
     folder = arguments.output or Path('runs', dated(arguments.solver))
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise UserError(f'{folder} exists already; give another --output')
-    runs = []
-    for seed in range(arguments.seed, arguments.seed + arguments.runs):
-        own = folder / f'seed_{seed}' if arguments.runs > 1 else folder
+    seeds = range(arguments.seed, arguments.seed + arguments.runs)
+    folders = {seed: folder / f'seed_{seed}' if len(seeds) > 1 else folder for seed in seeds}
+    for own in folders.values():
         own.mkdir(parents=True, exist_ok=True)
-        runs.append(Run(arguments.solver, seed, arguments.links, arguments.duration,
-                        arguments.lockstep, files, own))
-    return runs
+    return folders
 
 
-def _result(run: Run, figures: bool) -> Metrics:
-    """Do one run, draw its pictures, write its report, and return its metrics."""
-    print(f'{run.solver}, seed {run.seed} -> {run.folder}', flush=True)
-    recorded = recording(perform(run))
-    if figures:
-        from dp_swing_ros.tools.analyse import write   # 0.7 s of loading
-        write(named([recorded]), run.folder)
-    return measure(recorded.episode)
-
-
-def perform(run: Run) -> Path:
+def perform(folder: Path, solver: str, seed: int, duration: float, links: int | None = None,
+            lockstep: bool = False, parameter_files: Sequence[Path] = ()) -> Path:
     """
     Do one run and return its bag; the logger starts first and ends last, to record all.
 
-    Raises ProcessError if a process fails.
+    duration is in s; links may be left to the parameter files. Raises ProcessError if a process
+    fails.
     """
-    bag = run.folder / 'bag'
-    shared = {'seed': run.seed, **({'links': run.links} if run.links else {})}
+    bag = folder / 'bag'
+    shared = {'seed': seed, **({'links': links} if links else {})}
     with ExitStack() as crew, Observer() as observer:
         logger = crew.enter_context(Process(
-            'logger', {'output': str(bag), 'progress_period': 0.0}, run.folder / 'logger.log'))
+            'logger', {'output': str(bag), 'progress_period': 0.0}, folder / 'logger.log'))
         mpc = crew.enter_context(Process(
-            'mpc', {'solver': run.solver, **shared, **keeping(FORCE_COMMAND, PLAN, DIAGNOSTICS)},
-            run.folder / 'mpc.log', run.parameter_files))
+            'mpc', {'solver': solver, **shared, **keeping(FORCE_COMMAND, PLAN, DIAGNOSTICS)},
+            folder / 'mpc.log', parameter_files))
         _await(logger, mpc, observer)
         plant = crew.enter_context(Process(
-            'plant', {'duration': run.duration, 'lockstep': run.lockstep, **shared,
+            'plant', {'duration': duration, 'lockstep': lockstep, **shared,
                       **keeping(JOINT_STATES, DIAGNOSTICS)},
-            run.folder / 'plant.log', run.parameter_files))
-        _follow(observer, plant, [mpc, logger], run.duration)
+            folder / 'plant.log', parameter_files))
+        _follow(observer, plant, [mpc, logger], duration)
         plant.finish()
         mpc.end()  # it sends a last zero force, which belongs into the bag
         logger.end()
@@ -280,3 +257,13 @@ def in_words(x: Array, u: float) -> str:
     turned = ' '.join(f'{symbol} {angle:+5.2f}' for symbol, angle in zip(
         symbols(links_of(x))[of_angles], wrapped(x)[of_angles]))
     return f'{turned} rad  x {x[0]:+5.2f} m  u {u:+6.1f} N'
+
+
+def _report(solver: str, folders: Mapping[int, Path], results: Sequence[Metrics]) -> None:
+    names = [f'seed {seed}' for seed in folders] if len(folders) > 1 else [solver]
+    columns = spread(results) if len(names) > COLUMNS else dict(zip(names, results))
+    print('', table(columns), '', sep='\n')
+    if len(names) > 1:
+        print(summary(solver, results))
+    for folder in folders.values():
+        print(f'bag, logs and pictures: {folder}')
