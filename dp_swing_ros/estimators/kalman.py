@@ -203,20 +203,16 @@ class ExtendedKalmanFilter:
         self.model, self.nominal, self.parameters = problem.model, problem.physical, parameters
         n = problem.physical.links
         self.size = len(problem.cost.S)             # of the state; z goes on with bias and p
-        names = parameter_names(n)
-        self.factors = 2 * n + 1                    # of p, the masses and lengths
-        self.names = names
+        self.names, self.factors = parameter_names(n), 2 * n + 1   # of p; the masses and lengths
         self.R = np.repeat((parameters.position_noise, parameters.velocity_noise), n + 1) ** 2
-        self.deviations = np.repeat(
-            (parameters.force_bias, parameters.body_error, parameters.friction_error),
-            (1, self.factors, n + 1))
-        self.prior = self.deviations ** 2
-        self.far = MOVED * self.deviations[1:]
-        bound = np.repeat((math.inf, math.log(LARGEST_FACTOR), math.inf),
-                          (1, self.factors, n + 1))
-        self.lowest, self.highest = -bound, bound
+        counts = 1, self.factors, n + 1             # bias, masses and lengths, frictions
+        deviations = np.repeat(
+            (parameters.force_bias, parameters.body_error, parameters.friction_error), counts)
+        self.prior, self.far = deviations ** 2, MOVED * deviations[1:]
+        self.highest = np.repeat((math.inf, math.log(LARGEST_FACTOR), math.inf), counts)
+        self.lowest = -self.highest
         self.lowest[-(n + 1):] = [-friction for friction in self.nominal.frictions]
-        self.nominal_b = np.array([getattr(self.nominal, name) for name in names])
+        self.nominal_b = np.array([getattr(self.nominal, name) for name in self.names])
         self.constants = np.array([*self.nominal.inertia_factors, self.nominal.gravity])
         self.compared, self.p_compared = self.nominal, self.p_of(self.nominal)
         self.reset()
@@ -273,7 +269,10 @@ class ExtendedKalmanFilter:
                 distance: float) -> Estimate:
         """Keep a mean and a covariance, and report them."""
         self.t, self.z, self.P = t, z, P
-        return Estimate(z[:self.size].copy(), self.physical(), float(z[self.size]), innovation,
+        p, b = z[self.size + 1:].tolist(), self.nominal_b.tolist()
+        physical = {name: nominal * math.exp(each) if i < self.factors else nominal + each
+                    for i, (name, nominal, each) in enumerate(zip(self.names, b, p))}
+        return Estimate(z[:self.size].copy(), physical, float(z[self.size]), innovation,
                         distance, self.refused, accepted=True)
 
     def predicted(self, forces: list[Force], push: float) -> tuple[Array, Array]:
@@ -292,12 +291,6 @@ class ExtendedKalmanFilter:
                     HELD * (about.force_noise ** 2 + push ** 2),
                     HELD * about.acceleration_noise ** 2, u, steps, z, P)
         return z, P
-
-    def physical(self) -> dict[str, float]:
-        """Return the physical parameters that are believed in."""
-        p, b = self.z[self.size + 1:].tolist(), self.nominal_b.tolist()
-        return {name: nominal * math.exp(each) if i < self.factors else nominal + each
-                for i, (name, nominal, each) in enumerate(zip(self.names, b, p))}
 
 
 def parameter_names(links: int) -> list[str]:
