@@ -21,7 +21,7 @@ from dp_swing_ros.pendulum.state import Array, hanging, is_upright, to_turn_of
 from dp_swing_ros.problem.plan import Plan, SolverStats, Status
 from dp_swing_ros.problem.problem import plan_of, policy_rollout, Problem
 from dp_swing_ros.simulation.closed_loop import Controller
-from dp_swing_ros.solvers.ilqr import ILQR
+from dp_swing_ros.solvers.descent import ILQR
 
 SWING_UP = 3.0     # [s] that the offline swing-up takes
 MARGIN = 0.8       # share of the force that it may use; the rest is left for feedback

@@ -5,8 +5,7 @@
 from typing import Any
 
 from dp_swing_ros.parameters import registry
-from dp_swing_ros.solvers.ddp import DDP
-from dp_swing_ros.solvers.ilqr import ILQR
+from dp_swing_ros.solvers.descent import DDP, ILQR
 from dp_swing_ros.solvers.mppi import MPPI
 
 # Each is built as a Solver says.

@@ -1,6 +1,10 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The loop that iLQR and DDP share: expand, step, and regularise where a step does not help."""
+"""
+iLQR and DDP: expand, step, and regularise where a step does not help.
+
+Source: the paper, II-C, (22)-(37), with the errata of docs/model.md.
+"""
 
 from dataclasses import dataclass
 import time
@@ -13,7 +17,7 @@ from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.problem.plan import Plan, SolverStats, Status
 from dp_swing_ros.problem.problem import follow_policy, kernel_arguments, Problem
 from dp_swing_ros.solvers.riccati import backward, line_search
-from dp_swing_ros.solvers.solver import policy_of
+from dp_swing_ros.solvers.solver import policy_of, Seed
 
 MU_FIRST = 1.0     # regularisation after a first failure
 MU_FACTOR = 6.0
@@ -36,20 +40,38 @@ class DescentParameters(Parameters):
         1e8, 'give up when μ grows beyond this', minimum=MU_FIRST)
 
 
-def solve(problem: Problem, parameters: DescentParameters, second_order: bool, x_0: Array,
-          warm_start: Plan | None, deadline: float) -> Plan:
-    """
-    Lower the cost of the warm start by iLQR, or with second_order by DDP.
+class Descent:
+    """Lowers the cost of the warm start; deterministic, so it has no use for a seed."""
 
-    Shapes and errors: as Solver.solve.
-    """
-    began = time.perf_counter()
-    end, J, iterations, X, U, K = descend(
-        *kernel_arguments(problem), problem.horizon, *policy_of(problem, x_0, warm_start),
-        1.0 if second_order else None, parameters.iterations, parameters.tolerance,
-        parameters.largest_regularisation, deadline - began)
-    return Plan(X, U, K, problem.dt,
-                SolverStats(ENDS[end], J, iterations, time.perf_counter() - began))
+    Parameters = DescentParameters
+    tensor: float | None   # the share of the tensor terms to begin with, None for none ever
+
+    def __init__(self, problem: Problem, parameters: DescentParameters, seed: Seed = 0) -> None:
+        """Take the problem and what ends a descent."""
+        self.problem, self.parameters = problem, parameters
+
+    def solve(self, x_0: Array, warm_start: Plan | None, deadline: float) -> Plan:
+        """Return a locally optimal plan; see Solver.solve."""
+        began = time.perf_counter()
+        problem, parameters = self.problem, self.parameters
+        end, J, iterations, X, U, K = descend(
+            *kernel_arguments(problem), problem.horizon, *policy_of(problem, x_0, warm_start),
+            self.tensor, parameters.iterations, parameters.tolerance,
+            parameters.largest_regularisation, deadline - began)
+        return Plan(X, U, K, problem.dt,
+                    SolverStats(ENDS[end], J, iterations, time.perf_counter() - began))
+
+
+class ILQR(Descent):
+    """Expands the dynamics to first order: without the tensor terms of the paper's (28)-(30)."""
+
+    tensor = None
+
+
+class DDP(Descent):
+    """Expands the dynamics to second order."""
+
+    tensor = 1.0
 
 
 @kernel

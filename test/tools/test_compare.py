@@ -11,7 +11,7 @@ from dp_swing_ros import figures
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.rerun.counterfactual import counterfactual, Run
 from dp_swing_ros.solvers import SOLVERS
-from dp_swing_ros.solvers.ilqr import ILQR
+from dp_swing_ros.solvers.descent import ILQR
 from dp_swing_ros.tools.command_lines import beside
 from dp_swing_ros.tools.compare import main
 from dp_swing_ros.topics import CONFIGURATION, DIAGNOSTICS, DISTURBANCE
