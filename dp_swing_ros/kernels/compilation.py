@@ -1,7 +1,7 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-How the kernels are compiled: one decorator, and a disk cache that cannot go stale.
+How the kernels are compiled: one decorator, a disk cache that cannot go stale, and constants.
 
 Numba looks only at a kernel's own file to decide whether its cached machine code is current, not
 at the kernels it calls. So the cache lies in a folder named after the sources of all kernels.
@@ -9,19 +9,24 @@ at the kernels it calls. So the cache lies in a folder named after the sources o
 Where the processor has registers of 512 bits they are used: LLVM prefers half of each on many
 processors, for the sake of older ones that lowered their clock. Numba keeps machine code for
 different features apart.
+
+What decides how a kernel is written out, as the integrator does, is a part of the types of its
+arguments (`Constant`).
 """
 
+from collections.abc import Callable
 import hashlib
+import inspect
 import os
 from pathlib import Path
 import time
-from typing import Any, Callable
+from typing import Any
 
 import llvmlite.binding
 import numba
 from numba import types
 from numba.core.codegen import get_host_cpu_features
-from numba.extending import overload
+from numba.extending import models, NativeValue, overload, register_model, typeof_impl, unbox
 import numpy as np
 
 
@@ -36,29 +41,23 @@ def _cache_folder() -> Path:
     return home / 'dp_swing_ros' / digest.hexdigest()[:16]
 
 
-def _widest_features() -> str | None:
-    """Return the features to compile for, None for what Numba finds by itself."""
-    features: str = get_host_cpu_features()
-    return f'{features},-prefer-256-bit' if '+avx512f' in features.split(',') else None
-
-
+config: Any = numba.config   # its names are made when it is imported
 if not {'NUMBA_CPU_NAME', 'NUMBA_CPU_FEATURES'} & set(os.environ):
-    setattr(numba.config, 'CPU_FEATURES', _widest_features())
-
+    if '+avx512f' in get_host_cpu_features().split(','):
+        config.CPU_FEATURES = f'{get_host_cpu_features()},-prefer-256-bit'
 if 'NUMBA_CACHE_DIR' not in os.environ:
-    setattr(numba.config, 'CACHE_DIR', str(_cache_folder()))
+    config.CACHE_DIR = str(_cache_folder())
 
 # IEEE division instead of Python's exception: a kernel reports trouble as a non-finite number.
 # Always inlined into the kernels that call it: no loop vectorises with a call in it, and a kernel
 # that is called has two versions, its own and the one compiled into its caller, which round
 # differently. Which of them runs would depend on what came out of the cache.
-kernel = numba.njit(cache=True, nogil=True, error_model='numpy', forceinline=True,
-                    fastmath={'contract'})
+OPTIONS: Any = {'error_model': 'numpy', 'forceinline': True, 'fastmath': {'contract'}}
+kernel = numba.njit(cache=True, nogil=True, **OPTIONS)
 
 
 def processor() -> str:
     """Return which processor the kernels are compiled for: its name, a digest of its features."""
-    config: Any = numba.config   # its names are made when it is imported
     if config.DISABLE_JIT:
         return 'interpreted'
     name = config.CPU_NAME or llvmlite.binding.get_host_cpu_name()
@@ -86,3 +85,75 @@ def _now() -> Callable[[], float]:
         _clock_gettime(clock, seconds.ctypes)
         return seconds[0] + 1e-9 * seconds[1]
     return read
+
+
+class ConstantType(types.Opaque):
+    """The Numba type of a constant; it is known by its identity alone."""
+
+    known: dict[str, 'Constant'] = {}
+
+    def __init__(self, identity: str) -> None:
+        """Take the identity."""
+        self.identity = identity
+        super().__init__(f'Constant({identity})')
+
+    @property
+    def value(self) -> 'Constant':
+        """Return the constant."""
+        return self.known[self.identity]
+
+
+class Constant:
+    """
+    Something that is known when a kernel is compiled, as a part of its arguments' types.
+
+    It decides which machine code in the cache is meant, so its identity is its name with the
+    source of its module.
+    """
+
+    def __init__(self, name: str, of: Callable) -> None:
+        """Take its name, and a function of the module that defines it."""
+        source = inspect.getsourcefile(of)
+        text = Path(source).read_bytes() if source else of.__code__.co_code
+        identity = f'{name}-{hashlib.sha256(text).hexdigest()[:16]}'
+        ConstantType.known[identity] = self
+        self._numba_type_ = ConstantType(identity)   # where Numba looks for it
+
+
+register_model(ConstantType)(models.OpaqueModel)
+
+
+@unbox(ConstantType)
+def _unboxed(kind: ConstantType, value: Any, context: Any) -> NativeValue:
+    return NativeValue(context.context.get_dummy_value())
+
+
+def mapped(function: Callable[[Any], Any], structure: Any) -> Any:
+    """Return a structure of tuples with what a function makes of all but its constants."""
+    if isinstance(structure, tuple):
+        parts = [mapped(function, part) for part in structure]
+        return type(structure)(*parts) if hasattr(structure, '_fields') else tuple(parts)
+    return structure if isinstance(structure, Constant) else function(structure)
+
+
+def same_type_by(key: Callable[[Any], Any]) -> Callable[[type], type]:
+    """
+    Let Numba find the type of a class's instances once for each key, instead of at every call.
+
+    The key must hold all that the type depends on; the type of a tuple of tuples takes Numba
+    longer to find than a short kernel takes to run.
+    """
+    def register(cls: type) -> type:
+        found: dict[Any, types.Type] = {}
+
+        def type_of(value: Any, context: Any = None) -> types.Type:
+            known = key(value)
+            if known not in found:
+                found[known] = typeof_impl.dispatch(tuple)(value, context)
+            return found[known]
+
+        typeof_impl.register(cls)(type_of)
+        # where Numba's dispatcher looks before it asks Python
+        setattr(cls, '_numba_type_', property(type_of))
+        return cls
+    return register

@@ -9,8 +9,9 @@ Evaluating Derivatives, 2008, 3.2 (the reverse mode).
 """
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
 import inspect
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -73,16 +74,16 @@ class Symbol:
         return self * (1 / other)
 
     def __rtruediv__(self, other: Any) -> Any:
-        reciprocal = self.trace.symbol('reciprocal', self)
+        reciprocal = self.trace.symbol('/', 1.0, self)
         return reciprocal if is_constant(other, 1) else other * reciprocal
 
 
+@dataclass
 class Elements:
     """An array whose elements are symbols: read where asked for, written when all is computed."""
 
-    def __init__(self, trace: 'Trace', text: str) -> None:
-        """Take what the array is called."""
-        self.trace, self.text = trace, text
+    trace: 'Trace'
+    text: str   # what the array is called
 
     def __getitem__(self, index: Any) -> Symbol:
         text = self.at(index)
@@ -105,15 +106,15 @@ def is_constant(value: Any, number: float) -> bool:
     return not isinstance(value, Symbol) and value == number
 
 
+@dataclass
 class Trace:
     """What a function did with its symbols, each operation once."""
 
-    def __init__(self) -> None:
-        """Begin with nothing done."""
-        self.symbols: dict[tuple, Symbol] = {}
-        self.written: dict[str, Any] = {}
-        self.calls: dict[Symbol, tuple[Callable, tuple]] = {}
-        self.texts: dict[int, tuple[str, Any]] = {}   # of structures that are arguments, by id
+    symbols: dict[tuple, Symbol] = field(default_factory=dict)
+    written: dict[str, Any] = field(default_factory=dict)
+    calls: dict[Symbol, tuple[Callable, tuple]] = field(default_factory=dict)
+    # of structures that are arguments, by id
+    texts: dict[int, tuple[str, Any]] = field(default_factory=dict)
 
     def symbol(self, operation: str, *operands: Any) -> Symbol:
         """Return the symbol of an operation, the same for the same operands."""
@@ -145,7 +146,7 @@ def called(function: Callable, count: int, *arguments: Any) -> list[Any]:
     trace = given[0].trace
     call = trace.symbol(f'call {len(trace.calls)}', *given)
     trace.calls[call] = function, arguments
-    return [trace.symbol(f'item {i}', call) for i in range(count)]
+    return [trace.symbol(f'{{}}[{i}]', call) for i in range(count)]
 
 
 def sin(x: Any) -> Any:
@@ -171,7 +172,7 @@ def clamp(x: Any, bound: Any) -> Any:
 
 def is_nonzero(x: Any) -> Any:
     """Return 1 where x is not zero and 0 where it is, as a number."""
-    return x.trace.symbol('is_nonzero', x) if isinstance(x, Symbol) else 1.0 * (x != 0)
+    return x.trace.symbol('is_nonzero', x, 1.0, 0.0) if isinstance(x, Symbol) else 1.0 * (x != 0)
 
 
 def fixed(x: Any) -> Any:
@@ -192,41 +193,40 @@ def dot(a: Iterable[Any], b: Iterable[Any]) -> Any:
     return total([a_i * b_i for a_i, b_i in zip(a, b)])
 
 
+class Operation(NamedTuple):
+    """An operation: its text, of the texts of its operands, and its derivatives by them."""
+
+    text: str
+    partials: Callable[..., tuple[Any, ...]] | None = None   # of the result and the operands
+
+
+OPERATIONS: dict[str, Operation] = {   # sines and cosines are written out in pairs
+    '+': Operation('{} + {}', lambda y, a, b: (1.0, 1.0)),
+    '-': Operation('{} - {}', lambda y, a, b: (1.0, -1.0)),
+    '*': Operation('{} * {}', lambda y, a, b: (b, a)),
+    '/': Operation('{} / {}', lambda y, one, a: (None, -(y * y))),
+    'neg': Operation('-{}', lambda y, a: (-1.0,)),
+    'sin': Operation('sin({})', lambda y, a: (cos(a),)),
+    'cos': Operation('cos({})', lambda y, a: (-sin(a),)),
+    'fixed': Operation('{}', lambda y, a: (0.0,)),
+    'clamp': Operation('min(max({0}, -{1}), {1})'),
+    'is_nonzero': Operation('{1} if {0} != {2} else {2}')}
+
+
 def gradient(y: Any, x: Sequence[Any]) -> list[Any]:
     """Return the derivatives of a symbol by others, in the reverse mode."""
     terms: dict[Any, list[Any]] = {y: [1.0]}   # of the adjoint of each symbol
     for each in sorted(ancestors([y]), key=lambda one: one.order, reverse=True):
-        if each.operands and each in terms:
-            bar = total(terms[each])
-            for operand, partial in zip(each.operands, partials(each)):
-                if isinstance(operand, Symbol):
-                    terms.setdefault(operand, []).append(bar * partial)
+        if each.is_given or each not in terms:
+            continue
+        operation = OPERATIONS.get(each.operation)
+        if operation is None or operation.partials is None:
+            raise ValueError(f'{each.operation} has no derivative here')
+        bar = total(terms[each])
+        for operand, partial in zip(each.operands, operation.partials(each, *each.operands)):
+            if isinstance(operand, Symbol):
+                terms.setdefault(operand, []).append(bar * partial)
     return [total(terms.get(each, [])) for each in x]
-
-
-def partials(y: Symbol) -> tuple[Any, ...]:
-    """Return the derivatives of an operation by its operands."""
-    x = y.operands
-    match y.operation:
-        case '+':
-            return 1.0, 1.0
-        case '-':
-            return 1.0, -1.0
-        case '*':
-            return x[1], x[0]
-        case 'neg':
-            return (-1.0,)
-        case 'reciprocal':
-            return (-(y * y),)
-        case 'fixed':
-            return (0.0,)
-        case 'sin':
-            return (cos(x[0]),)
-        case 'cos':
-            return (-sin(x[0]),)
-    if x:
-        raise ValueError(f'{y.operation} has no derivative here')
-    return ()
 
 
 def ancestors(values: Iterable[Any]) -> set[Symbol]:

@@ -12,6 +12,7 @@ tuples and constants.
 """
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
 import functools
 import inspect
 from typing import Any
@@ -20,20 +21,20 @@ from numba import typeof, types
 from numba.extending import overload
 import numpy as np
 
-from dp_swing_ros.kernels.constants import ConstantType
-from dp_swing_ros.kernels.symbols import ancestors, cos, Elements, flat, sin, Symbol, Trace
+from dp_swing_ros.kernels.compilation import ConstantType, OPTIONS
+from dp_swing_ros.kernels.symbols import (
+    ancestors, cos, Elements, flat, OPERATIONS, sin, Symbol, Trace)
 
-OPTIONS: Any = {'error_model': 'numpy', 'forceinline': True, 'fastmath': {'contract'}}
 
-
+@dataclass
 class Program:
     """The text of a function that computes symbols, writes elements and returns a structure."""
 
-    def __init__(self, trace: Trace, single: bool) -> None:
-        """Take whether constants are of single precision; wider ones would widen all else."""
-        self.trace, self.single, self.lines = trace, single, list[str]()
-        self.names: dict[Any, str] = {}
-        self.constants: dict[str, Any] = {}
+    trace: Trace
+    single: bool   # constants are of single precision; wider ones would widen all else
+    lines: list[str] = field(default_factory=list)
+    names: dict[Symbol, str] = field(default_factory=dict)
+    constants: dict[str, Any] = field(default_factory=dict)
 
     def add(self, symbol: Symbol) -> None:
         """Compute a symbol whose operands are computed."""
@@ -46,32 +47,14 @@ class Program:
             given = ', '.join(map(self.text, arguments))
             self.lines.append(f'{name} = {function.__name__}({given})')
             return
-        x = list(map(self.text, symbol.operands))
-        match symbol.operation.split()[0]:
-            case '+' | '-' | '*' as sign:
-                text = f'{x[0]} {sign} {x[1]}'
-            case 'item':
-                text = f'{x[0]}[{symbol.operation.split()[1]}]'
-            case 'neg':
-                text = f'-{x[0]}'
-            case 'reciprocal':
-                text = f'{self.text(1.0)} / {x[0]}'
-            case 'fixed':
-                self.names[symbol] = x[0]
-                return
-            case 'clamp':
-                text = f'min(max({x[0]}, -{x[1]}), {x[1]})'
-            case 'is_nonzero':
-                text = f'{self.text(1.0)} if {x[0]} != {self.text(0.0)} else {self.text(0.0)}'
-            case 'sin' | 'cos' as which:
-                other = cos(symbol.operands[0]) if which == 'sin' else sin(symbol.operands[0])
-                self.names[other] = f'{name}o'
-                both = (name, f'{name}o') if which == 'sin' else (f'{name}o', name)
-                self.lines.append(f'{both[0]}, {both[1]} = sincos({x[0]})')
-                return
-            case _:
-                text = symbol.operation
-        self.lines.append(f'{name} = {text}')
+        operation, operands = symbol.operation, symbol.operands
+        if operation in ('sin', 'cos'):   # both at once
+            s, c = (name, f'{name}o') if operation == 'sin' else (f'{name}o', name)
+            self.names[sin(*operands)], self.names[cos(*operands)] = s, c
+            self.lines.append(f'{s}, {c} = sincos({self.text(*operands)})')
+            return
+        text = OPERATIONS[operation].text if operation in OPERATIONS else operation
+        self.lines.append(f'{name} = {text.format(*map(self.text, operands))}')
 
     def write(self, places: Iterable[str], value: Any) -> None:
         """Write a computed number to elements of arrays."""
@@ -81,8 +64,6 @@ class Program:
         """Return a computed symbol, a constant or a structure of them as text."""
         if isinstance(value, Symbol):
             return self.names[value]
-        if isinstance(value, Elements) or value is None:
-            return value.text if value else 'None'
         if id(value) in self.trace.texts:
             return self.trace.texts[id(value)][0]
         if isinstance(value, (tuple, list)):
@@ -91,7 +72,7 @@ class Program:
                 self.constants[type(value).__name__] = type(value)
                 return f'{type(value).__name__}({inner})'
             return f'({inner})'
-        if isinstance(value, int):
+        if value is None or isinstance(value, int):
             return str(value)
         number = (np.float32 if self.single else float)(value)
         name = f'c_{repr(float(number)).translate(str.maketrans("-.+", "mdp"))}'
@@ -113,26 +94,26 @@ def is_single(kind: Any) -> bool:
 
 def argument(trace: Trace, kind: Any, text: str) -> Any:
     """Return what stands for an argument of a Numba type."""
+    if isinstance(kind, types.NoneType):
+        return None
     if is_tuple(kind):
         named = isinstance(kind, types.BaseNamedTuple)
         parts = [argument(trace, each, f'{text}.{kind.fields[i]}' if named else f'{text}[{i}]')
                  for i, each in enumerate(kind.types)]
         structure = kind.instance_class(*parts) if named else tuple(parts)
-        trace.texts[id(structure)] = text, structure
-        return structure
-    if isinstance(kind, types.NoneType):
-        return None
-    if isinstance(kind, types.Array):
-        return Elements(trace, text)
-    if isinstance(kind, ConstantType):
-        trace.texts[id(kind.value)] = text, kind.value
-        return kind.value
-    return trace.symbol(text)
+    elif isinstance(kind, types.Array):
+        structure = Elements(trace, text)
+    elif isinstance(kind, ConstantType):
+        structure = kind.value
+    else:
+        return trace.symbol(text)
+    trace.texts[id(structure)] = text, structure
+    return structure
 
 
 def written_out(function: Callable, kinds: Sequence[Any]) -> Callable:
     """Return the straight-line function that an unrolled one is for arguments of some types."""
-    from dp_swing_ros.kernels.trigonometry import sincos
+    from dp_swing_ros.kernels.trigonometry import sincos   # not where the cache has all kernels
 
     names, trace = list(inspect.signature(function).parameters), Trace()
     result = function(*(argument(trace, kind, name) for kind, name in zip(kinds, names)))
@@ -149,7 +130,7 @@ def written_out(function: Callable, kinds: Sequence[Any]) -> Callable:
             program.write(places.pop(symbol, ()), symbol)
     for value, left in places.items():
         program.write(left, value)
-    lines = [*program.lines, f'return {None if result is None else program.text(result)}']
+    lines = [*program.lines, f'return {program.text(result)}']
     text = f'def {function.__name__}({", ".join(names)}):\n' + ''.join(
         f'    {line}\n' for line in lines)
     scope = {'sincos': sincos, **program.constants}

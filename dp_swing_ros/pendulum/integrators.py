@@ -10,7 +10,7 @@ the force u [N] and the duration h [s]. Derivatives, single precision and the GP
 from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias
 
-from dp_swing_ros.kernels.constants import Constant
+from dp_swing_ros.kernels.compilation import Constant
 from dp_swing_ros.parameters import registry
 
 Numbers: TypeAlias = Sequence[Any]

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dp_swing_ros.kernels import kernel
-from dp_swing_ros.kernels.constants import same_type_by
+from dp_swing_ros.kernels.compilation import same_type_by
 from dp_swing_ros.kernels.symbols import called
 from dp_swing_ros.kernels.unrolling import unrolled
 from dp_swing_ros.pendulum.equations import derivative, Pendulum
@@ -57,6 +57,12 @@ def size(model):
 def zeros(model):
     """Return as many zeros as the state has numbers."""
     return (0.0,) * (2 * len(model.pendulum.friction))
+
+
+@unrolled
+def numbers(model, x):
+    """Return the elements of an array (2n + 2,) as single numbers."""
+    return tuple(x[i] for i in range(2 * len(model.pendulum.friction)))
 
 
 @unrolled

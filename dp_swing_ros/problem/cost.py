@@ -13,19 +13,18 @@ The chord itself changes its sign from turn to turn, and with it P's products of
 velocity: P is right on the goal's own turn, which is for the receding horizon to choose.
 """
 
-from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, TypeAlias
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from dp_swing_ros.kernels import kernel
-from dp_swing_ros.kernels.constants import Constant, same_type_by
+from dp_swing_ros.kernels.compilation import Constant, same_type_by
 from dp_swing_ros.kernels.symbols import clamp, cos, dot, is_nonzero, sin, total
 from dp_swing_ros.kernels.unrolling import unrolled
 from dp_swing_ros.pendulum.derivatives import blocks, load, STEPS
+from dp_swing_ros.pendulum.equations import Numbers
 from dp_swing_ros.pendulum.state import Array
-
-Numbers: TypeAlias = Sequence[Any]
 
 
 class AngleError(Constant):

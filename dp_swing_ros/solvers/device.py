@@ -8,7 +8,6 @@ horizon is recorded as a CUDA graph. So nothing that changes from update to upda
 the program: model, cost and policies are packed into one array that is copied to the device.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 import functools
 import importlib.util
@@ -19,8 +18,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from dp_swing_ros.kernels.constants import Constant
-from dp_swing_ros.kernels.symbols import dot
+from dp_swing_ros.kernels.compilation import Constant, mapped
+from dp_swing_ros.kernels.symbols import dot, flat
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.pendulum.model import advance, Model
 from dp_swing_ros.pendulum.state import Array
@@ -48,21 +47,9 @@ class Sized:
     size: tuple[int, ...]
 
 
-def leaves(structure: Any) -> Iterator[Any]:
-    """Yield the numbers and arrays of a structure in order, without what is constant."""
-    if isinstance(structure, tuple):
-        for part in structure:
-            yield from leaves(part)
-    elif not isinstance(structure, Constant):
-        yield structure
-
-
-def restored(structure: Any, values: Iterator[Any]) -> Any:
-    """Return a structure of the same kind with other leaves."""
-    if isinstance(structure, tuple):
-        parts = [restored(part, values) for part in structure]
-        return type(structure)(*parts) if hasattr(structure, '_fields') else tuple(parts)
-    return structure if isinstance(structure, Constant) else next(values)
+def leaves(structure: Any) -> list[Any]:
+    """Return the numbers and arrays of a structure in order, without what is constant."""
+    return [each for each in flat(structure) if not isinstance(each, Constant)]
 
 
 def step(inputs: Inputs, x: list[Tensor], offset: Tensor, gain: Tensor,
@@ -83,11 +70,10 @@ class Program:
     def __init__(self, place: str, kind: Inputs, correlation: float, sigma: bytes) -> None:
         """Take the torch device and all that the program is made for; reserve the memory."""
         self.kind, self.correlation = kind, correlation
-        self.shapes = list(leaves(kind))
+        self.sizes = [each.size for each in leaves(kind)]
         self.sigma = torch.tensor(np.frombuffer(sigma, np.float32), device=place)
         K, N = len(self.sigma), kind.offsets.size[0]
-        self.packed = torch.zeros(sum(math.prod(shape.size) for shape in self.shapes),
-                                  device=place)
+        self.packed = torch.zeros(sum(map(math.prod, self.sizes)), device=place)
         self.noise, self.forces = torch.zeros((2, N, K), device=place)
         self.costs = torch.zeros(K, device=place)
         self.random = torch.Generator(place)
@@ -118,9 +104,8 @@ class Program:
 
     def follow(self) -> None:
         """Follow the policies under the noise; write forces and costs."""
-        parts = self.packed.split([math.prod(shape.size) for shape in self.shapes])
-        inputs: Inputs = restored(self.kind, iter([
-            part.view(shape.size) for part, shape in zip(parts, self.shapes)]))
+        parts = iter(self.packed.split(list(map(math.prod, self.sizes))))
+        inputs: Inputs = mapped(lambda each: next(parts).view(each.size), self.kind)
         x = [number.expand(len(self.sigma)) for number in inputs.x_0]
         fresh = (1 - self.correlation ** 2) ** 0.5
         coloured = self.noise[0]
@@ -151,8 +136,7 @@ class DeviceSamples:
         self.problem = problem
         N, size = problem.horizon, len(problem.cost.S)
         zero = Rollout(0.0, np.zeros((N + 1, size)), np.zeros(N), np.zeros((N, size)))
-        inputs = self.inputs(zero)
-        kind = restored(inputs, iter([Sized(np.shape(part)) for part in leaves(inputs)]))
+        kind = mapped(lambda part: Sized(np.shape(part)), self.inputs(zero))
         self.program = Program(DEVICES[device], kind, correlation, sigma.tobytes())
 
     def inputs(self, best: Rollout) -> Inputs:

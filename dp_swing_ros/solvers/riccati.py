@@ -18,7 +18,7 @@ from dp_swing_ros.kernels import kernel
 from dp_swing_ros.kernels.symbols import dot
 from dp_swing_ros.kernels.unrolling import unrolled
 from dp_swing_ros.pendulum.derivatives import curvature, expand, identity, lanes, linearise, STEPS
-from dp_swing_ros.pendulum.model import size, step
+from dp_swing_ros.pendulum.model import numbers, size, step
 from dp_swing_ros.problem.cost import running, running_derivatives, terminal, terminal_derivatives
 
 HALVINGS = 14      # of the step, in a line search
@@ -51,13 +51,6 @@ def propagate_lane(given, F, W, Q_z, Q_zz, BF, j):
     Q_z[j], BF[j] = dot(V_x, f), dot(columns[-1], f)
     for k, column in enumerate(columns):
         Q_zz[k, j] = W[k, j] + dot(column, V_f)
-
-
-@unrolled
-def gains_of(model, K, Q_zz):
-    """Return the gains and Q_ux as single numbers."""
-    n = 2 * len(model.pendulum.friction)
-    return tuple(K[i] for i in range(n)), tuple(Q_zz[n, i] for i in range(n))
 
 
 @unrolled
@@ -134,7 +127,7 @@ def backward(model, cost, X, U, gaps, u_max, mu, tensor, k, K):
 
         slope += change * Q_u
         bend += change * Q_uu * change
-        policy = gains_of(model, gain, Q_zz)
+        policy = numbers(model, gain), numbers(model, Q_zz[n])
         for j in range(lanes(model)):
             value_lane(policy, change, gain, Q_u, Q_uu, Q_z, Q_zz, V_x, V_xx, j)
     return True, slope, bend

@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 
 from dp_swing_ros.kernels import kernel
-from dp_swing_ros.kernels.constants import Constant
+from dp_swing_ros.kernels.compilation import mapped
 from dp_swing_ros.kernels.symbols import clamp, dot
 from dp_swing_ros.kernels.unrolling import unrolled
-from dp_swing_ros.pendulum.model import advance, size
+from dp_swing_ros.pendulum.model import advance, numbers, size
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.problem.cost import running_cost, terminal_cost
 from dp_swing_ros.problem.problem import Problem, Rollout
@@ -27,18 +27,9 @@ from dp_swing_ros.solvers.noise import fill, LANES, state_from
 F = np.float32
 
 
-def single(numbers: Any) -> Any:
+def single(structure: Any) -> Any:
     """Return a model or a cost with all its numbers in single precision."""
-    if isinstance(numbers, tuple):
-        parts = map(single, numbers)
-        return type(numbers)(*parts) if hasattr(numbers, '_fields') else tuple(parts)
-    return numbers if isinstance(numbers, Constant) else np.asarray(numbers, dtype=F)[()]
-
-
-@unrolled
-def row(model, numbers, t):
-    """Return row t of an array (N, 2n + 2) as single numbers."""
-    return tuple(numbers[t, j] for j in range(2 * len(model.pendulum.friction)))
+    return mapped(lambda number: np.asarray(number, F)[()], structure)
 
 
 @unrolled
@@ -98,7 +89,7 @@ def follow(model, cost, x_0, offsets, gains, white, sigma, correlation, u_max, s
     scratch[n:] = np.float32(0)
     old, fresh = np.float32(0), np.float32(1)
     for t in range(len(V)):
-        offset, gain, fresh_noise, u = offsets[t], row(model, gains, t), white[t], V[t]
+        offset, gain, fresh_noise, u = offsets[t], numbers(model, gains[t]), white[t], V[t]
         for i in range(LANES):
             coloured[i] = old * coloured[i] + fresh * fresh_noise[i]
             noise[i] = sigma[i] * coloured[i]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from dp_swing_ros.kernels import kernel
-from dp_swing_ros.kernels.constants import Constant, same_type_by
+from dp_swing_ros.kernels.compilation import Constant, same_type_by
 from dp_swing_ros.kernels.symbols import (
     called, clamp, cos, dot, fixed, gradient, is_nonzero, sin, total)
 from dp_swing_ros.kernels.unrolling import unrolled, written_out
