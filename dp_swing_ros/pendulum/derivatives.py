@@ -126,15 +126,6 @@ def tangent(model: Model, J: Sequence[Matrix], d: Numbers,
     return model.integrator.step(f, d[:-1], d[-1], model.h), Z
 
 
-def stage_costates(model: Model, J: Sequence[Matrix], costate: Numbers) -> list[Numbers]:
-    """Return the gradient of λᵀ x⁺ by the accelerations at each stage."""
-    n, trace = len(model.pendulum.a), costate[0].trace
-    extra = [[trace.symbol(f'change {i} {j}') for j in range(n + 1)]
-             for i in range(model.integrator.stages)]
-    x, _ = tangent(model, J, [0.0] * (2 * n + 3), extra)
-    return [gradient(dot(costate, x), changes) for changes in extra]
-
-
 def kept(n: int) -> int:
     """Return how many numbers a point has."""
     return len(flat(Point.read(n, range(10_000))))
@@ -227,13 +218,16 @@ def jacobians(model, points, i):
 
 
 @unrolled
-def costates(model, J, costate, mu):
+def stage_costates(model, J, costate, mu):
     """Write the gradient of λᵀ x⁺ by the accelerations at each stage, a stage a row."""
-    n = len(model.pendulum.a)
-    for stage, numbers in enumerate(
-            stage_costates(model, J, [costate[j] for j in range(2 * n + 2)])):
-        for i, number in enumerate(numbers):
-            mu[stage, i] = number
+    n, stages = len(model.pendulum.a), range(model.integrator.stages)
+    costate = [costate[j] for j in range(2 * n + 2)]
+    changes = [[costate[0].trace.symbol(f'change {stage} {i}') for i in range(n + 1)]
+               for stage in stages]
+    x, _ = tangent(model, J, [0.0] * (2 * n + 3), changes)
+    for stage in stages:
+        for i, slope in enumerate(gradient(dot(costate, x), changes[stage])):
+            mu[stage, i] = slope
 
 
 @unrolled
@@ -303,7 +297,7 @@ def curvature(model, points, t, costate, directions, F, W):
     of_step, i = points[t // STEPS], t % STEPS
     mu, M = np.empty((stages, size(model) // 2)), np.empty((stages, curved))
     J = jacobians(model, of_step, i)
-    costates(model, J, costate, mu)
+    stage_costates(model, J, costate, mu)
     for stage in range(stages):
         curvature_of_stage(model, of_step, stage, i, mu, M)
     numbers = numbers_of(model, M)

@@ -145,57 +145,40 @@ class MPPI:
 
         Raises ParameterError where the device is none of this machine, or torch is missing.
         """
-        self.problem, self.parameters = problem, parameters
-        self.random, sigma = generator(seed), sizes(parameters)
-        self.samples: Any = Samples(problem, sigma, parameters.noise_correlation,
-                                    parameters.threads) if parameters.device == 'cpu' else (
-            on_device(problem, sigma, parameters))
+        self.problem, self.parameters, self.random = problem, parameters, generator(seed)
+        given = problem, sizes(parameters), parameters.noise_correlation
+        if parameters.device == 'cpu':
+            self.samples: Any = Samples(*given, parameters.threads)
+            return
+        try:   # torch takes seconds to import, and only this needs it
+            from dp_swing_ros.solvers.device import DeviceSamples
+        except ModuleNotFoundError:
+            raise ParameterError(
+                f'parameter mppi.device is {parameters.device!r}, but torch is not installed; pip '
+                'install torch, for cuda a CUDA build of it, or choose mppi.device cpu') from None
+        self.samples = DeviceSamples(*given, parameters.device)
 
     def solve(self, x_0: Array, warm_start: Plan | None, deadline: float) -> Plan:
         """Return the cheapest of the warm start, averages and samples; see Solver.solve."""
         began = time.perf_counter()
-        problem, feedback = self.problem, self.parameters.feedback
-        given = kernel_arguments(problem)
+        problem, parameters = self.problem, self.parameters
+        given, feedback = kernel_arguments(problem), parameters.feedback
         best = Rollout(*opened(*given, problem.horizon, *policy_of(problem, x_0, warm_start),
                                feedback))
         status, iteration = Status.COMPLETE, 0
-        while iteration < self.parameters.iterations:
+        while iteration < parameters.iterations:
             if time.perf_counter() > deadline:
                 status = Status.DEADLINE
                 break
             iteration += 1
             before = best.J
-            best = Rollout(*improved(*given, *best, self.update(best), feedback))
-            if before - best.J < self.parameters.tolerance * before:
+            w = weights(self.samples.draw(best, self.random), parameters.temperature,
+                        parameters.temperature_scale == 'relative')
+            best = Rollout(*improved(*given, *best, self.samples.proposals(w), feedback))
+            if before - best.J < parameters.tolerance * before:
                 status = Status.CONVERGED
                 break
         if not np.isfinite(best.J):
             status = Status.FAILED
         return Plan(best.X, best.U, best.K, problem.dt,
                     SolverStats(status, best.J, iteration, time.perf_counter() - began))
-
-    def update(self, best: Rollout) -> Array:
-        """
-        Draw samples about a rollout; return their weighted average and the cheapest.
-
-        Shapes: -> (2, N).
-        """
-        w = weights(self.samples.draw(best, self.random), self.parameters.temperature,
-                    self.parameters.temperature_scale == 'relative')
-        proposals: Array = self.samples.proposals(w)
-        return proposals
-
-
-def on_device(problem: Problem, sigma: Array, parameters: MPPIParameters) -> Any:
-    """
-    Return samples that torch follows.
-
-    Raises ParameterError where torch is missing, or the device none of this machine.
-    """
-    try:   # torch takes seconds to import, and only this needs it
-        from dp_swing_ros.solvers.device import DeviceSamples
-    except ModuleNotFoundError:
-        raise ParameterError(
-            f'parameter mppi.device is {parameters.device!r}, but torch is not installed; '
-            'pip install torch, for cuda a CUDA build of it, or choose mppi.device cpu') from None
-    return DeviceSamples(problem, sigma, parameters.noise_correlation, parameters.device)
