@@ -203,11 +203,10 @@ class RecedingHorizon:
         """
         if self.is_blind(begins):
             return self.zero_force(begins, x_0)
-        problem = self.problem
-        left = self.left_over(begins)
-        if x_0 is None and left is not None:
-            x_0 = left.X[0]
-        if x_0 is not None and left is not None:
+        problem, rests = self.problem, self.rests(begins)
+        if rests:
+            left = rests[0]
+            x_0 = left.X[0] if x_0 is None else x_0
             _, X, U, _ = policy_rollout(problem, x_0, left.X, left.U, left.K)
             if np.all(np.isfinite(X)):
                 return self.send(plan_of(problem, X, U, Status.LAST_POLICY), begins)
@@ -233,19 +232,15 @@ class RecedingHorizon:
         Between its steps the forces of a plan are interpolated, which blurs them, and with every
         tick more so; after a whole step they are not.
         """
-        left = self.left_over(begins)
-        if left is None:
-            return []
-        began, plan = min(self.plans, key=lambda each: abs(begins - each[0] - self.problem.dt))
-        return [left] if plan is self.plans[-1][1] else [left, plan.shifted(begins - began)]
-
-    def left_over(self, begins: float) -> Plan | None:
-        """Return the rest of the last plan from a time on [s], None where nothing is left."""
         if not self.plans:
-            return None
-        began, plan = self.plans[-1]
-        left = plan.shifted(begins - began)
-        return left if len(left.U) > 0 else None
+            return []
+        began, last = self.plans[-1]
+        step_ago, older = min(
+            self.plans, key=lambda each: abs(begins - each[0] - self.problem.dt))
+        rests = [last.shifted(begins - began)]
+        if older is not last:
+            rests.append(older.shifted(begins - step_ago))
+        return rests if len(rests[0].U) > 0 else []
 
     def send(self, plan: Plan, begins: float) -> Plan:
         """Remember the plan for the next tick, and the force that it begins with."""

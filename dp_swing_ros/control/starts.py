@@ -85,14 +85,12 @@ class Starts:
         """
         if not rests:
             yield self.first(x_0)
-            count = self.parameters.first_starts - 1
-            plans = self.plans(chain(self.first_kinds, repeat(self.random)), x_0, count)
-        else:
-            yield self.last(x_0, rests)
-            if is_upright(x_0 - self.problem.x_r):
-                return
-            plans = self.plans(self.later_kinds, x_0, self.parameters.other_starts)
-        yield from plans
+            yield from self.plans(chain(self.first_kinds, repeat(self.random)), x_0,
+                                  self.parameters.first_starts - 1)
+            return
+        yield self.last(x_0, rests)
+        if not is_upright(x_0 - self.problem.x_r):
+            yield from self.plans(self.later_kinds, x_0, self.parameters.other_starts)
 
     def plans(self, kinds: Iterable[Callable[[Array], Plan | None]], x_0: Array,
               count: int) -> Iterator[Plan]:

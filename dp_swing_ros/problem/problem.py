@@ -196,12 +196,8 @@ def policy_rollout(problem: Problem, x_0: Array, X: Array, U: Array, K: Array) -
 
 def regulator_rollout(problem: Problem, x_0: Array) -> Rollout:
     """Follow the regulator over the horizon."""
-    return policy_rollout(problem, x_0, *no_policy(len(x_0)))
-
-
-def no_policy(size: int) -> tuple[Array, Array, Array]:
-    """Return X, U and K of a policy without a step, for states of so many numbers."""
-    return np.empty((0, size)), np.empty(0), np.empty((0, size))
+    none = np.empty((0, len(x_0)))
+    return policy_rollout(problem, x_0, none, np.empty(0), none)
 
 
 def kernel_arguments(problem: Problem) -> tuple[Model, Cost, Array, float]:

@@ -26,7 +26,7 @@ def after_a_plan(x_0=HANGS, **parameters):
     """Return a controller with a plan, the state that it predicts next, and the plan's rest."""
     c = controller(**parameters)
     plan = c.update(0.0, x_0)
-    return c, plan.X[1], c.left_over(0.05)
+    return c, plan.X[1], c.rests(0.05)[0]
 
 
 def test_a_first_tick_starts_from_random_forces_and_from_others():
@@ -58,7 +58,7 @@ def test_a_later_tick_starts_from_the_rest_of_the_last_plan_and_others_in_turn()
     assert not np.array_equal(random.U, regulator.U)
     for part, old in ((last.U, left.U), (last.X, left.X), (last.K, left.K)):
         np.testing.assert_array_equal(part, old)
-    assert c.left_over(0.05 * 30) is None
+    assert c.rests(0.05 * 30) == []
 
 
 def test_once_upright_there_is_nothing_to_look_for():
@@ -92,7 +92,7 @@ def test_the_regulator_goes_to_the_turn_where_the_last_plan_ends():
 def test_the_paper_s_warm_start_is_forces_alone():
     c = controller(warm_start='forces')
     plan = c.update(0.0, FALLING)
-    warm = starts_of(c, FALLING, c.left_over(0.1))[0]
+    warm = starts_of(c, FALLING, c.rests(0.1)[0])[0]
     np.testing.assert_array_equal(warm.U, [*plan.U[2:], 0.0, 0.0])
     np.testing.assert_array_equal(warm.K, 0.0)
 
@@ -127,7 +127,7 @@ def test_several_ticks_a_step_start_from_the_cheaper_of_two_rests():
         begins = 0.01 * n
         if n >= 5:
             rests = c.rests(begins)
-            np.testing.assert_array_equal(rests[0].U, c.left_over(begins).U)
+            np.testing.assert_array_equal(rests[0].U, plans[-1].shifted(0.01).U)
             np.testing.assert_array_equal(rests[1].U, plans[n - 5].U[1:])
             costs = [policy_rollout(c.problem, x - turns_of(c.problem, rest.X[-1]), rest.X, rest.U,
                                     rest.K).J for rest in rests]
