@@ -8,6 +8,7 @@ Source: the paper, II-C, (22)-(37), with the errata of docs/model.md.
 
 from dataclasses import dataclass
 import time
+from typing import ClassVar
 
 import numpy as np
 
@@ -40,15 +41,16 @@ class DescentParameters(Parameters):
         1e8, 'give up when μ grows beyond this', minimum=MU_FIRST)
 
 
+@dataclass
 class Descent:
     """Lowers the cost of the warm start; deterministic, so it has no use for a seed."""
 
     Parameters = DescentParameters
-    tensor: float | None   # the share of the tensor terms to begin with, None for none ever
+    tensor: ClassVar[float | None]   # the share of the tensor terms to begin with, None for none
 
-    def __init__(self, problem: Problem, parameters: DescentParameters, seed: Seed = 0) -> None:
-        """Take the problem and what ends a descent."""
-        self.problem, self.parameters = problem, parameters
+    problem: Problem
+    parameters: DescentParameters
+    seed: Seed = 0
 
     def solve(self, x_0: Array, warm_start: Plan | None, deadline: float) -> Plan:
         """Return a locally optimal plan; see Solver.solve."""
