@@ -1,6 +1,6 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Solvers: one file each, and the registry that nodes and tools choose from."""
+"""Solvers: iLQR, DDP and MPPI, and the registry that nodes and tools choose from."""
 
 from typing import Any
 

@@ -393,10 +393,12 @@ def test_without_any_state_there_is_no_force():
 
 
 @pytest.mark.parametrize(('name', 'value', 'expected'), [
-    ('actuator_response', 0.0, 'at least 0.001'), ('actuator_response', 2.1, 'at most 2'),
-    ('state_loss', 1.1, 'at most 1'), ('state_loss', -0.1, 'at least 0'),
-    ('command_loss', 1.1, 'at most 1'), ('command_loss', math.nan, 'a finite number'),
-    ('command_jitter', 1.5, 'at most 1 s'), ('command_jitter', -0.1, 'at least 0 s')])
+    ('actuator_response', 0.0, 'at least 0.001, at most 2'),
+    ('actuator_response', 2.1, 'at least 0.001, at most 2'),
+    ('state_loss', 1.1, 'at least 0, at most 1'), ('state_loss', -0.1, 'at least 0, at most 1'),
+    ('command_loss', 1.1, 'at least 0, at most 1'), ('command_loss', math.nan, 'a finite number'),
+    ('command_jitter', 1.5, 'at least 0 s, at most 1 s'),
+    ('command_jitter', -0.1, 'at least 0 s, at most 1 s')])
 def test_impossible_faults_are_refused(name, value, expected):
     with pytest.raises(ParameterError, match=f"'{name}' is {value}; expected {expected}"):
         PlantParameters(**{name: value})
