@@ -63,6 +63,9 @@ def load(folder: Path) -> dict[str, Any]:
     """Read the description of the campaign in a folder; raises CampaignError without one."""
     path = folder / 'campaign.json'
     try:
-        return json.loads(path.read_text(encoding='utf-8'))
+        description: dict[str, Any] = json.loads(path.read_text(encoding='utf-8'))
+        if missing := [part for part in DECIDES if part not in description]:
+            raise ValueError(f'its description lacks {", ".join(missing)}')
+        return description
     except (OSError, ValueError) as error:
         raise CampaignError(f'{folder} holds no campaign: {error}') from None

@@ -50,7 +50,7 @@ def test_scenarios_have_their_seeds_and_levels():
                          'delay': {'seeds': [0, 1], 'levels': 21}}
 
 
-@pytest.mark.parametrize('content', [None, '{"contestants": '])
+@pytest.mark.parametrize('content', [None, '{"contestants": ', '{"duration": 10.0}'])
 def test_a_folder_without_a_campaign_is_refused(content, tmp_path):
     if content is not None:
         (tmp_path / 'campaign.json').write_text(content)
