@@ -34,8 +34,8 @@ GROUPS = [Group(1, 20.0, 'random', 1000, 10.0), Group(3, 40.0, 'hanging', 20, 15
 def contestant(group: Group, solver: str) -> Contestant:
     """Return a solver with the pendulum and the limit of a group, else with the defaults."""
     values = {'links': group.links, 'force_limit': group.force_limit}
-    return Contestant(f'{solver}, {group.links} links, {group.force_limit:g} N', solver, values,
-                      values)
+    links = 'one link' if group.links == 1 else f'{group.links} links'
+    return Contestant(f'{solver}, {links}, {group.force_limit:g} N', solver, values, values)
 
 
 def of_group(group: Group, solver: str) -> list[tuple[Contestant, Case]]:
