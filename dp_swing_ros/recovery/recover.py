@@ -195,11 +195,11 @@ def _recorded(channel: ChannelInfo) -> Recorded:
 
 
 def _declared_anywhere(items: Items) -> Declared:
-    """Return what numbers mean, if possible where a checksum verifies it; None if two things."""
-    declared: dict[bool, dict[tuple[type, int], Any]] = {False: {}, True: {}}
+    """Return what numbers mean; None for two things, as where another file was appended."""
+    declared: dict[tuple[type, int], Any] = {}
     for item in items:
         if isinstance(item, Found) and not isinstance(item.record, Message):
-            known, key = declared[item.verified], (type(item.record), item.record.id)
-            if known.setdefault(key, item.record) != item.record:
-                known[key] = None
-    return declared[False] | declared[True]
+            key = type(item.record), item.record.id
+            if declared.setdefault(key, item.record) != item.record:
+                declared[key] = None
+    return declared
