@@ -37,7 +37,7 @@ SETTLES = {'hanging', 'near_goal', 'swing-up', 'near the goal'}
 HOLDS = {*SETTLES, 'random'}
 DEFAULTS = {f'{name}{setup}' for name in SOLVERS
             for setup in ('', ', defaults', ', nothing', ', nothing: the defaults',
-                          ', 1 links, 20 N', ', one link, 20 N')}
+                          ', one link, 20 N')}
 
 
 def chosen(page, exactly):
