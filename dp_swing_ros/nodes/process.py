@@ -99,7 +99,7 @@ class _Signals:
         if ignored.exc_type is _Interrupt:
             self._interruptible = True
             threading.Timer(POLL, os.kill, (os.getpid(), signal.SIGINT)).start()
-        else:
+        elif not self.requested:   # else it may be of what was interrupted while it was made
             self._report(ignored)
 
     def cut_short(self, work: Callable[[], None]) -> None:
