@@ -26,8 +26,9 @@ help:  ## list the targets
 
 setup: install/.built  ## the virtual environment and the built package
 
-demo: setup  ## swing up and hold in real time for 10 s (SOLVER=ilqr, ddp or mppi)
-	@$(WITH_ROS) && ros2 run dp_swing_ros demo --solver $(SOLVER)
+demo: setup $(if $(RIG),$(VENV)/.installed-rig)
+demo:  ## swing up and hold in real time for 10 s (SOLVER=ilqr, ddp or mppi; RIG=1: a rig of other make)
+	@$(WITH_ROS) && ros2 run dp_swing_ros demo --solver $(SOLVER) $(if $(RIG),--params config/rig.yaml)
 
 docs: setup  ## the references of parameters and of the Python API, and the drawings
 	@$(WITH_ROS) && ros2 run dp_swing_ros parameters > docs/parameters.md && \
@@ -61,6 +62,10 @@ $(VENV)/.installed: pyproject.toml constraints.txt scripts/ros2
 	  $(call INSTALL,run ros)
 	@rm -f $(BIN)/ros2
 	@command -v ros2 >/dev/null || install -m 755 scripts/ros2 $(BIN)/ros2
+	@touch $@
+
+$(VENV)/.installed-rig: $(VENV)/.installed
+	@$(call INSTALL,rig)
 	@touch $@
 
 $(VENV)/.installed-test: $(VENV)/.installed

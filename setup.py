@@ -66,6 +66,7 @@ setup(
     extras_require={
         'dask': ['distributed'],
         'parquet': ['pyarrow'],
+        'rig': ['mujoco'],
         'torch': ['torch'],
         # `colcon test` runs pytest only for a package that asks for it here
         'test': ['pytest'],

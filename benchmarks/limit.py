@@ -129,17 +129,17 @@ def rollouts(problem: Problem, samples: int = SAMPLES) -> Work:
     model, cost = single(problem.model), single(problem.cost)
 
     def run() -> int:
-        follow_all(model, cost, x_0, offsets, gains, noise, sigma, np.float32(problem.u_max), V, J)
+        follow_all(model, cost, x_0, offsets, gains, noise, sigma, single(problem.bounds), V, J)
         return N * LANES * blocks
     return run
 
 
 @kernel
-def follow_all(model, cost, x_0, offsets, gains, noise, sigma, u_max, V, J):
+def follow_all(model, cost, x_0, offsets, gains, noise, sigma, bounds, V, J):
     """Follow many blocks of samples, all on the same noise."""
     scratch = np.empty((len(x_0) + 3, LANES), np.float32)
     for block in range(len(V)):
-        follow(model, cost, x_0, offsets, gains, noise, sigma, np.float32(0.8), u_max, scratch,
+        follow(model, cost, x_0, offsets, gains, noise, sigma, np.float32(0.8), bounds, scratch,
                V[block], J[block])
 
 

@@ -115,7 +115,7 @@ def of_sample(problem: Problem) -> dict[str, float]:
     N, n = problem.horizon, len(problem.cost.S)
     V, J = np.zeros((N, 1), object), np.zeros(1, object)
     samples.follow(problem.model, problem.cost, remembering(n), remembering(N),
-                   remembering(N, n), remembering(N, 1), remembering(1), 0.8, problem.u_max,
+                   remembering(N, n), remembering(N, 1), remembering(1), 0.8, problem.bounds,
                    np.zeros((n + 3, 1), object), V, J)
     return {kind: number / N for kind, number in count(J).items()}
 

@@ -26,10 +26,10 @@ MODULES = {   # below this package: the names that each defines
     'solvers': ('SOLVERS',),
     'solvers.solver': ('Solver', 'policy_of', 'generator'),
     'estimators': ('ESTIMATORS',),
-    'estimators.estimator': ('Estimator', 'Estimate', 'Force'),
+    'estimators.estimator': ('Estimator', 'Estimate', 'Commands'),
     'pendulum.integrators': ('INTEGRATORS', 'Integrator', 'moved'),
     'pendulum.model': ('hold',),
-    'pendulum.parameters': ('PendulumParameters',),
+    'pendulum.parameters': ('PendulumParameters', 'Drive'),
     'parameters': ('Parameters', 'parameter', 'ParameterError'),
     'errors': ('UserError',)}
 PUBLIC = {name: module for module, names in MODULES.items() for name in names}

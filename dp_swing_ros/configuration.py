@@ -18,7 +18,8 @@ from dp_swing_ros.control.receding_horizon import MpcParameters, RecedingHorizon
 from dp_swing_ros.estimators import ESTIMATORS
 from dp_swing_ros.parameters import checked, fields_of, ParameterError, Parameters, unknown
 from dp_swing_ros.parameters.files import ANY_NODE, is_of_rclpy, sections
-from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
+from dp_swing_ros.pendulum.parameters import (
+    Drive, DriveParameters, LimitParameters, PendulumParameters)
 from dp_swing_ros.pendulum.state import DEFAULT_LINKS, hanging, LINKS, upright
 from dp_swing_ros.problem.parameters import CostParameters, PredictionParameters
 from dp_swing_ros.problem.problem import Problem
@@ -45,7 +46,8 @@ DEFAULTS: dict[int, dict[str, Any]] = {
 
 def declared(node: str, links: int) -> dict[str, dataclasses.Field]:
     """Return a plant's or an mpc's parameters by full names, with defaults for so many links."""
-    groups: list[tuple[str, type[Parameters]]] = [('', PendulumParameters), ('', LimitParameters)]
+    groups: list[tuple[str, type[Parameters]]] = [
+        ('', PendulumParameters), ('', DriveParameters), ('', LimitParameters)]
     if node == 'plant':
         groups += [('', PlantParameters)]
     else:
@@ -111,7 +113,7 @@ def plant(values: Values) -> Plant:
     """
     values = complete('plant', values)
     return Plant(group(PendulumParameters, values), group(LimitParameters, values),
-                 group(PlantParameters, values))
+                 group(PlantParameters, values), group(DriveParameters, values))
 
 
 def problem(values: Values) -> Problem:
@@ -139,7 +141,8 @@ def controller(values: Values) -> RecedingHorizon:
     solver, estimator = parameters.solver, parameters.estimator
     return RecedingHorizon(_problem(values), parameters,
                            group(SOLVERS[solver].Parameters, values, f'{solver}.'),
-                           group(ESTIMATORS[estimator].Parameters, values, f'{estimator}.'))
+                           group(ESTIMATORS[estimator].Parameters, values, f'{estimator}.'),
+                           Drive.of(group(DriveParameters, values)))
 
 
 def default_cost(links: int) -> CostParameters:

@@ -37,8 +37,8 @@ SECTIONS = {
     'Problem and plan': ('Problem', 'policy_rollout', 'Rollout', 'Plan', 'SolverStats', 'Status'),
     'Registries': ('SOLVERS', 'ESTIMATORS', 'INTEGRATORS'),
     'Write one of your own': ('Parameters', 'parameter', 'Solver', 'policy_of', 'generator',
-                              'Estimator', 'Estimate', 'Force', 'hold', 'PendulumParameters',
-                              'Integrator', 'moved'),
+                              'Estimator', 'Estimate', 'Commands', 'Drive', 'hold',
+                              'PendulumParameters', 'Integrator', 'moved'),
     'Errors': ('ParameterError', 'UserError')}
 REGISTRIES = {
     'SOLVERS': 'Classes of solvers by name, those of other packages too (entry points of the\n'

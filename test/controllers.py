@@ -3,7 +3,7 @@
 """Controllers and plants for the tests, from parameters by name."""
 
 from dp_swing_ros.control.receding_horizon import MpcParameters, RecedingHorizon
-from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
+from dp_swing_ros.pendulum.parameters import DIRECT, LimitParameters, PendulumParameters
 from dp_swing_ros.problem.parameters import CostParameters, PredictionParameters
 from dp_swing_ros.problem.problem import Problem
 from dp_swing_ros.simulation.plant import Plant, PlantParameters
@@ -12,11 +12,12 @@ from dp_swing_ros.solvers import SOLVERS
 LIMITS = LimitParameters()
 
 
-def controller(name='ilqr', seed=0, horizon=30, cost=CostParameters(), of_solver=None, **mpc):
+def controller(name='ilqr', seed=0, horizon=30, cost=CostParameters(), of_solver=None,
+               drive=DIRECT, **mpc):
     """Build a controller of the default problem."""
     problem = Problem.of(PendulumParameters(), LIMITS, cost, PredictionParameters(horizon=horizon))
     return RecedingHorizon(problem, MpcParameters(solver=name, seed=seed, **mpc),
-                           SOLVERS[name].Parameters(**(of_solver or {})))
+                           SOLVERS[name].Parameters(**(of_solver or {})), drive=drive)
 
 
 def plant(seed=0, physical=PendulumParameters(), limits=LIMITS, **parameters):

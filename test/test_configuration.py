@@ -10,6 +10,7 @@ import pytest
 from dp_swing_ros import configuration
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.parameters.files import value_of
+from dp_swing_ros.pendulum.parameters import DIRECT, DriveParameters
 from dp_swing_ros.pendulum.state import LINKS, SIZES
 from dp_swing_ros.problem.cost import ANGLE_ERRORS
 
@@ -32,6 +33,18 @@ def test_the_pendulum_of_the_plant_is_not_that_of_the_model():
     assert plant.parameters.force_noise == 1.0
     model = configuration.problem({}).model
     assert model != configuration.problem({'link1_mass': 0.7}).model
+
+
+def test_plant_and_controller_have_a_drive_each():
+    values = {'actuation_delay': 0.03, 'motor_time_constant': 0.02, 'force_gain': 0.9,
+              'force_bias': 1.5}
+    controller = configuration.controller(values)
+    assert controller.drive == controller.nominal_drive == (0.03, 0.02, 0.9, 1.5)
+    assert controller.problem.bounds == pytest.approx((1.5 - 18.0, 1.5 + 18.0))
+    assert controller.nominal.bounds == (-20.0, 20.0)
+    assert vars(configuration.plant(values).drive) == values
+    assert configuration.controller({}).drive == DIRECT
+    assert configuration.plant({}).drive == DriveParameters()
 
 
 @pytest.mark.parametrize('build, values, words', [

@@ -11,13 +11,13 @@ import pandas
 from dp_swing_ros.bags.episodes import reports_of, samples_of
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.messages.fields import BILLION, from_trajectory, nanoseconds
-from dp_swing_ros.pendulum.parameters import PendulumParameters
+from dp_swing_ros.pendulum.parameters import DriveParameters, PendulumParameters
 from dp_swing_ros.pendulum.state import Array, columns, joints, LINKS, links_of, units, wrapped
 from dp_swing_ros.topics import PLAN
 
-UNITS = {'solve_time': 's', 'latency': 's', 'delay': 's', 'force': 'N', 'force_bias': 'N',
-         **{field.name: field.metadata['unit']
-            for field in dataclasses.fields(PendulumParameters)},
+UNITS = {'solve_time': 's', 'latency': 's', 'delay': 's', 'force': 'N',
+         **{field.name: field.metadata['unit'] for group in (PendulumParameters, DriveParameters)
+            for field in dataclasses.fields(group)},
          **{f'{what}_{joint}_{kind}': unit for what in ('estimate', 'innovation')
             for (kind, joint), unit in zip(
                 itertools.product(('position', 'velocity'), joints(max(LINKS))),

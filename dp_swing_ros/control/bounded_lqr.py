@@ -3,12 +3,12 @@
 """
 The LQR at the goal for a force that is bounded.
 
-    min Σ (eᵀ S e + R u²) + e_Nᵀ P e_N   s.t.   e⁺ = A e + B u,  |u| ≤ u_max,      e = x - x_r
+    min Σ (eᵀ S e + R u²) + e_Nᵀ P e_N   s.t.   e⁺ = A e + B u,  u_min ≤ u ≤ u_max
 
-With P of the Riccati equation this is the regulator as long as the bound does not act. Where it
-does, the regulator's rollout falls over and leads a local solver away; this problem is convex, so
-its optimum is found. It is a trajectory of the linear model; Riccati passes about it close the
-gaps to the real one, which is multiple shooting (Giftthaler et al., IROS 2018).
+and e = x - x_r. With P of the Riccati equation this is the regulator as long as the bound does not
+act. Where it does, the regulator's rollout falls over and leads a local solver away; this problem
+is convex, so its optimum is found. It is a trajectory of the linear model; Riccati passes about it
+close the gaps to the real one, which is multiple shooting (Giftthaler et al., IROS 2018).
 """
 
 import numpy as np
@@ -19,7 +19,7 @@ from dp_swing_ros.pendulum.derivatives import linearisation
 from dp_swing_ros.pendulum.model import size, step
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.problem.cost import trajectory_cost
-from dp_swing_ros.problem.problem import Problem, Rollout, turns_of
+from dp_swing_ros.problem.problem import Problem, Rollout, turns_of, without_dry_friction
 from dp_swing_ros.solvers.riccati import backward, forward
 
 REACH = (0.6, 10.0)  # [rad] and [m/s, rad/s] of the linear model, for angles and speeds
@@ -47,7 +47,7 @@ class BoundedLQR:
         """Condense the states, e_t = Φ_t e_0 + G_t u, and the cost."""
         self.problem = problem
         N, cost, n = problem.horizon, problem.cost, len(problem.cost.S)
-        A, B = linearisation(problem.model, problem.x_r, 0.0)
+        A, B = linearisation(without_dry_friction(problem.model), problem.x_r, 0.0)
         self.Phi, self.G = np.zeros((N + 1, n, n)), np.zeros((N + 1, n, N))
         self.Phi[0] = np.eye(n)
         for t in range(N):
@@ -71,25 +71,25 @@ class BoundedLQR:
         if (np.any(np.abs(e_0[1:half]) > REACH[0]) or np.any(np.abs(e_0[half:]) > REACH[1])):
             return None
         from scipy.optimize import lsq_linear   # 0.2 s of loading, which a plant does without
-        U = lsq_linear(self.L, -self.M @ e_0, (-problem.u_max, problem.u_max), method='bvls').x
-        U = np.clip(U, -problem.u_max, problem.u_max)
+        U = lsq_linear(self.L, -self.M @ e_0, problem.bounds, method='bvls').x
+        U = np.clip(U, *problem.bounds)
         found = self.closed(problem.x_r + self.Phi @ e_0 + self.G @ U, U)
         return None if found is None else found._replace(X=found.X + turns)
 
     def closed(self, X: Array, U: Array) -> Rollout | None:
         """Close the gaps of a trajectory of the linear model by Riccati passes about it."""
         problem, N = self.problem, self.problem.horizon
-        model, cost, u_max = problem.model, problem.cost, problem.u_max
+        model, cost, bounds = problem.model, problem.cost, problem.bounds
         J = trajectory_cost(cost, X, U)
         X_new, U_new, gaps = np.empty_like(X), np.empty_like(U), np.empty((N, X.shape[1]))
         k, K = np.empty(N), np.empty((N, X.shape[1]))
         find_gaps(model, X, U, gaps)
         for number in range(1, PASSES + 1):
-            if not backward(model, cost, X, U, gaps, u_max, 0.0, None, k, K)[0]:
+            if not backward(model, cost, X, U, gaps, bounds, 0.0, None, k, K)[0]:
                 return None
             # as much of the gaps at once as does not throw it over; in the end all that is left
             for alpha in (1.0, 0.5, 0.25) if number < PASSES else (1.0,):
-                J_new = forward(model, cost, X, U, gaps, k, K, alpha, u_max, X_new, U_new)
+                J_new = forward(model, cost, X, U, gaps, k, K, alpha, bounds, X_new, U_new)
                 if J_new <= DEARER * J:
                     break
             J, X, X_new, U, U_new = J_new, X_new, X, U_new, U

@@ -4,25 +4,42 @@
 Which measured states cannot be: those that are out of reach, and those that stand still.
 
 A sensor that dies goes on publishing more often than not, with fresh stamps. What it repeats to
-the bit is believed only where the model, under the forces sent, would not have moved either.
+the bit is believed only where the model, under the forces sent, would not have moved either, or
+less than an encoder sees.
+
+Velocities that are only the differences of positions say nothing new, and lag: they count as not
+measured.
 """
 
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 import math
 
 import numpy as np
 
-from dp_swing_ros.pendulum.state import Array, joints, units
+from dp_swing_ros.pendulum.state import Array, joints, to_turn_of, units
 
 LARGEST_TURNS = 1000      # of a joint; no swing-up winds up so far
 LARGEST_SPEED = 100.0     # [m/s, rad/s]; falling from upright to hanging makes some 12 rad/s
 TRACKS = 2.0              # a cart this many track limits from the centre is not on the track
 STILL = 1e-9              # [m, rad] that the model moves by where the whole state may stand still
-STUCK = 0.02              # [m, rad] the same of one position; a coarse encoder stands still, too
+STUCK = 0.02              # [m, rad] the same of one position
+COUNTS = 10               # of an encoder, by which it may do so, too
+COARSEST = 0.005          # [m, rad] a count; the smallest step seen, if it is larger, is none
+SAME = 1e-4               # share by which differences may be off, for stamps are
 WINDOW = 0.5              # [s] for which the model is asked
 
 Predict = Callable[[Array, float, float], Array]
+
+
+@dataclass
+class Past:
+    """A state: when [s], as it was measured, and with what was not as believed (2n + 2,)."""
+
+    t: float
+    x: Array
+    whole: Array
 
 
 class MessageFilter:
@@ -34,11 +51,13 @@ class MessageFilter:
         self.joints, self.units = joints(links), units(links)
         self.range = np.array([TRACKS * track_limit, *[angle] * links,
                                *[LARGEST_SPEED] * (links + 1)])
-        self.past: deque[tuple[float, Array]] = deque()
+        self.past: deque[Past] = deque()
+        self.reset()
 
     def reset(self) -> None:
         """Forget the states before."""
         self.past.clear()
+        self.counts = np.full(len(self.joints), math.inf)   # smallest steps of the positions
 
     def rejection(self, t: float, x: Array, predict: Predict) -> str:
         """
@@ -54,28 +73,51 @@ class MessageFilter:
             joint, unit = self.joints[i % len(self.joints)], self.units[i]
             return (f'the {kind} of {joint} is {x[i]:g} {unit}; expected at most '
                     f'{self.range[i]:g} {unit} either way')
-        while self.past and self.past[0][0] < t - WINDOW:
+        while self.past and self.past[0].t < t - WINDOW:
             self.past.popleft()
-        self.past.append((t, x))
-        return self.frozen(x, predict)
+        if self.past:
+            steps = np.abs(x - self.past[-1].x)[:len(self.joints)]
+            self.counts = np.where(steps > 0, np.fmin(steps, self.counts), self.counts)
+        self.past.append(Past(t, x, np.nan_to_num(x)))
+        return self.frozen(predict)
 
-    def frozen(self, x: Array, predict: Predict) -> str:
+    def believe(self, measured: Array, believed: Array) -> None:
+        """Take what is believed of the last state where it is not measured (NaN)."""
+        self.past[-1].whole = np.where(np.isnan(measured), believed, measured)
+
+    def with_velocities_measured(self, x: Array) -> Array:
+        """Return the last state, x on another turn, without velocities that are differences."""
+        if len(self.past) < 2:
+            return x
+        before, last = list(self.past)[-2:]
+        q, v = np.split(to_turn_of(last.x, before.x), 2)
+        differences = (q - before.x[:len(q)]) / (last.t - before.t)
+        near = np.abs(v - differences) <= SAME * np.abs(v).max()
+        if not v.any() or not near.all():   # nor where they are not measured at all
+            return x
+        return np.concatenate((x[:len(q)], np.full(len(v), np.nan)))
+
+    def frozen(self, predict: Predict) -> str:
         """Return what has not moved though the model did; nothing where all moves."""
-        positions = len(self.joints)
-        if len(self.past) < 2 or not (self.past[-2][1] == x)[:positions].any():
+        positions, last = len(self.joints), self.past[-1]
+        if len(self.past) < 2 or not (self.past[-2].x == last.x)[:positions].any():
             return ''
-        same = np.array([past == x for _, past in self.past])   # (count, 2n + 2)
+        measured = np.array([past.x for past in self.past])         # (count, 2n + 2)
+        same = (measured == last.x) | np.isnan(measured)
+        moving = bool(np.nan_to_num(last.x[positions:]).any())
+        limits = STUCK + COUNTS * np.where(self.counts < COARSEST, self.counts, 0.0)
         for count, columns, limit in (
-                (_repeated(np.asarray(same.all(axis=1))), range(positions), STILL),
-                *((_repeated(same[:, i]), [i], STUCK) for i in range(positions))):
+                (_repeated(np.asarray(same.all(axis=1))), range(positions),
+                 STILL if moving else limits.min()),
+                *((_repeated(same[:, i]), [i], limits[i]) for i in range(positions))):
             if count == 1:
                 continue
-            (since, before), (t, _) = self.past[-count], self.past[-1]
-            moved = np.abs(predict(before, since, t) - x)[columns]
+            since = self.past[-count]
+            moved = np.abs(predict(since.whole, since.t, last.t) - since.whole)[columns]
             if moved.max() > limit:
                 what = self.joints[columns[0]] if len(columns) == 1 else 'whole state'
-                return (f'the {what} has stood still to the bit for {t - since:.2f} s; expected '
-                        'it to move under the forces sent')
+                return (f'the {what} has stood still to the bit for {last.t - since.t:.2f} s; '
+                        'expected it to move under the forces sent')
         return ''
 
 

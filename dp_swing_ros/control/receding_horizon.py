@@ -26,19 +26,24 @@ import time
 import numpy as np
 
 from dp_swing_ros.control.message_filter import MessageFilter
-from dp_swing_ros.control.sent_forces import RESOLUTION, SentForces
+from dp_swing_ros.control.sent_forces import RESOLUTION, SentForces, STEP
 from dp_swing_ros.control.starts import solved, StartParameters, Starts
 from dp_swing_ros.estimators import ESTIMATORS
 from dp_swing_ros.estimators.estimator import Estimate, Estimator
 from dp_swing_ros.parameters import parameter, Parameters
+from dp_swing_ros.pendulum.model import hold
+from dp_swing_ros.pendulum.parameters import DIRECT, Drive
 from dp_swing_ros.pendulum.state import Array, hanging, is_upright, to_turn_of, upright
 from dp_swing_ros.problem.plan import Plan, Status
-from dp_swing_ros.problem.problem import plan_of, policy_rollout, Problem, regulator_rollout
+from dp_swing_ros.problem.problem import (
+    Bounds, plan_of, policy_rollout, Problem, regulator_rollout)
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.solvers.solver import Solver
 from dp_swing_ros.streams import Stream, stream
 
 OVERTAKEN = 0.5  # [s] a state older than the last by more than this is none that was overtaken
+EARLY = 0.2      # of a solve's period, by which the states' period may fall short of it
+NEARLY = 0.01    # of the limit of the force, by which bounds may be off
 LEANING = 0.2    # [rad] of link 1, so far that the regulator would drop it
 
 
@@ -50,6 +55,9 @@ class MpcParameters(StartParameters):
     time_limit: float = parameter(
         0.04, 'a solve returns its best plan after this time (real time only)', unit='s',
         minimum=1e-4, finite=False)
+    solve_rate: float = parameter(
+        0.0, 'solves a second at most, where states come faster; in between the force is that of '
+        'the last plan with its feedback (0: a solve for every state)', unit='Hz', minimum=0.0)
     clock: str = parameter(
         'announced', 'what the stamps of the states are: stamps, of the clock of the node, so '
         'that they say how old a state is; arrival, of some clock, so that a state is as old as '
@@ -85,19 +93,21 @@ class RecedingHorizon:
     """Solves at every tick; remembers the last plans, the last state and the forces sent."""
 
     def __init__(self, problem: Problem, parameters: MpcParameters, solver: Parameters,
-                 estimator: Parameters | None = None) -> None:
-        """Take the problem, how it is solved, and the parameters of solver and estimator."""
+                 estimator: Parameters | None = None, drive: Drive = DIRECT) -> None:
+        """Take problem, parameters, those of solver and estimator, and what the drive does."""
         self.nominal, self.parameters, self.solver_parameters = problem, parameters, solver
+        self.nominal_drive = drive
         self.search: Search = search
         kind = ESTIMATORS[parameters.estimator]
-        self.estimator: Estimator = kind(problem, estimator or kind.Parameters())
+        self.estimator: Estimator = kind(problem, drive, estimator or kind.Parameters())
         self.message_filter = MessageFilter(problem.physical.links, problem.given[0].track_limit)
         self.reset()
 
     def reset(self) -> None:
         """Forget everything: the next tick is a first tick, with the same random numbers."""
         self.random = stream(self.parameters.seed, Stream.SOLVER)
-        self.problem = self.nominal
+        self.drive = self.nominal_drive
+        self.problem = driven_by(self.drive, self.nominal)
         self.solver = self.build(self.problem)
         self.starts = Starts(self.problem, self.parameters, self.parameters.seed, self.build)
         self.estimator.reset()
@@ -141,16 +151,32 @@ class RecedingHorizon:
             self.believed = begins
         if believed is None or self.is_blind(begins):
             return self.zero_force(begins)
-        x_0 = self.predict(believed, self.t, begins)
+        x_0 = self.when_it_acts(believed, begins)
+        if not self.is_due(begins):
+            return self.feedback(x_0, begins)
         plans = self.search(self, x_0, self.starts.of(x_0, self.rests(begins)), deadline)
         best = min(plans, key=lambda plan: plan.stats.cost if plan.usable else math.inf)
         solves = tuple(plan.stats.iterations for plan in plans)
         if not best.usable:
             instead = self.fallback(begins, x_0)
             return replace(instead, stats=instead.stats._replace(solves=solves))
-        return self.send(replace(best, stats=best.stats._replace(
+        return self.send(replace(best, drive=self.drive, stats=best.stats._replace(
             iterations=sum(solves), solves=solves,
             solve_time=time.perf_counter() - began)), begins)
+
+    def is_due(self, begins: float) -> bool:
+        """Return whether a plan is to be solved for that begins at a time [s]."""
+        rate = self.parameters.solve_rate
+        return rate == 0 or not self.rests(begins) or (
+            begins - self.plans[-1][0] > (1 - EARLY) / rate)
+
+    def feedback(self, x_0: Array, begins: float) -> Plan:
+        """Return what the last plan and its feedback make of a state; it stays the last plan."""
+        left = self.rests(begins)[0]
+        _, X, U, K = policy_rollout(self.problem, x_0, left.X, left.U, left.K)
+        plan = plan_of(self.problem, X, U, Status.FEEDBACK, K, self.drive)
+        self.forces.add(begins, plan.first_force(self.nominal.u_max))
+        return plan
 
     def is_blind(self, begins: float) -> bool:
         """Return whether a time [s] is too long after the last believed state for a force."""
@@ -160,7 +186,8 @@ class RecedingHorizon:
         """Take a measurement; return the newest believed state, None before one."""
         x = np.array(x, dtype=float)   # a copy: what is remembered is not the caller's
         size = len(self.nominal.cost.S)
-        if x.shape != (size,) or not np.all(np.isfinite(x)):
+        if (x.shape != (size,) or np.any(np.isinf(x))
+                or np.any(np.isnan(x[:size // 2]))):   # velocities may be missing
             raise ValueError(f'the state is {x}; expected {size} finite numbers')
         if t < self.latest and t <= max(self.first, self.latest - OVERTAKEN):
             self.reset()
@@ -170,28 +197,46 @@ class RecedingHorizon:
         self.rejection = self.message_filter.rejection(t, x, self.predict)
         if self.rejection:
             return self.x
-        since = []
         if self.x is not None:
             x = to_turn_of(x, self.x)   # where an encoder wraps, the angle goes on
-            since = self.forces.between(self.t, t)
-        self.estimate = self.estimator.update(t, x, since)
+        measured = self.message_filter.with_velocities_measured(x)
+        self.estimate = self.estimator.update(t, measured, self.forces)
         if self.estimate is not None:
             x = self.accept(self.estimate)
+        elif not np.all(np.isfinite(x)):
+            raise ValueError(f'the state is {x}, without velocities; estimator ekf does without')
+        self.message_filter.believe(measured, x)
         self.t, self.x = t, x
         return x
 
     def predict(self, x: Array, t: float, until: float) -> Array:
-        """Return the state at a later time [s] under the forces already sent."""
-        return self.forces.predict(self.problem.model, x, t, until)
+        """Return the state at a later time [s] under the commands already sent."""
+        return self.forces.predict(self.problem.model, self.drive, x, t, until)[0]
+
+    def when_it_acts(self, x: Array, begins: float) -> Array:
+        """
+        Return the state from which a command of a time on [s] counts as the force on the cart.
+
+        The drive's delay has passed then, and its lag is one more: a force that follows with a
+        time constant has in the end the effect of one that stands still for so long, then jumps.
+        """
+        model, drive = self.problem.model, self.drive
+        x, f = self.forces.predict(model, drive, x, self.t, begins + drive.delay)
+        return hold(model._replace(h=STEP), x, drive.gain * f + drive.bias, drive.time_constant)
 
     def accept(self, estimate: Estimate) -> Array:
         """Return the estimated state, and solve for the pendulum as it is believed to be."""
         if not estimate.accepted:
             self.rejection = (f'the state is {estimate.distance:.3g} deviations from its '
                               'prediction; the estimator refuses it')
-        if self.estimator.has_moved(self.problem.physical):
-            self.set_problem(self.nominal.with_physical(
-                replace(self.nominal.physical, **estimate.physical)))
+        self.drive = estimate.drive
+        problem = self.problem
+        if self.estimator.has_moved(problem.physical):
+            problem = self.nominal.with_physical(
+                replace(self.nominal.physical, **estimate.physical))
+        problem = driven_by(self.drive, problem)
+        if problem is not self.problem:
+            self.set_problem(problem)
         return estimate.x
 
     def fallback(self, begins: float, x_0: Array | None = None) -> Plan:
@@ -209,12 +254,14 @@ class RecedingHorizon:
             x_0 = left.X[0] if x_0 is None else x_0
             _, X, U, _ = policy_rollout(problem, x_0, left.X, left.U, left.K)
             if np.all(np.isfinite(X)):
-                return self.send(plan_of(problem, X, U, Status.LAST_POLICY), begins)
+                return self.send(plan_of(problem, X, U, Status.LAST_POLICY, drive=self.drive),
+                                 begins)
         if x_0 is not None:
             _, X, U, _ = regulator_rollout(problem, x_0)
             # Far from the reference the regulator would only drive the cart into the end stop.
             if is_upright(X[-1] - problem.x_r):
-                return self.send(plan_of(problem, X, U, Status.REGULATOR), begins)
+                return self.send(plan_of(problem, X, U, Status.REGULATOR, drive=self.drive),
+                                 begins)
         return self.zero_force(begins, x_0)
 
     def zero_force(self, begins: float, x_0: Array | None = None) -> Plan:
@@ -246,7 +293,7 @@ class RecedingHorizon:
         """Remember the plan for the next tick, and the force that it begins with."""
         step_ago = begins - self.problem.dt
         self.plans = [each for each in self.plans if each[0] >= step_ago] + [(begins, plan)]
-        self.forces.add(begins, float(plan.U[0]))
+        self.forces.add(begins, plan.first_force(self.nominal.u_max))
         return plan
 
     def warm_up(self) -> float:
@@ -255,7 +302,8 @@ class RecedingHorizon:
 
         Returns how long a tick takes from then on [s].
         """
-        twin = RecedingHorizon(self.nominal, self.parameters, self.solver_parameters)
+        twin = RecedingHorizon(self.nominal, self.parameters, self.solver_parameters,
+                               drive=self.nominal_drive)
         for x in starts_to_warm_up(self.nominal.physical.links):
             twin.reset()
             for n in range(3):
@@ -265,6 +313,14 @@ class RecedingHorizon:
                 tick_time = time.perf_counter() - began
         twin.fallback(3 * self.problem.dt)
         return tick_time
+
+
+def driven_by(drive: Drive, problem: Problem) -> Problem:
+    """Return a problem within what a drive can do; the same where that is nearly what it has."""
+    u_max = problem.given[0].force_limit
+    bounds = Bounds(drive.bias - drive.gain * u_max, drive.bias + drive.gain * u_max)
+    near = np.allclose(bounds, problem.bounds, rtol=0, atol=NEARLY * u_max)
+    return problem if near else replace(problem, bounds=bounds)
 
 
 def starts_to_warm_up(links: int) -> tuple[Array, Array]:

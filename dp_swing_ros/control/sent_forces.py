@@ -1,47 +1,56 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Delay compensation: the forces that were sent, and what they do to a state until later."""
+"""Delay compensation: the commands that were sent, and what they do to a state until later."""
 
 from collections import deque
-from itertools import chain
 
-from dp_swing_ros.estimators.estimator import Force
-from dp_swing_ros.pendulum.model import hold, Model
+import numpy as np
+
+from dp_swing_ros.pendulum.drive import follow_commands, HISTORY
+from dp_swing_ros.pendulum.model import Model
+from dp_swing_ros.pendulum.parameters import Drive
 from dp_swing_ros.pendulum.state import Array
 
-REMEMBERED = 64    # forces
+REMEMBERED = 1.0   # [s]
 RESOLUTION = 1e-6  # [s] of times since 1970, as they are held
+STEP = 0.01        # [s] longest of a prediction
 
 
 class SentForces:
-    """Remembers from when on each force acts; what was sent later replaces it."""
+    """Remembers from when on each command holds; what was sent later replaces it."""
 
     def __init__(self) -> None:
         """Begin with none, which is a force of zero."""
-        self.sent: deque[tuple[float, float]] = deque(maxlen=REMEMBERED)  # (from when, force)
+        self.sent: deque[tuple[float, float]] = deque()  # (from when, command)
+        self.before = 0.0   # [N] what came before these
 
-    def add(self, begins: float, force: float) -> None:
-        """Remember a force [N] that acts from a time on [s]."""
-        self.sent.append((begins, force))
+    def add(self, begins: float, command: float) -> None:
+        """Remember a command [N] that holds from a time on [s]."""
+        while self.sent and self.sent[-1][0] >= begins:
+            self.sent.pop()
+        self.sent.append((begins, command))
+        while self.sent[0][0] < begins - REMEMBERED:
+            self.before = self.sent.popleft()[1]
 
-    def replace_last(self, force: float) -> None:
-        """Remember that another force [N] was sent than the last one added."""
-        self.sent[-1] = (self.sent[-1][0], force)
+    def replace_last(self, command: float) -> None:
+        """Remember that another command [N] was sent than the last one added."""
+        self.sent[-1] = (self.sent[-1][0], command)
 
-    def between(self, t: float, until: float) -> list[Force]:
-        """Return the forces that act between two times [s]; before the first sent it is zero."""
-        forces: list[Force] = []
-        for begins, u in chain(reversed(self.sent), [(t, 0.0)]):
-            if until - t <= RESOLUTION:
-                break
-            begins = max(begins, t)
-            if until - begins > RESOLUTION:
-                forces.insert(0, Force(u, until - begins))
-                until = begins
-        return forces
+    def since(self, t: float, history: float) -> tuple[Array, Array]:
+        """Return when commands end, after a time [s], and which; see estimator.Commands."""
+        before, later = self.before, []
+        for begins, command in self.sent:
+            if begins <= t - history:
+                before = command
+            else:
+                later.append((begins - t, command))
+        return (np.array([*(begins for begins, _ in later), np.inf]),
+                np.array([before, *(command for _, command in later)]))
 
-    def predict(self, model: Model, x: Array, t: float, until: float) -> Array:
-        """Return the state at a later time [s] from the one at t; shapes: x (2n + 2,)."""
-        for force in self.between(t, until):
-            x = hold(model, x, force.u, force.duration)
-        return x
+    def predict(self, model: Model, drive: Drive, x: Array, t: float,
+                until: float) -> tuple[Array, float]:
+        """Return state and force of the motor [N] at a later time [s]; shapes: x (2n + 2,)."""
+        x = x.copy()
+        f = follow_commands(model._replace(h=STEP), drive, *self.since(t, HISTORY), x,
+                            until - t)
+        return x, f

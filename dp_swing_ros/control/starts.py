@@ -142,8 +142,9 @@ class Starts:
 
     def draw(self, steps: int) -> Array:
         """Draw random forces (steps,)."""
-        bound = min(self.parameters.initial_force, self.problem.u_max)
-        return self.random_forces.uniform(-bound, bound, steps)
+        bound = self.parameters.initial_force
+        low, high = np.clip((-bound, bound), *self.problem.bounds)
+        return self.random_forces.uniform(low, high, steps)
 
     def scouted(self, x_0: Array, U: Array) -> Plan:
         """Follow forces over the short horizon; if it is shorter than the real one, solve it."""

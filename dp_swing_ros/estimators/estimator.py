@@ -5,16 +5,25 @@
 from typing import Any, NamedTuple, Protocol
 
 from dp_swing_ros.parameters import Parameters
-from dp_swing_ros.pendulum.parameters import PendulumParameters
+from dp_swing_ros.pendulum.model import Model
+from dp_swing_ros.pendulum.parameters import Drive, PendulumParameters
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.problem.problem import Problem
 
 
-class Force(NamedTuple):
-    """A force and how long it acted."""
+class Commands(Protocol):
+    """The commands that were sent."""
 
-    u: float         # [N]
-    duration: float  # [s]
+    def since(self, t: float, history: float) -> tuple[Array, Array]:
+        """
+        Return them from a while before a time on [s]: when each ends, after that time, and which.
+
+        The last ends never. Shapes: (M,) [s], (M,) [N].
+        """
+
+    def predict(self, model: Model, drive: Drive, x: Array, t: float,
+                until: float) -> tuple[Array, float]:
+        """Return state and force of the motor [N] at a later time [s]; shapes: x (2n + 2,)."""
 
 
 class Estimate(NamedTuple):
@@ -27,7 +36,7 @@ class Estimate(NamedTuple):
 
     x: Array
     physical: dict[str, Any]         # by name, those of the physical parameters it estimates
-    bias: float                      # [N] a lasting force beside the one sent
+    drive: Drive
     innovation: Array
     distance: float
     refused: int                     # states since the last reset
@@ -38,20 +47,19 @@ class Estimator(Protocol):
     """
     Estimates the state; deterministic.
 
-    Built as ESTIMATORS[name](problem, parameters), where parameters are an
-    ESTIMATORS[name].Parameters and the problem has the nominal model.
+    Built as ESTIMATORS[name](problem, drive, parameters), where parameters are an
+    ESTIMATORS[name].Parameters, problem and drive the nominal ones.
     """
 
     def reset(self) -> None:
         """Forget all measurements."""
 
-    def update(self, t: float, x: Array, forces: list[Force]) -> Estimate | None:
+    def update(self, t: float, x: Array, commands: Commands) -> Estimate | None:
         """
         Take the state measured at a time [s] after the last one; return what is believed of it.
 
-        forces are those that acted in between, none at the first. Returns None where the state is
-        taken as it is measured.
-        Shapes: x (2n + 2,), finite, angles on any one turn.
+        Returns None where the state is taken as it is measured.
+        Shapes: x (2n + 2,), angles on any one turn; speeds that are not measured are NaN.
         """
 
     def has_moved(self, physical: PendulumParameters) -> bool:
@@ -63,13 +71,13 @@ class Direct:
 
     Parameters = Parameters   # none
 
-    def __init__(self, problem: Problem, parameters: object) -> None:
+    def __init__(self, problem: Problem, drive: Drive, parameters: object) -> None:
         """Take nothing of it."""
 
     def reset(self) -> None:
         """Forget nothing, for nothing is remembered."""
 
-    def update(self, t: float, x: Array, forces: list[Force]) -> Estimate | None:
+    def update(self, t: float, x: Array, commands: Commands) -> Estimate | None:
         """Believe the measurement."""
         return None
 

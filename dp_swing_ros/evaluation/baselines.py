@@ -19,7 +19,7 @@ from dp_swing_ros.pendulum.derivatives import linearisation
 from dp_swing_ros.pendulum.model import hold, rollout
 from dp_swing_ros.pendulum.state import Array, hanging, is_upright, to_turn_of
 from dp_swing_ros.problem.plan import Plan, SolverStats, Status
-from dp_swing_ros.problem.problem import plan_of, policy_rollout, Problem
+from dp_swing_ros.problem.problem import Bounds, plan_of, policy_rollout, Problem
 from dp_swing_ros.simulation.closed_loop import Controller
 from dp_swing_ros.solvers.descent import ILQR
 
@@ -41,7 +41,7 @@ def swing_up(problem: Problem) -> Reference:
     """Return the cheapest swing-up from hanging that its regulator holds; raises ValueError."""
     N = round(SWING_UP / problem.dt)
     bound = MARGIN * min(problem.u_max, 1e3)  # an unlimited force needs no margin
-    long = replace(problem, horizon=N, u_max=bound)
+    long = replace(problem, horizon=N, bounds=Bounds(-bound, bound))
     solver = ILQR(long, ILQR.Parameters(iterations=ITERATIONS))
     random, x_0 = np.random.default_rng(0), hanging(problem.physical.links)
     found: list[Reference] = []

@@ -47,6 +47,7 @@ class Metrics:
     success: bool = quantity('upright to the end')
     settling_time: float = quantity('settling time', 's')
     settling_offset: float = quantity('cart from the centre when settled', 'm')
+    rest_offset: float = quantity(f'largest cart position, last {REST:g} s', 'm', digits=3)
     hold_error: float = quantity(f'angle error, last {REST:g} s (RMS)', 'rad', digits=4)
     smoothness: float = quantity(f'force step, last {REST:g} s (std)', 'N', digits=3)
     roughness: float = quantity('force step, all the run (std)', 'N', digits=3)
@@ -94,6 +95,7 @@ def measure(episode: Episode, time_limit: float = TIME_LIMIT) -> Metrics:
         success=not math.isnan(settled),
         settling_time=settled,
         settling_offset=_largest(X[t == settled, 0]),
+        rest_offset=_largest(X[rest, 0]),
         hold_error=reduced(lambda errors: np.sqrt(np.mean(np.square(errors))),
                            X[rest, angles(X)]),
         # the force of the period that starts at a state

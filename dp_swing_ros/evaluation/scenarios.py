@@ -4,8 +4,11 @@
 Scenarios: what a campaign puts every controller through, each a name and a list of cases.
 
 The sweeps are those of the DFKI double-pendulum leaderboards, scaled to this plant: what is swept
-is changed in the plant alone, the controller keeps its nominal model. A start and a profile of
-pushes depend on the seed alone, so that every controller meets the same.
+is changed in the plant alone, the controller keeps its nominal model. A start, a profile of pushes
+and a rig depend on the seed alone, so that every controller meets the same.
+
+The rigs are of other make: MuJoCo moves them, and what is wrong with their drives, their sensors
+and their bodies is told to no controller.
 """
 
 from collections.abc import Callable, Iterator
@@ -16,15 +19,18 @@ from typing import Any
 import numpy as np
 
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
-from dp_swing_ros.pendulum.state import angles, Array, DEFAULT_LINKS, LINKS, upright
+from dp_swing_ros.pendulum.state import angles, Array, DEFAULT_LINKS, hanging, LINKS, upright
 from dp_swing_ros.simulation.plant import PlantParameters
 
 PHYSICAL, LIMITS = PendulumParameters(), LimitParameters()
 PERIOD = 1 / PlantParameters().rate    # [s]
-START, PUSHES = 1, 2                   # before the seed: streams beside those of streams.py
+START, PUSHES, RIG = 1, 2, 3           # before the seed: streams beside those of streams.py
 
 RANDOM_START = (1.0, math.pi, 1.0, 3.0)  # largest x, θ, ẋ and θ̇, either way
 NEAR_GOAL = 0.3                        # [rad] largest angle at the start of near_goal
+
+JOINT = 'joint_dry_friction'           # stands for those of all joints
+NEARLY = 1e-3                          # [SI] standard deviation of a rig's start from hanging
 
 LEVELS = 21                            # of a sweep
 PROFILE = 'profile'                    # what pushes sweep: a profile is a level
@@ -58,20 +64,25 @@ class Sweep:
     links: int = 1         # that there must be
     nominal: float = 1.0   # what a level is a share of
 
+    def plant(self, level: float, links: int) -> dict[str, float]:
+        """Return the parameters of a plant at a level."""
+        return dict.fromkeys(names_of(self.parameter, links), level * self.nominal)
+
 
 @dataclass(frozen=True)
 class Scenario:
     """
     What one word on the command line stands for.
 
-    With sweeps it has cases for every level of each and every seed; else one for every seed, and
-    `case` completes it. A criterion counts in the robustness score.
+    With sweeps it has cases for every level of each and every seed; else one for every seed.
+    `case` completes them. A criterion counts in the robustness score.
     """
 
     about: str
     seeds: range
     sweeps: tuple[Sweep, ...] = ()
     criterion: bool = False
+    levels: int = LEVELS
     case: Callable[[Case, int], Case] = lambda case, links: case
 
     def cases(self, name: str, seeds: range | None, levels: int | None,
@@ -81,10 +92,10 @@ class Scenario:
             for seed in seeds or self.seeds:
                 yield self.case(Case(name, seed, duration), links)
         for sweep in (each for each in self.sweeps if each.links <= links):
-            for level in np.linspace(sweep.low, sweep.high, levels or LEVELS).tolist():
-                plant = {sweep.parameter: level * sweep.nominal}
+            for level in np.linspace(sweep.low, sweep.high, levels or self.levels).tolist():
                 for seed in seeds or self.seeds:
-                    yield Case(name, seed, duration, sweep.parameter, level, plant)
+                    yield self.case(Case(name, seed, duration, sweep.parameter, level,
+                                         sweep.plant(level, links)), links)
 
 
 def random_start(case: Case, links: int) -> Case:
@@ -119,6 +130,47 @@ def push_profile(seed: int, periods: int) -> Array:
     return np.exp(-0.5 * ((t[:, None] - middles) / widths) ** 2) @ peaks
 
 
+def rig(case: Case, links: int, bodies: float = 0.0, **parameters: Any) -> Case:
+    """
+    Let MuJoCo move the pendulum from nearly hanging, with some parameters.
+
+    A range is drawn from, that of JOINT for each joint; masses and lengths are off by a share
+    `bodies` at most.
+    """
+    random = np.random.default_rng((RIG, case.seed))
+    x = hanging(links)
+    plant: dict[str, Any] = {
+        'engine': 'mujoco',
+        'initial_state': tuple((x + random.normal(0.0, NEARLY, len(x))).tolist())}
+    for name, value in parameters.items():
+        plant |= {one: random.uniform(*value) if isinstance(value, tuple) else value
+                  for one in names_of(name, links)}
+    if bodies:
+        plant |= {name: getattr(PHYSICAL, name) * random.uniform(1 - bodies, 1 + bodies)
+                  for name in ('cart_mass', *of_each('link{}_mass', links),
+                               *of_each('link{}_length', links))}
+    return replace(case, plant=plant | case.plant)
+
+
+def rig_with(about: str, bodies: float = 0.0, sweep: Sweep | None = None,
+             **parameters: Any) -> Scenario:
+    """Return the scenario of a rig; a sweep has two levels, the half and the whole."""
+    def case(given: Case, links: int) -> Case:
+        return rig(given, links, bodies, **parameters)
+    return Scenario(f'a rig of other make: {about}', range(100), (sweep,) if sweep else (),
+                    levels=2, case=case)
+
+
+def names_of(parameter: str, links: int) -> tuple[str, ...]:
+    """Return the parameters that one stands for."""
+    return of_each('joint{}_dry_friction', links) if parameter == JOINT else (parameter,)
+
+
+def of_each(name: str, links: int) -> tuple[str, ...]:
+    """Return the names of a parameter of all links or joints."""
+    return tuple(map(name.format, range(1, links + 1)))
+
+
 def _scaled(name: str, links: int = 1) -> Sweep:
     """Sweep a physical parameter as a share of its nominal value."""
     return Sweep(name, 0.75, 1.25, links=links, nominal=getattr(PHYSICAL, name))
@@ -127,6 +179,11 @@ def _scaled(name: str, links: int = 1) -> Sweep:
 OF_LINK = ('mass', 'length', 'inertia_factor')
 MODEL = (_scaled('cart_mass'), *(_scaled(f'link{i}_{name}', i) for name in OF_LINK for i in LINKS),
          *(Sweep(f'joint{i}_friction', 0.0, 0.1, 'N m s/rad', i) for i in LINKS))
+
+ALL_AT_ONCE: dict[str, Any] = {
+    'bodies': 0.15, 'actuation_delay': (0.0, 0.03), 'motor_time_constant': (0.0, 0.025),
+    'cart_dry_friction': (0.0, 3.0), 'joint_dry_friction': (0.0, 0.03), 'encoder_counts': 4096,
+    'velocities': 'none', 'force_gain': (0.85, 1.15), 'force_bias': (-2.0, 2.0)}
 
 SCENARIOS: dict[str, Scenario] = {
     'hanging': Scenario('from hanging at rest', range(20)),
@@ -152,4 +209,19 @@ SCENARIOS: dict[str, Scenario] = {
     'loss': Scenario('states, then forces, that are lost', range(5),
                      (Sweep('state_loss', 0.0, 0.5), Sweep('command_loss', 0.0, 0.5))),
     'jitter': Scenario('forces that come late by chance', range(5),
-                       (Sweep('command_jitter', 0.0, 0.05, 's'),))}
+                       (Sweep('command_jitter', 0.0, 0.05, 's'),)),
+    'rig_clean': rig_with('nothing is wrong'),
+    'rig_delay': rig_with('forces act 0 to 50 ms late', actuation_delay=(0.0, 0.05)),
+    'rig_lag': rig_with('forces lag', sweep=Sweep('motor_time_constant', 0.025, 0.05, 's')),
+    'rig_cart': rig_with('dry friction of the cart',
+                         sweep=Sweep('cart_dry_friction', 2.0, 4.0, 'N')),
+    'rig_joints': rig_with('dry friction of the joints', sweep=Sweep(JOINT, 0.025, 0.05, 'N m')),
+    'rig_noise': rig_with('noise on the measured positions',
+                          sweep=Sweep('position_noise', 0.0025, 0.005, 'm, rad')),
+    'rig_encoders': rig_with('encoders of 2,048 counts, no velocities', encoder_counts=2048,
+                             velocities='none'),
+    'rig_bias': rig_with('a lasting force on the cart', sweep=Sweep('force_bias', 2.5, 5.0, 'N')),
+    'rig_gain': rig_with('a force 0.7 to 1.3 times as large', force_gain=(0.7, 1.3)),
+    'rig_all': rig_with('all of it at once', **ALL_AT_ONCE),
+    'rig_all_fast': rig_with('all of it at once, states at 100 Hz', rate=100.0, **ALL_AT_ONCE)}
+RIGS = [name for name in SCENARIOS if name.startswith('rig_')]   # which need MuJoCo

@@ -163,11 +163,11 @@ def cos(x: Any) -> Any:
     return x.cos() if hasattr(x, 'cos') else np.cos(x)
 
 
-def clamp(x: Any, bound: Any) -> Any:
+def clamp(x: Any, low: Any, high: Any) -> Any:
     """Return x, or the bound on its side where it is beyond, likewise."""
     if isinstance(x, Symbol):
-        return x.trace.symbol('clamp', x, bound)
-    return x.clamp(-bound, bound) if hasattr(x, 'clamp') else np.clip(x, -bound, bound)
+        return x.trace.symbol('clamp', x, low, high)
+    return x.clamp(low, high) if hasattr(x, 'clamp') else np.clip(x, low, high)
 
 
 def is_nonzero(x: Any) -> Any:
@@ -209,7 +209,8 @@ OPERATIONS: dict[str, Operation] = {   # sines and cosines are written out in pa
     'sin': Operation('sin({})', lambda y, a: (cos(a),)),
     'cos': Operation('cos({})', lambda y, a: (-sin(a),)),
     'fixed': Operation('{}', lambda y, a: (0.0,)),
-    'clamp': Operation('min(max({0}, -{1}), {1})'),
+    # beyond its bounds a clamp has no slope, but what is clamped here has none there either
+    'clamp': Operation('min(max({}, {}), {})', lambda y, a, low, high: (1.0, None, None)),
     'is_nonzero': Operation('{1} if {0} != {2} else {2}')}
 
 

@@ -90,4 +90,7 @@ def of_estimate(estimate: Estimate) -> dict[str, float]:
             **{f'innovation_{place}': value
                for place, value in zip(places, estimate.innovation.tolist())},
             'innovation_distance': estimate.distance, 'refused': estimate.refused,
-            'force_bias': estimate.bias, **estimate.physical}
+            'actuation_delay': estimate.drive.delay,
+            'motor_time_constant': estimate.drive.time_constant,
+            'force_gain': estimate.drive.gain, 'force_bias': estimate.drive.bias,
+            **estimate.physical}

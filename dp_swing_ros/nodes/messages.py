@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Arrays, plans and figures as messages; what reads them needs no ROS: see messages.fields."""
 
+import math
 from typing import Mapping
 
 from builtin_interfaces.msg import Duration, Time
@@ -21,10 +22,15 @@ def to_stamp(time: float | int) -> Time:
 
 
 def to_joint_state(stamp: Time, x: Array, force: float) -> JointState:
-    """Convert a state, x (2n + 2,), and the force [N] applied over the period before it."""
+    """
+    Convert a state, x (2n + 2,), and the force [N] applied over the period before it.
+
+    Velocities that are not measured, NaN, are left out.
+    """
     names = joints(links_of(x))
-    return JointState(header=Header(stamp=stamp), name=list(names),
-                      position=x[:len(names)].tolist(), velocity=x[len(names):].tolist(),
+    position, velocity = x[:len(names)].tolist(), x[len(names):].tolist()
+    return JointState(header=Header(stamp=stamp), name=list(names), position=position,
+                      velocity=[] if all(map(math.isnan, velocity)) else velocity,
                       effort=[float(force), *[0.0] * (len(names) - 1)])
 
 

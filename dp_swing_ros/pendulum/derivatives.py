@@ -29,7 +29,8 @@ from dp_swing_ros.kernels import kernel
 from dp_swing_ros.kernels.symbols import called, cos, dot, fixed, flat, gradient, sin, total
 from dp_swing_ros.kernels.unrolling import unrolled
 from dp_swing_ros.pendulum.equations import (
-    generalised_force, inverse_inertia, mass_matrix, Matrix, Numbers, Parts, Pendulum, solve)
+    friction, generalised_force, inverse_inertia, mass_matrix, Matrix, Numbers, Parts, Pendulum,
+    solve)
 from dp_swing_ros.pendulum.model import Model, size, zeros
 
 STEPS = 16     # side by side
@@ -45,18 +46,21 @@ class Point(NamedTuple):
     a: list[Any]      # accelerations of cart and links
     J: Matrix         # (n + 1, 2n + 1) their derivatives by z, the last column that of D⁻¹
     links: Matrix     # the upper triangle of D⁻¹ but for its first row
+    drag: list[Any]   # slope of the cart's friction, and the slope of that
 
     @classmethod
     def of(cls, p: Pendulum, x: Numbers, u: Any) -> 'Point':
         """Evaluate all at a state x under a force u."""
         _, th, v, w = Parts.of(p, x)
         s, c = [sin(th_i) for th_i in th], [cos(th_i) for th_i in th]
-        f, D = u - p.friction[0] * v, mass_matrix(p, s, c)
+        held_back, D = friction(p, 0, v), mass_matrix(p, s, c)
+        (slope,), f = gradient(held_back, [v]), u - held_back
         a, D_inverse = solve(D, generalised_force(p, s, c, w, f)), inverse_inertia(D)
         residual = residuals(p, s, c, w, f, [fixed(a_i) for a_i in a])
         by_z = [by_variables(each, s, c, w) for each in residual]
         J = [[*(dot(row, column) for column in zip(*by_z)), row[0]] for row in D_inverse]
-        return cls(s, c, w, a, J, [D_inverse[i][i:] for i in range(1, len(a))])
+        return cls(s, c, w, a, J, [D_inverse[i][i:] for i in range(1, len(a))],
+                   [slope, *gradient(slope, [v])])
 
     @classmethod
     def read(cls, n: int, numbers: Sequence[Any]) -> 'Point':
@@ -66,7 +70,7 @@ class Point(NamedTuple):
         def some(count: int) -> list[Any]:
             return [next(rest) for _ in range(count)]
         return cls(some(n), some(n), some(n), some(n + 1), [some(2 * n + 1) for _ in range(n + 1)],
-                   [some(n - i) for i in range(n)])
+                   [some(n - i) for i in range(n)], some(2))
 
     def inverse_row(self, i: int) -> list[Any]:
         """Return row i of D⁻¹."""
@@ -88,9 +92,13 @@ def by_variables(y: Any, s: Numbers, c: Numbers, w: Numbers) -> list[Any]:
 
 
 def curved_pairs(n: int) -> list[tuple[int, int]]:
-    """Return the pairs j ≤ k for which ∂²a/∂z_j∂z_k is not zero: an angle's, a speed's square."""
+    """
+    Return the pairs j ≤ k for which ∂²a/∂z_j∂z_k is not zero.
+
+    They are an angle's, those of the speeds that meet in a joint, and the cart's speed's square.
+    """
     return [(j, k) for j in range(2 * n + 1) for k in range(j, 2 * n + 1)
-            if j < n or j == k < 2 * n]
+            if j < n or j <= k < min(j + 2, 2 * n)] + [(2 * n + 1, 2 * n + 1)]
 
 
 def second_derivatives(p: Pendulum, at: Point, mu: Numbers) -> list[Any]:
@@ -104,24 +112,36 @@ def second_derivatives(p: Pendulum, at: Point, mu: Numbers) -> list[Any]:
     momenta = [dot(row, nu) for row in mass_matrix(p, at.s, at.c)]
     e = list(zip(*([*by_variables(each, *variables), 0.0] for each in momenta)))
     J = list(zip(*at.J))   # by columns, as e
-    return [second[j][k] - (dot(e[j], J[k]) + dot(e[k], J[j])) for j, k in curved_pairs(n)]
+    return [*(second[j][k] - (dot(e[j], J[k]) + dot(e[k], J[j]))
+              for j, k in curved_pairs(n)[:-1]), -(nu[0] * at.drag[1])]
 
 
-def tangent(model: Model, J: Sequence[Matrix], d: Numbers,
+class Slopes(NamedTuple):
+    """The Jacobian J of a stage's accelerations, and the slope of the cart's friction."""
+
+    J: Any
+    drag: Any
+
+
+def tangent(model: Model, stages: Sequence[Slopes], d: Numbers,
             extra: Sequence[Numbers] = ()) -> tuple[Numbers, list[Numbers]]:
     """
     Return how x⁺ changes in a direction d of (x, u), and how the variables z of each stage do.
 
-    extra are changes of the accelerations at each stage. Shapes: d (2n + 3,), J of each stage.
+    extra are changes of the accelerations at each stage. After z stands the cart's speed.
+    Shapes: d (2n + 3,).
     """
     p, Z = model.pendulum, list[Numbers]()
 
     def f(x: Numbers, u: Any) -> Numbers:
         _, th, v, w = Parts.of(p, x)
-        Z.append([*th, *w, u - p.friction[0] * v])
-        a = [dot(row, Z[-1]) for row in J[len(Z) - 1]]
+        stage = len(Z)
+        J, drag = stages[stage]
+        z = [*th, *w, u - drag * v]
+        Z.append([*z, v])
+        a = [dot(row, z) for row in J]
         if extra:
-            a = [a_i + more for a_i, more in zip(a, extra[len(Z) - 1])]
+            a = [a_i + more for a_i, more in zip(a, extra[stage])]
         return [v, *w, *a]
     return model.integrator.step(f, d[:-1], d[-1], model.h), Z
 
@@ -210,11 +230,11 @@ def expand(model, X, U):
 
 @unrolled
 def jacobians(model, points, i):
-    """Return J of the stages of the step in lane i."""
+    """Return the slopes of the stages of the step in lane i."""
     n = len(model.pendulum.a)
-    return tuple(
-        tuple(map(tuple, Point.read(n, [points[stage, row, i] for row in range(kept(n))]).J))
-        for stage in range(model.integrator.stages))
+    read = [Point.read(n, [points[stage, row, i] for row in range(kept(n))])
+            for stage in range(model.integrator.stages)]
+    return tuple((tuple(map(tuple, at.J)), at.drag[0]) for at in read)
 
 
 @unrolled

@@ -11,8 +11,11 @@ With r = H u - C q̇ - G - friction, the accelerations a solve D a = r. In absol
     r_0 = f + Σ a_i sin θi θ̇i²
     r_i = g a_i sin θi - Σ b_ij sin(θi - θj) θ̇j² - τ_i + τ_i+1
 
-where f is the force on the cart less its friction, and τ_i = friction_i (θ̇i - θ̇i-1) the torque
-by which joint i holds link i back. Source: the paper, (4)-(15), with the errata of docs/model.md.
+where f is the force on the cart less its friction φ_0(ẋ), and τ_i = φ_i(θ̇i - θ̇i-1) the torque by
+which joint i holds link i back. Source: the paper, (4)-(15), with the errata of docs/model.md.
+Friction is viscous and dry, the latter made smooth, with two derivatives, over a creep:
+
+    φ_i(v) = friction_i v + dry_i s(v / creep),    s(y) = y (15 - 10 y² + 3 y⁴) / 8, |y| ≤ 1
 
 All of it is plain Python over numbers, symbols, arrays or tensors; see kernels/unrolling.py.
 """
@@ -20,11 +23,12 @@ All of it is plain Python over numbers, symbols, arrays or tensors; see kernels/
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from dp_swing_ros.kernels.symbols import cos, dot, sin, total
+from dp_swing_ros.kernels.symbols import clamp, cos, dot, sin, total
 from dp_swing_ros.pendulum.parameters import PendulumParameters
 
 Numbers = Sequence[Any]
 Matrix = list[list[Any]]
+CREEP = 0.2  # [m/s, rad/s] for steps of 50 ms: with less of it they would not be stable
 
 
 class Pendulum(NamedTuple):
@@ -35,20 +39,27 @@ class Pendulum(NamedTuple):
     b: tuple[tuple[float, ...], ...]  # [kg m²] rows b_ii, b_i,i+1 …: (m_j/2 + Σ_{k>j} m_k) l_i l_j
     g: float                          # [m/s²]
     friction: tuple[float, ...]       # of the cart [N s/m], and of the joints [N m s/rad]
+    dry: tuple[float, ...]            # [N] and [N m]
+    sharpness: float                  # [s/m, s/rad] 1 / creep
 
     @classmethod
-    def of(cls, physical: PendulumParameters) -> 'Pendulum':
-        """Compute the coefficients from physical parameters."""
+    def of(cls, physical: PendulumParameters, creep: float = CREEP) -> 'Pendulum':
+        """
+        Compute the coefficients from physical parameters.
+
+        creep is the speed [m/s, rad/s] from which on dry friction has its whole size.
+        """
         return coefficients(physical.masses, physical.lengths, physical.inertia_factors,
-                            physical.gravity, physical.frictions)
+                            physical.gravity, physical.frictions, physical.dry_frictions,
+                            1 / creep)
 
 
 def coefficients(masses: Numbers, lengths: Numbers, inertia_factors: Numbers, g: Any,
-                 friction: Numbers) -> Pendulum:
+                 friction: Numbers, dry: Numbers, sharpness: Any) -> Pendulum:
     """
     Return the coefficients; b_ii is (m_i/3 + Σ_{k>i} m_k) l_i², if link i is a uniform rod.
 
-    Shapes: masses and friction (n + 1,), of the cart first; lengths and inertia_factors (n,).
+    Shapes: masses, friction and dry (n + 1,), of the cart first; lengths and inertia_factors (n,).
     Source: the paper, (8)-(10) and (14), corrected.
     """
     n, m, l = len(lengths), masses[1:], lengths  # noqa: E741
@@ -59,7 +70,15 @@ def coefficients(masses: Numbers, lengths: Numbers, inertia_factors: Numbers, g:
     return Pendulum(
         total(masses), tuple(at_tip[i] * l[i] for i in range(n)),
         tuple((own[i] * (l[i] * l[i]), *(at_tip[j] * l[i] * l[j] for j in range(i + 1, n)))
-              for i in range(n)), g, tuple(friction))
+              for i in range(n)), g, tuple(friction), tuple(dry), sharpness)
+
+
+def friction(p: Pendulum, i: int, speed: Any) -> Any:
+    """Return φ_i, the force [N] or torque [N m] of the cart's or joint i's friction."""
+    y = clamp(p.sharpness * speed, -1.0, 1.0)
+    square = y * y
+    return p.friction[i] * speed + p.dry[i] * (
+        y * (1.875 + square * (0.375 * square - 1.25)))
 
 
 def mass_matrix(p: Pendulum, s: Numbers, c: Numbers) -> Matrix:
@@ -80,7 +99,7 @@ def generalised_force(p: Pendulum, s: Numbers, c: Numbers, w: Numbers, f: Any) -
     r = [f + total([p.a[i] * s[i] * squares[i] for i in range(n)]),
          *(p.g * (p.a[i] * s[i]) for i in range(n))]
     for i in range(n):
-        torque = p.friction[i + 1] * (w[i] - w[i - 1] if i > 0 else w[i])
+        torque = friction(p, i + 1, w[i] - w[i - 1] if i > 0 else w[i])
         r[i + 1] = r[i + 1] - torque
         if i > 0:
             r[i] = r[i] + torque
@@ -162,7 +181,7 @@ class Parts(NamedTuple):
 def derivative(p: Pendulum, x: Numbers, u: Any) -> list[Any]:
     """Return ẋ = f(x, u), (3), under a force u [N]; x and ẋ have 2n + 2 numbers."""
     _, th, v, w = Parts.of(p, x)
-    return [v, *w, *accelerations(p, th, w, u - p.friction[0] * v)]
+    return [v, *w, *accelerations(p, th, w, u - friction(p, 0, v))]
 
 
 def energy(p: Pendulum, x: Numbers) -> Any:

@@ -3,6 +3,7 @@
 """The physical parameters of the pendulum, and the limits of its drive and track."""
 
 import dataclasses
+from typing import NamedTuple
 
 from dp_swing_ros.parameters import parameter, Parameters
 from dp_swing_ros.pendulum.state import DEFAULT_LINKS, LINKS
@@ -42,6 +43,14 @@ class PendulumParameters(Parameters):
     joint3_friction: float = parameter(
         0.0, 'viscous friction between link 2 and link 3', unit='N m s/rad',
         minimum=0.0, links=3)
+    cart_dry_friction: float = parameter(
+        0.0, 'dry friction of the cart on the track', unit='N', minimum=0.0)
+    joint1_dry_friction: float = parameter(
+        0.0, 'dry friction between cart and link 1', unit='N m', minimum=0.0)
+    joint2_dry_friction: float = parameter(
+        0.0, 'dry friction between link 1 and link 2', unit='N m', minimum=0.0, links=2)
+    joint3_dry_friction: float = parameter(
+        0.0, 'dry friction between link 2 and link 3', unit='N m', minimum=0.0, links=3)
 
     @property
     def masses(self) -> tuple[float, ...]:
@@ -63,8 +72,47 @@ class PendulumParameters(Parameters):
         """Return the viscous frictions of the cart [N s/m] and the joints [N m s/rad]."""
         return (self.cart_friction, *self._of_links('joint{}_friction'))
 
+    @property
+    def dry_frictions(self) -> tuple[float, ...]:
+        """Return the dry frictions of the cart [N] and the joints [N m]."""
+        return (self.cart_dry_friction, *self._of_links('joint{}_dry_friction'))
+
     def _of_links(self, name: str) -> tuple[float, ...]:
         return tuple(getattr(self, name.format(i)) for i in range(1, self.links + 1))
+
+
+@dataclasses.dataclass(frozen=True)
+class DriveParameters(Parameters):
+    """What lies between a command and the force on the cart; see pendulum/drive.py."""
+
+    actuation_delay: float = parameter(
+        0.0, 'time until a command begins to act', unit='s', minimum=0.0, maximum=1.0)
+    motor_time_constant: float = parameter(
+        0.0, 'time constant of the first-order lag with which the force follows', unit='s',
+        minimum=0.0, maximum=1.0)
+    force_gain: float = parameter(
+        1.0, 'force on the cart per commanded force', minimum=1e-2, maximum=100.0)
+    force_bias: float = parameter(
+        0.0, 'lasting force on the cart beside the commanded one, of a tilted track for one',
+        unit='N')
+
+
+class Drive(NamedTuple):
+    """The numbers of a drive; the default is none, F = u."""
+
+    delay: float = 0.0          # [s]
+    time_constant: float = 0.0  # [s]
+    gain: float = 1.0
+    bias: float = 0.0           # [N]
+
+    @classmethod
+    def of(cls, parameters: DriveParameters) -> 'Drive':
+        """Return the drive of some parameters."""
+        return cls(parameters.actuation_delay, parameters.motor_time_constant,
+                   parameters.force_gain, parameters.force_bias)
+
+
+DIRECT = Drive()
 
 
 @dataclasses.dataclass(frozen=True)

@@ -94,7 +94,8 @@ def _track(physical: PendulumParameters, limits: LimitParameters) -> list[str]:
         _joint('cart', 'track', 'cart_body',
                f'<limit lower="{-track!r}" upper="{track!r}" effort="{force!r}" '
                f'velocity="{UNLIMITED!r}"/>',
-               f'<dynamics damping="{physical.cart_friction!r}"/>',
+               f'<dynamics damping="{physical.cart_friction!r}" '
+               f'friction="{physical.cart_dry_friction!r}"/>',
                kind='prismatic', axis='1 0 0')]
 
 
@@ -111,7 +112,8 @@ def _link(physical: PendulumParameters, i: int) -> list[str]:
                  _visual(f'cylinder radius="{RADIUS}" length="{length!r}"', list(MATERIALS)[i],
                          _above(length / 2))),
         _joint(f'joint{i}', f'elbow{number}' if i > 1 else 'cart_body', f'link{i}',
-               f'<dynamics damping="{physical.frictions[i]!r}"/>')]
+               f'<dynamics damping="{physical.frictions[i]!r}" '
+               f'friction="{physical.dry_frictions[i]!r}"/>')]
 
 
 def _elbow(number: str, i: int, length: float) -> list[str]:

@@ -86,7 +86,7 @@ def error(cost: Cost, x: Numbers) -> tuple[list[Any], list[Any]]:
 
 def intrusion(cost: Cost, x: Any) -> Any:
     """Return how far [m] the cart at x is inside the soft margin, with the sign of its side."""
-    return x - clamp(x, cost.x_soft)
+    return x - clamp(x, -cost.x_soft, cost.x_soft)
 
 
 def running_cost(cost: Cost, x: Numbers, u: Any) -> Any:

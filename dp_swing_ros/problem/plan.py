@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dp_swing_ros.pendulum.parameters import DIRECT, Drive
 from dp_swing_ros.pendulum.state import Array, between
 
 
@@ -21,6 +22,7 @@ class Status(enum.Enum):
     DEADLINE = 'stopped by the deadline with the best plan so far'
     STALLED = 'no step lowered the cost; raise the largest regularisation or change the start'
     FAILED = 'no finite plan was found; look at the state and the weights'
+    FEEDBACK = 'no solve was due; this is the last plan, with its feedback from the newest state'
     LAST_POLICY = 'the solve failed; this is the last plan, followed as a policy'
     REGULATOR = 'the solve failed; this is the regulator at the reference'
     ZERO = 'the solve failed, and so did the fallback; the force is zero'
@@ -49,6 +51,7 @@ class Plan:
     K: Array
     dt: float
     stats: SolverStats
+    drive: Drive = DIRECT   # from a command to the force on the cart, which U is
 
     @property
     def usable(self) -> bool:
@@ -61,8 +64,8 @@ class Plan:
         return len(self.U) * self.dt
 
     def first_force(self, limit: float) -> float:
-        """Return the force [N] to send, within its limit; whatever happened, a finite one."""
-        force = float(self.U[0])
+        """Return the command [N] to send, within its limit; whatever happened, a finite one."""
+        force = (float(self.U[0]) - self.drive.bias) / self.drive.gain
         return min(max(force, -limit), limit) if math.isfinite(force) else 0.0
 
     def shifted(self, elapsed: float) -> 'Plan':

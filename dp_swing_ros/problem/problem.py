@@ -3,7 +3,7 @@
 """
 The optimal control problem that every solver solves.
 
-    min Σ ℓ(x_t, u_t) + ℓ_f(x_N)   s.t.   x_{t+1} = f(x_t, u_t),   |u_t| ≤ u_max
+    min Σ ℓ(x_t, u_t) + ℓ_f(x_N)   s.t.   x_{t+1} = f(x_t, u_t),   u_min ≤ u_t ≤ u_max
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from dp_swing_ros.pendulum.derivatives import linearisation
 from dp_swing_ros.pendulum.equations import Pendulum
 from dp_swing_ros.pendulum.integrators import INTEGRATORS
 from dp_swing_ros.pendulum.model import Model, size, step
-from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
+from dp_swing_ros.pendulum.parameters import DIRECT, Drive, LimitParameters, PendulumParameters
 from dp_swing_ros.pendulum.state import angles, Array, SIZES
 from dp_swing_ros.problem.cost import ANGLE_ERRORS, Cost, is_periodic, trajectory_cost
 from dp_swing_ros.problem.parameters import CostParameters, PredictionParameters
@@ -36,14 +36,21 @@ class LQR(NamedTuple):
     K: Array  # (2n + 2,)
 
 
+class Bounds(NamedTuple):
+    """Between which forces [N] the solvers may choose."""
+
+    low: float
+    high: float
+
+
 @dataclass(frozen=True)
 class Problem:
-    """Model, cost and bound of the force, the length of a plan, and the regulator at the goal."""
+    """Model, cost and bounds of the force, the length of a plan, and the regulator at the goal."""
 
     model: Model
     cost: Cost
     horizon: int
-    u_max: float    # [N]
+    bounds: Bounds
     lqr: LQR
     physical: PendulumParameters
     given: tuple[LimitParameters, CostParameters, PredictionParameters]  # it was made from
@@ -73,12 +80,18 @@ class Problem:
             S=cost.state_weights, R=cost.force_weight, P=np.ascontiguousarray(P),
             x_r=cost.reference, angle_error=ANGLE_ERRORS[cost.angle_error],
             x_soft=limits.track_limit - cost.track_margin, w=cost.track_weight),
-            prediction.horizon, limits.force_limit, lqr, physical, (limits, cost, prediction))
+            prediction.horizon, Bounds(-limits.force_limit, limits.force_limit), lqr, physical,
+            (limits, cost, prediction))
 
     @property
     def dt(self) -> float:
         """Return the duration of a step [s]."""
         return self.model.h
+
+    @property
+    def u_max(self) -> float:
+        """Return the largest force either way [N]."""
+        return max(-self.bounds.low, self.bounds.high)
 
     @property
     def x_r(self) -> Array:
@@ -109,6 +122,17 @@ def turns_of(problem: Problem, x: Array) -> Array:
     return turns
 
 
+def without_dry_friction(model: Model) -> Model:
+    """
+    Return the model without dry friction.
+
+    About a state at rest its linearisation would take what is dry, made smooth, for strong viscous
+    friction, and a regulator would rely on it.
+    """
+    p = model.pendulum
+    return model._replace(pendulum=p._replace(dry=(0.0,) * len(p.dry)))
+
+
 def regulator(model: Model, cost: CostParameters) -> LQR:
     """
     Solve the discrete algebraic Riccati equation of the model at the reference state.
@@ -116,7 +140,7 @@ def regulator(model: Model, cost: CostParameters) -> LQR:
     Raises ParameterError where it has no stabilising solution.
     """
     x_r, S = np.array(cost.reference), np.diag(cost.state_weights)
-    A, B = linearisation(model, x_r, 0.0)
+    A, B = linearisation(without_dry_friction(model), x_r, 0.0)
     B = B[:, None]
     try:
         P = solve_discrete_are(A, B, S, np.array([[cost.force_weight]]))
@@ -133,7 +157,7 @@ def regulator(model: Model, cost: CostParameters) -> LQR:
 
 
 @kernel
-def regulate(cost, K, u_max, x):
+def regulate(cost, K, bounds, x):
     """Return the force -K (x - x_r) of the regulator, bounded; angles on the nearest turn."""
     u = 0.0
     for i in range(len(K)):
@@ -141,11 +165,11 @@ def regulate(cost, K, u_max, x):
         if is_periodic(cost) and 0 < i < len(K) // 2:
             e -= TURN * math.floor(e / TURN + 0.5)
         u -= K[i] * e
-    return min(max(u, -u_max), u_max)
+    return min(max(u, bounds.low), bounds.high)
 
 
 @kernel
-def follow_policy(model, cost, lqr_gain, u_max, x_0, X, U, K, horizon):
+def follow_policy(model, cost, lqr_gain, bounds, x_0, X, U, K, horizon):
     """
     Follow the policy u = U[t] + K[t] (x - X[t]), then the regulator up to the horizon.
 
@@ -169,11 +193,11 @@ def follow_policy(model, cost, lqr_gain, u_max, x_0, X, U, K, horizon):
             for i in range(n):
                 gains[t, i] = K[t, i]
                 u += K[t, i] * (x[i] - (X[t, i] + turns[i]))
-            u = min(max(u, -u_max), u_max)
+            u = min(max(u, bounds.low), bounds.high)
         else:
             for i in range(n):
                 gains[t, i] = -lqr_gain[i]
-            u = regulate(cost, lqr_gain, u_max, x)
+            u = regulate(cost, lqr_gain, bounds, x)
         forces[t] = u
         step(model, x, u, states[t + 1])
     J = trajectory_cost(cost, states, forces)
@@ -200,13 +224,13 @@ def regulator_rollout(problem: Problem, x_0: Array) -> Rollout:
     return policy_rollout(problem, x_0, none, np.empty(0), none)
 
 
-def kernel_arguments(problem: Problem) -> tuple[Model, Cost, Array, float]:
-    """Return what kernels need to follow policies: model, cost, gain of the regulator, bound."""
-    return problem.model, problem.cost, problem.lqr.K, problem.u_max
+def kernel_arguments(problem: Problem) -> tuple[Model, Cost, Array, Bounds]:
+    """Return what kernels need to follow policies: model, cost, gain of the regulator, bounds."""
+    return problem.model, problem.cost, problem.lqr.K, problem.bounds
 
 
 def plan_of(problem: Problem, X: Array, U: Array, status: Status,
-            K: Array | None = None) -> Plan:
+            K: Array | None = None, drive: Drive = DIRECT) -> Plan:
     """
     Make a plan that no solver made; without gains, one without feedback.
 
@@ -214,4 +238,4 @@ def plan_of(problem: Problem, X: Array, U: Array, status: Status,
     """
     J = trajectory_cost(problem.cost, X, U)
     return Plan(X, U, np.zeros((len(U), X.shape[1])) if K is None else K, problem.dt,
-                SolverStats(status, J, 0, 0.0))
+                SolverStats(status, J, 0, 0.0), drive)

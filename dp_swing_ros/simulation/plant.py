@@ -15,15 +15,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dp_swing_ros.kernels import kernel
-from dp_swing_ros.kernels.unrolling import unrolled
 from dp_swing_ros.parameters import parameter, ParameterError, Parameters
-from dp_swing_ros.pendulum.equations import after_impact, Pendulum
 from dp_swing_ros.pendulum.integrators import INTEGRATORS
-from dp_swing_ros.pendulum.model import Model, ROUNDING, size, step, steps_in
-from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
+from dp_swing_ros.pendulum.model import ROUNDING, steps_in
+from dp_swing_ros.pendulum.parameters import (
+    DriveParameters, LimitParameters, PendulumParameters)
 from dp_swing_ros.pendulum.state import Array, hanging, SIZES
+from dp_swing_ros.simulation.engines import ENGINES, from_joints, Motor, to_joints
 from dp_swing_ros.streams import Stream, stream
+
+
+VELOCITIES = ('exact', 'differenced', 'none')
+PULLEY = 0.2   # [m] of the cart's way in a turn of its encoder
 
 
 @dataclasses.dataclass(frozen=True)
@@ -39,6 +42,15 @@ class PlantParameters(Parameters):
                                     minimum=1e-5, maximum=1.0)
     integrator: str = parameter(
         'rk4', 'integrator of the plant', choices=lambda: list(INTEGRATORS))
+    engine: str = parameter(
+        'own', 'what moves the pendulum: our own equations, or MuJoCo, which shares nothing with '
+        'the models of the controllers', choices=lambda: list(ENGINES))
+    encoder_counts: int = parameter(
+        0, 'counts a turn of the encoders at the joints, and on a pulley of the cart that makes '
+        'a turn in 0.2 m (0: exact)', minimum=0)
+    velocities: str = parameter(
+        'exact', 'measured velocities: exact, but for their noise; differenced: what measured '
+        'positions differ by from state to state; none', choices=lambda: list(VELOCITIES))
     lockstep: bool = parameter(
         False, 'wait for one force after each state instead of running in real time')
     duration: float = parameter(0.0, 'the plant ends itself after this time (0: never)', unit='s',
@@ -78,49 +90,6 @@ class Measurement(NamedTuple):
     x: Array
 
 
-@unrolled
-def stopped(model, x):
-    """Return the speeds of cart and links after an impact with the end of the track."""
-    return tuple(after_impact(model.pendulum, x))
-
-
-@kernel
-def stop_at_end(model, limit, x):
-    """
-    Bring a cart beyond the end of its track to rest there, by an inelastic impact.
-
-    Shapes: x (2n + 2,), changed.
-    """
-    if abs(x[0]) <= limit:
-        return
-    side = math.copysign(1.0, x[0])
-    x[0] = side * limit
-    cart = size(model) // 2
-    if side * x[cart] > 0:
-        speeds = stopped(model, x)
-        for i in range(len(speeds)):
-            x[cart + i] = speeds[i]
-
-
-@kernel
-def integrate(model, response, limit, track_limit, x, force, target, push, steps):
-    """
-    Advance the state in place by some steps under a held target and push, between the end stops.
-
-    In a step the actuator goes a share, its response, of the way to the target, within its limit.
-    Returns its last force and its mean [N]. Shapes: x (2n + 2,).
-    """
-    mean = 0.0
-    for n in range(steps):
-        # in this form a response of 1 gives the target to the bit
-        force = (1 - response) * force + response * target
-        force = min(max(force, -limit), limit)
-        mean += (force - mean) / (n + 1)
-        step(model, x, force + push, x)
-        stop_at_end(model, track_limit, x)
-    return force, mean
-
-
 class Command(NamedTuple):
     """A force [N], the time at which it begins to act, and for how long it does [s]."""
 
@@ -136,9 +105,9 @@ class Commands:
     A command is never obeyed after a newer one: what would begin later than a newer one is stale.
     """
 
-    def __init__(self, parameters: PlantParameters) -> None:
-        """Take how commands fare, and the seed of their fates."""
-        self.parameters = parameters
+    def __init__(self, parameters: PlantParameters, delay: float = 0.0) -> None:
+        """Take how commands fare, the seed of their fates, and how late they act [s]."""
+        self.parameters, self.delay = parameters, delay
         self.loss = stream(parameters.seed, Stream.COMMAND_LOSS)
         self.lateness = stream(parameters.seed, Stream.COMMAND_JITTER)
         self.force = 0.0            # [N] held until the next
@@ -149,7 +118,7 @@ class Commands:
     def send(self, now: float, force: float, lasts: float = math.inf) -> bool:
         """Send a force [N] that acts for a time [s] at most, and return whether it will arrive."""
         # drawn whether needed or not, so that one fault does not change the numbers of another
-        begins = now + self.lateness.uniform(0.0, self.parameters.command_jitter)
+        begins = now + self.delay + self.lateness.uniform(0.0, self.parameters.command_jitter)
         if self.loss.random() < self.parameters.command_loss:
             return False
         while self.coming and self.coming[-1].begins >= begins:
@@ -174,18 +143,24 @@ class Plant:
     """The pendulum itself: obeys a force, can be pushed, and is measured."""
 
     def __init__(self, physical: PendulumParameters, limits: LimitParameters,
-                 parameters: PlantParameters) -> None:
+                 parameters: PlantParameters, drive: DriveParameters = DriveParameters()) -> None:
         """
-        Take the physical parameters, what actuator and track allow, and the disturbances.
+        Take the physical parameters, what actuator and track allow, the disturbances, the drive.
 
         Raises ParameterError where the initial state is that of another number of links.
         """
+        self.drive = drive
         self.physical, self.limits, self.parameters = physical, limits, parameters
         if len(parameters.initial_state) != SIZES[physical.links]:
             raise ParameterError(
                 f'parameter initial_state has {len(parameters.initial_state)} numbers; expected '
                 f'{SIZES[physical.links]} for links {physical.links}')
-        self.pendulum = Pendulum.of(physical)
+        if parameters.actuator_response != 1 and drive.motor_time_constant > 0:
+            raise ParameterError(
+                f'parameters actuator_response {parameters.actuator_response:g} and '
+                f'motor_time_constant {drive.motor_time_constant:g} both make the force lag; '
+                'expected one of them')
+        self.engine = ENGINES[parameters.engine](physical, limits, parameters.integrator)
         self.reset()
 
     def reset(self) -> None:
@@ -194,7 +169,8 @@ class Plant:
         self.sensor_noise = stream(seed, Stream.SENSOR_NOISE)
         self.force_noise = stream(seed, Stream.FORCE_NOISE)
         self.state_loss = stream(seed, Stream.STATE_LOSS)
-        self.commands = Commands(self.parameters)
+        self.commands = Commands(self.parameters, self.drive.actuation_delay)
+        self.seen: Measurement | None = None                # the last measurement
         self.t = 0.0                                        # [s]
         self.x = np.array(self.parameters.initial_state)
         self.force = 0.0                                    # [N] of the actuator in the last step
@@ -235,19 +211,20 @@ class Plant:
     def hold(self, duration: float) -> None:
         """Integrate for a time [s] under one command."""
         physics_step = self.parameters.physics_step
-        steps = steps_in(duration, physics_step)
+        steps = steps_in(duration, min(physics_step, self.engine.longest_step))
         if steps < 1:
             return
         limit = self.limits.force_limit
-        model = Model(self.pendulum, INTEGRATORS[self.parameters.integrator], duration / steps)
         response = self.parameters.actuator_response
         # two halves of a physics step make what the whole one would; an actuator that overshoots
         # does so in a step of any length
         if response < 1:
             response = 1 - (1 - response) ** (duration / steps / physics_step)
         target = min(max(self.commands.force + self.noise, -limit), limit)
-        self.force, mean = integrate(model, response, limit, self.limits.track_limit, self.x,
-                                     self.force, target, self.push, steps)
+        motor = Motor(response, self.drive.motor_time_constant, limit, self.drive.force_gain)
+        self.force, mean = self.engine.advance(
+            self.x, motor, self.force, target, self.push + self.drive.force_bias,
+            duration / steps, steps)
         self.t += duration
         self.acted += duration
         # in steps, so that the mean of one and the same force is that force to the bit
@@ -265,6 +242,22 @@ class Plant:
         t, x = self.past[0]
         noise = np.repeat((self.parameters.position_noise, self.parameters.velocity_noise),
                           len(x) // 2)
-        measured = Measurement(t, x + self.sensor_noise.normal(0.0, noise))
+        measured = self.sensed(t, x + self.sensor_noise.normal(0.0, noise))
         lost = self.state_loss.random() < self.parameters.state_loss
         return measured if self.is_seen() and not lost else None
+
+    def sensed(self, t: float, x: Array) -> Measurement:
+        """Return a state as encoders give it, with the velocities that there are."""
+        counts, before = self.parameters.encoder_counts, self.seen
+        q, v = np.split(x, 2)
+        if counts > 0:
+            unit = np.array([PULLEY, *[2 * math.pi] * (len(q) - 1)]) / counts
+            q = from_joints(np.round(to_joints(q) / unit) * unit)
+        if self.parameters.velocities == 'none':
+            v = np.full_like(v, math.nan)
+        elif self.parameters.velocities == 'differenced':
+            v = np.zeros_like(v)
+            if before is not None and t > before.t:
+                v = (q - before.x[:len(q)]) / (t - before.t)
+        self.seen = Measurement(t, np.concatenate((q, v)))
+        return self.seen

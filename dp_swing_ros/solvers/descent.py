@@ -77,7 +77,7 @@ class DDP(Descent):
 
 
 @kernel
-def descend(model, cost, lqr_gain, u_max, horizon, x_0, X, U, K, tensor, iterations, tolerance,
+def descend(model, cost, lqr_gain, bounds, horizon, x_0, X, U, K, tensor, iterations, tolerance,
             largest_mu, seconds):
     """
     Follow a policy from x_0 and lower its cost; one call, for each takes some microseconds.
@@ -91,7 +91,7 @@ def descend(model, cost, lqr_gain, u_max, horizon, x_0, X, U, K, tensor, iterati
     Shapes: as in follow_policy.
     """
     began = now()
-    J, X, U, K = follow_policy(model, cost, lqr_gain, u_max, x_0, X, U, K, horizon)
+    J, X, U, K = follow_policy(model, cost, lqr_gain, bounds, x_0, X, U, K, horizon)
     X_new, U_new, K_new, k = np.empty_like(X), np.empty_like(U), np.empty_like(K), np.empty_like(U)
     mu, iteration, end, gaps = 0.0, 0, ITERATION_LIMIT, np.empty((0, len(x_0)))
     share = tensor
@@ -100,7 +100,7 @@ def descend(model, cost, lqr_gain, u_max, horizon, x_0, X, U, K, tensor, iterati
             end = DEADLINE
             break
         iteration += 1
-        positive, slope, bend = backward(model, cost, X, U, gaps, u_max, mu, share, k, K_new)
+        positive, slope, bend = backward(model, cost, X, U, gaps, bounds, mu, share, k, K_new)
         if tensor is not None:
             if not positive and share > 0:
                 share = share * TENSOR_CUT if share > TENSOR_LEAST else 0.0
@@ -108,7 +108,7 @@ def descend(model, cost, lqr_gain, u_max, horizon, x_0, X, U, K, tensor, iterati
         if positive and mu == 0 and -slope <= tolerance * J:
             K, end = K_new, CONVERGED
             break
-        J_new = line_search(model, cost, X, U, J, k, K_new, slope, bend, u_max,
+        J_new = line_search(model, cost, X, U, J, k, K_new, slope, bend, bounds,
                             X_new, U_new) if positive else np.inf
         if J_new < J:
             J, X, X_new, U, U_new, K, K_new = J_new, X_new, X, U_new, U, K_new, K

@@ -34,7 +34,7 @@ class Inputs(NamedTuple):
 
     model: Model
     cost: Cost
-    u_max: Any      # ()
+    bounds: Any     # () each
     x_0: Any        # (2n + 2,)
     offsets: Any    # (N,)
     gains: Any      # (N, 2n + 2)
@@ -59,7 +59,7 @@ def step(inputs: Inputs, x: list[Tensor], offset: Tensor, gain: Tensor,
 
     Shapes: (K,) for K samples; offset (), gain (2n + 2,).
     """
-    u = torch.clamp(noise + offset + dot(gain.unbind(), x), -inputs.u_max, inputs.u_max)
+    u = torch.clamp(noise + offset + dot(gain.unbind(), x), *inputs.bounds)
     return list(advance(inputs.model, x, u)), u, running_cost(inputs.cost, x, u)
 
 
@@ -142,7 +142,7 @@ class DeviceSamples:
     def inputs(self, best: Rollout) -> Inputs:
         """Gather the inputs of an update, as arrays and numbers."""
         _, X, U, K = best
-        return Inputs(self.problem.model, self.problem.cost, self.problem.u_max, X[0],
+        return Inputs(self.problem.model, self.problem.cost, self.problem.bounds, X[0],
                       U - np.sum(K * X[:-1], axis=1), K)
 
     def draw(self, best: Rollout, random: np.random.Generator) -> Array:

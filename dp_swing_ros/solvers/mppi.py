@@ -70,15 +70,15 @@ def sizes(parameters: MPPIParameters) -> Array:
 
 
 @kernel
-def opened(model, cost, lqr_gain, u_max, horizon, x_0, X, U, K, feedback):
+def opened(model, cost, lqr_gain, bounds, horizon, x_0, X, U, K, feedback):
     """Return the rollout of a policy, see follow_policy, with new gains."""
-    best = follow_policy(model, cost, lqr_gain, u_max, x_0, X, U, K, horizon)
-    set_gains(model, cost, u_max, best[1], best[2], feedback, best[3])
+    best = follow_policy(model, cost, lqr_gain, bounds, x_0, X, U, K, horizon)
+    set_gains(model, cost, bounds, best[1], best[2], feedback, best[3])
     return best
 
 
 @kernel
-def improved(model, cost, lqr_gain, u_max, J, X, U, K, others, feedback):
+def improved(model, cost, lqr_gain, bounds, J, X, U, K, others, feedback):
     """
     Return the cheapest of a rollout and those of other forces, with new gains.
 
@@ -87,20 +87,20 @@ def improved(model, cost, lqr_gain, u_max, J, X, U, K, others, feedback):
     """
     best, N, none = (J, X, U, K), len(U), np.zeros_like(K)
     if feedback:
-        regulator = follow_policy(model, cost, lqr_gain, u_max, X[0], X[:0], U[:0], K[:0], N)
+        regulator = follow_policy(model, cost, lqr_gain, bounds, X[0], X[:0], U[:0], K[:0], N)
         if regulator[0] < J:
             best = regulator
     for i in range(len(others)):
-        found = follow_policy(model, cost, lqr_gain, u_max, X[0], X, others[i], none, N)
+        found = follow_policy(model, cost, lqr_gain, bounds, X[0], X, others[i], none, N)
         if found[0] < best[0]:
             best = found
     if best[0] < J:
-        set_gains(model, cost, u_max, best[1], best[2], feedback, best[3])
+        set_gains(model, cost, bounds, best[1], best[2], feedback, best[3])
     return best
 
 
 @kernel
-def set_gains(model, cost, u_max, X, U, feedback, K):
+def set_gains(model, cost, bounds, X, U, feedback, K):
     """
     Write the gains of one Riccati pass about a trajectory, zeros where there is no such pass.
 
@@ -108,7 +108,7 @@ def set_gains(model, cost, u_max, X, U, feedback, K):
     could end on the bound.
     Shapes: X (N + 1, 2n + 2), U (N,), K (N, 2n + 2).
     """
-    if feedback and backward(model, cost, X, U, X[:0], u_max, 0.0, None,
+    if feedback and backward(model, cost, X, U, X[:0], bounds, 0.0, None,
                              np.empty(0), K)[0]:
         return
     K[:] = 0.0

@@ -6,9 +6,9 @@ One iteration of iLQR and DDP: the Riccati recursion backward, the policy forwar
     V(x_t) = min_u [ℓ(x_t, u) + V(f(x_t, u))],   V(x_N) = ℓ_f(x_N)                    (22)-(24)
 
 The backward pass expands the bracket to second order about a trajectory and minimises it over
-|u| ≤ u_max; the forward pass follows the policy that results. Source: the paper, (25)-(37), with
-the errata of docs/model.md; the update of V that stays right for a bounded or regularised gain
-is Tassa, Erez and Todorov, "Synthesis and stabilization of complex behaviors through online
+u_min ≤ u ≤ u_max; the forward pass follows the policy that results. Source: the paper, (25)-(37),
+with the errata of docs/model.md; the update of V that stays right for a bounded or regularised
+gain is Tassa, Erez and Todorov, "Synthesis and stabilization of complex behaviors through online
 trajectory optimization", IROS 2012, (11).
 """
 
@@ -69,7 +69,7 @@ def value_lane(given, k, K, Q_u, Q_uu, Q_z, Q_zz, V_x, V_xx, j):
 
 
 @kernel
-def backward(model, cost, X, U, gaps, u_max, mu, tensor, k, K):
+def backward(model, cost, X, U, gaps, bounds, mu, tensor, k, K):
     """
     Write the policy δu = k + K δx, and return whether Q_uu stayed positive and two slopes.
 
@@ -114,10 +114,10 @@ def backward(model, cost, X, U, gaps, u_max, mu, tensor, k, K):
         Q_uu_mu = Q_uu + mu * BF[n]
         if not Q_uu_mu > 0:
             return False, slope, bend
-        change, follows = 0.0, abs(U[t]) < u_max
+        change, follows = 0.0, bounds.low < U[t] < bounds.high
         if len(k) > 0:
             best = -Q_u / Q_uu_mu
-            change = k[t] = min(max(best, -u_max - U[t]), u_max - U[t])
+            change = k[t] = min(max(best, bounds.low - U[t]), bounds.high - U[t])
             follows = change == best
         share = -1 / Q_uu_mu if follows else 0.0
         for j in range(lanes(model)):   # on the bound the best force does not follow the state
@@ -134,7 +134,7 @@ def backward(model, cost, X, U, gaps, u_max, mu, tensor, k, K):
 
 
 @kernel
-def forward(model, cost, X, U, gaps, k, K, alpha, u_max, X_new, U_new):
+def forward(model, cost, X, U, gaps, k, K, alpha, bounds, X_new, U_new):
     """
     Write the trajectory of the policy u = U + α k + K (x - X), (33)-(35), and return its cost.
 
@@ -148,7 +148,7 @@ def forward(model, cost, X, U, gaps, k, K, alpha, u_max, X_new, U_new):
         u = U[t] + alpha * k[t]
         for i in range(n):
             u += K[t, i] * (X_new[t, i] - X[t, i])
-        U_new[t] = min(max(u, -u_max), u_max)
+        U_new[t] = min(max(u, bounds.low), bounds.high)
         total += running(cost, X_new[t], U_new[t])
         step(model, X_new[t], U_new[t], X_new[t + 1])
         if len(gaps) > 0:
@@ -158,7 +158,7 @@ def forward(model, cost, X, U, gaps, k, K, alpha, u_max, X_new, U_new):
 
 
 @kernel
-def line_search(model, cost, X, U, J, k, K, slope, bend, u_max, X_new, U_new):
+def line_search(model, cost, X, U, J, k, K, slope, bend, bounds, X_new, U_new):
     """
     Halve α until the cost falls as expected; return the new cost, infinity if it never does.
 
@@ -166,7 +166,7 @@ def line_search(model, cost, X, U, J, k, K, slope, bend, u_max, X_new, U_new):
     """
     alpha, gaps = 1.0, np.empty((0, size(model)))
     for _ in range(HALVINGS):
-        J_new = forward(model, cost, X, U, gaps, k, K, alpha, u_max, X_new, U_new)
+        J_new = forward(model, cost, X, U, gaps, k, K, alpha, bounds, X_new, U_new)
         if J - J_new >= -SUFFICIENT * alpha * (slope + 0.5 * alpha * bend) and J_new < J:
             return J_new
         alpha *= 0.5

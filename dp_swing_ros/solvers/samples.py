@@ -33,10 +33,10 @@ def single(structure: Any) -> Any:
 
 
 @unrolled
-def step_lane(model, cost, offset, gain, noise, u_max, states, total, u, i):
+def step_lane(model, cost, offset, gain, noise, bounds, states, total, u, i):
     """Move the sample in lane i by one step under u = offset + gain x + noise, at its cost."""
     x = [states[j, i] for j in range(len(gain))]
-    u_i = clamp(offset + dot(gain, x) + noise[i], u_max)
+    u_i = clamp(offset + dot(gain, x) + noise[i], *bounds)
     u[i] = u_i
     total[i] = total[i] + running_cost(cost, x, u_i)
     for j, x_j in enumerate(advance(model, x, u_i)):
@@ -50,7 +50,7 @@ def end_lane(cost, states, total, J, i):
 
 
 @kernel
-def draw(model, cost, X, U, K, random, sigma, correlation, u_max, V, J):
+def draw(model, cost, X, U, K, random, sigma, correlation, bounds, V, J):
     """
     Draw samples about the policy u = U[t] + K[t] (x - X[t]), and follow them from X[0].
 
@@ -68,12 +68,12 @@ def draw(model, cost, X, U, K, random, sigma, correlation, u_max, V, J):
     scratch = np.empty((size(model) + 3, LANES), np.float32)
     for block in range(len(V)):
         fill(random, white.reshape(-1))
-        follow(model, cost, x_0, offsets, gains, white, sigma[block], correlation, u_max, scratch,
+        follow(model, cost, x_0, offsets, gains, white, sigma[block], correlation, bounds, scratch,
                V[block], J[block])
 
 
 @kernel
-def follow(model, cost, x_0, offsets, gains, white, sigma, correlation, u_max, scratch, V, J):
+def follow(model, cost, x_0, offsets, gains, white, sigma, correlation, bounds, scratch, V, J):
     """
     Follow one block of samples under u = offset + gain x + coloured noise, within its bound.
 
@@ -93,7 +93,7 @@ def follow(model, cost, x_0, offsets, gains, white, sigma, correlation, u_max, s
         for i in range(LANES):
             coloured[i] = old * coloured[i] + fresh * fresh_noise[i]
             noise[i] = sigma[i] * coloured[i]
-            step_lane(model, cost, offset, gain, noise, u_max, states, total, u, i)
+            step_lane(model, cost, offset, gain, noise, bounds, states, total, u, i)
         old, fresh = correlation, renewal
     for i in range(LANES):
         end_lane(cost, states, total, J, i)
@@ -130,7 +130,7 @@ class Samples:
     def __init__(self, problem: Problem, sigma: Array, correlation: float, threads: int) -> None:
         """Take the problem, and the sizes of the noise of each sample (K,), in float32."""
         self.model, self.cost = single(problem.model), single(problem.cost)
-        self.correlation, self.u_max = F(correlation), F(problem.u_max)
+        self.correlation, self.bounds = F(correlation), single(problem.bounds)
         # whole blocks; what the last one has beyond the samples weighs nothing
         self.count, blocks = len(sigma), -(-len(sigma) // LANES)
         self.sigma = np.pad(sigma, (0, blocks * LANES - len(sigma))).reshape(blocks, LANES)
@@ -148,7 +148,7 @@ class Samples:
         """
         def draw_part(part: slice, state: Array) -> None:
             draw(self.model, self.cost, *best[1:], state, self.sigma[part], self.correlation,
-                 self.u_max, self.V[part], self.J[part])
+                 self.bounds, self.V[part], self.J[part])
 
         mine, *others = [(part, state_from(random)) for part in self.parts]
         started = [helpers().submit(draw_part, *other) for other in others]

@@ -19,7 +19,7 @@ from dp_swing_ros.evaluation.campaign.rows import CampaignError, read, Row, Tabl
 from dp_swing_ros.evaluation.campaign.runner import run
 from dp_swing_ros.evaluation.campaign.summary import (
     plain, refuse_strangers, rivals, summarise)
-from dp_swing_ros.evaluation.scenarios import Case, PERIOD, SCENARIOS
+from dp_swing_ros.evaluation.scenarios import Case, PERIOD, RIGS, SCENARIOS
 from dp_swing_ros.figures import of_campaign
 from dp_swing_ros.parameters import LARGEST
 from dp_swing_ros.pendulum.state import DEFAULT_LINKS, LINKS
@@ -91,7 +91,8 @@ def command_line() -> argparse.ArgumentParser:
     parser.add_argument('--contestants', nargs='+', default=list(SOLVERS), metavar='CONTESTANT',
                         help=f'who takes part (default: {" ".join(SOLVERS)})')
     parser.add_argument('--scenarios', nargs='+', choices=list(SCENARIOS), metavar='SCENARIO',
-                        default=list(SCENARIOS), help='what they go through (default: all)')
+                        default=[name for name in SCENARIOS if name not in RIGS],
+                        help='what they go through (default: all but those of rigs)')
     parser.add_argument('--output', type=Path, metavar='DIR',
                         help='folder of table and report; a campaign that is there goes on '
                              '(default: runs/campaign_TIME)')

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The bounded LQR holds what the regulator drops, and is the regulator where no bound acts."""
 
+from dataclasses import replace
+
 from controllers import controller
 import numpy as np
 import pytest
@@ -9,7 +11,7 @@ import pytest
 from dp_swing_ros.control.bounded_lqr import BoundedLQR, find_gaps
 from dp_swing_ros.pendulum.model import rollout
 from dp_swing_ros.pendulum.state import angles
-from dp_swing_ros.problem.problem import regulator_rollout
+from dp_swing_ros.problem.problem import Bounds, regulator_rollout
 
 
 @pytest.fixture(scope='module')
@@ -42,6 +44,16 @@ def test_it_holds_where_the_regulator_drops(problem, th_1, th_2):
     assert angle(found.X) < 0.4
     assert np.abs(found.U).max() <= problem.u_max
     np.testing.assert_allclose(found.X, rollout(problem.model, x, found.U), atol=1e-6)
+
+
+@pytest.mark.parametrize('bounds', [Bounds(-20.0, 12.0), Bounds(-12.0, 20.0)])
+@pytest.mark.parametrize('th_1, th_2', [(0.15, 0.0), (-0.15, 0.0)])
+def test_its_two_bounds_may_differ(problem, bounds, th_1, th_2):
+    found = BoundedLQR(replace(problem, bounds=bounds)).start(leaning(th_1, th_2))
+    assert bounds.low <= found.U.min() and found.U.max() <= bounds.high
+    # to the right the one bound acts, to the left the other
+    assert found.U[0] == pytest.approx(bounds.high if th_1 > 0 else bounds.low)
+    assert angle(found.X) < 0.4
 
 
 def test_out_of_reach_there_is_none(problem):

@@ -3,31 +3,42 @@
 """The receding horizon: shift, delay, turns of the angles, fallbacks, resets."""
 
 from dataclasses import replace
+import math
 import os
 from pathlib import Path
 import subprocess
 import sys
 import time
 
-from controllers import controller, plant
+from controllers import controller, LIMITS, plant
 import numpy as np
 import pytest
 
 from dp_swing_ros import configuration
 from dp_swing_ros.control.sent_forces import SentForces
 from dp_swing_ros.evaluation.metrics import measure
+from dp_swing_ros.pendulum.drive import lagged
 from dp_swing_ros.pendulum.equations import Pendulum
 from dp_swing_ros.pendulum.integrators import INTEGRATORS
 from dp_swing_ros.pendulum.model import hold, Model
+from dp_swing_ros.pendulum.parameters import DIRECT, Drive, DriveParameters, PendulumParameters
 from dp_swing_ros.pendulum.state import angles, hanging, is_upright, to_turn_of
 from dp_swing_ros.problem.plan import Status
 from dp_swing_ros.rerun.ticks import repeated
 from dp_swing_ros.simulation.closed_loop import simulate
+from dp_swing_ros.simulation.plant import Plant, PlantParameters
 from dp_swing_ros.solvers import SOLVERS
 
 FALLING = np.array([0.1, 0.1, -0.05, 0.0, 0.3, 0.0])
 LEANING = np.array([0.1, 0.02, -0.01, 0.0, 0.05, 0.0])
+TOLD = DriveParameters(actuation_delay=0.03, motor_time_constant=0.025, force_gain=0.8,
+                       force_bias=2.0)
 BEYOND = np.array([0.0, 0.0, 0.0, 0.0, 1e200, 0.0])   # finite, but no rollout from here is
+
+
+def fine(c):
+    """Return the model by which a controller predicts what the forces sent do."""
+    return c.problem.model._replace(h=0.01)
 
 
 def test_a_converged_plan_needs_one_iteration_in_the_next_tick():
@@ -43,18 +54,66 @@ def test_the_plan_begins_where_the_state_will_be_when_the_force_acts():
     # no force was sent before
     np.testing.assert_array_equal(first.X[0], hold(c.problem.model, FALLING, 0.0, 0.01))
     second = c.update(0.05, first.X[1], delay=0.02)
-    expected = hold(c.problem.model, first.X[1], first.U[0], 0.02)
+    expected = hold(fine(c), first.X[1], first.U[0], 0.02)
     np.testing.assert_allclose(second.X[0], expected, rtol=1e-12)
 
 
 def test_a_delay_over_several_ticks_replays_every_force_sent():
     c = controller()
-    forces = [c.update(0.05 * n, FALLING, delay=0.12).U[0] for n in range(4)]
+    forces = [c.update(0.05 * n, FALLING, delay=0.12).first_force(20.0) for n in range(4)]
+    c.drive = DIRECT
     x = FALLING
     # measured at 0.15 s; forces began to act at 0.12, 0.17 and 0.22 s; the next will at 0.27 s
     for u, duration in zip(forces[:3], (0.02, 0.05, 0.05)):
-        x = hold(c.problem.model, x, u, duration)
+        x = hold(fine(c), x, u, duration)
     np.testing.assert_allclose(c.predict(FALLING, 0.15, 0.27), x, rtol=1e-12)
+
+
+@pytest.mark.parametrize('drive', [DIRECT, Drive(delay=0.03), Drive(time_constant=0.02),
+                                   Drive(gain=0.8, bias=-2.0), Drive(0.03, 0.02, 1.2, 1.5)])
+def test_the_plan_begins_when_a_command_has_its_effect(drive):
+    """Its delay has passed then, and its time constant once more, as if the force stood still."""
+    c = controller(estimator='none', drive=drive)
+    command = c.update(0.0, FALLING, delay=0.01).first_force(20.0)
+    x = FALLING + (0, 0, 0.01, 0, 0, 0)
+    plan = c.update(0.05, x, delay=0.01)
+    # commands: zero until 0.01 s, then the first; the second acts from 0.06 s on
+    f, now, state = 0.0, 0.05, x
+    acts = 0.01 + drive.delay
+    if acts < now:
+        f = lagged(f, command, drive.time_constant, now - acts)[0]
+    for until, u in ((max(acts, now), 0.0), (0.06 + drive.delay, command)):
+        steps = math.ceil((until - now) / 0.01 - 1e-9)
+        for _ in range(steps):
+            h = (until - now) / steps
+            f, mean = lagged(f, u, drive.time_constant, h)
+            state = hold(fine(c), state, drive.gain * mean + drive.bias, h)
+        now = until
+    state = hold(fine(c), state, drive.gain * f + drive.bias, drive.time_constant)
+    np.testing.assert_allclose(plan.X[0], state, atol=1e-12)
+    assert plan.drive == drive
+    sent = (plan.U[0] - drive.bias) / drive.gain
+    assert c.forces.sent[-1][1] == pytest.approx(np.clip(sent, -20.0, 20.0), rel=1e-12)
+
+
+def test_a_plan_stays_within_what_the_drive_can_do():
+    c = controller(estimator='none', drive=Drive(gain=0.5, bias=3.0))
+    assert c.problem.bounds == pytest.approx((3.0 - 10.0, 3.0 + 10.0))
+    plan = c.update(0.0, hanging())
+    assert -7.0 <= plan.U.min() and plan.U.max() <= 13.0
+    assert np.isclose(plan.U.min(), -7.0) or np.isclose(plan.U.max(), 13.0)
+    c.reset()
+    assert c.problem.bounds == pytest.approx((-7.0, 13.0))
+    assert c.nominal.bounds == (-20.0, 20.0)
+
+
+def test_a_drive_that_is_known_is_no_harm():
+    """Without an estimator it must be made up for by the prediction and the bounds alone."""
+    def run(drive):
+        p = Plant(PendulumParameters(), LIMITS, PlantParameters(), TOLD)
+        return measure(simulate(p, controller(estimator='none', drive=drive), 10.0)).success
+    assert run(Drive.of(TOLD))
+    assert not run(DIRECT)
 
 
 @pytest.mark.parametrize(('solver', 'seed'), [('mppi', 10), ('mppi', 16), ('ilqr', 13)])
@@ -151,7 +210,7 @@ def fail(c, monkeypatch):
 
 def test_a_state_that_cannot_be_is_predicted_through():
     c = controller(estimator='none')
-    expected = c.update(0.0, FALLING).X[1]
+    expected = hold(fine(c), FALLING, c.update(0.0, FALLING).U[0], 0.05)
     plan = c.update(0.05, BEYOND)
     assert 'the velocity of joint1 is 1e+200 rad/s; expected at most 100' in c.rejection
     np.testing.assert_allclose(plan.X[0], expected, atol=1e-12)
@@ -241,7 +300,7 @@ def test_a_jump_is_no_dead_sensor():
         x = x + (0, 1.0, 0.5, 0, 0, 0) if n == 5 else x
         plan = c.update(0.05 * n, x)
         assert plan.stats.status is not Status.ZERO
-        x = hold(c.nominal.model._replace(h=0.005), x, plan.U[0], 0.05)
+        x = hold(c.nominal.model._replace(h=0.005), x, plan.first_force(20.0), 0.05)
     assert not c.rejection
 
 
@@ -263,7 +322,8 @@ def test_a_late_measurement_is_no_new_run():
     c.update(0.0, LEANING)
     c.update(0.05, LEANING, delay=0.2)
     assert c.update(0.10, LEANING, delay=0.003).stats.status is Status.CONVERGED
-    assert len(c.forces.sent) == 3
+    times = [begins for begins, _ in c.forces.sent]
+    assert times == pytest.approx([0.0, 0.103])   # the second one never acts
 
 
 @pytest.mark.parametrize('estimator', ['none', 'ekf'])
@@ -289,15 +349,16 @@ def test_a_repeated_state_adds_nothing():
     known = c.estimator.P
     plan = c.update(0.05, FALLING)
     assert c.estimator.P is known
-    np.testing.assert_array_equal(plan.X[0], c.estimate.x)
+    np.testing.assert_array_equal(plan.X[0], c.when_it_acts(c.estimate.x, 0.05))
 
 
 def test_of_two_forces_the_one_sent_later_acts():
     forces = SentForces()
     for begins, force in ((0.0, 1.0), (0.20, 2.0), (0.15, 3.0)):
         forces.add(begins, force)
-    assert forces.between(-0.1, 0.3) == [(0.0, 0.1), (1.0, 0.15), (3.0, 0.15)]
-    assert forces.between(0.2, 0.2) == []
+    ends, commands = forces.since(0.1, 0.5)
+    np.testing.assert_allclose(ends, [-0.1, 0.05, math.inf])
+    np.testing.assert_array_equal(commands, [0.0, 1.0, 3.0])
 
 
 def test_an_outlier_does_not_reach_the_plan():
@@ -305,7 +366,7 @@ def test_an_outlier_does_not_reach_the_plan():
     for n in range(6):
         seen = x + (0, 0, 1.0, 0, 0, 0) if n == 4 else x
         plan = c.update(0.05 * n, seen)
-        x = hold(c.nominal.model._replace(h=0.005), x, plan.U[0], 0.05)
+        x = hold(c.nominal.model._replace(h=0.005), x, plan.first_force(20.0), 0.05)
         assert np.abs(plan.X[0, 1:3]).max() < 0.05
     assert c.estimate.refused == 1
 
@@ -319,7 +380,7 @@ def test_a_lost_state_is_predicted_through():
         assert plan.stats.status is (Status.LAST_POLICY if lost else Status.CONVERGED)
         if n == 5:
             np.testing.assert_allclose(c.estimate.innovation, 0.0, atol=1e-5)
-        x = hold(model, x, plan.U[0], 0.05)
+        x = hold(model, x, plan.first_force(20.0), 0.05)
     assert np.abs(x[1:3]).max() < 0.05
 
 
@@ -330,8 +391,11 @@ def test_a_pendulum_that_differs_is_solved_for():
     x = np.array([0.0, 2.0, 2.5, 0.0, 1.0, -1.0])
     for n in range(40):
         plan = c.update(0.05 * n, x)
-        x = hold(model, x, plan.U[0], 0.05)
-    assert c.problem.physical.link2_mass == pytest.approx(0.6, rel=0.02)
+        x = hold(model, x, plan.first_force(20.0), 0.05)
+    # with twice of all masses and the gain the motion is the same
+    for name in ('cart_mass', 'link1_mass', 'link2_mass'):
+        assert getattr(c.problem.physical, name) / c.drive.gain == pytest.approx(
+            getattr(physical, name), rel=0.02)
     assert c.problem.model == Model(Pendulum.of(c.problem.physical), INTEGRATORS['rk4'], 0.05)
     assert c.solver.problem is c.problem
     c.reset()
@@ -404,11 +468,10 @@ def test_the_next_tick_goes_by_the_force_that_was_sent():
     sent, _ = [float(c.update(0.0, x).U[0]) for c in (own, other)]
     own.forces.replace_last(sent)
     other.forces.replace_last(-7.0)
-    model = own.problem.model
     x = x + (0, 0, 0, 0.1, 0, 0)
     for c, force in ((own, sent), (other, -7.0)):
         plan = c.update(1 / 64, x, 1 / 64)
-        np.testing.assert_array_equal(plan.X[0], hold(model, x, force, 1 / 64))
+        np.testing.assert_allclose(plan.X[0], hold(fine(c), x, force, 1 / 64), rtol=1e-14)
 
 
 def test_a_failed_solve_tells_how_far_it_came():

@@ -6,7 +6,11 @@ import pytest
 from dp_swing_ros import configuration
 from dp_swing_ros.evaluation.campaign.summary import CRITERIA
 from dp_swing_ros.evaluation.scenarios import APART, FIRST_PUSH, LAST_PUSH, push_profile, SCENARIOS
-from dp_swing_ros.pendulum.state import angles, LINKS
+from dp_swing_ros.pendulum.parameters import DriveParameters, PendulumParameters
+from dp_swing_ros.pendulum.state import angles, hanging, is_upright, LINKS
+from dp_swing_ros.simulation.closed_loop import simulate
+from dp_swing_ros.simulation.plant import PlantParameters
+from dp_swing_ros.solvers import SOLVERS
 
 
 def cases(name, seeds=None, levels=0, duration=10.0, links=2):
@@ -113,3 +117,96 @@ def test_every_profile_is_a_level():
     assert [(case.parameter, case.level) for case in found] == [
         ('profile', 0.0), ('profile', 1.0), ('profile', 2.0)]
     assert found[0].pushes != found[1].pushes
+
+
+RIGS = [name for name in SCENARIOS if name.startswith('rig_')]
+NOMINAL = vars(PendulumParameters()) | vars(DriveParameters()) | vars(PlantParameters())
+RANGES = {
+    'rig_delay': {'actuation_delay': (0.0, 0.05)}, 'rig_gain': {'force_gain': (0.7, 1.3)},
+    'rig_all': {
+        'actuation_delay': (0.0, 0.03), 'motor_time_constant': (0.0, 0.025),
+        'cart_dry_friction': (0.0, 3.0), 'joint1_dry_friction': (0.0, 0.03),
+        'joint2_dry_friction': (0.0, 0.03), 'force_gain': (0.85, 1.15), 'force_bias': (-2.0, 2.0),
+        'cart_mass': (0.85, 1.15), 'link1_mass': (0.425, 0.575), 'link2_mass': (0.425, 0.575),
+        'link1_length': (0.85, 1.15), 'link2_length': (0.85, 1.15)}}
+RANGES['rig_all_fast'] = RANGES['rig_all']
+
+
+@pytest.mark.parametrize('name', RIGS)
+def test_a_rig_is_of_other_make_and_nobody_is_told(name):
+    for case in cases(name, range(3)):
+        made = configuration.plant(case.plant)
+        assert made.parameters.engine == 'mujoco'
+        start = np.array(case.plant['initial_state']) - hanging()
+        assert 0 < np.abs(start).max() < 5e-3
+        wrong = {name for name, value in case.plant.items() if value != NOMINAL[name]}
+        assert wrong - {'engine', 'initial_state'} or name == 'rig_clean'
+        # what the contestants solve for is what they are told: nothing
+        assert configuration.controller({}).nominal.physical == PendulumParameters()
+
+
+@pytest.mark.parametrize('links', LINKS)
+@pytest.mark.parametrize('name', RIGS)
+def test_a_rig_is_the_same_for_every_contestant_and_another_for_other_seeds(name, links):
+    first, again = (cases(name, range(4), links=links) for _ in range(2))
+    assert first == again
+    for level in {case.level for case in first}:
+        plants = [case.plant for case in first if case.level == level]
+        assert len({str(each) for each in plants}) == 4
+        assert len({each['initial_state'] for each in plants}) == 4
+
+
+@pytest.mark.parametrize('name', sorted(RANGES))
+def test_a_rig_s_ranges_are_kept_and_filled(name):
+    plants = [case.plant for case in cases(name, range(300))]
+    for parameter, (low, high) in RANGES[name].items():
+        values = np.array([each[parameter] for each in plants])
+        assert low <= values.min() < low + 0.03 * (high - low), parameter
+        assert high - 0.03 * (high - low) < values.max() <= high, parameter
+    # one number tells nothing of another
+    values = np.array([[each[parameter] for parameter in RANGES[name]] for each in plants])
+    correlations = np.atleast_2d(np.corrcoef(values.T)) - np.eye(values.shape[1])
+    assert np.abs(correlations).max() < 0.25
+
+
+@pytest.mark.parametrize('name, expected', [
+    ('rig_lag', {'motor_time_constant': (0.025, 0.05)}),
+    ('rig_cart', {'cart_dry_friction': (2.0, 4.0)}),
+    ('rig_joints', {'joint1_dry_friction': (0.025, 0.05), 'joint2_dry_friction': (0.025, 0.05)}),
+    ('rig_noise', {'position_noise': (0.0025, 0.005)}), ('rig_bias', {'force_bias': (2.5, 5.0)})])
+def test_a_rig_s_sweep_has_the_half_and_the_whole(name, expected):
+    found = cases(name, range(2))
+    assert len(found) == 4
+    for parameter, levels in expected.items():
+        assert [case.plant[parameter] for case in found] == pytest.approx(
+            [levels[0]] * 2 + [levels[1]] * 2)
+    assert sorted({case.level for case in found}) == pytest.approx(next(iter(expected.values())))
+
+
+@pytest.mark.parametrize('links', LINKS)
+def test_the_joints_of_a_rig_are_all_its_joints(links):
+    joints = {f'joint{i}_dry_friction' for i in range(1, links + 1)}
+    for name in ('rig_joints', 'rig_all'):
+        for case in cases(name, range(2), links=links):
+            assert {each for each in case.plant if each.startswith('joint')} == joints
+            assert min(case.plant[each] for each in joints) > 0
+
+
+@pytest.mark.parametrize('name', RIGS)
+def test_what_a_rig_s_sensors_are(name):
+    plant = configuration.plant(cases(name, range(1))[0].plant).parameters
+    counts = {'rig_encoders': 2048, 'rig_all': 4096, 'rig_all_fast': 4096}.get(name, 0)
+    assert (plant.encoder_counts, plant.velocities) == (counts, 'none' if counts else 'exact')
+    assert plant.rate == (100.0 if name == 'rig_all_fast' else 20.0)
+
+
+@pytest.mark.parametrize('solver', sorted(SOLVERS))
+@pytest.mark.parametrize('name, seed', [('rig_all', 2), ('rig_delay', 0), ('rig_bias', 0)])
+def test_a_rig_is_swung_up_and_held(name, seed, solver):
+    """A quick version of a campaign: one rig, its worst level; that of seed 2 slides easily."""
+    case = cases(name, range(seed, seed + 1))[-1]
+    c = configuration.controller({'solver': solver, 'seed': case.seed})
+    episode = simulate(configuration.plant({**case.plant, 'seed': case.seed}), c, 10.0)
+    held = episode.t >= 8.0
+    assert np.abs(episode.X[held, 0]).max() < 0.02
+    assert all(is_upright(x) for x in episode.X[held])

@@ -21,7 +21,9 @@ F = np.float32
 def f(x: Any) -> Any:
     """Return a number that takes every operation with a derivative."""
     a, b, c = x
-    return (sin(a * b) - cos(b - c) / (2.0 + c * c)) * (a - 3 * c) + 1 / (1 - -b * b) - a / 4
+    y = clamp(1.5 * b, -1.0, 1.0)   # smooth at the bounds, as what is clamped must be
+    return ((sin(a * b) - cos(b - c) / (2.0 + c * c)) * (a - 3 * c) + 1 / (1 - -b * b) - a / 4
+            + a * (y * (15 - 10 * y * y + 3 * y * y * y * y)))
 
 
 @unrolled
@@ -95,10 +97,27 @@ def test_what_does_not_matter_has_no_slope():
     np.testing.assert_allclose(of_other(0.0, 5.0), [1.0, 0.0])
 
 
-@pytest.mark.parametrize('operation', [lambda x: clamp(x, 1.0), is_nonzero])
-def test_what_has_no_derivative_is_refused(operation):
+@unrolled
+def clamped(x, low, high):
+    return clamp(x, low, high)
+
+
+@kernel
+def run_clamped(x, low, high):
+    return clamped(x, low, high)
+
+
+@pytest.mark.parametrize('x, expected', [(-7.0, -2.0), (-2.0, -2.0), (0.5, 0.5), (3.0, 3.0),
+                                         (4.0, 3.0)])
+@pytest.mark.parametrize('run', [run_clamped, clamped, clamp],
+                         ids=['kernel', 'python', 'numbers'])
+def test_a_clamp_has_two_bounds(run, x, expected):
+    assert run(x, -2.0, 3.0) == expected
+
+
+def test_what_has_no_derivative_is_refused():
     def slope(x):
-        return gradient(operation(x), [x])[0]
+        return gradient(is_nonzero(x), [x])[0]
     with pytest.raises(ValueError, match='has no derivative here'):
         written_out(slope, [typeof(1.0)])
 
@@ -135,7 +154,7 @@ def test_a_call_cannot_be_differentiated():
 
 @unrolled
 def with_constants(x, bound):
-    return clamp((x / 3 + 0.1) * 2.5 - sin(x), bound) + is_nonzero(x) + 1 / x
+    return clamp((x / 3 + 0.1) * 2.5 - sin(x), -bound, bound) + is_nonzero(x) + 1 / x
 
 
 @kernel

@@ -90,3 +90,12 @@ def test_times_are_exact(time):
 
 def test_seconds_round_to_the_nanosecond():
     assert nanoseconds(to_stamp(1.1)) == 1_100_000_000
+
+
+def test_velocities_that_are_not_measured_are_left_out():
+    x = np.array([0.1, -0.2, 3.0, np.nan, np.nan, np.nan])
+    message = sent(to_joint_state(STAMP, x, 7.5))
+    assert list(message.velocity) == []
+    assert list(message.position) == [0.1, -0.2, 3.0]
+    assert list(message.name) == ['cart', 'joint1', 'joint2']
+    np.testing.assert_array_equal(to_state(message, 2), x)

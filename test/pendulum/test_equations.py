@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dp_swing_ros.pendulum.equations import (
-    derivative, energy, inverse_inertia, mass_matrix, Pendulum, solve)
+    CREEP, derivative, energy, friction, inverse_inertia, mass_matrix, Pendulum, solve)
 from dp_swing_ros.pendulum.geometry import joint_positions
 from dp_swing_ros.pendulum.integrators import INTEGRATORS, rk4
 from dp_swing_ros.pendulum.model import Model, rollout
@@ -32,7 +32,8 @@ def mujoco_model(physical):
         base = physical.lengths[i - 1] if i > 0 else 0
         inside = f"""
             <body pos="0 0 {base}">
-              <joint type="hinge" axis="0 1 0" damping="{physical.frictions[i + 1]}"/>
+              <joint type="hinge" axis="0 1 0" damping="{physical.frictions[i + 1]}"
+                     frictionloss="{physical.dry_frictions[i + 1]}"/>
               <inertial pos="0 0 {length / 2}" mass="{mass}"
                         diaginertia="{about_centre} {about_centre} {about_centre}"/>{inside}
             </body>"""
@@ -40,7 +41,8 @@ def mujoco_model(physical):
         <mujoco>
           <option gravity="0 0 {-physical.gravity}"/>
           <worldbody><body>
-            <joint type="slide" axis="1 0 0" damping="{physical.cart_friction}"/>
+            <joint type="slide" axis="1 0 0" damping="{physical.cart_friction}"
+                   frictionloss="{physical.cart_dry_friction}"/>
             <inertial pos="0 0 0" mass="{physical.cart_mass}" diaginertia="1 1 1"/>{inside}
           </body></worldbody>
         </mujoco>""")
@@ -76,6 +78,59 @@ def test_accelerations_agree_with_mujoco(links, values, rng):
         np.testing.assert_array_equal(ours[:links + 1], x[links + 1:])
         np.testing.assert_allclose(ours[links + 1:], theirs, rtol=1e-11,
                                    atol=1e-12 * np.abs(theirs).max())
+
+
+DRY = {'cart_dry_friction': 2.0, 'joint1_dry_friction': 0.1, 'joint2_dry_friction': 0.05,
+       'joint3_dry_friction': 0.03}
+
+
+@of_links
+def test_dry_friction_agrees_with_mujoco_where_all_move(links, rng):
+    """Faster than the creep at each joint, it has all of its size, and so it has in MuJoCo."""
+    physical = PendulumParameters(links=links, **UNEVEN, **DRY)
+    model, p = mujoco_model(physical), Pendulum.of(physical)
+    data, compared = mujoco.MjData(model), 0
+    without = Pendulum.of(PendulumParameters(links=links, **UNEVEN))
+    for _ in range(200):
+        x, u = random_state(rng, links), rng.normal() * 20
+        data.qpos[:], data.qvel[:] = map(to_relative, np.split(x, 2))
+        data.qfrc_applied[0] = u
+        mujoco.mj_forward(model, data)
+        # its constraint is soft: less than all where it would bring a joint to rest right now
+        acts = -np.sign(data.qvel) * physical.dry_frictions
+        if np.abs(data.qvel).min() < CREEP or not np.allclose(data.qfrc_constraint, acts):
+            continue
+        theirs = [data.qacc[0], *np.cumsum(data.qacc[1:])]
+        ours = derivative(p, x, u)[links + 1:]
+        np.testing.assert_allclose(ours, theirs, rtol=1e-6, atol=1e-6 * np.abs(theirs).max())
+        assert np.abs(np.subtract(ours, derivative(without, x, u)[links + 1:])).max() > 0.1
+        compared += 1
+    assert compared > 50
+
+
+@pytest.mark.parametrize('share, expected', [
+    (-3.0, -1.0), (-1.0, -1.0), (0.0, 0.0), (0.5, 203 / 256), (1.0, 1.0), (50.0, 1.0)])
+def test_dry_friction_grows_over_its_creep(share, expected):
+    """s(y) = y (15 - 10 y² + 3 y⁴) / 8; at half the creep 203 / 256."""
+    p = Pendulum.of(PendulumParameters(links=1, cart_dry_friction=4.0, joint1_dry_friction=0.5),
+                    creep=0.05)
+    assert friction(p, 0, share * 0.05) == pytest.approx(4.0 * expected, abs=1e-14)
+    assert friction(p, 1, share * 0.05) == pytest.approx(0.5 * expected, abs=1e-14)
+
+
+def test_a_cart_slides_to_rest_as_the_formula_says():
+    """Viscous and dry: M v̇ = -c v - F, so v = (v_0 + F / c) exp(-c t / M) - F / c."""
+    m, c, dry, v_0 = 10.0, 2.0, 8.0, 1.5
+    physical = PendulumParameters(links=1, cart_mass=m, link1_mass=1e-3, cart_friction=c,
+                                  cart_dry_friction=dry)
+    x = np.array([0.0, np.pi, v_0, 0.0])
+    X = rollout(Model(Pendulum.of(physical, creep=1e-3), INTEGRATORS['rk4'], 1e-4), x,
+                np.zeros(20_000))
+    t = 1e-4 * np.arange(20_001)
+    v = (v_0 + dry / c) * np.exp(-c * t / m) - dry / c
+    stands = -m / c * np.log(dry / c / (v_0 + dry / c))
+    np.testing.assert_allclose(X[t < stands - 0.01, 2], v[t < stands - 0.01], atol=2e-3)
+    assert np.abs(X[t > stands + 0.05, 2]).max() < 2e-3
 
 
 @of_links

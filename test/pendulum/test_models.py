@@ -21,7 +21,10 @@ from dp_swing_ros.solvers.samples import single
 H = 0.05
 PHYSICAL = ({}, {'cart_mass': 1.3, 'link1_mass': 0.4, 'link1_length': 1.1, 'cart_friction': 0.3,
                  'joint1_friction': 0.1, 'joint2_friction': 0.05, 'joint3_friction': 0.02,
-                 'link1_inertia_factor': 1.25, 'link2_inertia_factor': 0.6})
+                 'link1_inertia_factor': 1.25, 'link2_inertia_factor': 0.6},
+            {'cart_friction': 0.3, 'joint1_friction': 0.1, 'cart_dry_friction': 3.0,
+             'joint1_dry_friction': 0.05, 'joint2_dry_friction': 0.03,
+             'joint3_dry_friction': 0.02})
 # every integrator with two links, one of them with all: each other pair compiles for seconds
 ADDRESSES = [*((name, 2) for name in sorted(INTEGRATORS)),
              *(('rk4', links) for links in LINKS if links != 2)]
@@ -32,7 +35,7 @@ def address(request):
     return request.param
 
 
-@pytest.fixture(params=PHYSICAL, ids=['default', 'friction'])
+@pytest.fixture(params=PHYSICAL, ids=['default', 'friction', 'dry'])
 def model(address, request):
     """Return a model of an integrator, a number of links, and parameters."""
     name, links = address
@@ -41,10 +44,13 @@ def model(address, request):
 
 
 def points(model, rng, count=20):
-    """Yield states and forces."""
+    """Yield states and forces; where friction is dry, half of them nearly at rest."""
     n = len(model.pendulum.a)
-    for _ in range(count):
-        yield rng.normal(size=SIZES[n]) * (1, *[3] * n, 2, *[4] * n), rng.normal() * 10
+    for k in range(count):
+        x, u = rng.normal(size=SIZES[n]) * (1, *[3] * n, 2, *[4] * n), rng.normal() * 10
+        if model.pendulum.dry[0] > 0 and k % 2 == 0:
+            x[n + 1:] *= 0.02
+        yield x, u
 
 
 def next_state(model, z):

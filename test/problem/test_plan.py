@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicHermiteSpline
 
+from dp_swing_ros.pendulum.parameters import Drive
 from dp_swing_ros.pendulum.state import SIZES
 from dp_swing_ros.problem.plan import Plan, SolverStats, Status
 
@@ -33,6 +34,21 @@ def spline(plan):
     (3.0, 3.0), (30.0, 20.0), (-30.0, -20.0), (math.nan, 0.0), (math.inf, 0.0)])
 def test_the_force_that_is_sent_is_finite_and_within_its_limit(plan, planned, sent):
     assert replace(plan, U=np.append(planned, plan.U[1:])).first_force(20.0) == sent
+
+
+@pytest.mark.parametrize('drive, planned, sent', [
+    (Drive(gain=0.5), 3.0, 6.0), (Drive(bias=2.0), 3.0, 1.0),
+    (Drive(gain=2.0, bias=-4.0), 3.0, 3.5), (Drive(gain=0.5), 15.0, 20.0),
+    (Drive(bias=5.0), -18.0, -20.0),
+    (Drive(0.03, 0.02), 3.0, 3.0), (Drive(bias=2.0), math.nan, 0.0)])
+def test_the_command_is_what_makes_the_planned_force(plan, drive, planned, sent):
+    plan = replace(plan, U=np.append(planned, plan.U[1:]), drive=drive)
+    assert plan.first_force(20.0) == pytest.approx(sent, rel=1e-15)
+
+
+def test_what_is_left_of_a_plan_is_for_the_same_drive(plan):
+    drive = Drive(0.03, 0.02, 0.9, 1.0)
+    assert replace(plan, drive=drive).shifted(0.07).drive == drive
 
 
 def test_between_steps_the_plan_is_interpolated(plan):

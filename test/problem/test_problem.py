@@ -15,7 +15,8 @@ from dp_swing_ros.pendulum.model import rollout
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.pendulum.state import angles, hanging, LINKS, SIZES, upright
 from dp_swing_ros.problem.parameters import CostParameters, PredictionParameters
-from dp_swing_ros.problem.problem import policy_rollout, Problem, regulator_rollout, TURN, turns_of
+from dp_swing_ros.problem.problem import (
+    Bounds, policy_rollout, Problem, regulator_rollout, TURN, turns_of)
 
 of_links = pytest.mark.parametrize('links', LINKS)
 
@@ -143,3 +144,26 @@ def test_impossible_parameters_are_refused(group, name, value, words):
 def test_parameters_are_frozen():
     with pytest.raises(FrozenInstanceError):
         PendulumParameters().link1_mass = 2.0
+
+
+@of_links
+def test_dry_friction_does_not_change_the_regulator(links):
+    """Made smooth it would count as strong viscous friction, on which one cannot rely at rest."""
+    dry = PendulumParameters(links=links, cart_dry_friction=4.0, joint1_dry_friction=0.05)
+    found, expected = (Problem.of(each, LimitParameters(), default_cost(links),
+                                  PredictionParameters())
+                       for each in (dry, PendulumParameters(links=links)))
+    np.testing.assert_array_equal(found.lqr.K, expected.lqr.K)
+    np.testing.assert_array_equal(found.cost.P, expected.cost.P)
+    assert found.model.pendulum.dry[:2] == (4.0, 0.05)
+
+
+@of_links
+def test_the_forces_of_a_policy_stay_between_two_bounds(links, rng):
+    bounded = replace(default(links), bounds=Bounds(-2.0, 9.0))
+    x_0 = 0.3 * rng.normal(size=SIZES[links])
+    none = np.zeros((10, SIZES[links]))
+    found = policy_rollout(bounded, x_0, none, rng.uniform(-20, 20, 10), none)
+    assert (found.U[:10].min(), found.U[:10].max()) == (-2.0, 9.0)
+    assert (found.U.min(), found.U.max()) == (-2.0, 9.0)
+    assert bounded.u_max == 9.0

@@ -18,7 +18,8 @@ from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.pendulum.state import angles, hanging, LINKS, SIZES
 from dp_swing_ros.problem.plan import Status
 from dp_swing_ros.simulation.closed_loop import simulate
-from dp_swing_ros.simulation.plant import PlantParameters, stop_at_end
+from dp_swing_ros.simulation.engines import stop_at_end
+from dp_swing_ros.simulation.plant import PlantParameters
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.streams import Stream, stream
 
@@ -445,3 +446,72 @@ def test_an_episode_holds_what_happened():
     for n in range(20):
         X = rollout(fine(episode.physical), episode.X[n], np.full(10, episode.U[n]))
         np.testing.assert_allclose(X[-1], episode.X[n + 1], atol=1e-9)
+
+
+def counts_of(x, unit):
+    """Return by how many counts positions, each against the one before, are from zero."""
+    links = len(x) // 2 - 1
+    relative = np.concatenate((x[:2], np.diff(x[1:links + 1])))
+    return relative / np.array([unit[0], *[unit[1]] * links])
+
+
+@of_links
+@pytest.mark.parametrize('counts', [64, 2048])
+def test_encoders_count(links, counts, rng):
+    """A pulley's turn is 0.2 m of the cart's way; each joint turns against the one before."""
+    p = plant(physical=PendulumParameters(links=links), initial_state=STARTS[links],
+              encoder_counts=counts)
+    unit, exact = (0.2 / counts, 2 * math.pi / counts), []
+    for n in range(40):
+        p.obey(rng.uniform(-10, 10))
+        p.advance(0.05)
+        seen = counts_of(p.measure().x, unit)
+        np.testing.assert_allclose(seen, np.round(seen), atol=1e-6)
+        exact.append(np.abs(seen - counts_of(p.x, unit)).max())
+    assert 0.4 < max(exact) <= 0.5 + 1e-6
+
+
+def test_encoders_count_what_is_noisy():
+    p = plant(encoder_counts=2048, position_noise=0.01)
+    unit = (0.2 / 2048, 2 * math.pi / 2048)
+    X = np.array([p.measure().x for _ in range(2000)])
+    seen = np.array([counts_of(x, unit) for x in X])
+    np.testing.assert_allclose(seen, np.round(seen), atol=1e-6)
+    np.testing.assert_allclose(X[:, :3].std(axis=0), 0.01, rtol=0.1)
+
+
+@pytest.mark.parametrize('counts', [0, 4096])
+def test_differenced_velocities_are_those_of_measured_positions(counts):
+    p = plant(initial_state=START, velocities='differenced', encoder_counts=counts,
+              position_noise=1e-3, velocity_noise=5.0)
+    before = p.measure().x
+    np.testing.assert_array_equal(before[3:], 0.0)
+    for n in range(10):
+        p.advance(0.05)
+        x = p.measure().x
+        np.testing.assert_allclose(x[3:], (x[:3] - before[:3]) / 0.05, rtol=1e-9)
+        before = x
+
+
+def test_a_reset_forgets_what_velocities_are_differences_of():
+    p = plant(initial_state=START, velocities='differenced')
+    p.measure()
+    p.advance(0.05)
+    assert np.abs(p.measure().x[3:]).max() > 0.1
+    p.reset()
+    p.advance(0.05)
+    np.testing.assert_array_equal(p.measure().x[3:], 0.0)
+
+
+@pytest.mark.parametrize('velocities, differ', [('exact', False), ('none', True)])
+def test_velocities_that_are_not_measured_are_no_numbers(velocities, differ):
+    p = plant(initial_state=START, velocities=velocities, velocity_noise=0.1)
+    assert np.isnan(p.measure().x[3:]).all() == differ
+    assert np.isfinite(p.measure().x[:3]).all()
+
+
+def test_how_velocities_are_measured_changes_no_other_number():
+    exact, none = (plant(4, velocities=kind, position_noise=0.01, velocity_noise=0.1)
+                   for kind in ('exact', 'none'))
+    for _ in range(5):
+        np.testing.assert_array_equal(exact.measure().x[:3], none.measure().x[:3])

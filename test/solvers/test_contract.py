@@ -6,6 +6,7 @@ One contract for every solver of the registry, on every integrator and all numbe
 It asks for what README and Solver promise, and no more: a solver that is written from them passes.
 """
 
+from dataclasses import replace
 import math
 import time
 
@@ -22,7 +23,7 @@ from dp_swing_ros.pendulum.state import hanging, links_of, SIZES, upright
 from dp_swing_ros.problem.cost import trajectory_cost
 from dp_swing_ros.problem.parameters import PredictionParameters
 from dp_swing_ros.problem.plan import Status
-from dp_swing_ros.problem.problem import plan_of, policy_rollout
+from dp_swing_ros.problem.problem import Bounds, plan_of, policy_rollout
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.solvers.solver import policy_of
 
@@ -116,6 +117,16 @@ def test_the_bound_is_kept(name, force_limit, x_0):
     plan = solver(name, p).solve(x_0, random_start(p, x_0), math.inf)
     assert np.all(np.abs(plan.U) <= force_limit)
     assert np.all(np.isfinite(plan.U))
+
+
+@pytest.mark.parametrize('bounds', [Bounds(-3.0, 17.0), Bounds(-17.0, 3.0), Bounds(2.0, 6.0)])
+def test_two_bounds_that_differ_are_kept(name, bounds, x_0):
+    p = replace(problem_at(x_0), bounds=bounds)
+    plan = solver(name, p).solve(x_0, random_start(p, x_0), math.inf)
+    # in single precision, where samples are
+    assert bounds.low - 1e-6 <= plan.U.min() and plan.U.max() <= bounds.high + 1e-6
+    if plan.usable:
+        assert trajectory_cost(p.cost, plan.X, plan.U) == pytest.approx(plan.stats.cost, rel=1e-9)
 
 
 def test_the_cost_is_never_worse_than_the_warm_start_s(name, modelled):

@@ -31,7 +31,7 @@ def promise(plan, tensor):
     """Return by what share a step without regularisation promises to lower the cost."""
     k, K = np.empty(len(plan.U)), np.empty_like(plan.K)
     positive, slope, _ = backward(PROBLEM.model, PROBLEM.cost, plan.X, plan.U, np.empty((0, 6)),
-                                  PROBLEM.u_max, 0.0, tensor, k, K)
+                                  PROBLEM.bounds, 0.0, tensor, k, K)
     return -slope / plan.stats.cost if positive else math.inf
 
 

@@ -32,7 +32,7 @@ def policy(problem, rng):
     links = problem.physical.links
     x_0 = np.array([0.3, *(2.9, -3.0, 3.0)[:links], 0.1, *(0.5, -0.5, 0.2)[:links]])
     none = np.zeros((problem.horizon, SIZES[links]))
-    return Rollout(*opened(problem.model, problem.cost, problem.lqr.K, problem.u_max,
+    return Rollout(*opened(problem.model, problem.cost, problem.lqr.K, problem.bounds,
                            problem.horizon, x_0, none, rng.uniform(-10, 10, problem.horizon),
                            none, True))
 

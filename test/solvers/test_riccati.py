@@ -13,10 +13,11 @@ from dp_swing_ros.pendulum.derivatives import STEPS
 from dp_swing_ros.pendulum.model import advance, rollout
 from dp_swing_ros.pendulum.state import LINKS
 from dp_swing_ros.problem.cost import running_derivatives, terminal_derivatives, trajectory_cost
-from dp_swing_ros.problem.problem import regulator_rollout
+from dp_swing_ros.problem.problem import Bounds, regulator_rollout
 from dp_swing_ros.solvers.riccati import backward, forward, line_search
 
 N = 12
+UNBOUNDED = Bounds(-math.inf, math.inf)
 
 
 @pytest.fixture(params=LINKS)
@@ -95,7 +96,7 @@ def plain(problem, X, U, mu, tensor, gaps=None):
 def test_gains_are_the_paper_s(problem, trajectory, tensor, mu):
     X, U = trajectory
     k, K = empty_policy(X)
-    positive, slope, bend = pass_back(problem, X, U, math.inf, mu, tensor, k, K)
+    positive, slope, bend = pass_back(problem, X, U, UNBOUNDED, mu, tensor, k, K)
     k_plain, K_plain = plain(problem, X, U, mu, tensor)
     assert positive
     np.testing.assert_allclose(k, k_plain, rtol=1e-7)
@@ -106,7 +107,7 @@ def test_gains_are_the_paper_s(problem, trajectory, tensor, mu):
 def test_gains_about_a_path_with_gaps(problem, trajectory, rng):
     X, U = trajectory
     (k, K), gaps = empty_policy(X), rng.normal(0.0, 1e-6, (N, X.shape[1]))
-    assert backward(problem.model, problem.cost, X, U, gaps, math.inf, 0.0, 1.0, k, K)[0]
+    assert backward(problem.model, problem.cost, X, U, gaps, UNBOUNDED, 0.0, 1.0, k, K)[0]
     k_plain, K_plain = plain(problem, X, U, 0.0, 1.0, gaps)
     np.testing.assert_allclose(k, k_plain, rtol=1e-7)
     np.testing.assert_allclose(K, K_plain, rtol=1e-7, atol=1e-9)
@@ -118,22 +119,26 @@ def test_the_slope_is_the_cost_s(problem, trajectory, tensor):
     """For a small α the cost changes by α slope."""
     X, U = trajectory
     k, K = empty_policy(X)
-    _, slope, _ = pass_back(problem, X, U, math.inf, 0.0, tensor, k, K)
+    _, slope, _ = pass_back(problem, X, U, UNBOUNDED, 0.0, tensor, k, K)
     J = trajectory_cost(problem.cost, X, U)
     X_new, U_new = np.empty_like(X), np.empty_like(U)
-    change = forward(problem.model, problem.cost, X, U, no_gaps(X), k, K, 1e-7, math.inf,
+    change = forward(problem.model, problem.cost, X, U, no_gaps(X), k, K, 1e-7, UNBOUNDED,
                      X_new, U_new) - J
     assert change == pytest.approx(1e-7 * slope, rel=1e-3)
 
 
-def test_on_the_bound_the_force_stays_and_does_not_follow(problem, trajectory):
-    X, U = trajectory
+@pytest.mark.parametrize('side', [-1, 1])
+@pytest.mark.parametrize('bounds', [Bounds(-0.5, 0.8), Bounds(-0.8, 0.5)])
+def test_on_the_bound_the_force_stays_and_does_not_follow(problem, trajectory, bounds, side):
+    """The mirrored trajectory is one, too, and meets the other bound."""
+    X, U = (side * part for part in trajectory)
     k, K = empty_policy(X)
-    u_max = 0.5
-    pass_back(problem, X, U, u_max, 0.0, None, k, K)
-    on_bound = np.isclose(np.abs(U + k), u_max)
+    pass_back(problem, X, U, bounds, 0.0, None, k, K)
+    low, high = (np.isclose(U + k, bound) for bound in bounds)
+    assert np.all((bounds.low - 1e-12 <= U + k) & (U + k <= bounds.high + 1e-12))
+    on_bound = low | high
     assert 0 < on_bound.sum() < N
-    assert np.all(np.abs(U + k) <= u_max + 1e-12)
+    assert low.any() == (side < 0) and high.any() == (side > 0)
     np.testing.assert_array_equal(K[on_bound], 0.0)
     assert np.all(np.abs(K[~on_bound]).max(axis=1) > 0)
 
@@ -146,10 +151,10 @@ def test_a_linear_problem_is_solved_in_one_step(problem):
     X = rollout(problem.model, x, U)
     k, K = empty_policy(X)
     J = trajectory_cost(problem.cost, X, U)
-    _, slope, bend = pass_back(problem, X, U, 20.0, 0.0, None, k, K)
+    _, slope, bend = pass_back(problem, X, U, problem.bounds, 0.0, None, k, K)
     X_new, U_new = np.empty_like(X), np.empty_like(U)
     J_new = line_search(problem.model, problem.cost, X, U, J, k, K, slope, bend,
-                        20.0, X_new, U_new)
+                        problem.bounds, X_new, U_new)
     assert J_new == pytest.approx(x @ problem.lqr.P @ x, rel=1e-3)
     assert J_new - J == pytest.approx(slope + bend / 2, rel=1e-3)
 
@@ -158,4 +163,4 @@ def test_a_curvature_that_is_not_positive_is_reported(problem, trajectory):
     X, U = trajectory
     concave = problem.cost._replace(P=-problem.cost.P)
     k, K = empty_policy(X)
-    assert not pass_back(replace(problem, cost=concave), X, U, 20.0, 0.0, None, k, K)[0]
+    assert not pass_back(replace(problem, cost=concave), X, U, problem.bounds, 0.0, None, k, K)[0]

@@ -10,16 +10,18 @@ from dp_swing_ros.pendulum.model import rollout
 from dp_swing_ros.pendulum.state import hanging, LINKS, SIZES
 from dp_swing_ros.problem.cost import trajectory_cost
 from dp_swing_ros.problem.plan import Status
-from dp_swing_ros.problem.problem import plan_of, regulator_rollout, Rollout
+from dp_swing_ros.problem.problem import Bounds, plan_of, regulator_rollout, Rollout
 from dp_swing_ros.solvers.mppi import MPPI, MPPIParameters, weights
 from dp_swing_ros.solvers.noise import fill, LANES, state_from
 from dp_swing_ros.solvers.samples import average, draw, Samples, single
 
 N = 20
 F = np.float32
+WIDE = Bounds(-1e3, 1e3)
 
 
-def drawn(problem, rng, samples, sigma=3.0, correlation=0.0, gain=0.0, u_max=15.0):
+def drawn(problem, rng, samples, sigma=3.0, correlation=0.0, gain=0.0,
+          bounds=Bounds(-15.0, 12.0)):
     """Draw samples; return trajectory and forces they are drawn about, noise, forces, costs."""
     U = rng.uniform(-10, 10, N)
     x_0 = hanging(problem.physical.links)
@@ -31,7 +33,7 @@ def drawn(problem, rng, samples, sigma=3.0, correlation=0.0, gain=0.0, u_max=15.
     for block in noise:
         fill(again, block.reshape(-1))
     draw(single(problem.model), single(problem.cost), X, U, np.full((N, len(x_0)), gain), random,
-         np.full_like(J, sigma), F(correlation), F(u_max), V, J)
+         np.full_like(J, sigma), F(correlation), single(bounds), V, J)
     noise, V = (many.transpose(1, 0, 2).reshape(N, -1)[:, :samples] for many in (noise, V))
     return X, U, noise, V, J.reshape(-1)[:samples]
 
@@ -50,13 +52,14 @@ def test_costs_are_those_of_the_forces(samples, values, rng):
         forces = V[:, n].astype(float)
         expected = trajectory_cost(p.cost, rollout(p.model, X[0], forces), forces)
         assert J[n] == pytest.approx(expected, rel=2e-3)
-    np.testing.assert_allclose(V, np.clip(U[:, None] + 3 * noise, -15, 15), atol=1e-4)
+    np.testing.assert_allclose(V, np.clip(U[:, None] + 3 * noise, -15, 12), atol=1e-4)
+    assert samples == 1 or (V.min(), V.max()) == (-15, 12)   # both bounds act
 
 
 @pytest.mark.parametrize('links', LINKS)
 def test_feedback_pulls_the_samples_to_their_policy(links, rng):
     p = problem(links=links)
-    X, U, noise, V, _ = drawn(p, rng, 50, sigma=0.1, gain=-2.0, u_max=1e3)
+    X, U, noise, V, _ = drawn(p, rng, 50, sigma=0.1, gain=-2.0, bounds=WIDE)
     for n in range(50):
         states = rollout(p.model, X[0], V[:, n].astype(float))
         expected = U - 2.0 * (states[:-1] - X[:-1]).sum(axis=1) + 0.1 * noise[:, n]
@@ -64,7 +67,7 @@ def test_feedback_pulls_the_samples_to_their_policy(links, rng):
 
 
 def test_the_noise_is_as_correlated_as_asked(rng):
-    _, U, _, V, _ = drawn(problem(), rng, 20_000, sigma=2.0, correlation=0.8, u_max=1e3)
+    _, U, _, V, _ = drawn(problem(), rng, 20_000, sigma=2.0, correlation=0.8, bounds=WIDE)
     e = V - U[:, None].astype(F)
     for t in (0, 1, N - 1):
         assert e[t].std() == pytest.approx(2.0, rel=0.03)

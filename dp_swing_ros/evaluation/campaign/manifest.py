@@ -11,7 +11,7 @@ from typing import Any
 
 from dp_swing_ros.evaluation.campaign.contestants import Contestant
 from dp_swing_ros.evaluation.campaign.rows import CampaignError
-from dp_swing_ros.evaluation.scenarios import LEVELS, SCENARIOS
+from dp_swing_ros.evaluation.scenarios import SCENARIOS
 from dp_swing_ros.kernels import processor
 from dp_swing_ros.provenance import commit, COMPUTING, machine, package_version, packages, sources
 
@@ -29,7 +29,7 @@ def describe(contestants: Iterable[Contestant], scenarios: Iterable[str], seeds:
             for contestant in contestants},
         'scenarios': {name: {
             'seeds': [of.start, of.stop],
-            'levels': levels or LEVELS if SCENARIOS[name].sweeps else 0}
+            'levels': levels or SCENARIOS[name].levels if SCENARIOS[name].sweeps else 0}
             for name, of in ranges.items()},
         'duration': duration, 'links': links, 'sources': sources(), 'processor': processor(),
         'version': package_version(), 'commit': commit()}

@@ -25,8 +25,8 @@ from dp_swing_ros.evaluation.metrics import Metrics, Outcome, quantile, reduced
 from dp_swing_ros.evaluation.scenarios import PROFILE, SCENARIOS
 from dp_swing_ros.pendulum.state import Array
 
-OF_HELD = ('settling_time', 'hold_error', 'smoothness', 'roughness', 'energy', 'impulse',
-           'squared_force', 'squared_speed', 'closed_loop_cost', 'settling_offset')
+OF_HELD = ('settling_time', 'rest_offset', 'hold_error', 'smoothness', 'roughness', 'energy',
+           'impulse', 'squared_force', 'squared_speed', 'closed_loop_cost', 'settling_offset')
 OF_ALL = ('largest_force', 'largest_position', 'largest_angle')
 OF_SOLVES = {'median': 0.5, 'p99': 0.99, 'largest': 1.0}
 SWEPT = ['', PROFILE, *(sweep.parameter for scenario in SCENARIOS.values()

@@ -1,0 +1,150 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Mean z = (x, p) and covariance P of state and unknowns: prediction, correction, bounds.
+
+    z⁻ = (φ(x, p), p)    P⁻ = F P Fᵀ + Q
+    z = z⁻ + K (y - z⁻)    P = (I - K H) P⁻ (I - K H)ᵀ + K R Kᵀ
+
+φ is the motion of pendulum and drive from one measurement to the next, and F its Jacobian, by
+differences of whole motions: whatever φ is, they are right. Source: Simon, Optimal State
+Estimation, 2006, 13.2 and 13.4; covariances by Joseph's form.
+"""
+
+import math
+
+import numpy as np
+
+from dp_swing_ros.estimators.unknowns import drive_of, model_of, write_values
+from dp_swing_ros.kernels import kernel
+from dp_swing_ros.pendulum.drive import follow_commands
+from dp_swing_ros.pendulum.model import size
+
+SMALL = 1e-4   # difference of x and p for derivatives
+
+
+@kernel
+def product(left, right, out):
+    """
+    Write left @ right; at this size a call of the linear algebra costs more.
+
+    Shapes: left (a, n), right (n, b), out (a, b).
+    """
+    for i in range(out.shape[0]):
+        for k in range(out.shape[1]):
+            total = 0.0
+            for j in range(left.shape[1]):
+                total += left[i, j] * right[j, k]
+            out[i, k] = total
+
+
+@kernel
+def symmetrise(P):
+    """Replace P by (P + Pᵀ) / 2."""
+    for i in range(len(P)):
+        for j in range(i):
+            P[i, j] = P[j, i] = (P[i, j] + P[j, i]) / 2
+
+
+@kernel
+def forget(prior, share, P):
+    """Let the unknowns become as uncertain as at first, by a share; prior (m,) variances."""
+    first = len(P) - len(prior)
+    for i in range(len(prior)):
+        P[first + i, first + i] += max(prior[i] - P[first + i, first + i], 0.0) * share
+
+
+@kernel
+def move(model, constants, nominal, factors, ends, commands, duration, z, b):
+    """Advance the state in z in place by a time [s]; shapes: as of predict, b (m,) is written."""
+    n = size(model)
+    write_values(nominal, factors, z[n:], b)
+    follow_commands(model_of(model, b, constants), drive_of(b), ends, commands, z[:n], duration)
+
+
+@kernel
+def predict(model, constants, nominal, factors, ends, commands, duration, force_noise,
+            acceleration_noise, z, P):
+    """
+    Advance mean and covariance in place by a time [s].
+
+    The noises are densities, squared. Shapes: constants and nominal as of Unknowns, ends and
+    commands as of follow_commands, z (2n + 2 + m,), P (2n + 2 + m, 2n + 2 + m).
+    """
+    n, k = size(model), len(z)
+    b, moved = np.empty(len(nominal)), np.empty(k)
+    F, FP = np.empty((n, k)), np.empty((n, k))   # the rows of x; the others stay as they are
+    mean = z.copy()
+    move(model, constants, nominal, factors, ends, commands, duration, mean, b)
+    for j in range(k):
+        for i in range(k):
+            moved[i] = z[i]
+        moved[j] += SMALL
+        move(model, constants, nominal, factors, ends, commands, duration, moved, b)
+        for i in range(n):
+            F[i, j] = (moved[i] - mean[i]) / SMALL
+    product(F, P, FP)
+    for i in range(n):
+        z[i] = mean[i]
+        for j in range(n, k):
+            P[i, j] = P[j, i] = FP[i, j]
+    product(FP, F.T, P[:n, :n])
+    for i in range(n):
+        for j in range(n):   # the last of p is a force
+            P[i, j] += force_noise / duration * F[i, k - 1] * F[j, k - 1]
+    for x in range(n // 2):
+        v = n // 2 + x
+        P[v, v] += acceleration_noise * duration
+        P[x, v] += acceleration_noise * duration ** 2 / 2
+        P[v, x] += acceleration_noise * duration ** 2 / 2
+        P[x, x] += acceleration_noise * duration ** 3 / 3
+    symmetrise(P)
+
+
+@kernel
+def correct(measured, R, z, P):
+    """
+    Correct mean and covariance in place, one measured number after the other; NaN is none.
+
+    Returns the Mahalanobis distance of the innovation, squared. Shapes: measured and R (2n + 2,),
+    the variances of its noise; z (k,), P (k, k).
+    """
+    distance, k = 0.0, len(z)
+    gain, row = np.empty((2, k))
+    for i in range(len(measured)):
+        if math.isnan(measured[i]):
+            continue
+        innovation, S = measured[i] - z[i], P[i, i] + R[i]
+        distance += innovation * innovation / S
+        for a in range(k):
+            gain[a], row[a] = P[a, i] / S, P[i, a]
+            z[a] += innovation * gain[a]
+        # (I - k e_iᵀ) P (I - k e_iᵀ)ᵀ + k r kᵀ
+        for a in range(k):
+            for b in range(k):
+                P[a, b] -= gain[a] * row[b]
+            column = R[i] * gain[a] - P[a, i]
+            for b in range(k):
+                P[a, b] += column * gain[b]
+    symmetrise(P)
+    return distance
+
+
+@kernel
+def constrain(lowest, highest, z, P):
+    """
+    Bring p within its bounds in place, and along with it what it is correlated with.
+
+    Clipped alone, p would leave the others with values that fit what it no longer is. Source:
+    Simon, 7.5.2 (projection of the estimate, weighted by P⁻¹). Shapes: lowest and highest (m,).
+    """
+    first = len(z) - len(lowest)
+    for i in range(len(lowest)):
+        j = first + i
+        beyond = z[j] - min(max(z[j], lowest[i]), highest[i])
+        if beyond != 0 and P[j, j] > 0:
+            share = beyond / P[j, j]
+            for a in range(len(z)):
+                z[a] -= P[a, j] * share
+    for i in range(len(lowest)):
+        z[first + i] = min(max(z[first + i], lowest[i]), highest[i])

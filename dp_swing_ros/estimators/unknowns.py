@@ -1,0 +1,122 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What the filter estimates beside the state: the numbers of pendulum and drive.
+
+Masses, lengths and the gain are never negative, so the logarithms of what they are in their
+nominal values are estimated; of all others, what they are above theirs. Motion tells the masses
+and the gain in common alone: with twice of all it is the same. What tells them apart is how
+uncertain each of them is at first.
+"""
+
+from dataclasses import dataclass
+import math
+
+import numpy as np
+
+from dp_swing_ros.kernels import kernel
+from dp_swing_ros.kernels.unrolling import unrolled
+from dp_swing_ros.parameters import parameter, Parameters
+from dp_swing_ros.pendulum.equations import coefficients
+from dp_swing_ros.pendulum.parameters import Drive, PendulumParameters
+from dp_swing_ros.pendulum.state import Array
+
+LARGEST_FACTOR = 2.0   # of a mass, a length or the gain, either way
+LONGEST = 0.2          # [s] of a delay or a time constant
+
+
+@dataclass(frozen=True)
+class UnknownsParameters(Parameters):
+    """How uncertain pendulum and drive are at first, in standard deviations; zero is certain."""
+
+    body_error: float = parameter(
+        0.15, 'standard deviation of masses and lengths, as a share', minimum=0.0)
+    gain_error: float = parameter(
+        0.2, 'standard deviation of the force gain, as a share', minimum=0.0)
+    friction_error: float = parameter(
+        0.05, 'standard deviation of the frictions', unit='N s/m, N m s/rad', minimum=0.0)
+    cart_dry_friction_error: float = parameter(
+        2.0, 'standard deviation of the dry friction of the cart', unit='N', minimum=0.0)
+    joint_dry_friction_error: float = parameter(
+        0.06, 'standard deviation of the dry frictions of the joints', unit='N m', minimum=0.0)
+    delay_error: float = parameter(
+        0.02, 'standard deviation of the actuation delay', unit='s', minimum=0.0)
+    lag_error: float = parameter(
+        0.02, 'standard deviation of the time constant of the motor', unit='s', minimum=0.0)
+    force_bias: float = parameter(
+        3.0, 'standard deviation of a lasting force beside the one sent', unit='N', minimum=0.0)
+
+
+class Unknowns:
+    """
+    Names, nominal values, standard deviations at first and bounds of the unknowns p.
+
+    Shapes: nominal, deviations, lowest and highest (m,) with m = 4n + 7. The first so many
+    `factors` are logarithms of ratios; the last three belong to the drive, the very last is a
+    force.
+    """
+
+    def __init__(self, physical: PendulumParameters, drive: Drive,
+                 about: UnknownsParameters) -> None:
+        """Take the nominal pendulum and drive, and how uncertain they are."""
+        n = physical.links
+        count = range(1, n + 1)
+        self.names = [
+            'cart_mass', *(f'link{i}_mass' for i in count), *(f'link{i}_length' for i in count),
+            'force_gain', 'cart_friction', *(f'joint{i}_friction' for i in count),
+            'cart_dry_friction', *(f'joint{i}_dry_friction' for i in count),
+            'actuation_delay', 'motor_time_constant', 'force_bias']
+        self.factors = 2 * n + 2
+        self.of_pendulum = np.array([hasattr(physical, name) for name in self.names])
+        self.nominal = np.array([
+            *physical.masses, *physical.lengths, drive.gain, *physical.frictions,
+            *physical.dry_frictions, drive.delay, drive.time_constant, drive.bias])
+        self.deviations = np.repeat(
+            (about.body_error, about.gain_error, about.friction_error,
+             about.cart_dry_friction_error, about.joint_dry_friction_error, about.delay_error,
+             about.lag_error, about.force_bias), (2 * n + 1, 1, n + 1, 1, n, 1, 1, 1))
+        above = self.nominal[self.factors:]
+        self.highest = np.array([*[math.log(LARGEST_FACTOR)] * self.factors,
+                                 *[math.inf] * (2 * n + 2), LONGEST, LONGEST, math.inf])
+        self.lowest = np.array([*-self.highest[:self.factors], *-above[:-1], -math.inf])
+        self.constants = np.array([*physical.inertia_factors, physical.gravity])
+
+    def values(self, p: Array) -> dict[str, float]:
+        """Return the parameters that p (m,) stands for, by name."""
+        b = np.empty(len(p))
+        write_values(self.nominal, self.factors, p, b)
+        return dict(zip(self.names, b.tolist()))
+
+    def of(self, physical: PendulumParameters) -> Array:
+        """Return the p (m,) of a pendulum, with the nominal drive."""
+        b = np.array([getattr(physical, name, nominal)
+                      for name, nominal in zip(self.names, self.nominal)])
+        with np.errstate(divide='ignore', invalid='ignore'):
+            logarithms = np.log(b / self.nominal)
+        return np.where(np.arange(len(b)) < self.factors, logarithms, b - self.nominal)
+
+
+@kernel
+def write_values(nominal, factors, p, b):
+    """Write the values b that p stands for; shapes: (m,) each."""
+    for i in range(len(nominal)):
+        b[i] = nominal[i] * math.exp(p[i]) if i < factors else nominal[i] + p[i]
+
+
+@unrolled
+def model_of(model, b, constants):
+    """Return the model of another pendulum; shapes: b (m,), constants as of Unknowns (n + 1,)."""
+    n = len(model.pendulum.a)
+    rest = 2 * n + 2
+    return model._replace(pendulum=coefficients(
+        [b[i] for i in range(n + 1)], [b[n + 1 + i] for i in range(n)],
+        [constants[i] for i in range(n)], constants[n],
+        [b[rest + i] for i in range(n + 1)], [b[rest + n + 1 + i] for i in range(n + 1)],
+        model.pendulum.sharpness))
+
+
+@kernel
+def drive_of(b):
+    """Return the drive of values b (m,)."""
+    m = len(b)
+    return Drive(b[m - 3], b[m - 2], b[m // 2 - 2], b[m - 1])
