@@ -1,6 +1,6 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The topics: name, type, and whether the last message waits for late subscribers."""
+"""The topics: name, type, and what their publishers promise."""
 
 from typing import NamedTuple
 
@@ -11,15 +11,17 @@ class Topic(NamedTuple):
     name: str
     type: str   # noqa: A003
     latched: bool = False  # a subscriber that joins late still gets the last message
+    watched: bool = False  # its publishers promise a deadline, and to be alive
 
 
 JOINT_STATES = Topic('joint_states', 'sensor_msgs/msg/JointState')
-FORCE_COMMAND = Topic('force_command', 'std_msgs/msg/Float64')
+FORCE_COMMAND = Topic('force_command', 'std_msgs/msg/Float64', watched=True)
+FORCE_COMMAND_STAMPED = Topic('force_command_stamped', 'sensor_msgs/msg/JointState', watched=True)
 DISTURBANCE = Topic('disturbance', 'std_msgs/msg/Float64')
 PLAN = Topic('mpc/plan', 'trajectory_msgs/msg/JointTrajectory')
 DIAGNOSTICS = Topic('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray')
 ROBOT_DESCRIPTION = Topic('robot_description', 'std_msgs/msg/String', latched=True)
 CONFIGURATION = Topic('configuration', 'std_msgs/msg/String', latched=True)  # as YAML
 
-TOPICS = (JOINT_STATES, FORCE_COMMAND, DISTURBANCE, PLAN, DIAGNOSTICS, ROBOT_DESCRIPTION,
-          CONFIGURATION)
+TOPICS = (JOINT_STATES, FORCE_COMMAND, FORCE_COMMAND_STAMPED, DISTURBANCE, PLAN, DIAGNOSTICS,
+          ROBOT_DESCRIPTION, CONFIGURATION)

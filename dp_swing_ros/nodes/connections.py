@@ -6,14 +6,15 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 import time
-from typing import Any
+from typing import Any, NamedTuple
 
 from rclpy.duration import Duration
 from rclpy.exceptions import InvalidParameterException, InvalidParameterTypeException
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import (
-    DurabilityPolicy, LivelinessPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy)
+    DurabilityPolicy, LivelinessPolicy, qos_check_compatible, QoSCompatibility, QoSPolicyKind,
+    QoSProfile, ReliabilityPolicy)
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
@@ -27,21 +28,26 @@ DEPTH = 10          # messages that wait for a slow partner
 QUEUE = 10_000      # messages of a topic that wait for the logger
 LASTING = 1000      # messages that replay keeps for whoever asks for those before its time
 QUIET = 0.3         # [s] without another subscription: all have been found
+ENDLESS = 9e9       # [s]; the middleware has no infinity
+DEADLINE = 0.25     # [s] between two messages of a watched topic, while states come as often
+LEASE = 0.5         # [s] after which a publisher of a watched topic that is silent is dead
+POLICIES = ('reliability', 'durability', 'deadline', 'liveliness', 'liveliness_lease_duration')
 OVERRIDABLE = QoSOverridingOptions([
-    QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY,
-    QoSPolicyKind.DURABILITY])
+    QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, *(
+        QoSPolicyKind[policy.upper()] for policy in POLICIES)])
 
 
 def publish(node: Node, topic: Topic) -> Publisher:
     """
     Make a reliable publisher; of a latched topic its last message waits for who joins late.
 
+    That of a watched topic is one whose silence and death a subscription may ask to hear of.
     Raises ParameterError where a parameter overrides this quality of service impossibly.
     """
     with _overrides_checked(node, topic):
         return node.create_publisher(
             message_class(topic.type), topic.name,
-            profile(1 if topic.latched else DEPTH, kept=topic.latched),
+            profile(1 if topic.latched else DEPTH, kept=topic.latched, watched=topic.watched),
             qos_overriding_options=OVERRIDABLE)
 
 
@@ -107,9 +113,40 @@ def is_heard(node: Node, publisher: Publisher, partners: Topic) -> bool:
     Until then a message may be lost to them: discovery goes one way at a time.
     """
     wanted = owners(node, partners)
-    listeners = node.get_subscriptions_info_by_topic(publisher.topic_name)
+    own = node.get_fully_qualified_name()
+    senders = [each for each in node.get_publishers_info_by_topic(publisher.topic_name)
+               if owner(each) == own]
+    listeners = [each for each in node.get_subscriptions_info_by_topic(publisher.topic_name)
+                 if not any(mismatch(sender, each) for sender in senders)]
     return bool(wanted) and wanted <= set(map(owner, listeners)) and (
         publisher.get_subscription_count() >= len(listeners))
+
+
+class Mismatch(NamedTuple):
+    """Why a subscription does not hear a publisher."""
+
+    of: str     # type, or one of POLICIES
+    text: str
+
+
+def mismatch(sender: TopicEndpointInfo, listener: TopicEndpointInfo) -> Mismatch | None:
+    """Return what keeps a subscription from hearing a publisher, if anything does."""
+    if sender.topic_type != listener.topic_type:
+        return Mismatch('type', f'{sender.topic_type} is sent, {listener.topic_type} expected')
+    for policy in POLICIES:
+        offered, asked = (getattr(each.qos_profile, policy) for each in (sender, listener))
+        if qos_check_compatible(*(QoSProfile(depth=1, **{policy: each}) for each in (
+                offered, asked)))[0] == QoSCompatibility.ERROR:
+            return Mismatch(
+                policy, f'{policy} {_word(offered)} is offered, {_word(asked)} is asked for')
+    return None
+
+
+def _word(policy: Any) -> str:
+    if isinstance(policy, Duration):
+        seconds = policy.nanoseconds / BILLION
+        return f'{seconds:g} s' if seconds < ENDLESS else 'without end'
+    return str(policy.name.lower())
 
 
 def owners(node: Node, topic: Topic) -> set[str]:
@@ -128,12 +165,21 @@ def message_class(name: str) -> type:
     return getattr(import_module(f'{package}.{kind}'), message)
 
 
-def profile(depth: int, reliable: bool = True, kept: bool = False) -> QoSProfile:
-    """Return a profile; with `kept`, messages wait for those who join late."""
+def profile(depth: int, reliable: bool = True, kept: bool = False,
+            watched: bool = False) -> QoSProfile:
+    """
+    Return a profile; with `kept`, messages wait for those who join late.
+
+    With `watched`, it offers a deadline and a lease, which a subscription need not ask for.
+    """
+    promises = {'deadline': Duration(seconds=DEADLINE),
+                'liveliness': LivelinessPolicy.AUTOMATIC,
+                'liveliness_lease_duration': Duration(seconds=LEASE)}
     return QoSProfile(
         depth=depth,
         reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL if kept else DurabilityPolicy.VOLATILE)
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if kept else DurabilityPolicy.VOLATILE,
+        **(promises if watched else {}))
 
 
 def request_for(offered: Sequence[QoSProfile]) -> QoSProfile:

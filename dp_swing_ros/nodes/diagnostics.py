@@ -12,10 +12,9 @@ from collections.abc import Iterator, Mapping
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
-from rclpy.qos import qos_check_compatible, QoSCompatibility
 
 from dp_swing_ros.estimators.estimator import Estimate
-from dp_swing_ros.nodes.connections import owner, publish
+from dp_swing_ros.nodes.connections import mismatch, owner, POLICIES, publish
 from dp_swing_ros.nodes.messages import to_diagnostics
 from dp_swing_ros.nodes.process import ProcessNode
 from dp_swing_ros.pendulum.state import joints, links_of
@@ -35,6 +34,7 @@ class Diagnostics:
         self.hardware = node.resolve_topic_name(JOINT_STATES.name)
         self.publisher = publish(node, DIAGNOSTICS)
         self.faulty = False   # the topics were, at the last look
+        self.logged = set[str]()
         node.every(LOOK_PERIOD, self.on_look)
 
     def publish(self, stamp: Time, level: bytes, message: str,
@@ -46,6 +46,9 @@ class Diagnostics:
     def on_look(self) -> None:
         """Publish what is wrong with the topics, and once that nothing is any more."""
         errors, warnings = list(incompatible(self.node)), list(rivals(self.node))
+        for error in filter(lambda each: each not in self.logged, errors):
+            self.node.get_logger().error(error)
+        self.logged = set(errors)
         if not (errors or warnings or self.faulty):
             return
         self.faulty = bool(errors or warnings)
@@ -67,7 +70,7 @@ def rivals(node: Node) -> Iterator[str]:
 
 
 def incompatible(node: Node) -> Iterator[str]:
-    """Yield who is on a topic of a node and neither hears it nor is heard, and why."""
+    """Yield who is on a topic of a node and neither hears it nor is heard, why, and a remedy."""
     own = node.get_fully_qualified_name()
     topics = {each.topic_name for each in node.publishers}
     topics |= {each.topic_name for each in node.subscriptions}
@@ -76,10 +79,14 @@ def incompatible(node: Node) -> Iterator[str]:
             for listener in node.get_subscriptions_info_by_topic(name):
                 if own not in (owner(sender), owner(listener)):
                     continue
-                fit, why = qos_check_compatible(sender.qos_profile, listener.qos_profile)
-                if fit == QoSCompatibility.ERROR:
-                    yield (f'{name} from {owner(sender)} to {owner(listener)}: '
-                           f'{why.replace("ERROR: ", "").strip(";")}; set qos_overrides of one')
+                found = mismatch(sender, listener)
+                if found:
+                    other, end = (listener, 'publisher') if own == owner(sender) else (
+                        sender, 'subscription')
+                    override = f', or set qos_overrides.{name}.{end}.{found.of} of {own}' \
+                        if found.of in POLICIES else ''
+                    yield (f'{name} from {owner(sender)} to {owner(listener)}: {found.text}; '
+                           f'change that of {owner(other)}{override}')
 
 
 def of_estimate(estimate: Estimate) -> dict[str, float]:

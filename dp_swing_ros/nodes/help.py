@@ -11,8 +11,8 @@ from dp_swing_ros.nodes.parameters import LoggerParameters, named, ReplayParamet
 from dp_swing_ros.parameters import expected
 from dp_swing_ros.pendulum.state import DEFAULT_LINKS
 from dp_swing_ros.topics import (
-    CONFIGURATION, DIAGNOSTICS, DISTURBANCE, FORCE_COMMAND, JOINT_STATES, PLAN, ROBOT_DESCRIPTION,
-    Topic)
+    CONFIGURATION, DIAGNOSTICS, DISTURBANCE, FORCE_COMMAND, FORCE_COMMAND_STAMPED, JOINT_STATES,
+    PLAN, ROBOT_DESCRIPTION, Topic)
 
 WIDTH = 99
 USAGE = """\
@@ -38,7 +38,8 @@ NODE: dict[str, About] = {
     'mpc': About(
         'Solves for a plan from each state, warm-started by the last one, and publishes the '
         'force that it begins with.',
-        (FORCE_COMMAND, PLAN, DIAGNOSTICS, CONFIGURATION), (JOINT_STATES,), ('mpc/reset',)),
+        (FORCE_COMMAND, FORCE_COMMAND_STAMPED, PLAN, DIAGNOSTICS, CONFIGURATION),
+        (JOINT_STATES,), ('mpc/reset',)),
     'logger': About('Writes topics to an MCAP bag that rosbag2 opens.', (CONFIGURATION,), ()),
     'replay': About(
         'Plays a bag back onto its topics with its recorded timing.',
@@ -54,7 +55,7 @@ def lines(name: str) -> Iterator[str]:
     yield from ('', *textwrap.wrap(about.does, WIDTH))
     for title, topics in (('publishes', about.publishes), ('subscribes', about.subscribes)):
         if topics:
-            yield from ('', f'{title}:', *(f'  {each.name:18} {each.type}' for each in topics))
+            yield from ('', f'{title}:', *(f'  {each.name:21} {each.type}' for each in topics))
     if about.services:
         yield from ('', 'services (std_srvs/srv/Trigger):')
         yield from (f'  {each}' for each in about.services)

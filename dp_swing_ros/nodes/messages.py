@@ -34,6 +34,11 @@ def to_joint_state(stamp: Time, x: Array, force: float) -> JointState:
                       effort=[float(force), *[0.0] * (len(names) - 1)])
 
 
+def to_stamped_force(stamp: Time, cart: str, force: float) -> JointState:
+    """Convert a force [N] on the cart, with the stamp of the state that it answers."""
+    return JointState(header=Header(stamp=stamp), name=[cart], effort=[force])
+
+
 def to_trajectory(plan: Plan, stamp: Time) -> JointTrajectory:
     """Convert a plan; the force of a point acts until the next, and that of the last is zero."""
     forces, names = [*plan.U.tolist(), 0.0], joints(links_of(plan.X))

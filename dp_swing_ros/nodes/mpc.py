@@ -24,17 +24,19 @@ from dp_swing_ros.messages.configuration import from_text
 from dp_swing_ros.messages.fields import BILLION, seconds, to_state
 from dp_swing_ros.nodes.connections import is_heard, owners, publish, subscribe
 from dp_swing_ros.nodes.diagnostics import Diagnostics, of_estimate
-from dp_swing_ros.nodes.messages import to_trajectory
+from dp_swing_ros.nodes.messages import to_stamped_force, to_trajectory
 from dp_swing_ros.nodes.process import ProcessNode, run
 from dp_swing_ros.nodes.ros_parameters import declare, given
 from dp_swing_ros.nodes.timing import Clock, Latency, Timing, Watchdog
 from dp_swing_ros.problem.plan import Plan, Status
-from dp_swing_ros.topics import CONFIGURATION, FORCE_COMMAND, JOINT_STATES, PLAN
+from dp_swing_ros.topics import (
+    CONFIGURATION, FORCE_COMMAND, FORCE_COMMAND_STAMPED, JOINT_STATES, PLAN)
 
 MEETING = 2.0        # [s] at most, to learn who sends the states, and for them to find the forces
 MEETING_POLL = 0.02  # [s]
 SMOOTHING = 0.1      # share of the newest tick in the mean pace
 SLOW_START = 1.0     # [s] a warm-up longer than this was a compilation
+CART = 'cart'
 PACES = (0.01, 100.0)  # slowest and fastest of a simulated clock, in seconds a second
 
 
@@ -65,12 +67,14 @@ class MpcNode(ProcessNode):
         self.timing = Timing(self.parameters.clock)
         self.build = lambda: configuration.controller(values)   # compiles, at the first start
         self.forces = publish(self, FORCE_COMMAND)
+        self.stamped_forces = publish(self, FORCE_COMMAND_STAMPED)
         self.plans = publish(self, PLAN)
         self.diagnostics = Diagnostics(self)
         self.serve('mpc/reset', self.on_reset)
         subscribe(self, CONFIGURATION, self.on_configuration)
         self.watchdog = Watchdog(self, values['step'], self.on_silence)
         self.sent = 0    # forces
+        self.answered = Time()   # the stamp of the last state
         self.resets = 0
         self.configured = set[str]()   # the nodes that have announced what they are
         self.waiting: tuple[JointState, dict[str, int]] | None = None   # until they met
@@ -144,6 +148,7 @@ class MpcNode(ProcessNode):
     def answer(self, message: JointState, info: dict[str, int]) -> None:
         """Send a force for a state, and report how that came about."""
         now, began = self.get_clock().now().nanoseconds / BILLION, time.perf_counter()
+        self.answered = message.header.stamp
         real_time = self.timing.clock is not Clock.LOCKSTEP
         sent = now - (time.time() - info['source_timestamp'] / BILLION) * self.pace
         measured = self.timing.measured(seconds(message.header.stamp), now, sent)
@@ -192,9 +197,14 @@ class MpcNode(ProcessNode):
     def send(self, plan: Plan) -> float:
         """Send the first force [N] of a plan, and return it."""
         force = plan.first_force(self.u_max)
-        self.forces.publish(Float64(data=force))
+        self.command(force)
         self.sent += 1
         return force
+
+    def command(self, force: float) -> None:
+        """Publish a force [N], also with the stamp of the last state."""
+        self.forces.publish(Float64(data=force))
+        self.stamped_forces.publish(to_stamped_force(self.answered, CART, force))
 
     def solve(self, message: JointState, t: float, delay: float,
               deadline: float) -> tuple[Plan, str]:
@@ -241,7 +251,7 @@ class MpcNode(ProcessNode):
     def close(self) -> None:
         """End the stream of commands with zero."""
         if self.sent:
-            self.forces.publish(Float64(data=0.0))
+            self.command(0.0)
 
 
 main = partial(run, MpcNode)

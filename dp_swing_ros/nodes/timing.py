@@ -44,6 +44,23 @@ class Measured(NamedTuple):
     complaint: str = ''
 
 
+class Fastest:
+    """Remembers by how much the messages of the last seconds seemed to be late."""
+
+    def __init__(self) -> None:
+        """Begin with none."""
+        self.seen = deque[tuple[float, float]]()   # arrival, and how late it seemed [s]
+
+    def least(self, now: float, seeming: float) -> float:
+        """Take how late a message seems that came now [s]; return the least of late."""
+        while self.seen and self.seen[0][0] < now - WINDOW:
+            self.seen.popleft()
+        if self.seen and abs(seeming - self.seen[-1][1]) > OLDEST:
+            self.seen.clear()   # a clock was set
+        self.seen.append((now, seeming))
+        return min(before for _, before in self.seen)
+
+
 class Timing:
     """Computes when states were measured; remembers how fast they came."""
 
@@ -56,7 +73,7 @@ class Timing:
 
     def reset(self) -> None:
         """Forget the states before."""
-        self.offsets: deque[tuple[float, float]] = deque()   # of the last states: arrival, offset
+        self.stamps, self.sendings = Fastest(), Fastest()   # by the stamps, and by the sender
         self.stamp = -math.inf
 
     @property
@@ -79,26 +96,28 @@ class Timing:
         """
         if self.clock is Clock.LOCKSTEP:
             return Measured(stamp, self.delay)
-        age = now - stamp
         relative = self.relative_age(stamp, now, sent)
         if self.clock is Clock.ARRIVAL:
             return relative
+        apart = self.sendings.least(now, now - sent)
+        if -AHEAD <= apart <= LONGEST_TRANSPORT:
+            apart = 0.0   # one clock, or two that are kept together
+        age = now - apart - stamp
         if -AHEAD <= age <= OLDEST:
-            return Measured(stamp, max(age, 0.0))
+            where = 'behind' if apart > 0 else 'ahead'
+            return Measured(stamp + apart, max(age, 0.0), '' if apart == 0.0 else (
+                f"the sender's clock is {abs(apart):.3g} s {where}, which is made up for but for "
+                'the way here; synchronise the clocks'))
+        age = now - stamp
         return relative._replace(complaint=(
             f'the stamp is {abs(age):.3g} s {"old" if age > 0 else "ahead"}; expected one of this '
             f"node's clock, at most {OLDEST:g} s old; set the parameter clock to arrival"))
 
     def relative_age(self, stamp: float, now: float, sent: float) -> Measured:
         """Return how much later a state came than the fastest of late, whatever its clock."""
-        while self.offsets and self.offsets[0][0] < now - WINDOW:
-            self.offsets.popleft()
         stands_still, self.stamp = stamp == self.stamp, stamp
         offset = now - (sent if stands_still else stamp)
-        if self.offsets and abs(offset - self.offsets[-1][1]) > OLDEST:
-            self.offsets.clear()   # a clock was set
-        self.offsets.append((now, offset))
-        age = offset - min(before for _, before in self.offsets)
+        age = offset - self.stamps.least(now, offset)
         return Measured(now - age, age, 'the stamps stand still; the time of sending counts'
                         if stands_still else '')
 

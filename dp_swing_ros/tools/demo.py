@@ -30,7 +30,8 @@ from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tools.command_lines import (
     dated, execute, FAILED, interrupt_on_signals, OK, program, progress, within)
 from dp_swing_ros.tools.processes import isolated, Process, ProcessError
-from dp_swing_ros.topics import DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES, PLAN, Topic
+from dp_swing_ros.topics import (
+    DIAGNOSTICS, FORCE_COMMAND, FORCE_COMMAND_STAMPED, JOINT_STATES, PLAN, Topic)
 
 READY = 180.0   # [s] for logger and mpc to come up; the first start of the mpc compiles
 KEPT = 1000     # messages of a topic: the logger may find it late
@@ -178,7 +179,8 @@ def perform(folder: Path, solver: str, seed: int, duration: float, links: int | 
         logger = crew.enter_context(Process(
             'logger', {'output': str(bag), 'progress_period': 0.0}, folder / 'logger.log'))
         mpc = crew.enter_context(Process(
-            'mpc', {'solver': solver, **shared, **keeping(FORCE_COMMAND, PLAN, DIAGNOSTICS)},
+            'mpc', {'solver': solver, **shared, **keeping(
+                FORCE_COMMAND, FORCE_COMMAND_STAMPED, PLAN, DIAGNOSTICS)},
             folder / 'mpc.log', parameter_files))
         _await(logger, mpc, observer)
         plant = crew.enter_context(Process(

@@ -10,7 +10,6 @@ from diagnostic_msgs.msg import DiagnosticStatus
 import numpy as np
 from peer import Peer
 import pytest
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
@@ -323,21 +322,6 @@ def test_impossible_parameters_end_it_with_one_line(start_node, parameters, word
     assert 'Traceback' not in node.output()
     last = node.output().strip().splitlines()[-1]
     assert last.startswith('mpc: error: ') and all(word in last for word in words), node.output()
-
-
-@pytest.mark.parametrize('durability', ['VOLATILE', 'TRANSIENT_LOCAL'])
-@pytest.mark.parametrize('reliability', ['RELIABLE', 'BEST_EFFORT'])
-def test_every_kind_of_publisher_is_heard(peer, start_node, reliability, durability):
-    forces = peer.record(FORCE_COMMAND)
-    node = start_node('mpc')
-    node.wait_for('ready')
-    states = peer.node.create_publisher(JointState, 'joint_states', QoSProfile(
-        depth=1, reliability=ReliabilityPolicy[reliability],
-        durability=DurabilityPolicy[durability]))
-    assert peer.until(states.get_subscription_count)
-    peer.spin(0.5)
-    states.publish(to_joint_state(to_stamp(0), LEANING, 0.0))
-    assert peer.until(lambda: forces), node.output()
 
 
 def test_a_second_master_is_a_warning_in_the_diagnostics(peer, start_node):

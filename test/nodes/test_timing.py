@@ -52,7 +52,25 @@ def test_beside_stamps_that_cannot_be_a_state_is_as_old_as_it_came_later(offset)
                                atol=1e-6)
 
 
-@pytest.mark.parametrize('offset', [-3600.0, -0.05, 0.0, 0.1, 1e9])
+@pytest.mark.parametrize('offset', [-10800.0, -0.06, 0.05, 10800.0])   # of the sender's clock
+def test_stamps_of_a_machine_whose_clock_is_off_tell_the_age_all_the_same(offset):
+    """The sender's clock says both when a state was measured and when it was sent."""
+    timing, latency, way = Timing('stamps'), 0.03, np.array([1e-3, 1e-3, 4e-3, 1e-3])
+    for n, late in enumerate(way):
+        sent = NOW + 0.05 * n
+        measured = timing.measured(sent - latency + offset, sent + late, sent + offset)
+        assert measured.age == pytest.approx(latency + late - way.min(), abs=1e-6)
+        assert measured.t == pytest.approx(sent - latency, abs=2e-3)
+        assert ('behind' if offset < 0 else 'ahead') in measured.complaint
+
+
+@pytest.mark.parametrize('way', [0.0, 0.001, 0.02])
+def test_between_clocks_that_are_kept_together_the_way_is_part_of_the_age(way):
+    measured = Timing('stamps').measured(NOW - 0.03, NOW + way, NOW)
+    assert measured == (NOW - 0.03, pytest.approx(0.03 + way), '')
+
+
+@pytest.mark.parametrize('offset', [-10800.0, -3600.0, -0.05, 0.0, 0.05, 0.1, 10800.0, 1e9])
 def test_by_arrival_a_constant_offset_is_none(offset):
     late = np.array([0.0, 0.004, 0.0, 0.03, 0.001])
     stamps = NOW + 0.05 * np.arange(5)

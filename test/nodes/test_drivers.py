@@ -1,0 +1,202 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The mpc beside drivers of all kinds: bare rclpy publishers and subscriptions."""
+
+import time
+
+from diagnostic_msgs.msg import DiagnosticStatus
+import numpy as np
+from peer import Peer
+import pytest
+from rclpy.duration import Duration
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float32, Float64
+
+from dp_swing_ros.messages.fields import from_diagnostics, nanoseconds
+from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
+from dp_swing_ros.topics import DIAGNOSTICS, FORCE_COMMAND, FORCE_COMMAND_STAMPED, JOINT_STATES
+
+LEANING = np.array([0.1, 0.02, -0.01, 0.0, 0.05, 0.0])
+PERIOD = 0.05   # [s] of the driver's states
+
+
+@pytest.fixture
+def peer():
+    peer = Peer()
+    yield peer
+    peer.close()
+
+
+@pytest.fixture
+def other():
+    other = Peer('other')
+    yield other
+    other.close()
+
+
+class Driver:
+    """Publishes states by a clock of its own, and hears forces; shares no profile with the mpc."""
+
+    def __init__(self, peer, states=10, forces=10):
+        self.peer, self.node = peer, peer.node
+        self.states = self.node.create_publisher(JointState, 'joint_states', states)
+        self.forces, self.stamped, self.reports = [], [], peer.record(DIAGNOSTICS)
+        self.node.create_subscription(Float64, 'force_command', self.forces.append, forces)
+        self.node.create_subscription(
+            JointState, 'force_command_stamped', self.stamped.append, forces)
+        self.n = 0
+
+    def meet(self):
+        """Wait until the mpc hears the states, and is heard."""
+        counted = self.node.count_publishers
+        assert self.peer.until(lambda: self.states.get_subscription_count() and counted(
+            'force_command') and counted('force_command_stamped'))
+        self.peer.spin(0.5)
+
+    def send(self, stamp):
+        """Publish a state that differs from the one before."""
+        self.n += 1
+        self.states.publish(to_joint_state(to_stamp(stamp), LEANING * (1 + 1e-3 * self.n), 0.0))
+
+    def stream(self, count, stamp):
+        """Publish states at a steady pace; stamp(now) returns that of each, times in [ns]."""
+        for _ in range(count):
+            self.send(stamp(time.time_ns()))
+            self.peer.spin(PERIOD)
+
+    def ticks(self):
+        """Return the mpc's reports on states."""
+        found = [from_diagnostics(each, 'mpc') for each in self.reports]
+        return [each for each in found if each is not None and not each.values['carried']]
+
+    def topics(self):
+        """Return the last report on the mpc's topics, if there is one."""
+        found = [from_diagnostics(each, 'mpc: topics') for each in self.reports]
+        return next((each for each in reversed(found) if each is not None), None)
+
+
+def best_effort(depth=10):
+    return QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+@pytest.mark.parametrize('durability', ['VOLATILE', 'TRANSIENT_LOCAL'])
+@pytest.mark.parametrize('reliability', ['RELIABLE', 'BEST_EFFORT'])
+@pytest.mark.parametrize('first', ['mpc', 'driver'])
+def test_every_kind_of_publisher_is_heard(peer, start_node, first, reliability, durability):
+    if first == 'mpc':
+        start_node('mpc').wait_for('ready')
+    driver = Driver(peer, QoSProfile(depth=1, reliability=ReliabilityPolicy[reliability],
+                                     durability=DurabilityPolicy[durability]), best_effort())
+    if first == 'driver':
+        peer.spin(0.5)
+        start_node('mpc').wait_for('ready')
+    driver.meet()
+    driver.send(0)
+    assert peer.until(lambda: driver.forces and driver.stamped)
+    assert driver.topics() is None
+
+
+def test_a_publisher_of_default_quality_is_heard_and_hears(peer, start_node):
+    driver = Driver(peer)
+    start_node('mpc').wait_for('ready')
+    driver.meet()
+    driver.stream(5, lambda now: now)
+    assert peer.until(lambda: len(driver.ticks()) == 5)
+    assert driver.topics() is None
+
+
+def test_the_stamped_command_has_the_stamp_of_the_state_that_it_answers(peer, start_node):
+    node = start_node('mpc', {'clock': 'lockstep'})
+    node.wait_for('ready')
+    driver = Driver(peer)
+    driver.meet()
+    for stamp in (7, 1_000_000_007, 2_050_000_003):
+        driver.send(stamp)
+        assert peer.until(lambda: len(driver.stamped) == driver.n)
+        last = driver.stamped[-1]
+        assert (nanoseconds(last.header.stamp), last.name) == (stamp, ['cart'])
+        assert not last.position and not last.velocity
+        assert peer.until(lambda: len(driver.forces) == driver.n)
+        assert list(last.effort) == [driver.forces[-1].data]
+    assert driver.forces[-1].data != 0.0
+    node.stop()
+    assert peer.until(lambda: len(driver.stamped) == len(driver.forces) == driver.n + 1)
+    assert driver.stamped[-1].effort[0] == driver.forces[-1].data == 0.0
+    assert nanoseconds(driver.stamped[-1].header.stamp) == stamp
+
+
+@pytest.mark.parametrize('clock', ['announced', 'stamps'])
+@pytest.mark.parametrize('offset', [-10800.0, -0.05, 0.05, 10800.0])
+def test_stamps_of_another_clock_do_no_harm(peer, start_node, offset, clock):
+    """Where stamps are said to be of this clock, those of the last seconds may only seem late."""
+    start_node('mpc', {'clock': clock}).wait_for('ready')
+    driver = Driver(peer)
+    driver.meet()
+    driver.stream(30, lambda now: now + round(offset * 1e9))
+    assert peer.until(lambda: len(driver.ticks()) >= 25)
+    ticks = driver.ticks()
+    ages = np.array([each.values['latency'] for each in ticks])
+    told = clock == 'stamps' and offset == -0.05    # which is an age that may well be
+    assert np.median(ages) < 0.04 + told * 0.05
+    assert all(each.values['status'] != 'ZERO' for each in ticks)
+    complaints = [each.message for each in ticks if 'the stamp is' in each.message]
+    assert len(complaints) == (len(ticks) if clock == 'stamps' and not told else 0)
+
+
+def test_stamps_of_zero_do_no_harm(peer, start_node):
+    start_node('mpc').wait_for('ready')
+    driver = Driver(peer)
+    driver.meet()
+    driver.stream(30, lambda now: 0)
+    assert peer.until(lambda: len(driver.ticks()) >= 25)
+    ticks = driver.ticks()
+    assert np.median([each.values['latency'] for each in ticks]) < 0.04
+    assert 'stamps stand still' in ticks[-1].message
+    assert all(each.values['status'] != 'ZERO' for each in ticks)
+    assert np.all(np.diff([each.values['time'] for each in ticks]) > 0)
+
+
+@pytest.mark.parametrize(('kind', 'profile', 'words'), [
+    (Float64, QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL), (
+        'durability volatile is offered, transient_local is asked for; change that of /other, or '
+        'set qos_overrides./force_command.publisher.durability of /mpc')),
+    (Float64, QoSProfile(depth=1, deadline=Duration(seconds=0.1)), (
+        'deadline 0.25 s is offered, 0.1 s is asked for; change that of /other, or set '
+        'qos_overrides./force_command.publisher.deadline of /mpc')),
+    (Float32, 10, 'std_msgs/msg/Float64 is sent, std_msgs/msg/Float32 expected; change that of '
+     '/other')])
+def test_a_partner_that_hears_nothing_is_an_error_in_log_and_diagnostics(
+        peer, other, start_node, kind, profile, words):
+    node = start_node('mpc')
+    node.wait_for('ready')
+    driver = Driver(peer)
+    subscription = other.node.create_subscription(
+        kind, 'force_command', lambda message: None, profile)
+    text = f'/force_command from /mpc to /other: {words}'
+    assert peer.until(lambda: driver.topics() and text in driver.topics().message)
+    assert driver.topics().level == DiagnosticStatus.ERROR[0]
+    peer.spin(2.5)   # some looks more
+    assert node.output().count(text) == 1
+    other.node.destroy_subscription(subscription)
+    assert peer.until(lambda: driver.topics().level == DiagnosticStatus.OK[0])
+
+
+def test_who_cannot_hear_the_states_does_not_keep_a_lockstep_waiting(peer, start_node):
+    """It hears none of them, whenever it comes."""
+    peer.node.create_subscription(
+        JointState, 'joint_states', lambda message: None,
+        QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+    forces, stamped = peer.record(FORCE_COMMAND), peer.record(FORCE_COMMAND_STAMPED)
+    start_node('mpc').wait_for('ready')
+    plant = start_node('plant', {'lockstep': True, 'duration': 1.0})
+    assert plant.wait() == 0
+    assert peer.until(lambda: len(forces) == len(stamped) >= 20)
+
+
+def test_the_plant_says_who_does_not_hear_it(peer, start_node):
+    plant = start_node('plant')
+    peer.node.create_subscription(
+        JointState, JOINT_STATES.name, lambda message: None,
+        QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+    plant.wait_for('set qos_overrides./joint_states.publisher.durability of /plant')
