@@ -20,7 +20,9 @@ from dp_swing_ros.parameters import checked, fields_of, ParameterError, Paramete
 from dp_swing_ros.parameters.files import ANY_NODE, is_of_rclpy, sections
 from dp_swing_ros.pendulum.parameters import (
     Drive, DriveParameters, LimitParameters, PendulumParameters)
-from dp_swing_ros.pendulum.state import DEFAULT_LINKS, hanging, LINKS, upright
+from dp_swing_ros.pendulum.sensors import SensorParameters
+from dp_swing_ros.pendulum.state import (
+    DEFAULT_LINKS, hanging, JOINT_COUNTS, joints, LINKS, upright)
 from dp_swing_ros.problem.parameters import CostParameters, PredictionParameters
 from dp_swing_ros.problem.problem import Problem
 from dp_swing_ros.simulation.plant import Plant, PlantParameters
@@ -34,12 +36,20 @@ PACKAGE = Path(__file__).parent
 # where config/ lies: beside the package in a checkout, below share/ where it is installed
 HOMES = [PACKAGE.parent, *(folder / 'share' / PACKAGE.name for folder in PACKAGE.parents[:4])]
 
+
+def _states_and_joints(links: int) -> dict[str, Any]:
+    """Return the defaults that hold a number for each of state or joints."""
+    count = JOINT_COUNTS[links]
+    return {'initial_state': tuple(hanging(links).tolist()),
+            'reference': tuple(upright(links).tolist()), 'joint_names': joints(links),
+            'joint_signs': (1.0,) * count, 'joint_offsets': (0.0,) * count}
+
+
 # By the number of links, what differs from the defaults that are declared, those of two.
 DEFAULTS: dict[int, dict[str, Any]] = {
-    1: {'initial_state': tuple(hanging(1).tolist()), 'reference': tuple(upright(1).tolist()),
-        'state_weights': (10.0, 100.0, 2.0, 6.0)},
+    1: {**_states_and_joints(1), 'state_weights': (10.0, 100.0, 2.0, 6.0)},
     2: {},
-    3: {'initial_state': tuple(hanging(3).tolist()), 'reference': tuple(upright(3).tolist()),
+    3: {**_states_and_joints(3),
         'state_weights': (10.0, 100.0, 100.0, 100.0, 2.0, 6.0, 6.0, 6.0), 'force_limit': 40.0,
         'mppi.samples': 1024}}
 
@@ -51,7 +61,8 @@ def declared(node: str, links: int) -> dict[str, dataclasses.Field]:
     if node == 'plant':
         groups += [('', PlantParameters)]
     else:
-        groups += [('', MpcParameters), ('', PredictionParameters), ('', CostParameters),
+        groups += [('', MpcParameters), ('', SensorParameters), ('', PredictionParameters),
+                   ('', CostParameters),
                    *((f'{name}.', kinds[name].Parameters) for kinds in (ESTIMATORS, SOLVERS)
                      for name in sorted(kinds))]
     found = {}

@@ -3,18 +3,21 @@
 """Reads a bag as an episode, and what its nodes ran with; needs no ROS."""
 
 from contextlib import suppress
+import math
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from dp_swing_ros.bags.reader import Bag
+from dp_swing_ros.configuration import DEFAULTS, group
 from dp_swing_ros.errors import BagError
 from dp_swing_ros.messages.configuration import Configuration, from_text
 from dp_swing_ros.messages.fields import (
     BILLION, from_diagnostics, links_in, nanoseconds, Report, to_force, to_state)
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
-from dp_swing_ros.pendulum.state import Array, LINKS, links_of as links_of_state
+from dp_swing_ros.pendulum.sensors import SensorParameters
+from dp_swing_ros.pendulum.state import Array, joints, LINKS, links_of as links_of_state
 from dp_swing_ros.pendulum.urdf import from_urdf
 from dp_swing_ros.simulation.episode import Episode, Ticks
 from dp_swing_ros.topics import CONFIGURATION, DIAGNOSTICS, JOINT_STATES, ROBOT_DESCRIPTION
@@ -44,7 +47,8 @@ def read_episode(path: Path | str, partial: bool = False,
 
 def episode_of(bag: Bag) -> Episode:
     """Return the run in a bag; raises as `read_episode`."""
-    samples, reports = samples_of(bag), reports_of(bag)
+    reports = reports_of(bag)
+    samples = completed(samples_of(bag), reports)
     start = samples[0].stamp
     physical, limits = description_of(bag)
     if physical.links != links_of_state(samples[0].x):
@@ -63,8 +67,9 @@ def samples_of(bag: Bag) -> list[Sample]:
     """Return the states of a run in the order of their stamps; raises as `read_episode`."""
     samples: dict[int, Sample] = {}
     messages, links = bag.of(JOINT_STATES), links_of(bag)
+    sensors = sensors_of(bag, links)
     for message in messages:
-        sample = bag.parse(_sample, message, links)
+        sample = bag.parse(_sample, message, links, sensors)
         before = samples.setdefault(sample.stamp, sample)
         if not np.array_equal(before.x, sample.x, equal_nan=True):
             raise BagError(f'{bag} has two states at {sample.stamp} ns: the '
@@ -72,6 +77,23 @@ def samples_of(bag: Bag) -> list[Sample]:
     if len(samples) < 2:
         raise BagError(f'{bag} has {len(samples)} states; at least 2 make a run')
     return [samples[stamp] for stamp in sorted(samples)]
+
+
+def completed(samples: list[Sample], reports: list[Report]) -> list[Sample]:
+    """Return states in which estimate and command of the controller stand for what is missing."""
+    ticks = {report.stamp: report.values for report in reports}
+    found, sent = [], math.nan
+    for sample in samples:
+        values = ticks.get(sample.stamp, {})
+        q, v = np.hsplit(sample.x, 2)
+        if np.isfinite(q).all():   # else it is no state at all
+            estimated = [values.get(f'estimate_{joint}_velocity', math.nan)
+                         for joint in joints(links_of_state(sample.x))]
+            v = np.where(np.isnan(v), estimated, v)
+        found.append(Sample(sample.stamp, np.concatenate((q, v)),
+                            sent if math.isnan(sample.force) else sample.force))
+        sent = float(values.get('force', sent))
+    return found
 
 
 def links_of(bag: Bag) -> int:
@@ -92,6 +114,14 @@ def links_of(bag: Bag) -> int:
     return bag.parse(links_in, bag.decoded(bag.entries_of(JOINT_STATES)[0]))
 
 
+def sensors_of(bag: Bag, links: int) -> SensorParameters:
+    """Return how the controller of a bag read its sensors, if it was one of so many links."""
+    found = configurations_of(bag)
+    values = found[CONTROLLER].parameters if CONTROLLER in found else {}
+    given = values if values.get('links') == links else {}
+    return bag.parse(group, SensorParameters, {**DEFAULTS[links], **given})
+
+
 def _checked_links(links: Any) -> int:
     if links not in LINKS:
         raise ValueError(f'links is {links!r}; expected one of {", ".join(map(str, LINKS))}')
@@ -110,7 +140,18 @@ def configurations_of(bag: Bag) -> dict[str, Configuration]:
 
 
 def description_of(bag: Bag) -> tuple[PendulumParameters, LimitParameters]:
-    """Return what the robot description of a bag says; raises BagError."""
+    """
+    Return what the robot description of a bag says; raises BagError.
+
+    A rig that has none, or one of its own, is what its controller takes it for.
+    """
+    found = configurations_of(bag)
+    if CONTROLLER in found and PLANT not in found:
+        with suppress(AttributeError, IndexError, TypeError, ValueError):
+            return from_urdf(bag.any_of(ROBOT_DESCRIPTION)[-1].data)
+        values = found[CONTROLLER].parameters
+        return (bag.parse(group, PendulumParameters, values),
+                bag.parse(group, LimitParameters, values))
     return bag.parse(lambda message: from_urdf(message.data), bag.of(ROBOT_DESCRIPTION)[-1])
 
 
@@ -125,8 +166,9 @@ def reports_of(bag: Bag) -> list[Report]:
                   key=lambda report: report.stamp)
 
 
-def _sample(message: Any, links: int) -> Sample:
-    return Sample(nanoseconds(message.header.stamp), to_state(message, links), to_force(message))
+def _sample(message: Any, links: int, sensors: SensorParameters) -> Sample:
+    return Sample(nanoseconds(message.header.stamp), to_state(message, links, sensors),
+                  to_force(message, sensors.joint_names[0]))
 
 
 def _ticks(reports: list[Report], start: int) -> Ticks:

@@ -143,7 +143,7 @@ class RecedingHorizon:
         deadline in seconds of time.perf_counter(). Where the solve fails, it is the fallback. A
         state that a later one overtook adds nothing; a time before the run's first, or long before
         the last, is a new run. Why a state is not believed is in `rejection`. Shapes: x
-        (2n + 2,). Raises ValueError where x is not finite.
+        (2n + 2,), NaN where a velocity is not measured. Raises ValueError where x is not finite.
         """
         began, begins = time.perf_counter(), t + delay
         believed = self.observe(t, x)

@@ -2,10 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Read messages by their fields; needs no ROS, so it reads those of a bag just as well."""
 
+from collections.abc import Sequence
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from dp_swing_ros.pendulum.sensors import SensorParameters
 from dp_swing_ros.pendulum.state import Array, joints, LINKS
 
 BILLION = 1_000_000_000  # nanoseconds in a second
@@ -42,31 +45,43 @@ def nanoseconds(stamp: Any) -> int:
     return stamp.sec * BILLION + stamp.nanosec
 
 
-def to_state(message: Any, links: int) -> Array:
+def to_state(message: Any, links: int, sensors: SensorParameters | None = None) -> Array:
     """
-    Return the state of a JointState, whatever the order of its joints, and whatever others it has.
+    Return the state of a JointState, as sensors measure it; without them, as a plant sends it.
 
-    Shapes: (2n + 2,) for n links. What is not finite is left so. Raises ValueError if a joint, a
-    position or a velocity is missing, or if there are joints of more links.
+    Shapes: (2n + 2,) for n links. Raises ValueError as `to_measured`, and if there are joints of
+    more links by the names that ours have.
     """
-    names, wanted = list(message.name), joints(links)
+    names = joints(links) if sensors is None else sensors.joint_names
+    measured = to_measured(message, names)
+    if names == joints(links) and links_in(message) > links:
+        found = joints(links_in(message))
+        raise ValueError(f'JointState has {len(found)} joints [{", ".join(found)}]; expected '
+                         f'{len(names)} [{", ".join(names)}]: start plant and mpc with the same '
+                         'links')
+    return measured if sensors is None else sensors.state_of(measured)
+
+
+def to_measured(message: Any, wanted: Sequence[str]) -> Array:
+    """
+    Return positions, then velocities, of joints of a JointState by their names in any order.
+
+    Shapes: (2m,) for m joints. What is not finite is left so, and velocities are NaN where it has
+    none. Raises ValueError if a joint or a position is missing, or some of the velocities.
+    """
+    names = list(message.name)
     missing = [joint for joint in wanted if joint not in names]
     if missing:
         raise ValueError(f'JointState has no {", ".join(missing)}; it names {names}; expected '
-                         f'[{", ".join(wanted)}]: rename them, or start plant and mpc with the '
-                         'same links')
-    if links_in(message) > links:
-        found = joints(links_in(message))
-        raise ValueError(f'JointState has {len(found)} joints [{", ".join(found)}]; expected '
-                         f'{len(wanted)} [{", ".join(wanted)}]: start plant and mpc with the same '
-                         'links')
-    for field in ('position', 'velocity'):
-        if len(getattr(message, field)) != len(names):
+                         f'[{", ".join(wanted)}]: set joint_names of the mpc, or start plant and '
+                         'mpc with the same links')
+    velocity = message.velocity if len(message.velocity) else [math.nan] * len(names)
+    for field, numbers in (('position', message.position), ('velocity', velocity)):
+        if len(numbers) != len(names):
             raise ValueError(f'JointState names {len(names)} joints, '
-                             f'but its {field} has {len(getattr(message, field))} numbers')
+                             f'but its {field} has {len(numbers)} numbers')
     order = [names.index(joint) for joint in wanted]
-    return np.concatenate([np.asarray(message.position)[order],
-                           np.asarray(message.velocity)[order]])
+    return np.concatenate([np.asarray(message.position)[order], np.asarray(velocity)[order]])
 
 
 def links_in(message: Any) -> int:
@@ -75,9 +90,9 @@ def links_in(message: Any) -> int:
                default=min(LINKS))
 
 
-def to_force(message: Any) -> float:
+def to_force(message: Any, cart: str = 'cart') -> float:
     """Return the force [N] over the period before a JointState; NaN if it gives none."""
-    index = list(message.name).index('cart')
+    index = list(message.name).index(cart)
     return float(message.effort[index]) if index < len(message.effort) else float('nan')
 
 

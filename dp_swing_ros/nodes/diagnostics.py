@@ -38,9 +38,10 @@ class Diagnostics:
         node.every(LOOK_PERIOD, self.on_look)
 
     def publish(self, stamp: Time, level: bytes, message: str,
-                values: Mapping[str, float | int | str]) -> None:
-        """Publish the node's status."""
-        self.publisher.publish(to_diagnostics(stamp, self.name, level[0], message, values,
+                values: Mapping[str, float | int | str], part: str = '') -> None:
+        """Publish the node's status, or that of a part of it."""
+        name = f'{self.name}: {part}' if part else self.name
+        self.publisher.publish(to_diagnostics(stamp, name, level[0], message, values,
                                               self.hardware))
 
     def on_look(self) -> None:
@@ -54,10 +55,9 @@ class Diagnostics:
         self.faulty = bool(errors or warnings)
         level = DiagnosticStatus.ERROR if errors else \
             DiagnosticStatus.WARN if warnings else DiagnosticStatus.OK
-        self.publisher.publish(to_diagnostics(
-            self.node.get_clock().now().to_msg(), f'{self.name}: topics', level[0],
-            '; '.join(errors + warnings) or 'one publisher each, heard by all',
-            {'incompatible': len(errors), 'rivals': len(warnings)}, self.hardware))
+        self.publish(self.node.get_clock().now().to_msg(), level,
+                     '; '.join(errors + warnings) or 'one publisher each, heard by all',
+                     {'incompatible': len(errors), 'rivals': len(warnings)}, 'topics')
 
 
 def rivals(node: Node) -> Iterator[str]:

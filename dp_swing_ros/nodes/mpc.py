@@ -21,13 +21,14 @@ from std_msgs.msg import Float64, String
 from dp_swing_ros import configuration
 from dp_swing_ros.control.receding_horizon import MpcParameters
 from dp_swing_ros.messages.configuration import from_text
-from dp_swing_ros.messages.fields import BILLION, seconds, to_state
+from dp_swing_ros.messages.fields import BILLION, seconds, to_measured, to_state
 from dp_swing_ros.nodes.connections import is_heard, owners, publish, subscribe
 from dp_swing_ros.nodes.diagnostics import Diagnostics, of_estimate
 from dp_swing_ros.nodes.messages import to_stamped_force, to_trajectory
 from dp_swing_ros.nodes.process import ProcessNode, run
-from dp_swing_ros.nodes.ros_parameters import declare, given
+from dp_swing_ros.nodes.ros_parameters import announce, declare, given
 from dp_swing_ros.nodes.timing import Clock, Latency, Timing, Watchdog
+from dp_swing_ros.pendulum.sensors import HANGING, SensorParameters, Standstill
 from dp_swing_ros.problem.plan import Plan, Status
 from dp_swing_ros.topics import (
     CONFIGURATION, FORCE_COMMAND, FORCE_COMMAND_STAMPED, JOINT_STATES, PLAN)
@@ -36,7 +37,6 @@ MEETING = 2.0        # [s] at most, to learn who sends the states, and for them 
 MEETING_POLL = 0.02  # [s]
 SMOOTHING = 0.1      # share of the newest tick in the mean pace
 SLOW_START = 1.0     # [s] a warm-up longer than this was a compilation
-CART = 'cart'
 PACES = (0.01, 100.0)  # slowest and fastest of a simulated clock, in seconds a second
 
 
@@ -64,6 +64,8 @@ class MpcNode(ProcessNode):
         self.links, self.u_max = values['links'], values['force_limit']
         self.parameters = configuration.group(MpcParameters, values)
         self.solver = self.parameters.solver
+        self.sensors = configuration.group(SensorParameters, values)
+        self.standstill = Standstill() if self.sensors.zero == HANGING else None
         self.timing = Timing(self.parameters.clock)
         self.build = lambda: configuration.controller(values)   # compiles, at the first start
         self.forces = publish(self, FORCE_COMMAND)
@@ -148,10 +150,12 @@ class MpcNode(ProcessNode):
     def answer(self, message: JointState, info: dict[str, int]) -> None:
         """Send a force for a state, and report how that came about."""
         now, began = self.get_clock().now().nanoseconds / BILLION, time.perf_counter()
-        self.answered = message.header.stamp
         real_time = self.timing.clock is not Clock.LOCKSTEP
         sent = now - (time.time() - info['source_timestamp'] / BILLION) * self.pace
         measured = self.timing.measured(seconds(message.header.stamp), now, sent)
+        if self.standstill and not self.found_zero(self.standstill, measured.t, message):
+            return
+        self.answered = message.header.stamp
         before, self.last = self.last, Arrival(measured.t, now, began,
                                                info['publication_sequence_number'])
         # what the publisher sent in between was overwritten while a solve went on
@@ -173,6 +177,27 @@ class MpcNode(ProcessNode):
             self.watchdog.feed(period)
         self.report(message.header.stamp, plan, complaint, measured.complaint, force, late,
                     real_time, delay, measured.age + taken, measured.t)
+
+    def found_zero(self, standstill: Standstill, t: float, message: JointState) -> bool:
+        """Take a state measured at a time [s]; return whether it tells the sensors' zero."""
+        words = 'waiting for the pendulum to hang still, which tells the zero of its sensors'
+        place = None
+        try:
+            place = standstill.place(t, to_measured(message, self.sensors.joint_names))
+        except ValueError as error:
+            words = str(error)
+        if self.timing.clock is Clock.LOCKSTEP:
+            words = 'in lockstep nobody sees the pendulum hang still; set zero to given'
+        if place is None:
+            self.get_logger().warning(words, throttle_duration_sec=5.0)
+            self.diagnostics.publish(
+                message.header.stamp, DiagnosticStatus.WARN, words, {}, part='zero')
+            return False
+        self.sensors, self.standstill = self.sensors.hanging_at(place), None
+        announce(self, {'joint_offsets': self.sensors.joint_offsets})
+        self.get_logger().info(f'the pendulum hangs still; joint_offsets: '
+                               f'{list(self.sensors.joint_offsets)}')
+        return True
 
     def pace_since(self, before: Arrival) -> float:
         """Return the pace of this node's clock, which may be a simulated one."""
@@ -204,13 +229,15 @@ class MpcNode(ProcessNode):
     def command(self, force: float) -> None:
         """Publish a force [N], also with the stamp of the last state."""
         self.forces.publish(Float64(data=force))
-        self.stamped_forces.publish(to_stamped_force(self.answered, CART, force))
+        self.stamped_forces.publish(to_stamped_force(
+            self.answered, self.sensors.joint_names[0], force))
 
     def solve(self, message: JointState, t: float, delay: float,
               deadline: float) -> tuple[Plan, str]:
         """Return the plan for a state measured at a time [s], and what is wrong with the state."""
         try:
-            plan = self.controller.update(t, to_state(message, self.links), delay, deadline)
+            x = to_state(message, self.links, self.sensors)
+            plan = self.controller.update(t, x, delay, deadline)
             complaint = self.controller.rejection
         except ValueError as error:
             plan, complaint = self.controller.fallback(t + delay), str(error)

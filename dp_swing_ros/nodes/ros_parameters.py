@@ -48,14 +48,22 @@ def declare(node: Node, fields: Mapping[str, dataclasses.Field]) -> dict[str, An
         node.declare_parameter(name, _listed(values[name]), _descriptor(field),
                                ignore_override=True)
     refuse_unknown(node, of_topics=False)
+    announce(node, {})
+    return values
+
+
+def announce(node: Node, found: Mapping[str, Any]) -> None:
+    """Publish what a node runs with: its parameters, or what it found instead of some."""
+    declared = {each.name: each.value for each in node.get_parameters(
+        sorted(node.list_parameters([], 0).names)) if not each.name.startswith(QOS_OVERRIDES)}
     configured = Configuration(
         node.get_fully_qualified_name(),
-        {each.name: _listed(each.value) for each in node.get_parameters(
-            sorted(node.list_parameters([], 0).names))
-         if not each.name.startswith(QOS_OVERRIDES)},
+        {name: _listed(value) for name, value in {**declared, **found}.items()},
         package_version(), commit(), sources(), machine(), packages())
-    publish(node, CONFIGURATION).publish(String(data=configured.to_text()))
-    return values
+    name = node.resolve_topic_name(CONFIGURATION.name)
+    own = [each for each in node.publishers if each.topic_name == name]   # of an earlier call
+    publisher = own[0] if own else publish(node, CONFIGURATION)
+    publisher.publish(String(data=configured.to_text()))
 
 
 def refuse_unknown(node: Node, of_topics: bool) -> None:

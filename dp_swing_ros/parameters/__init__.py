@@ -94,7 +94,11 @@ def expected(field: dataclasses.Field, unit: str = '') -> str:
                      for words, bound in (('at least', 'minimum'), ('at most', 'maximum'))
                      if math.isfinite(about[bound]))
     if about['size'] is not None:
-        return '2 numbers and 2 a link' + (f', each {text}' if text else '')
+        links, count = next(iter(about['size'].items()))
+        each = count // (links + 1)   # a joint; the cart is one
+        default: Any = field.default
+        kind = ('text' if isinstance(default[0], str) else 'number') + 's' * (each > 1)
+        return f'{each} {kind} and {each} a link' + (f', each {text}' if text else '')
     return text
 
 
@@ -111,7 +115,8 @@ def _converted(value: Any, kind: type, refuse: Callable[[str], ParameterError]) 
 
 def _sequence(value: Any, kind: type, sizes: list[int],
               refuse: Callable[[str], ParameterError]) -> tuple[Any, ...]:
-    expected = (f'a list of {" or ".join(map(str, sizes))} numbers' if sizes
+    kinds = 'texts' if kind is str else 'numbers'
+    expected = (f'a list of {" or ".join(map(str, sizes))} {kinds}' if sizes
                 else f'a list, each {WORDS[kind]}')
     if isinstance(value, str) or not isinstance(value, Iterable):
         raise refuse(expected)

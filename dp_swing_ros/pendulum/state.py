@@ -16,6 +16,7 @@ Array: TypeAlias = np.ndarray
 
 LINKS = (1, 2, 3)   # numbers of links that a pendulum may have
 DEFAULT_LINKS = 2
+JOINT_COUNTS = {links: links + 1 for links in LINKS}  # the cart is one
 SIZES = {links: 2 * (links + 1) for links in LINKS}   # numbers of the state
 
 

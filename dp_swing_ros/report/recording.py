@@ -13,6 +13,7 @@ from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.errors import BagError
 from dp_swing_ros.messages.configuration import Configuration
 from dp_swing_ros.messages.fields import BILLION
+from dp_swing_ros.pendulum.urdf import urdf
 from dp_swing_ros.simulation.episode import Episode
 from dp_swing_ros.topics import ROBOT_DESCRIPTION
 
@@ -42,9 +43,11 @@ def recording(path: Path | str, partial: bool = False,
     """
     bag = Bag(path, partial, namespace)
     episode = episode_of(bag)
+    described = bag.any_of(ROBOT_DESCRIPTION)
     received = [entry.received for entry in bag.entries]
     return Recording(
-        bag.path, episode, configurations_of(bag), bag.of(ROBOT_DESCRIPTION)[-1].data,
+        bag.path, episode, configurations_of(bag),
+        described[-1].data if described else urdf(episode.physical, episode.limits),
         datetime.fromtimestamp(min(received) // BILLION, timezone.utc),
         (max(received) - min(received)) / BILLION,
         dict(sorted(Counter(entry.topic for entry in bag.entries).items())), _lost(bag),

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from dp_swing_ros.messages.fields import links_in, to_force, to_state
+from dp_swing_ros.pendulum.sensors import SensorParameters
 from dp_swing_ros.pendulum.state import joints, LINKS, SIZES
 
 
@@ -60,3 +61,23 @@ def test_joints_of_another_machine_may_be_numbered():
 def test_the_force_is_that_of_the_cart():
     assert to_force(message(['joint1', 'cart'], [0.0, 7.5])) == 7.5
     assert np.isnan(to_force(message(['joint1', 'cart'])))
+
+
+def test_names_of_another_machine_are_put_in_order():
+    sensors = SensorParameters(joint_names=('slide', 'hip', 'knee'))
+    state = message(['knee', 'joint3', 'slide', 'hip', 'joint1', 'cart', 'joint2'], [0, 0, 7.5])
+    assert to_state(state, 2, sensors).tolist() == [2, 3, 0, 12, 13, 10]
+    assert to_force(state, 'slide') == 7.5
+    with pytest.raises(ValueError, match='has no hip; it names .*set joint_names'):
+        to_state(message(['slide', 'knee', 'joint1']), 2, sensors)
+    with pytest.raises(ValueError, match='has 4 joints .*; expected 3'):
+        to_state(message(joints(3)), 2, SensorParameters())
+
+
+@pytest.mark.parametrize('links', LINKS)
+def test_velocities_that_are_not_measured_are_nan(links):
+    positions_only = message(list(joints(links)))
+    positions_only.velocity = []
+    state = to_state(positions_only, links)
+    assert state[:links + 1].tolist() == [*range(links + 1)]
+    assert np.isnan(state[links + 1:]).all()

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The mpc beside drivers of all kinds: bare rclpy publishers and subscriptions."""
 
+import itertools
+import math
 import time
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -13,9 +15,15 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float32, Float64
 
+from dp_swing_ros import configuration
+from dp_swing_ros.bags import read_episode
+from dp_swing_ros.messages.configuration import from_text
 from dp_swing_ros.messages.fields import from_diagnostics, nanoseconds
 from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
-from dp_swing_ros.topics import DIAGNOSTICS, FORCE_COMMAND, FORCE_COMMAND_STAMPED, JOINT_STATES
+from dp_swing_ros.pendulum.state import hanging, is_upright, to_turn_of
+from dp_swing_ros.tools import analyse, verify
+from dp_swing_ros.topics import (
+    CONFIGURATION, DIAGNOSTICS, FORCE_COMMAND, FORCE_COMMAND_STAMPED, JOINT_STATES)
 
 LEANING = np.array([0.1, 0.02, -0.01, 0.0, 0.05, 0.0])
 PERIOD = 0.05   # [s] of the driver's states
@@ -74,6 +82,40 @@ class Driver:
         """Return the last report on the mpc's topics, if there is one."""
         found = [from_diagnostics(each, 'mpc: topics') for each in self.reports]
         return next((each for each in reversed(found) if each is not None), None)
+
+
+class Rig(Driver):
+    """A pendulum with names, signs, zeros and relative angles of its own, and no velocities."""
+
+    SIGNS, OFFSETS = np.array([1.0, -1.0, 1.0]), np.array([-0.2, 2.5, 0.7])
+    PARAMETERS = {'joint_names': ['slide', 'hip', 'knee'], 'joint_signs': SIGNS.tolist(),
+                  'joint_offsets': OFFSETS.tolist(), 'relative_angles': True}
+
+    def measure(self, stamp, x):
+        """Publish what its encoders measure of a state, as they wrap."""
+        slide, hip, knee = self.OFFSETS + self.SIGNS * (x[0], x[1], x[2] - x[1])
+        joints = {'lift': 9.0, 'knee': knee % (2 * np.pi), 'slide': slide,
+                  'joint3': 7.0, 'hip': hip % (2 * np.pi)}
+        message = JointState(name=list(joints), position=list(joints.values()))
+        message.header.stamp = to_stamp(stamp)
+        self.states.publish(message)
+        self.n += 1
+
+    def swing(self, plant, count, now=time.time_ns):
+        """Let a plant obey the forces; in real time, where that is now, return its states."""
+        states, began = [], time.monotonic()
+        for n in range(count):
+            before = len(self.forces)
+            self.measure(now(), plant.x)
+            states.append(plant.x.copy())
+            self.peer.until(lambda: len(self.forces) > before, PERIOD)
+            plant.begin_period(0.0)
+            if self.forces:
+                plant.obey(self.forces[-1].data)
+            plant.advance(PERIOD)
+            if now is time.time_ns:
+                self.peer.spin(began + (n + 1) * PERIOD - time.monotonic())
+        return np.array(states)
 
 
 def best_effort(depth=10):
@@ -200,3 +242,82 @@ def test_the_plant_says_who_does_not_hear_it(peer, start_node):
         JointState, JOINT_STATES.name, lambda message: None,
         QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
     plant.wait_for('set qos_overrides./joint_states.publisher.durability of /plant')
+
+
+def test_foreign_names_signs_zeros_and_relative_angles_without_velocities_are_swung_up(
+        peer, start_node):
+    """In lockstep of the rig's making: it goes on when the force has come."""
+    node = start_node('mpc', {**Rig.PARAMETERS, 'clock': 'lockstep'})
+    node.wait_for('ready')
+    rig, plant, times = Rig(peer), configuration.plant({}), itertools.count(0, 50_000_000)
+    rig.meet()
+    states = rig.swing(plant, 120, lambda: next(times))
+    assert is_upright(states[-20:]).all(), node.output()
+    assert rig.stamped[-1].name == ['slide']
+    report = rig.ticks()[-1]
+    assert report.values['estimate_joint1_velocity'] == pytest.approx(states[-1][4], abs=0.1)
+    assert math.isnan(report.values['innovation_joint1_velocity'])
+
+
+def test_without_velocities_an_estimator_is_needed(peer, start_node):
+    node = start_node('mpc', {**Rig.PARAMETERS, 'clock': 'lockstep', 'estimator': 'none'})
+    node.wait_for('ready')
+    rig = Rig(peer)
+    rig.meet()
+    rig.measure(0, hanging(2))
+    node.wait_for('without velocities; estimator ekf does without')
+    assert peer.until(lambda: rig.forces)
+    assert rig.forces[0].data == 0.0
+
+
+def test_the_zero_is_found_while_the_pendulum_hangs(peer, start_node):
+    given = {**Rig.PARAMETERS, 'joint_offsets': [Rig.OFFSETS[0], 0.0, 0.0]}
+    told = peer.record(CONFIGURATION)
+    node = start_node('mpc', {**given, 'zero': 'hanging'})
+    node.wait_for('ready')
+    rig, x = Rig(peer), hanging(2)
+    rig.meet()
+    for n in range(40):   # it swings: there is no telling where it hangs
+        x[1:3] = np.pi + 0.1 * np.sin(2 * np.pi * PERIOD * n)
+        rig.measure(time.time_ns(), x)
+        peer.spin(PERIOD)
+    assert not rig.forces
+    assert 'waiting for the pendulum to hang still' in node.output()
+    found = [from_diagnostics(each, 'mpc: zero') for each in rig.reports]
+    assert any(each and 'hang still' in each.message for each in found)
+    x = hanging(2)
+    for n in range(60):
+        rig.measure(time.time_ns(), x)
+        peer.spin(PERIOD)
+        if rig.forces:
+            break
+    assert PERIOD * n < 2.0 and rig.forces[0].data != 0.0
+    node.wait_for('the pendulum hangs still; joint_offsets: [-0.2')
+    assert peer.until(lambda: len(told) == 2)
+    offsets = from_text(told[-1].data).parameters['joint_offsets']
+    assert offsets[0] == Rig.OFFSETS[0]
+    np.testing.assert_allclose(np.remainder(offsets[1:] - Rig.OFFSETS[1:] + 1, 2 * np.pi), 1,
+                               atol=1e-9)
+
+
+@pytest.mark.parametrize('zero', ['given', 'hanging'])
+def test_the_bag_of_a_foreign_rig_is_read_as_the_mpc_read_it(
+        peer, start_node, tmp_path, capsys, zero):
+    logger = start_node('logger', {'output': str(tmp_path / 'bag')})
+    parameters = {**Rig.PARAMETERS, 'zero': zero}
+    if zero == 'hanging':
+        parameters['joint_offsets'] = [Rig.OFFSETS[0], 0.0, 0.0]
+    mpc = start_node('mpc', parameters)
+    mpc.wait_for('ready')
+    rig, plant = Rig(peer), configuration.plant({})
+    rig.meet()
+    states = rig.swing(plant, 60)
+    mpc.stop()
+    peer.spin(0.5)
+    assert logger.stop() == 0
+    assert verify.main([str(tmp_path / 'bag')]) == 0, capsys.readouterr()
+    episode = read_episode(tmp_path / 'bag')
+    np.testing.assert_allclose(to_turn_of(episode.X, states)[:, :3], states[:, :3], atol=1e-9)
+    assert np.isfinite(episode.X[-10:]).all()   # velocities are estimates
+    assert set(episode.U[-10:]) <= {force.data for force in rig.forces}
+    assert analyse.main([str(tmp_path / 'bag'), '--no-animation']) == 0

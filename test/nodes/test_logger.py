@@ -145,9 +145,10 @@ def test_whole_run_is_in_the_bag(start, log, tmp_path, number):
     assert logger.stop(number) == 0
     count = int(publisher.communicate(timeout=20)[0])
     assert count > 5
-    assert logger.output().splitlines()[-8:] == [
+    assert logger.output().splitlines()[-9:] == [
         f'{tmp_path}/bag: {2 * count + 3} messages', f'  /joint_states: {count} written, 0 lost',
         f'  /force_command: {count + 1} written, 0 lost',
+        '  /force_command_stamped: 0 written, nobody published it',
         '  /disturbance: 0 written, nobody published it',
         '  /mpc/plan: 0 written, nobody published it',
         '  /diagnostics: 0 written, nobody published it',

@@ -43,7 +43,8 @@ def test_nan_is_left_to_the_controller():
 
 @pytest.mark.parametrize('fields, text', [
     ({'name': ['cart', 'joint1']}, 'has no joint2'),
-    ({'name': ['cart', 'joint1', 'joint2'], 'position': [0.0] * 3}, 'velocity has 0 numbers'),
+    ({'name': ['cart', 'joint1', 'joint2'], 'position': [0.0] * 3, 'velocity': [0.0]},
+     'velocity has 1 numbers'),
     ({'name': ['cart', 'joint1', 'joint2'], 'velocity': [0.0] * 3}, 'position has 0 numbers'),
 ])
 def test_incomplete_state_is_refused(fields, text):

@@ -369,7 +369,7 @@ def test_who_cannot_hear_is_an_error_in_the_diagnostics(peer, start_node):
     assert peer.until(lambda: topics_of(reports))
     report = topics_of(reports)[0]
     assert report.level == DiagnosticStatus.ERROR[0]
-    assert '/joint_states from /plant to /peer: Volatile publisher' in report.message
+    assert '/joint_states from /plant to /peer: durability volatile is offered' in report.message
     peer.node.destroy_subscription(deaf)
     assert peer.until(lambda: topics_of(reports)[-1].level == DiagnosticStatus.OK[0])
 

@@ -1,0 +1,108 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+From what the sensors of a rig measure to the state, and back to where their zero is.
+
+    q = signs (measured - offsets),   relative angles summed: θᵢ = q₁ + … + qᵢ
+
+The offsets are given, or follow from the pendulum's hanging at rest, where θ = π.
+"""
+
+from collections import deque
+import dataclasses
+import math
+
+import numpy as np
+
+from dp_swing_ros.parameters import parameter, ParameterError, Parameters
+from dp_swing_ros.pendulum.state import (
+    angles, Array, DEFAULT_LINKS, hanging, JOINT_COUNTS, joints, to_turn_of)
+
+REST = 1.0      # [s] of standing still; for half of it a slow swing seems to, where it turns
+STILL = 0.005   # [m, rad] at most between the means of the quarters of it
+QUARTERS = 4    # of it
+GIVEN, HANGING = ZEROS = ('given', 'hanging')   # where the offsets are from
+
+
+@dataclasses.dataclass(frozen=True)
+class SensorParameters(Parameters):
+    """What the numbers of joint_states mean; +x is where a positive force pushes the cart."""
+
+    joint_names: tuple[str, ...] = parameter(
+        joints(DEFAULT_LINKS), 'names of the cart and the joints in joint_states, in the order of '
+        'the state; there they may come in any order, and others with them', size=JOINT_COUNTS)
+    joint_signs: tuple[float, ...] = parameter(
+        (1.0,) * JOINT_COUNTS[DEFAULT_LINKS], 'of cart and joints, -1 where a sensor counts down '
+        'towards +x, else 1', minimum=-1.0, maximum=1.0, size=JOINT_COUNTS)
+    joint_offsets: tuple[float, ...] = parameter(
+        (0.0,) * JOINT_COUNTS[DEFAULT_LINKS], 'what the sensors of cart and joints measure where '
+        'the state is zero: at the middle of the track, all links upright', unit='m, rad',
+        size=JOINT_COUNTS)
+    relative_angles: bool = parameter(
+        False, 'the angle and the velocity of a joint are measured from the link before it, not '
+        'from the vertical')
+    zero: str = parameter(
+        GIVEN, 'where the offsets are from: given, joint_offsets; hanging, those of the joints '
+        'from the first second in which the pendulum stands still, taken to hang (no force is '
+        'sent before)', choices=lambda: list(ZEROS))
+
+    def __post_init__(self) -> None:
+        """Check also what concerns several at once; raises ParameterError."""
+        super().__post_init__()
+        if any(abs(sign) != 1 for sign in self.joint_signs):
+            raise ParameterError(f"parameter 'joint_signs' is {self.joint_signs}; expected 1 or "
+                                 '-1 for each of cart and joints')
+        if len(set(self.joint_names)) < len(self.joint_names):
+            raise ParameterError(f"parameter 'joint_names' is {self.joint_names}; expected "
+                                 'another name for each of cart and joints')
+
+    def state_of(self, measured: Array) -> Array:
+        """Return the state; measured (2n + 2,), positions and velocities as the names are."""
+        q, v = np.hsplit(np.asarray(measured, dtype=float), 2)
+        x = np.concatenate((self.joint_signs * (q - self.joint_offsets), self.joint_signs * v))
+        if self.relative_angles:
+            for part in np.hsplit(x, 2):
+                part[1:] = np.cumsum(part[1:])
+        return x
+
+    def hanging_at(self, measured: Array) -> 'SensorParameters':
+        """Return the sensors whose pendulum hangs where the joints are measured; (n + 1,)."""
+        x = hanging(len(measured) - 1)
+        q = x[angles(x)]
+        if self.relative_angles:
+            q = np.diff(q, prepend=0.0)
+        offsets = measured[1:] - self.joint_signs[1:] * q
+        return dataclasses.replace(
+            self, joint_offsets=(self.joint_offsets[0], *offsets.tolist()))
+
+
+class Standstill:
+    """Takes measured positions; finds out where they stand still for a second."""
+
+    def __init__(self) -> None:
+        """Begin with none."""
+        self.means = deque[Array](maxlen=QUARTERS)   # of the last quarters
+        self.quarter: list[Array] = []
+        self.t = self.began = -math.inf              # [s] of the newest, and of the quarter
+
+    def place(self, t: float, measured: Array) -> Array | None:
+        """
+        Return the mean of the positions where they stand still, t [s] being the newest's time.
+
+        Shapes: measured (2n + 2,), of which the velocities do not count -> (n + 1,).
+        """
+        if not np.isfinite(np.hsplit(measured, 2)[0]).all():
+            self.t = -math.inf
+            return None
+        if not 0 < t - self.t < REST / QUARTERS:
+            self.means.clear()
+            self.quarter, self.began, self.reference = [], t, measured
+        self.t = t
+        near = to_turn_of(measured, self.reference)   # an encoder may wrap just here
+        self.quarter.append(np.hsplit(near, 2)[0])
+        if t - self.began < REST / QUARTERS:
+            return None
+        self.means.append(np.mean(self.quarter, axis=0))
+        self.quarter, self.began = [], t
+        still = len(self.means) == QUARTERS and np.ptp(self.means, axis=0).max() <= STILL
+        return np.mean(self.means, axis=0) if still else None
