@@ -64,6 +64,9 @@ class MpcParameters(StartParameters):
         'it came later than others did; lockstep, simulated time that waits for the answer; '
         'announced, what the publisher of the states says on the topic configuration, else '
         'arrival', choices=lambda: ['announced', 'stamps', 'arrival', 'lockstep'])
+    enabled: bool = parameter(
+        True, 'force from the start on; else it is zero, while states are believed, until the '
+        'service mpc/enable says otherwise')
     seed: int = parameter(0, 'seed of the first plan and of random solvers', minimum=0)
     carry_over: float = parameter(
         0.2, 'time without a believed state (none came, or one that is not finite, out of range, '
@@ -98,6 +101,7 @@ class RecedingHorizon:
         self.nominal, self.parameters, self.solver_parameters = problem, parameters, solver
         self.nominal_drive = drive
         self.search: Search = search
+        self.enabled = parameters.enabled
         kind = ESTIMATORS[parameters.estimator]
         self.estimator: Estimator = kind(problem, drive, estimator or kind.Parameters())
         self.message_filter = MessageFilter(problem.physical.links, problem.given[0].track_limit)
@@ -142,14 +146,15 @@ class RecedingHorizon:
         t is the time of the measurement x [s], delay its age when the force will act [s], and
         deadline in seconds of time.perf_counter(). Where the solve fails, it is the fallback. A
         state that a later one overtook adds nothing; a time before the run's first, or long before
-        the last, is a new run. Why a state is not believed is in `rejection`. Shapes: x
+        the last, is a new run. Why a state is not believed is in `rejection`. Where it is not
+        `enabled`, the force is zero, and the first after it that of a first tick. Shapes: x
         (2n + 2,), NaN where a velocity is not measured. Raises ValueError where x is not finite.
         """
         began, begins = time.perf_counter(), t + delay
         believed = self.observe(t, x)
         if not self.rejection:
             self.believed = begins
-        if believed is None or self.is_blind(begins):
+        if believed is None or not self.enabled or self.is_blind(begins):
             return self.zero_force(begins)
         x_0 = self.when_it_acts(believed, begins)
         if not self.is_due(begins):
@@ -246,7 +251,7 @@ class RecedingHorizon:
         begins is the time at which its first force will act [s]; without a state x_0 (2n + 2,)
         the last plan's own prediction is taken.
         """
-        if self.is_blind(begins):
+        if not self.enabled or self.is_blind(begins):
             return self.zero_force(begins, x_0)
         problem, rests = self.problem, self.rests(begins)
         if rests:
@@ -270,7 +275,8 @@ class RecedingHorizon:
         X = np.tile(self.problem.x_r if x_0 is None else x_0, (N + 1, 1))
         self.forces.add(begins, 0.0)
         self.plans = []    # it predicts nothing, so the next tick is a first one
-        return plan_of(self.problem, X, np.zeros(N), Status.ZERO)
+        return plan_of(self.problem, X, np.zeros(N),
+                       Status.ZERO if self.enabled else Status.DISABLED)
 
     def rests(self, begins: float) -> list[Plan]:
         """
@@ -304,6 +310,7 @@ class RecedingHorizon:
         """
         twin = RecedingHorizon(self.nominal, self.parameters, self.solver_parameters,
                                drive=self.nominal_drive)
+        twin.enabled = True
         for x in starts_to_warm_up(self.nominal.physical.links):
             twin.reset()
             for n in range(3):

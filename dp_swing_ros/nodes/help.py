@@ -15,6 +15,7 @@ from dp_swing_ros.topics import (
     PLAN, ROBOT_DESCRIPTION, Topic)
 
 WIDTH = 99
+SWITCHES = ('mpc/enable',)   # services that are asked for true or false
 USAGE = """\
 usage: ros2 run dp_swing_ros {name} [-h] [--ros-args [-p PARAMETER:=VALUE ...]
            [--params-file FILE ...] [-r __ns:=/NAMESPACE] [-r TOPIC:=OTHER ...]]"""
@@ -39,7 +40,7 @@ NODE: dict[str, About] = {
         'Solves for a plan from each state, warm-started by the last one, and publishes the '
         'force that it begins with.',
         (FORCE_COMMAND, FORCE_COMMAND_STAMPED, PLAN, DIAGNOSTICS, CONFIGURATION),
-        (JOINT_STATES,), ('mpc/reset',)),
+        (JOINT_STATES,), ('mpc/reset', 'mpc/enable')),
     'logger': About('Writes topics to an MCAP bag that rosbag2 opens.', (CONFIGURATION,), ()),
     'replay': About(
         'Plays a bag back onto its topics with its recorded timing.',
@@ -57,8 +58,9 @@ def lines(name: str) -> Iterator[str]:
         if topics:
             yield from ('', f'{title}:', *(f'  {each.name:21} {each.type}' for each in topics))
     if about.services:
-        yield from ('', 'services (std_srvs/srv/Trigger):')
-        yield from (f'  {each}' for each in about.services)
+        yield from ('', 'services:', *(
+            f'  {each:21} std_srvs/srv/{"SetBool" if each in SWITCHES else "Trigger"}'
+            for each in about.services))
     yield from ('', 'parameters, with their defaults:')
     fields = named(OF_BAGS[name]) if name in OF_BAGS else declared(name, DEFAULT_LINKS)
     for full, field in fields.items():

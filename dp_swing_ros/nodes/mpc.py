@@ -73,6 +73,7 @@ class MpcNode(ProcessNode):
         self.plans = publish(self, PLAN)
         self.diagnostics = Diagnostics(self)
         self.serve('mpc/reset', self.on_reset)
+        self.serve_switch('mpc/enable', self.on_enable)
         subscribe(self, CONFIGURATION, self.on_configuration)
         self.watchdog = Watchdog(self, values['step'], self.on_silence)
         self.sent = 0    # forces
@@ -91,6 +92,7 @@ class MpcNode(ProcessNode):
         self.pace = 1.0         # seconds of this node's clock in a second
         self.carried = 0        # periods since the last state
         self.late_total = 0
+        self.fresh = True       # the next plan is a first one
         self.last = Arrival(math.nan, math.nan, math.nan, 0)
 
     def prepare(self) -> None:
@@ -169,8 +171,9 @@ class MpcNode(ProcessNode):
             deadline = began + self.parameters.time_limit / self.pace
         plan, complaint = self.solve(message, measured.t, delay, deadline)
         late = plan.stats.solve_time * self.pace > (period if period > 0 else plan.dt)
-        if real_time:
-            self.latency.keep(began, first=math.isnan(before.t))
+        if real_time and self.controller.enabled:
+            self.latency.keep(began, self.fresh)
+            self.fresh = False
         force = self.send(plan)
         taken = (time.perf_counter() - began) * self.pace
         if real_time:
@@ -209,15 +212,18 @@ class MpcNode(ProcessNode):
 
     def on_silence(self) -> None:
         """Follow the last plan without a state that should have come, for a while."""
+        self.go_on(f'no state in {self.carried + 1} periods')
+
+    def go_on(self, complaint: str) -> None:
+        """Send a force that answers no state."""
         self.carried += 1
         stamp = self.get_clock().now().to_msg()
         t, delay = seconds(stamp), self.latency.transport() * self.pace
         plan = self.controller.fallback(t + delay)
-        if plan.stats.status is Status.ZERO:
+        if plan.stats.status in (Status.ZERO, Status.DISABLED):
             self.watchdog.stop()
         force = self.send(plan)
-        self.report(stamp, plan, f'no state in {self.carried} periods', '', force, False, True,
-                    delay, 0.0, t)
+        self.report(stamp, plan, complaint, '', force, False, True, delay, 0.0, t)
 
     def send(self, plan: Plan) -> float:
         """Send the first force [N] of a plan, and return it."""
@@ -255,7 +261,8 @@ class MpcNode(ProcessNode):
         level = DiagnosticStatus.OK
         if complaint or stats.status is Status.ZERO:
             level = DiagnosticStatus.ERROR
-        elif warning or late or stats.status in (Status.LAST_POLICY, Status.REGULATOR):
+        elif warning or late or stats.status in (
+                Status.LAST_POLICY, Status.REGULATOR, Status.DISABLED):
             level = DiagnosticStatus.WARN
         self.diagnostics.publish(
             stamp, level, '; '.join(filter(None, (
@@ -266,6 +273,7 @@ class MpcNode(ProcessNode):
              # what it takes to repeat the tick
              'real_time': real_time, 'solves': ' '.join(map(str, stats.solves)), 'time': t,
              'carried': self.carried, 'resets': self.resets, 'number': self.sent,
+             'enabled': self.controller.enabled,
              'clock': self.timing.clock.name.lower(),
              **(of_estimate(estimate) if estimate is not None else {})})
 
@@ -274,6 +282,21 @@ class MpcNode(ProcessNode):
         self.forget()
         self.resets += 1
         return True, 'the next tick is a first one'
+
+    def on_enable(self, enabled: bool) -> tuple[bool, str]:
+        """
+        Act again, from a first plan, or let the force go at once.
+
+        States are believed meanwhile, so that it knows the pendulum when it is enabled again.
+        """
+        changes = self.controller.enabled != enabled
+        self.controller.enabled, self.fresh = enabled, self.fresh or changes
+        if changes:
+            self.get_logger().warning('enabled' if enabled else 'disabled: the force is zero')
+        # in lockstep it would answer the next state, and each answer from then on come too early
+        if changes and not enabled and self.sent and self.timing.clock is not Clock.LOCKSTEP:
+            self.go_on('')
+        return True, 'enabled: a force for each state' if enabled else 'disabled: zero force'
 
     def close(self) -> None:
         """End the stream of commands with zero."""

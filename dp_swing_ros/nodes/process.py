@@ -30,7 +30,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.timer import Timer
 from rclpy.utilities import remove_ros_args
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.nodes.executables import on_signals
@@ -73,6 +73,13 @@ class ProcessNode(Node):
             response.success, response.message = act()
             return response
         self.create_service(Trigger, name, answer)
+
+    def serve_switch(self, name: str, act: Callable[[bool], tuple[bool, str]]) -> None:
+        """Offer a service that is asked for true or false, and answers as those of `serve`."""
+        def answer(request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+            response.success, response.message = act(request.data)
+            return response
+        self.create_service(SetBool, name, answer)
 
 
 class _Interrupt(BaseException):

@@ -26,6 +26,7 @@ class Status(enum.Enum):
     LAST_POLICY = 'the solve failed; this is the last plan, followed as a policy'
     REGULATOR = 'the solve failed; this is the regulator at the reference'
     ZERO = 'the solve failed, and so did the fallback; the force is zero'
+    DISABLED = 'disabled: the force is zero; call mpc/enable'
 
 
 class SolverStats(NamedTuple):

@@ -87,7 +87,7 @@ class Run:
     def _followed(self, duration: float | None, when: str, since: int = 0) -> list[Tick]:
         """Return the ticks that answer a state, and after which the run takes that long [s]."""
         ticks = [tick for tick in self.record.ticks
-                 if tick.x is not None and np.all(np.isfinite(tick.x))
+                 if tick.x is not None and tick.enabled and np.all(np.isfinite(tick.x))
                  and tick.stamp - self.start >= since
                  and tick.stamp < self.window(tick, duration)
                  and tick.stamp + (duration or 0.0) * BILLION <= self.end + self.period / 2]

@@ -35,6 +35,7 @@ class Tick(NamedTuple):
     delay: float       # [s] from the stamp until the force would act
     real_time: bool
     reset: bool        # it was reset before
+    enabled: bool      # else the force was zero
     solves: tuple[int, ...]  # iterations
     status: str
     cost: float
@@ -90,6 +91,7 @@ def _record(bag: Bag, reports: list[Report]) -> Record:
             number, report.stamp, float(values.get('time', report.stamp / BILLION)),
             None if carried else states[report.stamp], float(values['delay']),
             bool(values['real_time']), int(values['resets']) > resets,
+            bool(values.get('enabled', True)),   # which older ones always were
             tuple(map(int, str(values['solves']).split())), str(values['status']),
             float(values['cost']), float(values['force'])))
         resets = int(values['resets'])
@@ -185,6 +187,7 @@ def answer(controller: RecedingHorizon, tick: Tick, counted: bool = True) -> Pla
     """
     if tick.reset:
         controller.reset()
+    controller.enabled = tick.enabled
     if tick.x is None:
         return controller.fallback(tick.t + tick.delay)
     usual = controller.search

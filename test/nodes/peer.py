@@ -47,11 +47,11 @@ class Peer:
         """Spin for a time [s]."""
         self.until(lambda: False, duration)
 
-    def call(self, kind, name):
+    def call(self, kind, name, **request):
         """Call a service and return its answer."""
         client = self.node.create_client(kind, name)
         assert self.until(client.service_is_ready)
-        answer = client.call_async(kind.Request())
+        answer = client.call_async(kind.Request(**request))
         assert self.until(answer.done)
         return answer.result()
 

@@ -1,0 +1,147 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a driver and its user can rely on: the switch, and signs of life."""
+
+import signal
+import time
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from peer import Peer
+import pytest
+from rclpy.duration import Duration
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.qos import LivelinessPolicy, QoSProfile
+from std_msgs.msg import Float64
+from std_srvs.srv import SetBool
+from test_drivers import Driver, PERIOD
+
+from dp_swing_ros.nodes.connections import DEADLINE, LEASE
+from dp_swing_ros.tools import verify
+
+WITHIN = 0.6   # [s] the death of the mpc is known to a driver that asks for it
+
+
+@pytest.fixture
+def peer():
+    peer = Peer()
+    yield peer
+    peer.close()
+
+
+def switch(peer, enabled):
+    """Enable or disable the mpc; return its answer."""
+    answer = peer.call(SetBool, 'mpc/enable', data=enabled)
+    assert answer.success
+    return answer.message
+
+
+def test_disabled_it_sends_zero_at_once_and_for_each_state(peer, start_node, tmp_path, capsys):
+    logger = start_node('logger', {'output': str(tmp_path / 'bag')})
+    mpc = start_node('mpc')
+    mpc.wait_for('ready')
+    driver = Driver(peer)
+    driver.meet()
+    driver.stream(20, lambda now: now)
+    assert peer.until(lambda: driver.forces[-1].data != 0.0)
+    before = len(driver.forces)
+    asked = time.monotonic()
+    assert 'zero force' in switch(peer, False)
+    assert peer.until(lambda: len(driver.forces) > before and driver.forces[-1].data == 0.0)
+    assert time.monotonic() - asked < 0.5
+    zeros = len(driver.forces)
+    driver.stream(20, lambda now: now)
+    assert peer.until(lambda: len(driver.forces) >= zeros + 18)
+    assert not any(force.data for force in driver.forces[zeros - 1:])
+    last = driver.ticks()[-1]
+    assert (last.level, last.values['status']) == (DiagnosticStatus.WARN[0], 'DISABLED')
+    assert 'disabled: the force is zero; call mpc/enable' in last.message
+    assert last.values['refused'] == 0   # it goes on estimating
+    switch(peer, False)                  # which changes nothing
+    switch(peer, True)
+    driver.stream(20, lambda now: now)
+    assert peer.until(lambda: driver.ticks()[-1].values['status'] != 'DISABLED')
+    assert driver.forces[-1].data != 0.0
+    mpc.stop()
+    peer.spin(0.5)
+    assert logger.stop() == 0
+    assert verify.main([str(tmp_path / 'bag')]) == 0, capsys.readouterr().out
+    assert 'every force is the recorded one' in capsys.readouterr().out
+
+
+def test_it_may_start_disabled(peer, start_node):
+    start_node('mpc', {'enabled': False}).wait_for('ready')
+    driver = Driver(peer)
+    driver.meet()
+    driver.stream(10, lambda now: now)
+    assert peer.until(lambda: len(driver.forces) >= 9)
+    assert not any(force.data for force in driver.forces)
+    switch(peer, True)
+    driver.stream(5, lambda now: now)
+    assert peer.until(lambda: driver.forces[-1].data != 0.0)
+
+
+def test_in_lockstep_each_state_has_one_force_all_the_same(peer, start_node):
+    start_node('mpc', {'clock': 'lockstep'}).wait_for('ready')
+    driver = Driver(peer)
+    driver.meet()
+    for enabled in (True, False, True):
+        switch(peer, enabled)
+        for _ in range(3):
+            driver.send(driver.n * 50_000_000)
+            assert peer.until(lambda: len(driver.forces) == driver.n)
+            assert (driver.forces[-1].data != 0.0) == enabled
+    peer.spin(0.3)
+    assert len(driver.forces) == len(driver.ticks()) == driver.n
+
+
+@pytest.mark.parametrize('policy', ['deadline', 'liveliness', 'both'])
+def test_a_driver_that_asks_hears_of_the_death_of_the_mpc(peer, start_node, policy):
+    heard, forces = {}, []
+    profile = QoSProfile(depth=10)
+    if policy != 'liveliness':
+        profile.deadline = Duration(seconds=DEADLINE)
+    if policy != 'deadline':
+        profile.liveliness = LivelinessPolicy.AUTOMATIC
+        profile.liveliness_lease_duration = Duration(seconds=LEASE)
+    peer.node.create_subscription(
+        Float64, 'force_command', forces.append, profile,
+        event_callbacks=SubscriptionEventCallbacks(
+            deadline=lambda event: heard.setdefault('deadline', time.monotonic()),
+            liveliness=lambda event: event.alive_count or heard.setdefault(
+                'liveliness', time.monotonic()), use_default_callbacks=False))
+    node = start_node('mpc')
+    node.wait_for('ready')
+    driver = Driver(peer)   # whose own subscriptions ask for nothing
+    driver.meet()
+    driver.stream(20, lambda now: now)
+    assert peer.until(lambda: len(forces) >= 18 and len(driver.forces) == len(forces))
+    driver.stream(10, lambda now: now)
+    heard.clear()           # deadlines before the first state
+    driver.stream(5, lambda now: now)
+    assert not heard
+    killed = time.monotonic()
+    node.signal(signal.SIGKILL)
+    peer.until(lambda: False, 1.0)
+    expected = {'deadline', 'liveliness'} if policy == 'both' else {policy}
+    assert set(heard) == expected
+    print({each: round(at - killed, 3) for each, at in heard.items()})
+    assert all(at - killed < WITHIN for at in heard.values()), heard
+
+
+def test_states_that_stop_are_a_missed_deadline_too(peer, start_node):
+    """The stream is: a force a state, then zero, then silence."""
+    missed = []
+    peer.node.create_subscription(
+        Float64, 'force_command', lambda message: None,
+        QoSProfile(depth=10, deadline=Duration(seconds=DEADLINE)),
+        event_callbacks=SubscriptionEventCallbacks(
+            deadline=lambda event: missed.append(time.monotonic()), use_default_callbacks=False))
+    start_node('mpc').wait_for('ready')
+    driver = Driver(peer)
+    driver.meet()
+    driver.stream(20, lambda now: now)
+    missed.clear()
+    stopped = time.monotonic() - PERIOD
+    assert peer.until(lambda: missed)
+    assert driver.forces[-1].data == 0.0
+    assert missed[0] - stopped < 1.0
