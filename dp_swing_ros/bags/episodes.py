@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reads a bag as an episode, and what its nodes ran with; needs no ROS."""
 
+from collections.abc import Iterable
 from contextlib import suppress
 import math
 from pathlib import Path
@@ -22,6 +23,7 @@ from dp_swing_ros.pendulum.urdf import from_urdf
 from dp_swing_ros.simulation.episode import Episode, Ticks
 from dp_swing_ros.topics import CONFIGURATION, DIAGNOSTICS, JOINT_STATES, ROBOT_DESCRIPTION
 
+FEW = 3   # states of one stamp; more tell that a driver gives all the same
 CONTROLLER, PLANT = 'mpc', 'plant'  # nodes; the first reports its ticks in the diagnostics
 
 
@@ -64,12 +66,19 @@ def episode_of(bag: Bag) -> Episode:
 
 
 def samples_of(bag: Bag) -> list[Sample]:
-    """Return the states of a run in the order of their stamps; raises as `read_episode`."""
+    """
+    Return the states of a run in the order of their stamps; raises as `read_episode`.
+
+    Where the stamps of a driver stand still, they are the times of sending.
+    """
     samples: dict[int, Sample] = {}
-    messages, links = bag.of(JOINT_STATES), links_of(bag)
+    entries, links = bag.entries_of(JOINT_STATES), links_of(bag)
     sensors = sensors_of(bag, links)
-    for message in messages:
-        sample = bag.parse(_sample, message, links, sensors)
+    found = [bag.parse(_sample, bag.decoded(entry), links, sensors) for entry in entries]
+    if stand_still(sample.stamp for sample in found):
+        found = [sample._replace(stamp=entry.sent or entry.received)
+                 for entry, sample in zip(entries, found)]
+    for sample in found:
         before = samples.setdefault(sample.stamp, sample)
         if not np.array_equal(before.x, sample.x, equal_nan=True):
             raise BagError(f'{bag} has two states at {sample.stamp} ns: the '
@@ -160,10 +169,19 @@ def reports_of(bag: Bag) -> list[Report]:
     if not bag.has(DIAGNOSTICS):
         return []
     driven = f'/{bag.entries_of(JOINT_STATES)[0].topic.lstrip("/")}'
-    reports = [bag.parse(from_diagnostics, message, CONTROLLER, driven)
-               for message in bag.of(DIAGNOSTICS)]
-    return sorted((report for report in reports if report is not None),
-                  key=lambda report: report.stamp)
+    reports = list(filter(None, (bag.parse(from_diagnostics, message, CONTROLLER, driven)
+                                 for message in bag.of(DIAGNOSTICS))))
+    answers = [report for report in reports if report.values.get('sent')]
+    if stand_still(report.stamp for report in answers):
+        reports = [report._replace(stamp=int(report.values.get('sent') or report.stamp))
+                   for report in reports]
+    return sorted(reports, key=lambda report: report.stamp)
+
+
+def stand_still(stamps: Iterable[int]) -> bool:
+    """Return whether the stamps of a driver tell nothing, for all are the same."""
+    found = list(stamps)
+    return len(found) > FEW and len(set(found)) == 1
 
 
 def _sample(message: Any, links: int, sensors: SensorParameters) -> Sample:

@@ -47,6 +47,7 @@ class Arrival(NamedTuple):
     now: float      # [s] when it came, by the clock of this node
     steady: float   # [s] and by one that is never set
     number: int     # that its publisher gave it
+    sent: int       # [ns] by the clock of its publisher
 
 
 class MpcNode(ProcessNode):
@@ -93,7 +94,7 @@ class MpcNode(ProcessNode):
         self.carried = 0        # periods since the last state
         self.late_total = 0
         self.fresh = True       # the next plan is a first one
-        self.last = Arrival(math.nan, math.nan, math.nan, 0)
+        self.last = Arrival(math.nan, math.nan, math.nan, 0, 0)
 
     def prepare(self) -> None:
         """Compile before the first state, then listen."""
@@ -159,7 +160,8 @@ class MpcNode(ProcessNode):
             return
         self.answered = message.header.stamp
         before, self.last = self.last, Arrival(measured.t, now, began,
-                                               info['publication_sequence_number'])
+                                               info['publication_sequence_number'],
+                                               info['source_timestamp'])
         # what the publisher sent in between was overwritten while a solve went on
         period = (measured.t - before.t) / max(self.last.number - before.number, 1)
         self.carried = 0
@@ -274,6 +276,8 @@ class MpcNode(ProcessNode):
              'real_time': real_time, 'solves': ' '.join(map(str, stats.solves)), 'time': t,
              'carried': self.carried, 'resets': self.resets, 'number': self.sent,
              'enabled': self.controller.enabled,
+             # by the clock of its sender [ns]; tells which state it was where stamps stand still
+             'sent': 0 if self.carried else self.last.sent,
              'clock': self.timing.clock.name.lower(),
              **(of_estimate(estimate) if estimate is not None else {})})
 

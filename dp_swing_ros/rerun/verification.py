@@ -17,7 +17,7 @@ import numpy as np
 
 from dp_swing_ros import configuration, provenance
 from dp_swing_ros.bags.episodes import (
-    configurations_of, CONTROLLER, description_of, PLANT, Sample, samples_of)
+    configurations_of, CONTROLLER, description_of, FEW, PLANT, Sample, samples_of)
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.control.receding_horizon import RecedingHorizon
 from dp_swing_ros.messages.configuration import Configuration
@@ -93,10 +93,18 @@ def verify(bag: Bag, progress: Callable[[list[Tick]], Iterable[Tick]]) -> Verifi
 
 
 def _plans_of(bag: Bag, record: Record) -> dict[int, Trajectory]:
-    """Return the plans in a bag by the numbers of their ticks; of one stamp, in their order."""
+    """
+    Return the plans in a bag by the numbers of their ticks; of one stamp, in their order.
+
+    Where stamps stand still, and a plan is missing, nobody knows which.
+    """
     found = defaultdict[int, list[Trajectory]](list)
     for message in reversed(bag.any_of(PLAN)):
         found[nanoseconds(message.header.stamp)].append(bag.parse(from_trajectory, message))
+    answers = [tick for tick in record.ticks if tick.x is not None]
+    for plans in list(found.values()):
+        if len(plans) == len(answers) > FEW:   # the stamp of all states
+            found |= {tick.stamp: [plan] for tick, plan in zip(answers, reversed(plans))}
     return {tick.number: found[tick.stamp].pop() for tick in record.ticks if found[tick.stamp]}
 
 
