@@ -480,3 +480,50 @@ def test_a_failed_solve_tells_how_far_it_came():
     plan = c.update(0.0, np.array([0.0, 0.0, 0.0, 1e200, 0.0, 0.0]))
     assert plan.stats.status is Status.ZERO
     assert len(plan.stats.solves) >= 1
+
+
+@pytest.mark.parametrize('kept', [(), (3,)])   # velocities that are measured
+def test_velocities_need_not_be_measured(kept):
+    p, c = plant(), controller()
+    for n in range(80):
+        x = p.x.copy()
+        x[[i for i in range(3, 6) if i not in kept]] = np.nan
+        p.obey(c.update(0.05 * n, x).first_force(20.0))
+        assert not c.rejection
+        p.begin_period(0.0)
+        p.advance(0.05)
+    assert is_upright(p.x)
+    np.testing.assert_allclose(c.estimate.x[3:], p.x[3:], atol=0.1)
+
+
+@pytest.mark.parametrize(('estimator', 'x', 'words'), [
+    ('none', [*LEANING[:3], 0.0, 0.0, np.nan], 'without velocities; estimator ekf does without'),
+    ('ekf', [np.nan, *LEANING[1:]], 'expected 6 finite numbers'),
+    ('ekf', [*LEANING[:5], np.inf], 'expected 6 finite numbers')])
+def test_what_must_be_measured_is_said(estimator, x, words):
+    with pytest.raises(ValueError, match=words):
+        controller(estimator=estimator).update(0.0, np.array(x))
+
+
+def test_positions_alone_that_freeze_are_rejected():
+    c, x = controller(), LEANING.copy()
+    x[3:] = np.nan
+    for n in range(10):
+        c.update(0.05 * n, x)
+    assert 'has stood still to the bit' in c.rejection
+
+
+def test_disabled_it_believes_states_and_sends_nothing():
+    p, c = plant(), controller(enabled=False)
+    for n in range(60):
+        plan = c.update(0.05 * n, p.x)
+        p.obey(plan.first_force(20.0))
+        p.begin_period(0.0)
+        p.advance(0.05)
+        c.enabled = n > 10
+        assert (plan.stats.status is Status.DISABLED) == (n <= 11)
+        assert (plan.U[0] == 0.0) == (n <= 11)
+    assert c.estimate.refused == 0 and c.fallback(3.0).stats.status is Status.LAST_POLICY
+    c.enabled = False
+    assert c.fallback(3.0).stats.status is Status.DISABLED
+    assert c.fallback(3.0).U[0] == 0.0

@@ -322,3 +322,10 @@ def test_the_bag_of_a_foreign_rig_is_read_as_the_mpc_read_it(
     assert np.isfinite(episode.X[-10:]).all()   # velocities are estimates
     assert set(episode.U[-10:]) <= {force.data for force in rig.forces}
     assert analyse.main([str(tmp_path / 'bag'), '--no-animation']) == 0
+
+
+def test_in_lockstep_nobody_sees_it_hang_still(peer, start_node):
+    node = start_node('mpc', {'zero': 'hanging'})
+    node.wait_for('ready')
+    start_node('plant', {'lockstep': True})
+    node.wait_for('in lockstep nobody sees the pendulum hang still; set zero to given')
