@@ -22,7 +22,7 @@ from torch.func import jacrev
 from dp_swing_ros import configuration
 from dp_swing_ros.pendulum.model import rollout
 from dp_swing_ros.pendulum.state import Array
-from dp_swing_ros.problem.problem import Problem
+from dp_swing_ros.problem.problem import Bounds, Problem
 from dp_swing_ros.solvers.riccati import backward, forward
 
 START = (0.2, 0.05, -0.03, 0.0, 0.0, 0.0)
@@ -120,7 +120,7 @@ def our_iteration(problem: Problem, second_order: bool) -> tuple[Work, Callable[
     """Return the same iteration of ours, and what gives its policy."""
     X, U = trajectory(problem)
     k, K, gaps = np.empty(len(U)), np.empty((len(U), 6)), np.empty((0, 6))
-    X_new, U_new, infinite = np.empty_like(X), np.empty_like(U), np.inf
+    X_new, U_new, infinite = np.empty_like(X), np.empty_like(U), Bounds(-np.inf, np.inf)
     tensor = 1.0 if second_order else None
 
     def policy() -> Policy:

@@ -12,24 +12,23 @@ import copy
 import dataclasses
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, TypeVar
+from typing import Any
 
 from dp_swing_ros.control.receding_horizon import MpcParameters, RecedingHorizon
 from dp_swing_ros.estimators import ESTIMATORS
-from dp_swing_ros.parameters import checked, fields_of, ParameterError, Parameters, unknown
+from dp_swing_ros.parameters import (
+    checked, fields_of, group, ParameterError, Parameters, unknown)
 from dp_swing_ros.parameters.files import ANY_NODE, is_of_rclpy, sections
 from dp_swing_ros.pendulum.parameters import (
     Drive, DriveParameters, LimitParameters, PendulumParameters)
-from dp_swing_ros.pendulum.sensors import SensorParameters
-from dp_swing_ros.pendulum.state import (
-    DEFAULT_LINKS, hanging, JOINT_COUNTS, joints, LINKS, upright)
+from dp_swing_ros.pendulum.sensors import default_sensors, SensorParameters
+from dp_swing_ros.pendulum.state import DEFAULT_LINKS, hanging, LINKS, upright
 from dp_swing_ros.problem.parameters import CostParameters, PredictionParameters
 from dp_swing_ros.problem.problem import Problem
 from dp_swing_ros.simulation.plant import Plant, PlantParameters
 from dp_swing_ros.solvers import SOLVERS
 
 Values = Mapping[str, Any]               # by the full name of the parameter
-Group = TypeVar('Group', bound=Parameters)
 
 NODES = ('plant', 'mpc')
 PACKAGE = Path(__file__).parent
@@ -39,10 +38,8 @@ HOMES = [PACKAGE.parent, *(folder / 'share' / PACKAGE.name for folder in PACKAGE
 
 def _states_and_joints(links: int) -> dict[str, Any]:
     """Return the defaults that hold a number for each of state or joints."""
-    count = JOINT_COUNTS[links]
     return {'initial_state': tuple(hanging(links).tolist()),
-            'reference': tuple(upright(links).tolist()), 'joint_names': joints(links),
-            'joint_signs': (1.0,) * count, 'joint_offsets': (0.0,) * count}
+            'reference': tuple(upright(links).tolist()), **default_sensors(links)}
 
 
 # By the number of links, what differs from the defaults that are declared, those of two.
@@ -66,8 +63,8 @@ def declared(node: str, links: int) -> dict[str, dataclasses.Field]:
                    *((f'{name}.', kinds[name].Parameters) for kinds in (ESTIMATORS, SOLVERS)
                      for name in sorted(kinds))]
     found = {}
-    for prefix, group in groups:
-        for field in map(copy.copy, fields_of(group, links)):
+    for prefix, kind in groups:
+        for field in map(copy.copy, fields_of(kind, links)):
             sizes = field.metadata['size']
             field.metadata = MappingProxyType(
                 {**field.metadata, 'size': sizes and {links: sizes[links]}})
@@ -108,12 +105,6 @@ def complete(node: str, values: Values) -> dict[str, Any]:
         raise unknown(name, node, fields)
     return {name: checked(field, values.get(name, field.default), name)
             for name, field in fields.items()}
-
-
-def group(kind: type[Group], values: Values, prefix: str = '') -> Group:
-    """Make a group of parameters from complete values of a node."""
-    return kind(**{field.name: values[prefix + field.name] for field in dataclasses.fields(kind)
-                   if prefix + field.name in values})
 
 
 def plant(values: Values) -> Plant:

@@ -12,6 +12,7 @@ import sys
 import numpy as np
 import paper_experiments
 from PIL import Image
+import pytest
 
 from dp_swing_ros.bags import read_episode
 from dp_swing_ros.evaluation.campaign.contestants import key, play
@@ -45,7 +46,8 @@ def test_a_figure_comes_from_bags_that_hold_the_runs_without_ros_to_the_bit(tmp_
     rows = read(tmp_path / 'results' / 'paper.csv.gz')
     assert [row.key.contestant for row in rows[::2]] == [
         'ddp, defaults', 'ddp, paper', 'ddp, paper, fine plant']
-    assert rows[0].metrics.largest_force == 20.0
+    # what the estimator has of the gain by then is not one to the last digit
+    assert rows[0].metrics.largest_force == pytest.approx(20.0, rel=1e-6)
     again = next(one for one in paper_experiments.episodes() if key(*one) == rows[3].key)
     assert identical(rows[3], play(*again))
 

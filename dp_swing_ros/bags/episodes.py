@@ -11,13 +11,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dp_swing_ros.bags.reader import Bag
-from dp_swing_ros.configuration import DEFAULTS, group
 from dp_swing_ros.errors import BagError
 from dp_swing_ros.messages.configuration import Configuration, from_text
 from dp_swing_ros.messages.fields import (
     BILLION, from_diagnostics, links_in, nanoseconds, Report, to_force, to_state)
+from dp_swing_ros.parameters import group
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
-from dp_swing_ros.pendulum.sensors import SensorParameters
+from dp_swing_ros.pendulum.sensors import default_sensors, SensorParameters
 from dp_swing_ros.pendulum.state import Array, joints, LINKS, links_of as links_of_state
 from dp_swing_ros.pendulum.urdf import from_urdf
 from dp_swing_ros.simulation.episode import Episode, Ticks
@@ -128,7 +128,7 @@ def sensors_of(bag: Bag, links: int) -> SensorParameters:
     found = configurations_of(bag)
     values = found[CONTROLLER].parameters if CONTROLLER in found else {}
     given = values if values.get('links') == links else {}
-    return bag.parse(group, SensorParameters, {**DEFAULTS[links], **given})
+    return bag.parse(group, SensorParameters, {**default_sensors(links), **given})
 
 
 def _checked_links(links: Any) -> int:

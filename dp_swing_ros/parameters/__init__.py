@@ -11,12 +11,15 @@ import difflib
 from importlib.metadata import entry_points
 import math
 import numbers
-from typing import Any, Callable, Iterable, Mapping
+from typing import Any, Callable, Iterable, Mapping, TypeVar
 import warnings
 
 LARGEST = 2 ** 63 - 1  # whole number that a ROS parameter holds
 SHOWN = 200  # [characters] of a value in an error
 WORDS = {bool: 'true or false', int: 'a whole number', float: 'a number', str: 'a text'}
+
+
+Group = TypeVar('Group', bound='Parameters')
 
 
 def parameter(default: Any, description: str, *, unit: str = '', minimum: float | None = None,
@@ -49,6 +52,12 @@ class Parameters:
         """Check every value against its declaration; raises ParameterError."""
         for field in dataclasses.fields(self):
             object.__setattr__(self, field.name, checked(field, getattr(self, field.name)))
+
+
+def group(kind: type[Group], values: Mapping[str, Any], prefix: str = '') -> Group:
+    """Make a group of parameters from the values of a node, where these have them."""
+    return kind(**{field.name: values[prefix + field.name] for field in dataclasses.fields(kind)
+                   if prefix + field.name in values})
 
 
 def fields_of(group: type[Parameters], links: int) -> list[dataclasses.Field]:

@@ -24,6 +24,13 @@ QUARTERS = 4    # of it
 GIVEN, HANGING = ZEROS = ('given', 'hanging')   # where the offsets are from
 
 
+def default_sensors(links: int) -> dict[str, tuple]:
+    """Return the defaults that hold a value for the cart and each joint."""
+    count = JOINT_COUNTS[links]
+    return {'joint_names': joints(links), 'joint_signs': (1.0,) * count,
+            'joint_offsets': (0.0,) * count}
+
+
 @dataclasses.dataclass(frozen=True)
 class SensorParameters(Parameters):
     """What the numbers of joint_states mean; +x is where a positive force pushes the cart."""
