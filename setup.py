@@ -26,6 +26,7 @@ EXECUTABLES = [
     'demo = dp_swing_ros.tools.demo:main',
     'evaluate = dp_swing_ros.tools.evaluate:main',
     'export = dp_swing_ros.tools.export:main',
+    'identify = dp_swing_ros.tools.identify:main',
     'recover = dp_swing_ros.tools.recover:main',
     'parameters = dp_swing_ros.tools.parameters:main',
     'verify = dp_swing_ros.tools.verify:main',

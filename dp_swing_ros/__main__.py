@@ -16,6 +16,7 @@ TOOLS = {
     'compare': 'what each solver would have done from a tick on',
     'evaluate': 'seeded campaigns: rates, scores, comparisons, pictures',
     'export': 'a run as CSV or Parquet tables, with units',
+    'identify': 'masses, lengths, frictions and the drive from recorded motion',
     'parameters': 'all parameters of all nodes',
     'recover': 'a whole bag from a truncated or damaged one',
     'verify': 'every recorded tick solved again, to the bit'}

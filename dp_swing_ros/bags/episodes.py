@@ -65,17 +65,17 @@ def episode_of(bag: Bag) -> Episode:
         physical=physical, limits=limits, incomplete=bag.incomplete)
 
 
-def samples_of(bag: Bag) -> list[Sample]:
+def samples_of(bag: Bag, as_sent: bool = False) -> list[Sample]:
     """
     Return the states of a run in the order of their stamps; raises as `read_episode`.
 
-    Where the stamps of a driver stand still, they are the times of sending.
+    If `as_sent`, and where the stamps of a driver stand still, they are the times of sending.
     """
     samples: dict[int, Sample] = {}
     entries, links = bag.entries_of(JOINT_STATES), links_of(bag)
     sensors = sensors_of(bag, links)
     found = [bag.parse(_sample, bag.decoded(entry), links, sensors) for entry in entries]
-    if stand_still(sample.stamp for sample in found):
+    if as_sent or stand_still(sample.stamp for sample in found):
         found = [sample._replace(stamp=entry.sent or entry.received)
                  for entry, sample in zip(entries, found)]
     for sample in found:

@@ -1,0 +1,222 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The parameters p with which the model comes closest to recorded motion, by multiple shooting.
+
+    min over p and x_s of  Σ_s Σ_k ρ(W (q(t_k; x_s, p) - q_k))
+
+Each segment s begins with a state x_s of its own, which is eliminated: for each p it is found
+first, and the Jacobian of p is what remains beside that of x_s (variable projection: Golub and
+Pereyra, Inverse Problems 19(2), 2003). ρ is soft_l1, so that what is no noise counts little; W
+makes the residuals white. Source of multiple shooting: Bock, "Recent advances in parameter
+identification techniques for O.D.E.", 1983.
+"""
+
+from collections.abc import Callable, Sequence
+import math
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from dp_swing_ros.identification.segments import Segments
+from dp_swing_ros.identification.shooting import shoot, SMALL
+from dp_swing_ros.identification.unknowns import Parametrisation
+from dp_swing_ros.pendulum.equations import Pendulum
+from dp_swing_ros.pendulum.integrators import INTEGRATORS
+from dp_swing_ros.pendulum.model import Model
+from dp_swing_ros.pendulum.parameters import PendulumParameters
+from dp_swing_ros.pendulum.state import Array
+
+LONGEST_STEP = 0.0025  # [s] of the model, and so it must be integrated finely
+CREEP = 0.005         # [m/s, rad/s] of its dry friction: that of rigs is sharper than of plans
+DIFFERENCE = 1e-4     # of a parameter for derivatives
+ROUGHLY = 2e-3         # [m, rad] standard deviation of a residual, at first
+OUTLIER = 3.0         # [standard deviations] from which on a residual counts less
+STEPS = 20            # to the states that segments begin with, at most
+CLOSE = 1e-5          # to the least loss, at which they are found
+DAMPING = 1e-6        # of those steps at first
+ODD = 10.0            # a segment whose residuals are so many times the usual is left out
+FAR = 1e3             # [m, rad] where a prediction is that has no end
+UNTOLD = 1e-12        # of the largest singular value: a direction that nothing tells
+FLOOR = 1e-6          # [m, rad] standard deviation of a residual at least: no encoder is finer
+
+
+class Part(NamedTuple):
+    """
+    One motion at p: what of its S segments is predicted, and how that changes.
+
+    Shapes: residuals (S, r), with r = K (n + 1); of_states (S, r, 2n + 2), of_parameters
+    (S, r, free) their Jacobians; weights (S, r), what the loss makes of squares.
+    """
+
+    residuals: Array
+    of_states: Array
+    of_parameters: Array
+    weights: Array
+
+    def projected(self) -> Array:
+        """Return of_parameters where the states follow the parameters (S, r, free)."""
+        weighted = np.swapaxes(self.of_states * self.weights[..., None], 1, 2)
+        follow = solved(weighted @ self.of_states, weighted @ self.of_parameters)
+        projected: Array = self.of_parameters - self.of_states @ follow
+        return projected
+
+
+class Fit:
+    """Parameters and states; the states are remembered from one p to the next."""
+
+    def __init__(self, motions: Sequence[Segments], parametrisation: Parametrisation,
+                 on_step: Callable[[], object] = lambda: None) -> None:
+        """Take the segments of each motion, what there is to find, and what to call at a step."""
+        self.motions, self.about, self.on_step = list(motions), parametrisation, on_step
+        self.model = Model(Pendulum.of(PendulumParameters(links=parametrisation.links), CREEP),
+                           INTEGRATORS['rk4'], LONGEST_STEP)
+        self.states = [motion.X_0.copy() for motion in self.motions]
+        self.p = np.zeros(len(parametrisation.names))
+        self.whitening = np.eye(parametrisation.links + 1) / ROUGHLY
+        self.free: Array = np.array([], dtype=int)
+
+    def positions(self, motion: Segments, X_0: Array, P: Array, columns: int) -> Array:
+        """Return what segments are predicted to do (S, columns, K, n + 1); see shoot."""
+        out = np.empty((len(X_0), columns, *motion.Q.shape[1:]))
+        shoot(self.model, motion, X_0, self.about.values(P), out)
+        return np.nan_to_num(out, nan=FAR, posinf=FAR, neginf=-FAR)
+
+    def white(self, positions: Array) -> Array:
+        """Return positions (..., K, n + 1), or differences of them, in deviations (..., r)."""
+        return (positions @ self.whitening).reshape(*positions.shape[:-2], -1)
+
+    def settle(self, i: int) -> None:
+        """Find the states with which the segments of motion i begin, by Levenberg-Marquardt."""
+        motion, X = self.motions[i], self.states[i]
+        size, damping = X.shape[1], np.full(len(X), DAMPING)
+        shot, measured = self.along_states(motion, X), self.white(motion.Q)
+        active = np.arange(len(X))
+        for _ in range(STEPS):
+            r = shot[active, 0] - measured[active]
+            A = np.swapaxes(shot[active, 1:] - shot[active, :1], 1, 2) / SMALL
+            weighted = np.swapaxes(A * weights(r)[..., None], 1, 2)
+            H, g = weighted @ A, (weighted @ r[..., None])[..., 0]
+            H[:, range(size), range(size)] *= 1 + damping[active, None]
+            step = solved(H, g[..., None])[..., 0]
+            going = np.sum(step * g, axis=1) > CLOSE
+            if not going.any():
+                break
+            active, r, step = active[going], r[going], step[going]
+            tried = self.along_states(motion.chosen(active), X[active] - step)
+            better = losses(tried[:, 0] - measured[active]) < losses(r)
+            X[active[better]] -= step[better]
+            shot[active[better]] = tried[better]
+            damping[active] *= np.where(better, 0.1, 10.0)
+
+    def along_states(self, motion: Segments, X_0: Array) -> Array:
+        """Return predictions from states and from a difference beside them (S, 2n + 3, r)."""
+        return self.white(self.positions(motion, X_0, self.p[None], 1 + X_0.shape[1]))
+
+    def part(self, i: int) -> Part:
+        """Return motion i at p."""
+        P = np.tile(self.p, (1 + len(self.free), 1))
+        P[np.arange(1, len(P)), self.free] += DIFFERENCE
+        size = self.states[i].shape[1]
+        shot = self.white(self.positions(self.motions[i], self.states[i], P, size + len(P)))
+        residuals = shot[:, 0] - self.white(self.motions[i].Q)
+        differences = np.swapaxes(shot[:, 1:] - shot[:, :1], 1, 2)
+        return Part(residuals, differences[..., :size] / SMALL,
+                    differences[..., size:] / DIFFERENCE, weights(residuals))
+
+    def parts(self) -> list[Part]:
+        """Return all motions at p."""
+        return [self.part(i) for i in range(len(self.motions))]
+
+    def differences(self) -> list[Array]:
+        """Return by what the predictions differ from what was measured, (S, K, n + 1) each."""
+        return [self.positions(motion, states, self.p[None], 1)[:, 0] - motion.Q
+                for motion, states in zip(self.motions, self.states)]
+
+    def take(self, p: Array) -> None:
+        """Take the free parameters, and find the states that go with them."""
+        self.on_step()
+        self.p[self.free] = p
+        for i in range(len(self.motions)):
+            self.settle(i)
+
+    def restart(self) -> None:
+        """Begin with the states that positions alone give: others may lie far off."""
+        self.states = [motion.X_0.copy() for motion in self.motions]
+        self.take(self.p[self.free])
+
+    def solve(self) -> None:
+        """Find the free parameters, from the present ones."""
+        def residuals(p: Array) -> Array:
+            self.take(p)
+            return np.concatenate([self.white(each).ravel() for each in self.differences()])
+
+        def jacobian(p: Array) -> Array:
+            self.take(p)
+            return np.concatenate([part.projected().reshape(-1, len(p)) for part in self.parts()])
+
+        about, free = self.about, self.free
+        found = least_squares(
+            residuals, self.p[free], jacobian, bounds=(about.lowest[free], about.highest[free]),
+            x_scale=about.scales[free], loss='soft_l1', f_scale=OUTLIER, xtol=1e-5, ftol=1e-7)
+        self.take(found.x)
+
+    def whiten(self) -> None:
+        """Let residuals count by what they are: independent, of a standard deviation of one."""
+        r = np.concatenate([each.reshape(-1, each.shape[-1]) for each in self.differences()])
+        unknown = sum(states.size for states in self.states) + len(self.free)
+        r *= math.sqrt(r.size / max(r.size - unknown, 1))
+        w = 1 / (1 + np.mean((r @ self.whitening) ** 2, axis=1) / OUTLIER ** 2)
+        S = (r * w[:, None]).T @ r / w.sum() + FLOOR ** 2 * np.eye(r.shape[1])
+        self.whitening = np.linalg.inv(np.linalg.cholesky(S)).T
+
+    def leave_out_odd(self) -> None:
+        """Leave out segments that nothing explains: a push by hand, a reset, an obstacle."""
+        rms = [np.sqrt(np.mean(self.white(each) ** 2, axis=1)) for each in self.differences()]
+        usual = np.median(np.concatenate(rms))
+        kept = [each < ODD * usual for each in rms]
+        self.motions = [motion.chosen(which) for motion, which in zip(self.motions, kept)]
+        self.states = [states[which] for states, which in zip(self.states, kept)]
+
+    def deviations(self) -> Array:
+        """
+        Return the standard deviations of the free parameters (free,).
+
+        They are the larger of two: of H⁻¹, for residuals that are independent, and of
+        H⁻¹ (Σ_s g_s g_sᵀ) H⁻¹ with the gradient g_s of each segment, for those that are not. What
+        the model itself lacks shows in many samples on end. Source of the second: White, "Maximum
+        likelihood estimation of misspecified models", Econometrica 50(1), 1982.
+        """
+        scales = self.about.scales[self.free]
+        H, G = np.zeros((2, len(scales), len(scales)))
+        segments = 0
+        for part in self.parts():
+            J = part.projected() * scales
+            weighted = np.swapaxes(J * part.weights[..., None], 1, 2)
+            g = (weighted @ part.residuals[..., None])[..., 0]
+            H, G, segments = H + (weighted @ J).sum(axis=0), G + g.T @ g, segments + len(g)
+        of_directions, directions = np.linalg.eigh(H)
+        inverse = directions / np.maximum(of_directions, UNTOLD * of_directions[-1]) @ directions.T
+        clustered = inverse @ G @ inverse * segments / max(segments - len(scales), 1)
+        return scales * np.sqrt(np.maximum(np.diag(inverse), np.diag(clustered)))
+
+
+def weights(r: Array) -> Array:
+    """Return what soft_l1 makes of the squares of residuals."""
+    return 1 / np.sqrt(1 + (r / OUTLIER) ** 2)
+
+
+def losses(r: Array) -> Array:
+    """Return the loss of each segment; shapes: (S, r) -> (S,), infinite for what is not finite."""
+    with np.errstate(over='ignore', invalid='ignore'):
+        loss = (np.sqrt(1 + (r / OUTLIER) ** 2) - 1).sum(axis=1)
+    found: Array = np.where(np.isfinite(loss), loss, np.inf)
+    return found
+
+
+def solved(H: Array, b: Array) -> Array:
+    """Return H⁻¹ b for each of many, where H may be singular; (S, k, k), (S, k, m)."""
+    scale = np.einsum('skk->sk', H).max(axis=1)[:, None, None]
+    x: Array = np.linalg.solve(H + 1e-12 * scale * np.eye(H.shape[-1]), b)
+    return x

@@ -1,0 +1,120 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The motion in a bag: when each state was measured and each command sent, by one clock."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from dp_swing_ros.bags.episodes import (
+    configurations_of, CONTROLLER, links_of, PLANT, reports_of, samples_of)
+from dp_swing_ros.bags.reader import Bag
+from dp_swing_ros.configuration import group
+from dp_swing_ros.errors import BagError
+from dp_swing_ros.identification.segments import Motion
+from dp_swing_ros.messages.fields import BILLION, nanoseconds
+from dp_swing_ros.pendulum.drive import Drive
+from dp_swing_ros.pendulum.parameters import DriveParameters, LimitParameters, PendulumParameters
+from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.rerun.ticks import commands_of
+from dp_swing_ros.topics import DISTURBANCE, FORCE_COMMAND, JOINT_STATES
+
+APART = 1.0    # [s] between stamps and the times of sending, beyond which their clocks differ
+LOOSE = 0.02   # [s] by which two clocks may differ from a straight line
+LOCKSTEP = 'lockstep: a command acts as long after the stamp of its state as the mpc says'
+SAME = 'a command counts from when it was sent; stamps are of the same clock'
+OTHER = 'a command counts from when it was sent; stamps are of another clock, which was fitted'
+LOGGED = ('stamps cannot be used: states and commands count from when they were sent, and the '
+          'delay holds what the sensors take')
+
+
+class Recorded(NamedTuple):
+    """The motion in a bag, how its times were found, and what its controller took for granted."""
+
+    motion: Motion
+    times: str
+    physical: PendulumParameters
+    drive: Drive
+
+
+class Log(NamedTuple):
+    """When states were sent, and the stamps that they bear [s]; shapes: (K,)."""
+
+    sent: Array
+    stamps: Array
+
+
+def recorded(bag: Bag, links: int | None = None) -> Recorded:
+    """Return the motion in a bag, of so many links if it is said; raises BagError."""
+    if links not in (None, links_of(bag)):
+        raise BagError(f'{bag} is of {links_of(bag)} links; {links} were asked for (--links)')
+    if not bag.has(FORCE_COMMAND):
+        raise BagError(f'{bag} has no commands on {FORCE_COMMAND.name}; record joint_states and '
+                       'force_command together')
+    times, log = clock_of(bag)
+    samples = samples_of(bag, as_sent=times == LOGGED)
+    start = log.stamps[0] if times != LOGGED else log.sent[0]
+    samples = [each for each in samples if np.all(np.isfinite(each.x[:len(each.x) // 2]))]
+    if len(samples) < 2:
+        raise BagError(f'{bag} has {len(samples)} states with finite positions; expected some '
+                       'half minute of them')
+    sent, commands = commands_in(bag, times, log)
+    order = np.argsort(sent, kind='stable')
+    Q = np.array([np.split(each.x, 2)[0] for each in samples])
+    Q[:, 1:] = np.unwrap(Q[:, 1:], axis=0)
+    values = configurations_of(bag)
+    nominal = values[CONTROLLER].parameters if CONTROLLER in values else {}
+    t = np.array([each.stamp / BILLION for each in samples])
+    motion = Motion(t - start, Q, sent[order] - start, commands[order],
+                    pushes_in(bag, log) - start, bag.parse(group, LimitParameters,
+                                                           nominal).track_limit)
+    physical = bag.parse(group, PendulumParameters, {**nominal, 'links': links_of(bag)})
+    return Recorded(motion, times, physical,
+                    Drive.of(bag.parse(group, DriveParameters, nominal)))
+
+
+def clock_of(bag: Bag) -> tuple[str, Log]:
+    """Return how times of stamps and of sending go together."""
+    entries = bag.entries_of(JOINT_STATES)
+    log = Log(np.array([entry.sent or entry.received for entry in entries]) / BILLION,
+              np.array([nanoseconds(bag.decoded(entry).header.stamp) for entry in entries])
+              / BILLION)
+    plant = configurations_of(bag).get(PLANT)
+    if plant is not None and plant.parameters.get('lockstep'):
+        return LOCKSTEP, log
+    if len(set(log.stamps)) < 0.9 * len(log.stamps):
+        return LOGGED, log
+    if np.median(np.abs(log.sent - log.stamps)) < APART:
+        return SAME, log
+    ages = log.stamps - on_stamps(log, log.sent)
+    return (OTHER if np.std(ages) < LOOSE else LOGGED), log
+
+
+def on_stamps(log: Log, times: Array) -> Array:
+    """Return times of sending [s] by the clock of the stamps, as a straight line has it."""
+    middle = log.sent.mean()
+    pace, at_middle = np.polyfit(log.sent - middle, log.stamps, 1)
+    on_line: Array = at_middle + pace * (times - middle)
+    return on_line
+
+
+def commands_in(bag: Bag, times: str, log: Log) -> tuple[Array, Array]:
+    """Return when finite commands were sent, by the clock of the motion [s], and which [N]."""
+    reports = [each for each in reports_of(bag) if {'delay', 'force'} <= each.values.keys()]
+    if times == LOCKSTEP and reports:
+        found = [(each.stamp / BILLION + float(each.values['delay']), float(each.values['force']))
+                 for each in reports]
+    else:
+        found = [(each.time / BILLION, each.force) for each in commands_of(bag)]
+    sent, commands = np.array([each for each in found if np.isfinite(each[1])]).reshape(-1, 2).T
+    if times == LOCKSTEP and not reports:   # each answers the last state before it
+        sent = log.stamps[np.maximum(np.searchsorted(log.sent, sent) - 1, 0)]
+    elif times == OTHER:
+        sent = on_stamps(log, sent)
+    return sent, commands
+
+
+def pushes_in(bag: Bag, log: Log) -> Array:
+    """Return about when disturbances were sent, by the clock of the stamps [s]."""
+    entries = bag.entries_of(DISTURBANCE) if bag.has(DISTURBANCE) else []
+    return on_stamps(log, np.array([entry.sent or entry.received for entry in entries]) / BILLION)

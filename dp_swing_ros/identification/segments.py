@@ -1,0 +1,113 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Motion as it was recorded, and the segments of it that say something about the pendulum."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from dp_swing_ros.errors import UserError
+from dp_swing_ros.pendulum.drive import HISTORY
+from dp_swing_ros.pendulum.state import Array
+
+DURATION = 0.5        # [s] of a segment; beyond it chaos makes most of what a prediction misses
+FEWEST = 8            # samples in one, of which the first gives the state it begins with
+BEGINNING = 0.15      # [s] whose motion gives the speeds at the beginning
+END = 0.05            # [m] from the end of the track
+SILENCE = 0.21        # [s] without a command, after which a drive may have let go
+SWING = 0.3           # [rad] that the links must go at least, all in all
+
+
+class Motion(NamedTuple):
+    """
+    What was measured, and what was commanded meanwhile, by one clock [s].
+
+    Shapes: t (K,), Q (K, n + 1) positions of cart [m] and links [rad], without jumps at whole
+    turns; sent and commands (M,) [N], in order; pushes (L,), when a force beside it began to act.
+    """
+
+    t: Array
+    Q: Array
+    sent: Array
+    commands: Array
+    pushes: Array
+    track_limit: float   # [m]
+
+
+class Segments(NamedTuple):
+    """
+    Stretches of a motion, each of as many samples.
+
+    The commands with the indices `first` to `last`, the last left out, are those that may act
+    between a sample and the next; the first of all is what came before any, zero. Shapes: t, first
+    and last (S, K), Q (S, K, n + 1), X_0 (S, 2n + 2) the states that they begin with, about;
+    sent and commands (M + 1,).
+    """
+
+    t: Array
+    Q: Array
+    X_0: Array
+    first: Array
+    last: Array
+    sent: Array
+    commands: Array
+
+    def chosen(self, which: Array) -> 'Segments':
+        """Return some of the segments; shapes: which (S,)."""
+        return self._replace(**{name: getattr(self, name)[which]
+                                for name in ('t', 'Q', 'X_0', 'first', 'last')})
+
+
+def segments_of(motion: Motion, duration: float = DURATION) -> Segments:
+    """
+    Cut a motion where nothing but pendulum and drive decide it; raises UserError for too little.
+
+    No two segments share a sample: the noise of one would count twice.
+    """
+    period = float(np.median(np.diff(motion.t)))
+    size = max(round(duration / period), FEWEST)
+    count = len(motion.t) // size
+    t = motion.t[:count * size].reshape(count, size)
+    Q = motion.Q[:count * size].reshape(count, size, -1)
+    told = np.array([is_told(motion, *each, period) for each in zip(t, Q)], dtype=bool)
+    check(motion, Q[told])
+    t, Q = t[told], Q[told]
+    sent = np.concatenate(([-np.inf], motion.sent))
+    commands = np.concatenate(([0.0], motion.commands))
+    after = np.concatenate((t[:, 1:], t[:, -1:]), axis=1)
+    return Segments(t, Q, np.array([beginning(*each) for each in zip(t, Q)]),
+                    np.searchsorted(sent, t - HISTORY, 'right') - 1,
+                    np.searchsorted(sent, after), sent, commands)
+
+
+def is_told(motion: Motion, t: Array, Q: Array, period: float) -> bool:
+    """Return whether positions are known, and all forces that act; shapes: t (K,), Q (K, n+1)."""
+    begins, ends = t[0] - SILENCE, t[-1]
+    about = motion.sent[(motion.sent > begins) & (motion.sent < ends)]
+    silent = len(motion.sent) and ends > motion.sent[0] and (
+        np.max(np.diff(np.concatenate(([begins], about, [ends])))) > SILENCE)
+    if silent and t[0] < motion.sent[0]:   # before the first command there is no force
+        silent = np.max(np.diff(np.append(about, ends)), initial=0.0) > SILENCE
+    pushed = np.any((motion.pushes > begins) & (motion.pushes < ends))
+    return bool(np.all(np.isfinite(Q)) and np.max(np.diff(t)) < 3 * period and not silent
+                and not pushed and np.max(np.abs(Q[:, 0])) < motion.track_limit - END)
+
+
+def check(motion: Motion, Q: Array) -> None:
+    """Raise UserError where segments with the positions Q (S, K, n + 1) say too little."""
+    if len(Q) == 0:
+        raise UserError(
+            f'of {np.ptp(motion.t):.3g} s nothing can be used: no half second with all positions, '
+            'a command every 0.2 s, away from the ends of the track, without a push; record '
+            'half a minute under control')
+    swing = np.ptp(Q[..., 1:], axis=(0, 1)).min()
+    if swing < SWING:
+        raise UserError(f'it moves too little: a link goes {swing:.2g} rad in all; swing it, by '
+                        'hand or by the mpc')
+
+
+def beginning(t: Array, Q: Array) -> Array:
+    """Return about the state of the first sample; shapes: t (K,), Q (K, n + 1) -> (2n + 2,)."""
+    count = max(int(np.sum(t < t[0] + BEGINNING)), 3)
+    _, speeds, positions = np.polyfit(t[:count] - t[0], Q[:count], 2)
+    return np.concatenate((positions, speeds))

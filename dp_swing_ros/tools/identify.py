@@ -1,0 +1,137 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""`ros2 run dp_swing_ros identify BAG... -o rig.yaml`: a rig's parameters from its motion."""
+
+import argparse
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
+from dp_swing_ros import figures
+from dp_swing_ros.bags.reader import Bag
+from dp_swing_ros.configuration import declared, NODES
+from dp_swing_ros.errors import UserError
+from dp_swing_ros.identification.identify import Identified, identify
+from dp_swing_ros.identification.recorded import Recorded, recorded
+from dp_swing_ros.parameters import checked, unknown
+from dp_swing_ros.pendulum.state import joints, LINKS
+from dp_swing_ros.tables import aligned
+from dp_swing_ros.tools.command_lines import bag_parser, beside, execute, OK, progress
+
+NOTHING = 1e-7   # a value below is none
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Identify the rig of the bags that the command line names; return the exit code."""
+    parser = bag_parser(
+        'identify', 'Find masses, lengths, inertias, frictions, delay, lag and bias of a rig from '
+        'recorded motion (joint_states and force_command), with intervals of 95 %, and write them '
+        'as a parameter file for mpc and plant. Half a minute that swings, is held and pushed '
+        'tells all that motion can.',
+        nargs='+', help='folder of a bag with joint_states and force_command, or its .mcap file; '
+                        'several are of one rig')
+    parser.epilog = (
+        f'examples: {parser.prog} my_bag -o rig.yaml; with what a balance and a ruler tell: '
+        f'{parser.prog} bag1 bag2 -o rig.yaml --known cart_mass=1.1 link2_length=0.3; then: ros2 '
+        'run dp_swing_ros mpc --ros-args --params-file rig.yaml')
+    parser.add_argument('-o', '--output', type=Path, metavar='FILE',
+                        help='parameter file to write, its picture beside it (default: '
+                             'BAG_rig.yaml, beside the bag)')
+    parser.add_argument('--known', nargs='+', action='extend', type=given, default=[],
+                        metavar='NAME=VALUE',
+                        help='parameters that are known; force_gain is found only where a mass '
+                             'is, and the inertia factor of the last link where its length is')
+    parser.add_argument('--links', type=int, choices=LINKS,
+                        help='number of links (default: what the bag says)')
+    return execute(parser, _identify, argv)
+
+
+def given(text: str) -> tuple[str, float]:
+    """Return name and value of NAME=VALUE."""
+    name, _, value = text.partition('=')
+    try:
+        return name, float(value)
+    except ValueError:
+        raise argparse.ArgumentTypeError(
+            f'{text[:80]!r} is not NAME=VALUE, as cart_mass=1.1') from None
+
+
+def _identify(arguments: argparse.Namespace) -> int:
+    bags = [Bag(path, arguments.partial, arguments.namespace) for path in arguments.bag]
+    found = [recorded(bag, arguments.links) for bag in bags]
+    first, known = found[0], dict(arguments.known)
+    for bag, each in zip(bags, found):
+        if each.physical.links != first.physical.links:
+            raise UserError(f'{bag} is of {each.physical.links} links, {bags[0]} of '
+                            f'{first.physical.links}; identify one rig at a time')
+    check(known, first.physical.links)
+    with progress(desc='predictions', unit='') as bar:
+        identified = identify([each.motion for each in found], first.physical, first.drive, known,
+                              on_step=bar.update)
+    print(table(identified), report(identified, found), sep='\n\n', end='\n\n')
+    for bag in bags:
+        if bag.incomplete:
+            print(f'{bag}: {bag.incomplete}')
+    output = arguments.output or Path(f'{beside(arguments.bag[0], "rig")}.yaml')
+    output.parent.mkdir(parents=True, exist_ok=True)
+    output.write_text(parameter_file(identified, first.physical.links, arguments.bag),
+                      encoding='utf-8')
+    figures.identification(identified).savefig(output.with_suffix('.png'))
+    print(output, output.with_suffix('.png'), sep='\n')
+    return OK
+
+
+def check(known: Mapping[str, float], links: int) -> None:
+    """Raise ParameterError for values that a rig with so many links cannot have."""
+    fields = declared('mpc', links)
+    for name, value in known.items():
+        if name not in fields:
+            raise unknown(name, 'mpc', fields)
+        checked(fields[name], value, name)
+
+
+def table(found: Identified) -> str:
+    """Return a Markdown table of what was found, then of what was not: a row a parameter."""
+    links = len(found.rms('after')) - 1
+    fields = declared('mpc', links)
+    rows = [['parameter', 'value', '95 %', 'before', 'unit']]
+    for name, (low, high) in found.intervals.items():
+        rows.append([name, number(found.values[name]), f'{number(low)} to {number(high)}',
+                     number(found.before[name]), fields[name].metadata['unit']])
+    rows += [[name, number(found.values[name]), 'cannot be told from these bags',
+              number(found.before[name]), fields[name].metadata['unit']] for name in found.untold]
+    return aligned(rows, names=1)
+
+
+def report(found: Identified, motions: Sequence[Recorded]) -> str:
+    """Return in words how well predictions fit, what was held and why, and how times are meant."""
+    used = sum(each.segments.t.size for each in found.predictions)
+    before, after = found.rms('before'), found.rms('after')
+    lines = ['error of predictions over half a second, RMS: ' + ', '.join(
+        f'{name} {1e3 * was:.3g} -> {1e3 * now:.3g} {unit}' for name, was, now, unit in zip(
+            joints(len(after) - 1), before, after, ['mm', *['mrad'] * len(after)]))]
+    lines += [f'{used} of {sum(len(each.motion.t) for each in motions)} states used' + (
+        f'; {found.left_out} segments that no parameters explain are left out' if found.left_out else '')]
+    lines += [f'{name} held at {number(found.values[name])}: {why}'
+              for name, why in found.held.items()]
+    lines += list(dict.fromkeys(each.times for each in motions))
+    return '\n'.join(lines)
+
+
+def parameter_file(found: Identified, links: int, bags: Iterable[Path]) -> str:
+    """Return the text of a ROS parameter file with what mpc and plant both have."""
+    both = set.intersection(*(set(declared(node, links)) for node in NODES))
+    lines = [f'# Identified from {", ".join(path.name for path in bags)}; intervals of 95 %.',
+             '/**:', '  ros__parameters:', f'    links: {links}']
+    for name, value in found.values.items():
+        if name in found.intervals:
+            why = ' to '.join(map(number, found.intervals[name]))
+        else:
+            why = found.held.get(name, 'cannot be told from these bags')
+        if name in both:
+            lines.append(f'    {name}: {number(value)}  # {why}')
+    return '\n'.join(lines) + '\n'
+
+
+def number(value: float) -> str:
+    """Return a number that is read as one with a fraction, as ROS wants it."""
+    return repr(float(f'{0.0 if abs(value) < NOTHING else value:.5g}'))
