@@ -39,6 +39,8 @@ DAMPING = 1e-6        # of those steps at first
 ODD = 10.0            # a segment whose residuals are so many times the usual is left out
 FAR = 1e3             # [m, rad] where a prediction is that has no end
 UNTOLD = 1e-12        # of the largest singular value: a direction that nothing tells
+WHITE = 0.2           # logarithm of a variance that is one, nearly
+INSIDE = 0.1          # of a scale from a bound a parameter begins
 FLOOR = 1e-6          # [m, rad] standard deviation of a residual at least: no encoder is finer
 
 
@@ -156,28 +158,42 @@ class Fit:
             self.take(p)
             return np.concatenate([part.projected().reshape(-1, len(p)) for part in self.parts()])
 
-        about, free = self.about, self.free
+        free, scales = self.free, self.about.scales[self.free]
+        lowest, highest = self.about.lowest[free], self.about.highest[free]
+        # from a bound on, the method takes only small steps
+        begin = np.clip(self.p[free], lowest + INSIDE * scales, highest - INSIDE * scales)
         found = least_squares(
-            residuals, self.p[free], jacobian, bounds=(about.lowest[free], about.highest[free]),
-            x_scale=about.scales[free], loss='soft_l1', f_scale=OUTLIER, xtol=1e-5, ftol=1e-7)
+            residuals, begin, jacobian, bounds=(lowest, highest), x_scale=scales,
+            loss='soft_l1', f_scale=OUTLIER, xtol=1e-5, ftol=1e-7)
         self.take(found.x)
 
-    def whiten(self) -> None:
-        """Let residuals count by what they are: independent, of a standard deviation of one."""
+    def whiten(self) -> bool:
+        """
+        Let residuals count by what they are: independent, of a standard deviation of one.
+
+        Returns whether they were that, nearly.
+        """
         r = np.concatenate([each.reshape(-1, each.shape[-1]) for each in self.differences()])
         unknown = sum(states.size for states in self.states) + len(self.free)
         r *= math.sqrt(r.size / max(r.size - unknown, 1))
         w = 1 / (1 + np.mean((r @ self.whitening) ** 2, axis=1) / OUTLIER ** 2)
         S = (r * w[:, None]).T @ r / w.sum() + FLOOR ** 2 * np.eye(r.shape[1])
+        variances = np.linalg.eigvalsh(self.whitening.T @ S @ self.whitening)
         self.whitening = np.linalg.inv(np.linalg.cholesky(S)).T
+        return bool(np.all(np.abs(np.log(variances)) < WHITE))
 
-    def leave_out_odd(self) -> None:
-        """Leave out segments that nothing explains: a push by hand, a reset, an obstacle."""
+    def leave_out_odd(self) -> bool:
+        """
+        Leave out segments that nothing explains: a push by hand, a reset, an obstacle.
+
+        Returns whether there are any.
+        """
         rms = [np.sqrt(np.mean(self.white(each) ** 2, axis=1)) for each in self.differences()]
         usual = np.median(np.concatenate(rms))
         kept = [each < ODD * usual for each in rms]
         self.motions = [motion.chosen(which) for motion, which in zip(self.motions, kept)]
         self.states = [states[which] for states, which in zip(self.states, kept)]
+        return not all(map(np.all, kept))
 
     def deviations(self) -> Array:
         """

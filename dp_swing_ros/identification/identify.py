@@ -14,7 +14,7 @@ from dp_swing_ros.pendulum.drive import DIRECT, Drive
 from dp_swing_ros.pendulum.parameters import PendulumParameters
 from dp_swing_ros.pendulum.state import Array
 
-ROUNDS = 3          # of parameters, and of what residuals count by, in turns
+ROUNDS = 6          # of parameters and of what residuals count by in turns, at most
 CONFIDENCE = 1.96   # standard deviations to either side of 95 %
 
 
@@ -64,11 +64,12 @@ def identify(motions: Sequence[Motion], physical: PendulumParameters, drive: Dri
     fit = Fit([segments_of(motion, duration) for motion in motions], about, on_step)
     cut = sum(len(motion.t) for motion in fit.motions)
     fit.free = np.array([i for i, name in enumerate(about.names) if name not in about.held])
-    for n in range(ROUNDS):
+    for _ in range(ROUNDS):
         fit.restart()
         fit.solve()
-        fit.whiten()
-        fit.leave_out_odd()
+        white = fit.whiten()
+        if not fit.leave_out_odd() and white:
+            break
     fit.solve()
     untold = leave_out_untold(fit)
     deviations = fit.deviations()

@@ -68,7 +68,7 @@ def segments_of(motion: Motion, duration: float = DURATION) -> Segments:
     size = max(round(duration / period), FEWEST)
     count = len(motion.t) // size
     t = motion.t[:count * size].reshape(count, size)
-    Q = motion.Q[:count * size].reshape(count, size, -1)
+    Q = motion.Q[:count * size].reshape(count, size, motion.Q.shape[1])
     told = np.array([is_told(motion, *each, period) for each in zip(t, Q)], dtype=bool)
     check(motion, Q[told])
     t, Q = t[told], Q[told]

@@ -82,7 +82,8 @@ def _identify(arguments: argparse.Namespace) -> int:
 
 def check(known: Mapping[str, float], links: int) -> None:
     """Raise ParameterError for values that a rig with so many links cannot have."""
-    fields = declared('mpc', links)
+    fields = {name: field for name, field in declared('mpc', links).items()
+              if name in declared('plant', links)}
     for name, value in known.items():
         if name not in fields:
             raise unknown(name, 'mpc', fields)

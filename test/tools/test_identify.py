@@ -1,0 +1,137 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+import subprocess
+
+import numpy as np
+import pytest
+from real_bags import record, rewritten
+
+from dp_swing_ros import configuration
+from dp_swing_ros.bags.reader import Bag
+from dp_swing_ros.identification import recorded as times
+from dp_swing_ros.identification.recorded import recorded
+from dp_swing_ros.tools.identify import main
+from dp_swing_ros.topics import FORCE_COMMAND, JOINT_STATES
+
+RIG = {'cart_mass': 1.1, 'link2_mass': 0.55, 'link1_length': 1.05, 'joint1_dry_friction': 0.02,
+       'actuation_delay': 0.01, 'motor_time_constant': 0.015}
+PLANT = ''.join(f'    {name}: {value}\n' for name, value in RIG.items())
+HOUR = 3600   # [s]
+
+
+@pytest.fixture(scope='module')
+def lockstep(tmp_path_factory):
+    return record(tmp_path_factory.mktemp('lockstep'), '--lockstep', '--duration', '10',
+                  plant=PLANT)
+
+
+@pytest.fixture(scope='module')
+def real_time(tmp_path_factory):
+    return record(tmp_path_factory.mktemp('real_time'), '--duration', '6', plant=PLANT)
+
+
+def stamped(change):
+    """Return what changes the stamps of states [s]."""
+    def of_message(message):
+        message.header.stamp.sec, message.header.stamp.nanosec = change(message.header.stamp)
+        return message
+    return of_message
+
+
+def test_the_process_finds_what_moved_the_plant(lockstep, tmp_path):
+    output = tmp_path / 'new' / 'rig.yaml'
+    run = subprocess.run(['ros2', 'run', 'dp_swing_ros', 'identify', str(lockstep), '-o',
+                          str(output)], capture_output=True, text=True, timeout=280)
+    assert run.returncode == 0, run.stderr
+    assert 'force_gain held at 1.0' in run.stdout
+    assert times.LOCKSTEP in run.stdout
+    assert output.with_suffix('.png').stat().st_size > 10_000
+    values = configuration.read([output])
+    assert values['plant'] == values['mpc']
+    for name, value in RIG.items():
+        assert values['mpc'][name] == pytest.approx(value, rel=0.02, abs=2e-3), name
+
+
+def test_plant_and_mpc_take_the_file(lockstep, tmp_path, start_node):
+    output = tmp_path / 'rig.yaml'
+    assert main([str(lockstep), '--known', 'cart_mass=1.1', '-o', str(output)]) == 0
+    values = configuration.read([output])
+    assert configuration.plant(values['plant']).physical.cart_mass == 1.1
+    assert configuration.controller(values['mpc']).nominal_drive.gain == pytest.approx(1, abs=0.02)
+    mpc = start_node('mpc', arguments=['--params-file', str(output)])
+    plant = start_node('plant', {'duration': 0.5}, arguments=['--params-file', str(output)])
+    mpc.wait_for('ready')
+    assert plant.wait() == 0
+    assert mpc.stop() == 0
+
+
+def test_in_real_time_a_command_counts_from_when_it_was_sent(real_time, tmp_path):
+    found = recorded(Bag(real_time))
+    assert found.times == times.SAME
+    ages = found.motion.sent[20:] - found.motion.t[np.searchsorted(
+        found.motion.t, found.motion.sent[20:]) - 1]
+    assert 0 < np.median(ages) < 0.05
+    assert main([str(real_time), '-o', str(tmp_path / 'rig.yaml')]) == 0
+    values = configuration.read([tmp_path / 'rig.yaml'])['mpc']
+    assert values['cart_mass'] == pytest.approx(RIG['cart_mass'], rel=0.03)
+    assert values['link1_length'] == pytest.approx(RIG['link1_length'], rel=0.03)
+
+
+def test_stamps_of_another_clock_are_fitted(real_time, tmp_path):
+    bag = rewritten(real_time, tmp_path / 'bag', JOINT_STATES,
+                    stamped(lambda stamp: (stamp.sec - HOUR, stamp.nanosec)))
+    found, usual = recorded(Bag(bag)), recorded(Bag(real_time))
+    assert found.times == times.OTHER
+    np.testing.assert_allclose(found.motion.t, usual.motion.t)
+    np.testing.assert_allclose(found.motion.sent, usual.motion.sent, atol=times.LOOSE)
+
+
+def test_where_stamps_are_zero_the_log_counts(real_time, tmp_path):
+    bag = rewritten(real_time, tmp_path / 'bag', JOINT_STATES, stamped(lambda stamp: (0, 0)))
+    found, usual = recorded(Bag(bag)), recorded(Bag(real_time))
+    assert found.times == times.LOGGED
+    np.testing.assert_allclose(found.motion.t, usual.motion.t, atol=times.LOOSE)
+
+
+def test_several_bags_are_of_one_rig(lockstep, real_time, tmp_path, capsys):
+    assert main([str(lockstep), str(real_time), '-o', str(tmp_path / 'rig.yaml')]) == 0
+    shown = capsys.readouterr().out
+    assert times.LOCKSTEP in shown and times.SAME in shown
+
+
+def test_a_bag_without_commands_is_one_line(lockstep, tmp_path, capsys):
+    bag = rewritten(lockstep, tmp_path / 'bag', FORCE_COMMAND, lambda message: None)
+    assert main([str(bag)]) == 2
+    assert 'no commands on force_command' in capsys.readouterr().err
+
+
+def test_a_rig_that_hangs_still_is_one_line(lockstep, tmp_path, capsys):
+    def hang(message):
+        message.position = [0.0, np.pi, np.pi]
+        return message
+    assert main([str(rewritten(lockstep, tmp_path / 'bag', JOINT_STATES, hang))]) == 2
+    assert 'moves too little' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('arguments, text', [
+    (['--links', '1'], 'is of 2 links'),
+    (['--known', 'cart_mas=1.1'], "did you mean 'cart_mass'"),
+    (['--known', 'cart_mass=-1'], 'at least 0.001'),
+    (['--known', 'force_limit=20'], 'unknown parameter'),
+    (['--known', 'horizon=30'], 'unknown parameter')])
+def test_what_cannot_be_is_one_line(lockstep, arguments, text, capsys):
+    assert main([str(lockstep), *arguments]) == 2
+    assert text in capsys.readouterr().err
+
+
+def test_a_bag_that_is_not_there_is_one_line(tmp_path, capsys):
+    assert main([str(tmp_path / 'none')]) == 2
+    assert 'there is no bag' in capsys.readouterr().err
+
+
+def test_what_is_known_has_a_name_and_a_number(lockstep, capsys):
+    with pytest.raises(SystemExit) as end:
+        main([str(lockstep), '--known', 'cart_mass'])
+    assert end.value.code == 2
+    assert 'is not NAME=VALUE' in capsys.readouterr().err
