@@ -74,7 +74,7 @@ def rig(seed: int, **others: Any) -> dict[str, Any]:
             **others}
 
 
-def record(seed: int, motion: str = 'held', duration: float = DURATION,
+def record(seed: int, motion: str = 'pushed', duration: float = DURATION,
            **others: Any) -> Motion:
     """Return a motion of the rig as its sensors see it, under an mpc that is told nothing."""
     plant = configuration.plant(rig(seed, **others))
@@ -169,7 +169,7 @@ def main() -> None:
         print(f'{MOTIONS[motion]}, {DURATION:g} s, {arguments.seeds} seeds:\n\n{table(found)}\n',
               flush=True)
     if arguments.compare:
-        print(comparison(identified(0, 'held'), range(arguments.compare), arguments.jobs))
+        print(comparison(identified(0, 'pushed'), range(arguments.compare), arguments.jobs))
 
 
 if __name__ == '__main__':

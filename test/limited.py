@@ -14,8 +14,8 @@ PATIENCE = 120                 # [s]
 # they are forks of one process that has imported all, which takes longer than most calls
 FORKS = multiprocessing.get_context('forkserver')
 FORKS.set_forkserver_preload([f'dp_swing_ros.{module}' for module in (
-    'tools.analyse', 'tools.compare', 'tools.evaluate', 'tools.export', 'tools.recover',
-    'tools.verify', 'nodes.replay')])
+    'tools.analyse', 'tools.compare', 'tools.evaluate', 'tools.export', 'tools.identify',
+    'tools.recover', 'tools.verify', 'nodes.replay')])
 
 
 def called(module, arguments, folder):

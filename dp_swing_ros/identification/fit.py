@@ -28,10 +28,8 @@ from dp_swing_ros.pendulum.model import Model
 from dp_swing_ros.pendulum.parameters import PendulumParameters
 from dp_swing_ros.pendulum.state import Array
 
-LONGEST_STEP = 0.0025  # [s] of the model, and so it must be integrated finely
-CREEP = 0.005         # [m/s, rad/s] of its dry friction: that of rigs is sharper than of plans
 DIFFERENCE = 1e-4     # of a parameter for derivatives
-ROUGHLY = 2e-3         # [m, rad] standard deviation of a residual, at first
+ROUGHLY = 2e-3        # [m, rad] standard deviation of a residual, at first
 OUTLIER = 3.0         # [standard deviations] from which on a residual counts less
 STEPS = 20            # to the states that segments begin with, at most
 CLOSE = 1e-5          # to the least loss, at which they are found
@@ -42,6 +40,16 @@ UNTOLD = 1e-12        # of the largest singular value: a direction that nothing 
 WHITE = 0.2           # logarithm of a variance that is one, nearly
 INSIDE = 0.1          # of a scale from a bound a parameter begins
 FLOOR = 1e-6          # [m, rad] standard deviation of a residual at least: no encoder is finer
+
+
+class Precision(NamedTuple):
+    """How sharp the dry friction of the model is, and how finely it is integrated for that."""
+
+    creep: float  # [m/s, rad/s]
+    step: float   # [s]
+
+
+ROUGH, FINE = Precision(5e-3, 2.5e-3), Precision(2e-3, 1e-3)
 
 
 class Part(NamedTuple):
@@ -72,12 +80,17 @@ class Fit:
                  on_step: Callable[[], object] = lambda: None) -> None:
         """Take the segments of each motion, what there is to find, and what to call at a step."""
         self.motions, self.about, self.on_step = list(motions), parametrisation, on_step
-        self.model = Model(Pendulum.of(PendulumParameters(links=parametrisation.links), CREEP),
-                           INTEGRATORS['rk4'], LONGEST_STEP)
+        self.use(ROUGH)
         self.states = [motion.X_0.copy() for motion in self.motions]
         self.p = np.zeros(len(parametrisation.names))
         self.whitening = np.eye(parametrisation.links + 1) / ROUGHLY
         self.free: Array = np.array([], dtype=int)
+
+    def use(self, precision: Precision) -> None:
+        """Predict with this precision from now on."""
+        self.model = Model(
+            Pendulum.of(PendulumParameters(links=self.about.links), precision.creep),
+            INTEGRATORS['rk4'], precision.step)
 
     def positions(self, motion: Segments, X_0: Array, P: Array, columns: int) -> Array:
         """Return what segments are predicted to do (S, columns, K, n + 1); see shoot."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dp_swing_ros.identification.fit import Fit
+from dp_swing_ros.identification.fit import FINE, Fit
 from dp_swing_ros.identification.segments import DURATION, Motion, Segments, segments_of
 from dp_swing_ros.identification.unknowns import Parametrisation, SHARE
 from dp_swing_ros.pendulum.drive import DIRECT, Drive
@@ -70,7 +70,10 @@ def identify(motions: Sequence[Motion], physical: PendulumParameters, drive: Dri
         white = fit.whiten()
         if not fit.leave_out_odd() and white:
             break
-    fit.solve()
+    fit.use(FINE)
+    for _ in range(2):
+        fit.solve()
+        fit.whiten()
     untold = leave_out_untold(fit)
     deviations = fit.deviations()
     found = fit.p.copy()

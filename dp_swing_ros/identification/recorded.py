@@ -59,6 +59,9 @@ def recorded(bag: Bag, links: int | None = None) -> Recorded:
         raise BagError(f'{bag} has {len(samples)} states with finite positions; expected some '
                        'half minute of them')
     sent, commands = commands_in(bag, times, log)
+    if not len(sent):
+        raise BagError(f'{bag} has no finite command on {FORCE_COMMAND.name}; record a run under '
+                       'control')
     order = np.argsort(sent, kind='stable')
     Q = np.array([np.split(each.x, 2)[0] for each in samples])
     Q[:, 1:] = np.unwrap(Q[:, 1:], axis=0)

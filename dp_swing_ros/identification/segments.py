@@ -15,6 +15,7 @@ FEWEST = 8            # samples in one, of which the first gives the state it be
 BEGINNING = 0.15      # [s] whose motion gives the speeds at the beginning
 END = 0.05            # [m] from the end of the track
 SILENCE = 0.21        # [s] without a command, after which a drive may have let go
+LOST = 3              # periods without a sample: beyond, a turn may have been missed
 SWING = 0.3           # [rad] that the links must go at least, all in all
 
 
@@ -83,13 +84,12 @@ def segments_of(motion: Motion, duration: float = DURATION) -> Segments:
 def is_told(motion: Motion, t: Array, Q: Array, period: float) -> bool:
     """Return whether positions are known, and all forces that act; shapes: t (K,), Q (K, n+1)."""
     begins, ends = t[0] - SILENCE, t[-1]
-    about = motion.sent[(motion.sent > begins) & (motion.sent < ends)]
-    silent = len(motion.sent) and ends > motion.sent[0] and (
-        np.max(np.diff(np.concatenate(([begins], about, [ends])))) > SILENCE)
-    if silent and t[0] < motion.sent[0]:   # before the first command there is no force
-        silent = np.max(np.diff(np.append(about, ends)), initial=0.0) > SILENCE
+    sent = motion.sent[(motion.sent > begins) & (motion.sent < ends)]
+    first = motion.sent.min(initial=np.inf)   # before it there is no force
+    waits = np.diff(np.concatenate(([max(begins, first)], sent, [ends])))
+    silent = ends > first and waits.max() > SILENCE
     pushed = np.any((motion.pushes > begins) & (motion.pushes < ends))
-    return bool(np.all(np.isfinite(Q)) and np.max(np.diff(t)) < 3 * period and not silent
+    return bool(np.all(np.isfinite(Q)) and np.max(np.diff(t)) < LOST * period and not silent
                 and not pushed and np.max(np.abs(Q[:, 0])) < motion.track_limit - END)
 
 

@@ -100,7 +100,7 @@ def test_numbers_of_a_campaign_are_bounded(tmp_path, arguments, text):
     assert code == 2 and text in shown, shown
 
 
-@pytest.mark.parametrize('tool', TOOLS)
+@pytest.mark.parametrize('tool', [*TOOLS, 'identify'])
 def test_named_pipes_are_no_bags(bag, tool):
     pipe = bag.with_name('pipe.mcap')
     os.mkfifo(pipe)
