@@ -49,7 +49,7 @@ class Precision(NamedTuple):
     step: float   # [s]
 
 
-ROUGH, FINE = Precision(5e-3, 2.5e-3), Precision(2e-3, 1e-3)
+ROUGH, FINE = Precision(2e-2, 1e-2), Precision(2e-3, 1e-3)
 
 
 class Part(NamedTuple):

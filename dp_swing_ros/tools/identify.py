@@ -110,8 +110,9 @@ def report(found: Identified, motions: Sequence[Recorded]) -> str:
     lines = ['error of predictions over half a second, RMS: ' + ', '.join(
         f'{name} {1e3 * was:.3g} -> {1e3 * now:.3g} {unit}' for name, was, now, unit in zip(
             joints(len(after) - 1), before, after, ['mm', *['mrad'] * len(after)]))]
-    lines += [f'{used} of {sum(len(each.motion.t) for each in motions)} states used' + (
-        f'; {found.left_out} segments that no parameters explain are left out' if found.left_out else '')]
+    lines.append(f'{used} of {sum(len(each.motion.t) for each in motions)} states used')
+    if found.left_out:
+        lines.append(f'segments left out that no parameters explain: {found.left_out}')
     lines += [f'{name} held at {number(found.values[name])}: {why}'
               for name, why in found.held.items()]
     lines += list(dict.fromkeys(each.times for each in motions))

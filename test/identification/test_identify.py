@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from dp_swing_ros.errors import UserError
+from dp_swing_ros.identification.fit import FINE
 from dp_swing_ros.identification.identify import identify
 from dp_swing_ros.identification.segments import Motion, segments_of
 from dp_swing_ros.parameters import ParameterError
@@ -34,7 +35,7 @@ def rig(links, **others):
 def swung(physical, seed=0, duration=10.0, noise=0.0, drive=DRIVE, amplitude=12.0):
     """Return a motion under random commands, which a spring keeps from the ends of the track."""
     random = np.random.default_rng(seed)
-    model = Model(Pendulum.of(physical, 0.005), INTEGRATORS['rk4'], 0.0025)
+    model = Model(Pendulum.of(physical, FINE.creep), INTEGRATORS['rk4'], FINE.step)
     x = hanging(physical.links)
     x[1:physical.links + 1] += random.uniform(-1.0, 1.0, physical.links)
     t, X, commands = PERIOD * np.arange(round(duration / PERIOD)), [], []
@@ -93,11 +94,11 @@ def test_intervals_cover_the_truth_as_often_as_they_say():
     physical, names = rig(2), ('cart_mass', 'link1_mass', 'link2_length', 'cart_dry_friction',
                                'joint1_friction', 'actuation_delay', 'force_bias')
     covered = []
-    for seed in range(16):
+    for seed in range(12):
         found = identify([swung(physical, seed, noise=5e-4)], PendulumParameters())
         covered += [found.intervals[name][0] <= true(physical, DRIVE, name)
                     <= found.intervals[name][1] for name in names if name in found.intervals]
-    assert len(covered) > 80
+    assert len(covered) > 60
     assert np.mean(covered) > 0.88
 
 

@@ -11,8 +11,10 @@ from dp_swing_ros import configuration
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.identification import recorded as times
 from dp_swing_ros.identification.recorded import recorded
+from dp_swing_ros.pendulum.parameters import PendulumParameters
 from dp_swing_ros.tools.identify import main
-from dp_swing_ros.topics import FORCE_COMMAND, JOINT_STATES
+from dp_swing_ros.topics import (
+    CONFIGURATION, DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES, ROBOT_DESCRIPTION)
 
 RIG = {'cart_mass': 1.1, 'link2_mass': 0.55, 'link1_length': 1.05, 'joint1_dry_friction': 0.02,
        'actuation_delay': 0.01, 'motor_time_constant': 0.015}
@@ -92,6 +94,16 @@ def test_where_stamps_are_zero_the_log_counts(real_time, tmp_path):
     found, usual = recorded(Bag(bag)), recorded(Bag(real_time))
     assert found.times == times.LOGGED
     np.testing.assert_allclose(found.motion.t, usual.motion.t, atol=times.LOOSE)
+
+
+def test_states_and_commands_are_all_that_a_bag_needs(real_time, tmp_path):
+    bag = real_time
+    for n, topic in enumerate((CONFIGURATION, DIAGNOSTICS, ROBOT_DESCRIPTION)):
+        bag = rewritten(bag, tmp_path / f'bag{n}', topic, lambda message: None)
+    found, usual = recorded(Bag(bag)), recorded(Bag(real_time))
+    assert found.times == times.SAME
+    np.testing.assert_array_equal(found.motion.Q, usual.motion.Q)
+    assert found.physical == PendulumParameters()
 
 
 def test_several_bags_are_of_one_rig(lockstep, real_time, tmp_path, capsys):
