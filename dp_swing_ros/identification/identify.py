@@ -10,8 +10,7 @@ import numpy as np
 from dp_swing_ros.identification.fit import FINE, Fit
 from dp_swing_ros.identification.segments import DURATION, Motion, Segments, segments_of
 from dp_swing_ros.identification.unknowns import Parametrisation, SHARE
-from dp_swing_ros.pendulum.drive import DIRECT, Drive
-from dp_swing_ros.pendulum.parameters import PendulumParameters
+from dp_swing_ros.pendulum.parameters import DIRECT, Drive, PendulumParameters
 from dp_swing_ros.pendulum.state import Array
 
 ROUNDS = 6          # of parameters and of what residuals count by in turns, at most

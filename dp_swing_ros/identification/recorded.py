@@ -13,8 +13,8 @@ from dp_swing_ros.configuration import group
 from dp_swing_ros.errors import BagError
 from dp_swing_ros.identification.segments import Motion
 from dp_swing_ros.messages.fields import BILLION, nanoseconds
-from dp_swing_ros.pendulum.drive import Drive
-from dp_swing_ros.pendulum.parameters import DriveParameters, LimitParameters, PendulumParameters
+from dp_swing_ros.pendulum.parameters import (
+    Drive, DriveParameters, LimitParameters, PendulumParameters)
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.rerun.ticks import commands_of
 from dp_swing_ros.topics import DISTURBANCE, FORCE_COMMAND, JOINT_STATES

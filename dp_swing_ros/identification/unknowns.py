@@ -20,8 +20,7 @@ import numpy as np
 
 from dp_swing_ros.estimators.unknowns import LONGEST, Unknowns, UnknownsParameters
 from dp_swing_ros.parameters import unknown
-from dp_swing_ros.pendulum.drive import Drive
-from dp_swing_ros.pendulum.parameters import PendulumParameters
+from dp_swing_ros.pendulum.parameters import Drive, PendulumParameters
 from dp_swing_ros.pendulum.state import Array
 
 FACTOR = 4.0   # a mass, a length or the gain is within so many times its nominal value

@@ -12,11 +12,11 @@ from dp_swing_ros.identification.fit import FINE
 from dp_swing_ros.identification.identify import identify
 from dp_swing_ros.identification.segments import Motion, segments_of
 from dp_swing_ros.parameters import ParameterError
-from dp_swing_ros.pendulum.drive import Drive, follow_commands, HISTORY
+from dp_swing_ros.pendulum.drive import follow_commands, HISTORY
 from dp_swing_ros.pendulum.equations import Pendulum
 from dp_swing_ros.pendulum.integrators import INTEGRATORS
 from dp_swing_ros.pendulum.model import Model
-from dp_swing_ros.pendulum.parameters import PendulumParameters
+from dp_swing_ros.pendulum.parameters import Drive, PendulumParameters
 from dp_swing_ros.pendulum.state import hanging
 
 PERIOD = 0.05  # [s]

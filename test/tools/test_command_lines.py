@@ -78,7 +78,7 @@ def test_a_bug_has_its_traceback():
 
 @pytest.mark.parametrize('tool, argument', [
     *((tool, 'BAG') for tool in ('analyse', 'compare', 'export', 'identify', 'recover',
-                                   'verify')),
+                                 'verify')),
     ('demo', '--solver'), ('evaluate', '--scenarios'), ('parameters', '--help')])
 def test_help_names_tool_and_arguments(tool, argument, capsys):
     with pytest.raises(SystemExit) as end:
