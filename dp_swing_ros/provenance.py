@@ -17,7 +17,7 @@ COMPUTING = ('numpy', 'numba', 'scipy')
 AFTERWARDS = ('__main__.py', 'bags/', 'evaluation/campaign/manifest.py',
               'evaluation/campaign/report.py', 'evaluation/campaign/runner.py',
               'evaluation/campaign/summary.py', 'evaluation/comparison.py',
-              'figures/', 'messages/', 'nodes/',
+              'figures/', 'identification/', 'messages/', 'nodes/',
               'pendulum/geometry.py', 'pendulum/urdf.py', 'provenance.py', 'recovery/',
               'report/', 'rerun/', 'tables.py', 'tools/', 'topics.py')
 
