@@ -89,7 +89,7 @@ class MessageFilter:
         """Return the last state, x on another turn, without velocities that are differences."""
         if len(self.past) < 2:
             return x
-        before, last = list(self.past)[-2:]
+        before, last = self.past[-2], self.past[-1]
         q, v = np.split(to_turn_of(last.x, before.x), 2)
         differences = (q - before.x[:len(q)]) / (last.t - before.t)
         near = np.abs(v - differences) <= SAME * np.abs(v).max()

@@ -26,7 +26,7 @@ import time
 import numpy as np
 
 from dp_swing_ros.control.message_filter import MessageFilter
-from dp_swing_ros.control.sent_forces import RESOLUTION, SentForces, STEP
+from dp_swing_ros.control.sent_forces import SentForces, STEP
 from dp_swing_ros.control.starts import solved, StartParameters, Starts
 from dp_swing_ros.estimators import ESTIMATORS
 from dp_swing_ros.estimators.estimator import Estimate, Estimator
@@ -41,6 +41,7 @@ from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.solvers.solver import Solver
 from dp_swing_ros.streams import Stream, stream
 
+RESOLUTION = 1e-6  # [s] of times since 1970, as they are held
 OVERTAKEN = 0.5  # [s] a state older than the last by more than this is none that was overtaken
 EARLY = 0.2      # of a solve's period, by which the states' period may fall short of it
 NEARLY = 0.01    # of the limit of the force, by which bounds may be off
@@ -156,32 +157,28 @@ class RecedingHorizon:
             self.believed = begins
         if believed is None or not self.enabled or self.is_blind(begins):
             return self.zero_force(begins)
-        x_0 = self.when_it_acts(believed, begins)
-        if not self.is_due(begins):
-            return self.feedback(x_0, begins)
-        plans = self.search(self, x_0, self.starts.of(x_0, self.rests(begins)), deadline)
+        x_0, rests = self.when_it_acts(believed, begins), self.rests(begins)
+        if rests and not self.is_due(begins):
+            return self.feedback(x_0, rests[0], begins)
+        plans = self.search(self, x_0, self.starts.of(x_0, rests), deadline)
         best = min(plans, key=lambda plan: plan.stats.cost if plan.usable else math.inf)
         solves = tuple(plan.stats.iterations for plan in plans)
         if not best.usable:
             instead = self.fallback(begins, x_0)
             return replace(instead, stats=instead.stats._replace(solves=solves))
-        return self.send(replace(best, drive=self.drive, stats=best.stats._replace(
+        return self.send(replace(best, stats=best.stats._replace(
             iterations=sum(solves), solves=solves,
             solve_time=time.perf_counter() - began)), begins)
 
     def is_due(self, begins: float) -> bool:
-        """Return whether a plan is to be solved for that begins at a time [s]."""
+        """Return whether it is time [s] for a solve, where there is a last plan."""
         rate = self.parameters.solve_rate
-        return rate == 0 or not self.rests(begins) or (
-            begins - self.plans[-1][0] > (1 - EARLY) / rate)
+        return rate == 0 or begins - self.plans[-1][0] > (1 - EARLY) / rate
 
-    def feedback(self, x_0: Array, begins: float) -> Plan:
-        """Return what the last plan and its feedback make of a state; it stays the last plan."""
-        left = self.rests(begins)[0]
+    def feedback(self, x_0: Array, left: Plan, begins: float) -> Plan:
+        """Return what the rest of the last plan makes of a state; that stays the last plan."""
         _, X, U, K = policy_rollout(self.problem, x_0, left.X, left.U, left.K)
-        plan = plan_of(self.problem, X, U, Status.FEEDBACK, K, self.drive)
-        self.forces.add(begins, plan.first_force(self.nominal.u_max))
-        return plan
+        return self.command(plan_of(self.problem, X, U, Status.FEEDBACK, K), begins)
 
     def is_blind(self, begins: float) -> bool:
         """Return whether a time [s] is too long after the last believed state for a force."""
@@ -259,14 +256,12 @@ class RecedingHorizon:
             x_0 = left.X[0] if x_0 is None else x_0
             _, X, U, _ = policy_rollout(problem, x_0, left.X, left.U, left.K)
             if np.all(np.isfinite(X)):
-                return self.send(plan_of(problem, X, U, Status.LAST_POLICY, drive=self.drive),
-                                 begins)
+                return self.send(plan_of(problem, X, U, Status.LAST_POLICY), begins)
         if x_0 is not None:
             _, X, U, _ = regulator_rollout(problem, x_0)
             # Far from the reference the regulator would only drive the cart into the end stop.
             if is_upright(X[-1] - problem.x_r):
-                return self.send(plan_of(problem, X, U, Status.REGULATOR, drive=self.drive),
-                                 begins)
+                return self.send(plan_of(problem, X, U, Status.REGULATOR), begins)
         return self.zero_force(begins, x_0)
 
     def zero_force(self, begins: float, x_0: Array | None = None) -> Plan:
@@ -296,9 +291,14 @@ class RecedingHorizon:
         return rests if len(rests[0].U) > 0 else []
 
     def send(self, plan: Plan, begins: float) -> Plan:
-        """Remember the plan for the next tick, and the force that it begins with."""
-        step_ago = begins - self.problem.dt
+        """Remember the plan for the next tick, and the command that it begins with."""
+        step_ago, plan = begins - self.problem.dt, self.command(plan, begins)
         self.plans = [each for each in self.plans if each[0] >= step_ago] + [(begins, plan)]
+        return plan
+
+    def command(self, plan: Plan, begins: float) -> Plan:
+        """Return the plan for the drive as it is, and remember the command it begins with."""
+        plan = replace(plan, drive=self.drive)
         self.forces.add(begins, plan.first_force(self.nominal.u_max))
         return plan
 

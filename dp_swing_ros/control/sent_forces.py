@@ -12,7 +12,6 @@ from dp_swing_ros.pendulum.parameters import Drive
 from dp_swing_ros.pendulum.state import Array
 
 REMEMBERED = 1.0   # [s]
-RESOLUTION = 1e-6  # [s] of times since 1970, as they are held
 STEP = 0.01        # [s] longest of a prediction
 
 

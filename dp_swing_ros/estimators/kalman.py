@@ -21,6 +21,7 @@ from dp_swing_ros.estimators.gaussian import constrain, correct, forget, predict
 from dp_swing_ros.estimators.unknowns import Unknowns, UnknownsParameters
 from dp_swing_ros.parameters import parameter
 from dp_swing_ros.pendulum.drive import HISTORY
+from dp_swing_ros.pendulum.equations import Pendulum
 from dp_swing_ros.pendulum.parameters import Drive, PendulumParameters
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.problem.problem import Problem
@@ -76,9 +77,8 @@ class ExtendedKalmanFilter:
     def __init__(self, problem: Problem, drive: Drive, parameters: KalmanParameters) -> None:
         """Take the nominal model and drive, and the noises."""
         self.nominal, self.parameters = problem.physical, parameters
-        self.model = problem.model._replace(h=LONGEST_STEP)
-        self.model = self.model._replace(
-            pendulum=self.model.pendulum._replace(sharpness=1 / CREEP))
+        self.model = problem.model._replace(
+            pendulum=Pendulum.of(self.nominal, CREEP), h=LONGEST_STEP)
         self.unknowns = Unknowns(self.nominal, drive, parameters)
         self.prior = self.unknowns.deviations ** 2
         self.size = len(problem.cost.S)             # of the state; z goes on with p

@@ -130,12 +130,12 @@ def push_profile(seed: int, periods: int) -> Array:
     return np.exp(-0.5 * ((t[:, None] - middles) / widths) ** 2) @ peaks
 
 
-def rig(case: Case, links: int, bodies: float = 0.0, **parameters: Any) -> Case:
+def rig(case: Case, links: int, body_error: float = 0.0, **parameters: Any) -> Case:
     """
     Let MuJoCo move the pendulum from nearly hanging, with some parameters.
 
     A range is drawn from, that of JOINT for each joint; masses and lengths are off by a share
-    `bodies` at most.
+    `body_error` at most.
     """
     random = np.random.default_rng((RIG, case.seed))
     x = hanging(links)
@@ -145,18 +145,19 @@ def rig(case: Case, links: int, bodies: float = 0.0, **parameters: Any) -> Case:
     for name, value in parameters.items():
         plant |= {one: random.uniform(*value) if isinstance(value, tuple) else value
                   for one in names_of(name, links)}
-    if bodies:
-        plant |= {name: getattr(PHYSICAL, name) * random.uniform(1 - bodies, 1 + bodies)
+    if body_error:
+        low, high = 1 - body_error, 1 + body_error
+        plant |= {name: getattr(PHYSICAL, name) * random.uniform(low, high)
                   for name in ('cart_mass', *of_each('link{}_mass', links),
                                *of_each('link{}_length', links))}
     return replace(case, plant=plant | case.plant)
 
 
-def rig_with(about: str, bodies: float = 0.0, sweep: Sweep | None = None,
+def rig_with(about: str, body_error: float = 0.0, sweep: Sweep | None = None,
              **parameters: Any) -> Scenario:
     """Return the scenario of a rig; a sweep has two levels, the half and the whole."""
     def case(given: Case, links: int) -> Case:
-        return rig(given, links, bodies, **parameters)
+        return rig(given, links, body_error, **parameters)
     return Scenario(f'a rig of other make: {about}', range(100), (sweep,) if sweep else (),
                     levels=2, case=case)
 
@@ -181,7 +182,7 @@ MODEL = (_scaled('cart_mass'), *(_scaled(f'link{i}_{name}', i) for name in OF_LI
          *(Sweep(f'joint{i}_friction', 0.0, 0.1, 'N m s/rad', i) for i in LINKS))
 
 ALL_AT_ONCE: dict[str, Any] = {
-    'bodies': 0.15, 'actuation_delay': (0.0, 0.03), 'motor_time_constant': (0.0, 0.025),
+    'body_error': 0.15, 'actuation_delay': (0.0, 0.03), 'motor_time_constant': (0.0, 0.025),
     'cart_dry_friction': (0.0, 3.0), 'joint_dry_friction': (0.0, 0.03), 'encoder_counts': 4096,
     'velocities': 'none', 'force_gain': (0.85, 1.15), 'force_bias': (-2.0, 2.0)}
 

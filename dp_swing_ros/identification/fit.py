@@ -102,7 +102,7 @@ class Fit:
         """Return positions (..., K, n + 1), or differences of them, in deviations (..., r)."""
         return (positions @ self.whitening).reshape(*positions.shape[:-2], -1)
 
-    def settle(self, i: int) -> None:
+    def fit_states(self, i: int) -> None:
         """Find the states with which the segments of motion i begin, by Levenberg-Marquardt."""
         motion, X = self.motions[i], self.states[i]
         size, damping = X.shape[1], np.full(len(X), DAMPING)
@@ -154,7 +154,7 @@ class Fit:
         self.on_step()
         self.p[self.free] = p
         for i in range(len(self.motions)):
-            self.settle(i)
+            self.fit_states(i)
 
     def restart(self) -> None:
         """Begin with the states that positions alone give: others may lie far off."""

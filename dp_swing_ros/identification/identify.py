@@ -38,7 +38,7 @@ class Identified:
     values: dict[str, float]
     intervals: dict[str, tuple[float, float]]  # 95 %, of what was found
     held: dict[str, str]                       # why it was not looked for
-    untold: dict[str, float]                   # half the interval that it would have
+    unidentified: dict[str, float]             # half the interval that it would have
     predictions: list[Prediction]              # a motion each
     left_out: int                              # segments that nothing explains
 
@@ -73,39 +73,40 @@ def identify(motions: Sequence[Motion], physical: PendulumParameters, drive: Dri
     for _ in range(2):
         fit.solve()
         fit.whiten()
-    untold = leave_out_untold(fit)
+    unidentified = hold_unidentifiable(fit)
     deviations = fit.deviations()
     found = fit.p.copy()
     bounds = np.array([found, found])
     bounds[:, fit.free] += np.outer((-CONFIDENCE, CONFIDENCE), deviations)
     low, high = about.values(np.clip(bounds, about.lowest, about.highest))
+    left_out = cut - sum(len(motion.t) for motion in fit.motions)
     return Identified(
         about.named(about.nominal), about.named(about.values(found)),
         {about.names[i]: (float(low[i]), float(high[i])) for i in fit.free},
-        about.held, untold, predictions(fit), cut - sum(len(motion.t) for motion in fit.motions))
+        about.held, unidentified, predictions(fit), left_out)
 
 
-def leave_out_untold(fit: Fit) -> dict[str, float]:
+def hold_unidentifiable(fit: Fit) -> dict[str, float]:
     """
     Hold what the motions cannot tell at its nominal value, the least told first; fit the rest.
 
     It is told if half its interval is less than half its value, or than what is typical of such
     a value. Returns half the intervals of what is not, by name, for a factor as a share.
     """
-    untold: dict[str, float] = {}
+    unidentified: dict[str, float] = {}
     while len(fit.free):
         about, free = fit.about, fit.free
         half = CONFIDENCE * fit.deviations()
         size = np.where(about.is_factor[free], 0.0, SHARE * np.abs(about.values(fit.p)[free]))
-        doubt = half / np.maximum(size, about.scales[free])
-        worst = int(np.argmax(doubt))
-        if doubt[worst] <= 1:
+        width = half / np.maximum(size, about.scales[free])
+        worst = int(np.argmax(width))
+        if width[worst] <= 1:
             break
-        untold[about.names[free[worst]]] = float(half[worst])
+        unidentified[about.names[free[worst]]] = float(half[worst])
         fit.p[free[worst]] = 0.0
         fit.free = np.delete(free, worst)
         fit.solve()
-    return untold
+    return unidentified
 
 
 def predictions(fit: Fit) -> list[Prediction]:

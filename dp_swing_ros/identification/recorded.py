@@ -9,10 +9,10 @@ import numpy as np
 from dp_swing_ros.bags.episodes import (
     configurations_of, CONTROLLER, links_of, PLANT, reports_of, samples_of)
 from dp_swing_ros.bags.reader import Bag
-from dp_swing_ros.configuration import group
 from dp_swing_ros.errors import BagError
 from dp_swing_ros.identification.segments import Motion
 from dp_swing_ros.messages.fields import BILLION, nanoseconds
+from dp_swing_ros.parameters import group
 from dp_swing_ros.pendulum.parameters import (
     Drive, DriveParameters, LimitParameters, PendulumParameters)
 from dp_swing_ros.pendulum.state import Array

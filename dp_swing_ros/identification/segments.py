@@ -70,9 +70,9 @@ def segments_of(motion: Motion, duration: float = DURATION) -> Segments:
     count = len(motion.t) // size
     t = motion.t[:count * size].reshape(count, size)
     Q = motion.Q[:count * size].reshape(count, size, motion.Q.shape[1])
-    told = np.array([is_told(motion, *each, period) for each in zip(t, Q)], dtype=bool)
-    check(motion, Q[told])
-    t, Q = t[told], Q[told]
+    usable = np.array([is_usable(motion, *each, period) for each in zip(t, Q)], dtype=bool)
+    check(motion, Q[usable])
+    t, Q = t[usable], Q[usable]
     sent = np.concatenate(([-np.inf], motion.sent))
     commands = np.concatenate(([0.0], motion.commands))
     after = np.concatenate((t[:, 1:], t[:, -1:]), axis=1)
@@ -81,7 +81,7 @@ def segments_of(motion: Motion, duration: float = DURATION) -> Segments:
                     np.searchsorted(sent, after), sent, commands)
 
 
-def is_told(motion: Motion, t: Array, Q: Array, period: float) -> bool:
+def is_usable(motion: Motion, t: Array, Q: Array, period: float) -> bool:
     """Return whether positions are known, and all forces that act; shapes: t (K,), Q (K, n+1)."""
     begins, ends = t[0] - SILENCE, t[-1]
     sent = motion.sent[(motion.sent > begins) & (motion.sent < ends)]

@@ -61,7 +61,7 @@ class Parametrisation:
             i = self.names.index(name)
             self.lowest[i], self.highest[i] = lowest - self.nominal[i], highest - self.nominal[i]
         self.held = {name: f'{value:g} is given' for name, value in known.items()}
-        for name, why in untellable(n, known).items():
+        for name, why in unidentifiable(n, known).items():
             self.held.setdefault(name, why)
 
     def values(self, p: Array) -> Array:
@@ -74,7 +74,7 @@ class Parametrisation:
         return dict(zip(self.names, values.tolist()))
 
 
-def untellable(links: int, known: Mapping[str, float]) -> dict[str, str]:
+def unidentifiable(links: int, known: Mapping[str, float]) -> dict[str, str]:
     """Return what no motion tells beside what is known, and why, by name."""
     found = {'gravity': 'it is that of the earth'}
     masses = [name for name in known if name.endswith('_mass')]

@@ -28,6 +28,7 @@ from dp_swing_ros.nodes.messages import to_stamped_force, to_trajectory
 from dp_swing_ros.nodes.process import ProcessNode, run
 from dp_swing_ros.nodes.ros_parameters import announce, declare, given
 from dp_swing_ros.nodes.timing import Clock, Latency, Timing, Watchdog
+from dp_swing_ros.parameters import group
 from dp_swing_ros.pendulum.sensors import HANGING, SensorParameters, Standstill
 from dp_swing_ros.problem.plan import Plan, Status
 from dp_swing_ros.topics import (
@@ -63,9 +64,9 @@ class MpcNode(ProcessNode):
         super().__init__('mpc')
         values = declare(self, configuration.declared_for('mpc', given(self)))
         self.links, self.u_max = values['links'], values['force_limit']
-        self.parameters = configuration.group(MpcParameters, values)
+        self.parameters = group(MpcParameters, values)
         self.solver = self.parameters.solver
-        self.sensors = configuration.group(SensorParameters, values)
+        self.sensors = group(SensorParameters, values)
         self.standstill = Standstill() if self.sensors.zero == HANGING else None
         self.timing = Timing(self.parameters.clock)
         self.build = lambda: configuration.controller(values)   # compiles, at the first start

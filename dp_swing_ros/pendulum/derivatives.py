@@ -116,20 +116,13 @@ def second_derivatives(p: Pendulum, at: Point, mu: Numbers) -> list[Any]:
               for j, k in curved_pairs(n)[:-1]), -(nu[0] * at.drag[1])]
 
 
-class Slopes(NamedTuple):
-    """The Jacobian J of a stage's accelerations, and the slope of the cart's friction."""
-
-    J: Any
-    drag: Any
-
-
-def tangent(model: Model, stages: Sequence[Slopes], d: Numbers,
+def tangent(model: Model, stages: Sequence[tuple[Matrix, Any]], d: Numbers,
             extra: Sequence[Numbers] = ()) -> tuple[Numbers, list[Numbers]]:
     """
     Return how x⁺ changes in a direction d of (x, u), and how the variables z of each stage do.
 
-    extra are changes of the accelerations at each stage. After z stands the cart's speed.
-    Shapes: d (2n + 3,).
+    Of each stage there are J and the slope of the cart's friction; extra are changes of its
+    accelerations. After z stands the cart's speed. Shapes: d (2n + 3,).
     """
     p, Z = model.pendulum, list[Numbers]()
 
@@ -230,7 +223,7 @@ def expand(model, X, U):
 
 @unrolled
 def jacobians(model, points, i):
-    """Return the slopes of the stages of the step in lane i."""
+    """Return J and the slope of the cart's friction of the stages of the step in lane i."""
     n = len(model.pendulum.a)
     read = [Point.read(n, [points[stage, row, i] for row in range(kept(n))])
             for stage in range(model.integrator.stages)]

@@ -16,7 +16,7 @@ import numpy as np
 
 from dp_swing_ros.parameters import parameter, ParameterError, Parameters
 from dp_swing_ros.pendulum.state import (
-    angles, Array, DEFAULT_LINKS, hanging, JOINT_COUNTS, joints, to_turn_of)
+    Array, DEFAULT_LINKS, from_joints, hanging, JOINT_COUNTS, joints, to_joints, to_turn_of)
 
 REST = 1.0      # [s] of standing still; for half of it a slow swing seems to, where it turns
 STILL = 0.005   # [m, rad] at most between the means of the quarters of it
@@ -66,19 +66,18 @@ class SensorParameters(Parameters):
     def state_of(self, measured: Array) -> Array:
         """Return the state; measured (2n + 2,), positions and velocities as the names are."""
         q, v = np.hsplit(np.asarray(measured, dtype=float), 2)
-        x = np.concatenate((self.joint_signs * (q - self.joint_offsets), self.joint_signs * v))
+        signs = np.array(self.joint_signs)
+        q, v = signs * (q - self.joint_offsets), signs * v
         if self.relative_angles:
-            for part in np.hsplit(x, 2):
-                part[1:] = np.cumsum(part[1:])
-        return x
+            q, v = from_joints(q), from_joints(v)
+        return np.concatenate((q, v))
 
     def hanging_at(self, measured: Array) -> 'SensorParameters':
         """Return the sensors whose pendulum hangs where the joints are measured; (n + 1,)."""
-        x = hanging(len(measured) - 1)
-        q = x[angles(x)]
+        q, _ = np.hsplit(hanging(len(measured) - 1), 2)
         if self.relative_angles:
-            q = np.diff(q, prepend=0.0)
-        offsets = measured[1:] - self.joint_signs[1:] * q
+            q = to_joints(q)
+        offsets = (measured - self.joint_signs * q)[1:]
         return dataclasses.replace(
             self, joint_offsets=(self.joint_offsets[0], *offsets.tolist()))
 

@@ -77,6 +77,20 @@ def to_turn_of(x: Array, reference: Array) -> Array:
     return shifted
 
 
+def to_joints(absolute: Array) -> Array:
+    """
+    Return positions or speeds as joints have them, each link's against the one before.
+
+    Shapes: absolute (n + 1,), of the cart first.
+    """
+    return np.concatenate((absolute[:2], np.diff(absolute[1:])))
+
+
+def from_joints(relative: Array) -> Array:
+    """Return positions or speeds of the state from those of the joints; shapes: (n + 1,)."""
+    return np.concatenate((relative[:1], np.cumsum(relative[1:])))
+
+
 def between(x: Array, following: Array, share: Array | float, h: Array | float) -> Array:
     """
     Return the states at a share of the way to those a time h [s] later, by Hermite's cubics.

@@ -19,7 +19,7 @@ from dp_swing_ros.pendulum.derivatives import linearisation
 from dp_swing_ros.pendulum.equations import Pendulum
 from dp_swing_ros.pendulum.integrators import INTEGRATORS
 from dp_swing_ros.pendulum.model import Model, size, step
-from dp_swing_ros.pendulum.parameters import DIRECT, Drive, LimitParameters, PendulumParameters
+from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.pendulum.state import angles, Array, SIZES
 from dp_swing_ros.problem.cost import ANGLE_ERRORS, Cost, is_periodic, trajectory_cost
 from dp_swing_ros.problem.parameters import CostParameters, PredictionParameters
@@ -230,7 +230,7 @@ def kernel_arguments(problem: Problem) -> tuple[Model, Cost, Array, Bounds]:
 
 
 def plan_of(problem: Problem, X: Array, U: Array, status: Status,
-            K: Array | None = None, drive: Drive = DIRECT) -> Plan:
+            K: Array | None = None) -> Plan:
     """
     Make a plan that no solver made; without gains, one without feedback.
 
@@ -238,4 +238,4 @@ def plan_of(problem: Problem, X: Array, U: Array, status: Status,
     """
     J = trajectory_cost(problem.cost, X, U)
     return Plan(X, U, np.zeros((len(U), X.shape[1])) if K is None else K, problem.dt,
-                SolverStats(status, J, 0, 0.0), drive)
+                SolverStats(status, J, 0, 0.0))

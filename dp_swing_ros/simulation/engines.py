@@ -20,7 +20,7 @@ from dp_swing_ros.pendulum.equations import after_impact, Pendulum
 from dp_swing_ros.pendulum.integrators import INTEGRATORS
 from dp_swing_ros.pendulum.model import Model, size, step
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
-from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.pendulum.state import Array, from_joints, to_joints
 
 CREEP = 0.02          # [m/s, rad/s] of our own dry friction
 MUJOCO_STEP = 1e-3    # [s] the longest
@@ -150,16 +150,6 @@ class MuJoCo:
             self.mujoco.mj_step(self.model, data)
         x[:] = np.concatenate((from_joints(data.qpos), from_joints(data.qvel)))
         return force, mean
-
-
-def to_joints(absolute: Array) -> Array:
-    """Return what the joints measure, each link against the one before; shapes: (n + 1,)."""
-    return np.concatenate((absolute[:2], np.diff(absolute[1:])))
-
-
-def from_joints(relative: Array) -> Array:
-    """Return the absolute angles or speeds of what joints measure, the cart's first."""
-    return np.concatenate((relative[:1], np.cumsum(relative[1:])))
 
 
 def mjcf(physical: PendulumParameters, limits: LimitParameters) -> str:

@@ -20,8 +20,8 @@ from dp_swing_ros.pendulum.integrators import INTEGRATORS
 from dp_swing_ros.pendulum.model import ROUNDING, steps_in
 from dp_swing_ros.pendulum.parameters import (
     DriveParameters, LimitParameters, PendulumParameters)
-from dp_swing_ros.pendulum.state import Array, hanging, SIZES
-from dp_swing_ros.simulation.engines import ENGINES, from_joints, Motor, to_joints
+from dp_swing_ros.pendulum.state import Array, from_joints, hanging, SIZES, to_joints
+from dp_swing_ros.simulation.engines import ENGINES, Motor
 from dp_swing_ros.streams import Stream, stream
 
 

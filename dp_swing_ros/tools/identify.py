@@ -99,7 +99,8 @@ def table(found: Identified) -> str:
         rows.append([name, number(found.values[name]), f'{number(low)} to {number(high)}',
                      number(found.before[name]), fields[name].metadata['unit']])
     rows += [[name, number(found.values[name]), 'cannot be told from these bags',
-              number(found.before[name]), fields[name].metadata['unit']] for name in found.untold]
+              number(found.before[name]), fields[name].metadata['unit']]
+             for name in found.unidentified]
     return aligned(rows, names=1)
 
 

@@ -63,7 +63,7 @@ def true(physical, drive, name):
 def test_what_moved_it_is_found_exactly(links):
     physical = rig(links)
     found = identify([swung(physical)], PendulumParameters(links=links))
-    assert not found.untold
+    assert not found.unidentified
     assert {'force_gain', 'gravity', f'link{links}_inertia_factor'} == set(found.held)
     for name in found.intervals:
         assert found.values[name] == pytest.approx(true(physical, DRIVE, name), rel=2e-3,
@@ -114,8 +114,8 @@ def test_what_motions_do_not_tell_stays_nominal():
     physical = rig(2, cart_friction=0.0)
     motion = swung(physical, duration=3.0, noise=5e-3, amplitude=3.0)
     found = identify([motion], PendulumParameters())
-    assert found.untold
-    for name in found.untold:
+    assert found.unidentified
+    for name in found.unidentified:
         assert found.values[name] == pytest.approx(found.before[name])
         assert name not in found.intervals
 

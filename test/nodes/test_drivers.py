@@ -30,13 +30,6 @@ PERIOD = 0.05   # [s] of the driver's states
 
 
 @pytest.fixture
-def peer():
-    peer = Peer()
-    yield peer
-    peer.close()
-
-
-@pytest.fixture
 def other():
     other = Peer('other')
     yield other

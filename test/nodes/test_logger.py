@@ -103,14 +103,6 @@ def log(start_node, tmp_path):
     return begin
 
 
-@pytest.fixture
-def peer():
-    """Return a node to publish with."""
-    peer = Peer()
-    yield peer
-    peer.close()
-
-
 def wait_for_messages(logger):
     """Wait until a logger has told twice that it wrote many, more than what nodes run with."""
     assert wait_until(lambda: len(re.findall(r'\d\d+ messages written', logger.output())) > 1)

@@ -8,7 +8,6 @@ import time
 
 from diagnostic_msgs.msg import DiagnosticStatus
 import numpy as np
-from peer import Peer
 import pytest
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -24,13 +23,6 @@ from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.topics import DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES, PLAN
 
 LEANING = np.array([0.1, 0.02, -0.01, 0.0, 0.05, 0.0])
-
-
-@pytest.fixture
-def peer():
-    peer = Peer()
-    yield peer
-    peer.close()
 
 
 class Conversation:

@@ -30,13 +30,6 @@ from dp_swing_ros.topics import DIAGNOSTICS, DISTURBANCE, FORCE_COMMAND, JOINT_S
 to_state = functools.partial(fields.to_state, links=2)
 
 
-@pytest.fixture
-def peer():
-    peer = Peer()
-    yield peer
-    peer.close()
-
-
 def first_states(peer, start_node, count=5, **parameters):
     states = peer.record(JOINT_STATES)
     node = start_node('plant', parameters)

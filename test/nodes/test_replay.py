@@ -11,7 +11,6 @@ from conftest import wait_until
 from made_bags import encoded, LATCHED, START, write_bag
 from mcap.records import Channel, Schema
 import numpy as np
-from peer import Peer
 import pytest
 from rclpy.duration import Duration
 from rclpy.qos import (
@@ -32,13 +31,6 @@ from dp_swing_ros.nodes.replay import publish_again
 from dp_swing_ros.topics import FORCE_COMMAND
 
 MESSAGES = [(0.0, '/a', 0), (0.05, '/b', 1), (0.3, '/a', 2), (0.3, '/b', 3), (0.7, '/a', 4)]
-
-
-@pytest.fixture
-def peer():
-    peer = Peer()
-    yield peer
-    peer.close()
 
 
 @pytest.fixture

@@ -6,7 +6,6 @@ import signal
 import time
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from peer import Peer
 import pytest
 from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
@@ -19,13 +18,6 @@ from dp_swing_ros.nodes.connections import DEADLINE, LEASE
 from dp_swing_ros.tools import verify
 
 WITHIN = 0.6   # [s] the death of the mpc is known to a driver that asks for it
-
-
-@pytest.fixture
-def peer():
-    peer = Peer()
-    yield peer
-    peer.close()
 
 
 def switch(peer, enabled):
