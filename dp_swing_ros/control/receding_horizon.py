@@ -8,6 +8,8 @@ The receding horizon: from every state a plan, warm-started by the one before.
                                                                               v
                                                                            fallback
 
+Between plan and force stand the limits of a rig: see safety.py.
+
 The estimated state is predicted, under the forces already sent, to the time at which the new force
 will act. From there the last plan is followed as a policy (its gains about its states, the
 regulator past its end): forces alone, shifted, diverge on an unstable plant. Where states come
@@ -26,6 +28,7 @@ import time
 import numpy as np
 
 from dp_swing_ros.control.message_filter import MessageFilter
+from dp_swing_ros.control.safety import braked, limited, SafetyParameters, violation
 from dp_swing_ros.control.sent_forces import SentForces, STEP
 from dp_swing_ros.control.starts import solved, StartParameters, Starts
 from dp_swing_ros.estimators import ESTIMATORS
@@ -49,7 +52,7 @@ LEANING = 0.2    # [rad] of link 1, so far that the regulator would drop it
 
 
 @dataclass(frozen=True)
-class MpcParameters(StartParameters):
+class MpcParameters(StartParameters, SafetyParameters):
     """The receding horizon and who solves it."""
 
     solver: str = parameter('ilqr', 'solver of every tick', choices=lambda: sorted(SOLVERS))
@@ -103,6 +106,7 @@ class RecedingHorizon:
         self.nominal_drive = drive
         self.search: Search = search
         self.enabled = parameters.enabled
+        self.stopping = ''                  # why there is a controlled stop, if there is
         kind = ESTIMATORS[parameters.estimator]
         self.estimator: Estimator = kind(problem, drive, estimator or kind.Parameters())
         self.message_filter = MessageFilter(problem.physical.links, problem.given[0].track_limit)
@@ -127,6 +131,7 @@ class RecedingHorizon:
         # of the last step, the newest at the end: [s] time of the first state, and the plan
         self.plans: list[tuple[float, Plan]] = []
         self.forces = SentForces()
+        self.stopped_at = math.inf          # [s] when a controlled stop is over
 
     def build(self, problem: Problem, parameters: Parameters | None = None) -> Solver:
         """Build the solver for a problem; its random numbers go on."""
@@ -155,9 +160,11 @@ class RecedingHorizon:
         believed = self.observe(t, x)
         if not self.rejection:
             self.believed = begins
-        if believed is None or not self.enabled or self.is_blind(begins):
+        if believed is None or not self.acts(begins):
             return self.zero_force(begins)
         x_0, rests = self.when_it_acts(believed, begins), self.rests(begins)
+        if self.stopping:
+            return self.brake(x_0, begins)
         if rests and not self.is_due(begins):
             return self.feedback(x_0, rests[0], begins)
         plans = self.search(self, x_0, self.starts.of(x_0, rests), deadline)
@@ -179,6 +186,35 @@ class RecedingHorizon:
         """Return what the rest of the last plan makes of a state; that stays the last plan."""
         _, X, U, K = policy_rollout(self.problem, x_0, left.X, left.U, left.K)
         return self.command(plan_of(self.problem, X, U, Status.FEEDBACK, K), begins)
+
+    def enable(self, enabled: bool) -> bool:
+        """Act, from a first plan, or let the force go; return whether that is a change."""
+        if enabled == self.enabled and not self.stopping:
+            return False
+        self.enabled, self.stopping, self.stopped_at = enabled, '', math.inf
+        self.plans = []
+        return True
+
+    def stop(self, why: str) -> None:
+        """Brake the cart from now on, and be disabled when that is over."""
+        self.stopping = why
+
+    def brake(self, x_0: Array, begins: float) -> Plan:
+        """Return the plan that brakes the cart from a state."""
+        self.stopped_at = min(self.stopped_at, begins + self.parameters.controlled_stop)
+        return self.send(braked(self.problem, x_0, *self.before(begins)), begins)
+
+    def before(self, begins: float) -> tuple[float, float]:
+        """Return the force [N] before a time [s], and by how much it may change then."""
+        (command, since), rate = self.forces.last(begins), self.parameters.force_rate_limit
+        change = math.inf if math.isinf(rate) else rate * min(begins - since, self.problem.dt)
+        return self.drive.gain * command + self.drive.bias, self.drive.gain * change
+
+    def acts(self, begins: float) -> bool:
+        """Return whether a force may act from a time on [s]."""
+        if begins >= self.stopped_at - RESOLUTION:
+            self.enable(False)
+        return self.enabled and not self.is_blind(begins)
 
     def is_blind(self, begins: float) -> bool:
         """Return whether a time [s] is too long after the last believed state for a force."""
@@ -248,20 +284,24 @@ class RecedingHorizon:
         begins is the time at which its first force will act [s]; without a state x_0 (2n + 2,)
         the last plan's own prediction is taken.
         """
-        if not self.enabled or self.is_blind(begins):
+        if not self.acts(begins):
             return self.zero_force(begins, x_0)
         problem, rests = self.problem, self.rests(begins)
+        if x_0 is None:
+            if not rests:
+                return self.zero_force(begins)
+            x_0 = rests[0].X[0]
+        if self.stopping:
+            return self.brake(x_0, begins)
         if rests:
             left = rests[0]
-            x_0 = left.X[0] if x_0 is None else x_0
             _, X, U, _ = policy_rollout(problem, x_0, left.X, left.U, left.K)
             if np.all(np.isfinite(X)):
                 return self.send(plan_of(problem, X, U, Status.LAST_POLICY), begins)
-        if x_0 is not None:
-            _, X, U, _ = regulator_rollout(problem, x_0)
-            # Far from the reference the regulator would only drive the cart into the end stop.
-            if is_upright(X[-1] - problem.x_r):
-                return self.send(plan_of(problem, X, U, Status.REGULATOR), begins)
+        _, X, U, _ = regulator_rollout(problem, x_0)
+        # Far from the reference the regulator would only drive the cart into the end stop.
+        if is_upright(X[-1] - problem.x_r):
+            return self.send(plan_of(problem, X, U, Status.REGULATOR), begins)
         return self.zero_force(begins, x_0)
 
     def zero_force(self, begins: float, x_0: Array | None = None) -> Plan:
@@ -297,10 +337,25 @@ class RecedingHorizon:
         return plan
 
     def command(self, plan: Plan, begins: float) -> Plan:
-        """Return the plan for the drive as it is, and remember the command it begins with."""
+        """Return the plan within the limits of the rig; remember the command it begins with."""
+        u, change = self.before(begins)
+        plan = limited(self.problem, plan, Bounds(u - change, u + change))
+        if self.parameters.controlled_stop > 0 and not self.stopping:
+            self.stop(self.cannot_keep(plan, change))
+            if self.stopping:
+                self.stopped_at = begins + self.parameters.controlled_stop
+                plan = replace(braked(self.problem, plan.X[0], u, change),
+                               stats=plan.stats._replace(status=Status.STOP))
         plan = replace(plan, drive=self.drive)
         self.forces.add(begins, plan.first_force(self.nominal.u_max))
         return plan
+
+    def cannot_keep(self, plan: Plan, change: float) -> str:
+        """Return which limit neither the plan keeps nor, after its first step, the brake."""
+        def not_kept(X: Array) -> str:
+            return violation(self.problem, X)
+        return not_kept(plan.X[:1]) or (not_kept(plan.X) and not_kept(
+            braked(self.problem, plan.X[1], plan.U[0], change).X))
 
     def warm_up(self) -> float:
         """
@@ -319,6 +374,7 @@ class RecedingHorizon:
                 twin.update(n * self.problem.dt, x + 1e-3 * n, delay=1e-3)
                 tick_time = time.perf_counter() - began
         twin.fallback(3 * self.problem.dt)
+        braked(self.problem, self.problem.x_r, 0.0, math.inf)
         return tick_time
 
 

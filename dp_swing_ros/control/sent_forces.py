@@ -35,6 +35,13 @@ class SentForces:
         """Remember that another command [N] was sent than the last one added."""
         self.sent[-1] = (self.sent[-1][0], command)
 
+    def last(self, t: float) -> tuple[float, float]:
+        """Return the newest command [N] of those before a time [s], and since when it holds."""
+        for begins, command in reversed(self.sent):
+            if begins < t:
+                return command, begins
+        return self.before, t
+
     def since(self, t: float, history: float) -> tuple[Array, Array]:
         """Return when commands end, after a time [s], and which; see estimator.Commands."""
         before, later = self.before, []

@@ -38,6 +38,7 @@ MEETING = 2.0        # [s] at most, to learn who sends the states, and for them 
 MEETING_POLL = 0.02  # [s]
 SMOOTHING = 0.1      # share of the newest tick in the mean pace
 SLOW_START = 1.0     # [s] a warm-up longer than this was a compilation
+ENDING = 1.0         # [s] at most, beyond the time of a controlled stop
 PACES = (0.01, 100.0)  # slowest and fastest of a simulated clock, in seconds a second
 
 
@@ -82,6 +83,7 @@ class MpcNode(ProcessNode):
         self.answered = Time()   # the stamp of the last state
         self.resets = 0
         self.configured = set[str]()   # the nodes that have announced what they are
+        self.ends_by = math.inf   # [s] of time.monotonic(), from a signal on
         self.waiting: tuple[JointState, dict[str, int]] | None = None   # until they met
         self.met = False
 
@@ -231,6 +233,9 @@ class MpcNode(ProcessNode):
     def send(self, plan: Plan) -> float:
         """Send the first force [N] of a plan, and return it."""
         force = plan.first_force(self.u_max)
+        if plan.stats.status is Status.STOP:
+            self.get_logger().error(f'controlled stop: {self.controller.stopping}',
+                                    throttle_duration_sec=10.0)
         self.command(force)
         self.sent += 1
         return force
@@ -262,21 +267,22 @@ class MpcNode(ProcessNode):
         stats, estimate = plan.stats, self.controller.estimate
         self.late_total += late
         level = DiagnosticStatus.OK
-        if complaint or stats.status is Status.ZERO:
+        stopping = self.controller.stopping
+        if complaint or stopping or stats.status is Status.ZERO:
             level = DiagnosticStatus.ERROR
         elif warning or late or stats.status in (
                 Status.LAST_POLICY, Status.REGULATOR, Status.DISABLED):
             level = DiagnosticStatus.WARN
         self.diagnostics.publish(
             stamp, level, '; '.join(filter(None, (
-                complaint, warning, stats.status.value))),
+                complaint, stopping, warning, stats.status.value))),
             {'solver': self.solver, 'status': stats.status.name, 'cost': stats.cost,
              'iterations': stats.iterations, 'solve_time': stats.solve_time, 'latency': latency,
              'delay': delay, 'late': late, 'late_total': self.late_total, 'force': force,
              # what it takes to repeat the tick
              'real_time': real_time, 'solves': ' '.join(map(str, stats.solves)), 'time': t,
              'carried': self.carried, 'resets': self.resets, 'number': self.sent,
-             'enabled': self.controller.enabled,
+             'enabled': self.controller.enabled, 'stopping': bool(stopping),
              # by the clock of its sender [ns]; tells which state it was where stamps stand still
              'sent': 0 if self.carried else self.last.sent,
              'clock': self.timing.clock.name.lower(),
@@ -294,14 +300,24 @@ class MpcNode(ProcessNode):
 
         States are believed meanwhile, so that it knows the pendulum when it is enabled again.
         """
-        changes = self.controller.enabled != enabled
-        self.controller.enabled, self.fresh = enabled, self.fresh or changes
+        changes = self.controller.enable(enabled)
+        self.fresh = self.fresh or changes
         if changes:
             self.get_logger().warning('enabled' if enabled else 'disabled: the force is zero')
         # in lockstep it would answer the next state, and each answer from then on come too early
         if changes and not enabled and self.sent and self.timing.clock is not Clock.LOCKSTEP:
             self.go_on('')
         return True, 'enabled: a force for each state' if enabled else 'disabled: zero force'
+
+    def may_end(self) -> bool:
+        """Return whether the cart is braked, where it is to be before the end."""
+        seconds = self.parameters.controlled_stop
+        if not (seconds and self.sent and self.controller.enabled):
+            return True
+        if not math.isfinite(self.ends_by):
+            self.ends_by = time.monotonic() + seconds + ENDING
+            self.controller.stop('the process ends')
+        return time.monotonic() > self.ends_by
 
     def close(self) -> None:
         """End the stream of commands with zero."""

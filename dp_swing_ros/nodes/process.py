@@ -55,6 +55,10 @@ class ProcessNode(Node):
     def prepare(self) -> None:
         """Do long work before the first message; a signal interrupts it."""
 
+    def may_end(self) -> bool:
+        """Return whether it may end now; asked from a signal on, until it may."""
+        return True
+
     def close(self) -> None:
         """Send the last command and finish files; called once, whatever ended the process."""
 
@@ -173,7 +177,7 @@ def _live(node: ProcessNode, signals: _Signals) -> None:
             refuse_unknown(node, of_topics=True)   # which have all been made
         with SingleThreadedExecutor() as executor:
             executor.add_node(node)
-            while not (signals.requested or node.done):
+            while not (node.done or signals.requested and node.may_end()):
                 executor.spin_once(timeout_sec=POLL)
             end = time.monotonic() + node.linger
             while (rest := end - time.monotonic()) > 0:

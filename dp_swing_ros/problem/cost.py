@@ -4,9 +4,10 @@
 The cost of a trajectory, and its derivatives.
 
     J(X, U) = Σ ℓ(x, u) + ℓ_f(x_N)
-    ℓ(x, u) = e(x)ᵀ S e(x) + R u² + w max(0, |x| - x_soft)²,    ℓ_f(x) = e(x)ᵀ P e(x) + the same w
+    ℓ(x, u) = e(x)ᵀ S e(x) + R u² + b(x),    ℓ_f(x) = e(x)ᵀ P e(x) + b(x)
+    b(x) = w max(0, |x| - x_soft)² + w_v max(0, |ẋ| - v_soft)²
 
-Source: the paper, (16)-(21); it has no ½. There e(x) = x - x_r, P = 1000 S and w = 0. The tuned
+Source: the paper, (16)-(21); it has no ½. There e(x) = x - x_r, P = 1000 S and b = 0. The tuned
 default measures the error δ of an angle by the chord e = 2 sin(δ/2): e² = 2 (1 - cos δ) is δ² near
 the goal, has no jump at a whole turn, and its Gauss-Newton Hessian stays positive semi-definite.
 The chord itself changes its sign from turn to turn, and with it P's products of an angle and a
@@ -64,6 +65,8 @@ class Cost(NamedTuple):
     angle_error: AngleError
     x_soft: float              # [m] where the soft margin of the track begins
     w: float                   # [1/m^2] weight of the squared distance into the margin
+    v_soft: float              # [m/s] speed of the cart above which it costs
+    w_v: float                 # [s^2/m^2] weight of the squared excess
 
 
 def is_angle(cost: Cost, i: int) -> bool:
@@ -84,26 +87,32 @@ def error(cost: Cost, x: Numbers) -> tuple[list[Any], list[Any]]:
     return [e for e, _ in both], [slope for _, slope in both]
 
 
-def intrusion(cost: Cost, x: Any) -> Any:
-    """Return how far [m] the cart at x is inside the soft margin, with the sign of its side."""
-    return x - clamp(x, -cost.x_soft, cost.x_soft)
+def excess(cost: Cost, x: Numbers) -> list[tuple[int, Any, Any]]:
+    """Return which numbers of a state have a soft limit, how far each is beyond it, and w."""
+    return [(i, x[i] - clamp(x[i], -soft, soft), w)
+            for i, soft, w in ((0, cost.x_soft, cost.w),
+                               (len(cost.S) // 2, cost.v_soft, cost.w_v))]
+
+
+def barrier(cost: Cost, x: Numbers) -> Any:
+    """Return b(x)."""
+    return total([w * beyond * beyond for _, beyond, w in excess(cost, x)])
 
 
 def running_cost(cost: Cost, x: Numbers, u: Any) -> Any:
     """Return ℓ(x, u)."""
-    inside = intrusion(cost, x[0])
     squares = [cost.angle_error.squared(x[i], cost.x_r[i]) if is_angle(cost, i)
                else (x[i] - cost.x_r[i]) * (x[i] - cost.x_r[i]) for i in range(len(cost.S))]
-    return dot(cost.S, squares) + cost.R * u * u + cost.w * inside * inside
+    return dot(cost.S, squares) + cost.R * u * u + barrier(cost, x)
 
 
 def terminal_cost(cost: Cost, x: Numbers) -> Any:
     """Return ℓ_f(x); of P, which is symmetric, the upper triangle is enough."""
-    (e, _), inside, n = error(cost, x), intrusion(cost, x[0]), len(cost.S)
+    (e, _), n = error(cost, x), len(cost.S)
     products = [e[i] * (cost.P[i, i] * e[i]
                         + 2 * dot([cost.P[i, j] for j in range(i + 1, n)], e[i + 1:]))
                 for i in range(n)]
-    return total(products) + cost.w * inside * inside
+    return total(products) + barrier(cost, x)
 
 
 running, terminal = unrolled(running_cost), unrolled(terminal_cost)
@@ -125,13 +134,15 @@ def trajectory_cost(cost, X, U):
 @unrolled
 def running_lane(cost, z, out, i):
     """Write ℓ_x and the diagonal of ℓ_xx of the step in lane i; see `running_derivatives`."""
-    e, slope = error(cost, [z[j, i] for j in range(len(cost.S))])
-    inside = intrusion(cost, z[0, i])
+    x = [z[j, i] for j in range(len(cost.S))]
+    e, slope = error(cost, x)
+    first = [2 * cost.S[j] * (e[j] * slope[j]) for j in range(len(e))]
+    second = [2 * cost.S[j] * (slope[j] * slope[j]) for j in range(len(e))]
+    for j, beyond, w in excess(cost, x):
+        first[j] += 2 * w * beyond
+        second[j] += 2 * w * is_nonzero(beyond)
     for j in range(len(e)):
-        first = 2 * cost.S[j] * (e[j] * slope[j])
-        second = 2 * cost.S[j] * (slope[j] * slope[j])
-        out[j, i] = first + 2 * cost.w * inside if j == 0 else first
-        out[len(e) + j, i] = second + 2 * cost.w * is_nonzero(inside) if j == 0 else second
+        out[j, i], out[len(e) + j, i] = first[j], second[j]
 
 
 @kernel
@@ -154,9 +165,11 @@ def running_derivatives(cost, X, U):
 
 @unrolled
 def errors_at(cost, x):
-    """Return the errors of a state, their slopes, and the cart's intrusion into the margin."""
+    """Return the errors of a state, their slopes, and both derivatives of b by cart and speed."""
     e, slope = error(cost, [x[i] for i in range(len(cost.S))])
-    return tuple(e), tuple(1.0 * each for each in slope), intrusion(cost, x[0])
+    beyond = [(2 * w * each, 2 * w * is_nonzero(each))
+              for _, each, w in excess(cost, [x[i] for i in range(len(cost.S))])]
+    return tuple(e), tuple(1.0 * each for each in slope), *beyond
 
 
 @kernel
@@ -166,11 +179,14 @@ def terminal_derivatives(cost, x, l_x, l_xx):
 
     Shapes: l_x (2n + 2,), l_xx (2n + 2, 2n + 2).
     """
-    e, slope, inside = errors_at(cost, x)
+    e, slope, of_cart, of_speed = errors_at(cost, x)
     for i in range(len(e)):
         l_x[i] = 0.0
         for j in range(len(e)):
             l_x[i] += 2 * slope[i] * cost.P[i, j] * e[j]
             l_xx[i, j] = 2 * slope[i] * cost.P[i, j] * slope[j]
-    l_x[0] += 2 * cost.w * inside
-    l_xx[0, 0] += 2 * cost.w * (inside != 0)
+    v = len(e) // 2
+    l_x[0] += of_cart[0]
+    l_xx[0, 0] += of_cart[1]
+    l_x[v] += of_speed[0]
+    l_xx[v, v] += of_speed[1]

@@ -3,6 +3,7 @@
 """Parameters of the optimal control problem: cost and prediction."""
 
 import dataclasses
+import math
 
 from dp_swing_ros.parameters import parameter, Parameters
 from dp_swing_ros.pendulum.integrators import INTEGRATORS
@@ -35,6 +36,12 @@ class CostParameters(Parameters):
         minimum=0.0)
     track_margin: float = parameter(
         0.4, 'width of the soft margin inside the track limit', unit='m', minimum=0.0)
+    cart_speed_limit: float = parameter(
+        math.inf, 'speed of the cart that plans keep below; see controlled_stop, too',
+        unit='m/s', minimum=0.01, finite=False)
+    speed_weight: float = parameter(
+        1e5, 'weight of the squared excess of a speed over nine tenths of its limit',
+        unit='s^2/m^2', minimum=0.0)
 
 
 @dataclasses.dataclass(frozen=True)

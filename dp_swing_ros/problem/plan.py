@@ -25,6 +25,7 @@ class Status(enum.Enum):
     FEEDBACK = 'no solve was due; this is the last plan, with its feedback from the newest state'
     LAST_POLICY = 'the solve failed; this is the last plan, followed as a policy'
     REGULATOR = 'the solve failed; this is the regulator at the reference'
+    STOP = 'a controlled stop: the cart is braked, then the force is zero'
     ZERO = 'the solve failed, and so did the fallback; the force is zero'
     DISABLED = 'disabled: the force is zero; call mpc/enable'
 

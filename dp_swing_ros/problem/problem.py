@@ -26,6 +26,7 @@ from dp_swing_ros.problem.parameters import CostParameters, PredictionParameters
 from dp_swing_ros.problem.plan import Plan, SolverStats, Status
 
 TURN = 2 * math.pi
+FAST = 0.9          # of the limit of the cart's speed, from where on it costs
 SLOWEST = 1 - 1e-6  # spectral radius of a regulated model; at 1 an error would never die out
 
 
@@ -79,7 +80,8 @@ class Problem:
         return cls(model, Cost(
             S=cost.state_weights, R=cost.force_weight, P=np.ascontiguousarray(P),
             x_r=cost.reference, angle_error=ANGLE_ERRORS[cost.angle_error],
-            x_soft=limits.track_limit - cost.track_margin, w=cost.track_weight),
+            x_soft=limits.track_limit - cost.track_margin, w=cost.track_weight,
+            v_soft=FAST * cost.cart_speed_limit, w_v=cost.speed_weight),
             prediction.horizon, Bounds(-limits.force_limit, limits.force_limit), lqr, physical,
             (limits, cost, prediction))
 

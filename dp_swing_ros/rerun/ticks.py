@@ -36,6 +36,7 @@ class Tick(NamedTuple):
     real_time: bool
     reset: bool        # it was reset before
     enabled: bool      # else the force was zero
+    stopping: bool     # the cart was braked
     solves: tuple[int, ...]  # iterations
     status: str
     cost: float
@@ -92,6 +93,7 @@ def _record(bag: Bag, reports: list[Report]) -> Record:
             None if carried else states[report.stamp], float(values['delay']),
             bool(values['real_time']), int(values['resets']) > resets,
             bool(values.get('enabled', True)),   # which older ones always were
+            bool(values.get('stopping', False)),
             tuple(map(int, str(values['solves']).split())), str(values['status']),
             float(values['cost']), float(values['force'])))
         resets = int(values['resets'])
@@ -187,7 +189,10 @@ def answer(controller: RecedingHorizon, tick: Tick, counted: bool = True) -> Pla
     """
     if tick.reset:
         controller.reset()
-    controller.enabled = tick.enabled
+    if not tick.stopping:
+        controller.enable(tick.enabled)
+    elif not tick.solves:   # else it is the controller that begins to stop
+        controller.stop('as recorded')
     if tick.x is None:
         return controller.fallback(tick.t + tick.delay)
     usual = controller.search

@@ -520,10 +520,10 @@ def test_disabled_it_believes_states_and_sends_nothing():
         p.obey(plan.first_force(20.0))
         p.begin_period(0.0)
         p.advance(0.05)
-        c.enabled = n > 10
+        c.enable(n > 10)
         assert (plan.stats.status is Status.DISABLED) == (n <= 11)
         assert (plan.U[0] == 0.0) == (n <= 11)
     assert c.estimate.refused == 0 and c.fallback(3.0).stats.status is Status.LAST_POLICY
-    c.enabled = False
+    c.enable(False)
     assert c.fallback(3.0).stats.status is Status.DISABLED
     assert c.fallback(3.0).U[0] == 0.0

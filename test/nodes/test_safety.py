@@ -2,17 +2,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a driver and its user can rely on: the switch, and signs of life."""
 
+import itertools
 import signal
 import time
 
+from controllers import plant
 from diagnostic_msgs.msg import DiagnosticStatus
+import numpy as np
 import pytest
 from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import LivelinessPolicy, QoSProfile
 from std_msgs.msg import Float64
 from std_srvs.srv import SetBool
-from test_drivers import Driver, PERIOD
+from test_drivers import Driver, PERIOD, Rig
 
 from dp_swing_ros.nodes.connections import DEADLINE, LEASE
 from dp_swing_ros.tools import verify
@@ -84,6 +87,41 @@ def test_in_lockstep_each_state_has_one_force_all_the_same(peer, start_node):
             assert (driver.forces[-1].data != 0.0) == enabled
     peer.spin(0.3)
     assert len(driver.forces) == len(driver.ticks()) == driver.n
+
+
+def test_it_brakes_the_cart_before_it_ends(peer, start_node, tmp_path, capsys):
+    logger = start_node('logger', {'output': str(tmp_path / 'bag')})
+    mpc = start_node('mpc', {'controlled_stop': 0.5, 'clock': 'lockstep', **Rig.PARAMETERS})
+    mpc.wait_for('ready')
+    rig, pendulum, times = Rig(peer), plant(), itertools.count(0, 50_000_000)
+    rig.meet()
+    swung = rig.swing(pendulum, 12, lambda: next(times), paced=False)
+    mpc.signal(signal.SIGTERM)
+    peer.spin(0.2)
+    braked = rig.swing(pendulum, 20, lambda: next(times), paced=False)
+    assert mpc.wait() == 0
+    assert peer.until(lambda: rig.forces[-1].data == 0.0)
+    stops = [tick for tick in rig.ticks() if tick.values['status'] == 'STOP']
+    assert len(stops) == 10 and 'the process ends' in stops[0].message
+    assert stops[0].level == DiagnosticStatus.ERROR[0]
+    assert abs(swung[-1, 3]) > 0.5 and np.abs(braked[7:11, 3]).max() < 0.1
+    peer.spin(0.5)
+    assert logger.stop() == 0
+    assert verify.main([str(tmp_path / 'bag')]) == 0, capsys.readouterr().out
+    assert 'every force is the recorded one' in capsys.readouterr().out
+
+
+def test_without_states_it_ends_all_the_same(peer, start_node):
+    mpc = start_node('mpc', {'controlled_stop': 0.5})
+    mpc.wait_for('ready')
+    driver = Driver(peer)
+    driver.meet()
+    driver.stream(5, lambda now: now)
+    asked = time.monotonic()
+    mpc.signal(signal.SIGTERM)
+    assert peer.until(lambda: mpc.popen.poll() is not None)
+    assert mpc.wait() == 0 and time.monotonic() - asked < 4.0
+    assert driver.forces[-1].data == 0.0
 
 
 @pytest.mark.parametrize('policy', ['deadline', 'liveliness', 'both'])

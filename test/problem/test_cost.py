@@ -32,7 +32,7 @@ def cost_of(parameters):
 
 def costs():
     """Return costs by names: the paper's, the tuned ones, and about another equilibrium."""
-    found = {'shifted': SHIFTED}
+    found = {'shifted': SHIFTED, 'slow': CostParameters(cart_speed_limit=2.0, speed_weight=50.0)}
     for links in LINKS:
         tuned = default_cost(links)
         found.update({f'tuned {links}': tuned,

@@ -1,0 +1,135 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The limits of a rig: what is sent keeps them, and where that cannot be, the cart is braked."""
+
+import math
+
+from controllers import controller, plant
+import numpy as np
+import pytest
+
+from dp_swing_ros.control.safety import braked, limited, violation
+from dp_swing_ros.pendulum.model import step
+from dp_swing_ros.pendulum.parameters import LimitParameters
+from dp_swing_ros.pendulum.state import hanging, is_upright, upright
+from dp_swing_ros.problem.parameters import CostParameters
+from dp_swing_ros.problem.plan import Status
+from dp_swing_ros.problem.problem import Bounds
+from dp_swing_ros.simulation.closed_loop import simulate
+
+SOLVERS = pytest.mark.parametrize('name', ['ilqr', 'ddp', 'mppi'])
+NEAR_THE_END = np.array([2.1, math.pi, math.pi, 4.0, 0.0, 0.0])   # which 20 N cannot keep
+
+
+def commands_of(c, p, duration=3.0):
+    """Close the loop; return the commands sent, and the episode."""
+    sent = []
+    episode = simulate(p, c, duration, on_tick=lambda t, plan: sent.append(plan.first_force(20.0)))
+    return np.array([0.0, *sent]), episode
+
+
+@SOLVERS
+@pytest.mark.parametrize('rate', [20.0, 100.0])
+def test_a_command_changes_as_fast_as_it_may(name, rate):
+    limit = 500.0
+    f, _ = commands_of(controller(name, force_rate_limit=limit), plant(rate=rate), 1.5)
+    steepest = np.abs(np.diff(f)).max() * rate
+    assert 0.99 * limit < steepest <= limit * (1 + 1e-9)   # it would be steeper
+
+
+def test_a_plan_knows_its_first_force():
+    c = controller(force_rate_limit=100.0)
+    first = c.update(0.0, hanging())
+    assert first.U[0] == 0.0   # how long there was none before is not known
+    plan = c.update(0.05, hanging() + 1e-3)
+    assert abs(plan.first_force(20.0)) == pytest.approx(100.0 * c.problem.dt)
+    step(c.problem.model, plan.X[0], plan.U[0], x := np.empty(6))
+    assert np.allclose(x, plan.X[1])
+    again = limited(c.problem, plan, Bounds(plan.U[0], plan.U[0]))
+    assert again is plan
+
+
+def test_zero_is_sent_at_once():
+    c = controller(force_rate_limit=100.0)
+    for n in range(3):
+        plan = c.update(0.05 * n, hanging() + 1e-3 * n)
+    assert abs(plan.U[0]) > 5.0
+    c.enable(False)
+    assert c.update(0.15, hanging()).U[0] == 0.0
+
+
+@SOLVERS
+def test_plans_keep_a_limit_of_the_speed(name):
+    limit = 2.0
+    c, p = controller(name, cost=CostParameters(cart_speed_limit=limit)), plant()
+    _, episode = commands_of(c, p, 8.0)
+    assert np.abs(episode.X[:, 3]).max() < limit
+    assert is_upright(episode.X[-1])
+    _, free = commands_of(controller(name), plant(), 2.0)
+    assert np.abs(free.X[:, 3]).max() > 1.5 * limit
+
+
+def test_the_brake_brings_the_cart_to_rest_and_holds_it():
+    c = controller()
+    for x in (NEAR_THE_END, np.array([0.0, 2.5, 2.0, -1.0, 1.0, -1.0]), upright()):
+        plan = braked(c.problem, x, 0.0, math.inf)
+        speeds = np.abs(plan.X[:, 3])
+        assert np.all(np.diff(speeds[speeds > 0.1]) < 0) and speeds[-10:].max() < 0.01
+        assert np.abs(plan.U).max() <= c.problem.u_max
+        slow = braked(c.problem, x, 3.0, 2.0)
+        assert np.abs(np.diff(np.append(3.0, slow.U))).max() <= 2.0 + 1e-12
+
+
+def test_what_is_not_kept_is_said():
+    c = controller(cost=CostParameters(cart_speed_limit=2.0))
+    X = np.array([upright(), NEAR_THE_END])
+    assert violation(c.problem, X) == '4 m/s instead of cart_speed_limit 2 m/s at most'
+    X[1, 0] = -2.5
+    assert violation(c.problem, X) == '2.5 m instead of track_limit 2.4 m at most'
+    assert violation(c.problem, X[:1]) == ''
+    assert violation(c.problem, np.full((1, 6), math.nan)) != ''
+
+
+@SOLVERS
+def test_where_a_limit_cannot_be_kept_the_cart_is_braked_then_free(name):
+    c, p = controller(name, controlled_stop=0.5), plant(
+        limits=LimitParameters(track_limit=9.0), initial_state=tuple(NEAR_THE_END))
+    seen, speeds = [], []
+    simulate(p, c, 1.0, on_tick=lambda t, plan: (
+        seen.append((plan.stats.status, plan.U[0])), speeds.append(p.x[3])))
+    statuses = [status for status, _ in seen]
+    assert statuses == [Status.STOP] * 10 + [Status.DISABLED] * 10
+    assert seen[0][1] == -20.0 and not any(force for _, force in seen[10:])
+    assert abs(speeds[9]) < 0.1 and not c.enabled
+    assert c.enable(True)
+    assert c.update(1.0, p.x).stats.status is Status.STOP   # it is beyond the limit
+    assert c.enable(True)
+    c.reset()
+    assert c.update(1.05, hanging()).stats.status not in (Status.STOP, Status.DISABLED)
+
+
+@SOLVERS
+def test_where_limits_can_be_kept_it_changes_nothing(name):
+    plain, first = commands_of(controller(name), plant())
+    stopping, second = commands_of(controller(name, controlled_stop=1.0), plant())
+    assert np.array_equal(plain, stopping) and np.array_equal(first.X, second.X)
+
+
+def test_a_stop_from_outside_goes_on_without_states():
+    c, p = controller(controlled_stop=0.3), plant()
+    simulate(p, c, 0.5)
+    c.stop('the process ends')
+    first = c.update(p.t, p.x)
+    assert first.stats.status is Status.STOP and abs(p.x[3]) > 0.5
+    second = c.fallback(p.t + 0.05)
+    assert second.stats.status is Status.STOP and second.U[0] == pytest.approx(first.U[1])
+    assert c.fallback(p.t + 0.3).stats.status is Status.DISABLED
+    assert c.fallback(p.t + 0.35).U[0] == 0.0
+
+
+def test_blind_it_does_not_brake():
+    c = controller(controlled_stop=5.0)
+    c.update(0.0, hanging())
+    c.stop('the process ends')
+    assert c.fallback(0.1).stats.status is Status.STOP
+    assert c.fallback(0.4).stats.status is Status.ZERO
