@@ -113,8 +113,11 @@ class MessageFilter:
             if count == 1:
                 continue
             since = self.past[-count]
-            moved = np.abs(predict(since.whole, since.t, last.t) - since.whole)[columns]
-            if moved.max() > limit:
+            # since the last one, too: what swings to and fro comes by the same place
+            starts = (since,) if count == 2 else (since, self.past[-2])
+            moved = max(np.abs(predict(start.whole, start.t, last.t) - start.whole)[columns].max()
+                        for start in starts)
+            if moved > limit:
                 what = self.joints[columns[0]] if len(columns) == 1 else 'whole state'
                 return (f'the {what} has stood still to the bit for {last.t - since.t:.2f} s; '
                         'expected it to move under the forces sent')

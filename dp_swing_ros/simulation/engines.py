@@ -24,7 +24,8 @@ from dp_swing_ros.pendulum.state import Array, from_joints, to_joints
 
 CREEP = 0.02          # [m/s, rad/s] of our own dry friction
 MUJOCO_STEP = 1e-3    # [s] the longest
-FIRM = '0.99 0.99 1e-3'   # of dry friction that holds: solimp, what share of a slip is undone
+# of dry friction: what share of a slip is undone, and how soon; else it is weaker when slow
+FIRM = 'solimpfriction="0.99 0.99 1e-3" solreffriction="0.002 1"'
 THIN = 1e-3           # of a link's moment of inertia, that about its own axis
 
 
@@ -164,15 +165,14 @@ def mjcf(physical: PendulumParameters, limits: LimitParameters) -> str:
         m, length = physical.masses[i + 1], physical.lengths[i]
         inertia = physical.inertia_factors[i] * m * length ** 2 / 12
         text += (f'<body pos="{at}"><joint type="hinge" axis="0 1 0" damping="{damping[i + 1]}" '
-                 f'frictionloss="{dry[i + 1]}" solimpfriction="{FIRM}"/>'
+                 f'frictionloss="{dry[i + 1]}" {FIRM}/>'
                  f'<inertial pos="0 0 {length / 2}" mass="{m}" '
                  f'diaginertia="{inertia} {inertia} {inertia * THIN}"/>')
         at = f'0 0 {length}'
     return (f'<mujoco><option gravity="0 0 {-physical.gravity}" integrator="implicitfast">'
             '<flag contact="disable"/></option><worldbody><body><joint name="cart" type="slide" '
             f'axis="1 0 0" damping="{damping[0]}" frictionloss="{dry[0]}" '
-            f'solimpfriction="{FIRM}" {ends}/><inertial '
-            f'pos="0 0 0" mass="{m_0}" diaginertia="{m_0} {m_0} {m_0}"/>'
+            f'{FIRM} {ends}/><inertial pos="0 0 0" mass="{m_0}" diaginertia="{m_0} {m_0} {m_0}"/>'
             f'{text}{"</body>" * n}</body></worldbody><actuator><motor joint="cart"/></actuator>'
             '</mujoco>')
 

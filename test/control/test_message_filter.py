@@ -169,3 +169,16 @@ def test_without_an_estimator_velocities_are_needed():
     c = controller(estimator='none')
     with pytest.raises(ValueError, match='without velocities; estimator ekf does without'):
         c.update(0.0, np.array([0.0, 0.1, 0.2, np.nan, np.nan, np.nan]))
+
+
+def test_a_position_that_stands_still_at_a_turning_point_is_not_believed_for_it():
+    """A joint that swings to and fro comes by where it is stuck; its speed gives it away."""
+    past, t = MessageFilter(2, TRACK), 0.05 * np.arange(4)
+
+    def swinging(x, t, until):
+        """Predict that joint 1 is back where it was after 0.15 s."""
+        return x + (0.0, x[4] * (until - t) * (0.15 - (until - t)) / 0.15, 0.1, 0.0, 0.0, 0.0)
+
+    answers = [past.rejection(time, np.array([n, 1.0, n, 1.0, v, 1.0]), swinging)
+               for n, (time, v) in enumerate(zip(t, (-0.1, 0.0, 1.5, 2.0)))]
+    assert answers[:3] == ['', '', ''] and 'joint1 has stood still' in answers[3]

@@ -112,6 +112,23 @@ def test_a_cart_that_slides_loses_its_dry_friction(engine):
     assert abs(p.x[2]) < 0.01
 
 
+@of_links
+@pytest.mark.parametrize('speed', [0.04, 0.3, 2.0])
+def test_what_slides_is_braked_by_all_of_its_dry_friction_however_slow(links, speed):
+    dry = {'cart_dry_friction': 2.0,
+           **{f'joint{i}_dry_friction': 0.05 for i in range(1, links + 1)}}
+    q = (0.0, 0.5, 1.2, 2.0)[:links + 1]
+    v = (speed, -speed, speed, -speed)[:links + 1]
+    step, (ours, theirs) = 1e-5, (
+        plant(engine, links, dry, initial_state=q + v, physics_step=1e-5) for engine in (
+            'own', 'mujoco'))
+    for p in (ours, theirs):
+        p.obey(5.0)
+        p.advance(step)
+    accelerations = [(p.x[links + 1:] - v) / step for p in (ours, theirs)]
+    np.testing.assert_allclose(*accelerations, rtol=1e-3, atol=1e-3)
+
+
 @pytest.mark.parametrize('links', [1, 2])
 def test_dry_friction_holds_what_stands_under_mujoco(links):
     p = plant('mujoco', links, {'cart_dry_friction': 3.0})
