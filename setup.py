@@ -19,6 +19,7 @@ ONE_FOR_ALL = ['dp_swing_ros = dp_swing_ros.__main__:main']
 EXECUTABLES = [
     'plant = dp_swing_ros.nodes.executables:plant',
     'mpc = dp_swing_ros.nodes.executables:mpc',
+    'relay = dp_swing_ros.nodes.executables:relay',
     'logger = dp_swing_ros.nodes.executables:logger',
     'replay = dp_swing_ros.nodes.executables:replay',
     'analyse = dp_swing_ros.tools.analyse:main',

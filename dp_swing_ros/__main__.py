@@ -23,6 +23,7 @@ TOOLS = {
 NODES = {
     'plant': 'integrates the pendulum, publishes its state, applies the force',
     'mpc': 'solves from each state, publishes the force',
+    'relay': 'hands the force on to a controller of ros2_control',
     'logger': 'writes the topics to an MCAP bag',
     'replay': 'plays a bag back'}
 BY_COLCON = {'demo': 'runs plant, mpc and logger, and draws the results'}

@@ -22,6 +22,8 @@ PLAN = Topic('mpc/plan', 'trajectory_msgs/msg/JointTrajectory')
 DIAGNOSTICS = Topic('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray')
 ROBOT_DESCRIPTION = Topic('robot_description', 'std_msgs/msg/String', latched=True)
 CONFIGURATION = Topic('configuration', 'std_msgs/msg/String', latched=True)  # as YAML
+# of the forward_command_controller in config/ros2_control.yaml
+CONTROLLER_COMMANDS = Topic('force_controller/commands', 'std_msgs/msg/Float64MultiArray')
 
 TOPICS = (JOINT_STATES, FORCE_COMMAND, FORCE_COMMAND_STAMPED, DISTURBANCE, PLAN, DIAGNOSTICS,
           ROBOT_DESCRIPTION, CONFIGURATION)

@@ -1,7 +1,7 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What `ros2 run dp_swing_ros plant`, mpc, logger and replay call.
+What `ros2 run dp_swing_ros plant`, mpc, relay, logger and replay call.
 
 Nothing here is slow to import, so that a first line comes at once, and a signal that comes before
 the node is there ends the process without a word.
@@ -36,5 +36,6 @@ def _start(name: str) -> int:
 
 plant = partial(_start, 'plant')
 mpc = partial(_start, 'mpc')
+relay = partial(_start, 'relay')
 logger = partial(_start, 'logger')
 replay = partial(_start, 'replay')

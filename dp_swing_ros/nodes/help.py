@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 from dp_swing_ros.configuration import declared
 from dp_swing_ros.nodes.parameters import LoggerParameters, named, ReplayParameters, shown
-from dp_swing_ros.parameters import expected
+from dp_swing_ros.parameters import expected, Parameters
 from dp_swing_ros.pendulum.state import DEFAULT_LINKS
 from dp_swing_ros.topics import (
-    CONFIGURATION, DIAGNOSTICS, DISTURBANCE, FORCE_COMMAND, FORCE_COMMAND_STAMPED, JOINT_STATES,
-    PLAN, ROBOT_DESCRIPTION, Topic)
+    CONFIGURATION, CONTROLLER_COMMANDS, DIAGNOSTICS, DISTURBANCE, FORCE_COMMAND,
+    FORCE_COMMAND_STAMPED, JOINT_STATES, PLAN, ROBOT_DESCRIPTION, Topic)
 
 WIDTH = 99
 SWITCHES = ('mpc/enable',)   # services that are asked for true or false
@@ -41,12 +41,15 @@ NODE: dict[str, About] = {
         'force that it begins with.',
         (FORCE_COMMAND, FORCE_COMMAND_STAMPED, PLAN, DIAGNOSTICS, CONFIGURATION),
         (JOINT_STATES,), ('mpc/reset', 'mpc/enable')),
+    'relay': About(
+        'Hands the force on to a forward_command_controller of ros2_control, and a zero where '
+        'none comes for 0.25 s.', (CONTROLLER_COMMANDS, CONFIGURATION), (FORCE_COMMAND,)),
     'logger': About('Writes topics to an MCAP bag that rosbag2 opens.', (CONFIGURATION,), ()),
     'replay': About(
         'Plays a bag back onto its topics with its recorded timing.',
         (CONFIGURATION,), (), tuple(f'replay/{name}' for name in (
             'pause', 'resume', 'toggle_paused', 'is_paused', 'play_next')))}
-OF_BAGS = {'logger': LoggerParameters, 'replay': ReplayParameters}
+OWN = {'relay': Parameters, 'logger': LoggerParameters, 'replay': ReplayParameters}
 
 
 def lines(name: str) -> Iterator[str]:
@@ -61,8 +64,9 @@ def lines(name: str) -> Iterator[str]:
         yield from ('', 'services:', *(
             f'  {each:21} std_srvs/srv/{"SetBool" if each in SWITCHES else "Trigger"}'
             for each in about.services))
-    yield from ('', 'parameters, with their defaults:')
-    fields = named(OF_BAGS[name]) if name in OF_BAGS else declared(name, DEFAULT_LINKS)
+    fields = named(OWN[name]) if name in OWN else declared(name, DEFAULT_LINKS)
+    if fields:
+        yield from ('', 'parameters, with their defaults:')
     for full, field in fields.items():
         yield f'  {full}:={shown(field.default)} {field.metadata["unit"]}'.rstrip()
         text, limits = field.metadata['description'], expected(field)

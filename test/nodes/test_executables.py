@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-NODES = ('plant', 'mpc', 'logger', 'replay')
+NODES = ('plant', 'mpc', 'relay', 'logger', 'replay')
 
 
 @pytest.mark.parametrize(('name', 'option'), [
@@ -18,13 +18,14 @@ def test_help_says_what_it_does_and_takes(start_node, name, option):
     assert f'usage: ros2 run dp_swing_ros {name}' in node.output()
     for word in {'plant': ('joint_states  ', 'cart_mass:=1 kg', 'plant/reset'),
                  'mpc': ('force_command  ', 'mppi.samples:=', 'solver:=ilqr'),
+                 'relay': ('force_controller/commands', 'force_command  '),
                  'logger': ('configuration  ', 'output:='),
                  'replay': ('replay/pause', 'rate:=1')}[name]:
         assert word in node.output()
 
 
 @pytest.mark.parametrize('delay', [0.15, 0.5, 1.0, 2.0])
-@pytest.mark.parametrize('name', ['plant', 'mpc', 'logger'])
+@pytest.mark.parametrize('name', ['plant', 'mpc', 'relay', 'logger'])
 def test_an_early_signal_ends_it_without_a_word(start_node, tmp_path, name, delay):
     node = start_node(name, {'output': str(tmp_path / 'bag')} if name == 'logger' else {},
                       environment={'XDG_CACHE_HOME': str(tmp_path)})
@@ -54,7 +55,8 @@ def test_of_what_is_for_any_node_each_takes_its_own(start_node, tmp_path, name):
     file.write_text(SHARED)
     output = {'output': str(tmp_path / 'bag')} if name == 'logger' else {}
     node = start_node(name, output, arguments=['--params-file', str(file)])
-    expected = {'plant': 'states a second', 'mpc': "the solver 'ddp'", 'logger': 'recording to',
+    expected = {'plant': 'states a second', 'mpc': "the solver 'ddp'",
+                'relay': 'ready, for /force_controller/commands', 'logger': 'recording to',
                 'replay': "parameter 'bag' is empty"}[name]
     node.wait_for(expected)
     node.stop()
