@@ -221,6 +221,10 @@ SCENARIOS: dict[str, Scenario] = {
                           sweep=Sweep('position_noise', 0.0025, 0.005, 'm, rad')),
     'rig_encoders': rig_with('encoders of 2,048 counts, no velocities', encoder_counts=2048,
                              velocities='none'),
+    'rig_backlash': rig_with(
+        'play between joints and their encoders, 4,096 counts, no velocities',
+        encoder_counts=4096, velocities='none',
+        sweep=Sweep('joint_backlash', math.radians(0.5), math.radians(1.0), 'rad')),
     'rig_bias': rig_with('a lasting force on the cart', sweep=Sweep('force_bias', 2.5, 5.0, 'N')),
     'rig_gain': rig_with('a force 0.7 to 1.3 times as large', force_gain=(0.7, 1.3)),
     'rig_all': rig_with('all of it at once', **ALL_AT_ONCE),

@@ -48,6 +48,9 @@ class PlantParameters(Parameters):
     encoder_counts: int = parameter(
         0, 'counts a turn of the encoders at the joints, and on a pulley of the cart that makes '
         'a turn in 0.2 m (0: exact)', minimum=0)
+    joint_backlash: float = parameter(
+        0.0, 'play between each joint and its encoder, whose shaft stays behind until the joint '
+        'has crossed it', unit='rad', minimum=0.0)
     velocities: str = parameter(
         'exact', 'measured velocities: exact, but for their noise; differenced: what measured '
         'positions differ by from state to state; none', choices=lambda: list(VELOCITIES))
@@ -171,6 +174,7 @@ class Plant:
         self.state_loss = stream(seed, Stream.STATE_LOSS)
         self.commands = Commands(self.parameters, self.drive.actuation_delay)
         self.seen: Measurement | None = None                # the last measurement
+        self.shafts: Array | None = None                    # of the encoders, in their play
         self.t = 0.0                                        # [s]
         self.x = np.array(self.parameters.initial_state)
         self.force = 0.0                                    # [N] of the actuator in the last step
@@ -240,11 +244,25 @@ class Plant:
     def measure(self) -> Measurement | None:
         """Return the noisy state of a delay ago; None where it is lost, or cannot be here yet."""
         t, x = self.past[0]
+        x = self.behind(x) if self.parameters.joint_backlash > 0 else x
         noise = np.repeat((self.parameters.position_noise, self.parameters.velocity_noise),
                           len(x) // 2)
         measured = self.sensed(t, x + self.sensor_noise.normal(0.0, noise))
         lost = self.state_loss.random() < self.parameters.state_loss
         return measured if self.is_seen() and not lost else None
+
+    def behind(self, x: Array) -> Array:
+        """
+        Return a state with the angles of the encoders' shafts, which the joints push along.
+
+        At first each is in the middle of its play. A turn and back between two states is not seen.
+        """
+        q, v = np.split(x, 2)
+        joints, half = to_joints(q), self.parameters.joint_backlash / 2
+        before = joints if self.shafts is None else self.shafts
+        self.shafts = np.concatenate(   # that of the cart has no play
+            (joints[:1], np.clip(before[1:], joints[1:] - half, joints[1:] + half)))
+        return np.concatenate((from_joints(self.shafts), v))
 
     def sensed(self, t: float, x: Array) -> Measurement:
         """Return a state as encoders give it, with the velocities that there are."""

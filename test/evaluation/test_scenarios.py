@@ -1,5 +1,7 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
+import math
+
 import numpy as np
 import pytest
 
@@ -173,7 +175,8 @@ def test_a_rig_s_ranges_are_kept_and_filled(name):
     ('rig_lag', {'motor_time_constant': (0.025, 0.05)}),
     ('rig_cart', {'cart_dry_friction': (2.0, 4.0)}),
     ('rig_joints', {'joint1_dry_friction': (0.025, 0.05), 'joint2_dry_friction': (0.025, 0.05)}),
-    ('rig_noise', {'position_noise': (0.0025, 0.005)}), ('rig_bias', {'force_bias': (2.5, 5.0)})])
+    ('rig_noise', {'position_noise': (0.0025, 0.005)}), ('rig_bias', {'force_bias': (2.5, 5.0)}),
+    ('rig_backlash', {'joint_backlash': (math.radians(0.5), math.radians(1.0))})])
 def test_a_rig_s_sweep_has_the_half_and_the_whole(name, expected):
     found = cases(name, range(2))
     assert len(found) == 4
@@ -195,7 +198,8 @@ def test_the_joints_of_a_rig_are_all_its_joints(links):
 @pytest.mark.parametrize('name', RIGS)
 def test_what_a_rig_s_sensors_are(name):
     plant = configuration.plant(cases(name, range(1))[0].plant).parameters
-    counts = {'rig_encoders': 2048, 'rig_all': 4096, 'rig_all_fast': 4096}.get(name, 0)
+    counts = {'rig_encoders': 2048, 'rig_backlash': 4096, 'rig_all': 4096,
+              'rig_all_fast': 4096}.get(name, 0)
     assert (plant.encoder_counts, plant.velocities) == (counts, 'none' if counts else 'exact')
     assert plant.rate == (100.0 if name == 'rig_all_fast' else 20.0)
 

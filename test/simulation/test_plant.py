@@ -15,7 +15,7 @@ from dp_swing_ros.pendulum.equations import energy, mass_matrix, Pendulum
 from dp_swing_ros.pendulum.integrators import INTEGRATORS
 from dp_swing_ros.pendulum.model import Model, rollout
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
-from dp_swing_ros.pendulum.state import angles, hanging, LINKS, SIZES
+from dp_swing_ros.pendulum.state import angles, from_joints, hanging, LINKS, SIZES, to_joints
 from dp_swing_ros.problem.plan import Status
 from dp_swing_ros.simulation.closed_loop import simulate
 from dp_swing_ros.simulation.engines import stop_at_end
@@ -478,6 +478,42 @@ def test_encoders_count_what_is_noisy():
     seen = np.array([counts_of(x, unit) for x in X])
     np.testing.assert_allclose(seen, np.round(seen), atol=1e-6)
     np.testing.assert_allclose(X[:, :3].std(axis=0), 0.01, rtol=0.1)
+
+
+@of_links
+def test_an_encoder_stands_still_within_the_play_and_follows_beyond(links):
+    p = plant(physical=PendulumParameters(links=links), initial_state=STARTS[links],
+              joint_backlash=0.1)
+    x, start = np.array(STARTS[links]), to_joints(np.array(STARTS[links])[:links + 1])
+    for turn, seen in ((0.0, 0.0), (0.04, 0.0), (0.07, 0.02), (-0.02, 0.02), (-0.06, -0.01),
+                       (0.03, -0.01), (0.05, 0.0)):
+        joints = start + turn
+        x[:links + 1] = from_joints(joints)
+        found = to_joints(p.behind(x)[:links + 1])
+        np.testing.assert_allclose(found, [joints[0], *(start + seen)[1:]], atol=1e-12)
+    np.testing.assert_array_equal(p.behind(x)[links + 1:], x[links + 1:])
+
+
+@of_links
+def test_what_is_measured_is_within_half_the_play_at_both_of_its_ends(links, rng):
+    p, errors = plant(physical=PendulumParameters(links=links), initial_state=STARTS[links],
+                      joint_backlash=0.02, encoder_counts=1 << 20), []
+    for _ in range(40):
+        p.obey(rng.uniform(-10, 10))
+        p.advance(0.05)
+        errors.append(to_joints(p.measure().x[:links + 1]) - to_joints(p.x[:links + 1]))
+    errors = np.array(errors)
+    np.testing.assert_allclose(errors[:, 0], 0.0, atol=1e-6)
+    np.testing.assert_allclose(errors[:, 1:].max(axis=0), 0.01, rtol=1e-3)
+    np.testing.assert_allclose(errors[:, 1:].min(axis=0), -0.01, rtol=1e-3)
+
+
+def test_a_reset_puts_the_encoders_into_the_middle_of_their_play():
+    p = plant(initial_state=START, joint_backlash=0.1)
+    p.advance(0.5)
+    p.measure()
+    p.reset()
+    np.testing.assert_allclose(p.measure().x, START, atol=1e-12)
 
 
 @pytest.mark.parametrize('counts', [0, 4096])
