@@ -5,17 +5,20 @@
 A pendulum rig that knows dp_swing_ros by its topics alone: rclpy, MuJoCo and default QoS.
 
 It hangs until the first force, keeps wall time (or its own, with --clock), can misbehave as
-sensors and drivers do, and writes at its end what happened as one line of JSON. By hand:
+sensors and drivers do, and writes at its end what happened as one line of JSON. Bodies, drive and
+sensors are ideal or, with --plausible, those of config/rig.yaml. By hand:
 
     ros2 run dp_swing_ros mpc & python benchmarks/foreign_plant.py --stamp-offset 0.05; kill %1
 """
 
 import argparse
+from collections import deque
 import json
 import math
 from pathlib import Path
 import sys
 import time
+from typing import NamedTuple
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
@@ -39,42 +42,99 @@ SAMPLE = 10             # steps between two rows of the record
 PATIENCE = 15.0         # [s] of wall time for the first force
 LAST_SECOND = 1.0       # [s] in which it must have been upright
 
-# Uniform thin rods of 0.5 kg and 1 m; the tip of the first carries the second.
+# Uniform thin rods; the tip of the first carries the second. Dry friction holds firmly.
 MJCF = """
 <mujoco model="rig">
   <option timestep="0.001" integrator="RK4" gravity="0 0 -9.81">
     <flag contact="disable"/>
   </option>
+  <default>
+    <joint solreffriction="0.002 1" solimpfriction="0.99 0.99 0.001"/>
+  </default>
   <worldbody>
     <body name="cart">
       <joint name="cart" type="slide" axis="1 0 0" range="-2.4 2.4" limited="true"
-             solreflimit="0.004 1"/>
-      <inertial pos="0 0 0" mass="1" diaginertia="0.01 0.01 0.01"/>
+             solreflimit="0.004 1" frictionloss="{cart_friction}"/>
+      <inertial pos="0 0 0" mass="{masses[0]}" diaginertia="0.01 0.01 0.01"/>
       <body name="lower">
-        <joint name="shoulder" type="hinge" axis="0 1 0"/>
-        <inertial pos="0 0 0.5" mass="0.5" diaginertia="{rod} {rod} 1e-5"/>
-        <body name="upper" pos="0 0 1">
-          <joint name="elbow" type="hinge" axis="0 1 0"/>
-          <inertial pos="0 0 0.5" mass="0.5" diaginertia="{rod} {rod} 1e-5"/>
+        <joint name="shoulder" type="hinge" axis="0 1 0" frictionloss="{joint_friction}"/>
+        <inertial pos="0 0 {middles[0]}" mass="{masses[1]}"
+                  diaginertia="{rods[0]} {rods[0]} 1e-5"/>
+        <body name="upper" pos="0 0 {lengths[0]}">
+          <joint name="elbow" type="hinge" axis="0 1 0" frictionloss="{joint_friction}"/>
+          <inertial pos="0 0 {middles[1]}" mass="{masses[2]}"
+                    diaginertia="{rods[1]} {rods[1]} 1e-5"/>
         </body>
       </body>
     </body>
   </worldbody>
   <actuator><motor name="drive" joint="cart"/></actuator>
-</mujoco>""".format(rod=0.5 * 1.0 ** 2 / 12)
+</mujoco>"""
 
+PULLEY = 0.2   # [m] of the cart's way in a turn of its encoder
 JOINTS = ['cart', 'joint1', 'joint2']
 EXTRA = {'gripper': (0.04, 0.0), 'lift': (1.2, -0.1)}   # position and velocity
 FAULTS = ('silence', 'nan', 'frozen', 'wrong_names', 'wrong_lengths', 'outlier_constant',
           'outlier_random')
 
 
+class Hardware(NamedTuple):
+    """What a rig is built of; by default, ideal."""
+
+    masses: tuple[float, float, float] = (1.0, 0.5, 0.5)   # [kg] of the cart and the links
+    lengths: tuple[float, float] = (1.0, 1.0)              # [m]
+    cart_friction: float = 0.0    # [N] dry
+    joint_friction: float = 0.0   # [N m] dry
+    delay: float = 0.0            # [s] from a command to where it begins to act
+    lag: float = 0.0              # [s] time constant of the motor
+    counts: int = 0               # of the encoders in a turn, 0 for exact positions
+    differenced: bool = False     # whether velocities are differences of positions
+
+    def mjcf(self) -> str:
+        """Return the pendulum as MuJoCo's XML."""
+        return MJCF.format(
+            **self._asdict(), middles=[length / 2 for length in self.lengths],
+            rods=[m * length ** 2 / 12 for m, length in zip(self.masses[1:], self.lengths)])
+
+
+IDEAL = Hardware()
+# as in config/rig.yaml
+PLAUSIBLE = Hardware(masses=(1.1, 0.45, 0.55), lengths=(1.0, 1.05), cart_friction=1.0,
+                     joint_friction=0.01, delay=0.005, lag=0.010, counts=4096, differenced=True)
+
+
+class Drive:
+    """The motor: a command acts late, and the force lags behind it; in steps of 1 ms."""
+
+    def __init__(self, hardware: Hardware) -> None:
+        """Begin without a force."""
+        self.delay = round(hardware.delay * 1000)   # steps
+        self.share = -math.expm1(-1e-3 / hardware.lag) if hardware.lag else 1.0
+        self.coming: deque[tuple[int, float]] = deque()   # the step at which each command acts
+        self.target = self.force = 0.0   # [N]
+        self.expires = 0                 # step at which the target is let go
+
+    def send(self, step: int, force: float) -> None:
+        """Take a command [N] at a step."""
+        self.coming.append((step + self.delay, force))
+
+    def advance(self, step: int) -> float:
+        """Return the force [N] of the next step."""
+        while self.coming and self.coming[0][0] <= step:
+            begins, self.target = self.coming.popleft()
+            self.expires = begins + round(COMMAND_TIMEOUT * 1000)
+        if step >= self.expires:
+            self.target = 0.0
+        self.force += self.share * (self.target - self.force)
+        return self.force
+
+
 class Pendulum:
     """The cart and links in MuJoCo, whose elbow measures θ2 - θ1."""
 
-    def __init__(self, seed: int) -> None:
+    def __init__(self, seed: int, hardware: Hardware = IDEAL) -> None:
         """Hang, but for a tiny disturbance."""
-        self.model = mujoco.MjModel.from_xml_string(MJCF)
+        self.model = mujoco.MjModel.from_xml_string(hardware.mjcf())
         self.data = mujoco.MjData(self.model)
         self.set_state(np.array([0, math.pi, math.pi, 0, 0, 0])
                        + np.random.default_rng(seed).normal(0, 1e-3, 6))
@@ -86,20 +146,51 @@ class Pendulum:
 
     def state(self) -> np.ndarray:
         """Return what `set_state` takes, (6,)."""
-        q, v = self.data.qpos, self.data.qvel
-        return np.array([q[0], q[1], q[1] + q[2], v[0], v[1], v[1] + v[2]])
+        return np.concatenate((absolute(self.data.qpos), absolute(self.data.qvel)))
+
+    def counted(self, counts: int) -> np.ndarray:
+        """Return [x, θ1, θ2] as encoders at the joints count it in a turn, (3,)."""
+        unit = np.array([PULLEY, math.tau, math.tau]) / counts
+        return absolute(np.round(self.data.qpos / unit) * unit)
 
     def accelerations(self, force: float) -> np.ndarray:
         """Return ẍ, θ̈1, θ̈2 under a force [N], (3,)."""
         self.data.ctrl[0] = force
         mujoco.mj_forward(self.model, self.data)
-        a = self.data.qacc
-        return np.array([a[0], a[1], a[1] + a[2]])
+        return absolute(self.data.qacc)
 
     def step(self, force: float) -> None:
         """Advance by a millisecond under a force [N]."""
         self.data.ctrl[0] = force
         mujoco.mj_step(self.model, self.data)
+
+
+class Sensors:
+    """What the driver reads of a pendulum."""
+
+    def __init__(self, hardware: Hardware, pendulum: Pendulum) -> None:
+        """Begin at rest."""
+        self.hardware, self.pendulum = hardware, pendulum
+        self.t, self.q, self.v = 0.0, self.positions(), np.zeros(3)   # the last that were read
+
+    def positions(self) -> np.ndarray:
+        """Return [x, θ1, θ2], (3,)."""
+        counts = self.hardware.counts
+        return self.pendulum.counted(counts) if counts else self.pendulum.state()[:3]
+
+    def read(self, t: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return positions and velocities at a time [s], each (3,)."""
+        q, v = self.positions(), self.pendulum.state()[3:]
+        if self.hardware.differenced:
+            # the tick after a late one may fall on the same step
+            v = (q - self.q) / (t - self.t) if t > self.t else self.v
+        self.t, self.q, self.v = t, q, v
+        return q, v
+
+
+def absolute(q: np.ndarray) -> np.ndarray:
+    """Return cart, shoulder and elbow as x, θ1 and θ2, or their derivatives, (3,)."""
+    return np.array([q[0], q[1], q[1] + q[2]])
 
 
 class Record:
@@ -187,8 +278,11 @@ class Rig(Node):
         super().__init__('rig')
         self.options, self.record = options, Record()
         self.random = np.random.default_rng([options.seed, 1])
-        self.pendulum = Pendulum(options.seed)
-        self.steps, self.force, self.expires = 0, 0.0, 0.0
+        hardware = PLAUSIBLE if options.plausible else IDEAL
+        hardware = hardware._replace(delay=hardware.delay + options.delay)
+        self.pendulum, self.drive = Pendulum(options.seed, hardware), Drive(hardware)
+        self.sensors = Sensors(hardware, self.pendulum)
+        self.steps = 0
         self.joints = JOINTS + list(EXTRA) if options.permute else list(JOINTS)
         if options.permute:
             self.random.shuffle(self.joints)
@@ -220,7 +314,7 @@ class Rig(Node):
     def advance(self) -> float:
         """Step the engine up to now, and return the time [s] that they have reached."""
         for step in range(self.steps, int(self.time() * 1000)):
-            force = self.force if step / 1000 < self.expires else 0.0
+            force = self.drive.advance(step)
             if step % SAMPLE == 0:
                 self.record.add_state(step / 1000, self.pendulum.state(), force)
             self.pendulum.step(force)
@@ -228,10 +322,10 @@ class Rig(Node):
         return self.steps / 1000
 
     def on_force(self, message: Float64) -> None:
-        """Apply a force from now on, within what the drive can do."""
+        """Apply a force, within what the drive can do."""
         t, force = self.advance(), message.data
-        self.force = min(max(force, -FORCE_LIMIT), FORCE_LIMIT) if math.isfinite(force) else 0.0
-        self.expires = t + COMMAND_TIMEOUT
+        self.drive.send(self.steps, min(max(force, -FORCE_LIMIT), FORCE_LIMIT)
+                        if math.isfinite(force) else 0.0)
         self.record.add_force(t, force, time.monotonic() - self.ticked)
 
     def on_diagnostics(self, message: DiagnosticArray) -> None:
@@ -259,9 +353,9 @@ class Rig(Node):
         self.finished = self.is_over(t)
 
     def measure(self, t: float) -> JointState:
-        """Return the true state with the stamp that this driver gives it."""
-        x = self.pendulum.state()
-        values = {**dict(zip(JOINTS, zip(x[:3].tolist(), x[3:].tolist()))), **EXTRA}
+        """Return the state as the sensors have it, with the stamp that this driver gives it."""
+        q, v = self.sensors.read(t)
+        values = {**dict(zip(JOINTS, zip(q.tolist(), v.tolist()))), **EXTRA}
         message = JointState(name=list(self.joints),
                              position=[values[joint][0] for joint in self.joints],
                              velocity=[values[joint][1] for joint in self.joints])
@@ -328,6 +422,10 @@ def parse() -> argparse.Namespace:
     parser.add_argument('--hold', type=float, default=0.0,
                         help='[s] upright after which to end early; 0: never')
     parser.add_argument('--rate', type=float, default=20.0, help='states/s')
+    parser.add_argument('--plausible', action='store_true',
+                        help='other bodies, dry friction, a lagging drive, encoders')
+    parser.add_argument('--delay', type=float, default=0.0,
+                        help='[s] by which commands act later still')
     parser.add_argument('--stamps', choices=('now', 'zero'), default='now')
     parser.add_argument('--stamp-offset', type=float, default=0.0,
                         help='[s] by which stamps lie in the past, though the state is fresh')

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The mpc on a rig that shares no code with it: benchmarks/foreign_plant.py, in real time."""
 
+import dataclasses
 import fcntl
 import os
 from pathlib import Path
@@ -11,10 +12,16 @@ import foreign
 import foreign_plant
 import numpy as np
 import pytest
+import yaml
 
 from dp_swing_ros.pendulum.equations import derivative, Pendulum
-from dp_swing_ros.pendulum.parameters import PendulumParameters
+from dp_swing_ros.pendulum.parameters import (
+    DriveParameters, LimitParameters, PendulumParameters)
+from dp_swing_ros.simulation.engines import CREEP
+from dp_swing_ros.simulation.plant import Plant, PlantParameters
 
+RIG = yaml.safe_load(Path(foreign.TOP, 'config', 'rig.yaml').read_text())[
+    '/**/plant']['ros__parameters']
 ATTEMPTS = 5     # at most, on a machine that is late
 SLOW = 2         # recoveries that are too many
 STALL = 0.05     # [s] by which a tick of the rig may be late before a run shows nothing,
@@ -65,14 +72,65 @@ def rotated(names):
     return [(name, foreign.SOLVERS[n % len(foreign.SOLVERS)]) for n, name in enumerate(names)]
 
 
-def test_its_accelerations_are_ours(rng):
-    rig, p = foreign_plant.Pendulum(0), Pendulum.of(PendulumParameters())
+def ours(kind):
+    """Return those parameters of config/rig.yaml that are of a kind."""
+    names = {field.name for field in dataclasses.fields(kind)}
+    return kind(**{name: value for name, value in RIG.items() if name in names})
+
+
+@pytest.mark.parametrize(('hardware', 'parameters'), [
+    (foreign_plant.IDEAL, PendulumParameters()),
+    (foreign_plant.PLAUSIBLE, ours(PendulumParameters))])
+def test_its_accelerations_are_ours(rng, hardware, parameters):
+    rig, p = foreign_plant.Pendulum(0, hardware), Pendulum.of(parameters, CREEP)
     for _ in range(100):
-        x, u = rng.normal(size=6) * (0.5, 3, 3, 2, 5, 5), rng.normal() * 10
+        x, u = rng.choice((-1, 1), 6) * rng.uniform(0.1, (1, 6, 6, 4, 10, 10)), rng.normal() * 10
+        x[5] += x[4]   # all joints slide: where they rest, dry friction is another
         rig.set_state(x)
         np.testing.assert_allclose(rig.state(), x, rtol=0, atol=1e-12)
         np.testing.assert_allclose(rig.accelerations(u), derivative(p, x, u)[3:], rtol=1e-9,
                                    atol=1e-9)
+
+
+def test_dry_friction_holds_its_cart():
+    rig = foreign_plant.Pendulum(0, foreign_plant.PLAUSIBLE)
+    rig.set_state(np.array([0, np.pi, np.pi, 0, 0, 0]))
+    for force, moves in ((0.9 * RIG['cart_dry_friction'], False),
+                         (1.5 * RIG['cart_dry_friction'], True)):
+        for _ in range(1000):
+            rig.step(force)
+        assert (rig.state()[0] > 1e-3) == moves
+
+
+def test_its_force_is_late_and_lags_as_ours():
+    drive, p = foreign_plant.Drive(foreign_plant.PLAUSIBLE), ours(DriveParameters)
+    drive.send(0, 10.0)
+    force = [drive.advance(step) for step in range(100)]
+    t = np.arange(1, 101) / 1000 - p.actuation_delay
+    np.testing.assert_allclose(
+        force, 10 * np.maximum(1 - np.exp(-t / p.motor_time_constant), 0), atol=1e-12)
+
+
+def test_its_force_ends_where_no_command_follows():
+    drive = foreign_plant.Drive(foreign_plant.IDEAL)
+    drive.send(0, 10.0)
+    force = np.array([drive.advance(step) for step in range(500)])
+    assert (force == np.where(np.arange(500) < 250, 10.0, 0.0)).all()
+
+
+def test_it_senses_as_ours():
+    rig = foreign_plant.Pendulum(0, foreign_plant.PLAUSIBLE)
+    sensors = foreign_plant.Sensors(foreign_plant.PLAUSIBLE, rig)
+    plant = Plant(PendulumParameters(), LimitParameters(), PlantParameters(
+        initial_state=rig.state().tolist(), encoder_counts=RIG['encoder_counts'],
+        velocities=RIG['velocities']))
+    plant.sensed(0.0, rig.state())
+    for step in range(50, 1000, 50):
+        for _ in range(50):
+            rig.step(8 * np.sin(step / 100))
+        np.testing.assert_allclose(
+            np.concatenate(sensors.read(step / 1000)),
+            plant.sensed(step / 1000, rig.state()).x, atol=1e-9)
 
 
 def test_it_keeps_its_energy_and_the_track():
