@@ -190,7 +190,8 @@ def test_a_run_is_good_without_shortcomings():
 
 
 @pytest.mark.timeout(1200)   # most of it, it waits for its turn
-@pytest.mark.parametrize(('name', 'solver'), rotated(foreign.CONDITIONS))
+@pytest.mark.parametrize(('name', 'solver'), [
+    *rotated(foreign.CONDITIONS), ('plausible', 'ilqr')])
 def test_it_is_swung_up(alone, tmp_path, name, solver):
     check(name, solver, tmp_path)
 
