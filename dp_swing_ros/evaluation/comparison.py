@@ -26,6 +26,15 @@ class Rate(NamedTuple):
     high: float
 
 
+class Median(NamedTuple):
+    """The median of some runs, and its 95 % interval by the bootstrap."""
+
+    runs: int
+    value: float
+    low: float
+    high: float
+
+
 class Paired(NamedTuple):
     """
     How one figure differs between two controllers over the same cases.
@@ -57,6 +66,16 @@ def rate(successes: Sequence[bool]) -> Rate:
     from scipy.stats import binomtest   # here and below: 0.4 s of loading, which few need
     interval = binomtest(count, runs).proportion_ci(method='wilson')
     return Rate(count, runs, float(interval.low), float(interval.high))
+
+
+def median(values: Array) -> Median:
+    """
+    Return the median of the values (N,) that are known, NaN where unknown.
+
+    Source as of `paired`.
+    """
+    known = _known(values)
+    return Median(len(known), *_bootstrapped(known, np.median))
 
 
 def paired(a: Array, b: Array) -> Paired:

@@ -9,7 +9,7 @@ import pytest
 from synthetic import first, swing_up
 
 from dp_swing_ros.evaluation.comparison import (
-    paired, paired_ratio, rate, sign_test, spread, summary, table)
+    median, paired, paired_ratio, rate, sign_test, spread, summary, table)
 from dp_swing_ros.evaluation.metrics import measure
 
 
@@ -30,6 +30,15 @@ def test_table_has_a_column_a_run_and_a_row_a_metric():
 def test_rate_counts_successes():
     assert rate([True, False, True])[:2] == (2, 3)
     assert math.isnan(rate([]).low)
+
+
+def test_the_interval_of_a_median_is_that_of_95_percent(rng):
+    covered = 0
+    for _ in range(100):
+        found = median(np.append(rng.exponential(1.0, 40), math.nan))
+        covered += found.low <= math.log(2) <= found.high
+        assert found.runs == 40
+    assert 88 <= covered <= 100
 
 
 def test_paired_differences_leave_out_what_one_does_not_know():

@@ -54,7 +54,7 @@ def markdown(summary: Summary, title: str = 'Campaign', introduction: Sequence[s
                   _breaks(summary)]
     if summary.duels:
         parts += ['## Against each other', DUELS, _duels(summary)]
-    parts += ['## What was not held, and why', _failures(summary.failures)]
+    parts += ['## What was not held, and why', failures(summary.failures)]
     return '\n\n'.join(parts) + '\n'
 
 
@@ -157,10 +157,11 @@ def ratio(of: Ratio) -> str:
     return '-' if math.isnan(of.low) else f'{of.value:.3f} ({of.low:.3f} to {of.high:.3f})'
 
 
-def _failures(failures: Sequence[Failure]) -> str:
-    if not failures:
+def failures(found: Sequence[Failure]) -> str:
+    """Return what was not held, and why, as a table."""
+    if not found:
         return 'Everything was held.'
-    groups = grouped(failures, lambda one: (one.scenario, one.contestant, one.why))
+    groups = grouped(found, lambda one: (one.scenario, one.contestant, one.why))
     return compact([('scenario', 'contestant', 'why', 'episodes', 'which'), *(
         (scenario, f'`{contestant}`', reason, str(len(group)), which(group))
         for (scenario, contestant, reason), group in groups.items())])
