@@ -40,7 +40,8 @@ evaluate: setup  ## run a campaign of episodes without ROS (EVALUATE='...' for i
 	@$(WITH_ROS) && ros2 run dp_swing_ros evaluate $(EVALUATE)
 
 results: setup $(if $(filter benchmark,$(or $(PAGES),benchmark)),$(VENV)/.peers)
-results:  ## every published figure anew, in an hour and a half (PAGES='random robustness' for some)
+results: $(if $(filter rig,$(PAGES)),$(VENV)/.installed-rig)
+results:  ## every published figure anew, in three hours (PAGES='random robustness' for some)
 	@$(WITH_ROS) && python benchmarks/published.py $(PAGES) $(RESULTS)
 
 test: setup $(VENV)/.installed-test  ## all tests, linters and type checks (PYTEST='...' for arguments of pytest)

@@ -21,11 +21,13 @@ import campaigns
 import choices
 import links
 import near_goal
+import pandas as pd
 import readme
+import rig
 import seeded
 import stamp
 
-from dp_swing_ros.evaluation.campaign.rows import CampaignError, store
+from dp_swing_ros.evaluation.campaign.rows import CampaignError, Row, store
 from dp_swing_ros.kernels import processor
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.tools.command_lines import interrupt_on_signals
@@ -58,12 +60,30 @@ OF_ROWS = {'near_goal': near_goal.page, 'choices': choices.page, 'links': links.
 def of_rows(name: str, minutes: float) -> Page:
     """Return a page that is written from the rows of its episodes."""
     def write(docs: Path, kept: Path) -> None:
-        rows, made = seeded.played(name, kept), stamp.made(name, seeded.sources(name))
-        store(docs / 'results' / f'{name}.csv.gz', rows)
+        rows, made = played(name, docs, kept)
         text = OF_ROWS[name](rows, made) if name in OF_ROWS else (
             campaigns.page(name, rows, made, docs / 'figures'))
         (docs / 'results' / f'{name}.md').write_text(text, encoding='utf-8')
     return Page(minutes, lambda: seeded.sources(name), write)
+
+
+def of_rigs(minutes: float) -> Page:
+    """Return the page of the rigs, from rows and from estimates, which are stored beside them."""
+    def write(docs: Path, kept: Path) -> None:
+        rows, made = played('rig', docs, kept)
+        found = rig.estimates()
+        pd.DataFrame(found).to_csv(docs / 'results' / 'rig_estimates.csv.gz', index=False,
+                                   compression={'method': 'gzip', 'mtime': 0})
+        rig.picture(rows).savefig(docs / 'figures' / 'rig.png')
+        (docs / 'results' / 'rig.md').write_text(rig.page(rows, found, made), encoding='utf-8')
+    return Page(minutes, lambda: seeded.sources('rig'), write)
+
+
+def played(name: str, docs: Path, kept: Path) -> tuple[list[Row], str]:
+    """Play and store the rows of a page; return them, and the sentence on where it comes from."""
+    rows = seeded.played(name, kept)
+    store(docs / 'results' / f'{name}.csv.gz', rows)
+    return rows, stamp.made(name, seeded.sources(name), seeded.SEEDED[name].packages)
 
 
 def of_script(name: str, minutes: float, *files: str,
@@ -83,6 +103,7 @@ PAGES = {
     'links': of_rows('links', 6),
     'choices': of_rows('choices', 5),
     'near_goal': of_rows('near_goal', 1),
+    'rig': of_rigs(50),
     'paper': of_script('paper', 7, 'paper.py', sources=lambda: seeded.sources('paper')),
     'real_time': of_script('real_time', 9, 'real_time.py'),
     'foreign': of_script('foreign', 26, 'foreign.py', 'foreign_plant.py'),

@@ -12,6 +12,7 @@ import choices
 import links
 import near_goal
 import paper_experiments
+import rig
 
 from dp_swing_ros import provenance
 from dp_swing_ros.evaluation.campaign.contestants import Contestant, key
@@ -23,10 +24,15 @@ Episodes = list[tuple[Contestant, Case]]
 
 
 class Seeded(NamedTuple):
-    """All episodes of a page, and of which of them one process alone measures the solve times."""
+    """
+    All episodes of a page, and of which of them one process alone measures the solve times.
+
+    Packages are those whose versions the rows depend on.
+    """
 
     episodes: Callable[[], Episodes]
     timed: Callable[[Case], bool]
+    packages: tuple[str, ...] = provenance.COMPUTING
 
 
 SEEDED = {
@@ -35,6 +41,7 @@ SEEDED = {
     'near_goal': Seeded(near_goal.episodes, lambda case: False),
     'choices': Seeded(choices.episodes, lambda case: False),
     'links': Seeded(links.episodes, links.is_timed),
+    'rig': Seeded(rig.episodes, lambda case: False, (*provenance.COMPUTING, 'mujoco')),
     'paper': Seeded(paper_experiments.episodes, lambda case: False)}
 
 

@@ -14,10 +14,12 @@ import sys
 import benchmark
 import campaigns
 import numpy as np
+import pandas as pd
 from PIL import Image
 import published
 import pytest
 import readme
+import rig
 import seeded
 import stamp
 
@@ -31,6 +33,7 @@ from dp_swing_ros.solvers import SOLVERS
 TOP = Path(__file__).parents[1]
 RESULTS = TOP / 'docs' / 'results'
 AGAIN = 6               # episodes of a page that are played again
+ESTIMATES = 3           # and of those of which a page has estimates
 TICKS = 2               # by which another rounding may move the settling
 # whatever the rounding, the solvers with their defaults hold these, and settle where they do
 SETTLES = {'hanging', 'near_goal', 'swing-up', 'near the goal'}
@@ -62,16 +65,31 @@ def differs(found, stored, exactly):
     return f'{found.key} settled {moved:.1f} ticks apart' if apart else ''
 
 
+def is_made_like_here(page):
+    """Return whether processor, versions and sources are those that a page names."""
+    of = stamp.read(RESULTS / f'{page}.md')
+    return (of.sources, of.processor, of.versions) == (
+        seeded.sources(page), processor(), stamp.versions(seeded.SEEDED[page].packages))
+
+
 @pytest.mark.parametrize('page', seeded.SEEDED)
 def test_stored_rows_are_those_of_the_present_code(page):
-    of = stamp.read(RESULTS / f'{page}.md')
-    exactly = (of.sources, of.processor, of.versions) == (
-        seeded.sources(page), processor(), stamp.versions())
+    exactly = is_made_like_here(page)
     episodes = {key(*episode): episode for episode in seeded.SEEDED[page].episodes()}
     apart = [differs(play(*episodes[row.key]), row, exactly) for row in chosen(page, exactly)]
     assert not any(apart), (
         f'{[one for one in apart if one]}: run `make results PAGES={page}`; the page names '
-        f'sources {of.sources}, these are {seeded.sources(page)}')
+        f'{stamp.read(RESULTS / f"{page}.md")}, these sources are {seeded.sources(page)}')
+
+
+def test_stored_estimates_are_those_of_the_present_code():
+    stored = pd.read_csv(RESULTS / 'rig_estimates.csv.gz', float_precision='round_trip')
+    rigs = {one.rig.scenario: one.rig for one in rig.SOUGHT}
+    for row in stored.sample(ESTIMATES, random_state=11).itertuples():
+        case, = rigs[row.scenario].cases(range(row.seed, row.seed + 1))
+        one, = rig.estimated(case, [row.parameter])
+        assert one.true == row.true
+        assert one.found == row.found or not is_made_like_here('rig'), row
 
 
 @pytest.mark.parametrize('page', seeded.SEEDED)

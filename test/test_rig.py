@@ -1,0 +1,156 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The page of the rigs: its aims, from rows that are made up; and one episode of each kind."""
+
+import dataclasses
+import re
+
+import pandas as pd
+from PIL import Image
+import published
+import pytest
+from results import row
+import rig
+import seeded
+
+from dp_swing_ros.evaluation.campaign.contestants import key, play
+from dp_swing_ros.solvers import SOLVERS
+
+CLEAN, TWICE = 1.9, 3.8   # [s] settling times
+
+
+@pytest.fixture
+def rows():
+    """Return two rows of every rig and contestant, all held at once and in the centre."""
+    keys = [key(*episode) for episode in rig.episodes()]
+    return {one: dataclasses.replace(row(settling_time=CLEAN, rest_offset=0.0), key=one)
+            for one in keys if one.seed < 2}
+
+
+@pytest.fixture
+def found():
+    """Return what was found of all that is sought: just the truth."""
+    sought = dict.fromkeys((one.rig, name) for one in rig.SOUGHT for name in one.names)
+    return [rig.Found(*of, seed, name, 0.5, 0.5) for of, name in sought for seed in range(2)]
+
+
+def change(rows, contestant, scenario, level=None, **metrics):
+    """Change the rows of a contestant and a rig."""
+    for one in rows:
+        if (one.contestant, one.scenario, one.level) == (contestant, scenario, level):
+            rows[one] = dataclasses.replace(rows[one], metrics=dataclasses.replace(
+                rows[one].metrics, **metrics))
+
+
+def lines(page, heading, *words):
+    """Return the cells of the lines of a section that begin with these words."""
+    section = re.split('^## ', page, flags=re.M)[heading]
+    return [line.strip('| ').split(' | ') for line in section.splitlines()
+            if line.startswith(f'| {" | ".join(words)} |')]
+
+
+def test_every_aim_is_met_where_all_is_held_at_once_and_found(rows, found):
+    page = rig.page(list(rows.values()), found, 'Made today.\n')
+    assert page.startswith('# Rigs of other make\n\nMade today.\n')
+    assert '**missed**' not in page
+    assert page.count(': met') == len(SOLVERS) * (
+        sum(aim.held > 0 for aim in rig.AIMS.values()) + 3) + 6   # settling twice, and centred
+    assert page.endswith('Everything was held.\n')
+
+
+def test_an_aim_is_missed_by_the_figure_itself(rows, found):
+    change(rows, 'ilqr', 'rig_delay', settling_time=2.4999999999999996)   # 2.5, in periods
+    change(rows, 'ddp', 'rig_delay', settling_time=2.45)
+    change(rows, 'ilqr', 'rig_all', settling_time=TWICE)
+    change(rows, 'ddp', 'rig_all', settling_time=TWICE + 0.05)
+    change(rows, 'mppi', 'rig_lag', 0.025, success=False)
+    page = rig.page(list(rows.values()), found, 'Made today.\n')
+    assert [lines(page, 0, '`rig_delay`', f'`{name}`')[0][-1] for name in ('ilqr', 'ddp')] == [
+        'below 2.50: **missed**', 'below 2.50: met']
+    assert [lines(page, 0, '`rig_all`', f'`{name}`')[0][-1] for name in ('ilqr', 'ddp')] == [
+        'at most 3.80: met', 'at most 3.80: **missed**']
+    of_lag, = lines(page, 0, '`rig_lag`, 0.025 s', '`mppi`')
+    assert of_lag[2:] == ['0 of 2 (0.0-65.8 %)', 'at least 98 %: **missed**', '-', '-']
+    assert page.count('**missed**') == 3
+    assert '| rig_lag | `mppi` |' in page   # and why
+
+
+def test_centred_is_what_is_held_with_the_cart_in_place(rows, found):
+    change(rows, 'ilqr', 'rig_bias', 5.0, rest_offset=0.021)
+    change(rows, 'ddp', 'rig_bias', 5.0, success=False)
+    page = rig.page(list(rows.values()), found, 'Made today.\n')
+    cells = [lines(page, 1, '`rig_bias`, 5 N', f'`{name}`')[0] for name in SOLVERS]
+    assert [each[2].split(' (')[0] for each in cells] == ['0 of 2', '0 of 2', '2 of 2']
+    assert ['missed' in each[3] for each in cells] == [True, True, False]
+    assert cells[0][4] == '21.0 (21.0-21.0)'
+
+
+def test_who_is_told_stands_beside_who_is_not_on_the_same_seeds(rows, found):
+    change(rows, 'ilqr', 'rig_all', success=False)
+    change(rows, 'ddp, told', 'rig_all', settling_time=CLEAN - 0.5)
+    page = rig.page(list(rows.values()), found, 'Made today.\n')
+    cells = {name: lines(page, 2, '`rig_all`', f'`{name}`', 'told')[0] for name in SOLVERS}
+    assert [each[3:5] for each in cells.values()] == [
+        ['2 of 2 (34.2-100.0 %)', '0 of 2 (0.0-65.8 %)'], *[['2 of 2 (34.2-100.0 %)'] * 2] * 2]
+    assert cells['ilqr'][5:7] == ['2', '0']
+    assert cells['ilqr'][-1] == '-'
+    assert cells['ddp'][-1].startswith('-0.5 (-0.5 to -0.5)')
+
+
+def test_errors_of_estimates_are_of_the_sum_and_without_their_sign(rows, found):
+    off = {'actuation_delay': 0.02, 'motor_time_constant': -0.02, 'force_gain': -0.15}
+    found = [one._replace(found=one.true + off.get(one.parameter, 0.0)) for one in found]
+    page = rig.page(list(rows.values()), found, 'Made today.\n')
+    delay, both = lines(page, 4, '`rig_delay`')
+    gain, = lines(page, 4, '`rig_gain`')
+    assert delay[1:] == ['`actuation_delay`', '2', '0.02 s (0.02 s to 0.02 s)',
+                         'at most 0.005 s: **missed**']
+    assert both[3:] == ['0 s (0 s to 0 s)', '-']
+    assert gain[3:] == ['30.0 % (30.0 % to 30.0 %)', 'at most 20.0 %: **missed**']
+
+
+def test_no_two_episodes_share_a_row():
+    keys = [key(*episode) for episode in rig.episodes()]
+    assert len(set(keys)) == len(keys)
+
+
+def test_who_is_told_is_told_all_that_an_mpc_can_be_and_only_that():
+    case, = rig.Rig('rig_all').cases(range(3, 4))
+    told, certain = (rig.told(kind, 'ilqr', case) for kind in rig.ORACLES)
+    assert set(case.plant) - set(told.mpc) == {
+        'engine', 'initial_state', 'encoder_counts', 'velocities'}
+    assert told.mpc == {name: case.plant[name] for name in told.mpc}
+    assert told.mpc.items() < certain.mpc.items()
+    assert certain.mpc['ekf.delay_error'] == certain.mpc['ekf.force_bias'] == 0.0
+
+
+@pytest.mark.parametrize('kind', rig.ORACLES)
+def test_who_is_told_holds_a_rig(kind):
+    case, = rig.Rig('rig_delay').cases(range(1))
+    found = play(rig.told(kind, 'ilqr', case), case)
+    assert found.outcome == 'HELD', found.detail
+
+
+def test_an_estimate_stands_beside_the_truth():
+    case, = rig.Rig('rig_cart', 4.0).cases(range(1))
+    dry, delay = rig.estimated(case, ['cart_dry_friction', 'actuation_delay'])
+    assert dry[:5] == ('rig_cart', 4.0, 0, 'cart_dry_friction', 4.0)
+    assert 2.0 < dry.found < 6.0
+    assert (delay.true, delay.parameter) == (0.0, 'actuation_delay')
+    assert 0.0 <= delay.found < 0.05
+
+
+def test_the_page_is_written_with_its_tables_and_its_picture(rows, found, tmp_path, monkeypatch):
+    monkeypatch.setattr(seeded, 'played', lambda page, folder: list(rows.values()))
+    monkeypatch.setattr(rig, 'estimates', lambda: found)
+    for folder in ('results', 'figures'):
+        (tmp_path / folder).mkdir()
+    published.PAGES['rig'].write(tmp_path, tmp_path)
+    text = (tmp_path / 'results' / 'rig.md').read_text()
+    assert 'Made by `make results PAGES=rig` on ' in text
+    assert re.search(r'mujoco [\d.]+\.\n', text)
+    stored = pd.read_csv(tmp_path / 'results' / 'rig_estimates.csv.gz')
+    assert len(stored) == len(found)
+    assert (stored.true == stored.found).all()
+    with Image.open(tmp_path / 'figures' / 'rig.png') as image:
+        image.verify()
