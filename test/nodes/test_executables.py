@@ -25,7 +25,7 @@ def test_help_says_what_it_does_and_takes(start_node, name, option):
 
 
 @pytest.mark.parametrize('delay', [0.15, 0.5, 1.0, 2.0])
-@pytest.mark.parametrize('name', ['plant', 'mpc', 'relay', 'logger'])
+@pytest.mark.parametrize('name', ['plant', 'mpc', 'logger'])
 def test_an_early_signal_ends_it_without_a_word(start_node, tmp_path, name, delay):
     node = start_node(name, {'output': str(tmp_path / 'bag')} if name == 'logger' else {},
                       environment={'XDG_CACHE_HOME': str(tmp_path)})

@@ -170,7 +170,7 @@ def test_through_what_ros2_control_does_the_pendulum_is_swung_up(peer, start_nod
     states = peer.record(JOINT_STATES._replace(name=f'{RIG}/{JOINT_STATES.name}'))
     start_node('plant', {'rate': 200.0}, ['-r', f'__ns:={RIG}'])
     assert peer.until(lambda: len(manager.sent) > 40 and is_upright(
-        np.array(manager.sent[-20:])).all(), 60.0), mpc.output()
+        np.array(manager.sent[-20:])).all(), 120.0), mpc.output()
     assert peer.until(lambda: manager.force != 0.0)
     mpc.signal(signal.SIGKILL)
     assert peer.until(lambda: manager.force == 0.0, 4 * DEADLINE)

@@ -98,7 +98,7 @@ def test_it_brakes_the_cart_before_it_ends(peer, start_node, tmp_path, capsys):
     swung = rig.swing(pendulum, 12, lambda: next(times), paced=False)
     mpc.signal(signal.SIGTERM)
     peer.spin(0.2)
-    braked = rig.swing(pendulum, 20, lambda: next(times), paced=False)
+    braked = rig.swing(pendulum, 12, lambda: next(times), paced=False)
     assert mpc.wait() == 0
     assert peer.until(lambda: rig.forces[-1].data == 0.0)
     stops = [tick for tick in rig.ticks() if tick.values['status'] == 'STOP']
