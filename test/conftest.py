@@ -44,7 +44,7 @@ for number in ENDING:
     if signal.getsignal(number) is signal.SIG_IGN:
         signal.signal(number, lambda *_: None)
 
-PATIENCE = 60.0  # [s] for what should take one
+PATIENCE = 120.0  # [s] for what should take one, and may wait for compilers
 
 
 @pytest.hookimpl(optionalhook=True)   # without pytest-xdist nobody asks

@@ -99,12 +99,15 @@ def test_parameters_of_all_nodes_are_printed_without_ros(installed):
 
 
 def test_a_campaign_finds_the_parameter_files_that_were_installed(installed):
-    done = installed.tool('evaluate', '--contestants', 'ilqr:config/paper.yaml', '--scenarios',
-                          'hanging', '--seeds', '1', '--duration', '0.5', '--jobs', '1',
-                          '--no-figures', '--output', 'campaign')
+    found = installed.python('-c', 'from pathlib import Path; from dp_swing_ros.configuration '
+                             'import locate; print(locate(Path("config/paper.yaml")))')
+    assert found.stdout.startswith(str(installed.prefix)), found.stderr
+    done = installed.tool('evaluate', '--contestants', 'nothing', '--scenarios', 'hanging',
+                          '--seeds', '1', '--duration', '0.5', '--jobs', '1', '--no-figures',
+                          '--output', 'campaign')
     assert done.returncode == 0, done.stderr
     page = (installed.here / 'campaign' / 'summary.md').read_text()
-    assert '`ilqr:paper` | 0 of 1' in page
+    assert '`nothing` | 0 of 1' in page
     assert 'version not installed' not in page
 
 

@@ -254,10 +254,14 @@ def test_ticks_that_outlast_the_period_of_the_states_are_counted(peer, start_nod
     talk = Conversation(peer, start_node, {'solver': 'mppi', 'mppi.samples': 65536,
                                            'mppi.tolerance': 0.0, 'time_limit': 0.1,
                                            'clock': 'stamps'})
-    for n in range(50):
-        x = LEANING * (1 + 0.01 * n)
+    x = LEANING.copy()
+
+    def enough():
+        x[0] += 0.001
         talk.states.publish(to_joint_state(peer.node.get_clock().now().to_msg(), x, 0.0))
         peer.spin(0.02)
+        return len(talk.forces) > 5
+    assert peer.until(enough)
     assert peer.until(lambda: len(talk.reports) == len(talk.forces))
     values = [from_diagnostics(message, 'mpc').values for message in talk.reports]
     late = [int(each['late']) for each in values]

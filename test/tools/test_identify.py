@@ -41,13 +41,20 @@ def stamped(change):
     return of_message
 
 
-def test_the_process_finds_what_moved_the_plant(lockstep, tmp_path):
-    output = tmp_path / 'new' / 'rig.yaml'
+@pytest.fixture(scope='module')
+def identified(lockstep, tmp_path_factory):
+    """Return what the process printed, and the file that it wrote."""
+    output = tmp_path_factory.mktemp('identified') / 'new' / 'rig.yaml'
     run = subprocess.run(['ros2', 'run', 'dp_swing_ros', 'identify', str(lockstep), '-o',
                           str(output)], capture_output=True, text=True, timeout=280)
     assert run.returncode == 0, run.stderr
-    assert 'force_gain held at 1.0' in run.stdout
-    assert times.LOCKSTEP in run.stdout
+    return run.stdout, output
+
+
+def test_the_process_finds_what_moved_the_plant(identified):
+    shown, output = identified
+    assert 'force_gain held at 1.0' in shown
+    assert times.LOCKSTEP in shown
     assert output.with_suffix('.png').stat().st_size > 10_000
     values = configuration.read([output])
     assert values['plant'] == values['mpc']
@@ -55,11 +62,11 @@ def test_the_process_finds_what_moved_the_plant(lockstep, tmp_path):
         assert values['mpc'][name] == pytest.approx(value, rel=0.02, abs=2e-3), name
 
 
-def test_plant_and_mpc_take_the_file(lockstep, tmp_path, start_node):
-    output = tmp_path / 'rig.yaml'
-    assert main([str(lockstep), '--known', 'cart_mass=1.1', '-o', str(output)]) == 0
+def test_plant_and_mpc_take_the_file(identified, start_node):
+    _, output = identified
     values = configuration.read([output])
-    assert configuration.plant(values['plant']).physical.cart_mass == 1.1
+    found = configuration.plant(values['plant']).physical
+    assert found.cart_mass == values['plant']['cart_mass']
     assert configuration.controller(values['mpc']).nominal_drive.gain == pytest.approx(1, abs=0.02)
     mpc = start_node('mpc', arguments=['--params-file', str(output)])
     plant = start_node('plant', {'duration': 0.5}, arguments=['--params-file', str(output)])
@@ -107,9 +114,12 @@ def test_states_and_commands_are_all_that_a_bag_needs(real_time, tmp_path):
 
 
 def test_several_bags_are_of_one_rig(lockstep, real_time, tmp_path, capsys):
-    assert main([str(lockstep), str(real_time), '-o', str(tmp_path / 'rig.yaml')]) == 0
+    output = tmp_path / 'rig.yaml'
+    assert main([str(lockstep), str(real_time), '--known', 'cart_mass=1.1', '-o',
+                 str(output)]) == 0
     shown = capsys.readouterr().out
     assert times.LOCKSTEP in shown and times.SAME in shown
+    assert configuration.read([output])['mpc']['cart_mass'] == 1.1
 
 
 def test_a_bag_without_commands_is_one_line(lockstep, tmp_path, capsys):
