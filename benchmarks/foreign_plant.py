@@ -360,7 +360,9 @@ class Rig(Node):
                              position=[values[joint][0] for joint in self.joints],
                              velocity=[values[joint][1] for joint in self.joints])
         if self.options.stamps == 'now':
-            zero = t if self.options.clock else self.get_clock().now().nanoseconds / 1e9
+            # when it would have been read: stepping the engine up to now takes a while
+            now = self.get_clock().now().nanoseconds / 1e9
+            zero = t if self.options.clock else now - (self.time() - t)
             message.header.stamp = to_time(zero - self.options.stamp_offset)
         return message
 

@@ -27,7 +27,8 @@ STILL = 1e-9              # [m, rad] that the model moves by where the whole sta
 STUCK = 0.02              # [m, rad] the same of one position
 COUNTS = 10               # of an encoder, by which it may do so, too
 COARSEST = 0.005          # [m, rad] a count; the smallest step seen, if it is larger, is none
-SAME = 1e-4               # share by which differences may be off, for stamps are
+SAME = 1e-4               # share by which differences may be off
+APART = 0.5               # share by which the time between two stamps may be off
 WINDOW = 0.5              # [s] for which the model is asked
 
 Predict = Callable[[Array, float, float], Array]
@@ -91,9 +92,12 @@ class MessageFilter:
             return x
         before, last = self.past[-2], self.past[-1]
         q, v = np.split(to_turn_of(last.x, before.x), 2)
-        differences = (q - before.x[:len(q)]) / (last.t - before.t)
-        near = np.abs(v - differences) <= SAME * np.abs(v).max()
-        if not v.any() or not near.all():   # nor where they are not measured at all
+        steps = q - before.x[:len(q)]
+        # over which time they were taken, their driver knows better than the stamps
+        duration = steps @ steps / (steps @ v) if steps @ v > 0 else math.inf
+        off = duration / (last.t - before.t) - 1
+        near = np.abs(v - steps / duration) <= SAME * np.abs(v).max()
+        if abs(off) > APART or not near.all():   # nor where they are not measured at all
             return x
         return np.concatenate((x[:len(q)], np.full(len(v), np.nan)))
 

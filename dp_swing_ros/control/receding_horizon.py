@@ -57,8 +57,8 @@ class MpcParameters(StartParameters, SafetyParameters):
 
     solver: str = parameter('ilqr', 'solver of every tick', choices=lambda: sorted(SOLVERS))
     time_limit: float = parameter(
-        0.04, 'a solve returns its best plan after this time (real time only)', unit='s',
-        minimum=1e-4, finite=False)
+        0.04, 'a solve returns its best plan after this time, or four fifths of the time from '
+        'state to state (real time only)', unit='s', minimum=1e-4, finite=False)
     solve_rate: float = parameter(
         0.0, 'solves a second at most, where states come faster; in between the force is that of '
         'the last plan with its feedback (0: a solve for every state)', unit='Hz', minimum=0.0)
@@ -71,6 +71,9 @@ class MpcParameters(StartParameters, SafetyParameters):
     enabled: bool = parameter(
         True, 'force from the start on; else it is zero, while states are believed, until the '
         'service mpc/enable says otherwise')
+    time_noise: float = parameter(
+        1e-3, 'standard deviation of the time at which a state was measured, by its stamp (real '
+        'time only)', unit='s', minimum=0.0)
     seed: int = parameter(0, 'seed of the first plan and of random solvers', minimum=0)
     carry_over: float = parameter(
         0.2, 'time without a believed state (none came, or one that is not finite, out of range, '
@@ -145,19 +148,21 @@ class RecedingHorizon:
         self.solver = self.build(problem)
         self.starts.set_problem(problem)
 
-    def update(self, t: float, x: Array, delay: float = 0.0, deadline: float = math.inf) -> Plan:
+    def update(self, t: float, x: Array, delay: float = 0.0, deadline: float = math.inf,
+               time_noise: float = 0.0) -> Plan:
         """
         Return the plan that begins with the force to send now.
 
-        t is the time of the measurement x [s], delay its age when the force will act [s], and
-        deadline in seconds of time.perf_counter(). Where the solve fails, it is the fallback. A
+        t is the time of the measurement x [s], right but for a standard deviation of time_noise
+        [s], delay its age when the force will act [s], and deadline in seconds of
+        time.perf_counter(). Where the solve fails, it is the fallback. A
         state that a later one overtook adds nothing; a time before the run's first, or long before
         the last, is a new run. Why a state is not believed is in `rejection`. Where it is not
         `enabled`, the force is zero, and the first after it that of a first tick. Shapes: x
         (2n + 2,), NaN where a velocity is not measured. Raises ValueError where x is not finite.
         """
         began, begins = time.perf_counter(), t + delay
-        believed = self.observe(t, x)
+        believed = self.observe(t, x, time_noise)
         if not self.rejection:
             self.believed = begins
         if believed is None or not self.acts(begins):
@@ -220,7 +225,7 @@ class RecedingHorizon:
         """Return whether a time [s] is too long after the last believed state for a force."""
         return begins - self.believed > self.parameters.carry_over + RESOLUTION
 
-    def observe(self, t: float, x: Array) -> Array | None:
+    def observe(self, t: float, x: Array, time_noise: float) -> Array | None:
         """Take a measurement; return the newest believed state, None before one."""
         x = np.array(x, dtype=float)   # a copy: what is remembered is not the caller's
         size = len(self.nominal.cost.S)
@@ -238,7 +243,7 @@ class RecedingHorizon:
         if self.x is not None:
             x = to_turn_of(x, self.x)   # where an encoder wraps, the angle goes on
         measured = self.message_filter.with_velocities_measured(x)
-        self.estimate = self.estimator.update(t, measured, self.forces)
+        self.estimate = self.estimator.update(t, measured, self.forces, time_noise)
         if self.estimate is not None:
             x = self.accept(self.estimate)
         elif not np.all(np.isfinite(x)):

@@ -54,10 +54,12 @@ class Estimator(Protocol):
     def reset(self) -> None:
         """Forget all measurements."""
 
-    def update(self, t: float, x: Array, commands: Commands) -> Estimate | None:
+    def update(self, t: float, x: Array, commands: Commands,
+               time_noise: float = 0.0) -> Estimate | None:
         """
         Take the state measured at a time [s] after the last one; return what is believed of it.
 
+        The time is right but for a standard deviation of time_noise [s].
         Returns None where the state is taken as it is measured.
         Shapes: x (2n + 2,), angles on any one turn; speeds that are not measured are NaN.
         """
@@ -77,7 +79,8 @@ class Direct:
     def reset(self) -> None:
         """Forget nothing, for nothing is remembered."""
 
-    def update(self, t: float, x: Array, commands: Commands) -> Estimate | None:
+    def update(self, t: float, x: Array, commands: Commands,
+               time_noise: float = 0.0) -> Estimate | None:
         """Believe the measurement."""
         return None
 

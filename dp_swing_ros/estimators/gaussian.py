@@ -3,12 +3,13 @@
 """
 Mean z = (x, p) and covariance P of state and unknowns: prediction, correction, bounds.
 
-    z⁻ = (φ(x, p), p)    P⁻ = F P Fᵀ + Q
-    z = z⁻ + K (y - z⁻)    P = (I - K H) P⁻ (I - K H)ᵀ + K R Kᵀ
+    z⁻ = (φ(x, p), p)    P⁻ = F P Fᵀ + Q    y = x + ẋ ε + noise
+    z = z⁻ + K (y - x⁻)    P = (I - K H) P⁻ (I - K H)ᵀ + K R Kᵀ
 
 φ is the motion of pendulum and drive from one measurement to the next, and F its Jacobian, by
-differences of whole motions: whatever φ is, they are right. Source: Simon, Optimal State
-Estimation, 2006, 13.2 and 13.4; covariances by Joseph's form.
+differences of whole motions: whatever φ is, they are right. All of a state is measured at one
+time, which a stamp tells but to an error ε: at 10 rad/s a millisecond is 10 mrad. Source: Simon,
+Optimal State Estimation, 2006, 13.2 and 13.4; covariances by Joseph's form.
 """
 
 import math
@@ -20,7 +21,7 @@ from dp_swing_ros.kernels import kernel
 from dp_swing_ros.pendulum.drive import follow_commands
 from dp_swing_ros.pendulum.model import size
 
-SMALL = 1e-4   # difference of x and p for derivatives
+SMALL = 1e-4   # difference of x, p and time [s] for derivatives
 
 
 @kernel
@@ -66,10 +67,10 @@ def move(model, constants, nominal, factors, ends, commands, duration, z, b):
 def predict(model, constants, nominal, factors, ends, commands, duration, force_noise,
             acceleration_noise, z, P):
     """
-    Advance mean and covariance in place by a time [s].
+    Advance mean and covariance in place by a time [s]; return ẋ at its end.
 
     The noises are densities, squared. Shapes: constants and nominal as of Unknowns, ends and
-    commands as of follow_commands, z (2n + 2 + m,), P (2n + 2 + m, 2n + 2 + m).
+    commands as of follow_commands, z (2n + 2 + m,), P (2n + 2 + m, 2n + 2 + m), ẋ (2n + 2,).
     """
     n, k = size(model), len(z)
     b, moved = np.empty(len(nominal)), np.empty(k)
@@ -83,6 +84,9 @@ def predict(model, constants, nominal, factors, ends, commands, duration, force_
         move(model, constants, nominal, factors, ends, commands, duration, moved, b)
         for i in range(n):
             F[i, j] = (moved[i] - mean[i]) / SMALL
+    shortly = min(SMALL, duration)
+    earlier = z.copy()
+    move(model, constants, nominal, factors, ends, commands, duration - shortly, earlier, b)
     product(F, P, FP)
     for i in range(n):
         z[i] = mean[i]
@@ -99,35 +103,43 @@ def predict(model, constants, nominal, factors, ends, commands, duration, force_
         P[v, x] += acceleration_noise * duration ** 2 / 2
         P[x, x] += acceleration_noise * duration ** 3 / 3
     symmetrise(P)
+    return (mean - earlier)[:n] / shortly
 
 
 @kernel
-def correct(measured, R, z, P):
+def correct(measured, R, rate, time_noise, z, P):
     """
     Correct mean and covariance in place, one measured number after the other; NaN is none.
 
-    Returns the Mahalanobis distance of the innovation, squared. Shapes: measured and R (2n + 2,),
-    the variances of its noise; z (k,), P (k, k).
+    Returns how far each was from what those before it let expect: the innovation squared over its
+    variance. Shapes: measured and R (2n + 2,), the variances of its noise; rate (2n + 2,), ẋ;
+    time_noise the variance of ε [s²]; z (k,), P (k, k).
     """
-    distance, k = 0.0, len(z)
-    gain, row = np.empty((2, k))
+    k = len(z)
+    squares, gain, row = np.zeros(len(measured)), np.empty(k + 1), np.empty(k + 1)
+    mean, A = np.zeros(k + 1), np.zeros((k + 1, k + 1))   # of (z, ε)
+    mean[:k], A[:k, :k], A[k, k] = z, P, time_noise
     for i in range(len(measured)):
         if math.isnan(measured[i]):
             continue
-        innovation, S = measured[i] - z[i], P[i, i] + R[i]
-        distance += innovation * innovation / S
-        for a in range(k):
-            gain[a], row[a] = P[a, i] / S, P[i, a]
-            z[a] += innovation * gain[a]
-        # (I - k e_iᵀ) P (I - k e_iᵀ)ᵀ + k r kᵀ
-        for a in range(k):
-            for b in range(k):
-                P[a, b] -= gain[a] * row[b]
-            column = R[i] * gain[a] - P[a, i]
-            for b in range(k):
-                P[a, b] += column * gain[b]
+        for a in range(k + 1):
+            row[a] = A[i, a] + rate[i] * A[k, a]
+        innovation = measured[i] - mean[i] - rate[i] * mean[k]
+        S = row[i] + rate[i] * row[k] + R[i]
+        squares[i] = innovation * innovation / S
+        for a in range(k + 1):
+            gain[a] = row[a] / S
+            mean[a] += innovation * gain[a]
+        # (I - k h) A (I - k h)ᵀ + k r kᵀ
+        for a in range(k + 1):
+            for b in range(k + 1):
+                A[a, b] -= gain[a] * row[b]
+            column = R[i] * gain[a] - A[a, i] - rate[i] * A[a, k]
+            for b in range(k + 1):
+                A[a, b] += column * gain[b]
+    z[:], P[:, :] = mean[:k], A[:k, :k]
     symmetrise(P)
-    return distance
+    return squares
 
 
 @kernel

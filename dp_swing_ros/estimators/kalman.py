@@ -96,7 +96,8 @@ class ExtendedKalmanFilter:
         self.scales = np.ones(2)   # of the variances of positions and velocities, learned
         self.refused = self.in_a_row = 0
 
-    def update(self, t: float, x: Array, commands: Commands) -> Estimate:
+    def update(self, t: float, x: Array, commands: Commands,
+               time_noise: float = 0.0) -> Estimate:
         """Take a measured state; see Estimator.update."""
         about = self.parameters
         if t - self.t > LONGEST_GAP:
@@ -104,9 +105,9 @@ class ExtendedKalmanFilter:
         usual = STOP if max(abs(x[0]), abs(self.z[0])) > self.end else 0.0
         # a push differs from an outlier by what it does to all numbers of the state
         for push in (usual, about.push):
-            z, P = self.predicted(t, commands, push)
+            z, P, rate = self.predicted(t, commands, push)
             innovation, known, variance = x - z[:self.size], z.copy(), P.copy()
-            squares = self.corrected(x, known, variance)
+            squares = self.corrected(x, rate, time_noise, known, variance)
             if push == usual:
                 scales = self.adapted(x, squares)
             distance = math.sqrt(squares.sum())
@@ -121,10 +122,11 @@ class ExtendedKalmanFilter:
                                              accepted=False)
         return self.believe(t, z, P, innovation, distance)._replace(accepted=False)
 
-    def corrected(self, x: Array, z: Array, P: Array) -> Array:
-        """Correct in place by positions, then velocities; return their squared distances (2,)."""
-        return np.array([correct(np.where(kind, x, np.nan), scale * self.R, z, P)
-                         for kind, scale in zip(self.kinds, self.scales)])
+    def corrected(self, x: Array, rate: Array, time_noise: float, z: Array, P: Array) -> Array:
+        """Correct in place; return the squared distances of positions and velocities (2,)."""
+        half = self.size // 2
+        squares = correct(x, self.R * np.repeat(self.scales, half), rate, time_noise ** 2, z, P)
+        return np.array([squares[:half].sum(), squares[half:].sum()])
 
     def adapted(self, x: Array, squares: Array) -> Array:
         """Return the scales with which the squared distances would be more as expected."""
@@ -160,13 +162,14 @@ class ExtendedKalmanFilter:
         return Estimate(z[:self.size].copy(), physical, drive, innovation, distance, self.refused,
                         accepted=True)
 
-    def predicted(self, t: float, commands: Commands, push: float) -> tuple[Array, Array]:
-        """Return mean and covariance after the commands, and a push [N] of unknown size."""
+    def predicted(self, t: float, commands: Commands,
+                  push: float) -> tuple[Array, Array, Array]:
+        """Return mean and covariance after the commands and a push [N] of unknown size, and ẋ."""
         z, P, about, unknowns = self.z.copy(), self.P.copy(), self.parameters, self.unknowns
         passed = t - self.t
         forget(self.prior, min(passed / about.memory, 1.0), P)
-        predict(self.model, unknowns.constants, unknowns.nominal, unknowns.factors,
-                *commands.since(self.t, HISTORY), passed,
-                HELD * (about.force_noise ** 2 * self.scales[0] + push ** 2),
-                HELD * about.acceleration_noise ** 2 * self.scales[0], z, P)
-        return z, P
+        rate = predict(self.model, unknowns.constants, unknowns.nominal, unknowns.factors,
+                       *commands.since(self.t, HISTORY), passed,
+                       HELD * (about.force_noise ** 2 * self.scales[0] + push ** 2),
+                       HELD * about.acceleration_noise ** 2 * self.scales[0], z, P)
+        return z, P, rate

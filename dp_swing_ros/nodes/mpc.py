@@ -39,6 +39,7 @@ MEETING_POLL = 0.02  # [s]
 SMOOTHING = 0.1      # share of the newest tick in the mean pace
 SLOW_START = 1.0     # [s] a warm-up longer than this was a compilation
 ENDING = 1.0         # [s] at most, beyond the time of a controlled stop
+BUSY = 0.8           # of the states' period, the longest solve: the next state must not wait
 PACES = (0.01, 100.0)  # slowest and fastest of a simulated clock, in seconds a second
 
 
@@ -94,6 +95,7 @@ class MpcNode(ProcessNode):
         self.watchdog.forget()
         self.latency = Latency(self.tick_time)
         self.pace = 1.0         # seconds of this node's clock in a second
+        self.time_noise = 0.0   # [s] by which the times of measurements may be off
         self.carried = 0        # periods since the last state
         self.late_total = 0
         self.fresh = True       # the next plan is a first one
@@ -145,7 +147,9 @@ class MpcNode(ProcessNode):
             self.answer(*self.waiting)
 
     def can_answer(self) -> bool:
-        """Return whether the states' clock is known and, in lockstep, the forces are heard."""
+        """Return whether the clocks are known and, in lockstep, the forces are heard."""
+        if self.get_clock().now().nanoseconds == 0:   # a simulated one that was not heard yet
+            return False
         announcers = owners(self, JOINT_STATES) & owners(self, CONFIGURATION)
         if self.timing.given is None and not announcers <= self.configured:
             return False
@@ -171,9 +175,13 @@ class MpcNode(ProcessNode):
         delay, deadline = measured.age, math.inf
         if real_time:
             self.pace = self.pace_since(before)
-            self.latency.add_transport((now - sent) / self.pace)
-            delay += self.latency.expected() * self.pace
-            deadline = began + self.parameters.time_limit / self.pace
+            received = info['received_timestamp'] / BILLION
+            self.latency.add_transport(received - info['source_timestamp'] / BILLION)
+            # it may have waited for the tick before; this one catches up
+            left = BUSY * self.watchdog.period / self.pace - (time.time() - received)
+            delay += self.latency.expected(left) * self.pace
+            deadline = began + min(self.parameters.time_limit / self.pace, left)
+            self.time_noise = self.parameters.time_noise * self.pace
         plan, complaint = self.solve(message, measured.t, delay, deadline)
         late = plan.stats.solve_time * self.pace > (period if period > 0 else plan.dt)
         if real_time and self.controller.enabled:
@@ -251,7 +259,7 @@ class MpcNode(ProcessNode):
         """Return the plan for a state measured at a time [s], and what is wrong with the state."""
         try:
             x = to_state(message, self.links, self.sensors)
-            plan = self.controller.update(t, x, delay, deadline)
+            plan = self.controller.update(t, x, delay, deadline, self.time_noise)
             complaint = self.controller.rejection
         except ValueError as error:
             plan, complaint = self.controller.fallback(t + delay), str(error)
@@ -281,8 +289,8 @@ class MpcNode(ProcessNode):
              'delay': delay, 'late': late, 'late_total': self.late_total, 'force': force,
              # what it takes to repeat the tick
              'real_time': real_time, 'solves': ' '.join(map(str, stats.solves)), 'time': t,
-             'carried': self.carried, 'resets': self.resets, 'number': self.sent,
-             'enabled': self.controller.enabled, 'stopping': bool(stopping),
+             'time_noise': self.time_noise, 'carried': self.carried, 'resets': self.resets,
+             'number': self.sent, 'enabled': self.controller.enabled, 'stopping': bool(stopping),
              # by the clock of its sender [ns]; tells which state it was where stamps stand still
              'sent': 0 if self.carried else self.last.sent,
              'clock': self.timing.clock.name.lower(),

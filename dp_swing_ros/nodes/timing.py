@@ -134,6 +134,7 @@ class Latency:
     def __init__(self, tick_time: float) -> None:
         """Take how long a tick has taken before the first [s]."""
         self.ticks = deque([tick_time], maxlen=TICKS)     # [s] from a state's arrival to its plan
+        self.given = tick_time                            # [s] to this one
         self.transports = deque[float](maxlen=TICKS)      # [s] from a state's sender to here
 
     def add_transport(self, duration: float) -> None:
@@ -145,13 +146,16 @@ class Latency:
         """Return how long a force will be on its way [s]: as long as states are."""
         return median(self.transports) if self.transports else 0.0
 
-    def tick(self) -> float:
-        """Return the time that the next tick is given [s]."""
-        return sorted(self.ticks)[max(len(self.ticks) - 1 - LONGER, 0)]
+    def expected(self, left: float) -> float:
+        """
+        Return the time from a state's arrival until its force acts [s].
 
-    def expected(self) -> float:
-        """Return the time from a state's arrival until its force acts [s]."""
-        return self.tick() + self.transport()
+        Where less time is left until the next state comes, the tick is given less than nearly all
+        need, but no less than half of them do.
+        """
+        longest = sorted(self.ticks)[max(len(self.ticks) - 1 - LONGER, 0)]
+        self.given = min(longest, max(left, median(self.ticks)))
+        return self.given + self.transport()
 
     def keep(self, began: float, first: bool) -> None:
         """
@@ -159,10 +163,10 @@ class Latency:
 
         The first of a run solves from more starts than others, so it says nothing about them.
         """
-        given, taken = self.tick(), time.perf_counter() - began
+        taken = time.perf_counter() - began
         if not first:
             self.ticks.append(taken)
-        time.sleep(max(given - taken, 0.0))
+        time.sleep(max(self.given - taken, 0.0))
 
 
 class Watchdog:

@@ -32,6 +32,7 @@ class Tick(NamedTuple):
     stamp: int         # [ns] of the state, or of the time at which none had come
     t: float           # [s] when it was measured, by the controller's clock
     x: Array | None    # as it was measured; None where none came
+    time_noise: float  # [s] by which that may be off
     delay: float       # [s] from the stamp until the force would act
     real_time: bool
     reset: bool        # it was reset before
@@ -90,8 +91,8 @@ def _record(bag: Bag, reports: list[Report]) -> Record:
         values: dict[str, Any] = report.values
         ticks.append(Tick(
             number, report.stamp, float(values.get('time', report.stamp / BILLION)),
-            None if carried else states[report.stamp], float(values['delay']),
-            bool(values['real_time']), int(values['resets']) > resets,
+            None if carried else states[report.stamp], float(values.get('time_noise', 0.0)),
+            float(values['delay']), bool(values['real_time']), int(values['resets']) > resets,
             bool(values.get('enabled', True)),   # which older ones always were
             bool(values.get('stopping', False)),
             tuple(map(int, str(values['solves']).split())), str(values['status']),
@@ -198,7 +199,7 @@ def answer(controller: RecedingHorizon, tick: Tick, counted: bool = True) -> Pla
     usual = controller.search
     if counted and tick.real_time and tick.solves:
         controller.search = repeated(tick.solves)
-    plan = respond(controller, tick.t, tick.x, tick.delay)
+    plan = respond(controller, tick.t, tick.x, tick.delay, tick.time_noise)
     controller.search = usual
     return plan
 
@@ -218,9 +219,10 @@ def repeated(solves: Sequence[int]) -> Search:
     return search
 
 
-def respond(controller: RecedingHorizon, t: float, x: Array, delay: float) -> Plan:
+def respond(controller: RecedingHorizon, t: float, x: Array, delay: float,
+            time_noise: float = 0.0) -> Plan:
     """Return the plan for a state, or where it is not finite, one without it."""
     try:
-        return controller.update(t, x, delay)
+        return controller.update(t, x, delay, time_noise=time_noise)
     except ValueError:
         return controller.fallback(t + delay)

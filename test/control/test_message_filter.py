@@ -59,18 +59,21 @@ def wrapped(q):
     return np.concatenate((q[:1], (q[1:] + math.pi) % (2 * math.pi) - math.pi))
 
 
+@pytest.mark.parametrize('late', [0.0, 5e-3])
 @pytest.mark.parametrize('noise', [0.0, 5e-3])
 @pytest.mark.parametrize('turns', [0, 1], ids=['unwrapped', 'wrapped'])
 @pytest.mark.parametrize('links', LINKS)
-def test_velocities_that_are_differences_of_positions_are_not_measured(links, turns, noise, rng):
-    """Those of joints that pass ±π, too; a driver knows by how much they turned."""
+def test_velocities_that_are_differences_of_positions_are_not_measured(links, turns, noise, late,
+                                                                       rng):
+    """Those of joints that pass ±π, too; a driver knows by how much they turned, and when."""
     messages, before, told = MessageFilter(links, TRACK), None, []
     for n in range(60):
+        t = 0.05 * n + rng.uniform(0, late)
         q = rocking(n, links)[0] * (1, *[1 + turns] * links) + rng.normal(0.0, noise, links + 1)
         v = np.zeros(links + 1) if before is None else (q - before) / 0.05
         before = q
         x = np.concatenate((wrapped(q) if turns else q, v))
-        assert messages.rejection(0.05 * n, x, moving) == ''
+        assert messages.rejection(t, x, moving) == ''
         seen = messages.with_velocities_measured(np.concatenate((q, v)))
         np.testing.assert_array_equal(seen[:links + 1], q)
         told.append(np.isnan(seen[links + 1:]).all())

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """When a state was measured, whatever its stamp says."""
 
+import math
 import time
 
 import numpy as np
@@ -139,12 +140,15 @@ def test_others_announce_nothing_and_a_parameter_says_more():
 def test_a_tick_is_given_what_all_but_the_longest_of_late_took(monkeypatch):
     monkeypatch.setattr(time, 'sleep', lambda _: None)
     latency = Latency(0.008)
-    assert latency.tick() == 0.008
+    assert latency.expected(math.inf) == 0.008
     latency.keep(time.perf_counter() - 1.0, first=True)   # which says nothing about the next
-    assert latency.tick() == 0.008
-    for taken in [0.003] * 18 + [0.03, 0.004]:
+    assert latency.expected(math.inf) == 0.008
+    for taken in [0.003] * 18 + [0.03, 0.006]:
         latency.keep(time.perf_counter() - taken, first=False)
-    assert latency.tick() == pytest.approx(0.004, abs=1e-3)
+    assert latency.expected(math.inf) == pytest.approx(0.006, abs=1e-3)
+    # where the next state comes sooner, less, but what it takes to be no longer late
+    assert latency.expected(0.005) == 0.005
+    assert latency.expected(-0.01) == pytest.approx(0.003, abs=1e-3)
 
 
 def test_a_force_waits_until_what_the_tick_was_given():
@@ -158,8 +162,8 @@ def test_a_force_waits_until_what_the_tick_was_given():
 
 def test_a_force_is_expected_to_travel_as_states_do():
     latency = Latency(0.008)
-    assert latency.expected() == 0.008
+    assert latency.expected(math.inf) == 0.008
     for duration in (0.001, 0.002, 0.04, -3.0, 2 * LONGEST_TRANSPORT):
         latency.add_transport(duration)
     assert latency.transport() == 0.002
-    assert latency.expected() == pytest.approx(0.01)
+    assert latency.expected(math.inf) == pytest.approx(0.01)
