@@ -48,7 +48,8 @@ def brake(model, bounds, u, change, x_0, horizon):
     v = n // 2
     X, U = np.empty((horizon + 1, n)), np.empty(horizon)
     free, forced = np.empty(n), np.empty(n)
-    X[0] = x_0
+    for i in range(n):
+        X[0, i] = x_0[i]
     for t in range(horizon):
         # over a step, the speed is very nearly a straight line of the force
         step(model, X[t], 0.0, free)

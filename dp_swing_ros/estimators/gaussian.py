@@ -72,24 +72,22 @@ def predict(model, constants, nominal, factors, ends, commands, duration, force_
     The noises are densities, squared. Shapes: constants and nominal as of Unknowns, ends and
     commands as of follow_commands, z (2n + 2 + m,), P (2n + 2 + m, 2n + 2 + m), ẋ (2n + 2,).
     """
-    n, k = size(model), len(z)
-    b, moved = np.empty(len(nominal)), np.empty(k)
-    F, FP = np.empty((n, k)), np.empty((n, k))   # the rows of x; the others stay as they are
-    mean = z.copy()
-    move(model, constants, nominal, factors, ends, commands, duration, mean, b)
-    for j in range(k):
+    n, k, shortly = size(model), len(z), min(SMALL, duration)
+    b, F, FP = np.empty(len(nominal)), np.empty((n, k)), np.empty((n, k))   # the rows of x alone
+    # from z moved by each of its numbers, then from z for a shorter time, and from z
+    ends_of = np.empty((k + 2, k))
+    for j in range(k + 2):
         for i in range(k):
-            moved[i] = z[i]
-        moved[j] += SMALL
-        move(model, constants, nominal, factors, ends, commands, duration, moved, b)
-        for i in range(n):
-            F[i, j] = (moved[i] - mean[i]) / SMALL
-    shortly = min(SMALL, duration)
-    earlier = z.copy()
-    move(model, constants, nominal, factors, ends, commands, duration - shortly, earlier, b)
+            ends_of[j, i] = z[i] + (SMALL if i == j else 0.0)
+        move(model, constants, nominal, factors, ends, commands,
+             duration - (shortly if j == k else 0.0), ends_of[j], b)
+    mean, rate = ends_of[k + 1], np.empty(n)
+    for i in range(n):
+        for j in range(k):
+            F[i, j] = (ends_of[j, i] - mean[i]) / SMALL
     product(F, P, FP)
     for i in range(n):
-        z[i] = mean[i]
+        z[i], rate[i] = mean[i], (mean[i] - ends_of[k, i]) / shortly
         for j in range(n, k):
             P[i, j] = P[j, i] = FP[i, j]
     product(FP, F.T, P[:n, :n])
@@ -103,7 +101,7 @@ def predict(model, constants, nominal, factors, ends, commands, duration, force_
         P[v, x] += acceleration_noise * duration ** 2 / 2
         P[x, x] += acceleration_noise * duration ** 3 / 3
     symmetrise(P)
-    return (mean - earlier)[:n] / shortly
+    return rate
 
 
 @kernel
@@ -118,7 +116,11 @@ def correct(measured, R, rate, time_noise, z, P):
     k = len(z)
     squares, gain, row = np.zeros(len(measured)), np.empty(k + 1), np.empty(k + 1)
     mean, A = np.zeros(k + 1), np.zeros((k + 1, k + 1))   # of (z, ε)
-    mean[:k], A[:k, :k], A[k, k] = z, P, time_noise
+    A[k, k] = time_noise
+    for a in range(k):   # a slice at once would take long to compile
+        mean[a] = z[a]
+        for b in range(k):
+            A[a, b] = P[a, b]
     for i in range(len(measured)):
         if math.isnan(measured[i]):
             continue
@@ -137,7 +139,10 @@ def correct(measured, R, rate, time_noise, z, P):
             column = R[i] * gain[a] - A[a, i] - rate[i] * A[a, k]
             for b in range(k + 1):
                 A[a, b] += column * gain[b]
-    z[:], P[:, :] = mean[:k], A[:k, :k]
+    for a in range(k):
+        z[a] = mean[a]
+        for b in range(k):
+            P[a, b] = A[a, b]
     symmetrise(P)
     return squares
 
