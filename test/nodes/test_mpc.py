@@ -236,7 +236,8 @@ def test_states_wait_for_a_simulated_clock_that_was_not_heard_yet(peer, start_no
     assert peer.until(clock.get_subscription_count)
     clock.publish(Clock(clock=to_stamp(100_001_000_000)))
     assert peer.until(lambda: talk.reports)
-    assert from_diagnostics(talk.reports[-1], 'mpc').values['time'] == pytest.approx(100.0, abs=0.01)
+    values = from_diagnostics(talk.reports[-1], 'mpc').values
+    assert values['time'] == pytest.approx(100.0, abs=0.01)
 
 
 @pytest.mark.parametrize('period', [0.02, 0.2])
