@@ -79,7 +79,7 @@ class MessageFilter:
         if self.past:
             steps = np.abs(x - self.past[-1].x)[:len(self.joints)]
             self.counts = np.where(steps > 0, np.fmin(steps, self.counts), self.counts)
-        self.past.append(Past(t, x, np.nan_to_num(x)))
+        self.past.append(Past(t, x, np.where(np.isnan(x), 0.0, x)))
         return self.frozen(predict)
 
     def believe(self, measured: Array, believed: Array) -> None:
@@ -90,16 +90,17 @@ class MessageFilter:
         """Return the last state, x on another turn, without velocities that are differences."""
         if len(self.past) < 2:
             return x
-        before, last = self.past[-2], self.past[-1]
-        q, v = np.split(to_turn_of(last.x, before.x), 2)
-        steps = q - before.x[:len(q)]
-        # over which time they were taken, their driver knows better than the stamps
-        duration = steps @ steps / (steps @ v) if steps @ v > 0 else math.inf
-        off = duration / (last.t - before.t) - 1
-        near = np.abs(v - steps / duration) <= SAME * np.abs(v).max()
-        if abs(off) > APART or not near.all():   # nor where they are not measured at all
+        before, last, half = self.past[-2], self.past[-1], len(self.joints)
+        steps, v = (to_turn_of(last.x, before.x) - before.x)[:half], last.x[half:]
+        along = steps @ v
+        if not along > 0:   # nor where they are not measured at all
             return x
-        return np.concatenate((x[:len(q)], np.full(len(v), np.nan)))
+        # over which time they were taken, their driver knows better than the stamps
+        duration = steps @ steps / along
+        if (abs(duration / (last.t - before.t) - 1) > APART
+                or np.abs(v - steps / duration).max() > SAME * np.abs(v).max()):
+            return x
+        return np.concatenate((x[:half], np.full(half, np.nan)))
 
     def frozen(self, predict: Predict) -> str:
         """Return what has not moved though the model did; nothing where all moves."""

@@ -387,7 +387,7 @@ def driven_by(drive: Drive, problem: Problem) -> Problem:
     """Return a problem within what a drive can do; the same where that is nearly what it has."""
     u_max = problem.given[0].force_limit
     bounds = Bounds(drive.bias - drive.gain * u_max, drive.bias + drive.gain * u_max)
-    near = np.allclose(bounds, problem.bounds, rtol=0, atol=NEARLY * u_max)
+    near = all(abs(b - old) <= NEARLY * u_max for b, old in zip(bounds, problem.bounds))
     return problem if near else replace(problem, bounds=bounds)
 
 

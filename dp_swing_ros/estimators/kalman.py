@@ -84,7 +84,6 @@ class ExtendedKalmanFilter:
         self.size = len(problem.cost.S)             # of the state; z goes on with p
         half = self.size // 2
         self.R = np.repeat((parameters.position_noise, parameters.velocity_noise), half) ** 2
-        self.kinds = np.arange(self.size) < half, np.arange(self.size) >= half
         self.end = problem.given[0].track_limit - END
         self.compared, self.p_compared = self.nominal, self.unknowns.of(self.nominal)
         self.reset()
@@ -110,7 +109,7 @@ class ExtendedKalmanFilter:
             squares = self.corrected(x, rate, time_noise, known, variance)
             if push == usual:
                 scales = self.adapted(x, squares)
-            distance = math.sqrt(squares.sum())
+            distance = math.sqrt(sum(squares))
             if distance <= about.gate:
                 self.scales = scales
                 constrain(self.unknowns.lowest, self.unknowns.highest, known, variance)
@@ -122,18 +121,22 @@ class ExtendedKalmanFilter:
                                              accepted=False)
         return self.believe(t, z, P, innovation, distance)._replace(accepted=False)
 
-    def corrected(self, x: Array, rate: Array, time_noise: float, z: Array, P: Array) -> Array:
-        """Correct in place; return the squared distances of positions and velocities (2,)."""
+    def corrected(self, x: Array, rate: Array, time_noise: float, z: Array,
+                  P: Array) -> tuple[float, float]:
+        """Correct in place; return the squared distances of positions and velocities."""
         half = self.size // 2
         squares = correct(x, self.R * np.repeat(self.scales, half), rate, time_noise ** 2, z, P)
-        return np.array([squares[:half].sum(), squares[half:].sum()])
+        return float(squares[:half].sum()), float(squares[half:].sum())
 
-    def adapted(self, x: Array, squares: Array) -> Array:
+    def adapted(self, x: Array, squares: tuple[float, float]) -> Array:
         """Return the scales with which the squared distances would be more as expected."""
-        counts = np.array([np.count_nonzero(kind & ~np.isnan(x)) for kind in self.kinds])
-        ratios = np.where(counts, np.fmin(squares / np.maximum(counts, 1), WILD), 1.0)
-        return np.clip(self.scales * (1 + self.parameters.adaptation * (ratios - 1)),
-                       *np.square(SCALES))
+        half, scales = self.size // 2, []
+        for part, scale, square in zip((x[:half], x[half:]), self.scales.tolist(), squares):
+            measured = half - np.count_nonzero(np.isnan(part))
+            ratio = min(WILD, square / measured) if measured else 1.0
+            scale *= 1 + self.parameters.adaptation * (ratio - 1)
+            scales.append(min(max(scale, SCALES[0] ** 2), SCALES[1] ** 2))
+        return np.array(scales)
 
     def has_moved(self, physical: PendulumParameters) -> bool:
         """Return whether p is further from these parameters than a share of its prior."""
