@@ -27,7 +27,7 @@ def shoot(model, segments, X_0, V, out):
     count, size = out.shape[0], X_0.shape[1]
     half = size // 2
     constants = V.shape[1] - half       # where they begin
-    x, ends = np.empty(size), np.empty(np.max(segments.last - segments.first))
+    x, ends = np.empty(size), np.empty(len(segments.commands))
     for s in range(count):
         for c in range(out.shape[1]):
             row = max(c - size, 0)

@@ -4,7 +4,8 @@
 How the kernels are compiled: one decorator, a disk cache that cannot go stale, and constants.
 
 Numba looks only at a kernel's own file to decide whether its cached machine code is current, not
-at the kernels it calls. So the cache lies in a folder named after the sources of all kernels.
+at the kernels it calls. So the cache lies in a folder named after the sources of all kernels; all
+copies of the same sources share it, a checkout and what was installed from it.
 
 Where the processor has registers of 512 bits they are used: LLVM prefers half of each on many
 processors, for the sake of older ones that lowered their clock. Numba keeps machine code for
@@ -25,34 +26,54 @@ from typing import Any
 import llvmlite.binding
 import numba
 from numba import types
+from numba.core.caching import _CacheLocator
 from numba.core.codegen import get_host_cpu_features
 from numba.extending import models, NativeValue, overload, register_model, typeof_impl, unbox
 import numpy as np
 
+PACKAGE = Path(__file__).parents[1]
 
-def _cache_folder() -> Path:
-    package = Path(__file__).parents[1]
+
+def _digest() -> str:
+    """Return a digest of the sources of all kernels, and of what compiles them."""
     digest = hashlib.sha256(numba.__version__.encode())
-    for source in sorted(package.rglob('*.py')):
+    for source in sorted(PACKAGE.rglob('*.py')):
         text = source.read_bytes()
         if b'kernel' in text:
             digest.update(text)
-    home = Path(os.environ.get('XDG_CACHE_HOME') or Path.home() / '.cache')
-    return home / 'dp_swing_ros' / digest.hexdigest()[:16]
+    return digest.hexdigest()[:16]
 
+
+SOURCES = _digest()
+
+
+def _subfolder(file: str) -> str:
+    """Return where in the cache the kernels of a file are, whose own or another package's."""
+    folder = Path(file).parent
+    if folder.is_relative_to(PACKAGE):
+        return os.path.join(SOURCES, folder.relative_to(PACKAGE))
+    return os.path.join(SOURCES, _usual_subfolder(file))
+
+
+# Numba has a setting for it since 0.62, but that of Ubuntu is older.
+_usual_subfolder = _CacheLocator.get_suitable_cache_subpath
+setattr(_CacheLocator, 'get_suitable_cache_subpath', staticmethod(_subfolder))
 
 config: Any = numba.config   # its names are made when it is imported
 if not {'NUMBA_CPU_NAME', 'NUMBA_CPU_FEATURES'} & set(os.environ):
     if '+avx512f' in get_host_cpu_features().split(','):
         config.CPU_FEATURES = f'{get_host_cpu_features()},-prefer-256-bit'
 if 'NUMBA_CACHE_DIR' not in os.environ:
-    config.CACHE_DIR = str(_cache_folder())
+    config.CACHE_DIR = str(Path(
+        os.environ.get('XDG_CACHE_HOME') or Path.home() / '.cache') / 'dp_swing_ros')
 
 # IEEE division instead of Python's exception: a kernel reports trouble as a non-finite number.
 # Always inlined into the kernels that call it: no loop vectorises with a call in it, and a kernel
 # that is called has two versions, its own and the one compiled into its caller, which round
 # differently. Which of them runs would depend on what came out of the cache.
-OPTIONS: Any = {'error_model': 'numpy', 'forceinline': True, 'fastmath': {'contract'}}
+# Nothing calls them from C, for which Numba would compile each once more.
+OPTIONS: Any = {'error_model': 'numpy', 'forceinline': True, 'fastmath': {'contract'},
+                'no_cfunc_wrapper': True}
 kernel = numba.njit(cache=True, nogil=True, **OPTIONS)
 
 

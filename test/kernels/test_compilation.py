@@ -3,14 +3,18 @@
 """Compiled code: the same numbers whether it comes out of the cache or not; its clock."""
 
 import os
+from pathlib import Path
+import shutil
 import subprocess
 import sys
 import time
 
+import dp_swing_ros
 from dp_swing_ros.kernels import kernel, now, processor
 
 SOLVES = """
 import hashlib, math, numpy as np
+import dp_swing_ros
 from dp_swing_ros import configuration
 from dp_swing_ros.solvers import SOLVERS
 problem, plans = configuration.problem({'links': 1}), hashlib.sha256()  # compiles sooner
@@ -19,17 +23,26 @@ for solver in (SOLVERS['ddp'], SOLVERS['mppi']):   # iLQR's are among DDP's
     for _ in range(10):
         plan = one.solve(random.uniform(-3, 3, 4), None, math.inf)
         plans.update(plan.U.tobytes() + plan.K.tobytes())
-print(plans.hexdigest())
+print(plans.hexdigest(), *dp_swing_ros.__path__)
 """
 
 
 def test_what_the_cache_holds_computes_to_the_bit_what_was_compiled(tmp_path):
-    """So that a bag of a first start is repeated by a second one."""
-    first, second = (subprocess.run(
-        [sys.executable, '-c', SOLVES], env={**os.environ, 'NUMBA_CACHE_DIR': str(tmp_path)},
-        capture_output=True, text=True, check=True).stdout for _ in range(2))
-    assert any(tmp_path.rglob('*.nbc'))
-    assert first == second
+    """So that a bag of a first start is repeated by a second, and by a copy of the sources."""
+    here, copy, cache = Path(dp_swing_ros.__file__).parent, tmp_path / 'copy', tmp_path / 'cache'
+    shutil.copytree(here, copy / here.name)
+
+    def solved(sources):
+        printed = subprocess.run(
+            [sys.executable, '-c', SOLVES], capture_output=True, text=True, check=True,
+            cwd=tmp_path,   # for Python looks there first
+            env={**os.environ, 'NUMBA_CACHE_DIR': str(cache), 'PYTHONPATH': str(sources)}).stdout
+        digest, imported = printed.split()
+        assert imported == str(sources / here.name)
+        return digest, {file: file.stat().st_mtime_ns for file in cache.rglob('*.nbc')}
+    first, compiled = solved(here.parent)
+    assert compiled
+    assert solved(copy) == (first, compiled)
 
 
 @kernel

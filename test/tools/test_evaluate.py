@@ -214,8 +214,9 @@ def test_an_interrupt_ends_all_workers_and_says_how_to_go_on(number):
     os.killpg(process.pid, number)
     error = process.communicate(timeout=30)[1]
     assert process.returncode == 130
-    assert error.splitlines()[-1] == (
-        'evaluate: interrupted; call again with --output campaign to go on')
+    # not always the last: joblib may find a folder removed that it was about to remove
+    assert 'evaluate: interrupted; call again with --output campaign to go on' in (
+        error.splitlines())
     assert 'Traceback' not in error
     assert wait_until(lambda: not left(process.pid)), left(process.pid)
     assert len(read(Path('campaign/episodes.csv'))) > 3
