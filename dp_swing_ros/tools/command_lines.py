@@ -5,10 +5,13 @@
 import argparse
 from collections.abc import Callable, Sequence
 from datetime import datetime
+import functools
 import math
+import os
 from pathlib import Path
 import signal
 import sys
+import threading
 from typing import Any
 
 from tqdm import tqdm
@@ -18,6 +21,7 @@ from dp_swing_ros.parameters import ParameterError
 
 OK, FAILED, MISUSED, INTERRUPTED = 0, 1, 2, 130  # exit codes
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+LATER = 0.05  # [s]
 SHOWN = 80  # [characters] of what was given
 
 
@@ -70,12 +74,35 @@ def progress(*arguments: Any, **options: Any) -> Any:
     return tqdm(*arguments, leave=False, disable=None, **options)
 
 
+class _Interrupts:
+    """Signals that ask this process to end, as KeyboardInterrupt in its main thread."""
+
+    def __init__(self) -> None:
+        self._number = 0   # of the signal that came
+        self._report, sys.unraisablehook = sys.unraisablehook, self._again
+        for number in ENDING:
+            # nohup ignores SIGHUP, and means it
+            if signal.getsignal(number) is not signal.SIG_IGN:
+                signal.signal(number, self._interrupt)
+
+    def _interrupt(self, number: int, _: Any) -> None:
+        self._number = number
+        raise KeyboardInterrupt
+
+    def _again(self, ignored: 'sys.UnraisableHookArgs') -> None:
+        """Interrupt again, a little later: Python drops what destructors and callbacks raise."""
+        if ignored.exc_type is KeyboardInterrupt:
+            again = threading.Timer(LATER, os.kill, (os.getpid(), self._number))
+            again.daemon = True
+            again.start()
+        elif not self._number:   # else it may be of what was interrupted while it was made
+            self._report(ignored)
+
+
+@functools.cache
 def interrupt_on_signals() -> None:
     """Raise KeyboardInterrupt at every signal that asks this process to end."""
-    for number in ENDING:
-        # nohup ignores SIGHUP, and means it
-        if signal.getsignal(number) is not signal.SIG_IGN:
-            signal.signal(number, signal.default_int_handler)
+    _Interrupts()
 
 
 def execute(parser: argparse.ArgumentParser, work: Callable[[argparse.Namespace], int],
@@ -84,11 +111,12 @@ def execute(parser: argparse.ArgumentParser, work: Callable[[argparse.Namespace]
     Do the work that a command line asks for and return its exit code.
 
     What the user can put right is one line; `failures` are the errors that are no misuse. The
-    text of a KeyboardInterrupt is printed with it.
+    text of a KeyboardInterrupt, which every signal to end raises, is printed with it.
     """
     arguments = parser.parse_args(argv)
     tool = parser.prog.split()[-1]
     try:
+        interrupt_on_signals()
         return work(arguments)
     except failures + (UserError, ParameterError, OSError) as error:
         print(f'{tool}: error: {error}', file=sys.stderr)

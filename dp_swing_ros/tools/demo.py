@@ -28,7 +28,7 @@ from dp_swing_ros.pendulum.state import (
 from dp_swing_ros.report.recording import named, recording
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tools.command_lines import (
-    dated, execute, FAILED, interrupt_on_signals, OK, program, progress, within)
+    dated, execute, FAILED, OK, program, progress, within)
 from dp_swing_ros.tools.processes import isolated, Process, ProcessError
 from dp_swing_ros.topics import (
     DIAGNOSTICS, FORCE_COMMAND, FORCE_COMMAND_STAMPED, JOINT_STATES, PLAN, Topic)
@@ -98,7 +98,6 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _demo(arguments: argparse.Namespace) -> int:
-    interrupt_on_signals()
     files = [locate(file) for file in arguments.params]
     for file in files:
         if not file.is_file():

@@ -25,7 +25,7 @@ from dp_swing_ros.parameters import LARGEST
 from dp_swing_ros.pendulum.state import DEFAULT_LINKS, LINKS
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tools.command_lines import (
-    dated, execute, interrupt_on_signals, OK, program, SHOWN, within)
+    dated, execute, OK, program, SHOWN, within)
 
 SEEDS = 100_000      # of a scenario: a case each is held in memory
 MOST = 10_000        # levels of a sweep, processes
@@ -41,7 +41,6 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _evaluate(arguments: argparse.Namespace, command: str) -> int:
     folder = arguments.output or Path('runs', dated('campaign'))
-    interrupt_on_signals()
     try:
         against = arguments.against
         if against is not None and against.is_dir():

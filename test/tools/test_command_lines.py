@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 import argparse
 from importlib import import_module
+import subprocess
+import sys
 
 import pytest
 
@@ -69,6 +71,28 @@ def test_a_failure_is_no_misuse(capsys):
 def test_an_interrupted_tool_prints_how_to_go_on(interrupt, line, capsys):
     assert executed(ends(interrupt)) == INTERRUPTED
     assert capsys.readouterr().err == line
+
+
+DROPPED = """
+import argparse, signal, sys, time
+from dp_swing_ros.tools.command_lines import execute
+
+class Half:
+    def __del__(self):
+        signal.raise_signal(signal.SIGTERM)
+
+def work(_):
+    Half()
+    time.sleep(30)
+
+sys.exit(execute(argparse.ArgumentParser(prog='tool'), work, []))
+"""
+
+
+def test_an_interrupt_in_a_destructor_comes_again():
+    done = subprocess.run([sys.executable, '-c', DROPPED], capture_output=True, text=True,
+                          timeout=20)
+    assert (done.returncode, done.stderr) == (INTERRUPTED, 'tool: interrupted\n')
 
 
 def test_a_bug_has_its_traceback():

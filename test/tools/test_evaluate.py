@@ -171,14 +171,14 @@ LONG = ['--contestants', 'nothing', 'ilqr', '--scenarios', 'random', '--seeds', 
         '--duration', '1', '--jobs', '2', '--no-figures', '--output', 'campaign']
 
 
-def started():
-    """Start a campaign in a session of its own, and wait for its first rows."""
+def started(lines=5):
+    """Start a campaign in a session of its own, and wait for the first lines of its table."""
     process = subprocess.Popen(
         [sys.executable, '-c', SCRIPT, *LONG], start_new_session=True, text=True,
         stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
         env={**os.environ, 'PYTHONPATH': str(SOURCES)})
     table = Path('campaign/episodes.csv')
-    assert wait_until(lambda: table.exists() and table.read_bytes().count(b'\n') > 4)
+    assert wait_until(lambda: table.exists() and table.read_bytes().count(b'\n') >= lines)
     return process
 
 
@@ -208,15 +208,16 @@ def test_a_campaign_goes_on_after_it_was_killed(capsys):
     assert 'episode/s' not in shown.err   # which is no terminal
 
 
+@pytest.mark.parametrize('lines', [1, 5], ids=['starting', 'playing'])
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-def test_an_interrupt_ends_all_workers_and_says_how_to_go_on(number):
-    process = started()
+def test_an_interrupt_ends_all_workers_and_says_how_to_go_on(number, lines):
+    process = started(lines)
     os.killpg(process.pid, number)
     error = process.communicate(timeout=30)[1]
     assert process.returncode == 130
-    # not always the last: joblib may find a folder removed that it was about to remove
-    assert 'evaluate: interrupted; call again with --output campaign to go on' in (
-        error.splitlines())
+    # joblib's own process may warn later, of a folder that was removed before it could do so
+    said = [line for line in error.splitlines() if 'resource_tracker' not in line]
+    assert said[-1] == 'evaluate: interrupted; call again with --output campaign to go on'
     assert 'Traceback' not in error
     assert wait_until(lambda: not left(process.pid)), left(process.pid)
-    assert len(read(Path('campaign/episodes.csv'))) > 3
+    assert len(read(Path('campaign/episodes.csv'))) >= lines - 1

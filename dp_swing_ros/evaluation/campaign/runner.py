@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 import contextlib
 import functools
 import os
+import signal
 import sys
 import threading
 import time
@@ -43,8 +44,9 @@ def run(episodes: Sequence[tuple[Contestant, Case]], table: Table, jobs: int,
     total = len(episodes)
     with _workers(jobs, dask), tqdm(total=total, initial=total - len(todo), unit='episode',
                                     smoothing=0.05, disable=None) as bar:
-        rows = Parallel(return_as='generator', batch_size=1)(
-            delayed(_work)(os.getpid(), contestant, case) for contestant, case in todo)
+        with _unreached(signal.SIGINT):
+            rows = Parallel(return_as='generator', batch_size=1)(
+                delayed(_work)(os.getpid(), contestant, case) for contestant, case in todo)
         try:
             for row in rows:
                 table.append(row)
@@ -60,6 +62,16 @@ def run(episodes: Sequence[tuple[Contestant, Case]], table: Table, jobs: int,
             with warnings.catch_warnings():
                 warnings.simplefilter('ignore')   # joblib's, about episodes that an end cuts off
                 rows.close()
+
+
+@contextlib.contextmanager
+def _unreached(number: signal.Signals) -> Iterator[None]:
+    """Start processes that a signal to all of them does not reach: this one is to end them."""
+    signal.pthread_sigmask(signal.SIG_BLOCK, {number})   # which they inherit
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {number})
 
 
 def _work(campaign: int, contestant: Contestant, case: Case) -> Row:
