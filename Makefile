@@ -15,6 +15,7 @@ SOURCES := package.xml setup.py setup.cfg resource/dp_swing_ros $(wildcard confi
 DOWNLOADS := sed -u -n 's/^ *Downloading \([^-]*-[^-]*\)-.* (\(.* MB\))$$/  \1 (\2)/p; /^Install/s/:.*/ .../p'
 INSTALL = $(BIN)/python -m pip install --no-input -c constraints.txt $(addprefix --group ,$(1)) | \
 	$(DOWNLOADS) || $(call FAIL,pip could not install the groups $(1); what it said stands above)
+IN_PARALLEL := pytest -n auto --dist loadfile
 FAIL = { echo "make: $(1)" >&2; exit 1; }
 
 # A sourced ROS installation, or another checkout's, would shadow the wheels.
@@ -45,7 +46,8 @@ results:  ## every published figure anew, in three hours (PAGES='random robustne
 	@$(WITH_ROS) && python benchmarks/published.py $(PAGES) $(RESULTS)
 
 test: setup $(VENV)/.installed-test  ## all tests, linters and type checks (PYTEST='...' for arguments of pytest)
-	@$(WITH_ROS) && pytest -n auto --dist loadfile $(PYTEST)
+	@$(WITH_ROS) && $(if $(PYTEST),$(IN_PARALLEL) $(PYTEST),failed=; \
+	  $(IN_PARALLEL) -m 'not real_time' || failed=1; pytest -m real_time || failed=1; [ -z "$$failed" ])
 
 shell: setup  ## a shell in which ros2 run dp_swing_ros ... works
 	@exec bash --rcfile <(echo '[ ! -f ~/.bashrc ] || source ~/.bashrc; $(WITH_ROS)') -i

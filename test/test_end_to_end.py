@@ -222,4 +222,4 @@ def test_demo_does_not_join_another(tmp_path):
     assert second.finish() == 2, second.out + second.err
     assert 'already in this ROS domain' in second.err
     first.process.send_signal(signal.SIGINT)
-    assert first.finish() == 130
+    assert first.finish() == 130, first.out + first.err

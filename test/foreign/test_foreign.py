@@ -3,10 +3,7 @@
 """The mpc on a rig that shares no code with it: benchmarks/foreign_plant.py, in real time."""
 
 import dataclasses
-import fcntl
-import os
 from pathlib import Path
-import tempfile
 
 import foreign
 import foreign_plant
@@ -26,15 +23,6 @@ ATTEMPTS = 5     # at most, on a machine that is late
 SLOW = 2         # recoveries that are too many
 STALL = 0.05     # [s] by which a tick of the rig may be late before a run shows nothing,
 JITTER = 0.005   # [s] and by which one in twenty of them may be early or late
-
-
-@pytest.fixture
-def alone():
-    """Keep other runs in real time off the machine, those of other test processes too."""
-    path = Path(tempfile.gettempdir(), f'dp_swing_ros_real_time_{os.getuid()}.lock')
-    with path.open('w') as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        yield
 
 
 def check(name, solver, folder):
@@ -189,21 +177,21 @@ def test_a_run_is_good_without_shortcomings():
         assert bool(foreign.failures(bad, True)) is (name != 'recovery')
 
 
-@pytest.mark.timeout(1200)   # most of it, it waits for its turn
+@pytest.mark.real_time
 @pytest.mark.parametrize(('name', 'solver'), [
     *rotated(['plain', 'best_effort', 'stamps_hour_off', 'permuted', 'fast', 'plausible'])])
-def test_it_is_swung_up(alone, tmp_path, name, solver):
+def test_it_is_swung_up(tmp_path, name, solver):
     check(name, solver, tmp_path)
 
 
-@pytest.mark.timeout(1200)
+@pytest.mark.real_time
 @pytest.mark.parametrize(('name', 'solver'), rotated(['clock_2']))
-def test_it_is_swung_up_in_simulated_time(alone, tmp_path, name, solver):
+def test_it_is_swung_up_in_simulated_time(tmp_path, name, solver):
     check(name, solver, tmp_path)
 
 
-@pytest.mark.timeout(1200)
+@pytest.mark.real_time
 @pytest.mark.parametrize(('name', 'solver'), rotated([
     'silence', 'frozen', 'wrong_lengths', 'outlier_random']))
-def test_a_sensor_that_fails_lets_the_force_go(alone, tmp_path, name, solver):
+def test_a_sensor_that_fails_lets_the_force_go(tmp_path, name, solver):
     check(name, solver, tmp_path)

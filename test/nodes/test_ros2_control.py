@@ -161,6 +161,7 @@ def test_the_last_command_of_the_relay_is_zero(peer, relayed):
     assert peer.until(lambda: commands[-1][1] == 0.0)
 
 
+@pytest.mark.real_time
 def test_through_what_ros2_control_does_the_pendulum_is_swung_up(peer, start_node):
     """And with the mpc killed, the plant's force is zero."""
     mpc = start_node('mpc')
