@@ -60,11 +60,14 @@ class KalmanParameters(UnknownsParameters):
     memory: float = parameter(
         60.0, 'what is estimated beside the state becomes as uncertain as at first in this time',
         unit='s', minimum=1e-3, finite=False)
-    gate: float = parameter(
-        10.0, 'a state further from its prediction than this is refused', unit='deviations',
-        minimum=0.0, finite=False)
+    push_gate: float = parameter(
+        3.0, 'a state further from its prediction than this is explained by a push',
+        unit='deviations', minimum=0.0, finite=False)
     push: float = parameter(
-        20.0, 'unless a push of this standard deviation explains it', unit='N', minimum=0.0)
+        20.0, 'of this standard deviation', unit='N', minimum=0.0)
+    gate: float = parameter(
+        10.0, 'a state that is further even from that prediction is refused', unit='deviations',
+        minimum=0.0, finite=False)
     refusals: int = parameter(
         3, 'so many in a row, and the filter starts anew from the last', minimum=1)
 
@@ -102,15 +105,17 @@ class ExtendedKalmanFilter:
         if t - self.t > LONGEST_GAP:
             return self.begin(t, x)
         usual = STOP if max(abs(x[0]), abs(self.z[0])) > self.end else 0.0
-        # a push differs from an outlier by what it does to all numbers of the state
-        for push in (usual, about.push):
+        # one that is not told would pass for a delay or a gain; it differs from an outlier by what
+        # it does to all numbers of the state
+        for push, gate in (
+                (usual, about.push_gate), (max(usual, about.push), about.gate)):
             z, P, rate = self.predicted(t, commands, push)
             innovation, known, variance = x - z[:self.size], z.copy(), P.copy()
             squares = self.corrected(x, rate, time_noise, known, variance)
             if push == usual:
                 scales = self.adapted(x, squares)
             distance = math.sqrt(sum(squares))
-            if distance <= about.gate:
+            if distance <= gate:
                 self.scales = scales
                 constrain(self.unknowns.lowest, self.unknowns.highest, known, variance)
                 self.in_a_row = 0

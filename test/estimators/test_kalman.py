@@ -10,12 +10,14 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from dp_swing_ros import configuration
 from dp_swing_ros.configuration import default_cost
 from dp_swing_ros.control.sent_forces import SentForces
 from dp_swing_ros.estimators.gaussian import constrain, correct, SMALL
 from dp_swing_ros.estimators.kalman import (
     CREEP, ExtendedKalmanFilter, KalmanParameters, SCALES, UNMEASURED)
 from dp_swing_ros.evaluation.metrics import measure
+from dp_swing_ros.evaluation.scenarios import push_profile
 from dp_swing_ros.pendulum.equations import derivative, mass_matrix, Pendulum
 from dp_swing_ros.pendulum.integrators import INTEGRATORS, rk4
 from dp_swing_ros.pendulum.model import hold, Model
@@ -198,7 +200,8 @@ DRY = {'cart_dry_friction': 1.0, 'joint1_dry_friction': 0.02, 'joint2_dry_fricti
 @pytest.mark.parametrize('time_noise', [0.0, 2e-3])
 def test_it_is_the_textbook_s(links, drive, velocities, time_noise, rng):
     nominal = replace(PHYSICAL, links=links, **DRY)
-    e, x = estimator(nominal, drive, memory=math.inf, adaptation=0.0), swinging(links)
+    e = estimator(nominal, drive, memory=math.inf, adaptation=0.0, push_gate=math.inf)
+    x = swinging(links)
     e.update(0.0, x, NONE)
     z, P, forces, commands = e.z, e.P, SentForces(), []
     real = other(1.05, nominal)
@@ -231,7 +234,8 @@ def test_the_innovations_are_as_large_as_it_says(unknown, time_noise, rng):
     nominal = PendulumParameters(cart_friction=0.1, joint1_friction=0.1, joint2_friction=0.1)
     total, ticks, h = 0.0, 40, 0.01
     for _ in range(20):
-        e = estimator(nominal, SLOW, adaptation=0.0, memory=math.inf, **parameters)
+        e = estimator(nominal, SLOW, adaptation=0.0, memory=math.inf, push_gate=math.inf,
+                      **parameters)
         about, R, forces, commands = e.parameters, np.sqrt(e.R), SentForces(), []
         physical, drive = with_values(nominal, SLOW, rng.normal(0.0, e.unknowns.deviations))
         x = SWINGING + rng.normal(0.0, 0.1, 6)
@@ -353,6 +357,17 @@ def test_a_push_is_no_outlier(push):
     # nor do the parameters suffer
     assert max(abs(estimate.physical[name] / getattr(PHYSICAL, name) - 1)
                for name in SCALED) < 0.05
+
+
+@pytest.mark.parametrize('push_gate, falls', [(3.0, False), (math.inf, True)])
+def test_a_push_of_a_held_pendulum_is_no_delay(push_gate, falls):
+    """Two of some 9 N; an answer to them that does little looks like one that is late."""
+    c, delays = configuration.controller({'ekf.push_gate': push_gate}), []
+    episode = simulate(plant(), c, 7.0, pushes=push_profile(1, 140),
+                       on_tick=lambda t, plan: delays.append(c.estimate.drive.delay))
+    upright = np.cos(episode.X[60:, angles(c.estimate.x)])
+    assert bool(upright.min() < 0.95) is falls
+    assert (max(delays) > 0.01) is falls
 
 
 def test_it_starts_anew_after_some_refusals():
