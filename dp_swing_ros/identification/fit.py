@@ -168,7 +168,8 @@ class Fit:
             return np.concatenate([self.white(each).ravel() for each in self.differences()])
 
         def jacobian(p: Array) -> Array:
-            self.take(p)
+            if not np.array_equal(p, self.p[self.free]):   # else the states are those of p
+                self.take(p)
             return np.concatenate([part.projected().reshape(-1, len(p)) for part in self.parts()])
 
         free, scales = self.free, self.about.scales[self.free]
