@@ -64,10 +64,10 @@ class KalmanParameters(UnknownsParameters):
         3.0, 'a state further from its prediction than this is explained by a push',
         unit='deviations', minimum=0.0, finite=False)
     push: float = parameter(
-        20.0, 'of this standard deviation', unit='N', minimum=0.0)
+        20.0, 'standard deviation of the force of such a push', unit='N', minimum=0.0)
     gate: float = parameter(
-        10.0, 'a state that is further even from that prediction is refused', unit='deviations',
-        minimum=0.0, finite=False)
+        10.0, 'a state that with such a push is further than this from its prediction is refused',
+        unit='deviations', minimum=0.0, finite=False)
     refusals: int = parameter(
         3, 'so many in a row, and the filter starts anew from the last', minimum=1)
 
@@ -107,8 +107,7 @@ class ExtendedKalmanFilter:
         usual = STOP if max(abs(x[0]), abs(self.z[0])) > self.end else 0.0
         # one that is not told would pass for a delay or a gain; it differs from an outlier by what
         # it does to all numbers of the state
-        for push, gate in (
-                (usual, about.push_gate), (max(usual, about.push), about.gate)):
+        for push, gate in ((usual, about.push_gate), (max(usual, about.push), about.gate)):
             z, P, rate = self.predicted(t, commands, push)
             innovation, known, variance = x - z[:self.size], z.copy(), P.copy()
             squares = self.corrected(x, rate, time_noise, known, variance)
