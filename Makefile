@@ -40,7 +40,7 @@ docs: setup  ## the references of parameters and of the Python API, and the draw
 evaluate: setup  ## run a campaign of episodes without ROS (EVALUATE='...' for its arguments)
 	@$(WITH_ROS) && ros2 run dp_swing_ros evaluate $(EVALUATE)
 
-results: setup $(if $(filter benchmark,$(or $(PAGES),benchmark)),$(VENV)/.peers)
+results: setup $(if $(filter benchmark oracle,$(or $(PAGES),benchmark)),$(VENV)/.peers)
 results: $(if $(filter rig,$(PAGES)),$(VENV)/.installed-rig)
 results:  ## every published figure anew, in three hours (PAGES='random robustness' for some)
 	@$(WITH_ROS) && python benchmarks/published.py $(PAGES) $(RESULTS)

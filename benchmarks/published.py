@@ -54,7 +54,7 @@ class Page(NamedTuple):
     write: Callable[[Path, Path], None]
 
 
-OF_ROWS = {'near_goal': near_goal.page, 'choices': choices.page, 'links': links.page}
+OF_ROWS = {'choices': choices.page, 'links': links.page}
 
 
 def of_rows(name: str, minutes: float) -> Page:
@@ -65,6 +65,16 @@ def of_rows(name: str, minutes: float) -> Page:
             campaigns.page(name, rows, made, docs / 'figures'))
         (docs / 'results' / f'{name}.md').write_text(text, encoding='utf-8')
     return Page(minutes, lambda: seeded.sources(name), write)
+
+
+def of_near_goal(minutes: float) -> Page:
+    """Return the page of the starts near the goal, beside what the oracle says."""
+    def write(docs: Path, kept: Path) -> None:
+        rows, made = played('near_goal', docs, kept)
+        near_goal.picture(rows).savefig(docs / 'figures' / 'near_goal.png')
+        (docs / 'results' / 'near_goal.md').write_text(near_goal.page(rows, made),
+                                                       encoding='utf-8')
+    return Page(minutes, lambda: seeded.sources('near_goal'), write)
 
 
 def of_rigs(minutes: float) -> Page:
@@ -102,7 +112,7 @@ PAGES = {
     'baselines': of_rows('baselines', 4),
     'links': of_rows('links', 6),
     'choices': of_rows('choices', 5),
-    'near_goal': of_rows('near_goal', 1),
+    'near_goal': of_near_goal(1),
     'rig': of_rigs(50),
     'paper': of_script('paper', 7, 'paper.py', sources=lambda: seeded.sources('paper')),
     'real_time': of_script('real_time', 9, 'real_time.py'),

@@ -3,13 +3,17 @@
 """The benchmark times the same problem for everyone; peers that are not installed are skipped."""
 
 import benchmark_page
+import near_goal
 import numpy as np
 import operations
+import oracle
 import pytest
 import timing
 import torch
 
 from dp_swing_ros import configuration
+from dp_swing_ros.control.bounded_lqr import BoundedLQR
+from dp_swing_ros.evaluation.campaign.rows import read
 from dp_swing_ros.pendulum.model import rollout
 from dp_swing_ros.problem.cost import running, terminal, trajectory_cost
 
@@ -174,3 +178,33 @@ def test_the_page_says_met_missed_and_what_is_missing():
     assert '3e+03 | met |' in page
     assert '300 | **missed** |' in page
     assert 'solves, for casadi is not installed' in page
+
+
+def test_the_oracle_believes_the_plant_alone(problem):
+    """A plan that holds on the plant is taken, one that does not is none, whoever made it."""
+    case = next(case for case in oracle.cases() if case.seed == 1)
+    x_0 = np.array(case.plant['initial_state'])
+    none = np.zeros(oracle.N)
+    assert oracle.tried(problem, case, rollout(problem.model, x_0, none), none) is None
+    plan = BoundedLQR(configuration.problem({'horizon': oracle.N})).start(x_0)
+    metrics = oracle.tried(problem, case, plan.X, plan.U)
+    assert metrics.success and metrics.largest_angle < oracle.DROPPED
+
+
+def test_the_oracle_finds_what_can_be_held():
+    pytest.importorskip('casadi')
+    easy, = (case for case in oracle.cases() if case.seed == 1)
+    found, = oracle.judged([easy])
+    stored, = (one for one in oracle.read(near_goal.VERDICTS) if one.seed == 1)
+    assert found.held and found.angle == pytest.approx(stored.angle, abs=1e-3)
+
+
+def test_near_the_goal_counts_what_the_oracle_holds():
+    possible, none_found = near_goal.judged()
+    assert possible | none_found == set(range(100)) and possible.isdisjoint(none_found)
+    rows = read(near_goal.VERDICTS.with_name('near_goal.csv.gz'))
+    held = near_goal.held_by(rows)
+    assert all(of <= possible | none_found for of in held.values())
+    page = near_goal.page(rows, 'made')
+    for name, of in held.items():
+        assert f'| `{name}` | {len(of & possible)} of {len(possible)} ' in page

@@ -1,0 +1,196 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Which starts near the goal can be held at all: an oracle that no solver of ours has a part in.
+
+    min Σ (eᵀ S e + R u²),  e = x - x_r
+    s.t. x⁺ = the plant's own steps,  |u| ≤ u_max,  |x| ≤ track,  |θ| ≤ 0.4,  x_N upright, at rest
+
+IPOPT solves it over both states and forces, from guesses that differ in where the cart goes. A
+start counts as one that can be held only where the plant, driven by the forces that were found and
+then regulated, is held by the measures of any other run. Where nothing is found, something may
+still be there.
+"""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from joblib import delayed, Parallel
+import numpy as np
+import pandas as pd
+from peers_solvers import functions
+import stamp
+from tqdm import tqdm
+
+from dp_swing_ros import configuration
+from dp_swing_ros.evaluation.baselines import stabilised, TVLQR
+from dp_swing_ros.evaluation.campaign.report import share, spans
+from dp_swing_ros.evaluation.comparison import rate
+from dp_swing_ros.evaluation.metrics import measure
+from dp_swing_ros.evaluation.scenarios import Case, SCENARIOS
+from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.problem.plan import Status
+from dp_swing_ros.problem.problem import plan_of, Problem
+from dp_swing_ros.simulation.closed_loop import simulate
+from dp_swing_ros.simulation.plant import Plant
+from dp_swing_ros.tables import compact
+
+DROPPED = 0.4                 # [rad]
+DURATION = 10.0               # [s]
+N = 80                        # steps of 50 ms until it is at rest
+ENDS = (0.0, 2.2, -2.2)       # [m] where the cart goes in a guess
+SPARE = 1e-4                  # [rad] from the bound, for rounding
+SHORT = 5e-3                  # [m] from the ends of the track, for what is between two steps
+ITERATIONS = 150              # four times what those take that succeed
+FILES = 'oracle.py', 'peers_solvers.py'
+OPTIONS: dict[str, Any] = {
+    'ipopt.print_level': 0, 'ipopt.sb': 'yes', 'ipopt.tol': 1e-9, 'ipopt.max_iter': ITERATIONS,
+    'print_time': False, 'error_on_fail': False}
+
+
+def cases() -> list[Case]:
+    """Return the starts."""
+    return list(SCENARIOS['near_goal'].cases('near_goal', None, None, DURATION))
+
+
+class Verdict(NamedTuple):
+    """What was found of a start; not a number where nothing was."""
+
+    seed: int
+    held: bool
+    guesses: int              # that were tried
+    iterations: int           # of IPOPT in all of them
+    angle: float              # [rad] the largest on the way
+    position: float           # [m]
+    force: float              # [N]
+
+
+class Program:
+    """The nonlinear program, made once for all starts."""
+
+    def __init__(self, problem: Problem, plant: Plant) -> None:
+        """Write down variables, constraints and cost."""
+        import casadi as ca
+
+        substeps = round(problem.dt / plant.parameters.physics_step)
+        step = functions(configuration.problem({'step': plant.parameters.physics_step}))[0]
+        x, u = ca.SX.sym('x', 6), ca.SX.sym('u')
+        after = x
+        for _ in range(substeps):
+            after = step(after, u)
+        period = ca.Function('period', [x, u], [after]).map(N)
+        X, U, x_0 = ca.MX.sym('X', 6, N + 1), ca.MX.sym('U', 1, N), ca.MX.sym('x_0', 6)
+        J = (ca.dot(ca.repmat(ca.DM(problem.cost.S), 1, N), X[:, :-1] ** 2)
+             + problem.cost.R * ca.dot(U, U))
+        program: Any = {
+            'x': ca.vertcat(ca.vec(X), ca.vec(U)), 'p': x_0, 'f': J,
+            'g': ca.vertcat(X[:, 0] - x_0, ca.vec(X[:, 1:] - period(X[:, :-1], U)), X[1:, N])}
+        self.solver = ca.nlpsol('oracle', 'ipopt', program, OPTIONS)
+        angle = DROPPED - SPARE
+        bound = [plant.limits.track_limit - SHORT, angle, angle, np.inf, np.inf, np.inf]
+        self.bounds = np.append(np.tile(bound, N + 1), np.full(N, problem.u_max))
+
+    def solve(self, x_0: Array, end: float) -> tuple[Array, Array, int]:
+        """Return states and forces that IPOPT ends at, and how many iterations it took."""
+        share = np.linspace(0, 1, N + 1)[:, None]
+        X = x_0 * (1 - np.minimum(4 * share, 1))
+        X[:, 0] = end * np.minimum(2 * share[:, 0], 1)
+        found = np.array(self.solver(
+            x0=np.append(X, np.zeros(N)), p=x_0, lbx=-self.bounds, ubx=self.bounds, lbg=0,
+            ubg=0)['x']).ravel()
+        return found[:-N].reshape(N + 1, 6), found[-N:], self.solver.stats()['iter_count']
+
+
+def judged(cases: Sequence[Case]) -> list[Verdict]:
+    """Return the verdicts of some starts."""
+    problem, plant = configuration.problem({}), configuration.plant({})
+    program = Program(problem, plant)
+    return [verdict(problem, program, case) for case in cases]
+
+
+def verdict(problem: Problem, program: Program, case: Case) -> Verdict:
+    """Search for a trajectory that holds a start, and try it on the plant."""
+    x_0, iterations = np.array(case.plant['initial_state']), 0
+    for guesses, end in enumerate(ENDS, 1):
+        X, U, count = program.solve(x_0, end)
+        iterations += count
+        metrics = tried(problem, case, X, U)
+        if metrics is not None:
+            return Verdict(case.seed, True, guesses, iterations, metrics.largest_angle,
+                           metrics.largest_position, metrics.largest_force)
+    return Verdict(case.seed, False, len(ENDS), iterations, np.nan, np.nan, np.nan)
+
+
+def tried(problem: Problem, case: Case, X: Array, U: Array) -> Any:
+    """Return the metrics of the plant on a trajectory; None where that does not hold it."""
+    reference = stabilised(problem, plan_of(problem, X, U, Status.COMPLETE))
+    controller = TVLQR(problem, reference)
+    controller.joined = 0.0
+    plant = configuration.plant(dict(case.plant))
+    metrics = measure(simulate(plant, controller, case.duration))
+    held = (metrics.success and not metrics.strikes
+            and metrics.largest_angle <= DROPPED)
+    return metrics if held else None
+
+
+def page(verdicts: Sequence[Verdict], made: str) -> str:
+    """Return the page."""
+    held = [one for one in verdicts if one.held]
+    rows = [('start', 'how many', 'IPOPT: iterations, median (largest)', 'angle on the way [rad]',
+             'largest position [m]', 'seeds')]
+    for title, some in (('can be held', held),
+                        ('none found', [one for one in verdicts if not one.held])):
+        counts = [one.iterations for one in some]
+        angle, position = (
+            [getattr(one, name) for one in some] for name in ('angle', 'position'))
+        rows.append((title, share(rate([one in some for one in verdicts])),
+                     f'{np.median(counts):.0f} ({max(counts)})' if some else '-',
+                     f'{max(angle):.3f}' if some is held else '-',
+                     f'{max(position):.2f}' if some is held else '-',
+                     spans([one.seed for one in some])))
+    return '\n'.join([
+        '# What can be held near the goal\n', made,
+        'An oracle that shares no solver with us says which of the starts of '
+        '[near the goal](near_goal.md) can be held at all. For each, IPOPT (by CasADi) seeks '
+        f'{N} forces of 50 ms, at most 20 N, with which steps of 5 ms, those of the plant, lead '
+        f'to rest upright while both angles stay within {DROPPED:g} rad and the cart on its '
+        f'track, from {len(ENDS)} guesses that differ in where the cart goes '
+        f'({", ".join(f"{end:g}" for end in ENDS)} m). What it finds is then played on the plant '
+        f'over {DURATION:g} s, followed by a TVLQR and then regulated, and counts only where that '
+        'is held without a strike. Where nothing was found, every guess had ended where the '
+        'constraints can locally not be met, or had taken '
+        f'{ITERATIONS} iterations. That is no proof. The rows: '
+        '[oracle.csv.gz](oracle.csv.gz).\n',
+        compact(rows), ''])
+
+
+def read(path: Path) -> list[Verdict]:
+    """Return stored verdicts."""
+    return [Verdict(*row) for row in pd.read_csv(path).itertuples(index=False)]
+
+
+def main() -> None:
+    """Judge all starts and write the page."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('--docs', type=Path, default=stamp.TOP / 'docs')
+    parser.add_argument('--jobs', type=int, default=-1)
+    arguments = parser.parse_args()
+    starts = cases()
+    with tqdm(total=len(starts), unit='start', disable=None) as bar:
+        verdicts = list[Verdict]()
+        for some in Parallel(arguments.jobs, return_as='generator')(
+                delayed(judged)(starts[n:n + 5]) for n in range(0, len(starts), 5)):
+            verdicts += some
+            bar.update(len(some))
+    results = arguments.docs / 'results'
+    pd.DataFrame(verdicts).to_csv(results / 'oracle.csv.gz', index=False,
+                                  compression={'method': 'gzip', 'mtime': 0})
+    (results / 'oracle.md').write_text(page(verdicts, stamp.made(
+        'oracle', stamp.sources_with(*FILES),
+        ('numpy', 'scipy', 'casadi'))), encoding='utf-8')
+
+
+if __name__ == '__main__':
+    main()
