@@ -21,6 +21,7 @@ import campaigns
 import choices
 import links
 import near_goal
+import oracle
 import pandas as pd
 import readme
 import rig
@@ -112,6 +113,7 @@ PAGES = {
     'baselines': of_rows('baselines', 4),
     'links': of_rows('links', 6),
     'choices': of_rows('choices', 5),
+    'oracle': of_script('oracle', 13, *oracle.FILES),
     'near_goal': of_near_goal(1),
     'rig': of_rigs(50),
     'paper': of_script('paper', 7, 'paper.py', sources=lambda: seeded.sources('paper')),
