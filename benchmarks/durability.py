@@ -9,7 +9,7 @@ nothing else. The full disk needs the right to mount one.
 
 import argparse
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, ExitStack
+from contextlib import contextmanager
 from pathlib import Path
 import resource
 import subprocess
@@ -25,7 +25,7 @@ from tqdm import tqdm
 import yaml
 
 from dp_swing_ros.tables import compact
-from dp_swing_ros.tools.processes import isolated, Process
+from dp_swing_ros.tools.processes import Crew, isolated, Process
 
 TOPICS = 2                 # of the runs that are killed
 LIFE = 0.5, 2.0            # [s] a logger lives on once it writes
@@ -76,7 +76,7 @@ def kills(folder: Path, rate: float, count: int, rng: np.random.Generator) -> li
     for n in tqdm(range(count), f'kills at {rate:g}/s', disable=None):
         own = folder / str(n)
         own.mkdir(parents=True)
-        with publisher(own, rate, TOPICS), ExitStack() as crew:
+        with publisher(own, rate, TOPICS), Crew() as crew:
             logger = start_logger(crew, own / 'bag', TOPICS)
             time.sleep(rng.uniform(*LIFE))
             moment = time.time_ns()
@@ -112,7 +112,7 @@ def full_disk(folder: Path) -> str:
         return 'Not measured: no disk could be mounted here.'
     try:
         topics, rate = LOAD
-        with publisher(folder, rate, topics), ExitStack() as crew:
+        with publisher(folder, rate, topics), Crew() as crew:
             logger = start_logger(crew, place / 'bag', topics)
             wait_for(lambda: not logger.running)
         said = (folder / 'mounted.log').read_text().splitlines()[-1]
@@ -131,7 +131,7 @@ def load(folder: Path, seconds: float) -> str:
     """Log many messages and say in Markdown how many came."""
     folder.mkdir()
     topics, rate = LOAD
-    with publisher(folder, rate, topics, '--duration', str(seconds)), ExitStack() as crew:
+    with publisher(folder, rate, topics, '--duration', str(seconds)), Crew() as crew:
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
         logger = start_logger(crew, folder / 'bag', topics)
         wait_for((folder / 'times.npy').exists, PATIENCE + 2 * seconds)
@@ -162,12 +162,12 @@ def publisher(folder: Path, rate: float, topics: int, *more: str) -> Iterator[No
             process.terminate()
 
 
-def start_logger(crew: ExitStack, bag: Path, topics: int) -> Process:
+def start_logger(crew: Crew, bag: Path, topics: int) -> Process:
     """Start a logger and wait until it writes messages."""
-    logger = crew.enter_context(Process(
+    logger = crew.start(
         'logger', {'output': str(bag), 'progress_period': 0.0,
                    'topics': [f'number_{n}' for n in range(topics)]},
-        bag.parent.with_suffix('.log')))
+        bag.parent.with_suffix('.log'))
     file = bag / f'{bag.name}_0.mcap'
     wait_for(lambda: not logger.running or file.exists() and file.stat().st_size > 100)
     return logger

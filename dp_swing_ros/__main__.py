@@ -11,6 +11,8 @@ from collections.abc import Sequence
 from importlib import import_module
 import sys
 
+from dp_swing_ros.tools.executables import end_quietly
+
 TOOLS = {
     'analyse': "a bag's table, figures and report, from the bag alone",
     'compare': 'what each solver would have done from a tick on',
@@ -39,6 +41,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 0
     if name not in COMMANDS:
         return _misused(f'unknown command {name!r}; expected one of {", ".join(COMMANDS)}')
+    if argv is None and name not in NODES:
+        end_quietly()   # while it loads
     try:
         module = import_module(f'dp_swing_ros.{"nodes" if name in NODES else "tools"}.{name}')
     except ModuleNotFoundError as error:

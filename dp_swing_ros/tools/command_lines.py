@@ -3,7 +3,8 @@
 """What the command lines share: names, arguments, progress bars, signals and exit codes."""
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+import contextlib
 from datetime import datetime
 import functools
 import math
@@ -18,9 +19,9 @@ from tqdm import tqdm
 
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.parameters import ParameterError
+from dp_swing_ros.tools.executables import ENDING, INTERRUPTED
 
-OK, FAILED, MISUSED, INTERRUPTED = 0, 1, 2, 130  # exit codes
-ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+OK, FAILED, MISUSED = 0, 1, 2  # exit codes, and INTERRUPTED
 LATER = 0.05  # [s]
 SHOWN = 80  # [characters] of what was given
 
@@ -97,6 +98,21 @@ class _Interrupts:
             again.start()
         elif not self._number:   # else it may be of what was interrupted while it was made
             self._report(ignored)
+
+
+@contextlib.contextmanager
+def postponed() -> Iterator[None]:
+    """Let the signals that ask this process to end wait until the context has ended."""
+    came = list[int]()
+    handlers = {number: signal.signal(number, lambda number, _: came.append(number))
+                for number in ENDING if signal.getsignal(number) is not signal.SIG_IGN}
+    try:
+        yield
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+        for one in came:
+            signal.raise_signal(one)
 
 
 @functools.cache

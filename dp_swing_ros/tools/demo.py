@@ -4,7 +4,6 @@
 
 import argparse
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
 import os
 from pathlib import Path
 import re
@@ -29,7 +28,7 @@ from dp_swing_ros.report.recording import named, recording
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tools.command_lines import (
     dated, execute, FAILED, OK, program, progress, within)
-from dp_swing_ros.tools.processes import isolated, Process, ProcessError
+from dp_swing_ros.tools.processes import Crew, isolated, Process, ProcessError
 from dp_swing_ros.topics import (
     DIAGNOSTICS, FORCE_COMMAND, FORCE_COMMAND_STAMPED, JOINT_STATES, PLAN, Topic)
 
@@ -174,18 +173,18 @@ def perform(folder: Path, solver: str, seed: int, duration: float, links: int | 
     """
     bag = folder / 'bag'
     shared = {'seed': seed, **({'links': links} if links else {})}
-    with ExitStack() as crew, Observer() as observer:
-        logger = crew.enter_context(Process(
-            'logger', {'output': str(bag), 'progress_period': 0.0}, folder / 'logger.log'))
-        mpc = crew.enter_context(Process(
+    with Crew() as crew, Observer() as observer:
+        logger = crew.start(
+            'logger', {'output': str(bag), 'progress_period': 0.0}, folder / 'logger.log')
+        mpc = crew.start(
             'mpc', {'solver': solver, **shared, **keeping(
                 FORCE_COMMAND, FORCE_COMMAND_STAMPED, PLAN, DIAGNOSTICS)},
-            folder / 'mpc.log', parameter_files))
+            folder / 'mpc.log', parameter_files)
         _await(logger, mpc, observer)
-        plant = crew.enter_context(Process(
+        plant = crew.start(
             'plant', {'duration': duration, 'lockstep': lockstep, **shared,
                       **keeping(JOINT_STATES, DIAGNOSTICS)},
-            folder / 'plant.log', parameter_files))
+            folder / 'plant.log', parameter_files)
         _follow(observer, plant, [mpc, logger], duration)
         plant.finish()
         mpc.end()  # it sends a last zero force, which belongs into the bag

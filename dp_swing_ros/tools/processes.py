@@ -14,7 +14,8 @@ import subprocess
 
 from dp_swing_ros.configuration import locate
 from dp_swing_ros.errors import UserError
-from dp_swing_ros.tools.command_lines import ENDING
+from dp_swing_ros.tools.command_lines import postponed
+from dp_swing_ros.tools.executables import ENDING
 
 GRACE = 10.0     # [s] a process has to end after SIGINT
 LAST_LINES = 12  # of a log, shown when its process fails
@@ -164,3 +165,13 @@ class Process:
         lines = self._log.read_text(errors='replace').splitlines()[-LAST_LINES:]
         return ProcessError('\n'.join([f'{self.name} {what}; the end of {self._log}:',
                                        *(f'    {line}' for line in lines)]))
+
+
+class Crew(contextlib.ExitStack):
+    """Processes that end with the context, the last first, whenever an interrupt comes."""
+
+    def start(self, name: str, parameters: Mapping[str, object], log: Path,
+              parameter_files: Iterable[Path] = ()) -> Process:
+        """Start one more; see Process."""
+        with postponed():   # between its start and its place here it would be left behind
+            return self.enter_context(Process(name, parameters, log, parameter_files))

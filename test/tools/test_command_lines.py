@@ -10,7 +10,8 @@ import pytest
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.tools.command_lines import (
-    beside, execute, FAILED, INTERRUPTED, MISUSED, within)
+    beside, execute, FAILED, MISUSED, within)
+from dp_swing_ros.tools.executables import INTERRUPTED
 
 
 @pytest.mark.parametrize('text, value', [('1', 1), ('9', 9)])
@@ -111,3 +112,20 @@ def test_help_names_tool_and_arguments(tool, argument, capsys):
     shown = capsys.readouterr().out
     assert f'dp_swing_ros {tool}' in shown
     assert argument in shown
+
+
+@pytest.mark.parametrize('tool', ['evaluate', 'verify'])
+def test_a_signal_while_a_tool_loads_ends_it_without_a_word(tool):
+    script = f"""
+import signal, sys
+from dp_swing_ros.tools import executables
+
+class Finder:
+    def find_spec(self, name, *_):
+        if name == 'numpy':
+            signal.raise_signal(signal.SIGTERM)
+
+sys.meta_path.insert(0, Finder())
+sys.exit(executables.{tool}())"""
+    done = subprocess.run([sys.executable, '-c', script], capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (INTERRUPTED, '', '')

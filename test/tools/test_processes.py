@@ -4,7 +4,9 @@
 import contextlib
 import os
 from pathlib import Path
+import signal
 import socket
+import subprocess
 import time
 from xml.etree import ElementTree
 
@@ -12,7 +14,7 @@ import pytest
 
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.tools import processes
-from dp_swing_ros.tools.processes import isolated, Process, ProcessError
+from dp_swing_ros.tools.processes import Crew, isolated, Process, ProcessError
 
 # stands for ros2: the executable's name says how it behaves
 ROS2 = """\
@@ -108,6 +110,25 @@ def test_nobody_is_left_behind(tmp_path, monkeypatch):
     assert not polite.running
     assert not rude.running
     until(lambda: not alive(child))
+
+
+def test_an_interrupt_while_one_starts_leaves_nobody_behind(tmp_path, monkeypatch):
+    """As it comes between the start of a process and its place in the crew."""
+    class Interrupted(subprocess.Popen):
+
+        def __init__(self, *arguments, **options):
+            super().__init__(*arguments, **options)
+            pids.append(self.pid)
+            signal.raise_signal(signal.SIGTERM)
+    pids, before = [], signal.signal(signal.SIGTERM, signal.default_int_handler)
+    monkeypatch.setattr(subprocess, 'Popen', Interrupted)
+    try:
+        with pytest.raises(KeyboardInterrupt), Crew() as crew:
+            crew.start('rude', {}, tmp_path / 'log')
+            pytest.fail('the interrupt was lost')
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    assert not alive(*pids)
 
 
 def test_who_has_died_is_noticed(tmp_path):
