@@ -17,20 +17,20 @@ manifest = ElementTree.parse(Path(__file__).resolve().with_name('package.xml'))
 for_pip = not {'bdist_wheel', 'dist_info', 'editable_wheel'}.isdisjoint(sys.argv)
 ONE_FOR_ALL = ['dp_swing_ros = dp_swing_ros.__main__:main']
 EXECUTABLES = [
-    'plant = dp_swing_ros.nodes.executables:plant',
-    'mpc = dp_swing_ros.nodes.executables:mpc',
-    'relay = dp_swing_ros.nodes.executables:relay',
-    'logger = dp_swing_ros.nodes.executables:logger',
-    'replay = dp_swing_ros.nodes.executables:replay',
-    'analyse = dp_swing_ros.tools.executables:analyse',
-    'compare = dp_swing_ros.tools.executables:compare',
-    'demo = dp_swing_ros.tools.executables:demo',
-    'evaluate = dp_swing_ros.tools.executables:evaluate',
-    'export = dp_swing_ros.tools.executables:export',
-    'identify = dp_swing_ros.tools.executables:identify',
-    'recover = dp_swing_ros.tools.executables:recover',
-    'parameters = dp_swing_ros.tools.executables:parameters',
-    'verify = dp_swing_ros.tools.executables:verify',
+    'plant = dp_swing_ros.executables:plant',
+    'mpc = dp_swing_ros.executables:mpc',
+    'relay = dp_swing_ros.executables:relay',
+    'logger = dp_swing_ros.executables:logger',
+    'replay = dp_swing_ros.executables:replay',
+    'analyse = dp_swing_ros.executables:analyse',
+    'compare = dp_swing_ros.executables:compare',
+    'demo = dp_swing_ros.executables:demo',
+    'evaluate = dp_swing_ros.executables:evaluate',
+    'export = dp_swing_ros.executables:export',
+    'identify = dp_swing_ros.executables:identify',
+    'recover = dp_swing_ros.executables:recover',
+    'parameters = dp_swing_ros.executables:parameters',
+    'verify = dp_swing_ros.executables:verify',
 ]
 
 setup(

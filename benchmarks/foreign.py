@@ -25,7 +25,7 @@ from stamp import made, sources_with, TOP
 from dp_swing_ros.evaluation import comparison
 from dp_swing_ros.evaluation.campaign.report import share
 from dp_swing_ros.tables import compact
-from dp_swing_ros.tools.processes import isolated, Process
+from dp_swing_ros.tools.processes import Crew, isolated, Process
 
 SOLVERS = ('ilqr', 'ddp', 'mppi')
 PLANT = Path(__file__).with_name('foreign_plant.py')
@@ -101,8 +101,9 @@ def measure(case: Case, folder: Path) -> dict[str, Any]:
                  '--hold', str(HOLD), '--output', str(output)]
     if case.condition in FAULTS:
         arguments += ['--fault-at', str(FAULT_TIMES[case.seed % len(FAULT_TIMES)])]
-    with Process('mpc', {'solver': case.solver, 'seed': case.seed, **dict(condition.parameters)},
-                 folder / 'mpc.log') as mpc:
+    with Crew() as crew:
+        mpc = crew.start('mpc', {'solver': case.solver, 'seed': case.seed,
+                                 **dict(condition.parameters)}, folder / 'mpc.log')
         wait_until_ready(mpc)
         subprocess.run([sys.executable, str(PLANT), *arguments], check=True,
                        timeout=LIMIT * condition.wall + SLACK)

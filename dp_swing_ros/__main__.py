@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from importlib import import_module
 import sys
 
-from dp_swing_ros.tools.executables import end_quietly
+from dp_swing_ros.executables import end_quietly
 
 TOOLS = {
     'analyse': "a bag's table, figures and report, from the bag alone",

@@ -15,7 +15,7 @@ import time
 import numpy as np
 import pytest
 
-from dp_swing_ros.tools.executables import ENDING
+from dp_swing_ros.executables import ENDING
 
 
 def claim_domain():

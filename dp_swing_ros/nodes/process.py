@@ -33,7 +33,7 @@ from rclpy.utilities import remove_ros_args
 from std_srvs.srv import SetBool, Trigger
 
 from dp_swing_ros.errors import UserError
-from dp_swing_ros.nodes.executables import on_signals
+from dp_swing_ros.executables import on_signals_to_node
 from dp_swing_ros.nodes.ros_parameters import refuse_unknown
 from dp_swing_ros.parameters import ParameterError
 
@@ -97,7 +97,7 @@ class _Signals:
         self.requested = False
         self._interruptible = False
         self._report, sys.unraisablehook = sys.unraisablehook, self._again
-        on_signals(self._handle)
+        on_signals_to_node(self._handle)
 
     def _handle(self, *_: Any) -> None:
         self.requested = True

@@ -18,8 +18,8 @@ from typing import Any
 from tqdm import tqdm
 
 from dp_swing_ros.errors import UserError
+from dp_swing_ros.executables import INTERRUPTED, on_signals
 from dp_swing_ros.parameters import ParameterError
-from dp_swing_ros.tools.executables import ENDING, INTERRUPTED
 
 OK, FAILED, MISUSED = 0, 1, 2  # exit codes, and INTERRUPTED
 LATER = 0.05  # [s]
@@ -81,10 +81,7 @@ class _Interrupts:
     def __init__(self) -> None:
         self._number = 0   # of the signal that came
         self._report, sys.unraisablehook = sys.unraisablehook, self._again
-        for number in ENDING:
-            # nohup ignores SIGHUP, and means it
-            if signal.getsignal(number) is not signal.SIG_IGN:
-                signal.signal(number, self._interrupt)
+        on_signals(self._interrupt)
 
     def _interrupt(self, number: int, _: Any) -> None:
         self._number = number
@@ -104,8 +101,7 @@ class _Interrupts:
 def postponed() -> Iterator[None]:
     """Let the signals that ask this process to end wait until the context has ended."""
     came = list[int]()
-    handlers = {number: signal.signal(number, lambda number, _: came.append(number))
-                for number in ENDING if signal.getsignal(number) is not signal.SIG_IGN}
+    handlers = on_signals(lambda number, _: came.append(number))
     try:
         yield
     finally:

@@ -14,8 +14,8 @@ import subprocess
 
 from dp_swing_ros.configuration import locate
 from dp_swing_ros.errors import UserError
+from dp_swing_ros.executables import ENDING
 from dp_swing_ros.tools.command_lines import postponed
-from dp_swing_ros.tools.executables import ENDING
 
 GRACE = 10.0     # [s] a process has to end after SIGINT
 LAST_LINES = 12  # of a log, shown when its process fails

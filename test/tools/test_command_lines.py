@@ -8,10 +8,9 @@ import sys
 import pytest
 
 from dp_swing_ros.errors import UserError
+from dp_swing_ros.executables import INTERRUPTED
 from dp_swing_ros.parameters import ParameterError
-from dp_swing_ros.tools.command_lines import (
-    beside, execute, FAILED, MISUSED, within)
-from dp_swing_ros.tools.executables import INTERRUPTED
+from dp_swing_ros.tools.command_lines import beside, execute, FAILED, MISUSED, within
 
 
 @pytest.mark.parametrize('text, value', [('1', 1), ('9', 9)])
@@ -118,7 +117,7 @@ def test_help_names_tool_and_arguments(tool, argument, capsys):
 def test_a_signal_while_a_tool_loads_ends_it_without_a_word(tool):
     script = f"""
 import signal, sys
-from dp_swing_ros.tools import executables
+from dp_swing_ros import executables
 
 class Finder:
     def find_spec(self, name, *_):

@@ -1,0 +1,72 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What `ros2 run dp_swing_ros NAME` calls.
+
+Nothing here is slow to import, so that a node's first line comes at once, and a signal that comes
+while a node or a tool is still loading ends the process without a word.
+"""
+
+from collections.abc import Callable
+from functools import partial
+from importlib import import_module
+import os
+import signal
+import sys
+from typing import Any
+
+ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+INTERRUPTED = 130   # exit code of a tool
+
+
+def on_signals(handler: Callable[..., Any],
+               unless_ignored: tuple[signal.Signals, ...] = ENDING) -> dict[signal.Signals, Any]:
+    """
+    Call a handler on every signal that asks the process to end; return the handlers before it.
+
+    What is ignored may stay so: a script ignores SIGINT for what it starts in the background, and
+    nohup means its SIGHUP.
+    """
+    return {number: signal.signal(number, handler) for number in ENDING
+            if number not in unless_ignored or signal.getsignal(number) is not signal.SIG_IGN}
+
+
+# a node that a script has started in the background obeys SIGINT all the same
+on_signals_to_node = partial(on_signals, unless_ignored=(signal.SIGHUP,))
+
+
+def end_quietly() -> None:
+    """End this process at a signal, until a tool has a way of its own to end."""
+    on_signals(lambda *_: os._exit(INTERRUPTED))
+
+
+def _node(name: str) -> int:
+    on_signals_to_node(lambda *_: os._exit(0))
+    if {'-h', '--help'} & set(sys.argv[1:]):
+        print(*import_module('dp_swing_ros.nodes.help').lines(name), sep='\n')
+        return 0
+    print(f'{name}: loading', flush=True)
+    code: int = import_module(f'dp_swing_ros.nodes.{name}').main()
+    return code
+
+
+def _tool(name: str) -> int:
+    end_quietly()
+    code: int = import_module(f'dp_swing_ros.tools.{name}').main()
+    return code
+
+
+plant = partial(_node, 'plant')
+mpc = partial(_node, 'mpc')
+relay = partial(_node, 'relay')
+logger = partial(_node, 'logger')
+replay = partial(_node, 'replay')
+analyse = partial(_tool, 'analyse')
+compare = partial(_tool, 'compare')
+demo = partial(_tool, 'demo')
+evaluate = partial(_tool, 'evaluate')
+export = partial(_tool, 'export')
+identify = partial(_tool, 'identify')
+parameters = partial(_tool, 'parameters')
+recover = partial(_tool, 'recover')
+verify = partial(_tool, 'verify')
