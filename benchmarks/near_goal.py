@@ -13,9 +13,10 @@ import stamp
 from dp_swing_ros.evaluation.campaign.contestants import Contestant, parse_all
 from dp_swing_ros.evaluation.campaign.report import share, spans
 from dp_swing_ros.evaluation.campaign.rows import grouped, Row
+from dp_swing_ros.evaluation.campaign.summary import DROP
 from dp_swing_ros.evaluation.comparison import rate
 from dp_swing_ros.evaluation.scenarios import Case
-from dp_swing_ros.figures.style import FAINT, INK, OWN, solver_name, styled
+from dp_swing_ros.figures.style import colours, FAINT, INK, solver_name, styled
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tables import compact
 
@@ -37,8 +38,7 @@ def judged() -> tuple[set[int], set[int]]:
 
 def held_by(rows: Sequence[Row]) -> Mapping[str, set[int]]:
     """Return the seeds that each solver holds."""
-    return {name: {row.key.seed for row in of if row.metrics.success and not row.metrics.strikes
-                   and row.metrics.largest_angle <= oracle.DROPPED}
+    return {name: {row.key.seed for row in of if oracle.is_held(row.metrics)}
             for name, of in grouped(rows, lambda row: row.key.contestant).items()}
 
 
@@ -58,8 +58,8 @@ def page(rows: Sequence[Row], made: str) -> str:
         "Starts at rest with both angles within ±0.3 rad (the paper's Figs. 8-10), "
         f'seeds {spans(possible | none_found)}, {oracle.DURATION:g} s, defaults, so 20 N at '
         'most; the rows: [near_goal.csv.gz](near_goal.csv.gz). Held is what stays within '
-        f'{oracle.DROPPED:g} rad, and upright to the end, without a track strike; dropped what '
-        f'leaves {oracle.DROPPED:g} rad. What is possible at all says [an oracle](oracle.md) that '
+        f'{DROP:g} rad, and upright to the end, without a track strike; dropped what '
+        f'leaves {DROP:g} rad. What is possible at all says [an oracle](oracle.md) that '
         f'has no part of any solver of ours: a nonlinear program holds {len(possible)} of the '
         f'{len(possible | none_found)} starts. No solver is counted for or against the other '
         f'{len(none_found)}.\n',
@@ -67,7 +67,7 @@ def page(rows: Sequence[Row], made: str) -> str:
                   'dropped though possible: the largest angle [rad]',
                   'held though the oracle found nothing'),
                  *((f'`{name}`',
-                    share(rate([seed in held[name] for seed in sorted(possible)])),
+                    share(rate([seed in held[name] for seed in possible])),
                     leaning(of, possible - held[name]), spans(none_found & held[name]) or 'none')
                    for name, of in grouped(rows, lambda row: row.key.contestant).items())]) + '\n',
         '![Starts near the goal by their angles: what can be held, and what is]'
@@ -80,7 +80,7 @@ def picture(rows: Sequence[Row]) -> Figure:
     starts = {case.seed: np.array(case.plant['initial_state'])[1:3] for case in oracle.cases()}
     (possible, none_found), held = judged(), held_by(rows)
     missed = {name: possible - of for name, of in held.items()}
-    dropped = set().union(*missed.values())
+    dropped, colour = set().union(*missed.values()), colours(missed)
     figure = Figure((5.0, 4.4), layout='constrained')
     axes = figure.subplots()
 
@@ -92,9 +92,8 @@ def picture(rows: Sequence[Row]) -> Figure:
     for size, (name, seeds) in enumerate(missed.items(), 1):
         if seeds:
             marks(seeds, f'the oracle holds it, {solver_name(name)} does not', marker='o',
-                  color=OWN[name], markerfacecolor='none', markersize=4 * size)
-    marks(none_found, 'the oracle found nothing', marker='x', color=FAINT,
-          markersize=4)
+                  color=colour[name], markerfacecolor='none', markersize=4 * size)
+    marks(none_found, 'the oracle found nothing', marker='x', color=FAINT, markersize=4)
     axes.set(xlabel=r'$\theta_1$ at the start [rad]', ylabel=r'$\theta_2$ at the start [rad]',
              aspect='equal')
     axes.grid()

@@ -27,8 +27,9 @@ from tqdm import tqdm
 from dp_swing_ros import configuration
 from dp_swing_ros.evaluation.baselines import stabilised, TVLQR
 from dp_swing_ros.evaluation.campaign.report import share, spans
+from dp_swing_ros.evaluation.campaign.summary import DROP, NEAR_GOAL
 from dp_swing_ros.evaluation.comparison import rate
-from dp_swing_ros.evaluation.metrics import measure
+from dp_swing_ros.evaluation.metrics import measure, Metrics
 from dp_swing_ros.evaluation.scenarios import Case, SCENARIOS
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.problem.plan import Status
@@ -37,7 +38,6 @@ from dp_swing_ros.simulation.closed_loop import simulate
 from dp_swing_ros.simulation.plant import Plant
 from dp_swing_ros.tables import compact
 
-DROPPED = 0.4                 # [rad]
 DURATION = 10.0               # [s]
 N = 80                        # steps of 50 ms until it is at rest
 ENDS = (0.0, 2.2, -2.2)       # [m] where the cart goes in a guess
@@ -52,7 +52,7 @@ OPTIONS: dict[str, Any] = {
 
 def cases() -> list[Case]:
     """Return the starts."""
-    return list(SCENARIOS['near_goal'].cases('near_goal', None, None, DURATION))
+    return list(SCENARIOS[NEAR_GOAL].cases(NEAR_GOAL, None, None, DURATION))
 
 
 class Verdict(NamedTuple):
@@ -88,15 +88,16 @@ class Program:
             'x': ca.vertcat(ca.vec(X), ca.vec(U)), 'p': x_0, 'f': J,
             'g': ca.vertcat(X[:, 0] - x_0, ca.vec(X[:, 1:] - period(X[:, :-1], U)), X[1:, N])}
         self.solver = ca.nlpsol('oracle', 'ipopt', program, OPTIONS)
-        angle = DROPPED - SPARE
+        angle = DROP - SPARE
         bound = [plant.limits.track_limit - SHORT, angle, angle, np.inf, np.inf, np.inf]
         self.bounds = np.append(np.tile(bound, N + 1), np.full(N, problem.u_max))
 
     def solve(self, x_0: Array, end: float) -> tuple[Array, Array, int]:
         """Return states and forces that IPOPT ends at, and how many iterations it took."""
-        share = np.linspace(0, 1, N + 1)[:, None]
-        X = x_0 * (1 - np.minimum(4 * share, 1))
-        X[:, 0] = end * np.minimum(2 * share[:, 0], 1)
+        # upright in a quarter of the time, the cart there in half of it
+        time = np.linspace(0, 1, N + 1)[:, None]
+        X = x_0 * (1 - np.minimum(4 * time, 1))
+        X[:, 0] = end * np.minimum(2 * time[:, 0], 1)
         found = np.array(self.solver(
             x0=np.append(X, np.zeros(N)), p=x_0, lbx=-self.bounds, ubx=self.bounds, lbg=0,
             ubg=0)['x']).ravel()
@@ -123,39 +124,39 @@ def verdict(problem: Problem, program: Program, case: Case) -> Verdict:
     return Verdict(case.seed, False, len(ENDS), iterations, np.nan, np.nan, np.nan)
 
 
-def tried(problem: Problem, case: Case, X: Array, U: Array) -> Any:
+def tried(problem: Problem, case: Case, X: Array, U: Array) -> Metrics | None:
     """Return the metrics of the plant on a trajectory; None where that does not hold it."""
     reference = stabilised(problem, plan_of(problem, X, U, Status.COMPLETE))
     controller = TVLQR(problem, reference)
     controller.joined = 0.0
-    plant = configuration.plant(dict(case.plant))
-    metrics = measure(simulate(plant, controller, case.duration))
-    held = (metrics.success and not metrics.strikes
-            and metrics.largest_angle <= DROPPED)
-    return metrics if held else None
+    metrics = measure(simulate(configuration.plant(case.plant), controller, case.duration))
+    return metrics if is_held(metrics) else None
+
+
+def is_held(metrics: Metrics) -> bool:
+    """Return whether a run near the goal is held, without a strike and without being dropped."""
+    return metrics.success and not metrics.strikes and metrics.largest_angle <= DROP
 
 
 def page(verdicts: Sequence[Verdict], made: str) -> str:
     """Return the page."""
-    held = [one for one in verdicts if one.held]
+    held, others = ([one for one in verdicts if one.held is wanted] for wanted in (True, False))
+
+    def counted(some: Sequence[Verdict]) -> tuple[str, str]:
+        iterations = [one.iterations for one in some]
+        return (share(rate([one in some for one in verdicts])),
+                f'{np.median(iterations):.0f} ({max(iterations)})')
     rows = [('start', 'how many', 'IPOPT: iterations, median (largest)', 'angle on the way [rad]',
-             'largest position [m]', 'seeds')]
-    for title, some in (('can be held', held),
-                        ('none found', [one for one in verdicts if not one.held])):
-        counts = [one.iterations for one in some]
-        angle, position = (
-            [getattr(one, name) for one in some] for name in ('angle', 'position'))
-        rows.append((title, share(rate([one in some for one in verdicts])),
-                     f'{np.median(counts):.0f} ({max(counts)})' if some else '-',
-                     f'{max(angle):.3f}' if some is held else '-',
-                     f'{max(position):.2f}' if some is held else '-',
-                     spans([one.seed for one in some])))
+             'largest position [m]', 'seeds'),
+            ('can be held', *counted(held), f'{max(one.angle for one in held):.3f}',
+             f'{max(one.position for one in held):.2f}', spans(one.seed for one in held)),
+            ('none found', *counted(others), '-', '-', spans(one.seed for one in others))]
     return '\n'.join([
         '# What can be held near the goal\n', made,
         'An oracle that shares no solver with us says which of the starts of '
         '[near the goal](near_goal.md) can be held at all. For each, IPOPT (by CasADi) seeks '
         f'{N} forces of 50 ms, at most 20 N, with which steps of 5 ms, those of the plant, lead '
-        f'to rest upright while both angles stay within {DROPPED:g} rad and the cart on its '
+        f'to rest upright while both angles stay within {DROP:g} rad and the cart on its '
         f'track, from {len(ENDS)} guesses that differ in where the cart goes '
         f'({", ".join(f"{end:g}" for end in ENDS)} m). What it finds is then played on the plant '
         f'over {DURATION:g} s, followed by a TVLQR and then regulated, and counts only where that '

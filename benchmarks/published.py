@@ -29,14 +29,14 @@ import seeded
 import stamp
 
 from dp_swing_ros.evaluation.campaign.rows import CampaignError, Row, store
+from dp_swing_ros.executables import INTERRUPTED
 from dp_swing_ros.kernels import processor
 from dp_swing_ros.parameters import ParameterError
-from dp_swing_ros.tools.command_lines import interrupt_on_signals
+from dp_swing_ros.tools.command_lines import FAILED, interrupt_on_signals, MISUSED, OK
 
 HERE = Path(__file__).parent
 KEPT = stamp.TOP / 'runs' / 'results'
 DOCS = stamp.TOP / 'docs'
-OK, FAILED, MISUSED, INTERRUPTED = 0, 1, 2, 130  # exit codes
 
 
 class Failure(Exception):
@@ -55,7 +55,8 @@ class Page(NamedTuple):
     write: Callable[[Path, Path], None]
 
 
-OF_ROWS = {'choices': choices.page, 'links': links.page}
+OF_ROWS = {'choices': choices.page, 'links': links.page, 'near_goal': near_goal.page}
+PICTURES = {'near_goal': near_goal.picture}   # of those
 
 
 def of_rows(name: str, minutes: float) -> Page:
@@ -64,18 +65,10 @@ def of_rows(name: str, minutes: float) -> Page:
         rows, made = played(name, docs, kept)
         text = OF_ROWS[name](rows, made) if name in OF_ROWS else (
             campaigns.page(name, rows, made, docs / 'figures'))
+        if name in PICTURES:
+            PICTURES[name](rows).savefig(docs / 'figures' / f'{name}.png')
         (docs / 'results' / f'{name}.md').write_text(text, encoding='utf-8')
     return Page(minutes, lambda: seeded.sources(name), write)
-
-
-def of_near_goal(minutes: float) -> Page:
-    """Return the page of the starts near the goal, beside what the oracle says."""
-    def write(docs: Path, kept: Path) -> None:
-        rows, made = played('near_goal', docs, kept)
-        near_goal.picture(rows).savefig(docs / 'figures' / 'near_goal.png')
-        (docs / 'results' / 'near_goal.md').write_text(near_goal.page(rows, made),
-                                                       encoding='utf-8')
-    return Page(minutes, lambda: seeded.sources('near_goal'), write)
 
 
 def of_rigs(minutes: float) -> Page:
@@ -114,7 +107,7 @@ PAGES = {
     'links': of_rows('links', 6),
     'choices': of_rows('choices', 5),
     'oracle': of_script('oracle', 13, *oracle.FILES),
-    'near_goal': of_near_goal(1),
+    'near_goal': of_rows('near_goal', 1),
     'rig': of_rigs(50),
     'paper': of_script('paper', 7, 'paper.py', sources=lambda: seeded.sources('paper')),
     'real_time': of_script('real_time', 9, 'real_time.py'),

@@ -188,7 +188,7 @@ def test_the_oracle_believes_the_plant_alone(problem):
     assert oracle.tried(problem, case, rollout(problem.model, x_0, none), none) is None
     plan = BoundedLQR(configuration.problem({'horizon': oracle.N})).start(x_0)
     metrics = oracle.tried(problem, case, plan.X, plan.U)
-    assert metrics.success and metrics.largest_angle < oracle.DROPPED
+    assert metrics.success and metrics.largest_angle < oracle.DROP
 
 
 def test_the_oracle_finds_what_can_be_held():
