@@ -15,17 +15,17 @@ from typing import Any
 
 import benchmark_figures
 import benchmark_page
+from campaigns import METHODS
 from stamp import made, sources_with
 from timing import median, race, ratio, Work
 
 from dp_swing_ros import configuration, provenance
 from dp_swing_ros.pendulum.state import Array
-from dp_swing_ros.solvers import SOLVERS
 
 PEERS = {'crocoddyl': 'crocoddyl', 'pin': 'pinocchio', 'casadi': 'casadi', 'torch': 'torch',
          'pytorch_mppi': 'pytorch_mppi', 'mujoco': 'mujoco'}   # distribution: module
-FILES = ('benchmark.py', 'benchmark_figures.py', 'benchmark_page.py', 'growth.py', 'limit.py',
-         'operations.py', 'paper_method.py', 'peers_gradient.py', 'peers_sampling.py',
+FILES = ('benchmark.py', 'benchmark_figures.py', 'benchmark_page.py', 'campaigns.py', 'growth.py',
+         'limit.py', 'operations.py', 'paper_method.py', 'peers_gradient.py', 'peers_sampling.py',
          'peers_solvers.py', 'startup.py', 'timing.py')   # what decides the page
 SAMPLES = (256, 1024, 8192, 65536)
 COMPILED = {'compiled': True, 'closed': False, 'twin': False}
@@ -100,7 +100,7 @@ def growing(rounds: int) -> dict[str, Any]:
 def starting(rounds: int) -> dict[str, Any]:
     """Measure the start of the node."""
     from startup import start_ups
-    return {name: start_ups(max(rounds // 8, 3), name) for name in SOLVERS}
+    return {name: start_ups(max(rounds // 8, 3), name) for name in METHODS}
 
 
 FAMILIES: dict[str, Callable[[int], dict[str, Any]]] = {

@@ -14,10 +14,10 @@ from dp_swing_ros.evaluation.campaign.summary import summarise
 from dp_swing_ros.evaluation.scenarios import Case, RIGS, SCENARIOS
 from dp_swing_ros.figures import of_campaign
 from dp_swing_ros.pendulum.state import DEFAULT_LINKS
-from dp_swing_ros.solvers import SOLVERS
 
 CONFIG = Path(__file__).parents[1] / 'config'
 DURATION = 10.0  # [s]
+METHODS = ('ilqr', 'ddp', 'mppi')   # the paper's, which the pages compare
 
 
 class Campaign(NamedTuple):
@@ -64,16 +64,16 @@ def paper(solver: str, *files: str) -> str:
 
 CAMPAIGNS = {
     'random': Campaign(
-        'Random starts', tuple(SOLVERS), ('random',), None, {'random': 50},
+        'Random starts', METHODS, ('random',), None, {'random': 50},
         {'starts': ('random_starts', 'Random starts'), 'settling': ('settling', 'Settling'),
          'solve_times': ('solve_times', 'Solve times')}),
     'robustness': Campaign(
-        'Robustness', (*SOLVERS, 'tvlqr', 'nothing'),
+        'Robustness', (*METHODS, 'tvlqr', 'nothing'),
         tuple(name for name in SCENARIOS if name not in ('random', *RIGS)), None, {'hanging': 20},
         {'criteria': ('robustness', 'Robustness'), 'sweeps': ('sweeps', 'Sweeps')}),
     'baselines': Campaign(
         'Baselines', (
-            *SOLVERS, paper('ilqr'), paper('ddp'), paper('mppi', 'paper_mppi'),
+            *METHODS, paper('ilqr'), paper('ddp'), paper('mppi', 'paper_mppi'),
             paper('ilqr', 'paper_euler'), paper('ddp', 'paper_euler'),
             paper('mppi', 'paper_mppi', 'paper_euler'), 'tvlqr', 'nothing'),
         ('hanging', 'random', 'near_goal', 'pushes'), range(20), {'hanging': 20},

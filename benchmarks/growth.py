@@ -6,6 +6,7 @@ import time
 import tracemalloc
 from typing import Any
 
+from campaigns import METHODS
 import numpy as np
 from timing import exponent, Interval, median, race, Work
 
@@ -97,7 +98,7 @@ def holding(seconds: float) -> dict[str, Interval]:
 
 def episodes(count: int = EPISODES) -> dict[str, Interval]:
     """Return the time [s] of an episode of `evaluate` from hanging, in one process."""
-    contestants = {name: parse(name) for name in SOLVERS}
+    contestants = {name: parse(name) for name in METHODS}
     works = {}
     for name, contestant in contestants.items():
         cases = iter(SCENARIOS['hanging'].cases('hanging', range(count + 100), None, DURATION))

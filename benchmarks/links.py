@@ -5,6 +5,7 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from campaigns import METHODS
 import numpy as np
 
 from dp_swing_ros import configuration
@@ -13,7 +14,6 @@ from dp_swing_ros.evaluation.campaign.report import share
 from dp_swing_ros.evaluation.campaign.rows import Row, solves
 from dp_swing_ros.evaluation.comparison import rate
 from dp_swing_ros.evaluation.scenarios import Case, SCENARIOS
-from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tables import compact
 
 
@@ -47,7 +47,7 @@ def of_group(group: Group, solver: str) -> list[tuple[Contestant, Case]]:
 
 def episodes() -> list[tuple[Contestant, Case]]:
     """Return the episodes of all lines."""
-    return [episode for group in GROUPS for solver in SOLVERS
+    return [episode for group in GROUPS for solver in METHODS
             for episode in of_group(group, solver)]
 
 
@@ -75,7 +75,7 @@ def page(rows: Sequence[Row], made: str) -> str:
     """Return the page from the rows of all runs."""
     found = {row.key: row for row in rows}
     lines = [line(group, solver, [found[key(*one)] for one in of_group(group, solver)])
-             for group in GROUPS for solver in SOLVERS]
+             for group in GROUPS for solver in METHODS]
     limit = configuration.plant({}).limits.track_limit
     return '\n'.join([
         '# One link and three\n', made,

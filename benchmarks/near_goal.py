@@ -5,6 +5,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from campaigns import METHODS
 from matplotlib.figure import Figure
 import numpy as np
 import oracle
@@ -17,7 +18,6 @@ from dp_swing_ros.evaluation.campaign.summary import DROP
 from dp_swing_ros.evaluation.comparison import rate
 from dp_swing_ros.evaluation.scenarios import Case
 from dp_swing_ros.figures.style import colours, FAINT, INK, solver_name, styled
-from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tables import compact
 
 VERDICTS = stamp.TOP / 'docs' / 'results' / 'oracle.csv.gz'
@@ -25,7 +25,7 @@ VERDICTS = stamp.TOP / 'docs' / 'results' / 'oracle.csv.gz'
 
 def episodes() -> list[tuple[Contestant, Case]]:
     """Return the runs of all solvers."""
-    contestants = parse_all(SOLVERS)
+    contestants = parse_all(METHODS)
     return [(contestant, case) for case in oracle.cases() for contestant in contestants]
 
 

@@ -124,7 +124,8 @@ def our_iteration(problem: Problem, second_order: bool) -> tuple[Work, Callable[
     tensor = 1.0 if second_order else None
 
     def policy() -> Policy:
-        backward(problem.model, problem.cost, X, U, gaps, infinite, 0.0, tensor, k, K)
+        # its errors of angles are straight, so Gauss-Newton's Hessian is exact
+        backward(problem.model, problem.cost, X, U, gaps, infinite, 0.0, tensor, None, k, K)
         return Policy(k, K)
 
     def run() -> int:

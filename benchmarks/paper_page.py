@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 import itertools
 import math
 
+from campaigns import METHODS
 import numpy as np
 from paper_ensemble import band, Ensemble, FIRST, NEAR, Trial
 from paper_experiments import Key
@@ -15,7 +16,6 @@ from dp_swing_ros.evaluation.campaign.summary import DROP
 from dp_swing_ros.evaluation.comparison import paired, rate
 from dp_swing_ros.evaluation.metrics import REST
 from dp_swing_ros.figures.style import solver_name
-from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tables import compact
 
 COMPARED = {'upright first [s]': lambda one: one.reached,
@@ -69,7 +69,7 @@ def _table(measured: Measured, start: str) -> str:
 def _pairs(measured: Measured, start: str) -> str:
     """Return who differs from whom, seed by seed, within one set-up."""
     rows = [['set-up', 'less', *COMPARED]]
-    names = list(SOLVERS)
+    names = list(METHODS)
     here = sorted(((key, one) for key, one in measured.items() if key.start == start),
                   key=lambda pair: (pair[0].setup, names.index(pair[0].solver)))
     for (a, first), (b, second) in itertools.combinations(here, 2):

@@ -110,7 +110,7 @@ PAGES = {
     'near_goal': of_rows('near_goal', 1),
     'rig': of_rigs(50),
     'paper': of_script('paper', 7, 'paper.py', sources=lambda: seeded.sources('paper')),
-    'real_time': of_script('real_time', 9, 'real_time.py'),
+    'real_time': of_script('real_time', 9, 'real_time.py', 'campaigns.py'),
     'foreign': of_script('foreign', 26, 'foreign.py', 'foreign_plant.py'),
     'durability': of_script('durability', 6, 'durability.py', 'numbered.py', 'readers.py'),
     'damaged_bags': of_script('damaged_bags', 4, 'mutated_bags.py', 'mutations.py',

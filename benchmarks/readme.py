@@ -14,7 +14,6 @@ from dp_swing_ros.evaluation.campaign.report import share
 from dp_swing_ros.evaluation.campaign.rows import read, Row, solves
 from dp_swing_ros.evaluation.campaign.summary import summarise
 from dp_swing_ros.evaluation.comparison import rate
-from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tables import compact
 
 BEGIN, END = '<!-- made by make results -->\n', '<!-- as far as here -->\n'
@@ -57,7 +56,7 @@ def solvers(rows: dict[str, list[Row]]) -> str:
         *((f'`{name}`', *of_solver([row for row in rows['random'] if row.key.contestant == name]),
            f'{found[name].robustness:.3f}', live([row for row in rows['real_time']
                                                   if row.key[:2] == (name, 'real_time')]))
-          for name in SOLVERS)])
+          for name in campaigns.METHODS)])
 
 
 def of_solver(rows: Sequence[Row]) -> tuple[str, ...]:
@@ -87,7 +86,7 @@ def scores(rows: dict[str, list[Row]]) -> str:
     """Return what the baselines reach."""
     tvlqr, = (one for one in summary('robustness', rows).scores if one.contestant == 'tvlqr')
     paper = [sum(row.metrics.success for row in rows['baselines']
-                 if row.key[:2] == (f'{name}_paper', 'hanging')) for name in SOLVERS]
+                 if row.key[:2] == (f'{name}_paper', 'hanging')) for name in campaigns.METHODS]
     runs = len({row.key.seed for row in rows['baselines'] if row.key.scenario == 'hanging'})
     held = ', '.join(f'{count} of {runs}' for count in paper)
     return ("Robustness is the mean of the leaderboards' six criteria: physical parameters 25 % "
@@ -95,7 +94,7 @@ def scores(rows: dict[str, list[Row]]) -> str:
             f"a TVLQR scores {tvlqr.robustness:.3f}. The paper's own set-up, from\nhanging, on an "
             'endless track and with a force that is limited for MPPI alone (75 N), holds\nwhere '
             'the plant is integrated finely '
-            f'{held} ({", ".join(SOLVERS)}).')
+            f'{held} ({", ".join(campaigns.METHODS)}).')
 
 
 def peers(results: dict) -> str:

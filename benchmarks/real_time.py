@@ -12,6 +12,7 @@ from itertools import product
 from pathlib import Path
 import tempfile
 
+from campaigns import METHODS
 from stamp import made, sources_with, TOP
 
 from dp_swing_ros import configuration
@@ -23,7 +24,6 @@ from dp_swing_ros.evaluation.metrics import measure, outcome
 from dp_swing_ros.figures import hero
 from dp_swing_ros.pendulum.state import DEFAULT_LINKS
 from dp_swing_ros.simulation.episode import Episode
-from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tables import compact
 from dp_swing_ros.tools.demo import perform
 from dp_swing_ros.tools.processes import isolated
@@ -83,7 +83,7 @@ def page(rows: Sequence[Row], made: str) -> str:
         compact([('links', 'solver', 'upright to the end', 'late ticks', 'track strikes',
                   'median settling [s]', 'largest force [N]', 'largest position [m]',
                   'median solve [ms]', 'worst p99 solve [ms]'),
-                 *(cells(solver, links, rows) for links in DURATIONS for solver in SOLVERS)]),
+                 *(cells(solver, links, rows) for links in DURATIONS for solver in METHODS)]),
         ''])
 
 
@@ -100,7 +100,7 @@ def main() -> None:
     arguments = parser.parse_args()
     with isolated(), tempfile.TemporaryDirectory() as folder:
         episodes = {one: run(*one, Path(folder, *map(str, one)))
-                    for one in product(SOLVERS, DURATIONS, range(arguments.runs))}
+                    for one in product(METHODS, DURATIONS, range(arguments.runs))}
     results, figures = arguments.docs / 'results', arguments.docs / 'figures'
     for made_here in (results, figures):
         made_here.mkdir(parents=True, exist_ok=True)

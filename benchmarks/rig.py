@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import math
 from typing import Any, NamedTuple
 
-from campaigns import Campaign, DURATION
+from campaigns import Campaign, DURATION, METHODS
 from joblib import delayed, Parallel
 from matplotlib.figure import Figure
 import numpy as np
@@ -29,10 +29,9 @@ from dp_swing_ros.figures.campaign import successes
 from dp_swing_ros.parameters import fields_of
 from dp_swing_ros.pendulum.state import DEFAULT_LINKS
 from dp_swing_ros.simulation.closed_loop import simulate
-from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tables import compact
 
-CAMPAIGN = Campaign('Rigs of other make', tuple(SOLVERS), tuple(RIGS), None, {}, {})
+CAMPAIGN = Campaign('Rigs of other make', METHODS, tuple(RIGS), None, {}, {})
 CLEAN, BIAS = 'rig_clean', 'rig_bias'
 CENTRED = 0.02          # [m] from the reference, at most, over the last seconds
 ESTIMATING = 'ilqr'     # whose estimator is asked
@@ -145,9 +144,9 @@ def episodes() -> list[tuple[Contestant, Case]]:
         *(episode for episode in CAMPAIGN.episodes()
           if Rig(episode[1].scenario, episode[1].level) in AIMS),
         *((told(kind, solver, case), case) for rig in TOLD for case in rig.cases(TOLD_SEEDS)
-          for kind in ORACLES for solver in SOLVERS),
+          for kind in ORACLES for solver in METHODS),
         *((Contestant(f'{solver}, {kind}', solver, {}, LIMITS[kind]), case) for rig in LIMITED
-          for case in rig.cases(LIMITED_SEEDS) for kind in LIMITS for solver in SOLVERS)]
+          for case in rig.cases(LIMITED_SEEDS) for kind in LIMITS for solver in METHODS)]
 
 
 def told(kind: str, solver: str, case: Case) -> Contestant:
@@ -180,7 +179,7 @@ def estimated(case: Case, names: Iterable[str]) -> list[Found]:
 
 def picture(rows: Sequence[Row]) -> Figure:
     """Draw how many episodes the solvers held, those of all levels of a scenario together."""
-    alone = [row for row in rows if row.key.contestant in SOLVERS]
+    alone = [row for row in rows if row.key.contestant in METHODS]
     return successes(summarise(CAMPAIGN.description(), alone, len(alone)))
 
 
@@ -199,7 +198,7 @@ def page(rows: Sequence[Row], found: Sequence[Found], made: str) -> str:
         f'`rig_all` is to be at most {AIMS[Rig("rig_all")].slower:g} times that of the same '
         f'solver in `{CLEAN}`.\n',
         compact([('rig', 'solver', 'upright to the end', 'aim', 'median settling [s]', 'aim'), *(
-            line(rig, solver, groups) for rig in AIMS for solver in SOLVERS)]) + '\n',
+            line(rig, solver, groups) for rig in AIMS for solver in METHODS)]) + '\n',
         '![Held](../figures/rig.png)\n',
         'In the picture all levels of a scenario are together.\n',
         '## A lasting force\n',
@@ -207,7 +206,7 @@ def page(rows: Sequence[Row], found: Sequence[Found], made: str) -> str:
         f'reference over all of the last {REST:g} s; the median is of the episodes held.\n',
         compact([('rig', 'solver', 'centred', 'aim', 'furthest off, median [mm]'), *(
             centred(rig, solver, groups) for rig in AIMS if rig.scenario == BIAS
-            for solver in SOLVERS)]) + '\n',
+            for solver in METHODS)]) + '\n',
         '## An mpc that is told\n',
         'The same rigs, and an mpc that is given the delay, the lag, the gain, the lasting force, '
         'the dry frictions, the masses and the lengths of each as its parameters (`told`): its '
@@ -220,7 +219,7 @@ def page(rows: Sequence[Row], found: Sequence[Found], made: str) -> str:
         'the median, over the seeds that both held, of told less not told.\n',
         compact([('rig', 'solver', 'it is', 'held', 'held, not told', 'only told',
                   'only not told', 'p', 'median settling [s]', 'not told [s]', 'difference [s]'),
-                 *(beside(rig, solver, kind, groups) for rig in TOLD for solver in SOLVERS
+                 *(beside(rig, solver, kind, groups) for rig in TOLD for solver in METHODS
                    for kind in ORACLES)]) + '\n',
         '## With the limits of a rig\n',
         f'Seeds {LIMITED_SEEDS.start} to {LIMITED_SEEDS.stop - 1}, beside the same seeds without. '
@@ -228,7 +227,7 @@ def page(rows: Sequence[Row], found: Sequence[Found], made: str) -> str:
         'held.\n',
         compact([('rig', 'solver', 'limit', 'held', 'held without', 'median settling [s]',
                   'without [s]'),
-                 *(limited(rig, solver, kind, groups) for rig in LIMITED for solver in SOLVERS
+                 *(limited(rig, solver, kind, groups) for rig in LIMITED for solver in METHODS
                    for kind in LIMITS)]) + '\n',
         '## What the estimator has found\n',
         f'After {DURATION:g} s of `{ESTIMATING}`, held or not: the median error, without its '

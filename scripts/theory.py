@@ -23,7 +23,7 @@ from dp_swing_ros.pendulum.state import hanging, upright
 from dp_swing_ros.problem.plan import Plan, Status
 from dp_swing_ros.problem.problem import plan_of, policy_rollout, regulator_rollout
 from dp_swing_ros.solvers import SOLVERS
-from dp_swing_ros.solvers.mppi import MPPI, sizes, weights
+from dp_swing_ros.solvers.mppi import MPPI, spread, weights
 from dp_swing_ros.solvers.samples import Samples
 
 SHOWN = (0, 1, 2, 4, 8, 16)   # iterations whose plans are drawn
@@ -86,9 +86,9 @@ def sampling(seed: int = 3) -> Figure:
     parameters = MPPI.Parameters()
     start = random_start(seed)
     best = policy_rollout(PROBLEM, hanging(), start.X, start.U, start.K)
-    samples = Samples(PROBLEM, sizes(parameters), parameters.noise_correlation, 1)
+    samples = Samples(PROBLEM, parameters.sigma, parameters.noise_correlation, 1)
     J = samples.draw(best, np.random.default_rng(seed)).copy()
-    w = weights(J, parameters.temperature, relative=True)
+    w = weights(J, parameters.temperature * spread(J))
     forces = samples.V.transpose(0, 2, 1).reshape(-1, PROBLEM.horizon)[:len(J)]
     order = np.argsort(w)
     for k in (*order[:-40:8], *order[-40:]):

@@ -28,7 +28,6 @@ from dp_swing_ros.evaluation.campaign.contestants import key, play
 from dp_swing_ros.evaluation.campaign.rows import identical, read, store
 from dp_swing_ros.evaluation.scenarios import PERIOD
 from dp_swing_ros.kernels import processor
-from dp_swing_ros.solvers import SOLVERS
 
 TOP = Path(__file__).parents[1]
 RESULTS = TOP / 'docs' / 'results'
@@ -38,7 +37,7 @@ TICKS = 2               # by which another rounding may move the settling
 # whatever the rounding, the solvers with their defaults hold these, and settle where they do
 SETTLES = {'hanging', 'near_goal', 'swing-up', 'near the goal'}
 HOLDS = {*SETTLES, 'random'}
-DEFAULTS = {f'{name}{setup}' for name in SOLVERS
+DEFAULTS = {f'{name}{setup}' for name in campaigns.METHODS
             for setup in ('', ', defaults', ', nothing', ', nothing: the defaults',
                           ', one link, 20 N')}
 

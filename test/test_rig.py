@@ -5,6 +5,7 @@
 import dataclasses
 import re
 
+from campaigns import METHODS
 import pandas as pd
 from PIL import Image
 import published
@@ -14,7 +15,6 @@ import rig
 import seeded
 
 from dp_swing_ros.evaluation.campaign.contestants import key, play
-from dp_swing_ros.solvers import SOLVERS
 
 CLEAN, TWICE = 1.9, 3.8   # [s] settling times
 
@@ -53,7 +53,7 @@ def test_every_aim_is_met_where_all_is_held_at_once_and_found(rows, found):
     page = rig.page(list(rows.values()), found, 'Made today.\n')
     assert page.startswith('# Rigs of other make\n\nMade today.\n')
     assert '**missed**' not in page
-    assert page.count(': met') == len(SOLVERS) * (
+    assert page.count(': met') == len(METHODS) * (
         sum(aim.held > 0 for aim in rig.AIMS.values()) + 3) + 6   # settling twice, and centred
     assert page.endswith('Everything was held.\n')
 
@@ -79,7 +79,7 @@ def test_centred_is_what_is_held_with_the_cart_in_place(rows, found):
     change(rows, 'ilqr', 'rig_bias', 5.0, rest_offset=0.021)
     change(rows, 'ddp', 'rig_bias', 5.0, success=False)
     page = rig.page(list(rows.values()), found, 'Made today.\n')
-    cells = [lines(page, 1, '`rig_bias`, 5 N', f'`{name}`')[0] for name in SOLVERS]
+    cells = [lines(page, 1, '`rig_bias`, 5 N', f'`{name}`')[0] for name in METHODS]
     assert [each[2].split(' (')[0] for each in cells] == ['0 of 2', '0 of 2', '2 of 2']
     assert ['missed' in each[3] for each in cells] == [True, True, False]
     assert cells[0][4] == '21.0 (21.0-21.0)'
@@ -89,7 +89,7 @@ def test_who_is_told_stands_beside_who_is_not_on_the_same_seeds(rows, found):
     change(rows, 'ilqr', 'rig_all', success=False)
     change(rows, 'ddp, told', 'rig_all', settling_time=CLEAN - 0.5)
     page = rig.page(list(rows.values()), found, 'Made today.\n')
-    cells = {name: lines(page, 2, '`rig_all`', f'`{name}`', 'told')[0] for name in SOLVERS}
+    cells = {name: lines(page, 2, '`rig_all`', f'`{name}`', 'told')[0] for name in METHODS}
     assert [each[3:5] for each in cells.values()] == [
         ['2 of 2 (34.2-100.0 %)', '0 of 2 (0.0-65.8 %)'], *[['2 of 2 (34.2-100.0 %)'] * 2] * 2]
     assert cells['ilqr'][5:7] == ['2', '0']

@@ -38,8 +38,8 @@ class StartParameters(Parameters):
     initial_force: float = parameter(
         10.0, 'bound of the random forces of a start', unit='N', minimum=0.0)
     warm_start: str = parameter(
-        'policy', 'policy: the last plan with its gains, then the regulator, or the regulator '
-        'from here if that is cheaper; forces: the last forces, then zero, as in the paper',
+        'policy', 'policy: the last plan with its gains, then the regulator; forces: the last '
+        'forces, then zero, as in the paper',
         choices=lambda: ['policy', 'forces'])
     first_starts: int = parameter(
         6, 'starts solved from at the first tick; 1: the first plan alone, as in the paper',
@@ -47,6 +47,10 @@ class StartParameters(Parameters):
     other_starts: int = parameter(
         1, 'starts solved from beside the last plan at later ticks, until upright; 0 as in the '
         'paper', minimum=0, maximum=1000)
+    bounded_lqr: bool = parameter(
+        True, 'the LQR for a bounded force is one of the other starts, where it reaches')
+    regulator: bool = parameter(
+        True, 'the regulator is followed from here in place of the last plan where it is cheaper')
 
 
 def solved(solver: Solver, problem: Problem, x_0: Array, start: Plan, deadline: float) -> Plan:
@@ -67,8 +71,9 @@ class Starts:
         self.parameters, self.build = parameters, build
         self.set_problem(problem)
         self.random_forces = stream(seed, Stream.STARTS)
-        self.first_kinds = (self.bounded_lqr, self.regulator, self.rest)
-        self.later_kinds = cycle((self.bounded_lqr, self.random, self.regulator))
+        bounded = (self.bounded_lqr,) if parameters.bounded_lqr else ()
+        self.first_kinds = (*bounded, self.regulator, self.rest)
+        self.later_kinds = cycle((*bounded, self.random, self.regulator))
 
     def set_problem(self, problem: Problem) -> None:
         """Start for another problem from now on."""
@@ -117,6 +122,8 @@ class Starts:
         if self.parameters.warm_start == 'forces':
             U = np.append(left.U, np.zeros(problem.horizon - len(left.U)))
             return plan_of(problem, rollout(problem.model, x_0, U), U, Status.COMPLETE)
+        if not self.parameters.regulator:
+            return left
         regulator = regulator_rollout(problem, x_0 - turn)
         return left if costs[best] <= regulator.J else replace(
             left, X=regulator.X + turn, U=regulator.U, K=regulator.K)

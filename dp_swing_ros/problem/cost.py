@@ -31,12 +31,13 @@ from dp_swing_ros.pendulum.state import Array
 class AngleError(Constant):
     """How the error of an angle is measured, known when kernels are compiled."""
 
-    def __init__(self, name: str, error: Callable[[Any], tuple[Any, Any]],
+    def __init__(self, name: str, error: Callable[[Any], tuple[Any, Any, Any]],
                  squared: Callable[[Any, Any], Any], periodic: bool) -> None:
         """
         Take its name, and whether a whole turn is no error.
 
-        error gives e and its slope from a difference, squared e² from an angle and its reference.
+        error gives e and its two derivatives from a difference, squared e² from an angle and its
+        reference.
         """
         super().__init__(name, error)
         self.error, self.squared, self.periodic = error, squared, periodic
@@ -46,11 +47,12 @@ class AngleError(Constant):
 # which the model needs too, are then computed once for both.
 ANGLE_ERRORS = {
     'chord': AngleError(
-        'chord', lambda difference: (2 * sin(difference / 2), cos(difference / 2)),
+        'chord', lambda difference: (2 * sin(difference / 2), cos(difference / 2),
+                                     -0.5 * sin(difference / 2)),
         lambda th, th_r: (sin(th) - sin(th_r)) * (sin(th) - sin(th_r))
         + (cos(th) - cos(th_r)) * (cos(th) - cos(th_r)), periodic=True),
     'angle': AngleError(
-        'angle', lambda difference: (difference, 1.0),
+        'angle', lambda difference: (difference, 1.0, 0.0),
         lambda th, th_r: (th - th_r) * (th - th_r), periodic=False)}
 
 
@@ -80,11 +82,19 @@ def is_periodic(cost):
     return int(cost.angle_error.periodic)
 
 
-def error(cost: Cost, x: Numbers) -> tuple[list[Any], list[Any]]:
-    """Return the errors e of the numbers of a state, and their slopes ∂e_i/∂x_i."""
-    both = [cost.angle_error.error(x[i] - cost.x_r[i]) if is_angle(cost, i)
-            else (x[i] - cost.x_r[i], 1.0) for i in range(len(cost.S))]
-    return [e for e, _ in both], [slope for _, slope in both]
+class Errors(NamedTuple):
+    """The errors of the numbers of a state, and their derivatives."""
+
+    e: Any        # (2n + 2,)
+    slope: Any    # ∂e_i/∂x_i
+    bend: Any     # ∂²e_i/∂x_i²
+
+
+def errors(cost: Cost, x: Numbers) -> Errors:
+    """Return the errors of the numbers of a state."""
+    each = [cost.angle_error.error(x[i] - cost.x_r[i]) if is_angle(cost, i)
+            else (x[i] - cost.x_r[i], 1.0, 0.0) for i in range(len(cost.S))]
+    return Errors(*map(list, zip(*each)))
 
 
 def excess(cost: Cost, x: Numbers) -> list[tuple[int, Any, Any]]:
@@ -108,7 +118,7 @@ def running_cost(cost: Cost, x: Numbers, u: Any) -> Any:
 
 def terminal_cost(cost: Cost, x: Numbers) -> Any:
     """Return ℓ_f(x); of P, which is symmetric, the upper triangle is enough."""
-    (e, _), n = error(cost, x), len(cost.S)
+    e, n = errors(cost, x).e, len(cost.S)
     products = [e[i] * (cost.P[i, i] * e[i]
                         + 2 * dot([cost.P[i, j] for j in range(i + 1, n)], e[i + 1:]))
                 for i in range(n)]
@@ -132,12 +142,15 @@ def trajectory_cost(cost, X, U):
 
 
 @unrolled
-def running_lane(cost, z, out, i):
+def running_lane(cost, z, hessian, out, i):
     """Write ℓ_x and the diagonal of ℓ_xx of the step in lane i; see `running_derivatives`."""
     x = [z[j, i] for j in range(len(cost.S))]
-    e, slope = error(cost, x)
+    e, slope, bend = errors(cost, x)
     first = [2 * cost.S[j] * (e[j] * slope[j]) for j in range(len(e))]
     second = [2 * cost.S[j] * (slope[j] * slope[j]) for j in range(len(e))]
+    if hessian is not None:
+        second = [gauss_newton + 2 * cost.S[j] * hessian * (e[j] * bend[j])
+                  for j, gauss_newton in enumerate(second)]
     for j, beyond, w in excess(cost, x):
         first[j] += 2 * w * beyond
         second[j] += 2 * w * is_nonzero(beyond)
@@ -146,12 +159,14 @@ def running_lane(cost, z, out, i):
 
 
 @kernel
-def running_derivatives(cost, X, U):
+def running_derivatives(cost, X, U, hessian):
     """
-    Return ℓ_x and the diagonal of ℓ_xx (Gauss-Newton) of all steps; ℓ_u = 2 R u, ℓ_uu = 2 R.
+    Return ℓ_x and the diagonal of ℓ_xx of all steps; ℓ_u = 2 R u, ℓ_uu = 2 R.
 
-    Those of step t are [t // STEPS, :, t % STEPS], ℓ_x first. Shapes: X (T or more, 2n + 2),
-    U (T,) -> (blocks, 2 (2n + 2), STEPS).
+    ℓ_xx is Gauss-Newton's and a share `hessian` of what that leaves out, the curvature of the
+    errors: with None it is Gauss-Newton's, with 1 exact. Those of step t are
+    [t // STEPS, :, t % STEPS], ℓ_x first.
+    Shapes: X (T or more, 2n + 2), U (T,) -> (blocks, 2 (2n + 2), STEPS).
     """
     derivatives = np.empty((blocks(U), 2 * len(cost.S), STEPS))
     z = np.empty((len(cost.S) + 1, STEPS))
@@ -159,32 +174,36 @@ def running_derivatives(cost, X, U):
         load(cost.S, X, U, block * STEPS, z)
         of_block = derivatives[block]
         for i in range(STEPS):
-            running_lane(cost, z, of_block, i)
+            running_lane(cost, z, hessian, of_block, i)
     return derivatives
 
 
 @unrolled
 def errors_at(cost, x):
-    """Return the errors of a state, their slopes, and both derivatives of b by cart and speed."""
-    e, slope = error(cost, [x[i] for i in range(len(cost.S))])
-    beyond = [(2 * w * each, 2 * w * is_nonzero(each))
-              for _, each, w in excess(cost, [x[i] for i in range(len(cost.S))])]
-    return tuple(e), tuple(1.0 * each for each in slope), *beyond
+    """Return the errors of a state, and both derivatives of b by cart and speed."""
+    numbers = [x[i] for i in range(len(cost.S))]
+    each = [tuple(1.0 * number for number in part) for part in errors(cost, numbers)]
+    beyond = [(2 * w * by, 2 * w * is_nonzero(by)) for _, by, w in excess(cost, numbers)]
+    return *each, *beyond
 
 
 @kernel
-def terminal_derivatives(cost, x, l_x, l_xx):
+def terminal_derivatives(cost, x, hessian, l_x, l_xx):
     """
-    Write the gradient and the Gauss-Newton Hessian of ℓ_f.
+    Write the gradient of ℓ_f, and its Hessian as `running_derivatives` has it.
 
     Shapes: l_x (2n + 2,), l_xx (2n + 2, 2n + 2).
     """
-    e, slope, of_cart, of_speed = errors_at(cost, x)
+    e, slope, bend, of_cart, of_speed = errors_at(cost, x)
     for i in range(len(e)):
         l_x[i] = 0.0
         for j in range(len(e)):
             l_x[i] += 2 * slope[i] * cost.P[i, j] * e[j]
             l_xx[i, j] = 2 * slope[i] * cost.P[i, j] * slope[j]
+    if hessian is not None:
+        for i in range(len(e)):
+            for j in range(len(e)):
+                l_xx[i, i] += 2 * hessian * bend[i] * cost.P[i, j] * e[j]
     v = len(e) // 2
     l_x[0] += of_cart[0]
     l_xx[0, 0] += of_cart[1]

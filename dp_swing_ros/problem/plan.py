@@ -17,7 +17,7 @@ class Status(enum.Enum):
     """How a solve ended; the value says what it means and what to do about it."""
 
     CONVERGED = 'a further iteration would not lower the cost'
-    COMPLETE = 'all samples were drawn and weighted'
+    COMPLETE = 'all samples were drawn, or more would hardly lower the cost'
     ITERATION_LIMIT = 'stopped at the iteration limit; the next tick goes on from here'
     DEADLINE = 'stopped by the deadline with the best plan so far'
     STALLED = 'no step lowered the cost; raise the largest regularisation or change the start'

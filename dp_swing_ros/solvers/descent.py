@@ -8,7 +8,7 @@ Source: the paper, II-C, (22)-(37), with the errata of docs/model.md.
 
 from dataclasses import dataclass
 import time
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -22,9 +22,9 @@ from dp_swing_ros.solvers.solver import policy_of, Seed
 
 MU_FIRST = 1.0     # regularisation after a first failure
 MU_FACTOR = 6.0
-# The share of the tensor terms is cut where they made the expansion indefinite, and grows with
-# every step that helps: see docs/model.md.
-TENSOR_CUT, TENSOR_GROWTH, TENSOR_LEAST = 0.1, 1.5, 1e-3
+# The share of the second-order terms is cut where they made the expansion indefinite, and grows
+# with every step that helps: see docs/model.md.
+CUT, GROWTH, LEAST = 0.1, 1.5, 1e-3
 ENDS = (Status.CONVERGED, Status.ITERATION_LIMIT, Status.DEADLINE, Status.STALLED, Status.FAILED)
 CONVERGED, ITERATION_LIMIT, DEADLINE, STALLED, FAILED = range(len(ENDS))
 
@@ -41,16 +41,31 @@ class DescentParameters(Parameters):
         1e8, 'give up when μ grows beyond this', minimum=MU_FIRST)
 
 
+@dataclass(frozen=True)
+class DDPParameters(DescentParameters):
+    """What ends a descent, and what it expands to second order."""
+
+    hessian: str = parameter(
+        'gauss_newton', 'Hessian of the cost; gauss_newton leaves out the curvature of the angle '
+        'errors, so that the dynamics alone are expanded to second order',
+        choices=lambda: ['exact', 'gauss_newton'])
+
+
 @dataclass
 class Descent:
     """Lowers the cost of the warm start; deterministic, so it has no use for a seed."""
 
-    Parameters = DescentParameters
+    Parameters: ClassVar[type[DescentParameters]] = DescentParameters
     tensor: ClassVar[float | None]   # the share of the tensor terms to begin with, None for none
 
     problem: Problem
-    parameters: DescentParameters
+    parameters: Any
     seed: Seed = 0
+
+    @property
+    def hessian(self) -> float | None:
+        """Return the same of the cost's Hessian, None for Gauss-Newton's."""
+        return None
 
     def solve(self, x_0: Array, warm_start: Plan | None, deadline: float) -> Plan:
         """Return a locally optimal plan; see Solver.solve."""
@@ -58,7 +73,7 @@ class Descent:
         problem, parameters = self.problem, self.parameters
         end, J, iterations, X, U, K = descend(
             *kernel_arguments(problem), problem.horizon, *policy_of(problem, x_0, warm_start),
-            self.tensor, parameters.iterations, parameters.tolerance,
+            self.tensor, self.hessian, parameters.iterations, parameters.tolerance,
             parameters.largest_regularisation, deadline - began)
         return Plan(X, U, K, problem.dt,
                     SolverStats(ENDS[end], J, iterations, time.perf_counter() - began))
@@ -71,22 +86,28 @@ class ILQR(Descent):
 
 
 class DDP(Descent):
-    """Expands the dynamics to second order."""
+    """Expands the dynamics, and the cost, to second order."""
 
+    Parameters = DDPParameters
     tensor = 1.0
+
+    @property
+    def hessian(self) -> float | None:
+        """Return the share of the exact Hessian to begin with, None for Gauss-Newton's."""
+        return 1.0 if self.parameters.hessian == 'exact' else None
 
 
 @kernel
-def descend(model, cost, lqr_gain, bounds, horizon, x_0, X, U, K, tensor, iterations, tolerance,
-            largest_mu, seconds):
+def descend(model, cost, lqr_gain, bounds, horizon, x_0, X, U, K, tensor, hessian, iterations,
+            tolerance, largest_mu, seconds):
     """
     Follow a policy from x_0 and lower its cost; one call, for each takes some microseconds.
 
     An iteration is one backward pass and, where that succeeds, one line search. Where the pass
-    fails, a smaller share of the tensor terms is taken, and none in the end, as in iLQR, whose
-    expansion is positive; where the search fails, μ is raised. Only a pass without μ shows that
-    the descent has converged: μ shortens the step, and so what it promises.
-    tensor is the share of the tensor terms to begin with, None for iLQR, which knows none.
+    fails, a smaller share of the second-order terms is taken, and none in the end, as in iLQR,
+    whose expansion is positive; where the search fails, μ is raised. Only a pass without μ shows
+    that the descent has converged: μ shortens the step, and so what it promises.
+    tensor and hessian are the shares of the second-order terms to begin with, see `backward`.
     Returns how it ended (of ENDS), the cost, the number of iterations, and X, U and K.
     Shapes: as in follow_policy.
     """
@@ -94,16 +115,19 @@ def descend(model, cost, lqr_gain, bounds, horizon, x_0, X, U, K, tensor, iterat
     J, X, U, K = follow_policy(model, cost, lqr_gain, bounds, x_0, X, U, K, horizon)
     X_new, U_new, K_new, k = np.empty_like(X), np.empty_like(U), np.empty_like(K), np.empty_like(U)
     mu, iteration, end, gaps = 0.0, 0, ITERATION_LIMIT, np.empty((0, len(x_0)))
-    share = tensor
+    share, of_hessian = tensor, hessian
     while iteration < iterations:
         if now() - began > seconds:
             end = DEADLINE
             break
         iteration += 1
-        positive, slope, bend = backward(model, cost, X, U, gaps, bounds, mu, share, k, K_new)
+        if hessian is not None:
+            of_hessian = share
+        positive, slope, bend = backward(
+            model, cost, X, U, gaps, bounds, mu, share, of_hessian, k, K_new)
         if tensor is not None:
             if not positive and share > 0:
-                share = share * TENSOR_CUT if share > TENSOR_LEAST else 0.0
+                share = share * CUT if share > LEAST else 0.0
                 continue
         if positive and mu == 0 and -slope <= tolerance * J:
             K, end = K_new, CONVERGED
@@ -114,7 +138,7 @@ def descend(model, cost, lqr_gain, bounds, horizon, x_0, X, U, K, tensor, iterat
             J, X, X_new, U, U_new, K, K_new = J_new, X_new, X, U_new, U, K_new, K
             mu = mu / MU_FACTOR if mu > MU_FIRST else 0.0
             if tensor is not None:
-                share = min(max(share * TENSOR_GROWTH, TENSOR_LEAST), 1.0)
+                share = min(max(share * GROWTH, LEAST), 1.0)
             continue
         mu = max(mu * MU_FACTOR, MU_FIRST)
         if mu > largest_mu:

@@ -122,17 +122,19 @@ class Program:
 class DeviceSamples:
     """Samples of one problem by torch; the random numbers come of a NumPy generator's."""
 
-    def __init__(self, problem: Problem, sigma: Array, correlation: float, device: str) -> None:
+    def __init__(self, problem: Problem, sigma: Array, correlation: float, device: str,
+                 name: str) -> None:
         """
         Take the problem, and the sizes of the noise of each sample (K,), in float32.
 
-        Raises ParameterError where there is no such device.
+        name is that of the parameter that names the device. Raises ParameterError where there is
+        no such device.
         """
         if device == 'cuda' and not torch.cuda.is_available():
             raise ParameterError(
-                "parameter mppi.device is 'cuda', but torch "
+                f"parameter {name} is 'cuda', but torch "
                 f'{torch.__version__} finds no CUDA GPU; expected an NVIDIA GPU, its driver and a '
-                'CUDA build of torch, or mppi.device cpu')
+                f'CUDA build of torch, or {name} cpu')
         self.problem = problem
         N, size = problem.horizon, len(problem.cost.S)
         zero = Rollout(0.0, np.zeros((N + 1, size)), np.zeros(N), np.zeros((N, size)))
@@ -158,7 +160,20 @@ class DeviceSamples:
     def proposals(self, w: Array) -> Array:
         """Return the weighted average of the samples, and the heaviest; w (K,) -> (2, N)."""
         forces = self.program.forces
-        both = torch.stack([forces @ torch.from_numpy(w).to(forces.device),
-                            forces[:, int(np.argmax(w))]])
-        found: Array = both.cpu().double().numpy()
-        return found
+        return on_host(torch.stack([forces @ torch.from_numpy(w).to(forces.device),
+                                    forces[:, int(np.argmax(w))]]))
+
+    def forces(self, index: int) -> Array:
+        """Return the forces of one sample; -> (N,)."""
+        return on_host(self.program.forces[:, index])
+
+    def along(self, direction: Array) -> Array:
+        """Return Σ_t direction[t] V[t] of every sample; direction (N,) -> (K,)."""
+        forces = self.program.forces
+        return on_host(torch.from_numpy(direction.astype(np.float32)).to(forces.device) @ forces)
+
+
+def on_host(tensor: Tensor) -> Array:
+    """Return a tensor as an array in double precision."""
+    found: Array = tensor.cpu().double().numpy()
+    return found

@@ -3,26 +3,28 @@
 """
 MPPI: draw force sequences about the best so far, follow each, average them by their costs.
 
-    U ← Σ_k w_k V_k,    w_k ∝ exp(-(J(V_k) - min J) / λ)
+    U ← Σ_k w_k V_k,    w_k ∝ exp(-(S_k - min S) / λ),    S_k = J(V_k) + λ Uᵀ Σ⁻¹ (V_k - U)
 
 Source: the paper, I and III; Williams, Aldrich and Theodorou, "Model predictive path integral
-control", Journal of Guidance, Control, and Dynamics 40(2), 2017. Beyond the paper: the samples are
-drawn about a policy, their noise is correlated in time, and its sizes are spread over them.
+control", Journal of Guidance, Control, and Dynamics 40(2), 2017. That is
+config/textbook_mppi.yaml. The defaults go beyond it, each by a parameter: the samples are drawn
+about a policy, their noise is correlated in time, and its sizes are spread over them; the cheapest
+sample is a candidate beside the average, and what would cost more is not taken.
 """
 
 from dataclasses import dataclass
 import time
-from typing import Any
 
 import numpy as np
+from scipy.linalg import solve_toeplitz
 
 from dp_swing_ros.kernels import kernel
-from dp_swing_ros.parameters import parameter, ParameterError, Parameters
+from dp_swing_ros.parameters import parameter, ParameterError
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.problem.plan import Plan, SolverStats, Status
 from dp_swing_ros.problem.problem import follow_policy, kernel_arguments, Problem, Rollout
 from dp_swing_ros.solvers.riccati import backward
-from dp_swing_ros.solvers.samples import Samples
+from dp_swing_ros.solvers.samples import samples_of, SamplingParameters
 from dp_swing_ros.solvers.solver import generator, policy_of, Seed
 
 F = np.float32
@@ -30,11 +32,9 @@ NEGLIGIBLE = F(60)   # weights below exp(-60) are none
 
 
 @dataclass(frozen=True)
-class MPPIParameters(Parameters):
+class MPPIParameters(SamplingParameters):
     """The samples and how they are weighted."""
 
-    samples: int = parameter(512, 'force sequences drawn in an update, K', minimum=2,
-                             maximum=1_000_000)
     iterations: int = parameter(6, 'most updates in one solve', minimum=1, maximum=1000)
     temperature: float = parameter(
         0.1, 'λ of the weights, in the unit that temperature_scale says', minimum=1e-9)
@@ -42,31 +42,25 @@ class MPPIParameters(Parameters):
         'relative', 'relative: λ counts the distance from the best cost to the best tenth; '
         'fixed: λ as it is, as in the paper', choices=lambda: ['relative', 'fixed'])
     tolerance: float = parameter(
-        1e-4, 'converged when an update lowers the cost by less than this share', minimum=0.0)
-    smallest_noise: float = parameter(
-        0.5, 'standard deviation of the quietest samples', unit='N', minimum=1e-3)
-    largest_noise: float = parameter(
-        40.0, 'standard deviation of the loudest samples', unit='N', minimum=1e-3)
-    noise_correlation: float = parameter(
-        0.8, 'correlation of the noise from step to step; 0 is white, as in the paper',
-        minimum=0.0, maximum=0.999)
+        1e-4, 'done when an update lowers the cost by less than this share', minimum=0.0)
     feedback: bool = parameter(
         True, 'draw samples about a policy, u = U + K (x - X) + noise, with the gains of one '
         'Riccati pass; false: about forces alone, as in the paper')
-    threads: int = parameter(
-        1, 'threads that follow the samples; a second one pays from some 2,000 samples on, where '
-        'there is a core for it. Another number draws other samples', minimum=1, maximum=256)
-    device: str = parameter(
-        'cpu', 'where samples are followed. cpu: here, by Numba; cuda: an NVIDIA GPU, by '
-        "torch; torch: the GPU's program on the CPU, to test it",
-        choices=lambda: ['cpu', 'cuda', 'torch'])
+    elite: bool = parameter(
+        True, 'the heaviest sample is a candidate beside the average')
+    monotone: bool = parameter(
+        True, 'keep the plan where an update would be dearer; false: take every update')
+    importance_sampling: bool = parameter(
+        False, 'add λ Uᵀ Σ⁻¹ (V - U) to the cost of samples V about forces U, which is the '
+        'information-theoretic update; needs feedback false')
 
-
-def sizes(parameters: MPPIParameters) -> Array:
-    """Return the sizes of the noise (samples,), none for the policy itself."""
-    spread = np.geomspace(parameters.smallest_noise, parameters.largest_noise,
-                          parameters.samples - 1)
-    return np.append(0.0, spread).astype(F)
+    def __post_init__(self) -> None:
+        """Check them; raises ParameterError."""
+        super().__post_init__()
+        if self.importance_sampling and self.feedback:
+            raise ParameterError(
+                'parameters mppi.importance_sampling and mppi.feedback are both true; expected '
+                'one of them, for the former is defined for samples about forces')
 
 
 @kernel
@@ -78,24 +72,26 @@ def opened(model, cost, lqr_gain, bounds, horizon, x_0, X, U, K, feedback):
 
 
 @kernel
-def improved(model, cost, lqr_gain, bounds, J, X, U, K, others, feedback):
+def improved(model, cost, lqr_gain, bounds, J, X, U, K, others, feedback, monotone):
     """
     Return the cheapest of a rollout and those of other forces, with new gains.
 
-    With feedback the regulator's rollout is among them; the paper's MPPI knows no regulator.
+    With feedback the regulator's rollout is among them; the paper's MPPI knows no regulator. What
+    is not monotone takes the others for better or worse, but for what is not finite.
     Shapes: others (n, N), the rest as in Rollout.
     """
-    best, N, none = (J, X, U, K), len(U), np.zeros_like(K)
+    best, N, none = (J if monotone else np.inf, X, U, K), len(U), np.zeros_like(K)
     if feedback:
         regulator = follow_policy(model, cost, lqr_gain, bounds, X[0], X[:0], U[:0], K[:0], N)
-        if regulator[0] < J:
+        if regulator[0] < best[0]:
             best = regulator
     for i in range(len(others)):
         found = follow_policy(model, cost, lqr_gain, bounds, X[0], X, others[i], none, N)
         if found[0] < best[0]:
             best = found
-    if best[0] < J:
-        set_gains(model, cost, bounds, best[1], best[2], feedback, best[3])
+    if not (best[0] < J or not monotone and best[0] < np.inf):
+        return J, X, U, K
+    set_gains(model, cost, bounds, best[1], best[2], feedback, best[3])
     return best
 
 
@@ -108,25 +104,24 @@ def set_gains(model, cost, bounds, X, U, feedback, K):
     could end on the bound.
     Shapes: X (N + 1, 2n + 2), U (N,), K (N, 2n + 2).
     """
-    if feedback and backward(model, cost, X, U, X[:0], bounds, 0.0, None,
+    if feedback and backward(model, cost, X, U, X[:0], bounds, 0.0, None, None,
                              np.empty(0), K)[0]:
         return
     K[:] = 0.0
 
 
-def weights(J: Array, temperature: float, relative: bool) -> Array:
-    """
-    Return the weights exp(-(J - min J) / λ) of samples, which sum to one.
+def spread(J: Array) -> float:
+    """Return the distance from the best cost to the best tenth. Shapes: J (K,)."""
+    # not a number, where that is what most samples cost
+    tenth = np.fmin(np.partition(J, len(J) // 10)[len(J) // 10], np.finfo(F).max)
+    return max(float(tenth - np.fmin.reduce(J)), 1e-9)
 
-    A relative λ counts the distance from the best cost to the best tenth. Shapes: J (K,) -> (K,).
-    """
+
+def weights(J: Array, temperature: float) -> Array:
+    """Return the weights exp(-(J - min J) / λ) of samples, which sum to one; J (K,) -> (K,)."""
     lowest = np.fmin.reduce(J)
     if not np.isfinite(lowest):
         return np.full_like(J, 1 / len(J))
-    if relative:
-        # not a number, where that is what most samples cost
-        tenth = np.fmin(np.partition(J, len(J) // 10)[len(J) // 10], np.finfo(F).max)
-        temperature *= max(float(tenth - lowest), 1e-9)
     with np.errstate(over='ignore'):
         exponent = (lowest - J) / F(temperature)
     # what weighs nothing must be zero: arithmetic with denormal numbers takes a hundred times
@@ -141,22 +136,12 @@ class MPPI:
 
     def __init__(self, problem: Problem, parameters: MPPIParameters, seed: Seed = 0) -> None:
         """
-        Take the problem, and spread the sizes of the noise.
+        Take the problem, and make room for the samples.
 
         Raises ParameterError where the device is none of this machine, or torch is missing.
         """
         self.problem, self.parameters, self.random = problem, parameters, generator(seed)
-        given = problem, sizes(parameters), parameters.noise_correlation
-        if parameters.device == 'cpu':
-            self.samples: Any = Samples(*given, parameters.threads)
-            return
-        try:   # torch takes seconds to import, and only this needs it
-            from dp_swing_ros.solvers.device import DeviceSamples
-        except ModuleNotFoundError:
-            raise ParameterError(
-                f'parameter mppi.device is {parameters.device!r}, but torch is not installed; pip '
-                'install torch, for cuda a CUDA build of it, or choose mppi.device cpu') from None
-        self.samples = DeviceSamples(*given, parameters.device)
+        self.samples = samples_of(problem, parameters, 'mppi')
 
     def solve(self, x_0: Array, warm_start: Plan | None, deadline: float) -> Plan:
         """Return the cheapest of the warm start, averages and samples; see Solver.solve."""
@@ -172,13 +157,35 @@ class MPPI:
                 break
             iteration += 1
             before = best.J
-            w = weights(self.samples.draw(best, self.random), parameters.temperature,
-                        parameters.temperature_scale == 'relative')
-            best = Rollout(*improved(*given, *best, self.samples.proposals(w), feedback))
-            if before - best.J < parameters.tolerance * before:
-                status = Status.CONVERGED
+            best = Rollout(*improved(*given, *best, self.update(best), feedback,
+                                     parameters.monotone))
+            if parameters.monotone and before - best.J < parameters.tolerance * before:
                 break
         if not np.isfinite(best.J):
             status = Status.FAILED
         return Plan(best.X, best.U, best.K, problem.dt,
                     SolverStats(status, best.J, iteration, time.perf_counter() - began))
+
+    def update(self, best: Rollout) -> Array:
+        """Draw samples about a rollout; return what they propose (1 or 2, N)."""
+        parameters = self.parameters
+        S = self.samples.draw(best, self.random)
+        temperature = parameters.temperature
+        if parameters.temperature_scale == 'relative':
+            temperature *= spread(S)
+        if parameters.importance_sampling:
+            S = S + F(temperature) * self.importance(best.U)
+        found: Array = self.samples.proposals(weights(S, temperature))
+        return found if parameters.elite else found[:1]
+
+    def importance(self, U: Array) -> Array:
+        """
+        Return Uᵀ Σ⁻¹ (V - U) of all samples about forces, zero for one without noise.
+
+        Σ is the covariance of the noise over time. Shapes: U (N,) -> (K,).
+        """
+        correlations = self.parameters.noise_correlation ** np.arange(len(U))
+        direction = solve_toeplitz(correlations, U)
+        along = self.samples.along(direction) - U @ direction
+        variance = self.parameters.sigma ** 2
+        return np.divide(along, variance, out=np.zeros_like(variance), where=variance > 0)

@@ -69,12 +69,13 @@ def value_lane(given, k, K, Q_u, Q_uu, Q_z, Q_zz, V_x, V_xx, j):
 
 
 @kernel
-def backward(model, cost, X, U, gaps, bounds, mu, tensor, k, K):
+def backward(model, cost, X, U, gaps, bounds, mu, tensor, hessian, k, K):
     """
     Write the policy δu = k + K δx, and return whether Q_uu stayed positive and two slopes.
 
     The expected change of the cost under α k is α slope + α² / 2 bend. The expansion holds a share
-    `tensor` of the terms Σ V'_x[i] ∂²f_i: with 1 it is DDP, with None iLQR. The gaps are
+    `tensor` of the terms Σ V'_x[i] ∂²f_i, and a share `hessian` of what Gauss-Newton leaves out of
+    the cost's Hessian: with 1 of both it is DDP, with None of both iLQR. The gaps are
     f(X[t], U[t]) - X[t + 1], which the policy closes; a trajectory of the model has none.
     Shapes: X (T + 1, 2n + 2), U (T,), gaps (T, 2n + 2), or (0, 2n + 2) for none, k (T,), or (0,)
     where the forces stay as they are, K (T, 2n + 2).
@@ -88,8 +89,8 @@ def backward(model, cost, X, U, gaps, bounds, mu, tensor, k, K):
     gain, weighted = work[5 * n + 6], work[5 * n + 7]
     identity(directions)
     slope = bend = 0.0
-    terminal_derivatives(cost, X[len(U)], V_x, V_xx)
-    of_cost = running_derivatives(cost, X, U)
+    terminal_derivatives(cost, X[len(U)], hessian, V_x, V_xx)
+    of_cost = running_derivatives(cost, X, U, hessian)
     points = expand(model, X, U)
     for t in range(len(U) - 1, -1, -1):
         if len(gaps) > 0:                        # V'_x where the model leads to, beyond the gap

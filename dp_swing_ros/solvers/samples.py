@@ -9,6 +9,7 @@ Hence no branch, no call and no double-precision constant in there.
 """
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 import functools
 from typing import Any
 
@@ -18,6 +19,7 @@ from dp_swing_ros.kernels import kernel
 from dp_swing_ros.kernels.compilation import mapped
 from dp_swing_ros.kernels.symbols import clamp, dot
 from dp_swing_ros.kernels.unrolling import unrolled
+from dp_swing_ros.parameters import parameter, ParameterError, Parameters
 from dp_swing_ros.pendulum.model import advance, numbers, size
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.problem.cost import running_cost, terminal_cost
@@ -25,6 +27,34 @@ from dp_swing_ros.problem.problem import Problem, Rollout
 from dp_swing_ros.solvers.noise import fill, LANES, state_from
 
 F = np.float32
+
+
+@dataclass(frozen=True)
+class SamplingParameters(Parameters):
+    """The samples: how many, how loud, and where they are followed."""
+
+    samples: int = parameter(512, 'force sequences drawn at once, K', minimum=2,
+                             maximum=1_000_000)
+    smallest_noise: float = parameter(
+        0.5, 'standard deviation of the quietest samples', unit='N', minimum=1e-3)
+    largest_noise: float = parameter(
+        40.0, 'standard deviation of the loudest samples', unit='N', minimum=1e-3)
+    noise_correlation: float = parameter(
+        0.8, 'correlation of the noise from step to step; 0 is white, as in the paper',
+        minimum=0.0, maximum=0.999)
+    threads: int = parameter(
+        1, 'threads that follow the samples; a second one pays from some 2,000 samples on, where '
+        'there is a core for it. Another number draws other samples', minimum=1, maximum=256)
+    device: str = parameter(
+        'cpu', 'where samples are followed. cpu: here, by Numba; cuda: an NVIDIA GPU, by '
+        "torch; torch: the GPU's program on the CPU, to test it",
+        choices=lambda: ['cpu', 'cuda', 'torch'])
+
+    @property
+    def sigma(self) -> Array:
+        """Return the sizes of the noise (samples,) [N], none for the policy itself."""
+        spread = np.geomspace(self.smallest_noise, self.largest_noise, self.samples - 1)
+        return np.append(0.0, spread).astype(F)
 
 
 def single(structure: Any) -> Any:
@@ -160,5 +190,34 @@ class Samples:
     def proposals(self, w: Array) -> Array:
         """Return the weighted average of the samples, and the heaviest; w (K,) -> (2, N)."""
         self.w.reshape(-1)[:self.count] = w
-        block, lane = divmod(int(np.argmax(w)), LANES)
-        return np.array([average(self.V, self.w), self.V[block, :, lane]])
+        return np.array([average(self.V, self.w), self.forces(int(np.argmax(w)))])
+
+    def forces(self, index: int) -> Array:
+        """Return the forces of one sample; -> (N,)."""
+        block, lane = divmod(index, LANES)
+        found: Array = self.V[block, :, lane].astype(float)
+        return found
+
+    def along(self, direction: Array) -> Array:
+        """Return Σ_t direction[t] V[t] of every sample; direction (N,) -> (K,)."""
+        found: Array = np.einsum('t,btk->bk', direction.astype(F), self.V)
+        return found.reshape(-1)[:self.count]
+
+
+def samples_of(problem: Problem, parameters: SamplingParameters, solver: str) -> Any:
+    """
+    Return what draws the samples of a solver by that name, on the device of its parameters.
+
+    Raises ParameterError where that is none of this machine, or torch is missing.
+    """
+    name = f'{solver}.device'
+    given = problem, parameters.sigma, parameters.noise_correlation
+    if parameters.device == 'cpu':
+        return Samples(*given, parameters.threads)
+    try:   # torch takes seconds to import, and only this needs it
+        from dp_swing_ros.solvers.device import DeviceSamples
+    except ModuleNotFoundError:
+        raise ParameterError(
+            f'parameter {name} is {parameters.device!r}, but torch is not installed; pip install '
+            f'torch, for cuda a CUDA build of it, or choose {name} cpu') from None
+    return DeviceSamples(*given, parameters.device, name)

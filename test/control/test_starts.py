@@ -72,10 +72,19 @@ def test_the_paper_has_one_start_a_tick():
     assert len(starts_of(c, HANGS)) == len(starts_of(c, x, left)) == 1
 
 
-def test_the_regulator_replaces_a_worse_last_plan():
-    c, _, left = after_a_plan(of_solver={'iterations': 1})
-    np.testing.assert_allclose(starts_of(c, UP, left)[0].U,        # somebody lifted it
-                               regulator_rollout(c.problem, UP).U, rtol=1e-8)
+@pytest.mark.parametrize('regulator', [True, False])
+def test_the_regulator_replaces_a_worse_last_plan(regulator):
+    c, _, left = after_a_plan(of_solver={'iterations': 1}, regulator=regulator)
+    expected = regulator_rollout(c.problem, UP).U if regulator else left.U   # somebody lifted it
+    np.testing.assert_allclose(starts_of(c, UP, left)[0].U, expected, rtol=1e-8)
+
+
+def test_the_bounded_lqr_can_be_left_out():
+    bounded, regulator = (starts_of(controller(first_starts=2, bounded_lqr=chosen), FALLING)[1]
+                          for chosen in (True, False))
+    np.testing.assert_array_equal(
+        regulator.U, regulator_rollout(controller().problem, FALLING).U)
+    assert not np.array_equal(bounded.U, regulator.U)
 
 
 def test_the_regulator_goes_to_the_turn_where_the_last_plan_ends():

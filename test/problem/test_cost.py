@@ -12,7 +12,7 @@ from dp_swing_ros.pendulum.derivatives import STEPS
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.pendulum.state import hanging, LINKS
 from dp_swing_ros.problem.cost import (
-    error, running, running_cost, running_derivatives, terminal, terminal_cost,
+    errors, running, running_cost, running_derivatives, terminal, terminal_cost,
     terminal_derivatives, trajectory_cost)
 from dp_swing_ros.problem.parameters import CostParameters, PredictionParameters
 from dp_swing_ros.problem.problem import Problem
@@ -69,11 +69,11 @@ def test_gradients_meet_finite_differences(parameters, rng):
     cost = cost_of(parameters)
     size = len(cost.S)
     X, U = rng.normal(size=(20, size)) * 2.5, rng.normal(size=20) * 10
-    of_steps = running_derivatives(cost, X, U)
+    of_steps = running_derivatives(cost, X, U, None)
     for t, x in enumerate(X):
         V_x, V_xx = np.empty(size), np.empty((size, size))
         l_x, l_xx = np.split(of_steps[t // STEPS, :, t % STEPS], 2)
-        terminal_derivatives(cost, x, V_x, V_xx)
+        terminal_derivatives(cost, x, None, V_x, V_xx)
         for f, gradient in ((lambda x: running(cost, x, U[t]), l_x),
                             (lambda x: terminal(cost, x), V_x)):
             expected = [(f(x + 1e-6 * e) - f(x - 1e-6 * e)) / 2e-6 for e in np.eye(size)]
@@ -84,13 +84,39 @@ def test_gradients_meet_finite_differences(parameters, rng):
 
 
 @pytest.mark.parametrize('parameters', costs())
-def test_errors_have_their_slopes(parameters, rng):
+def test_errors_have_their_derivatives(parameters, rng):
     cost = cost_of(parameters)
     x = rng.normal(size=len(cost.S)) * 2
-    slopes = [(error(cost, x + 1e-6 * e)[0][i] - error(cost, x - 1e-6 * e)[0][i]) / 2e-6
-              for i, e in enumerate(np.eye(len(x)))]
-    np.testing.assert_allclose(error(cost, x)[1], slopes, rtol=1e-6, atol=1e-8)
-    np.testing.assert_array_equal(error(cost, np.array(cost.x_r))[0], 0.0)
+
+    def differences(which):
+        return [(errors(cost, x + step)[which][i] - errors(cost, x - step)[which][i]) / 2e-6
+                for i, step in enumerate(1e-6 * np.eye(len(x)))]
+    np.testing.assert_allclose(errors(cost, x).slope, differences(0), rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(errors(cost, x).bend, differences(1), rtol=1e-6, atol=1e-8)
+    np.testing.assert_array_equal(errors(cost, np.array(cost.x_r)).e, 0.0)
+
+
+def gradients(cost, x):
+    """Return the gradients of the running and the terminal cost by a state, stacked."""
+    size, V_x = len(x), np.empty(len(x))
+    terminal_derivatives(cost, x, None, V_x, np.empty((size, size)))
+    return np.array([running_derivatives(cost, x[None], np.zeros(1), None)[0, :size, 0], V_x])
+
+
+@pytest.mark.parametrize('parameters', costs())
+def test_the_exact_hessian_meets_finite_differences(parameters, rng):
+    cost = cost_of(parameters)
+    size = len(cost.S)
+    for x in rng.normal(size=(20, size)) * 2.5:
+        differences = np.stack([
+            (gradients(cost, x + 1e-6 * e) - gradients(cost, x - 1e-6 * e)) / 2e-6
+            for e in np.eye(size)], axis=-1)
+        V_xx = np.empty((size, size))
+        terminal_derivatives(cost, x, 1.0, np.empty(size), V_xx)
+        l_xx = np.diag(running_derivatives(cost, x[None], np.zeros(1), 1.0)[0, size:, 0])
+        for exact, expected in zip((l_xx, V_xx), differences):
+            np.testing.assert_allclose(exact, expected, rtol=1e-6,
+                                       atol=1e-6 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize('parameters', costs())
@@ -107,8 +133,8 @@ def test_tensors_cost_what_arrays_do(parameters, rng):
 def test_the_hessian_is_exact_for_the_paper_s_cost(rng):
     cost, x = cost_of(PAPER), rng.normal(size=6)
     V_x, V_xx = np.empty(6), np.empty((6, 6))
-    terminal_derivatives(cost, x, V_x, V_xx)
-    l_xx = running_derivatives(cost, x[None], np.zeros(1))[0, len(x):, 0]
+    terminal_derivatives(cost, x, None, V_x, V_xx)
+    l_xx = running_derivatives(cost, x[None], np.zeros(1), None)[0, len(x):, 0]
     np.testing.assert_allclose(l_xx, 2 * np.array(cost.S))
     np.testing.assert_allclose(V_xx, 2 * cost.P)
 

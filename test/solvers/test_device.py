@@ -12,7 +12,7 @@ from dp_swing_ros import configuration
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.pendulum.state import hanging, SIZES
 from dp_swing_ros.problem.problem import policy_rollout, Rollout
-from dp_swing_ros.solvers.mppi import MPPI, MPPIParameters, opened, weights
+from dp_swing_ros.solvers.mppi import MPPI, MPPIParameters, opened, spread, weights
 from dp_swing_ros.solvers.noise import fill, state_from
 from dp_swing_ros.solvers.solver import generator
 
@@ -62,7 +62,7 @@ def test_forces_and_costs_are_those_of_the_kernel(device, values, rng):
     expected = [policy_rollout(cpu.problem, best.X[0], none, u.astype(float), none).J
                 for u in forces.T]
     np.testing.assert_allclose(costs, expected, rtol=2e-3)
-    w = weights(costs, 0.1, True)
+    w = weights(costs, 0.1 * spread(costs))
     np.testing.assert_allclose(other.samples.proposals(w),
                                [forces @ w, forces[:, np.argmax(w)]], atol=1e-4)
 

@@ -44,9 +44,10 @@ def empty_policy(X):
     return np.empty(N), np.empty((N, X.shape[1]))
 
 
-def pass_back(problem, X, U, *more):
+def pass_back(problem, X, U, bounds, mu, tensor, *policy):
     """Call the backward pass for a trajectory of the model, which has no gaps."""
-    return backward(problem.model, problem.cost, X, U, no_gaps(X), *more)
+    return backward(problem.model, problem.cost, X, U, no_gaps(X), bounds, mu, tensor,
+                    tensor, *policy)
 
 
 def expansions(problem, X, U):
@@ -65,9 +66,9 @@ def plain(problem, X, U, mu, tensor, gaps=None):
     """Return k and K of (26)-(32), (36), (37) with autograd's derivatives and no force bound."""
     n = X.shape[1]
     V_x, V_xx = np.empty(n), np.empty((n, n))
-    terminal_derivatives(problem.cost, X[-1], V_x, V_xx)
+    terminal_derivatives(problem.cost, X[-1], tensor, V_x, V_xx)
     k, K = empty_policy(X)
-    of_cost = running_derivatives(problem.cost, X, U)
+    of_cost = running_derivatives(problem.cost, X, U, tensor)
     of_steps = expansions(problem, X, U)
     for t in range(N - 1, -1, -1):
         l_x, l_xx = np.split(of_cost[t // STEPS, :, t % STEPS], 2)
@@ -107,7 +108,7 @@ def test_gains_are_the_paper_s(problem, trajectory, tensor, mu):
 def test_gains_about_a_path_with_gaps(problem, trajectory, rng):
     X, U = trajectory
     (k, K), gaps = empty_policy(X), rng.normal(0.0, 1e-6, (N, X.shape[1]))
-    assert backward(problem.model, problem.cost, X, U, gaps, UNBOUNDED, 0.0, 1.0, k, K)[0]
+    assert backward(problem.model, problem.cost, X, U, gaps, UNBOUNDED, 0.0, 1.0, 1.0, k, K)[0]
     k_plain, K_plain = plain(problem, X, U, 0.0, 1.0, gaps)
     np.testing.assert_allclose(k, k_plain, rtol=1e-7)
     np.testing.assert_allclose(K, K_plain, rtol=1e-7, atol=1e-9)

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from dp_swing_ros import configuration
+from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.pendulum.model import rollout
 from dp_swing_ros.pendulum.state import hanging, LINKS, SIZES
 from dp_swing_ros.problem.cost import trajectory_cost
 from dp_swing_ros.problem.plan import Status
 from dp_swing_ros.problem.problem import Bounds, plan_of, regulator_rollout, Rollout
-from dp_swing_ros.solvers.mppi import MPPI, MPPIParameters, weights
+from dp_swing_ros.solvers.mppi import MPPI, MPPIParameters, spread, weights
 from dp_swing_ros.solvers.noise import fill, LANES, state_from
 from dp_swing_ros.solvers.samples import average, draw, Samples, single
 
@@ -86,20 +87,19 @@ def test_the_average_is_that_of_numpy(rng):
 
 def test_weights_are_boltzmann_s():
     J = np.array([3.0, 1.0, 2.0, np.nan, np.inf], F)
-    w = weights(J, 0.5, relative=False)
+    w = weights(J, 0.5)
     expected = np.exp(-np.array([2.0, 0.0, 1.0]) / 0.5)
     np.testing.assert_allclose(w, [*expected / expected.sum(), 0, 0], rtol=1e-5)
 
 
 def test_a_relative_temperature_counts_from_the_best_to_the_best_tenth(rng):
     J = np.arange(100, dtype=F)
-    w = weights(rng.permutation(7 + 3 * J), 0.2, relative=True)
-    expected = np.exp(-3 * J / (0.2 * 3 * 10))
-    np.testing.assert_allclose(np.sort(w)[::-1], expected / expected.sum(), rtol=1e-5)
+    assert spread(rng.permutation(7 + 3 * J)) == 3 * 10
 
 
 def test_weights_survive_costs_that_are_all_lost():
-    w = weights(np.full(40, np.nan, F), 0.1, relative=True)
+    J = np.full(40, np.nan, F)
+    w = weights(J, 0.1 * spread(J))
     assert w.sum() == pytest.approx(1.0, rel=1e-5)
 
 
@@ -108,7 +108,7 @@ def test_weights_survive_costs_that_are_all_lost():
 def test_samples_that_are_lost_weigh_nothing(lost, cost):
     J = np.arange(100, dtype=F)
     J[:lost] = cost
-    w = weights(J, 0.1, relative=True)
+    w = weights(J, 0.1 * spread(J))
     assert np.all(w[:lost] == 0)
     assert w.sum() == pytest.approx(1.0, rel=1e-5)
 
@@ -134,6 +134,48 @@ def test_proposals_are_the_average_and_the_heaviest(rng):
     samples.draw(Rollout(0.0, np.zeros((N + 1, 6)), np.zeros(N), np.zeros((N, 6))), rng)
     V, w = samples.V.transpose(1, 0, 2).reshape(N, -1)[:, :70], rng.uniform(size=70).astype(F)
     np.testing.assert_allclose(samples.proposals(w), [V @ w, V[:, np.argmax(w)]], atol=1e-3)
+
+
+@pytest.mark.parametrize('device', ['cpu', 'torch'])
+@pytest.mark.parametrize('correlation', [0.0, 0.8])
+def test_importance_is_the_textbook_s(device, correlation, rng):
+    """Uᵀ Σ⁻¹ ε with Σ written out."""
+    sigma = 5.0
+    solver = mppi(samples=70, smallest_noise=sigma, largest_noise=sigma, feedback=False,
+                  noise_correlation=correlation, importance_sampling=True, device=device)
+    U = rng.uniform(-10, 10, N)
+    X = rollout(solver.problem.model, hanging(), U)
+    solver.samples.draw(Rollout(0.0, X, U, np.zeros((N, 6))), rng)
+    V = np.array([solver.samples.forces(k) for k in range(70)])
+    t = np.arange(N)
+    covariance = sigma ** 2 * correlation ** np.abs(t[:, None] - t)
+    expected = U @ np.linalg.solve(covariance, (V - U).T)
+    expected[0] = 0.0   # a sample without noise
+    np.testing.assert_allclose(solver.importance(U), expected, rtol=1e-4, atol=1e-3)
+
+
+def test_importance_sampling_is_for_samples_about_forces():
+    with pytest.raises(ParameterError, match='importance_sampling and mppi.feedback are both'):
+        MPPIParameters(importance_sampling=True)
+
+
+def test_what_is_not_monotone_takes_every_update():
+    loud = {'samples': 64, 'iterations': 1, 'smallest_noise': 20.0, 'largest_noise': 20.0,
+            'temperature': 1e9, 'temperature_scale': 'fixed', 'feedback': False, 'elite': False}
+    x_0 = np.array([0.0, 0.01, 0.0, 0.0, 0.0, 0.0])
+    best = mppi().solve(x_0, None, np.inf)
+    kept, taken = (mppi(monotone=monotone, **loud).solve(x_0, best, np.inf)
+                   for monotone in (True, False))
+    assert kept.stats.cost == best.stats.cost < taken.stats.cost
+
+
+def test_without_an_elite_the_average_alone_is_a_candidate():
+    """About a plan that is far off, the cheapest sample is cheaper than the average of all."""
+    one = {'samples': 256, 'iterations': 1, 'temperature': 1e9, 'temperature_scale': 'fixed',
+           'feedback': False}
+    elite, average_alone = (mppi(elite=elite, **one).solve(hanging(), None, np.inf)
+                            for elite in (True, False))
+    assert elite.stats.cost < average_alone.stats.cost
 
 
 @pytest.mark.parametrize('links', LINKS)

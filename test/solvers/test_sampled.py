@@ -1,0 +1,56 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What samples add to iLQR."""
+
+import math
+
+import numpy as np
+import pytest
+
+from dp_swing_ros import configuration
+from dp_swing_ros.evaluation.scenarios import SCENARIOS
+from dp_swing_ros.pendulum.state import hanging
+from dp_swing_ros.problem.plan import Status
+from dp_swing_ros.solvers import SOLVERS
+
+PROBLEM = configuration.problem({})
+
+
+def solver(**parameters):
+    return SOLVERS['sampled_ilqr'](
+        PROBLEM, SOLVERS['sampled_ilqr'].Parameters(**parameters), 0)
+
+
+def test_one_descent_is_ilqr():
+    """Before the first draw it is iLQR with as many passes."""
+    ilqr = SOLVERS['ilqr'](PROBLEM, SOLVERS['ilqr'].Parameters(iterations=10))
+    expected = ilqr.solve(hanging(), None, math.inf)
+    plan = solver(iterations=1, passes=10).solve(hanging(), None, math.inf)
+    np.testing.assert_array_equal(plan.U, expected.U)
+    np.testing.assert_array_equal(plan.K, expected.K)
+
+
+def test_samples_find_what_a_descent_alone_does_not():
+    ilqr = SOLVERS['ilqr'](PROBLEM, SOLVERS['ilqr'].Parameters(iterations=1000))
+    cases = SCENARIOS['random'].cases('random', range(30), None, 10.0)
+    states = [np.array(case.plant['initial_state']) for case in cases]
+    ratios = [solver().solve(x, None, math.inf).stats.cost
+              / ilqr.solve(x, None, math.inf).stats.cost for x in states]
+    assert np.median(ratios) < 1.0
+
+
+def test_where_nothing_is_to_be_found_it_stops():
+    plan = solver(iterations=100).solve(np.array([0.0, 0.1, 0.1, 0.0, 0.0, 0.0]), None, math.inf)
+    assert plan.stats.status is Status.COMPLETE
+    assert 1 < plan.stats.iterations < 100
+
+
+@pytest.mark.parametrize('count', [1, 3, 5])
+def test_a_solve_that_was_cut_short_can_be_repeated(count):
+    """As many descents give the same plan, however many there might have been."""
+    short = solver(iterations=count).solve(hanging(), None, math.inf)
+    assert short.stats.iterations == count
+    cost = solver(iterations=count + 2).solve(hanging(), None, math.inf).stats.cost
+    assert cost <= short.stats.cost
+    np.testing.assert_array_equal(
+        short.U, solver(iterations=count).solve(hanging(), None, math.inf).U)
