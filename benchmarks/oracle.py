@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 from joblib import delayed, Parallel
 import numpy as np
 import pandas as pd
-from peers_solvers import functions
+from peers_casadi import functions
 import stamp
 from tqdm import tqdm
 
@@ -44,7 +44,7 @@ ENDS = (0.0, 2.2, -2.2)       # [m] where the cart goes in a guess
 SPARE = 1e-4                  # [rad] from the bound, for rounding
 SHORT = 5e-3                  # [m] from the ends of the track, for what is between two steps
 ITERATIONS = 150              # four times what those take that succeed
-FILES = 'oracle.py', 'peers_solvers.py'
+FILES = 'oracle.py', 'peers_casadi.py'
 OPTIONS: dict[str, Any] = {
     'ipopt.print_level': 0, 'ipopt.sb': 'yes', 'ipopt.tol': 1e-9, 'ipopt.max_iter': ITERATIONS,
     'print_time': False, 'error_on_fail': False}

@@ -10,7 +10,8 @@ diagonal in both coordinates; P is diagonal in Pinocchio's, and transformed for 
 no actuation of the first joint alone: `python` is one written in Python, as in its own example;
 `C++` actuates all joints and forbids the torques, by their bounds or by a weight of 1e8. Its Euler
 step is semi-implicit, and with RK4 it integrates the cost by the same rule, so that there the cost
-differs a little from ours, which is a sum; dynamics and the cost of Euler's method agree.
+differs a little from ours, which is a sum; dynamics and the cost of Euler's method agree. With
+`same_problem` we take that step too, and all of the problem is the same.
 """
 
 from collections.abc import Callable
@@ -21,6 +22,7 @@ import numpy as np
 from timing import Work
 
 from dp_swing_ros import configuration
+from dp_swing_ros.pendulum.integrators import Integrator, Numbers
 from dp_swing_ros.pendulum.model import rollout
 from dp_swing_ros.pendulum.parameters import PendulumParameters
 from dp_swing_ros.pendulum.state import Array
@@ -44,6 +46,14 @@ STARTS = {'near the goal': ((0.2, 0.05, -0.03, 0.0, 0.0, 0.0), 3),
 SOLVED = {'DDP': False, 'FDDP': False, 'BoxDDP': True, 'BoxFDDP': True}   # with bounds?
 
 
+def semi_implicit(f: Callable[[Numbers, Any], Numbers], x: Numbers, u: Any, h: Any) -> Numbers:
+    """Take a step of semi-implicit Euler: speeds first, then places by the new speeds."""
+    k = f(x, u)
+    n = len(k) // 2
+    v = [x[i] + h * k[i] for i in range(n, len(k))]
+    return [x[i] + h * v[i] for i in range(n)] + v
+
+
 def problem(model: str, bounded: bool, horizon: int = 30) -> Problem:
     """Return the problem, for us."""
     ours = configuration.problem({
@@ -51,6 +61,13 @@ def problem(model: str, bounded: bool, horizon: int = 30) -> Problem:
         'force_limit': BOUND if bounded else float('inf')})
     P = RELATIVE.T @ np.diag(TERMINAL) @ RELATIVE
     return replace(ours, cost=ours.cost._replace(S=RUNNING, P=P))
+
+
+def same_problem(horizon: int = 30) -> Problem:
+    """Return the problem that crocoddyl solves with 'euler' and a bound, number for number."""
+    ours = problem('euler', True, horizon)
+    return replace(ours, model=ours.model._replace(
+        integrator=Integrator('semi_implicit', semi_implicit)))
 
 
 def first_forces(ours: Problem, start: str, step: Callable[[Array, float], Array]) -> Array:

@@ -1,15 +1,15 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-CasADi on the default problem: multiple shooting, solved whole by IPOPT or by Fatrop.
+Whole solves to the same cost: ours against CasADi's IPOPT and Fatrop, and against crocoddyl.
 
-The same equations, the same RK4 step, cost, bounds and horizon; the variables are the states and
-the forces. IPOPT takes exact Hessians of the expanded graph, and MUMPS; Fatrop knows the structure
-in time, so the variables and constraints stand stage by stage.
+    the time until J(U) ≤ (1 + CLOSE) · (the least J that any contender ends at)
 
-From one guess they end in different optima, so what is timed is the way to the same cost: each
-contender stops after the fewest iterations that bring it within 1 % of the cost that all reach,
-the largest of those they end at. Of a peer's iterate the forces count, followed by the model.
+Every contender starts from the same state and trajectory, and stops after the fewest iterations
+that bring it there; J is the cost of its forces, followed by the model. With CasADi that is the
+default problem; with crocoddyl one that its own C++ can pose, by its step and its cost
+(`peers_gradient.same_problem`). Cold starts are states of the scenario `random`, and hanging, with
+random forces; warm ones lie along a closed loop from hanging, each disturbed, with the last plan.
 """
 
 from collections.abc import Callable
@@ -17,179 +17,151 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
-from timing import Work
+from peers_casadi import Guess, OPTIONS, Program, TOLERANCE
+from peers_gradient import BOUND, Crocoddyl, RELATIVE, same_problem
+from timing import median, race, Work
 
 from dp_swing_ros import configuration
+from dp_swing_ros.evaluation.comparison import rate
+from dp_swing_ros.evaluation.scenarios import SCENARIOS
 from dp_swing_ros.pendulum.model import rollout
 from dp_swing_ros.pendulum.state import Array, hanging
 from dp_swing_ros.problem.cost import trajectory_cost
 from dp_swing_ros.problem.plan import Status
-from dp_swing_ros.problem.problem import plan_of, Problem
+from dp_swing_ros.problem.problem import plan_of, policy_rollout, Problem
 from dp_swing_ros.solvers import SOLVERS
 
-TOLERANCE = 1e-4     # of our solvers' default, and of theirs
-ITERATIONS = 500
-CLOSE = 1.01          # times the cost that all reach
-DISTURBANCE = (0.001, 0.001, -0.001, 0.01, 0.01, 0.01)   # of the warm-started solve's state
-OPTIONS = {
-    'ipopt': {'ipopt.print_level': 0, 'ipopt.sb': 'yes', 'ipopt.tol': TOLERANCE},
-    'fatrop': {'fatrop.print_level': 0, 'fatrop.tol': TOLERANCE, 'structure_detection': 'auto'}}
-WARM = {'ipopt': {'ipopt.warm_start_init_point': 'yes', 'ipopt.mu_init': 1e-4,
-                  'ipopt.warm_start_bound_push': 1e-6, 'ipopt.warm_start_mult_bound_push': 1e-6},
-        'fatrop': {}}
+CLOSE = 1e-3          # of the least cost that any ends at
+ITERATIONS = 500      # after which nobody gets any further
+STARTS = 20           # of each kind
+FORCE = 10.0          # [N] bound of the random forces of a cold start
+DISTURBANCE = np.array([0.005, 0.01, 0.01, 0.05, 0.1, 0.1])   # standard deviations along the loop
+OURS = ('ilqr', 'ddp')
+
+Solve = Callable[[], Array]                    # returns forces (N,)
+Make = Callable[[Guess, bool, int], Solve]     # from a guess, warm or not, in so many iterations
 
 
-class Guess(NamedTuple):
-    """The state that a plan starts from, and the trajectory that a solver starts from."""
-
-    x_0: Array
-    X: Array
-    U: Array
-
-
-def functions(problem: Problem) -> tuple[Any, Any, Any]:
-    """Return f(x, u), the running cost and the terminal cost as functions of CasADi."""
-    import casadi as ca
-
-    p, h, cost = problem.model.pendulum, problem.dt, problem.cost
-    (a_1, a_2), ((b_11, b_12), (b_22,)) = p.a, p.b
-    x, u, S = ca.SX.sym('x', 6), ca.SX.sym('u'), ca.DM(cost.S)
-
-    def derivative(x: Any) -> Any:
-        s_1, s_2, s_12 = ca.sin(x[1]), ca.sin(x[2]), ca.sin(x[1] - x[2])
-        c_1, c_2, c_12 = ca.cos(x[1]), ca.cos(x[2]), ca.cos(x[1] - x[2])
-        v, w_1, w_2 = x[3], x[4], x[5]
-        D = ca.blockcat([[p.m, a_1 * c_1, a_2 * c_2],
-                         [a_1 * c_1, b_11, b_12 * c_12],
-                         [a_2 * c_2, b_12 * c_12, b_22]])
-        slip = p.friction[2] * (w_1 - w_2)
-        r = ca.vertcat(
-            u - p.friction[0] * v + a_1 * s_1 * w_1 ** 2 + a_2 * s_2 * w_2 ** 2,
-            p.g * a_1 * s_1 - b_12 * s_12 * w_2 ** 2 - p.friction[1] * w_1 - slip,
-            p.g * a_2 * s_2 + b_12 * s_12 * w_1 ** 2 + slip)
-        return ca.vertcat(x[3:], ca.solve(D, r))
-    k_1 = derivative(x)
-    k_2 = derivative(x + h / 2 * k_1)
-    k_3 = derivative(x + h / 2 * k_2)
-    k_4 = derivative(x + h * k_3)
-    e = ca.vertcat(x[0], 2 * ca.sin(x[1] / 2), 2 * ca.sin(x[2] / 2), x[3:])
-    margin = cost.w * ca.fmax(0, ca.fabs(x[0]) - cost.x_soft) ** 2
-    return (ca.Function('f', [x, u], [x + h / 6 * (k_1 + 2 * k_2 + 2 * k_3 + k_4)]),
-            ca.Function('l', [x, u], [ca.dot(S, e ** 2) + cost.R * u ** 2 + margin]),
-            ca.Function('l_f', [x], [ca.bilin(cost.P, e, e) + margin]))
+def cold(problem: Problem) -> list[Guess]:
+    """Return hanging and random states, each with random forces that are followed."""
+    cases = SCENARIOS['random'].cases('random', range(STARTS - 1), None, 0.0)
+    states = [hanging(), *(np.array(case.plant['initial_state']) for case in cases)]
+    draws = np.random.default_rng(0).uniform(-FORCE, FORCE, (STARTS, problem.horizon))
+    return [Guess(x, rollout(problem.model, x, U), U) for x, U in zip(states, draws)]
 
 
-class Transcription:
-    """The problem as a nonlinear program, and one solver of it; the goal is upright."""
-
-    def __init__(self, problem: Problem, solver: str, warm: bool, iterations: int) -> None:
-        """Write down variables and constraints, stage by stage."""
-        import casadi as ca
-
-        f, running, terminal = functions(problem)
-        N = self.horizon = problem.horizon
-        x_0 = ca.MX.sym('x_0', 6)
-        states = [ca.MX.sym(f'x_{t}', 6) for t in range(N + 1)]
-        forces = [ca.MX.sym(f'u_{t}') for t in range(N)]
-        variables, constraints, J = [], [], terminal(states[N])
-        for t in range(N):
-            variables += [states[t], forces[t]]
-            constraints.append(states[t + 1] - f(states[t], forces[t]))
-            if t == 0:
-                constraints.append(states[0] - x_0)
-            J += running(states[t], forces[t])
-        g = ca.vertcat(*constraints)
-        options = {**OPTIONS[solver], **(WARM[solver] if warm else {}), 'expand': True,
-                   'print_time': False, 'error_on_fail': False,
-                   f'{solver}.max_iter': iterations}
-        if solver == 'fatrop':
-            options['equality'] = [True] * g.numel()
-        self.solver = ca.nlpsol('solver', solver, {
-            'x': ca.vertcat(*variables, states[N]), 'f': J, 'g': g, 'p': x_0}, options)
-        free = np.full((N + 1, 6), np.inf)
-        self.upper = self.flat(free, np.full(N, problem.u_max))
-
-    def flat(self, X: Array, U: Array) -> Array:
-        """Put a trajectory in the order of the variables."""
-        return np.concatenate([np.column_stack([X[:-1], U]).ravel(), X[-1]])
-
-    def solve(self, guess: Guess) -> tuple[Array, Array]:
-        """Return states and forces."""
-        found = np.array(self.solver(
-            x0=self.flat(guess.X, guess.U), p=guess.x_0, lbx=-self.upper, ubx=self.upper, lbg=0,
-            ubg=0)['x']).ravel()
-        pairs = found[:-6].reshape(self.horizon, 7)
-        return np.vstack([pairs[:, :6], found[-6:]]), pairs[:, 6]
+def warm(problem: Problem) -> list[Guess]:
+    """Return disturbed states along a closed loop from hanging, and the last plan from there."""
+    solver = SOLVERS['ilqr'](problem, SOLVERS['ilqr'].Parameters(iterations=ITERATIONS))
+    plan = solver.solve(hanging(), guess_plan(problem, cold(problem)[0]), np.inf)
+    random, guesses = np.random.default_rng(0), list[Guess]()
+    for _ in range(STARTS):
+        x = plan.X[1] + random.normal(0, DISTURBANCE)
+        _, X, U, _ = policy_rollout(problem, x, plan.X[1:], plan.U[1:], plan.K[1:])
+        guesses.append(Guess(x, X, U))
+        plan = solver.solve(x, guess_plan(problem, guesses[-1]), np.inf)
+    return guesses
 
 
-def guesses(problem: Problem) -> dict[str, Guess]:
-    """Return a first solve from hanging, and a later one: a plan shifted, the state disturbed."""
-    x_0, random = hanging(), np.random.default_rng(0).uniform(-10, 10, problem.horizon)
-    first = Guess(x_0, rollout(problem.model, x_0, random), random)
-    X, U = ours(problem, 'ilqr', first, ITERATIONS)()
-    U = np.append(U[1:], 0.0)
-    x_1 = X[1] + DISTURBANCE
-    return {'first': first, 'warm': Guess(x_1, rollout(problem.model, X[1], U), U)}
+def guess_plan(problem: Problem, guess: Guess) -> Any:
+    """Return a guess as a plan of ours."""
+    return plan_of(problem, guess.X, guess.U, Status.COMPLETE)
 
 
-Solve = Callable[[], tuple[Array, Array]]   # states and forces
+def ours(problem: Problem, name: str) -> Make:
+    """Return solves of ours."""
+    def make(guess: Guess, warm: bool, iterations: int) -> Solve:
+        solver = SOLVERS[name](problem, SOLVERS[name].Parameters(
+            iterations=iterations, tolerance=TOLERANCE))
+        plan = guess_plan(problem, guess)
+        return lambda: solver.solve(guess.x_0, plan, np.inf).U
+    return make
 
 
-def ours(problem: Problem, name: str, guess: Guess, iterations: int) -> Solve:
-    """Return a solve of ours of so many iterations at most."""
-    solver = SOLVERS[name](problem, SOLVERS[name].Parameters(
-        iterations=iterations, tolerance=TOLERANCE))
-    plan = plan_of(problem, guess.X, guess.U, Status.COMPLETE)
-
-    def solve() -> tuple[Array, Array]:
-        found = solver.solve(guess.x_0, plan, np.inf)
-        return found.X, found.U
-    return solve
+def casadi(problem: Problem, name: str) -> Make:
+    """Return solves of CasADi."""
+    program = Program(problem, name)
+    return lambda guess, warm, iterations: partial(program.solve, guess, warm, iterations)
 
 
-def theirs(problem: Problem, name: str, guess: Guess, warm: bool, iterations: int) -> Solve:
-    """Return a solve of CasADi of so many iterations at most."""
-    transcription = Transcription(problem, name, warm, iterations)
-    return lambda: transcription.solve(guess)
+def crocoddyl(name: str) -> Make:
+    """Return solves of crocoddyl in C++, as fast as it can pose the force on the cart."""
+    import crocoddyl
+
+    def make(guess: Guess, warm: bool, iterations: int) -> Solve:
+        theirs = Crocoddyl('euler', 'C++', True, 'swing-up')
+        theirs.problem.x0 = RELATIVE @ guess.x_0
+        us = [theirs.actuate(u) for u in guess.U]
+        xs = theirs.problem.rollout(us)
+        solver = getattr(crocoddyl, f'Solver{name}')(theirs.problem)
+
+        def solve() -> Array:
+            solver.solve(xs, us, iterations, True)
+            return np.array([u[0] for u in solver.us])
+        return solve
+    return make
 
 
-def contenders(problem: Problem, guess: Guess, warm: bool) -> dict[str, Callable[[int], Solve]]:
-    """Return all contenders from a guess, each by the number of its iterations."""
-    return {**{name: partial(ours, problem, name, guess) for name in ('ilqr', 'ddp')},
-            **{f'casadi {name}': partial(theirs, problem, name, guess, warm)
-               for name in OPTIONS}}
+def contests() -> dict[str, tuple[Problem, dict[str, Make]]]:
+    """Return the problems, by who else solves them, and their contenders."""
+    default, same = configuration.problem({}), same_problem()
+    return {
+        'CasADi': (default, {**{name: ours(default, name) for name in OURS},
+                             **{f'casadi {name}': casadi(default, name) for name in OPTIONS}}),
+        'crocoddyl': (same, {**{name: ours(same, name) for name in OURS},
+                             **{f'crocoddyl {name}': crocoddyl(name)
+                                for name in ('BoxDDP', 'BoxFDDP')}})}
 
 
-def solves() -> tuple[dict[str, Work], dict[str, dict[str, float]]]:
-    """Return the solves of all contenders to the same cost, and their costs and iterations."""
-    problem = configuration.problem({})
-    works: dict[str, Work] = {}
-    reached: dict[str, dict[str, float]] = {}
-    for kind, guess in guesses(problem).items():
-        makes = contenders(problem, guess, kind == 'warm')
-        costs = {name: cost_of(problem, make(ITERATIONS)) for name, make in makes.items()}
-        goal = CLOSE * max(costs.values())
-        for name, make in makes.items():
-            number = fewest(lambda count, by=make: cost_of(problem, by(count)) <= goal)
-            works[f'{name}, {kind}'] = work(make(number))
-            reached[f'{name}, {kind}'] = {'goal': goal, 'iterations': number,
-                                          'end': costs[name]}
-    return works, reached
+class Reach(NamedTuple):
+    """How a contender fared from one start."""
+
+    end: float                # the cost after ITERATIONS
+    iterations: int | None    # the fewest to the goal, None where it ends elsewhere
 
 
-def cost_of(problem: Problem, solve: Solve) -> float:
-    """Return the cost of what is found; theirs are within the tolerance, so it is followed."""
-    X, U = solve()
-    return trajectory_cost(problem.cost, rollout(problem.model, X[0], U), U)
+def reached(problem: Problem, makes: dict[str, Make], guess: Guess,
+            is_warm: bool) -> dict[str, Reach]:
+    """Return how all fare from a start; nothing where that is at the goal already."""
+    def cost(make: Make, iterations: int) -> float:
+        U = np.clip(make(guess, is_warm, iterations)(), -problem.u_max, problem.u_max)
+        J = trajectory_cost(problem.cost, rollout(problem.model, guess.x_0, U), U)
+        return J if np.isfinite(J) else np.inf
+    ends = {name: cost(make, ITERATIONS) for name, make in makes.items()}
+    goal = (1 + CLOSE) * min(ends.values())
+    if trajectory_cost(problem.cost, guess.X, guess.U) <= goal:
+        return {}
+    return {name: Reach(ends[name], fewest(lambda count, by=make: cost(by, count) <= goal)
+                        if ends[name] <= goal else None)
+            for name, make in makes.items()}
 
 
 def fewest(reaches: Callable[[int], bool], most: int = ITERATIONS) -> int:
-    """Return the fewest iterations that reach a goal, by bisection: more never undo it."""
-    low, high = 0, most
+    """Return the fewest iterations that reach a goal, which `most` do: doubled, then bisected."""
+    low, high = 0, 1
+    while high < most and not reaches(high):
+        low, high = high, min(2 * high, most)
     while high - low > 1:
         middle = (low + high) // 2
         low, high = (low, middle) if reaches(middle) else (middle, high)
     return high
+
+
+def solves(rounds: int) -> dict[str, dict[str, Any]]:
+    """Return by contest and kind of start how often each contender reaches the goal, how fast."""
+    found = {}
+    for contest, (problem, makes) in contests().items():
+        for kind, guesses in (('cold', cold(problem)), ('warm', warm(problem))):
+            is_warm, each, times = kind == 'warm', list[dict[str, Reach]](), list[dict[str, Any]]()
+            for guess in guesses:
+                if not (fared := reached(problem, makes, guess, is_warm)):
+                    continue
+                each.append(fared)
+                times.append(race({
+                    name: work(makes[name](guess, is_warm, of.iterations))
+                    for name, of in fared.items() if of.iterations is not None}, rounds))
+            found[f'{contest}, {kind}'] = summary(each, times)
+    return found
 
 
 def work(solve: Solve) -> Work:
@@ -198,3 +170,25 @@ def work(solve: Solve) -> Work:
         solve()
         return 1
     return run
+
+
+def summary(each: list[dict[str, Reach]], times: list[dict[str, Array]]) -> dict[str, Any]:
+    """
+    Return what is left of the starts: of each contender a rate, a median time [s], and ratios.
+
+    A ratio is that of the median times from a start that both reach the goal from; of all these,
+    the median with the interval of the bootstrap over starts.
+    """
+    rows: dict[str, Any] = {}
+    for name in each[0]:
+        typical = [{other: float(np.median(t)) for other, t in of_start.items()}
+                   for of_start in times if name in of_start]
+        ratios = {our: [t[name] / t[our] for t in typical if our in t] for our in OURS}
+        rows[name] = {
+            'reached': rate([of[name].iterations is not None for of in each])._asdict(),
+            'seconds': median(np.array([t[name] for t in typical]))._asdict() if typical else None,
+            'iterations': [of[name].iterations for of in each],
+            'end': [of[name].end for of in each],
+            'ratios': {our: {**median(np.array(some))._asdict(), 'starts': len(some)}
+                       for our, some in ratios.items() if some}}
+    return rows
