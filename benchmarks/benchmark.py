@@ -26,7 +26,8 @@ PEERS = {'crocoddyl': 'crocoddyl', 'pin': 'pinocchio', 'casadi': 'casadi', 'torc
          'pytorch_mppi': 'pytorch_mppi', 'mujoco': 'mujoco'}   # distribution: module
 FILES = ('benchmark.py', 'benchmark_figures.py', 'benchmark_page.py', 'campaigns.py', 'growth.py',
          'limit.py', 'operations.py', 'paper_method.py', 'peers_casadi.py', 'peers_gradient.py',
-         'peers_sampling.py', 'peers_solvers.py', 'startup.py', 'timing.py')   # what decides the page
+         'peers_sampling.py', 'peers_solvers.py', 'startup.py',
+         'timing.py')   # what decides the page
 SAMPLES = (256, 1024, 8192, 65536)
 COMPILED = {'compiled': True, 'closed': False, 'twin': False}
 

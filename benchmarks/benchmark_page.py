@@ -103,11 +103,11 @@ def solves(contests: dict[str, Any]) -> str:
     """Return the section about whole solves."""
     parts = [
         '## Whole solves to the same cost',
-        f'From the same state and trajectory, each is timed until it is within '
+        'From the same state and trajectory, each is timed until it is within '
         f'{100 * CLOSE:g} % of the least cost that any of them ends at, or counts as one that '
-        'ends elsewhere. Ratios are medians over the starts from which both get there, in brackets '
-        'the 95 % interval (bootstrap over starts) and how many these are. Cold starts are '
-        'hanging and random states, with random forces; warm ones lie along a closed loop, '
+        'ends elsewhere. Ratios are medians over the starts from which both get there, in '
+        'brackets the 95 % interval (bootstrap over starts) and how many these are. Cold starts '
+        'are hanging and random states, with random forces; warm ones lie along a closed loop, '
         'disturbed, with the last plan. With CasADi it is the default problem, by multiple '
         "shooting and exact Hessians, its functions compiled from CasADi's C code where there is "
         'a C compiler; with crocoddyl one of its own step (semi-implicit Euler) and cost, which '

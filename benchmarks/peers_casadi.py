@@ -108,10 +108,10 @@ class Program:
             self.options['equality'] = [True] * (6 * (N + 1))
         self.upper = self.flat(np.full((N + 1, 6), np.inf), np.full(N, problem.u_max))
         if not self.options['expand']:
-            self.given = self.compile()
+            self.given = self.compiled()
             del self.options['expand']   # nothing is left to expand
 
-    def compile(self) -> str:
+    def compiled(self) -> str:
         """Let CasADi write C code, compile it, and return the path of the library."""
         import casadi as ca
 

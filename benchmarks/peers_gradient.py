@@ -177,6 +177,8 @@ class Crocoddyl:
         running = node(RUNNING, ours.cost.R, ours.dt)
         self.problem = crocoddyl.ShootingProblem(
             self.x_0, [running] * horizon, node(TERMINAL, 0.0, 0.0))
+        if self.problem.nthreads > 1:
+            self.problem.nthreads = 1   # as ours; more are slower, for nodes this small
         forces = first_forces(ours, start, self.step)
         self.us = [self.actuate(u) for u in forces]
         self.xs = self.problem.rollout(self.us)

@@ -12,13 +12,13 @@ default problem; with crocoddyl one that its own C++ can pose, by its step and i
 random forces; warm ones lie along a closed loop from hanging, each disturbed, with the last plan.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 from peers_casadi import Guess, OPTIONS, Program, TOLERANCE
-from peers_gradient import BOUND, Crocoddyl, RELATIVE, same_problem
+from peers_gradient import Crocoddyl, RELATIVE, same_problem
 from timing import median, race, Work
 
 from dp_swing_ros import configuration
@@ -160,7 +160,7 @@ def solves(rounds: int) -> dict[str, dict[str, Any]]:
                 times.append(race({
                     name: work(makes[name](guess, is_warm, of.iterations))
                     for name, of in fared.items() if of.iterations is not None}, rounds))
-            found[f'{contest}, {kind}'] = summary(each, times)
+            found[f'{contest}, {kind}'] = summary(makes, each, times)
     return found
 
 
@@ -172,7 +172,8 @@ def work(solve: Solve) -> Work:
     return run
 
 
-def summary(each: list[dict[str, Reach]], times: list[dict[str, Array]]) -> dict[str, Any]:
+def summary(names: Iterable[str], each: list[dict[str, Reach]],
+            times: list[dict[str, Array]]) -> dict[str, Any]:
     """
     Return what is left of the starts: of each contender a rate, a median time [s], and ratios.
 
@@ -180,7 +181,7 @@ def summary(each: list[dict[str, Reach]], times: list[dict[str, Array]]) -> dict
     the median with the interval of the bootstrap over starts.
     """
     rows: dict[str, Any] = {}
-    for name in each[0]:
+    for name in names:
         typical = [{other: float(np.median(t)) for other, t in of_start.items()}
                    for of_start in times if name in of_start]
         ratios = {our: [t[name] / t[our] for t in typical if our in t] for our in OURS}

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The benchmark times the same problem for everyone; peers that are not installed are skipped."""
 
+import json
+
 import benchmark_page
 import near_goal
 import numpy as np
@@ -74,19 +76,73 @@ def test_the_limit_is_the_best_of_all_that_is_measured(monkeypatch):
 
 def test_solves_are_timed_to_the_same_cost(problem, monkeypatch):
     import peers_solvers as peers
-    monkeypatch.setattr(peers, 'OPTIONS', {})   # ours alone: CasADi need not be installed
-    works, reached = peers.solves()
-    assert set(works) == set(reached) == {
-        'ilqr, first', 'ddp, first', 'ilqr, warm', 'ddp, warm'}
-    for kind in ('first', 'warm'):
-        of_kind = [of for name, of in reached.items() if name.endswith(kind)]
-        assert len({of['goal'] for of in of_kind}) == 1
-        assert of_kind[0]['goal'] == pytest.approx(1.01 * max(of['end'] for of in of_kind))
-    guess = peers.guesses(problem)['first']
-    goal, number = reached['ilqr, first']['goal'], reached['ilqr, first']['iterations']
-    costs = [peers.cost_of(problem, peers.ours(problem, 'ilqr', guess, count))
-             for count in (number - 1, number)]
+    makes = {name: peers.ours(problem, name) for name in peers.OURS}   # ours alone
+    monkeypatch.setattr(peers, 'STARTS', 3)
+    monkeypatch.setattr(peers, 'contests', lambda: {'nobody': (problem, makes)})
+    found = json.loads(json.dumps(peers.solves(2)))
+    assert set(found) == {'nobody, cold', 'nobody, warm'}
+    for rows in found.values():
+        ends = np.array([rows[name]['end'] for name in peers.OURS])
+        for name in peers.OURS:
+            row = rows[name]
+            there = [count is not None for count in row['iterations']]
+            np.testing.assert_array_equal(there, row['end'] <= 1.001 * ends.min(axis=0))
+            assert row['reached']['successes'] == sum(there)
+            if any(there):
+                assert row['ratios'][name]['value'] == 1
+                assert row['ratios'][name]['starts'] == sum(there)
+    text = benchmark_page.solves(found)
+    assert f"| ddp | {found['nobody, cold']['ddp']['reached']['successes']} of 3 " in text
+
+
+def test_a_solve_stops_where_it_first_reaches_the_goal(problem):
+    import peers_solvers as peers
+    guess = peers.cold(problem)[0]
+    make = peers.ours(problem, 'ilqr')
+    (name, of), = peers.reached(problem, {'ilqr': make}, guess, False).items()
+    goal = (1 + peers.CLOSE) * of.end
+    costs = [trajectory_cost(problem.cost, rollout(problem.model, guess.x_0, U), U) for U in
+             (make(guess, False, count)() for count in (of.iterations - 1, of.iterations))]
     assert costs[1] <= goal < costs[0]
+    at_goal = guess._replace(U=make(guess, False, 500)())
+    at_goal = at_goal._replace(X=rollout(problem.model, guess.x_0, at_goal.U))
+    assert peers.reached(problem, {'ilqr': make}, at_goal, False) == {}
+
+
+def test_warm_starts_begin_where_the_last_plan_leads(problem, monkeypatch):
+    import peers_solvers as peers
+    monkeypatch.setattr(peers, 'STARTS', 3)
+    for guess in peers.warm(problem):
+        np.testing.assert_array_equal(guess.X[0], guess.x_0)
+        np.testing.assert_allclose(rollout(problem.model, guess.x_0, guess.U), guess.X, atol=1e-9)
+
+
+@pytest.mark.parametrize('solver', ['ipopt', 'fatrop'])
+def test_casadi_s_c_code_solves_what_its_machine_does(solver, problem, monkeypatch):
+    pytest.importorskip('casadi', reason='casadi is not installed; see make results')
+    import peers_casadi
+    import peers_solvers as peers
+    if not peers_casadi.COMPILER:
+        pytest.skip('there is no C compiler')
+    monkeypatch.setattr(peers_casadi, 'FLAGS', ('-O0', '-shared', '-fPIC'))   # in seconds
+    guess = peers.warm(problem)[0]
+    compiled, machine = (peers_casadi.Program(problem, solver, compiled).solve(guess, True, 50)
+                         for compiled in (True, False))
+    np.testing.assert_allclose(compiled, machine, rtol=0, atol=1e-5)
+    best = peers.ours(problem, 'ilqr')(guess, True, 500)()
+    np.testing.assert_allclose(compiled, best, rtol=0, atol=1e-2)
+
+
+def test_crocoddyl_s_problem_is_the_same_number_for_number():
+    pytest.importorskip('crocoddyl', reason='crocoddyl is not installed; see make results')
+    import peers_gradient as peers
+    theirs, ours = peers.Crocoddyl('euler', 'C++', True, 'swing-up'), peers.same_problem()
+    assert theirs.problem.nthreads == 1
+    U = np.array([u[0] for u in theirs.us])
+    X = rollout(ours.model, np.array(peers.STARTS['swing-up'][0]), U)
+    np.testing.assert_allclose(np.array(theirs.xs), X @ peers.RELATIVE.T, rtol=0, atol=1e-12)
+    assert theirs.problem.calc(theirs.xs, theirs.us) == pytest.approx(
+        trajectory_cost(ours.cost, X, U), rel=1e-12)
 
 
 def test_the_fewest_that_reach_a_goal_are_found():
@@ -146,8 +202,8 @@ def test_crocoddyl_has_our_cost(actuation):
 
 def test_casadi_has_our_step_and_cost(problem, rng):
     pytest.importorskip('casadi', reason='casadi is not installed; see make results')
-    import peers_solvers as peers
-    f, of_running, of_terminal = peers.functions(problem)
+    import peers_casadi
+    f, of_running, of_terminal = peers_casadi.functions(problem)
     for x, u in zip(rng.normal(size=(20, 6)), 10 * rng.normal(size=20)):
         np.testing.assert_allclose(np.ravel(f(x, u)), rollout(problem.model, x, np.array([u]))[1],
                                    rtol=0, atol=1e-12)
