@@ -3,13 +3,14 @@
 """
 How many multiply-adds the machine can do a second, and what share of them the rollouts use.
 
-The limit is measured, not read from a data sheet, and the best of what is measured: independent
-chains of fused multiply-adds that stay in registers, written in LLVM's own language so that no
-compiler has a choice, on one core and on all; and the matrix product of NumPy's BLAS. Rollouts, on
-one core and on all, are held against it. operations.py counts the operations of their kernel.
+The limit is measured, not read from a data sheet, and the best of all that is measured, so nothing
+exceeds it: independent chains of fused multiply-adds that stay in registers, written in LLVM's own
+language so that no compiler has a choice, by number of chains, width of registers and cores; and
+matrix products of NumPy's BLAS, by size. Rollouts, on one core and on all, are held against it.
+operations.py counts the operations of their kernel.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 import ctypes
 import json
@@ -31,20 +32,21 @@ from dp_swing_ros.problem.problem import Problem
 from dp_swing_ros.solvers.noise import LANES
 from dp_swing_ros.solvers.samples import follow, single
 
-CHAINS = 12           # enough to fill two units of four cycles, few enough for 16 registers
+# two units of four cycles need 8; 16 registers have room for 14, those of 512 bits are 32
+CHAINS = {128: (8, 12), 256: (8, 10, 12, 14), 512: (8, 12, 16, 24)}
 ROUNDS = 2_000_000    # of all chains in a sample, long beside the start of a thread
-SIZE = 1024           # of the matrix product that the limit is compared with
+MATRICES = 512, 1024, 2048
 TYPES = {'float32': ('float', 'f32', ctypes.c_float, 4),
          'float64': ('double', 'f64', ctypes.c_double, 8)}
 SAMPLES = 8192         # many blocks, long beside the start of a thread
 
 
-def chains(precision: str, bits: int) -> str:
-    """Return the program: spin(a, m, c, n) does a ← a m + c on all lanes of all chains n times."""
+def program(precision: str, bits: int, chains: int) -> str:
+    """Return spin(a, m, c, n) in LLVM: it does a ← a m + c on all lanes of all chains n times."""
     scalar, suffix, _, size = TYPES[precision]
     lanes = 8 * bits // (8 * 8 * size)
     vector, name = f'<{lanes} x {scalar}>', f'@llvm.fma.v{lanes}{suffix}'
-    each = range(CHAINS)
+    each = range(chains)
 
     def filled(result: str, value: str) -> str:
         return (f'%{result}_0 = insertelement {vector} undef, {scalar} {value}, i32 0\n'
@@ -62,7 +64,7 @@ def chains(precision: str, bits: int) -> str:
         '%next = add i64 %t, 1', '%done = icmp eq i64 %next, %n',
         'br i1 %done, label %end, label %loop', 'end:', f'%s0 = fadd {vector} %y0, %y0',
         *(f'%s{i} = fadd {vector} %s{i - 1}, %y{i}' for i in each[1:]),
-        f'%result = extractelement {vector} %s{CHAINS - 1}, i32 0', f'ret {scalar} %result', '}',
+        f'%result = extractelement {vector} %s{chains - 1}, i32 0', f'ret {scalar} %result', '}',
         f'attributes #0 = {{ "prefer-vector-width"="{bits}" "min-legal-vector-width"="{bits}" }}']
     return '\n'.join(lines)
 
@@ -70,24 +72,24 @@ def chains(precision: str, bits: int) -> str:
 class Spinner:
     """The program, compiled; its work is counted in multiply-adds."""
 
-    def __init__(self, precision: str, bits: int) -> None:
+    def __init__(self, precision: str, bits: int, chains: int) -> None:
         """Compile, and refuse code that does not use registers of these bits."""
         llvm.initialize_native_target()
         llvm.initialize_native_asmprinter()
-        module = llvm.parse_assembly(chains(precision, bits))
+        module = llvm.parse_assembly(program(precision, bits, chains))
         target = llvm.Target.from_default_triple().create_target_machine(
             cpu=llvm.get_host_cpu_name(), features=llvm.get_host_cpu_features().flatten(), opt=3)
         register = {128: 'xmm', 256: 'ymm', 512: 'zmm'}[bits]
         fused = re.findall(rf'\bvf\w*madd\w+\s.*%{register}|fmla', target.emit_assembly(module))
-        if len(fused) != CHAINS:
+        if len(fused) != chains:
             raise RuntimeError(f'{len(fused)} fused multiply-adds of {bits} bits; '
-                               f'expected {CHAINS}')
+                               f'expected {chains}')
         self.engine = llvm.create_mcjit_compiler(module, target)   # owns the code
         self.engine.finalize_object()
         number = TYPES[precision][2]
         self.spin = ctypes.CFUNCTYPE(number, number, number, number, ctypes.c_int64)(
             self.engine.get_function_address('spin'))
-        self.multiply_adds = ROUNDS * CHAINS * bits // (8 * TYPES[precision][3])
+        self.multiply_adds = ROUNDS * chains * bits // (8 * TYPES[precision][3])
 
     def run(self) -> int:
         """Do the work."""
@@ -108,14 +110,14 @@ def shared(works: Sequence[Work], pool: ThreadPoolExecutor) -> Work:
     return lambda: sum(done.result() for done in [pool.submit(work) for work in works])
 
 
-def product(precision: str) -> Work:
+def product(precision: str, size: int) -> Work:
     """Return a product of two matrices by NumPy's BLAS, on as many threads as that takes."""
-    A = np.random.default_rng(0).standard_normal((SIZE, SIZE)).astype(precision)
+    A = np.random.default_rng(0).standard_normal((size, size)).astype(precision)
     out = np.empty_like(A)
 
     def run() -> int:
         np.dot(A, A, out=out)
-        return SIZE ** 3
+        return size ** 3
     return run
 
 
@@ -163,8 +165,7 @@ def measure(rounds: int) -> dict[str, Any]:
             [rollouts(problem) for _ in range(number)], pool) for number in sorted({1, cores})}
         times = race({**ours, **contenders}, rounds)
         rates = {name: 1 / median(of_name).value for name, of_name in times.items()}
-        limit = max((name for name in contenders if 'float32' in name), key=rates.__getitem__)
-        best = max(ours, key=rates.__getitem__)
+        limit, best = limit_of(rates), max(ours, key=rates.__getitem__)
     counts = operations()
     each = sum(counts['sample'].values())
     scale = each / 2   # a multiply-add is two operations
@@ -175,16 +176,23 @@ def measure(rounds: int) -> dict[str, Any]:
             ._asdict()}
 
 
+def limit_of(rates: Mapping[str, float]) -> str:
+    """Return which of all that compute in single precision has the highest rate."""
+    return max((name for name in rates if name.startswith('float32')), key=rates.__getitem__)
+
+
 def machine_works(cores: int, pool: ThreadPoolExecutor) -> dict[str, Work]:
     """Return what may reach the limit."""
     works: dict[str, Work] = {}
     for precision in TYPES:
         for bits in sorted({256, widest()} if widest() > 256 else {widest()}):
-            spinner = Spinner(precision, bits)
-            for number in sorted({1, cores}):
-                works[spread_over(number, cores, f'{precision}, {bits} bits')] = shared(
-                    [spinner.run] * number, pool)
-        works[f'{precision}, matrix product'] = product(precision)
+            for chains in CHAINS[bits]:
+                spinner = Spinner(precision, bits, chains)
+                for number in sorted({1, cores}):
+                    works[spread_over(number, cores, f'{precision}, {chains} chains of {bits} bits'
+                                      )] = shared([spinner.run] * number, pool)
+        for size in MATRICES:
+            works[f'{precision}, matrix product of {size}'] = product(precision, size)
     return works
 
 

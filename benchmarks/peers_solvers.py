@@ -34,6 +34,7 @@ from dp_swing_ros.solvers import SOLVERS
 CLOSE = 1e-3          # of the least cost that any ends at
 ITERATIONS = 500      # after which nobody gets any further
 STARTS = 20           # of each kind
+LEAST = 3             # starts that a ratio is given of
 FORCE = 10.0          # [N] bound of the random forces of a cold start
 DISTURBANCE = np.array([0.005, 0.01, 0.01, 0.05, 0.1, 0.1])   # standard deviations along the loop
 OURS = ('ilqr', 'ddp')
@@ -178,7 +179,7 @@ def summary(names: Iterable[str], each: list[dict[str, Reach]],
     Return what is left of the starts: of each contender a rate, a median time [s], and ratios.
 
     A ratio is that of the median times from a start that both reach the goal from; of all these,
-    the median with the interval of the bootstrap over starts.
+    the median with the interval of the bootstrap over starts, none where they are too few.
     """
     rows: dict[str, Any] = {}
     for name in names:
@@ -191,5 +192,5 @@ def summary(names: Iterable[str], each: list[dict[str, Reach]],
             'iterations': [of[name].iterations for of in each],
             'end': [of[name].end for of in each],
             'ratios': {our: {**median(np.array(some))._asdict(), 'starts': len(some)}
-                       for our, some in ratios.items() if some}}
+                       for our, some in ratios.items() if len(some) >= LEAST}}
     return rows

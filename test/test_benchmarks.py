@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The benchmark times the same problem for everyone; peers that are not installed are skipped."""
 
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 import json
 
 import benchmark_page
@@ -17,6 +19,7 @@ from dp_swing_ros import configuration
 from dp_swing_ros.control.bounded_lqr import BoundedLQR
 from dp_swing_ros.evaluation.campaign.rows import read
 from dp_swing_ros.pendulum.model import rollout
+from dp_swing_ros.pendulum.state import hanging
 from dp_swing_ros.problem.cost import running, terminal, trajectory_cost
 
 
@@ -56,13 +59,28 @@ def test_operations_are_those_of_the_source():
 
 def test_the_limit_is_reached_in_full_registers():
     limit = pytest.importorskip('limit')
-    spinner = limit.Spinner('float32', limit.widest())   # refuses code that is not
-    assert spinner.run() == spinner.multiply_adds
+    for chains in limit.CHAINS[limit.widest()]:
+        spinner = limit.Spinner('float32', limit.widest(), chains)   # refuses code that is not
+        assert spinner.run() == spinner.multiply_adds
+
+
+def test_whatever_is_fastest_is_the_limit(monkeypatch):
+    """No contender exceeds it, whoever wins: it is their maximum by construction."""
+    limit = pytest.importorskip('limit')
+    monkeypatch.setattr(limit, 'MATRICES', (64, 128))
+    with ThreadPoolExecutor(2) as pool:
+        names = [name for name in limit.machine_works(2, pool) if 'float32' in name]
+    for words in ('matrix product of 64', '8 chains', '1 of 2 cores', '2 of 2 cores'):
+        assert any(words in name for name in names)
+    for winner in names:
+        rates = {'rollouts': 3.0, **dict.fromkeys(names, 1.0), winner: 2.0}
+        assert limit.limit_of(rates) == winner
 
 
 def test_the_limit_is_the_best_of_all_that_is_measured(monkeypatch):
     limit = pytest.importorskip('limit')
     monkeypatch.setattr(limit, 'ROUNDS', 20_000)
+    monkeypatch.setattr(limit, 'MATRICES', (64, 128))
     found = limit.measure(2)
     rates = {name: rate for name, rate in found['rates'].items() if 'float32' in name}
     assert any('matrix product' in name for name in rates)
@@ -88,7 +106,8 @@ def test_solves_are_timed_to_the_same_cost(problem, monkeypatch):
             there = [count is not None for count in row['iterations']]
             np.testing.assert_array_equal(there, row['end'] <= 1.001 * ends.min(axis=0))
             assert row['reached']['successes'] == sum(there)
-            if any(there):
+            assert (name in row['ratios']) == (sum(there) >= peers.LEAST)
+            if name in row['ratios']:
                 assert row['ratios'][name]['value'] == 1
                 assert row['ratios'][name]['starts'] == sum(there)
     text = benchmark_page.solves(found)
@@ -264,3 +283,53 @@ def test_near_the_goal_counts_what_the_oracle_holds():
     page = near_goal.page(rows, 'made')
     for name, of in held.items():
         assert f'| `{name}` | {len(of & possible)} of {len(possible)} ' in page
+
+
+def test_splines_go_through_their_knots_and_keep_lines():
+    import predictive_sampling as peer
+    knots = np.linspace(0, 30, 10)
+    np.testing.assert_allclose(peer.splines(knots, knots), np.eye(10), atol=1e-12)
+    at = np.arange(30)
+    np.testing.assert_allclose(peer.splines(knots, at) @ (2 * knots - 1), 2 * at - 1, atol=1e-12)
+
+
+def test_predictive_sampling_follows_our_model_at_our_cost(problem, rng):
+    import predictive_sampling as peer
+    spline = peer.splines(np.linspace(0, problem.horizon, 10), np.arange(problem.horizon))
+    x_0, drawn = rng.normal(size=6), rng.uniform(-20, 20, (70, 10)).astype(np.float32)
+    U = np.clip(drawn @ spline.T, *problem.bounds)
+    np.testing.assert_allclose(
+        peer.costs(problem, x_0, spline, drawn),
+        [trajectory_cost(problem.cost, rollout(problem.model, x_0, u), u) for u in U], rtol=5e-3)
+
+
+def test_predictive_sampling_takes_the_best_and_never_loses_it(problem):
+    import predictive_sampling as peer
+    x_0, found = np.array([0, 0.4, -0.2, 0, 0, 0]), []
+    for iterations in (1, 2, 20):
+        solver = peer.PredictiveSampling(problem, peer.PredictiveSamplingParameters(
+            samples=100, iterations=iterations))
+        found.append(solver.solve(x_0, None, np.inf).stats.cost)
+    none = np.zeros(problem.horizon)
+    assert found == sorted(found, reverse=True)
+    assert found[0] < trajectory_cost(problem.cost, rollout(problem.model, x_0, none), none)
+
+
+def test_predictive_sampling_goes_on_from_its_last_plan(problem):
+    import predictive_sampling as peer
+    solver = peer.PredictiveSampling(problem, peer.PredictiveSamplingParameters(samples=1))
+    first = solver.solve(hanging(), None, np.inf)
+    U = np.linspace(-5, 5, problem.horizon)
+    plan = solver.solve(hanging(), replace(first, U=U).shifted(problem.dt), np.inf)
+    np.testing.assert_allclose(plan.U[:24], U[1:25], atol=1e-9)   # a line is its own spline
+    assert plan.U[-1] == pytest.approx(5, abs=0.3)                # and what is past it stays
+
+
+def test_predictive_sampling_plays_scenarios():
+    import predictive_sampling as peer
+    contender = peer.replanning(0.2, 0.01)
+    one, = peer.episodes('hanging', range(3, 4), contender)
+    again, = peer.episodes('hanging', range(3, 4), contender)
+    assert one.closed_loop_cost == again.closed_loop_cost > 0
+    assert one.ticks == 1000
+    assert '0 of 1' in ' '.join(peer.row('a', [one]))
