@@ -13,8 +13,8 @@ Sources: Howell et al., "Predictive Sampling: Real-time Behaviour Synthesis with
 arXiv:2212.00541; the settings are those of google-deepmind/mujoco_mpc: `sampling_exploration`,
 `sampling_spline_points` and `agent_horizon` of mjpc/tasks/cartpole/task.xml and
 mjpc/tasks/acrobot/task.xml, and where these are silent the defaults of mjpc/planners/sampling,
-10 trajectories and cubic splines. Noise is a share of the largest control,
-as there; steps are 10 ms (`agent_timestep`), and so are ticks. The cost is ours.
+10 trajectories and cubic splines. Noise is a share of the largest control, as there; steps are
+10 ms (`agent_timestep`), and so are ticks. The cost is ours.
 """
 
 import argparse
@@ -32,12 +32,12 @@ from dp_swing_ros import configuration
 from dp_swing_ros.control.starts import solved
 from dp_swing_ros.evaluation.campaign.report import share
 from dp_swing_ros.evaluation.comparison import median, rate
-from dp_swing_ros.evaluation.metrics import measure, Metrics
+from dp_swing_ros.evaluation.metrics import measure, Metrics, REST
 from dp_swing_ros.evaluation.scenarios import PERIOD, SCENARIOS
 from dp_swing_ros.kernels import kernel
 from dp_swing_ros.parameters import parameter, Parameters
 from dp_swing_ros.pendulum.model import rollout
-from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.pendulum.state import Array, DEFAULT_LINKS
 from dp_swing_ros.problem.plan import Plan, SolverStats, Status
 from dp_swing_ros.problem.problem import plan_of, Problem
 from dp_swing_ros.simulation.closed_loop import Controller, simulate
@@ -47,6 +47,8 @@ from dp_swing_ros.solvers.solver import generator, policy_of, Seed, Solver
 from dp_swing_ros.tables import compact
 
 DURATION = 10.0   # [s]
+HEADER = ['controller', 'upright to the end', 'settling [s]',
+          f'angle error, last {REST:g} s [rad]', 'closed-loop cost', 'solve [ms]']
 
 
 @dataclass(frozen=True)
@@ -172,30 +174,36 @@ class Replanning:
 
 
 class Contender(NamedTuple):
-    """What makes a controller for a seed, and how long a tick is [s]."""
+    """What makes a controller for a seed, how long a tick is [s], and of which pendulum."""
 
     controller: Callable[[int], Controller]
     tick: float = PERIOD
+    links: int = DEFAULT_LINKS
 
 
-def replanning(horizon: float, step: float = PERIOD, **parameters: Any) -> Contender:
+def replanning(horizon: float, step: float = PERIOD, links: int = DEFAULT_LINKS,
+               **parameters: Any) -> Contender:
     """Return predictive sampling with a horizon and a step [s], which is a tick, too."""
-    problem = configuration.problem({'step': step, 'horizon': round(horizon / step)})
+    problem = configuration.problem({
+        'links': links, 'step': step, 'horizon': round(horizon / step)})
 
     def controller(seed: int) -> Controller:
         return Replanning(problem, PredictiveSampling(
             problem, PredictiveSamplingParameters(**parameters), seed))
-    return Contender(controller, step)
+    return Contender(controller, step, links)
 
 
 def contenders() -> dict[str, Contender]:
     """
     Return predictive sampling, and our solvers with their defaults.
 
-    First as published, then with our step, tick and horizon, and with more samples: in some
-    milliseconds, as our ticks, and in most of a tick.
+    First as published, on one link, which is what it was made for, and on two; then with our step,
+    tick and horizon, and with more samples: in some milliseconds, as our ticks, and in most of a
+    tick.
     """
     return {
+        'one link, as for the cart-pole': replanning(1.0, 0.01, links=1),
+        'one link, 1024 samples': replanning(1.0, 0.01, links=1, samples=1024),
         'as for the cart-pole': replanning(1.0, 0.01),
         'as for the acrobot': replanning(2.0, 0.01, exploration=0.05),
         'our steps': replanning(1.5),
@@ -213,8 +221,9 @@ def ours(name: str, seed: int) -> Controller:
 def episodes(scenario: str, seeds: range, contender: Contender) -> list[Metrics]:
     """Play a scenario with every seed; the costs are as if at our ticks."""
     found, rate = list[Metrics](), 1 / contender.tick
-    for case in SCENARIOS[scenario].cases(scenario, seeds, None, DURATION):
-        plant = configuration.plant({**case.plant, 'seed': case.seed, 'rate': rate})
+    for case in SCENARIOS[scenario].cases(scenario, seeds, None, DURATION, contender.links):
+        plant = configuration.plant({'links': contender.links, **case.plant, 'seed': case.seed,
+                                     'rate': rate})
         with np.errstate(all='ignore'):   # what leaves the numbers shows in the outcome
             metrics = measure(simulate(plant, contender.controller(case.seed), case.duration))
         found.append(replace(metrics, closed_loop_cost=metrics.closed_loop_cost
@@ -223,13 +232,14 @@ def episodes(scenario: str, seeds: range, contender: Contender) -> list[Metrics]
 
 
 def row(name: str, found: Sequence[Metrics]) -> list[str]:
-    """Return a row of the table: who, how often upright to the end, and medians."""
+    """Return a row of HEADER, with medians and their intervals (bootstrap)."""
     def middle(values: Sequence[float], digits: int = 0) -> str:
         of = median(np.array(values))
         return f'{of.value:.{digits}f} ({of.low:.{digits}f}-{of.high:.{digits}f})'
     held = [metrics for metrics in found if metrics.success]
     return [name, share(rate([metrics.success for metrics in found])),
             middle([metrics.settling_time for metrics in held], 2) if held else '-',
+            middle([metrics.hold_error for metrics in found], 4),
             middle([metrics.closed_loop_cost for metrics in found]),
             f'{1e3 * np.median([metrics.median_solve_time for metrics in found]):.2f}']
 
@@ -245,8 +255,7 @@ def main() -> None:
     for scenario in arguments.scenarios:
         rows = [row(name, episodes(scenario, range(arguments.seeds), everyone[name]))
                 for name in tqdm(arguments.only or everyone, desc=scenario, disable=None)]
-        print(f'{scenario}:\n', compact([['controller', 'upright to the end', 'settling [s]',
-                                          'closed-loop cost', 'solve [ms]'], *rows]), sep='\n')
+        print(f'{scenario}:\n', compact([HEADER, *rows]), sep='\n', flush=True)
 
 
 if __name__ == '__main__':

@@ -325,9 +325,10 @@ def test_predictive_sampling_goes_on_from_its_last_plan(problem):
     assert plan.U[-1] == pytest.approx(5, abs=0.3)                # and what is past it stays
 
 
-def test_predictive_sampling_plays_scenarios():
+@pytest.mark.parametrize('links', [1, 2])
+def test_predictive_sampling_plays_scenarios(links):
     import predictive_sampling as peer
-    contender = peer.replanning(0.2, 0.01)
+    contender = peer.replanning(0.2, 0.01, links)
     one, = peer.episodes('hanging', range(3, 4), contender)
     again, = peer.episodes('hanging', range(3, 4), contender)
     assert one.closed_loop_cost == again.closed_loop_cost > 0
