@@ -9,6 +9,7 @@ SHELL := /bin/bash
 
 VENV := .venv
 BIN := $(VENV)/bin
+SUITES := .venv-suites
 WITH_ROS := source $(BIN)/activate && source install/setup.bash
 SOURCES := package.xml setup.py setup.cfg resource/dp_swing_ros $(wildcard config/*) \
 	$(shell find dp_swing_ros -type f ! -name '*.pyc')
@@ -42,6 +43,7 @@ evaluate: setup  ## run a campaign of episodes without ROS (EVALUATE='...' for i
 
 results: setup $(if $(filter benchmark oracle,$(or $(PAGES),benchmark)),$(VENV)/.peers)
 results: $(if $(filter rig,$(PAGES)),$(VENV)/.installed-rig)
+results: $(if $(filter suites,$(or $(PAGES),suites)),$(SUITES)/.installed)
 results:  ## every published figure anew, in three hours (PAGES='random robustness' for some)
 	@$(WITH_ROS) && python benchmarks/published.py $(PAGES) $(RESULTS)
 
@@ -53,7 +55,7 @@ shell: setup  ## a shell in which ros2 run dp_swing_ros ... works
 	@exec bash --rcfile <(echo '[ ! -f ~/.bashrc ] || source ~/.bashrc; $(WITH_ROS)') -i
 
 clean:  ## remove what was built; runs/ stays
-	rm -rf build install log $(VENV) .pytest_cache .mypy_cache .import_linter_cache
+	rm -rf build install log $(VENV) $(SUITES) .pytest_cache .mypy_cache .import_linter_cache
 
 $(VENV)/.installed: pyproject.toml constraints.txt scripts/ros2
 	@$(PYTHON) -c 'import sys; sys.exit(not (3, 10) <= sys.version_info < (3, 15))' || \
@@ -78,6 +80,15 @@ $(VENV)/.installed-test: $(VENV)/.installed
 
 $(VENV)/.peers: $(VENV)/.installed
 	@$(call INSTALL,peers)
+	@touch $@
+
+$(SUITES)/.installed: BIN := $(SUITES)/bin
+$(SUITES)/.installed: pyproject.toml constraints.txt
+	@echo '== the tasks of others into $(SUITES)'
+	@[ -x $(BIN)/pip ] || $(PYTHON) -m venv $(SUITES) || \
+	  $(call FAIL,$(PYTHON) cannot make a virtual environment; install python3-venv)
+	@$(BIN)/python -m pip install --quiet 'pip>=25.1' && \
+	  $(call INSTALL,suites)
 	@touch $@
 
 # A module that is gone from the sources must not live on in what was built from them.

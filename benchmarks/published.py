@@ -90,11 +90,14 @@ def played(name: str, docs: Path, kept: Path) -> tuple[list[Row], str]:
     return rows, stamp.made(name, seeded.sources(name), seeded.SEEDED[name].packages)
 
 
-def of_script(name: str, minutes: float, *files: str,
-              sources: Callable[[], str] | None = None) -> Page:
+def of_script(name: str, minutes: float, *files: str, sources: Callable[[], str] | None = None,
+              python: Path = Path(sys.executable)) -> Page:
     """Return a page that a script writes; it and other files of this folder decide it."""
     def write(docs: Path, kept: Path) -> None:
-        command = [sys.executable, str(HERE / files[0]), '--docs', str(docs)]
+        if not python.exists():
+            raise Failure(f'there is no {python}, which this page needs; `make results '
+                          f'PAGES={name}` installs it')
+        command = [str(python), str(HERE / files[0]), '--docs', str(docs)]
         if subprocess.run(command).returncode:
             raise Failure(f'{" ".join(command)} failed; what it wrote stands above')
     return Page(minutes, sources or (lambda: stamp.sources_with(*files)), write)
