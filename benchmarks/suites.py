@@ -65,7 +65,7 @@ def sources() -> str:
     """Return a digest of all that decides the page: code and tuned sets."""
     digest = hashlib.sha256(stamp.sources_with(*FILES).encode())
     for task in TASKS.values():
-        for file in task.tuned:
+        for file in task.tuned + task.tuned_mppi:
             digest.update((stamp.TOP / 'config' / file).read_bytes())
     return digest.hexdigest()[:16]
 
@@ -151,7 +151,7 @@ def lines(task: str, outcomes: Outcomes) -> Iterable[tuple[str, ...]]:
 def page(outcomes: Outcomes, made: str) -> str:
     """Return the page."""
     tuned = ', '.join(f'[{file}](../../config/{file})'
-                      for task in TASKS.values() for file in task.tuned)
+                      for task in TASKS.values() for file in task.tuned + task.tuned_mppi)
     return '\n'.join([
         '# External yardsticks\n', made,
         'Tasks that others define, run by their own code: `two_poles` and `three_poles` of '

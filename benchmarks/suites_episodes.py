@@ -69,11 +69,12 @@ class Task(NamedTuple):
 
     begin: Callable[[str, int], Environment]
     name: str
-    tuned: tuple[str, ...] = ()   # of config/, for all solvers
+    tuned: tuple[str, ...] = ()          # of config/
+    tuned_mppi: tuple[str, ...] = ()     # what goes on top of these for MPPI
 
 
 TASKS = {
-    'two_poles': Task(dm_control, 'two_poles', ('dm_control.yaml',)),
+    'two_poles': Task(dm_control, 'two_poles', ('dm_control.yaml',), ('dm_control_mppi.yaml',)),
     'three_poles': Task(dm_control, 'three_poles', ('dm_control_three_poles.yaml',)),
     'inverted_double_pendulum': Task(gymnasium, 'InvertedDoublePendulum-v5')}
 
@@ -131,9 +132,10 @@ def state(data: Any) -> Array:
     return np.concatenate([from_joints(data.qpos), from_joints(data.qvel)])
 
 
-def tuned(task: str) -> dict[str, Any]:
-    """Return the tuned parameters of a task; none where it has the defaults alone."""
-    return configuration.read(Path('config', file) for file in TASKS[task].tuned)['mpc']
+def tuned(task: Task, solver: str) -> dict[str, Any]:
+    """Return the tuned parameters of a task and a solver."""
+    files = task.tuned + (task.tuned_mppi if solver == 'mppi' else ())
+    return configuration.read(Path('config', file) for file in files)['mpc']
 
 
 def play(episode: Episode, steps: int = STEPS) -> Outcome:
@@ -142,7 +144,7 @@ def play(episode: Episode, steps: int = STEPS) -> Outcome:
     environment = task.begin(task.name, episode.seed)
     own = parameters(environment.model)
     controller = configuration.controller({
-        **own, **(tuned(episode.task) if episode.setup == 'tuned' else {}),
+        **own, **(tuned(task, episode.solver) if episode.setup == 'tuned' else {}),
         'estimator': 'none', 'solver': episode.solver, 'seed': episode.seed})
     u_max, rewards = own['force_limit'], list[float]()
     for n in range(steps):

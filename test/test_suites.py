@@ -88,10 +88,12 @@ def test_a_task_is_played(name, solver):
     assert outcome.total == pytest.approx(10 * sum(outcome.rewards))
 
 
-@pytest.mark.parametrize('task', suites_episodes.TASKS)
-def test_tuned_sets_are_of_the_mpc(task):
-    links = 3 if task == 'three_poles' else 2
-    configuration.complete('mpc', {'links': links, **suites_episodes.tuned(task)})
+@pytest.mark.parametrize('solver', SOLVERS)
+@pytest.mark.parametrize('name, links', [('two_poles', 2), ('three_poles', 3)])
+def test_tuned_sets_are_of_the_mpc(name, links, solver):
+    values = suites_episodes.tuned(suites_episodes.TASKS[name], solver)
+    assert values.keys() >= {'horizon', 'state_weights'}
+    configuration.complete('mpc', {'links': links, **values})
 
 
 @pytest.fixture
