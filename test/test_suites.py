@@ -102,7 +102,7 @@ def outcomes(rng):
     def outcome():
         rewards = rng.uniform(size=100)
         return Outcome(10 * rewards.sum(), suites.STEPS, tuple(rewards))
-    return {episode: outcome() for episode in suites.episodes({'tuned': 2, 'defaults': 2})}
+    return {episode: outcome() for episode in suites.episodes(2)}
 
 
 def test_the_page_has_every_line_and_what_others_publish(outcomes):
