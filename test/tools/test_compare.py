@@ -46,7 +46,7 @@ def test_one_take_over_gives_a_table_and_a_picture(bag, capsys):
     code, out, _ = compared(capsys, bag)
     assert code == 0
     rows = columns(out)
-    assert list(rows)[1:] == ['recorded ilqr', 'ilqr', 'ddp', 'mppi']
+    assert list(rows)[1:] == ['recorded ilqr', *SOLVERS]
     assert list(rows)[0].startswith('from 0.5')   # the first tick from there on
     costs = [float(row[0]) for row in list(rows.values())[1:]]
     regrets = [float(row[1]) for row in list(rows.values())[1:]]
@@ -101,9 +101,9 @@ def test_solvers_that_others_register_are_in_table_and_picture(bag, more_solvers
     code, out, _ = compared(capsys, bag, *when, '--duration', '0.3', '--output', tmp_path)
     assert code == 0
     rows = columns(out)
-    expected = ['recorded ilqr', 'ilqr', 'ddp', 'mppi', *more_solvers]
+    expected = ['recorded ilqr', *SOLVERS]
     assert expected in (list(rows)[1:], rows.get('from [s]', [])[1:])
-    named = ['recorded (iLQR)', 'iLQR', 'DDP', 'MPPI', *more_solvers]
+    named = ['recorded (iLQR)', 'iLQR', 'DDP', 'MPPI', 'sampled iLQR', *more_solvers]
     legends = [axes.get_legend() for axes in drawn[0].axes if axes.get_legend()]
     assert [text.get_text() for text in legends[-1].get_texts()] == named
     colours = [line.get_color() for line in legends[-1].get_lines()]
