@@ -43,7 +43,7 @@ evaluate: setup  ## run a campaign of episodes without ROS (EVALUATE='...' for i
 
 results: setup $(if $(filter benchmark oracle,$(or $(PAGES),benchmark)),$(VENV)/.peers)
 results: $(if $(filter rig,$(PAGES)),$(VENV)/.installed-rig)
-results: $(if $(filter suites,$(or $(PAGES),suites)),$(SUITES)/.installed)
+results: $(if $(filter suites,$(PAGES)),$(SUITES)/.installed)
 results:  ## every published figure anew, in three hours (PAGES='random robustness' for some)
 	@$(WITH_ROS) && python benchmarks/published.py $(PAGES) $(RESULTS)
 

@@ -10,7 +10,8 @@ from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.rerun.counterfactual import counterfactual, plant_at, Run, shadow
 from dp_swing_ros.solvers import SOLVERS
 
-RATES = {'ilqr': 30.0, 'ddp': 20.0, 'mppi': 20.0, 'sampled_ilqr': 20.0}  # at 30 Hz stamps are rounded
+# at 30 Hz stamps are rounded
+RATES = {'ilqr': 30.0, 'ddp': 20.0, 'mppi': 20.0, 'sampled_ilqr': 20.0}
 FAULTS = ('    position_noise: 0.002\n    velocity_noise: 0.05\n    force_noise: 1.0\n'
           '    state_loss: 0.3\n    command_loss: 0.1\n    actuator_response: 0.5\n'
           '    delay: 0.03\n')
