@@ -173,8 +173,15 @@ def same_type_by(key: Callable[[Any], Any]) -> Callable[[type], type]:
                 found[known] = typeof_impl.dispatch(tuple)(value, context)
             return found[known]
 
+        def known_type_of(value: Any) -> types.Type:
+            try:
+                return found[key(value)]
+            except KeyError:
+                raise AttributeError('_numba_type_') from None
+
         typeof_impl.register(cls)(type_of)
-        # where Numba's dispatcher looks before it asks Python
-        setattr(cls, '_numba_type_', property(type_of))
+        # Where Numba's dispatcher looks before it asks Python. It drops what this raises, also a
+        # KeyboardInterrupt that comes meanwhile, so that what takes long has no place in it.
+        setattr(cls, '_numba_type_', property(known_type_of))
         return cls
     return register

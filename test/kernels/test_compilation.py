@@ -8,9 +8,14 @@ import shutil
 import subprocess
 import sys
 import time
+from typing import NamedTuple
+
+import numba
+import pytest
 
 import dp_swing_ros
 from dp_swing_ros.kernels import kernel, now, processor
+from dp_swing_ros.kernels.compilation import same_type_by
 
 SOLVES = """
 import hashlib, math, numpy as np
@@ -69,3 +74,28 @@ def test_the_processor_is_that_of_the_features_compiled_for():
     assert told() == processor()
     assert told(NUMBA_CPU_FEATURES='+sse2') != processor()
     assert told(NUMBA_DISABLE_JIT='1') == 'interpreted'
+
+
+def test_an_interrupt_is_not_lost_while_numba_finds_a_type():
+    class Part:
+        interrupted = False
+
+    @numba.extending.typeof_impl.register(Part)
+    def _(part, context):
+        if not part.interrupted:
+            part.interrupted = True
+            raise KeyboardInterrupt
+        return numba.types.none
+
+    @same_type_by(lambda whole: len(whole))
+    class Whole(NamedTuple):
+        part: Part
+
+    @numba.njit
+    def takes(whole):
+        return 3
+
+    whole = Whole(Part())
+    with pytest.raises(KeyboardInterrupt):
+        takes(whole)
+    assert takes(whole) == takes(whole) == 3
