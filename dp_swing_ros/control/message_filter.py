@@ -27,6 +27,9 @@ STILL = 1e-9              # [m, rad] that the model moves by where the whole sta
 STUCK = 0.02              # [m, rad] the same of one position
 COUNTS = 10               # of an encoder, by which it may do so, too
 COARSEST = 0.005          # [m, rad] a count; the smallest step seen, if it is larger, is none
+# So many states one position must have been the same in: where a plant steps by forward Euler, or
+# a force comes a period late, none moves in the first period from rest.
+ALONE = 3
 SAME = 1e-4               # share by which differences may be off
 APART = 0.5               # share by which the time between two stamps may be off
 WINDOW = 0.5              # [s] for which the model is asked
@@ -111,11 +114,11 @@ class MessageFilter:
         same = (measured == last.x) | np.isnan(measured)
         moving = bool(np.nan_to_num(last.x[positions:]).any())
         limits = STUCK + COUNTS * np.where(self.counts < COARSEST, self.counts, 0.0)
-        for count, columns, limit in (
-                (_repeated(np.asarray(same.all(axis=1))), range(positions),
+        for count, least, columns, limit in (
+                (_repeated(np.asarray(same.all(axis=1))), 2, range(positions),
                  STILL if moving else limits.min()),
-                *((_repeated(same[:, i]), [i], limits[i]) for i in range(positions))):
-            if count == 1:
+                *((_repeated(same[:, i]), ALONE, [i], limits[i]) for i in range(positions))):
+            if count < least:
                 continue
             since = self.past[-count]
             # since the last one, too: what swings to and fro comes by the same place

@@ -3,12 +3,15 @@
 """Which states cannot be, at the edges of what can."""
 
 import math
+from pathlib import Path
 
 from controllers import controller, plant
 import numpy as np
 import pytest
 
+from dp_swing_ros import configuration
 from dp_swing_ros.control.message_filter import MessageFilter
+from dp_swing_ros.evaluation.metrics import measure
 from dp_swing_ros.pendulum.state import is_upright, LINKS, SIZES, upright
 from dp_swing_ros.simulation.closed_loop import simulate
 
@@ -185,3 +188,22 @@ def test_a_position_that_stands_still_at_a_turning_point_is_not_believed_for_it(
     answers = [past.rejection(time, np.array([n, 1.0, n, 1.0, v, 1.0]), swinging)
                for n, (time, v) in enumerate(zip(t, (-0.1, 0.0, 1.5, 2.0)))]
     assert answers[:3] == ['', '', ''] and 'joint1 has stood still' in answers[3]
+
+
+def test_a_position_may_stand_still_for_one_period_from_rest():
+    """As forward Euler's does in its first step, whatever the force; for two it may not."""
+    past, x = MessageFilter(2, TRACK), np.zeros(6)
+    assert past.rejection(0.0, x, moving) == ''
+    assert past.rejection(0.05, x + (0.0, 0.0, 0.0, 1.0, 1.0, 1.0), moving) == ''
+    assert 'cart has stood still' in past.rejection(0.1, x + (0, 0, 0, 2.0, 2.0, 2.0), moving)
+
+
+@pytest.mark.parametrize('solver', ['ilqr', 'ddp'])
+def test_no_state_of_the_paper_s_own_plant_is_refused(solver):
+    config = Path(__file__).parents[2] / 'config'
+    values = configuration.read([config / 'paper.yaml', config / 'paper_euler.yaml'])
+    for seed in range(3):
+        mpc = configuration.controller({**values['mpc'], 'solver': solver, 'seed': seed})
+        episode = simulate(configuration.plant(values['plant']), mpc, 3.0)
+        assert measure(episode).stand_ins == 0
+        assert measure(episode).settling_time < 2.0
