@@ -11,7 +11,7 @@ from dp_swing_ros.evaluation.campaign.contestants import Contestant, parse_all
 from dp_swing_ros.evaluation.campaign.report import markdown
 from dp_swing_ros.evaluation.campaign.rows import Row
 from dp_swing_ros.evaluation.campaign.summary import summarise
-from dp_swing_ros.evaluation.scenarios import Case, RIGS, SCENARIOS
+from dp_swing_ros.evaluation.scenarios import Case, RIGS, SCENARIOS, STRESS
 from dp_swing_ros.figures import of_campaign
 from dp_swing_ros.pendulum.state import DEFAULT_LINKS
 
@@ -69,7 +69,8 @@ CAMPAIGNS = {
          'solve_times': ('solve_times', 'Solve times')}),
     'robustness': Campaign(
         'Robustness', (*METHODS, 'tvlqr', 'nothing'),
-        tuple(name for name in SCENARIOS if name not in ('random', *RIGS)), None, {'hanging': 20},
+        tuple(name for name in SCENARIOS if name not in ('random', *STRESS, *RIGS)), None,
+        {'hanging': 20},
         {'criteria': ('robustness', 'Robustness'), 'sweeps': ('sweeps', 'Sweeps')}),
     'baselines': Campaign(
         'Baselines', (

@@ -15,6 +15,9 @@ from dp_swing_ros.tables import aligned
 
 CONFIDENCE = 0.95
 RESAMPLES = 2000  # of a bootstrap
+# what makes no difference to a user, so that within it two controllers count as equivalent
+SAME_HELD = 0.01   # of all cases
+SAME_COST = 1.05   # times the cost
 
 
 class Rate(NamedTuple):
@@ -50,12 +53,17 @@ class Paired(NamedTuple):
 
 
 class Ratio(NamedTuple):
-    """The geometric mean of paired ratios, and its 95 % interval by the bootstrap."""
+    """
+    The geometric mean of paired ratios, and its 95 % interval by the bootstrap.
+
+    same is the p of the equivalence test that it is within 1 / SAME_COST and SAME_COST.
+    """
 
     pairs: int
     value: float
     low: float
     high: float
+    same: float
 
 
 def rate(successes: Sequence[bool]) -> Rate:
@@ -94,10 +102,38 @@ def paired_ratio(a: Array, b: Array) -> Ratio:
     """
     Compare positive values of two controllers case by case, a / b, where both are known.
 
-    Shapes: a and b (N,), NaN where unknown. Source as of `paired`.
+    Equivalence is that of two one-sided t tests on the logarithms. Shapes: a and b (N,), NaN where
+    unknown. Sources as of `paired`, and Schuirmann, "A comparison of the two one-sided tests
+    procedure and the power approach ...", J. Pharmacokinetics and Biopharmaceutics 15, 1987.
     """
     logarithm = _known(np.log(a / b))
-    return Ratio(len(logarithm), *map(math.exp, _bootstrapped(logarithm, np.mean)))
+    value, low, high = map(math.exp, _bootstrapped(logarithm, np.mean))
+    return Ratio(len(logarithm), value, low, high, _within(logarithm, math.log(SAME_COST)))
+
+
+def _within(values: Array, margin: float) -> float:
+    """Return the p of the two one-sided tests that the mean of values is within a margin."""
+    if len(values) < 2:
+        return math.nan
+    if not np.ptp(values):   # without a spread the test is none
+        return float(abs(values[0]) >= margin)
+    from scipy.stats import ttest_1samp
+    return float(max(ttest_1samp(values, -margin, alternative='greater').pvalue,
+                     ttest_1samp(values, margin, alternative='less').pvalue))
+
+
+def same_held(first_only: int, second_only: int, cases: int) -> float:
+    """
+    Return the p of the equivalence test that two controllers hold the same share of all cases.
+
+    Both what only the one held and what only the other held must be shown to be less than
+    SAME_HELD of the cases, by exact binomial tests; the difference of the shares then is.
+    """
+    if not cases:
+        return math.nan
+    from scipy.stats import binomtest
+    return max(float(binomtest(count, cases, SAME_HELD, alternative='less').pvalue)
+               for count in (first_only, second_only))
 
 
 def _known(values: Array) -> Array:

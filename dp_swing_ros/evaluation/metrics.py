@@ -20,6 +20,7 @@ HOLD = 1.0  # [s] upright for less than this at the end may be passing by
 REST = 2.0  # [s] at the end of a run, over which holding is measured
 TIME_LIMIT = 0.04  # [s] for a solve, the mpc's default
 TOUCH = 1e-6  # [m] from an end stop
+CENTRE = 0.1  # [m] from the middle of the track, where the cart has settled as well
 WITHOUT_SOLVE = {status.name for status in (Status.LAST_POLICY, Status.REGULATOR, Status.ZERO)}
 
 
@@ -27,6 +28,7 @@ class Outcome(enum.Enum):
     """How a run ended; the value is a sentence for a reader."""
 
     HELD = 'upright to the end'
+    STRUCK = 'upright to the end, after it met an end stop'
     DIVERGED = 'the state left the numbers'
     NEVER_UP = 'never upright'
     NEVER_HELD = f'upright in passing, never for {HOLD:g} s'
@@ -44,8 +46,10 @@ def quantity(label: str, unit: str = '', digits: int = 2, scale: float = 1.0) ->
 class Metrics:
     """The figures of one run in SI units; NaN where they are not known."""
 
-    success: bool = quantity('upright to the end')
+    success: bool = quantity('upright to the end, no strike')
     settling_time: float = quantity('settling time', 's')
+    settling_time_with_cart: float = quantity(
+        f'settling time, the cart within {CENTRE:g} m too', 's')
     settling_offset: float = quantity('cart from the centre when settled', 'm')
     rest_offset: float = quantity(f'largest cart position, last {REST:g} s', 'm', digits=3)
     hold_error: float = quantity(f'angle error, last {REST:g} s (RMS)', 'rad', digits=4)
@@ -55,6 +59,7 @@ class Metrics:
     largest_position: float = quantity('largest position x', 'm')
     largest_angle: float = quantity('largest angle error after the start', 'rad')
     strikes: int = quantity('track strikes')
+    uptime: float = quantity('time upright', '%', digits=1, scale=100.0)
     energy: float = quantity('energy of the force, unsigned', 'J')
     impulse: float = quantity('force over time, unsigned', 'N s')
     squared_force: float = quantity('squared force over time', 'N² s', digits=1)
@@ -78,22 +83,23 @@ def measure(episode: Episode, time_limit: float = TIME_LIMIT) -> Metrics:
     Measure a run.
 
     It succeeds when all angles stay within 0.1 rad and all speeds under 1 over its last second
-    (or all of it, where it is shorter); it has settled where that last unbroken stay begins,
-    wherever the cart is then. A strike is the cart's coming to an end stop, however long it stays
-    there. A solve that takes longer than time_limit [s] misses its deadline.
+    (or all of it, where it is shorter) and the cart never met an end stop; it has settled where
+    that last unbroken stay begins, wherever the cart is then. A strike is the cart's coming to an
+    end stop, however long it stays there. A solve that takes longer than time_limit [s] misses its
+    deadline.
     """
     t, ticks = np.asarray(episode.t, dtype=float), episode.ticks
     links, U, dt = links_of(episode.X), episode.U, np.diff(t)
     X = to_turn_of(episode.X, upright(links))
-    settled = settling_time(t, X)
+    settled, struck, up = settling_time(t, X), strikes(episode), is_upright(X)
     rest = t >= t[-1] - REST if t.size else np.zeros(0, dtype=bool)
     # of the joints, as encoders see them: the angles of the state are absolute; a sum is the same
     # to the bit only in the same order
     joint_speeds = np.diff(X[:-1, links + 2:].T.copy(), axis=0, prepend=0.0)
-    at_stop = np.abs(X[:, 0]) >= episode.limits.track_limit - TOUCH
     return Metrics(
-        success=not math.isnan(settled),
+        success=not math.isnan(settled) and not struck,
         settling_time=settled,
+        settling_time_with_cart=last_stay(t, up & (np.abs(X[:, 0]) <= CENTRE)),
         settling_offset=_largest(X[t == settled, 0]),
         rest_offset=_largest(X[rest, 0]),
         hold_error=reduced(lambda errors: np.sqrt(np.mean(np.square(errors))),
@@ -104,7 +110,8 @@ def measure(episode: Episode, time_limit: float = TIME_LIMIT) -> Metrics:
         largest_force=_largest(U),
         largest_position=_largest(X[:, 0]),
         largest_angle=_largest(X[1:, angles(X)]),
-        strikes=int(np.count_nonzero(np.diff(at_stop.astype(int), prepend=0) > 0)),
+        strikes=struck,
+        uptime=reduced(np.mean, up),
         energy=float(np.sum(np.abs(np.diff(X[:, 0]) * U))),
         impulse=float(np.sum(np.abs(U) * dt)),
         squared_force=float(np.sum(U ** 2 * dt)),
@@ -129,7 +136,7 @@ def outcome(episode: Episode) -> Outcome:
     if not np.all(np.isfinite(episode.X)):
         return Outcome.DIVERGED
     if not math.isnan(settling_time(t, episode.X)):
-        return Outcome.HELD
+        return Outcome.STRUCK if strikes(episode) else Outcome.HELD
     if not up.any():
         return Outcome.NEVER_UP
     changes = np.flatnonzero(np.diff(up, prepend=False, append=False))
@@ -137,6 +144,12 @@ def outcome(episode: Episode) -> Outcome:
     if longest >= HOLD - 1e-9:
         return Outcome.FELL
     return Outcome.TOO_LATE if up[-1] else Outcome.NEVER_HELD
+
+
+def strikes(episode: Episode) -> int:
+    """Return how often the cart came to an end stop."""
+    at_stop = np.abs(episode.X[:, 0]) >= episode.limits.track_limit - TOUCH
+    return int(np.count_nonzero(np.diff(at_stop.astype(int), prepend=0) > 0))
 
 
 def settling_time(t: Array, X: Array) -> float:

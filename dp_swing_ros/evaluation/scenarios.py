@@ -24,7 +24,7 @@ from dp_swing_ros.simulation.plant import PlantParameters
 
 PHYSICAL, LIMITS = PendulumParameters(), LimitParameters()
 PERIOD = 1 / PlantParameters().rate    # [s]
-START, PUSHES, RIG = 1, 2, 3           # before the seed: streams beside those of streams.py
+START, PUSHES, RIG, RESETS = 1, 2, 3, 4  # before the seed: streams beside those of streams.py
 
 RANDOM_START = (1.0, math.pi, 1.0, 3.0)  # largest x, θ, ẋ and θ̇, either way
 NEAR_GOAL = 0.3                        # [rad] largest angle at the start of near_goal
@@ -38,6 +38,12 @@ PULSES = 3                             # in a profile of pushes
 FIRST_PUSH, LAST_PUSH, APART = 0.5, 7.0, 1.0  # [s] between their middles
 WIDTHS = (0.05, 0.1)                   # [s] standard deviations of the Gaussians
 STRONGEST_PUSH = LIMITS.force_limit / 2  # [N]
+PEAK = 'peak'                          # stands for the largest force of a profile of pushes [N]
+SEVERITY = 'severity'                  # stands for all of ALL_AT_ONCE, as a multiple of it
+OF_CASE = (PEAK, SEVERITY)             # which are no parameters of a plant
+
+SHORT_TRACK = 1.5                      # [m] either way, of `tight`
+RESET_EVERY, UNDISTURBED = 4.0, 1.0     # [s] of `uptime`, in the mean and at least
 
 
 @dataclass(frozen=True)
@@ -50,7 +56,9 @@ class Case:
     parameter: str = ''                                       # what is swept, if anything
     level: float | None = None
     plant: dict[str, Any] = field(default_factory=dict)       # parameters that differ
+    told: dict[str, Any] = field(default_factory=dict)        # which the controller knows, too
     pushes: tuple[float, ...] = ()                            # [N] one force a period
+    resets: tuple[tuple[int, tuple[float, ...]], ...] = ()    # the period, and the state then
 
 
 @dataclass(frozen=True)
@@ -75,7 +83,8 @@ class Scenario:
     What one word on the command line stands for.
 
     With sweeps it has cases for every level of each and every seed; else one for every seed.
-    `case` completes them. A criterion counts in the robustness score.
+    `case` completes them. A criterion counts in the robustness score. A case lasts `times` as
+    long as was asked for.
     """
 
     about: str
@@ -84,25 +93,32 @@ class Scenario:
     criterion: bool = False
     levels: int = LEVELS
     case: Callable[[Case, int], Case] = lambda case, links: case
+    times: int = 1
 
     def cases(self, name: str, seeds: range | None, levels: int | None,
               duration: float, links: int = DEFAULT_LINKS) -> Iterator[Case]:
         """Yield the cases, with other seeds or another number of levels where given."""
         if not self.sweeps:
             for seed in seeds or self.seeds:
-                yield self.case(Case(name, seed, duration), links)
+                yield self.case(Case(name, seed, self.times * duration), links)
         for sweep in (each for each in self.sweeps if each.links <= links):
             for level in np.linspace(sweep.low, sweep.high, levels or self.levels).tolist():
                 for seed in seeds or self.seeds:
-                    yield self.case(Case(name, seed, duration, sweep.parameter, level,
+                    yield self.case(Case(name, seed, self.times * duration, sweep.parameter, level,
                                          sweep.plant(level, links)), links)
 
 
 def random_start(case: Case, links: int) -> Case:
     """Start anywhere."""
+    return replace(case, plant={'initial_state': anywhere(
+        np.random.default_rng((START, case.seed)), links)})
+
+
+def anywhere(random: np.random.Generator, links: int) -> tuple[float, ...]:
+    """Return a state (2n + 2,) that is drawn from all of RANDOM_START."""
     largest = np.repeat(RANDOM_START, (1, links, 1, links))
-    x = np.random.default_rng((START, case.seed)).uniform(-largest, largest)
-    return replace(case, plant={'initial_state': tuple(x.tolist())})
+    x: Array = random.uniform(-largest, largest)
+    return tuple(x.tolist())
 
 
 def near_goal(case: Case, links: int) -> Case:
@@ -128,6 +144,42 @@ def push_profile(seed: int, periods: int) -> Array:
     widths = random.uniform(*WIDTHS, PULSES)
     t = PERIOD * (np.arange(periods) + 0.5)
     return np.exp(-0.5 * ((t[:, None] - middles) / widths) ** 2) @ peaks
+
+
+def strongly_pushed(case: Case, links: int) -> Case:
+    """Push the cart by the profile of `pushes`, its peaks within the level [N] either way."""
+    assert case.level is not None
+    profile = push_profile(case.seed, round(case.duration / PERIOD))
+    return replace(case, pushes=tuple((case.level / STRONGEST_PUSH * profile).tolist()))
+
+
+def tight(case: Case, links: int) -> Case:
+    """Shorten the track and weaken the force, which the controller knows."""
+    return replace(case, plant={}, told={**case.plant, 'track_limit': SHORT_TRACK})
+
+
+def with_resets(case: Case, links: int) -> Case:
+    """Put the pendulum anywhere at random times."""
+    random = np.random.default_rng((RESETS, case.seed))
+    count = round(case.duration / RESET_EVERY)
+    slack = max(case.duration - (count + 1) * UNDISTURBED, 0.0)
+    times = np.sort(random.uniform(0, slack, count)) + UNDISTURBED * (1 + np.arange(count))
+    return replace(case, resets=tuple(
+        (round(t / PERIOD), anywhere(random, links)) for t in times.tolist()))
+
+
+def severe(case: Case, links: int) -> Case:
+    """Let all of ALL_AT_ONCE be wrong, so many times."""
+    assert case.level is not None
+    s, counts = case.level, ALL_AT_ONCE['encoder_counts']
+    of = {**ALL_AT_ONCE, 'engine': 'own', 'encoder_counts': round(counts / s)}
+    for name in ('actuation_delay', 'motor_time_constant', 'cart_dry_friction', JOINT,
+                 'force_bias'):
+        low, high = of[name]
+        of[name] = s * low, s * high
+    low, high = of['force_gain']
+    return rig(replace(case, plant={}), links, s * of.pop('body_error'), **{
+        **of, 'force_gain': (1 - s * (1 - low), 1 + s * (high - 1))})
 
 
 def rig(case: Case, links: int, body_error: float = 0.0, **parameters: Any) -> Case:
@@ -164,6 +216,8 @@ def rig_with(about: str, body_error: float = 0.0, sweep: Sweep | None = None,
 
 def names_of(parameter: str, links: int) -> tuple[str, ...]:
     """Return the parameters that one stands for."""
+    if parameter in OF_CASE:
+        return ()
     return of_each('joint{}_dry_friction', links) if parameter == JOINT else (parameter,)
 
 
@@ -211,6 +265,22 @@ SCENARIOS: dict[str, Scenario] = {
                      (Sweep('state_loss', 0.0, 0.5), Sweep('command_loss', 0.0, 0.5))),
     'jitter': Scenario('forces that come late by chance', range(5),
                        (Sweep('command_jitter', 0.0, 0.05, 's'),)),
+    'strong_pushes': Scenario(
+        'the profiles of `pushes`, stronger than the drive', range(25),
+        (Sweep(PEAK, 10.0, 40.0, 'N'),), levels=4, case=strongly_pushed),
+    'tight': Scenario(
+        f'{SHORT_TRACK:g} m of track either way and a weak force, both known to the controller',
+        range(25), (Sweep('force_limit', 6.0, 12.0, 'N'),), levels=4, case=tight),
+    'position_noise': Scenario('noise on the measured positions', range(20), (
+        Sweep('position_noise', 0.0, 0.02, 'm, rad'),), levels=5),
+    'unknown_delay': Scenario('forces act late, by what no controller is told', range(20), (
+        Sweep('actuation_delay', 0.0, 0.1, 's'),), levels=5),
+    'all_at_once': Scenario(
+        'half to twice of what is wrong with `rig_all`, on our own plant', range(25),
+        (Sweep(SEVERITY, 0.5, 2.0),), levels=4, case=severe),
+    'uptime': Scenario(
+        f'every {RESET_EVERY:g} s in the mean somebody puts the pendulum anywhere; 60 s',
+        range(20), case=with_resets, times=6),
     'rig_clean': rig_with('nothing is wrong'),
     'rig_delay': rig_with('forces act 0 to 50 ms late', actuation_delay=(0.0, 0.05)),
     'rig_lag': rig_with('forces lag', sweep=Sweep('motor_time_constant', 0.025, 0.05, 's')),
@@ -229,4 +299,5 @@ SCENARIOS: dict[str, Scenario] = {
     'rig_gain': rig_with('a force 0.7 to 1.3 times as large', force_gain=(0.7, 1.3)),
     'rig_all': rig_with('all of it at once', **ALL_AT_ONCE),
     'rig_all_fast': rig_with('all of it at once, states at 100 Hz', rate=100.0, **ALL_AT_ONCE)}
+STRESS = ('strong_pushes', 'tight', 'position_noise', 'unknown_delay', 'all_at_once', 'uptime')
 RIGS = [name for name in SCENARIOS if name.startswith('rig_')]   # which need MuJoCo

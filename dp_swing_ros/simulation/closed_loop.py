@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The closed loop of plant and controller without ROS."""
 
+from collections.abc import Mapping
 from typing import Callable, Protocol
 
 import numpy as np
@@ -28,13 +29,16 @@ class Controller(Protocol):
 
 def simulate(plant: Plant, controller: Controller, duration: float, solver: str = '',
              on_tick: Callable[[float, Plan], None] | None = None,
-             pushes: Array | None = None) -> Episode:
+             pushes: Array | None = None,
+             resets: Mapping[int, Array] | None = None) -> Episode:
     """
     Run the closed loop for a time [s] in lockstep, and return the true states and forces.
 
     The first tick is when the first measurement can have arrived; before, the force is zero.
     on_tick is called with the time and the plan of every tick; pushes are the forces [N] on the
-    cart beside the actuator's, one for each period. Raises ValueError where they are not.
+    cart beside the actuator's, one for each period; resets are states (2n + 2,) that somebody puts
+    the pendulum in, by the number of the period that begins there. Raises ValueError where pushes
+    are not that many.
     """
     period = 1 / plant.parameters.rate
     count = round(duration / period)
@@ -45,6 +49,9 @@ def simulate(plant: Plant, controller: Controller, duration: float, solver: str 
                          f'forces [N], one for each period of {period:g} s')
     t, X, U, plans = [plant.t], [plant.x.copy()], [], []
     for n in range(count):
+        if resets and n in resets:
+            plant.place(resets[n])
+            X[-1] = plant.x.copy()
         plan = answer(plant, controller)
         if plan is not None:
             plant.obey(plan.first_force(plant.limits.force_limit))

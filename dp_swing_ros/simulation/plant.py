@@ -181,6 +181,12 @@ class Plant:
         self.past: deque[Measurement] = deque([Measurement(0.0, self.x.copy())])
         self.begin_period(0.0)
 
+    def place(self, x: Array) -> None:
+        """Put the pendulum in another state (2n + 2,), while time and forces go on."""
+        self.x = np.array(x, dtype=float)
+        self.past[-1] = Measurement(self.t, self.x.copy())
+        self.shafts = None
+
     def begin_period(self, push: float) -> None:
         """Draw the noise of a new period, and push the cart through it [N]."""
         self.noise = self.force_noise.normal(0.0, self.parameters.force_noise)

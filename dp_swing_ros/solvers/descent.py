@@ -46,7 +46,7 @@ class DDPParameters(DescentParameters):
     """What ends a descent, and what it expands to second order."""
 
     hessian: str = parameter(
-        'gauss_newton', 'Hessian of the cost; gauss_newton leaves out the curvature of the angle '
+        'exact', 'Hessian of the cost; gauss_newton leaves out the curvature of the angle '
         'errors, so that the dynamics alone are expanded to second order',
         choices=lambda: ['exact', 'gauss_newton'])
 

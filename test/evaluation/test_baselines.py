@@ -8,6 +8,7 @@ import pytest
 from dp_swing_ros import configuration
 from dp_swing_ros.evaluation.baselines import BASELINES, stabilised, swing_up, TVLQR
 from dp_swing_ros.evaluation.metrics import measure
+from dp_swing_ros.pendulum.equations import energy
 from dp_swing_ros.pendulum.state import hanging, is_upright
 from dp_swing_ros.problem.plan import Status
 from dp_swing_ros.simulation.closed_loop import simulate
@@ -87,20 +88,42 @@ def test_without_a_state_it_goes_on_with_what_it_predicted(reference):
 
 @pytest.mark.parametrize('name', BASELINES)
 def test_a_state_may_be_lost_before_the_first(name):
-    controller = BASELINES[name](PROBLEM)(0)
+    controller = BASELINES[name]({})(0)
     assert controller.fallback(0.0).first_force(20.0) == 0.0
 
 
 @pytest.mark.parametrize('name', BASELINES)
 def test_a_baseline_closes_the_loop_of_a_plant_that_loses_messages(name):
     plant = configuration.plant({'state_loss': 0.3, 'command_loss': 0.3, 'delay': 0.04})
-    episode = simulate(plant, BASELINES[name](PROBLEM)(0), 2.0)
+    episode = simulate(plant, BASELINES[name]({})(0), 2.0)
     assert np.all(np.isfinite(episode.X))
     assert measure(episode).stand_ins > 0 or name == 'nothing'
 
 
+def test_the_estimator_keeps_a_swing_up_on_its_way_that_noise_leads_astray():
+    def held(name):
+        make = BASELINES[name]({})
+        return sum(measure(simulate(configuration.plant(
+            {'velocity_noise': 0.2, 'seed': seed}), make(seed), 6.0)).success
+            for seed in range(4))
+    assert held('tvlqr') < held('tvlqr_ekf') == 4
+
+
+def test_the_energy_comes_to_that_of_upright():
+    controller = BASELINES['energy_ekf']({})(0)
+    episode = simulate(configuration.plant({}), controller, 10.0)
+    p = PROBLEM.model.pendulum
+    still = np.where(np.arange(6) == 3, 0.0, episode.X)   # in the frame of the cart
+    energies = [energy(p, x) for x in still.tolist()]
+    lacking = energy(p, hanging().tolist()) - energy(p, [0.0] * 6)
+    assert energies[0] == pytest.approx(energy(p, hanging().tolist()))
+    reached = np.abs(np.array(energies[100:]) - energy(p, [0.0] * 6))
+    assert np.median(reached) < 0.2 * abs(lacking)
+    assert measure(episode).strikes == 0
+
+
 def test_nothing_does_nothing():
-    episode = simulate(configuration.plant({}), BASELINES['nothing'](PROBLEM)(0), 2.0)
+    episode = simulate(configuration.plant({}), BASELINES['nothing']({})(0), 2.0)
     np.testing.assert_array_equal(episode.U, 0.0)
 
 

@@ -9,7 +9,7 @@ import pytest
 from synthetic import first, swing_up
 
 from dp_swing_ros.evaluation.comparison import (
-    median, paired, paired_ratio, rate, sign_test, spread, summary, table)
+    median, paired, paired_ratio, rate, same_held, sign_test, spread, summary, table)
 from dp_swing_ros.evaluation.metrics import measure
 
 
@@ -22,7 +22,7 @@ def test_table_has_a_column_a_run_and_a_row_a_metric():
     assert all(line.count('|') == 5 for line in lines)
     cells = {line.split('|')[1].strip(): [cell.strip() for cell in line.split('|')[2:-1]]
              for line in lines}
-    assert cells['upright to the end'] == ['', 'yes', 'no']
+    assert cells['upright to the end, no strike'] == ['', 'yes', 'no']
     assert cells['settling time'] == ['s', f'{metrics.settling_time:.2f}', '-']
     assert cells['solve time, median'] == ['ms', '2.00', f'{1e3 * failed.median_solve_time:.2f}']
 
@@ -72,8 +72,30 @@ def test_a_paired_ratio_is_that_of_the_cases_whatever_their_size(rng):
     found = paired_ratio(0.9 * b * np.exp(rng.normal(0, 0.1, 61)), b)
     assert found.pairs == 60
     assert found.low < 0.9 < found.high < found.low + 0.1
-    assert paired_ratio(b, b)[1:] == (1.0, 1.0, 1.0)
+    assert paired_ratio(b, b)[1:] == (1.0, 1.0, 1.0, 0.0)
     assert math.isnan(paired_ratio(b[:1], b[:1]).low)
+
+
+def test_equivalence_is_shown_by_many_close_pairs_and_not_by_few(rng):
+    """A large p of a test for a difference shows nothing; this one has to be small."""
+    close = np.exp(rng.normal(0, 0.2, 1000))
+    assert paired_ratio(close, np.ones(1000)).same < 1e-3
+    assert paired_ratio(close[:10], np.ones(10)).same > 0.05
+    assert paired_ratio(1.1 * close, np.ones(1000)).same > 0.5
+    assert paired_ratio(np.full(3, 1.06), np.ones(3)).same == 1.0
+
+
+def test_the_equivalence_of_costs_is_rejected_at_its_edge_in_one_of_twenty(rng):
+    p = [paired_ratio(1.05 * np.exp(rng.normal(0, 0.1, 50)), np.ones(50)).same
+         for _ in range(400)]
+    assert 0.02 < np.mean(np.array(p) < 0.05) < 0.09
+
+
+def test_the_same_is_held_where_few_of_many_cases_differ():
+    """Rule of three: none of n shows less than 3 / n with 95 %."""
+    assert same_held(0, 0, 300) < 0.05 < same_held(0, 0, 295)
+    assert same_held(2, 3, 1000) < 0.05 < same_held(2, 30, 1000)
+    assert math.isnan(same_held(0, 0, 0))
 
 
 def test_the_interval_of_a_ratio_is_that_of_95_percent(rng):

@@ -10,6 +10,7 @@ from synthetic import first, PERIOD, swing_up, without_ticks
 
 from dp_swing_ros import configuration
 from dp_swing_ros.evaluation.metrics import measure, Outcome, outcome, settling_time
+from dp_swing_ros.pendulum.state import is_upright
 from dp_swing_ros.problem.cost import running
 
 
@@ -164,6 +165,21 @@ def test_a_strike_is_an_entry_into_the_end_stop():
     assert measure(with_state(once, 0, [2.4, 3, 3, 0, 0, 0])).strikes == 2
 
 
+def test_who_met_an_end_stop_has_not_held():
+    struck = with_state(swing_up(), 3, [-2.4, 3, 3, 0, 0, 0])
+    metrics = measure(struck)
+    assert not metrics.success
+    assert metrics.settling_time == measure(swing_up()).settling_time
+    assert outcome(struck) is Outcome.STRUCK
+
+
+def test_time_upright_is_a_share_of_the_states():
+    episode = swing_up()
+    assert measure(episode).uptime == np.mean(is_upright(episode.X))
+    fallen = with_state(episode, slice(-10, None), [0, 3, 3, 0, 0, 0])
+    assert measure(fallen).uptime == pytest.approx(measure(episode).uptime - 10 / 81)
+
+
 def test_the_cart_may_be_off_the_centre_when_settled():
     episode = swing_up()
     X = episode.X.copy()
@@ -171,6 +187,12 @@ def test_the_cart_may_be_off_the_centre_when_settled():
     metrics = measure(dataclasses.replace(episode, X=X))
     assert metrics.settling_offset == -X[round(metrics.settling_time / PERIOD), 0] > 0.3
     assert math.isnan(measure(first(swing_up(), 30)).settling_offset)
+    near = np.flatnonzero(X[:, 0] >= -0.1)[0]
+    assert math.isnan(metrics.settling_time_with_cart)   # the stay is shorter than a second
+    longer = np.vstack([X, np.zeros((20, 6))])
+    t = PERIOD * np.arange(len(longer))
+    assert measure(dataclasses.replace(
+        episode, t=t, X=longer, U=np.zeros(len(t) - 1))).settling_time_with_cart == t[near]
 
 
 def test_the_closed_loop_cost_is_that_of_the_default_problem(rng):

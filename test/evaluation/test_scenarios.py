@@ -121,6 +121,41 @@ def test_every_profile_is_a_level():
     assert found[0].pushes != found[1].pushes
 
 
+def test_strong_pushes_are_the_same_profiles_but_stronger():
+    weak, strong = cases('strong_pushes', range(3, 4), 2)
+    assert (weak.level, strong.level) == (10.0, 40.0)
+    np.testing.assert_allclose(weak.pushes, push_profile(3, 200))
+    np.testing.assert_allclose(strong.pushes, 4 * np.array(weak.pushes))
+    assert not weak.plant
+
+
+def test_a_tight_track_is_known_to_plant_and_controller():
+    weakest, *_ = cases('tight', range(1))
+    assert (weakest.told, weakest.plant) == ({'force_limit': 6.0, 'track_limit': 1.5}, {})
+
+
+def test_all_at_once_grows_with_its_level():
+    half, twice = cases('all_at_once', range(7, 8), 2)
+    configuration.plant(twice.plant)
+    assert twice.plant['engine'] == half.plant['engine'] == 'own'
+    assert (half.plant['encoder_counts'], twice.plant['encoder_counts']) == (8192, 2048)
+    for name, nominal in (('actuation_delay', 0.0), ('force_gain', 1.0), ('link1_mass', 0.5),
+                          ('force_bias', 0.0), ('joint1_dry_friction', 0.0)):
+        assert twice.plant[name] - nominal == pytest.approx(4 * (half.plant[name] - nominal))
+
+
+def test_resets_come_at_random_times_a_second_apart_at_least():
+    for case in cases('uptime', range(5)):
+        periods = [n for n, _ in case.resets]
+        assert case.duration == 60.0
+        assert len(periods) == 15
+        assert min(np.diff([0, *periods, 1200])) >= 19
+        assert len({len(x) for _, x in case.resets}) == 1
+    one, other = cases('uptime', range(2))
+    assert one.resets != other.resets
+    assert not cases('uptime', range(1), duration=0.1)[0].resets
+
+
 RIGS = [name for name in SCENARIOS if name.startswith('rig_')]
 NOMINAL = vars(PendulumParameters()) | vars(DriveParameters()) | vars(PlantParameters())
 RANGES = {

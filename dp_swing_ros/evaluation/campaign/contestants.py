@@ -3,7 +3,7 @@
 """Contestants: who controls the pendulum, with which parameters; and the episodes they play."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 import re
 from typing import Any
@@ -42,7 +42,7 @@ class Contestant:
         if self.name in SOLVERS:
             return lambda seed: configuration.controller(
                 {**self.mpc, 'solver': self.name, 'seed': seed})
-        return BASELINES[self.name](configuration.problem(self.mpc))
+        return BASELINES[self.name](self.mpc)
 
 
 def parse(text: str) -> Contestant:
@@ -96,10 +96,14 @@ def play(contestant: Contestant, case: Case) -> Row:
 
 def simulated(contestant: Contestant, case: Case) -> Episode:
     """Run an episode; raises ParameterError, and ValueError for a case that does not fit."""
+    if case.told:
+        contestant = replace(contestant, mpc={**contestant.mpc, **case.told})
     controller = ready(contestant)(case.seed)
-    plant = configuration.plant({**contestant.plant, **case.plant, 'seed': case.seed})
+    plant = configuration.plant(
+        {**contestant.plant, **case.told, **case.plant, 'seed': case.seed})
     return simulate(plant, controller, case.duration, contestant.name,
-                    pushes=np.array(case.pushes) if case.pushes else None)
+                    pushes=np.array(case.pushes) if case.pushes else None,
+                    resets={n: np.array(x) for n, x in case.resets})
 
 
 def measured(contestant: Contestant, case: Case, episode: Episode) -> Row:

@@ -9,31 +9,38 @@ import math
 from dp_swing_ros.evaluation.campaign.rows import grouped
 from dp_swing_ros.evaluation.campaign.summary import (
     CRITERIA, DROP, Duel, Failure, Level, NEAR_GOAL, Standing, Summary)
-from dp_swing_ros.evaluation.comparison import Paired, Rate, Ratio
+from dp_swing_ros.evaluation.comparison import Paired, Rate, Ratio, SAME_COST, SAME_HELD
 from dp_swing_ros.evaluation.scenarios import PROFILE, SCENARIOS
 from dp_swing_ros.tables import compact
 
 NOTES = """\
-An episode is held when all angles are within 0.1 rad and all speeds below 1 over its last second;
-it has settled where that last stay begins, with the cart off the centre as in the column. In
+An episode is held when all angles are within 0.1 rad and all speeds below 1 over its last second
+and the cart met no end stop; it has settled where that last stay begins, with the cart off the
+centre as in the column, and with the cart where it is within 0.1 m of it, too. In
 brackets are Wilson's 95 % intervals; nothing is run twice. Medians are over the held episodes,
 what is largest over all; force steps are the standard deviation of Δu over the last 2 s (hold) and
 over all of the run. A strike is the cart's meeting an end stop; counted are those of all episodes.
+Up is the mean share of all episodes' time that was spent upright.
 Σℓ is the running cost over the episode, by the default weights for everybody. A miss is a solve
 over the time limit of the mpc."""
 
-DUELS = """\
+DUELS = f"""\
 On the same cases: what one held and the other did not, with the p of McNemar's exact test, and
 where both held, the median difference (first less second) with its 95 % interval (bootstrap) and
 the p of the sign test, and the ratio of the closed-loop costs Σℓ (first over second, geometric
-mean of the cases) with its 95 % interval (bootstrap). The p are of one test each: among twenty of
-them one below 0.05 is to be expected by chance."""
+mean of the cases) with its 95 % interval (bootstrap). A large p shows no equality; that two are
+equivalent is a test of its own: that they hold the same cases but for less than
+{100 * SAME_HELD:.0f} % either way (exact binomial tests), and that the costs differ by less than
+{100 * (SAME_COST - 1):.0f} % (two one-sided t tests of the logarithms), each at 0.05. The p are of
+one test each: among twenty of them one below 0.05 is to be expected by chance."""
 
 AGAINST = f"""\
 Pairs are the episodes of the same contestant, scenario, level and seed; identical are those whose
 rows are equal to the bit, the clock apart. The first of two is now, the second as stored.
 
 {DUELS}"""
+
+SHOWN = 0.05   # the p below which a test shows what it is for
 
 SCORES = ('Performance is the mean over `hanging`; robustness the mean of the six fractions of '
           'levels that pass, with more than half of their runs.')
@@ -80,14 +87,18 @@ def share(rate: Rate, digits: int = 1) -> str:
 
 def _standings(standings: list[Standing]) -> str:
     return compact([
-        ('contestant', 'held', 'settling [s]', 'off [m]', 'hold error [mrad]',
-         'force step: hold, run [N]', 'largest u [N], x [m], θ [rad]', 'strikes', 'Σℓ',
+        ('contestant', 'held', 'settling, with the cart [s]', 'off [m]', 'hold error [mrad]',
+         'force step: hold, run [N]', 'largest u [N], x [m], θ [rad]', 'strikes', 'up [%]',
+         'Σℓ',
          'Σabs(Δx u) [J]', '∫abs(u) [N s]', '∫u² [N² s]', 'solve: median, p99, largest [ms]',
          'misses', 'stand-ins'),
-        *((f'`{one.contestant}`', share(one.held), number(one.medians['settling_time']),
+        *((f'`{one.contestant}`', share(one.held),
+           ', '.join(number(one.medians[name]) for name in (
+               'settling_time', 'settling_time_with_cart')),
            number(one.medians['settling_offset']), number(one.medians['hold_error'], 2, 1e3),
            ', '.join(number(one.medians[name], 3) for name in ('smoothness', 'roughness')),
            ', '.join(number(value) for value in one.extremes.values()), str(one.strikes),
+           number(one.uptime, 1, 100.0),
            number(one.medians['closed_loop_cost'], 0),
            number(one.medians['energy'], 1), number(one.medians['impulse'], 1),
            number(one.medians['squared_force'], 0),
@@ -134,9 +145,10 @@ def failing(levels: Sequence[Level]) -> str:
 def _duels(summary: Summary) -> str:
     return compact([
         ('scenario', 'first', 'second', 'cases', 'only first held', 'only second held', 'p',
-         'settling [s]', 'force step at hold [N]', 'force step over the run [N]', 'Σℓ, ratio'),
+         'equivalent', 'settling [s]', 'force step at hold [N]', 'force step over the run [N]',
+         'Σℓ, ratio'),
         *((one.scenario, f'`{one.first}`', f'`{one.second}`', str(one.cases),
-           str(one.first_only), str(one.second_only), probability(one.p),
+           str(one.first_only), str(one.second_only), probability(one.p), verdict(one.same),
            *(difference(of) for of in one.differences.values()), ratio(one.cost))
           for one in summary.duels)])
 
@@ -152,9 +164,15 @@ def difference(of: Paired) -> str:
         f'{of.median:+.2g} ({of.low:+.2g} to {of.high:+.2g}), p {probability(of.p)}')
 
 
+def verdict(p: float) -> str:
+    """Return what an equivalence test of this p shows, for a cell."""
+    return f'{"yes" if p < SHOWN else "not shown"}, p {probability(p)}' if p == p else '-'
+
+
 def ratio(of: Ratio) -> str:
-    """Return a paired ratio for a cell."""
-    return '-' if math.isnan(of.low) else f'{of.value:.3f} ({of.low:.3f} to {of.high:.3f})'
+    """Return a paired ratio for a cell, and whether it is shown to be one."""
+    return '-' if math.isnan(of.low) else (
+        f'{of.value:.3f} ({of.low:.3f} to {of.high:.3f}), equivalent: {verdict(of.same)}')
 
 
 def failures(found: Sequence[Failure]) -> str:

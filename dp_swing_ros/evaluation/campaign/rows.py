@@ -65,6 +65,7 @@ UNKNOWN = Metrics(*(NOTHING[kind] for kind in KINDS))  # of an episode that rais
 # what a clock decides, and not the seed
 CLOCKED = ('median_solve_time', 'p99_solve_time', 'largest_solve_time', 'median_latency',
            'p99_latency', 'late_ticks', 'deadline_misses')
+OPTIONAL = {field.name for field in dataclasses.fields(Metrics) if field.type is float}
 COLUMNS = [*Key._fields, 'outcome', 'detail',
            *(field.name for field in dataclasses.fields(Metrics)), 'solve_times_us']
 
@@ -134,7 +135,11 @@ def store(path: Path, rows: Iterable[Row]) -> None:
 
 
 def read(path: Path) -> list[Row]:
-    """Read the whole rows of a table, compressed or not; raises CampaignError for another."""
+    """
+    Read the whole rows of a table, compressed or not; raises CampaignError for another.
+
+    A measure that an older table has no column of is unknown.
+    """
     data = path.read_bytes()
     if path.suffix == '.gz':
         try:
@@ -143,12 +148,12 @@ def read(path: Path) -> list[Row]:
             raise CampaignError(f'{path} cannot be decompressed: {error}') from None
     lines = csv.reader(io.StringIO(data[:_whole(data)].decode(errors='replace'), newline=''))
     header = next(lines, COLUMNS)
-    if header != COLUMNS:
+    if set(header) - set(COLUMNS) or set(COLUMNS) - set(header) - OPTIONAL:
         raise CampaignError(f'{path} is not the table of a campaign of this version')
     rows = []
     for number, cells in enumerate(lines, 2):
         try:
-            rows.append(_row(cells))
+            rows.append(_row(dict(zip(header, cells, strict=True))))
         except ValueError as error:
             raise CampaignError(f'{path}, line {number}: {error}; remove the line for the episode '
                                 'to be run again') from None
@@ -172,11 +177,13 @@ def _whole(data: bytes) -> int:
     return data.rfind(b'\n') + 1
 
 
-def _row(cells: list[str]) -> Row:
-    contestant, scenario, parameter, level, seed, outcome, detail, *measured, ticks = cells
+def _row(cells: dict[str, str]) -> Row:
+    contestant, scenario, parameter, level, seed = (cells[name] for name in Key._fields)
     key = Key(contestant, scenario, parameter, float(level) if level else None, int(seed))
-    metrics = Metrics(*(_value(*each) for each in zip(KINDS, measured, strict=True)))
-    return Row(key, outcome, detail, metrics, MICRO * np.array(ticks.split(), dtype=float))
+    metrics = Metrics(**{field.name: _value(field.type, cells.get(field.name, ''))
+                         for field in dataclasses.fields(Metrics)})
+    return Row(key, cells['outcome'], cells['detail'], metrics,
+               MICRO * np.array(cells['solve_times_us'].split(), dtype=float))
 
 
 def _text(value: Any) -> str:

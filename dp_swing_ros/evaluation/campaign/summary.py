@@ -20,13 +20,14 @@ import numpy as np
 from dp_swing_ros.evaluation.campaign.rows import (
     CampaignError, ERROR, grouped, identical, Key, Row, solves)
 from dp_swing_ros.evaluation.comparison import (
-    Paired, paired, paired_ratio, Rate, rate, Ratio, sign_test)
+    Paired, paired, paired_ratio, Rate, rate, Ratio, same_held, sign_test)
 from dp_swing_ros.evaluation.metrics import Metrics, Outcome, quantile, reduced
 from dp_swing_ros.evaluation.scenarios import PROFILE, SCENARIOS
 from dp_swing_ros.pendulum.state import Array
 
 OF_HELD = ('settling_time', 'rest_offset', 'hold_error', 'smoothness', 'roughness', 'energy',
-           'impulse', 'squared_force', 'squared_speed', 'closed_loop_cost', 'settling_offset')
+           'impulse', 'squared_force', 'squared_speed', 'closed_loop_cost', 'settling_offset',
+           'settling_time_with_cart')
 OF_ALL = ('largest_force', 'largest_position', 'largest_angle')
 OF_SOLVES = {'median': 0.5, 'p99': 0.99, 'largest': 1.0}
 SWEPT = ['', PROFILE, *(sweep.parameter for scenario in SCENARIOS.values()
@@ -58,7 +59,8 @@ class Standing(NamedTuple):
     How a contestant did in a scenario.
 
     Medians are over the runs that were held, extremes over all; solve times over all solves [s];
-    strikes are the track strikes of all runs together.
+    strikes are the track strikes of all runs together, uptime is the mean share of their time
+    upright.
     Dropped are the seeds of a start near the goal from which an angle went beyond DROP.
     """
 
@@ -71,6 +73,7 @@ class Standing(NamedTuple):
     solve_time: dict[str, float]
     solves: int
     strikes: int
+    uptime: float
     deadline_misses: int
     stand_ins: int
     sweeps: dict[str, list[Level]]
@@ -87,7 +90,11 @@ class Score(NamedTuple):
 
 
 class Duel(NamedTuple):
-    """Two contestants on the same cases: who held what the other did not, and by how much."""
+    """
+    Two contestants on the same cases: who held what the other did not, and by how much.
+
+    p is of the test that they differ in that, same of the one that they do not.
+    """
 
     scenario: str
     first: str
@@ -96,6 +103,7 @@ class Duel(NamedTuple):
     first_only: int
     second_only: int
     p: float
+    same: float
     differences: dict[str, Paired]  # first less second
     cost: Ratio                     # of the closed-loop costs, first over second
 
@@ -151,6 +159,7 @@ def standing(contestant: str, scenario: str, rows: Sequence[Row]) -> Standing:
         {name: reduced(np.max, _known(rows, name)) for name in OF_ALL},
         {name: quantile(times, part) for name, part in OF_SOLVES.items()},
         len(times), sum(row.metrics.strikes for row in rows),
+        reduced(np.mean, _known(rows, 'uptime')),
         sum(row.metrics.deadline_misses for row in rows),
         sum(row.metrics.stand_ins for row in rows), levels(rows),
         [row.key.seed for row in rows if scenario == NEAR_GOAL
@@ -213,6 +222,7 @@ def duel(scenario: str, first: str, second: str, pairs: Sequence[tuple[Row, Row]
     one, other = [pair[0] for pair in held], [pair[1] for pair in held]
     return Duel(
         scenario, first, second, len(pairs), won, lost, sign_test(won, lost),
+        same_held(won, lost, len(pairs)),
         {name: paired(_values(one, name), _values(other, name)) for name in COMPARED},
         paired_ratio(_values(one, 'closed_loop_cost'), _values(other, 'closed_loop_cost')))
 
@@ -244,8 +254,8 @@ def why(row: Row) -> str:
     """Return why an episode was not held."""
     if row.outcome == ERROR:
         return row.detail
-    stop = ', after it met an end stop' if row.metrics.strikes else ''
-    return Outcome[row.outcome].value + stop
+    met = row.metrics.strikes and row.outcome != Outcome.STRUCK.name
+    return Outcome[row.outcome].value + (', after it met an end stop' if met else '')
 
 
 def plain(value: Any) -> Any:

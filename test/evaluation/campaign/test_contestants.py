@@ -45,8 +45,8 @@ def test_a_baseline_is_built_on_the_same_problem():
 
 
 @pytest.mark.parametrize('text, words', [
-    ('sqp', ["'sqp'", 'ilqr, ddp, mppi, sampled_ilqr, tvlqr, nothing']), ('', ['LABEL=']),
-    (':x', ['LABEL=']), ('ilqr:none.yaml', ['none.yaml'])])
+    ('sqp', ["'sqp'", 'ilqr, ddp, mppi, sampled_ilqr, tvlqr, tvlqr_ekf, energy_ekf']),
+    ('', ['LABEL=']), (':x', ['LABEL=']), ('ilqr:none.yaml', ['none.yaml'])])
 def test_what_is_no_contestant_is_refused(text, words):
     with pytest.raises(ParameterError) as error:
         parse(text)

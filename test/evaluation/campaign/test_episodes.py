@@ -4,8 +4,9 @@ import dataclasses
 
 import numpy as np
 
-from dp_swing_ros.evaluation.campaign.contestants import parse, play
+from dp_swing_ros.evaluation.campaign.contestants import parse, play, simulated
 from dp_swing_ros.evaluation.campaign.rows import ERROR, identical
+from dp_swing_ros.evaluation.metrics import measure
 from dp_swing_ros.evaluation.scenarios import Case, SCENARIOS
 
 
@@ -36,6 +37,25 @@ def test_pushes_reach_the_cart():
     assert play(parse('nothing'), Case('pushes', 0, 1.0, pushes=pushes)).metrics.energy == 0.0
     assert play(parse('nothing'), Case('pushes', 0, 1.0, pushes=pushes)
                 ).metrics.largest_position > 0.5
+
+
+def test_what_is_told_holds_for_plant_and_controller():
+    case = Case('tight', 0, 3.0, told={'force_limit': 6.0, 'track_limit': 1.5})
+    row = play(parse('ilqr'), case)
+    assert row.metrics.largest_force <= 6.0
+    assert row.metrics.strikes == 0
+    assert play(parse('ilqr'), dataclasses.replace(case, plant=case.told, told={})
+                ).metrics.closed_loop_cost != row.metrics.closed_loop_cost
+
+
+def test_a_reset_puts_the_pendulum_there_and_it_comes_up_again():
+    there = (0.5, 3.0, 2.0, 0.0, 1.0, -1.0)
+    case = Case('uptime', 0, 8.0, resets=((70, there),))
+    episode = simulated(parse('ilqr'), case)
+    np.testing.assert_array_equal(episode.X[70], there)
+    metrics = measure(episode)
+    assert metrics.success and metrics.settling_time > 4.0
+    assert metrics.uptime > 0.3
 
 
 def test_a_deadline_is_that_of_the_mpc():

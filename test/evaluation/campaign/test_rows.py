@@ -1,10 +1,13 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
+import dataclasses
+import math
 from pathlib import Path
 import subprocess
 import sys
 
 import numpy as np
+import pandas as pd
 import pytest
 from results import error_row, row, same
 
@@ -108,6 +111,20 @@ def test_another_table_is_refused(tmp_path):
     path.write_text('seed,success\n1,1\n')
     with pytest.raises(CampaignError, match='not the table'):
         Table(path)
+
+
+def test_a_measure_that_an_older_table_lacks_is_unknown(tmp_path):
+    path = tmp_path / 'episodes.csv'
+    write(path, row())
+    table = pd.read_csv(path)
+    table.drop(columns='uptime').to_csv(path, index=False)
+    found, = read(path)
+    assert math.isnan(found.metrics.uptime)
+    assert identical(dataclasses.replace(found, metrics=dataclasses.replace(
+        found.metrics, uptime=row().metrics.uptime)), row())
+    table.drop(columns='strikes').to_csv(path, index=False)
+    with pytest.raises(CampaignError, match='not the table'):
+        read(path)
 
 
 def test_a_broken_line_is_named(tmp_path):
