@@ -18,6 +18,7 @@ from dp_swing_ros.pendulum.state import DEFAULT_LINKS
 CONFIG = Path(__file__).parents[1] / 'config'
 DURATION = 10.0  # [s]
 METHODS = ('ilqr', 'ddp', 'mppi')   # the paper's, which the pages compare
+TEXTBOOK = f'mppi_textbook=mppi:{CONFIG / "textbook_mppi.yaml"}'
 
 
 class Campaign(NamedTuple):
@@ -76,9 +77,13 @@ CAMPAIGNS = {
         'Baselines', (
             *METHODS, paper('ilqr'), paper('ddp'), paper('mppi', 'paper_mppi'),
             paper('ilqr', 'paper_euler'), paper('ddp', 'paper_euler'),
-            paper('mppi', 'paper_mppi', 'paper_euler'), 'tvlqr', 'nothing'),
+            paper('mppi', 'paper_mppi', 'paper_euler'), 'tvlqr', 'tvlqr_ekf', 'energy_ekf',
+            'nothing'),
         ('hanging', 'random', 'near_goal', 'pushes'), range(20), {'hanging': 20},
-        {'successes': ('baselines', 'Baselines')})}
+        {'successes': ('baselines', 'Baselines')}),
+    'stress': Campaign(
+        'Stress', (*METHODS, 'sampled_ilqr', TEXTBOOK, 'tvlqr', 'tvlqr_ekf', 'energy_ekf'), STRESS,
+        None, {}, {'sweeps': ('stress', 'What is held, by level')})}
 
 
 def page(name: str, rows: Sequence[Row], made: str, figures: Path) -> str:

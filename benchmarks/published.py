@@ -16,6 +16,7 @@ import sys
 import time
 from typing import NamedTuple
 
+import ablation
 import benchmark
 import campaigns
 import choices
@@ -55,8 +56,9 @@ class Page(NamedTuple):
     write: Callable[[Path, Path], None]
 
 
-OF_ROWS = {'choices': choices.page, 'links': links.page, 'near_goal': near_goal.page}
-PICTURES = {'near_goal': near_goal.picture}   # of those
+OF_ROWS = {'ablation': ablation.page, 'choices': choices.page, 'links': links.page,
+           'near_goal': near_goal.page}
+PICTURES = {'ablation': ablation.picture, 'near_goal': near_goal.picture}   # of those
 
 
 def of_rows(name: str, minutes: float) -> Page:
@@ -109,6 +111,8 @@ PAGES = {
     'baselines': of_rows('baselines', 4),
     'links': of_rows('links', 6),
     'choices': of_rows('choices', 5),
+    'stress': of_rows('stress', 12),
+    'ablation': of_rows('ablation', 12),
     'oracle': of_script('oracle', 13, *oracle.FILES),
     'near_goal': of_rows('near_goal', 1),
     'rig': of_rigs(50),

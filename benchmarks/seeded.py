@@ -7,6 +7,7 @@ import hashlib
 from pathlib import Path
 from typing import NamedTuple
 
+import ablation
 import campaigns
 import choices
 import links
@@ -39,6 +40,7 @@ SEEDED = {
     **{name: Seeded(campaign.episodes, campaign.is_timed)
        for name, campaign in campaigns.CAMPAIGNS.items()},
     'near_goal': Seeded(near_goal.episodes, lambda case: False),
+    'ablation': Seeded(ablation.episodes, lambda case: False),
     'choices': Seeded(choices.episodes, lambda case: False),
     'links': Seeded(links.episodes, links.is_timed),
     'rig': Seeded(rig.episodes, lambda case: False, (*provenance.COMPUTING, 'mujoco')),
