@@ -65,6 +65,7 @@ class Verdict(NamedTuple):
     angle: float              # [rad] the largest on the way
     position: float           # [m]
     force: float              # [N]
+    cost: float               # Σℓ of the run, as that of any other
 
 
 class Program:
@@ -120,8 +121,9 @@ def verdict(problem: Problem, program: Program, case: Case) -> Verdict:
         metrics = tried(problem, case, X, U)
         if metrics is not None:
             return Verdict(case.seed, True, guesses, iterations, metrics.largest_angle,
-                           metrics.largest_position, metrics.largest_force)
-    return Verdict(case.seed, False, len(ENDS), iterations, np.nan, np.nan, np.nan)
+                           metrics.largest_position, metrics.largest_force,
+                           metrics.closed_loop_cost)
+    return Verdict(case.seed, False, len(ENDS), iterations, *[np.nan] * 4)
 
 
 def tried(problem: Problem, case: Case, X: Array, U: Array) -> Metrics | None:
@@ -147,10 +149,12 @@ def page(verdicts: Sequence[Verdict], made: str) -> str:
         return (share(rate([one in some for one in verdicts])),
                 f'{np.median(iterations):.0f} ({max(iterations)})')
     rows = [('start', 'how many', 'IPOPT: iterations, median (largest)', 'angle on the way [rad]',
-             'largest position [m]', 'seeds'),
+             'largest position [m]', 'closed-loop cost, median (largest)', 'seeds'),
             ('can be held', *counted(held), f'{max(one.angle for one in held):.3f}',
-             f'{max(one.position for one in held):.2f}', spans(one.seed for one in held)),
-            ('none found', *counted(others), '-', '-', spans(one.seed for one in others))]
+             f'{max(one.position for one in held):.2f}',
+             f'{np.median([one.cost for one in held]):.0f} ({max(one.cost for one in held):.0f})',
+             spans(one.seed for one in held)),
+            ('none found', *counted(others), '-', '-', '-', spans(one.seed for one in others))]
     return '\n'.join([
         '# What can be held near the goal\n', made,
         'An oracle that shares no solver with us says which of the starts of '

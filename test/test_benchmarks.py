@@ -272,17 +272,51 @@ def test_the_oracle_finds_what_can_be_held():
     found, = oracle.judged([easy])
     stored, = (one for one in oracle.read(near_goal.VERDICTS) if one.seed == 1)
     assert found.held and found.angle == pytest.approx(stored.angle, abs=1e-3)
+    assert found.cost == pytest.approx(stored.cost, rel=1e-3)
 
 
 def test_near_the_goal_counts_what_the_oracle_holds():
-    possible, none_found = near_goal.judged()
-    assert possible | none_found == set(range(100)) and possible.isdisjoint(none_found)
+    costs, none_found = near_goal.judged()
+    assert costs.keys() | none_found == set(range(100)) and none_found.isdisjoint(costs)
     rows = read(near_goal.VERDICTS.with_name('near_goal.csv.gz'))
     held = near_goal.held_by(rows)
-    assert all(of <= possible | none_found for of in held.values())
+    assert all(of <= costs.keys() | none_found for of in held.values())
     page = near_goal.page(rows, 'made')
     for name, of in held.items():
-        assert f'| `{name}` | {len(of & possible)} of {len(possible)} ' in page
+        assert f'| `{name}` | {len(of & costs.keys())} of {len(costs)} ' in page
+    dropped = near_goal.drops(rows, costs)
+    assert {(one.solver, one.seed) for one in dropped} == {
+        (name, seed) for name, of in held.items() for seed in costs.keys() - of}
+    assert all(str(one) in page for one in dropped) and near_goal.reasons(dropped) in page
+
+
+def test_near_the_goal_says_why_starts_are_dropped():
+    cheaper = [near_goal.Drop('ilqr', seed, 0.41 + seed / 100, True, 0.2 + seed / 10)
+               for seed in range(3)]
+    dearer = near_goal.Drop('mppi', 2, 3.1, True, 6.5)
+    lost = near_goal.Drop('ddp', 7, 3.1, False, 0.9)
+    assert str(cheaper[1]) == '1: 0.42 rad at 0.30' and 'falls' in str(lost)
+    all_three = near_goal.reasons([*cheaper, dearer, lost])
+    assert all_three.startswith('5 runs drop starts that the oracle holds, 4 starts in all. 3 of')
+    assert "(`ilqr` 0-2) are upright to the end and cost 0.20 to 0.40 of the oracle's" in all_three
+    assert 'leaning 0.41 to 0.43 rad is cheaper' in all_three
+    assert "1 (`mppi` 2) cost 6.50 times the oracle's" in all_three
+    assert all_three.endswith('1 (`ddp` 7) fall, or strike an end of the track.')
+    assert 'cheaper' not in near_goal.reasons([lost])
+    assert 'worse' not in near_goal.reasons([*cheaper, lost])
+    assert near_goal.reasons([]) == 'No solver drops a start that the oracle holds.'
+
+
+def test_near_the_goal_takes_costs_from_rows_and_oracle():
+    row = next(row for row in read(near_goal.VERDICTS.with_name('near_goal.csv.gz'))
+               if row.metrics.success)
+    metrics = replace(row.metrics, largest_angle=0.5, closed_loop_cost=300.0)
+    runs = [replace(row, metrics=metrics),
+            replace(row, metrics=replace(metrics, strikes=1)),
+            replace(row, metrics=replace(metrics, largest_angle=0.2))]
+    drops = near_goal.drops(runs, {row.key.seed: 200.0})
+    assert [(one.ratio, one.upright) for one in drops] == [(1.5, True), (1.5, False)]
+    assert near_goal.drops(runs, {}) == []
 
 
 def test_splines_go_through_their_knots_and_keep_lines():
