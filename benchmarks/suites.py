@@ -16,6 +16,7 @@ import json
 from pathlib import Path
 from typing import NamedTuple
 
+from campaigns import METHODS
 from joblib import delayed, Parallel
 from matplotlib.figure import Figure
 import numpy as np
@@ -27,11 +28,10 @@ from tqdm import tqdm
 from dp_swing_ros import provenance
 from dp_swing_ros.evaluation.comparison import CONFIDENCE, RESAMPLES
 from dp_swing_ros.figures.style import colours, FAINT, name_lines, solver_name, styled
-from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tables import compact
 
 PYTHON = stamp.TOP / '.venv-suites' / 'bin' / 'python'
-FILES = 'suites.py', 'suites_episodes.py'
+FILES = 'suites.py', 'suites_episodes.py', 'campaigns.py'
 PACKAGES = (*provenance.COMPUTING, 'dm_control', 'gymnasium', 'mujoco')
 EPISODES = {'two_poles': {'tuned': 100, 'defaults': 20},    # of each solver
             'three_poles': {'tuned': 50, 'defaults': 20},   # which take ten times as long
@@ -75,7 +75,7 @@ def sources() -> str:
 def episodes(most: int | None = None) -> list[Episode]:
     """Return the episodes of all lines of the page, so many of each at most."""
     return [Episode(task, setup, solver, seed) for task, counts in EPISODES.items()
-            for setup, count in counts.items() for solver in SOLVERS
+            for setup, count in counts.items() for solver in METHODS
             for seed in range(count)[:most]]
 
 
@@ -136,7 +136,7 @@ def mean(totals: Sequence[float]) -> str:
 def lines(task: str, outcomes: Outcomes) -> Iterable[tuple[str, ...]]:
     """Return the lines of a task: ours, then what others publish."""
     for setup in EPISODES[task]:
-        for solver in SOLVERS:
+        for solver in METHODS:
             of = [outcome for episode, outcome in outcomes.items()
                   if episode[:3] == (task, setup, solver)]
             totals = [outcome.total for outcome in of]
@@ -181,10 +181,10 @@ def page(outcomes: Outcomes, made: str) -> str:
 @styled
 def picture(outcomes: Outcomes) -> Figure:
     """Show what each step pays in the tasks that swing up."""
-    colour = colours(SOLVERS)
+    colour = colours(METHODS)
     figure = Figure((7.2, 2.8), layout='constrained')
     for axes, task in zip(figure.subplots(1, len(SHOWN), sharey=True), SHOWN):
-        for solver in SOLVERS:
+        for solver in METHODS:
             rewards = np.array([outcome.rewards for episode, outcome in outcomes.items()
                                 if episode[:3] == (task, 'tuned', solver)])
             steps = TOGETHER * (np.arange(rewards.shape[1]) + 0.5)
@@ -195,7 +195,7 @@ def picture(outcomes: Outcomes) -> Figure:
         axes.set(title=task, xlabel='step', xlim=(0, STEPS), ylim=(0, 1.05))
         axes.grid()
     figure.axes[0].set_ylabel('reward')
-    name_lines(figure, {solver_name(solver): {'color': colour[solver]} for solver in SOLVERS})
+    name_lines(figure, {solver_name(solver): {'color': colour[solver]} for solver in METHODS})
     return figure
 
 

@@ -5,6 +5,7 @@
 from importlib.util import find_spec
 import re
 
+from campaigns import METHODS
 import numpy as np
 import published
 import pytest
@@ -14,7 +15,6 @@ from suites_episodes import Episode, Outcome
 
 from dp_swing_ros import configuration
 from dp_swing_ros.pendulum.model import rollout
-from dp_swing_ros.solvers import SOLVERS
 
 # two capsules on a box with a motor, made by nobody's suite: links of different make and length
 MJCF = """
@@ -81,14 +81,14 @@ def test_a_task_moves_as_what_is_read_from_its_model(name, rng):
 
 
 @pytest.mark.parametrize('name', of_tasks())
-@pytest.mark.parametrize('solver', SOLVERS)
+@pytest.mark.parametrize('solver', METHODS)
 def test_a_task_is_played(name, solver):
     outcome = suites_episodes.play(Episode(name, 'defaults', solver, 0), steps=30)
     assert outcome.steps == 30
     assert outcome.total == pytest.approx(10 * sum(outcome.rewards))
 
 
-@pytest.mark.parametrize('solver', SOLVERS)
+@pytest.mark.parametrize('solver', METHODS)
 @pytest.mark.parametrize('name, links', [('two_poles', 2), ('three_poles', 3)])
 def test_tuned_sets_are_of_the_mpc(name, links, solver):
     values = suites_episodes.tuned(suites_episodes.TASKS[name], solver)
@@ -108,7 +108,7 @@ def outcomes(rng):
 def test_the_page_has_every_line_and_what_others_publish(outcomes):
     page = suites.page(outcomes, 'made\n')
     for task in suites_episodes.TASKS:
-        for solver in SOLVERS:
+        for solver in METHODS:
             totals = [outcome.total for episode, outcome in outcomes.items()
                       if episode[:3] == (task, 'defaults', solver)]
             line, = re.findall(rf'^\| `{task}` \| `{solver}`, defaults \| .*', page, re.M)
@@ -120,7 +120,7 @@ def test_the_page_has_every_line_and_what_others_publish(outcomes):
 def test_the_picture_shows_every_solver(outcomes):
     figure = suites.picture(outcomes)
     assert [axes.get_title() for axes in figure.axes] == list(suites.SHOWN)
-    assert all(len(axes.lines) == len(SOLVERS) + 1 for axes in figure.axes)
+    assert all(len(axes.lines) == len(METHODS) + 1 for axes in figure.axes)
 
 
 def test_episodes_are_gone_on_with(tmp_path, monkeypatch, outcomes):
