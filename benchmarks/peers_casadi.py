@@ -71,6 +71,20 @@ def functions(problem: Problem) -> tuple[Any, Any, Any]:
             ca.Function('l_f', [x], [ca.bilin(cost.P, e, e) + margin]))
 
 
+def compiled(solver: Any, folder: Path) -> str:
+    """Let CasADi write a solver's functions as C code, compile it, and return the library."""
+    import casadi as ca
+
+    code = ca.CodeGenerator('program.c')
+    for function in (solver.oracle(), *map(solver.get_function, solver.get_function())):
+        code.add(function)
+    code.generate(f'{folder}/')
+    source, library = folder / 'program.c', folder / 'program.so'
+    assert COMPILER is not None
+    subprocess.run([COMPILER, *FLAGS, str(source), '-o', str(library)], check=True)
+    return str(library)
+
+
 class Guess(NamedTuple):
     """The state that a plan starts from, and the trajectory that a solver starts from."""
 
@@ -112,19 +126,9 @@ class Program:
             del self.options['expand']   # nothing is left to expand
 
     def compiled(self) -> str:
-        """Let CasADi write C code, compile it, and return the path of the library."""
-        import casadi as ca
-
+        """Return the library of its own C code."""
         self.folder = tempfile.TemporaryDirectory()   # which lives as long as the program
-        source, solver = Path(self.folder.name) / 'program.c', self.solver(False, 1)
-        code = ca.CodeGenerator(source.name)
-        for function in (solver.oracle(), *map(solver.get_function, solver.get_function())):
-            code.add(function)
-        code.generate(f'{self.folder.name}/')
-        library = source.with_suffix('.so')
-        assert COMPILER is not None
-        subprocess.run([COMPILER, *FLAGS, str(source), '-o', str(library)], check=True)
-        return str(library)
+        return compiled(self.solver(False, 1), Path(self.folder.name))
 
     @functools.cache
     def solver(self, warm: bool, iterations: int) -> Any:
