@@ -187,8 +187,7 @@ def page(optima: Sequence[Optimum], made: str) -> str:
 
 def read(path: Path) -> list[Optimum]:
     """Return stored optima."""
-    return [Optimum(*row) for row in
-            pd.read_csv(path, float_precision='round_trip').itertuples(index=False)]
+    return [Optimum(*row) for row in pd.read_csv(path).itertuples(index=False)]
 
 
 def main() -> None:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import ablation
 import campaigns
 import choices
+import compute
 import links
 import near_goal
 import paper_experiments
@@ -44,7 +45,8 @@ SEEDED = {
     'choices': Seeded(choices.episodes, lambda case: False),
     'links': Seeded(links.episodes, links.is_timed),
     'rig': Seeded(rig.episodes, lambda case: False, (*provenance.COMPUTING, 'mujoco')),
-    'paper': Seeded(paper_experiments.episodes, lambda case: False)}
+    'paper': Seeded(paper_experiments.episodes, lambda case: False),
+    'compute': Seeded(compute.episodes, compute.is_timed)}
 
 
 def sources(page: str) -> str:
