@@ -83,7 +83,8 @@ CAMPAIGNS = {
         {'successes': ('baselines', 'Baselines')}),
     'stress': Campaign(
         'Stress', (*METHODS, 'sampled_ilqr', TEXTBOOK, 'tvlqr', 'tvlqr_ekf', 'energy_ekf'), STRESS,
-        None, {}, {'sweeps': ('stress', 'What is held, by level')})}
+        None, {}, {'sweeps': ('stress', 'What is held, by level')}),
+    'fresh': Campaign('Fresh seeds', METHODS[:1], ('random',), range(10_000, 20_000), {}, {})}
 
 
 def page(name: str, rows: Sequence[Row], made: str, figures: Path) -> str:

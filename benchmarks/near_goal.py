@@ -59,7 +59,7 @@ class Drop(NamedTuple):
 def drops(rows: Sequence[Row], costs: Mapping[int, float]) -> list[Drop]:
     """Return the runs that are not held, of the seeds that the oracle holds at these costs."""
     return [Drop(row.key.contestant, row.key.seed, row.metrics.largest_angle,
-                 row.metrics.success and not row.metrics.strikes,
+                 row.metrics.success,
                  row.metrics.closed_loop_cost / costs[row.key.seed])
             for row in rows if row.key.seed in costs and not oracle.is_held(row.metrics)]
 

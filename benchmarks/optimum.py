@@ -134,7 +134,7 @@ def played(problem: Problem, case: Case, found: Found) -> float:
     controller = TVLQR(problem, stabilised(problem, plan))
     controller.joined = 0.0
     metrics = measure(simulate(configuration.plant(case.plant), controller, case.duration))
-    return metrics.closed_loop_cost if metrics.success and not metrics.strikes else np.nan
+    return metrics.closed_loop_cost if metrics.success else np.nan
 
 
 def optimum(library: str, case: Case, guesses: int = GUESSES) -> Optimum:

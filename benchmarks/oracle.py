@@ -137,7 +137,7 @@ def tried(problem: Problem, case: Case, X: Array, U: Array) -> Metrics | None:
 
 def is_held(metrics: Metrics) -> bool:
     """Return whether a run near the goal is held, without a strike and without being dropped."""
-    return metrics.success and not metrics.strikes and metrics.largest_angle <= DROP
+    return metrics.success and metrics.largest_angle <= DROP
 
 
 def page(verdicts: Sequence[Verdict], made: str) -> str:

@@ -20,14 +20,19 @@ import ablation
 import benchmark
 import campaigns
 import choices
+import compute
+import convergence
 import links
+import methods
 import near_goal
+import optimum
 import oracle
 import pandas as pd
 import readme
 import rig
 import seeded
 import stamp
+import suites
 
 from dp_swing_ros.evaluation.campaign.rows import CampaignError, Row, store
 from dp_swing_ros.executables import INTERRUPTED
@@ -56,9 +61,10 @@ class Page(NamedTuple):
     write: Callable[[Path, Path], None]
 
 
-OF_ROWS = {'ablation': ablation.page, 'choices': choices.page, 'links': links.page,
-           'near_goal': near_goal.page}
-PICTURES = {'ablation': ablation.picture, 'near_goal': near_goal.picture}   # of those
+OF_ROWS = {'ablation': ablation.page, 'choices': choices.page, 'compute': compute.page,
+           'links': links.page, 'near_goal': near_goal.page}
+PICTURES = {'ablation': ablation.picture, 'compute': compute.picture,
+            'near_goal': near_goal.picture}   # of those
 
 
 def of_rows(name: str, minutes: float) -> Page:
@@ -113,8 +119,14 @@ PAGES = {
     'choices': of_rows('choices', 5),
     'stress': of_rows('stress', 12),
     'ablation': of_rows('ablation', 12),
+    'fresh': of_rows('fresh', 18),
     'oracle': of_script('oracle', 13, *oracle.FILES),
     'near_goal': of_rows('near_goal', 1),
+    'optimum': of_script('optimum', 20, *optimum.FILES),
+    'compute': of_rows('compute', 35),
+    'convergence': of_script('convergence', 6, *convergence.FILES),
+    'methods': of_script('methods', 1, *methods.FILES, sources=methods.sources),
+    'suites': of_script('suites', 45, *suites.FILES, sources=suites.sources, python=suites.PYTHON),
     'rig': of_rigs(50),
     'paper': of_script('paper', 7, 'paper.py', sources=lambda: seeded.sources('paper')),
     'real_time': of_script('real_time', 9, 'real_time.py', 'campaigns.py'),

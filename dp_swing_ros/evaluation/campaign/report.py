@@ -145,12 +145,12 @@ def failing(levels: Sequence[Level]) -> str:
 def _duels(summary: Summary) -> str:
     return compact([
         ('scenario', 'first', 'second', 'cases', 'only first held', 'only second held', 'p',
-         'equivalent', 'settling [s]', 'force step at hold [N]', 'force step over the run [N]',
-         'Σℓ, ratio'),
+         'the same held', 'settling [s]', 'force step at hold [N]', 'force step over the run [N]',
+         'Σℓ, ratio', 'equivalent'),
         *((one.scenario, f'`{one.first}`', f'`{one.second}`', str(one.cases),
            str(one.first_only), str(one.second_only), probability(one.p), verdict(one.same),
-           *(difference(of) for of in one.differences.values()), ratio(one.cost))
-          for one in summary.duels)])
+           *(difference(of) for of in one.differences.values()), ratio(one.cost),
+           verdict(one.cost.same)) for one in summary.duels)])
 
 
 def probability(p: float) -> str:
@@ -170,9 +170,8 @@ def verdict(p: float) -> str:
 
 
 def ratio(of: Ratio) -> str:
-    """Return a paired ratio for a cell, and whether it is shown to be one."""
-    return '-' if math.isnan(of.low) else (
-        f'{of.value:.3f} ({of.low:.3f} to {of.high:.3f}), equivalent: {verdict(of.same)}')
+    """Return a paired ratio for a cell."""
+    return '-' if math.isnan(of.low) else f'{of.value:.3f} ({of.low:.3f} to {of.high:.3f})'
 
 
 def failures(found: Sequence[Failure]) -> str:

@@ -1,0 +1,167 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Which method, when: what the pages of random starts, of stress and of computing time say together.
+
+Nothing is played here; the rows are those that these pages store.
+"""
+
+import argparse
+from collections.abc import Mapping, Sequence
+import hashlib
+from pathlib import Path
+
+from campaigns import METHODS
+import compute
+from matplotlib.figure import Figure
+import numpy as np
+import stamp
+
+from dp_swing_ros.evaluation.campaign.report import number, ratio, share, verdict
+from dp_swing_ros.evaluation.campaign.rows import grouped, read, Row, solves
+from dp_swing_ros.evaluation.campaign.summary import common
+from dp_swing_ros.evaluation.comparison import paired_ratio, Rate, rate, Ratio
+from dp_swing_ros.evaluation.metrics import quantile
+from dp_swing_ros.evaluation.scenarios import STRESS
+from dp_swing_ros.figures.style import as_share, colours, FAINT, name_lines, solver_name, styled
+from dp_swing_ros.tables import compact
+
+RESULTS = stamp.TOP / 'docs' / 'results'
+PAGES = 'random', 'stress', 'compute'
+FILES = 'methods.py', 'compute.py', 'optimum.py'
+FIRST = METHODS[0]          # whom the others are compared with
+SHOWN = (*METHODS, 'sampled_ilqr', 'mppi_textbook')
+LADDERS = {'mppi_textbook': compute.TEXTBOOK}   # that compute.py names otherwise
+BUDGETS = 1.0, 4.0, 20.0    # [ms]
+
+Stored = Mapping[str, Sequence[Row]]
+
+
+def sources() -> str:
+    """Return a digest of all that decides the page: code and rows."""
+    digest = hashlib.sha256(stamp.sources_with(*FILES).encode())
+    for page in PAGES:
+        digest.update((RESULTS / f'{page}.csv.gz').read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def stored() -> Stored:
+    """Return the rows of the pages."""
+    return {page: read(RESULTS / f'{page}.csv.gz') for page in PAGES}
+
+
+def of(rows: Sequence[Row], method: str, scenario: str = '') -> list[Row]:
+    """Return the rows of a method, in a scenario if one is named."""
+    return [row for row in rows if row.key.contestant == method
+            and scenario in ('', row.key.scenario)]
+
+
+def held(rows: Sequence[Row]) -> Rate:
+    """Return how many were held."""
+    return rate([row.metrics.success for row in rows])
+
+
+def cost(rows: Sequence[Row], method: str, scenario: str = '') -> Ratio:
+    """Return the closed-loop cost of a method over that of FIRST, where both held."""
+    pairs = [pair for pair in common(of(rows, method, scenario), of(rows, FIRST, scenario))
+             if all(row.metrics.success for row in pair)]
+    ours, first = (np.array([row.metrics.closed_loop_cost for row in side])
+                   for side in zip(*pairs)) if pairs else (np.zeros(0), np.zeros(0))
+    return paired_ratio(ours, first)
+
+
+def page(rows: Stored, made: str) -> str:
+    """Return the page."""
+    lines = []
+    for method in SHOWN:
+        starts = of(rows['random'], method)
+        starts_cost = cost(rows['random'], method)
+        lines.append((
+            f'`{method}`', share(held(starts)) if starts else '-', ratio(starts_cost),
+            verdict(starts_cost.same) if method != FIRST else '-',
+            number(quantile(solves(starts), 0.99), 1, 1e3) if starts else '-',
+            share(held(of(rows['stress'], method))), ratio(cost(rows['stress'], method))))
+    by_scenario = [(
+        f'`{method}`', *(f'{one.successes} of {one.runs}' for one in (
+            held(of(rows['stress'], method, scenario)) for scenario in STRESS)))
+        for method in grouped(rows['stress'], lambda row: row.key.contestant)]
+    ladders = climbed(rows)
+    within = [(f'`{method}`', *(compute.within(ladders[method], budget) for budget in BUDGETS))
+              for method in SHOWN if method in ladders]
+    return '\n'.join([
+        '# Which method, when\n', made,
+        'Put together from the pages of [random starts](random.md), [stress](stress.md) and '
+        '[computing time](compute.md), each with its rows; what follows from it: '
+        '[evaluation](../evaluation.md#which-method-when).\n',
+        '![Success under stress, closed-loop cost beside iLQR, cost against computing time]'
+        '(../figures/methods.png)\n',
+        f'Σℓ is the closed-loop cost over that of `{FIRST}` on the same cases, where both held: '
+        'geometric mean, 95 % interval (bootstrap); equivalent is what an equivalence test shows '
+        'to be within 5 %. Stress is all of '
+        f'{", ".join(f"`{name}`" for name in STRESS)}.\n',
+        compact([('method', 'random starts held', 'Σℓ', 'equivalent', 'solve, p99 [ms]',
+                  'stress held', 'Σℓ under stress'), *lines]) + '\n',
+        'Held, by scenario:\n',
+        compact([('method', *(f'`{name}`' for name in STRESS)), *by_scenario]) + '\n',
+        'The cost over the least that is known, with so long a solve (median, in the swing-up) at '
+        'most:\n',
+        compact([('method', *(f'{budget:g} ms' for budget in BUDGETS)), *within]), ''])
+
+
+def climbed(rows: Stored) -> dict[str, list[compute.Result]]:
+    """Return the rungs of each method that SHOWN has, under the names there."""
+    found = grouped(compute.results(rows['compute'], compute.least_known(rows['compute'])),
+                    lambda one: one.rung.method)
+    return {method: found[name] for method in SHOWN
+            if (name := LADDERS.get(method, method)) in found}
+
+
+@styled
+def picture(rows: Stored) -> Figure:
+    """Show success under stress, cost beside the first method, and cost against time."""
+    names = {method: solver_name(LADDERS.get(method, method)) for method in SHOWN}
+    colour, apart = colours(SHOWN), np.linspace(-0.3, 0.3, len(SHOWN))
+    figure = Figure((9.6, 3.9), layout='constrained')
+    success, beside, time = figure.subplots(1, 3, width_ratios=(1.3, 1.3, 1))
+    places = -np.arange(len(STRESS) + 1)
+    for n, method in enumerate(SHOWN):
+        of_all = [('random', ''), *(('stress', scenario) for scenario in STRESS)]
+        for y, (source, scenario) in zip(places - apart[n], of_all):
+            some = of(rows[source], method, scenario)
+            if not some:
+                continue
+            one, against = held(some), cost(rows[source], method, scenario)
+            success.plot([one.low, one.high], [y, y], color=colour[method], linewidth=1)
+            success.plot(one.successes / one.runs, y, 'o', color=colour[method], markersize=3.5)
+            beside.plot([against.low, against.high], [y, y], color=colour[method], linewidth=1)
+            beside.plot(against.value, y, 'o', color=colour[method], markersize=3.5)
+    for method, rungs in climbed(rows).items():
+        time.plot([one.time for one in rungs], [one.cost.value for one in rungs], 'o-',
+                  color=colour[method], markersize=3, linewidth=1.2)
+    success.set(title='held', yticks=places, yticklabels=['random starts', *STRESS])
+    as_share(success, 'x')
+    beside.axvline(1, color=FAINT, linewidth=1)
+    beside.set(title=f'cost over that of {names[FIRST]}', yticks=places, yticklabels=[])
+    time.set(title='cost over the least known', xlabel='median solve [ms]', xscale='log',
+             yscale='log')
+    time.set_yticks(compute.RATIOS, [f'{value:g}' for value in compute.RATIOS])
+    time.minorticks_off()
+    for axes in (success, beside, time):
+        axes.grid()
+    name_lines(figure, {names[method]: {'color': colour[method], 'marker': 'o'}
+                        for method in SHOWN}, entry=1.6)
+    return figure
+
+
+def main() -> None:
+    """Write the page."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('--docs', type=Path, default=stamp.TOP / 'docs')
+    docs, rows = parser.parse_args().docs, stored()
+    picture(rows).savefig(docs / 'figures' / 'methods.png')
+    (docs / 'results' / 'methods.md').write_text(page(rows, stamp.made(
+        'methods', sources())), encoding='utf-8')
+
+
+if __name__ == '__main__':
+    main()
