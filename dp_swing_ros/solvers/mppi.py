@@ -16,7 +16,6 @@ from dataclasses import dataclass
 import time
 
 import numpy as np
-from scipy.linalg import solve_toeplitz
 
 from dp_swing_ros.kernels import kernel
 from dp_swing_ros.parameters import parameter, ParameterError
@@ -129,6 +128,22 @@ def weights(J: Array, temperature: float) -> Array:
     return w / np.sum(w)
 
 
+def times_precision(U: Array, correlation: float) -> Array:
+    """
+    Return Σ⁻¹ U of a noise of unit variance and covariance ρ^|s - t|; U (N,) -> (N,).
+
+    Of an AR(1) process the inverse has three diagonals.
+    """
+    neighbours = np.zeros_like(U)
+    neighbours[1:] += U[:-1]
+    neighbours[:-1] += U[1:]
+    square = correlation ** 2
+    found = (1 + square) * U - correlation * neighbours
+    found[0] -= square * U[0]
+    found[-1] -= square * U[-1]
+    return found / (1 - square)
+
+
 class MPPI:
     """The solver; its random generator is all the state that it holds."""
 
@@ -142,6 +157,8 @@ class MPPI:
         """
         self.problem, self.parameters, self.random = problem, parameters, generator(seed)
         self.samples = samples_of(problem, parameters, 'mppi')
+        variance = parameters.sigma ** 2
+        self.certainty = np.divide(1, variance, out=np.zeros_like(variance), where=variance > 0)
 
     def solve(self, x_0: Array, warm_start: Plan | None, deadline: float) -> Plan:
         """Return the cheapest of the warm start, averages and samples; see Solver.solve."""
@@ -184,8 +201,5 @@ class MPPI:
 
         Σ is the covariance of the noise over time. Shapes: U (N,) -> (K,).
         """
-        correlations = self.parameters.noise_correlation ** np.arange(len(U))
-        direction = solve_toeplitz(correlations, U)
-        along = self.samples.along(direction) - U @ direction
-        variance = self.parameters.sigma ** 2
-        return np.divide(along, variance, out=np.zeros_like(variance), where=variance > 0)
+        direction = times_precision(U, self.parameters.noise_correlation)
+        return self.certainty * (self.samples.along(direction) - U @ direction)
