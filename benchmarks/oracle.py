@@ -13,7 +13,7 @@ still be there.
 """
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -39,15 +39,28 @@ from dp_swing_ros.simulation.plant import Plant
 from dp_swing_ros.tables import compact
 
 DURATION = 10.0               # [s]
-N = 80                        # steps of 50 ms until it is at rest
+PERIOD = 0.05                 # [s] of a step
 ENDS = (0.0, 2.2, -2.2)       # [m] where the cart goes in a guess
 SPARE = 1e-4                  # [rad] from the bound, for rounding
 SHORT = 5e-3                  # [m] from the ends of the track, for what is between two steps
 ITERATIONS = 150              # four times what those take that succeed
 FILES = 'oracle.py', 'peers_casadi.py'
 OPTIONS: dict[str, Any] = {
-    'ipopt.print_level': 0, 'ipopt.sb': 'yes', 'ipopt.tol': 1e-9, 'ipopt.max_iter': ITERATIONS,
-    'print_time': False, 'error_on_fail': False}
+    'ipopt.print_level': 0, 'ipopt.sb': 'yes', 'ipopt.tol': 1e-9, 'print_time': False,
+    'error_on_fail': False}
+
+
+class Aim(NamedTuple):
+    """What a trajectory is to do; by default, to hold what starts near the goal."""
+
+    steps: int = 80                  # of PERIOD until it is at rest
+    angle: float = DROP - SPARE      # [rad] the largest on the way
+    to_centre: bool = False          # whether the cart is there in the end
+    share: float = 1.0               # of the force that it may use; the rest is left for feedback
+    iterations: int = ITERATIONS     # of IPOPT
+
+
+AIM = Aim()
 
 
 def cases() -> list[Case]:
@@ -69,40 +82,65 @@ class Verdict(NamedTuple):
 
 
 class Program:
-    """The nonlinear program, made once for all starts."""
+    """The nonlinear program, made once for all starts and pushes."""
 
-    def __init__(self, problem: Problem, plant: Plant) -> None:
+    def __init__(self, problem: Problem, plant: Plant, aim: Aim = AIM) -> None:
         """Write down variables, constraints and cost."""
         import casadi as ca
 
-        substeps = round(problem.dt / plant.parameters.physics_step)
-        step = functions(configuration.problem({'step': plant.parameters.physics_step}))[0]
+        N, h = aim.steps, plant.parameters.physics_step
+        step = functions(configuration.problem({'step': h}).with_physical(plant.physical))[0]
         x, u = ca.SX.sym('x', 6), ca.SX.sym('u')
         after = x
-        for _ in range(substeps):
+        for _ in range(round(PERIOD / h)):
             after = step(after, u)
         period = ca.Function('period', [x, u], [after]).map(N)
-        X, U, x_0 = ca.MX.sym('X', 6, N + 1), ca.MX.sym('U', 1, N), ca.MX.sym('x_0', 6)
+        X, U = ca.MX.sym('X', 6, N + 1), ca.MX.sym('U', 1, N)
+        x_0, pushes = ca.MX.sym('x_0', 6), ca.MX.sym('pushes', 1, N)
         J = (ca.dot(ca.repmat(ca.DM(problem.cost.S), 1, N), X[:, :-1] ** 2)
              + problem.cost.R * ca.dot(U, U))
         program: Any = {
-            'x': ca.vertcat(ca.vec(X), ca.vec(U)), 'p': x_0, 'f': J,
-            'g': ca.vertcat(X[:, 0] - x_0, ca.vec(X[:, 1:] - period(X[:, :-1], U)), X[1:, N])}
-        self.solver = ca.nlpsol('oracle', 'ipopt', program, OPTIONS)
-        angle = DROP - SPARE
-        bound = [plant.limits.track_limit - SHORT, angle, angle, np.inf, np.inf, np.inf]
-        self.bounds = np.append(np.tile(bound, N + 1), np.full(N, problem.u_max))
+            'x': ca.vertcat(ca.vec(X), ca.vec(U)), 'p': ca.vertcat(x_0, pushes.T), 'f': J,
+            'g': ca.vertcat(X[:, 0] - x_0, ca.vec(X[:, 1:] - period(X[:, :-1], U + pushes)),
+                            X[0 if aim.to_centre else 1:, N])}
+        self.solver = ca.nlpsol('oracle', 'ipopt', program, {
+            **OPTIONS, 'ipopt.max_iter': aim.iterations})
+        bound = [plant.limits.track_limit - SHORT, aim.angle, aim.angle, np.inf, np.inf, np.inf]
+        self.N = N
+        self.bounds = np.append(np.tile(bound, N + 1),
+                                np.full(N, aim.share * plant.limits.force_limit))
 
-    def solve(self, x_0: Array, end: float) -> tuple[Array, Array, int]:
-        """Return states and forces that IPOPT ends at, and how many iterations it took."""
-        # upright in a quarter of the time, the cart there in half of it
-        time = np.linspace(0, 1, N + 1)[:, None]
-        X = x_0 * (1 - np.minimum(4 * time, 1))
-        X[:, 0] = end * np.minimum(2 * time[:, 0], 1)
+    def solve(self, x_0: Array, guess: Array, pushes: Sequence[float] = ()
+              ) -> tuple[Array, Array, int]:
+        """
+        Return states and forces that IPOPT ends at, and how many iterations it took.
+
+        Shapes: x_0 (6,), guess (N + 1, 6) of the states, pushes [N] one a step, none without.
+        """
+        N = self.N
+        known = np.array(pushes[:N]) if pushes else np.zeros(N)
         found = np.array(self.solver(
-            x0=np.append(X, np.zeros(N)), p=x_0, lbx=-self.bounds, ubx=self.bounds, lbg=0,
-            ubg=0)['x']).ravel()
+            x0=np.append(guess, np.zeros(N)), p=np.append(x_0, known), lbx=-self.bounds,
+            ubx=self.bounds, lbg=0, ubg=0)['x']).ravel()
         return found[:-N].reshape(N + 1, 6), found[-N:], self.solver.stats()['iter_count']
+
+
+def straight(x_0: Array, end: float) -> Array:
+    """Return a guess: upright in a quarter of the time, the cart at an end [m] in half of it."""
+    time = np.linspace(0, 1, AIM.steps + 1)[:, None]
+    X = x_0 * (1 - np.minimum(4 * time, 1))
+    X[:, 0] = end * np.minimum(2 * time[:, 0], 1)
+    return X
+
+
+def plant_of(case: Case) -> Plant:
+    """Return the plant of a case."""
+    return configuration.plant({**case.told, **case.plant})
+
+
+def is_held(metrics: Metrics) -> bool:
+    """Return whether a run near the goal is held, without a strike and without being dropped."""
+    return metrics.success and metrics.largest_angle <= DROP
 
 
 def judged(cases: Sequence[Case]) -> list[Verdict]:
@@ -116,7 +154,7 @@ def verdict(problem: Problem, program: Program, case: Case) -> Verdict:
     """Search for a trajectory that holds a start, and try it on the plant."""
     x_0, iterations = np.array(case.plant['initial_state']), 0
     for guesses, end in enumerate(ENDS, 1):
-        X, U, count = program.solve(x_0, end)
+        X, U, count = program.solve(x_0, straight(x_0, end))
         iterations += count
         metrics = tried(problem, case, X, U)
         if metrics is not None:
@@ -126,18 +164,15 @@ def verdict(problem: Problem, program: Program, case: Case) -> Verdict:
     return Verdict(case.seed, False, len(ENDS), iterations, *[np.nan] * 4)
 
 
-def tried(problem: Problem, case: Case, X: Array, U: Array) -> Metrics | None:
+def tried(problem: Problem, case: Case, X: Array, U: Array,
+          holds: Callable[[Metrics], bool] = is_held) -> Metrics | None:
     """Return the metrics of the plant on a trajectory; None where that does not hold it."""
     reference = stabilised(problem, plan_of(problem, X, U, Status.COMPLETE))
     controller = TVLQR(problem, reference)
     controller.joined = 0.0
-    metrics = measure(simulate(configuration.plant(case.plant), controller, case.duration))
-    return metrics if is_held(metrics) else None
-
-
-def is_held(metrics: Metrics) -> bool:
-    """Return whether a run near the goal is held, without a strike and without being dropped."""
-    return metrics.success and metrics.largest_angle <= DROP
+    pushes = np.array(case.pushes) if case.pushes else None
+    metrics = measure(simulate(plant_of(case), controller, case.duration, pushes=pushes))
+    return metrics if holds(metrics) else None
 
 
 def page(verdicts: Sequence[Verdict], made: str) -> str:
@@ -159,9 +194,9 @@ def page(verdicts: Sequence[Verdict], made: str) -> str:
         '# What can be held near the goal\n', made,
         'An oracle that shares no solver with us says which of the starts of '
         '[near the goal](near_goal.md) can be held at all. For each, IPOPT (by CasADi) seeks '
-        f'{N} forces of 50 ms, at most 20 N, with which steps of 5 ms, those of the plant, lead '
-        f'to rest upright while both angles stay within {DROP:g} rad and the cart on its '
-        f'track, from {len(ENDS)} guesses that differ in where the cart goes '
+        f'{AIM.steps} forces of 50 ms, at most 20 N, with which steps of 5 ms, those of the '
+        f'plant, lead to rest upright while both angles stay within {DROP:g} rad and the cart on '
+        f'its track, from {len(ENDS)} guesses that differ in where the cart goes '
         f'({", ".join(f"{end:g}" for end in ENDS)} m). What it finds is then played on the plant '
         f'over {DURATION:g} s, followed by a TVLQR and then regulated, and counts only where that '
         'is held without a strike. Where nothing was found, every guess had ended where the '

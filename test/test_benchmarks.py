@@ -259,9 +259,9 @@ def test_the_oracle_believes_the_plant_alone(problem):
     """A plan that holds on the plant is taken, one that does not is none, whoever made it."""
     case = next(case for case in oracle.cases() if case.seed == 1)
     x_0 = np.array(case.plant['initial_state'])
-    none = np.zeros(oracle.N)
+    none = np.zeros(oracle.AIM.steps)
     assert oracle.tried(problem, case, rollout(problem.model, x_0, none), none) is None
-    plan = BoundedLQR(configuration.problem({'horizon': oracle.N})).start(x_0)
+    plan = BoundedLQR(configuration.problem({'horizon': oracle.AIM.steps})).start(x_0)
     metrics = oracle.tried(problem, case, plan.X, plan.U)
     assert metrics.success and metrics.largest_angle < oracle.DROP
 
