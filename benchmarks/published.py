@@ -22,6 +22,7 @@ import campaigns
 import choices
 import compute
 import convergence
+import hard
 import links
 import methods
 import near_goal
@@ -122,9 +123,10 @@ PAGES = {
     'fresh': of_rows('fresh', 18),
     'oracle': of_script('oracle', 13, *oracle.FILES),
     'near_goal': of_rows('near_goal', 1),
-    'optimum': of_script('optimum', 20, *optimum.FILES),
-    'compute': of_rows('compute', 35),
-    'convergence': of_script('convergence', 6, *convergence.FILES),
+    'optimum': of_script('optimum', 8, *optimum.FILES),
+    'compute': of_rows('compute', 15),
+    'hard': of_script('hard', 8, *hard.FILES, sources=hard.sources),
+    'convergence': of_script('convergence', 2, *convergence.FILES),
     'methods': of_script('methods', 1, *methods.FILES, sources=methods.sources),
     'suites': of_script('suites', 45, *suites.FILES, sources=suites.sources, python=suites.PYTHON),
     'rig': of_rigs(50),
