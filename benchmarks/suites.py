@@ -164,12 +164,12 @@ def page(outcomes: Outcomes, made: str) -> str:
         'reinforcement learning begins without any of this. What is measured is how much of the '
         'return a controller gets that knows the model; the reward it does not know, it minimises '
         'its own cost.\n',
-        f'Tuned: weights, horizon and starts of {tuned}, chosen on seeds from 1,000 on, the '
-        'weights of `two_poles` by a random search, the rest by hand; there MPPI has a set of its '
-        'own, for which its defaults had been tried on seeds 0 and 1. Defaults: the model alone. '
-        'Seeds count from 0, one for task and solver; in brackets the 95 % interval of the mean '
-        '(bootstrap). Published figures are means over training runs, ± as their sources give it. '
-        'The rows: [suites.csv.gz](suites.csv.gz).\n',
+        f'Tuned: weights, horizon, starts and samples of {tuned}, chosen on seeds from 1,000 on, '
+        'the weights of `two_poles` by a random search, the rest by hand; there MPPI has a set of '
+        'its own, for which its defaults had been tried on seeds 0 and 1. Defaults: the model '
+        'alone. Seeds count from 0, one for task and solver; in brackets the 95 % interval of the '
+        'mean (bootstrap). Published figures are means over training runs, ± as their sources '
+        'give it. The rows: [suites.csv.gz](suites.csv.gz).\n',
         compact([('task', 'method', 'episodes', 'mean return', 'least', 'largest',
                   'ended early', 'source'),
                  *(line for task in TASKS for line in lines(task, outcomes))]) + '\n',
