@@ -17,7 +17,7 @@ import benchmark_figures
 import benchmark_page
 from campaigns import METHODS
 from stamp import made, sources_with
-from timing import median, race, ratio, Work
+from timing import median, Missing, race, ratio, Work
 
 from dp_swing_ros import configuration, provenance
 from dp_swing_ros.pendulum.state import Array
@@ -60,13 +60,13 @@ def whole_solves(rounds: int) -> dict[str, Any]:
 def sampling(rounds: int) -> dict[str, Any]:
     """Compare updates with pytorch_mppi, and rollouts with MuJoCo."""
     from limit import rollouts
-    from peers_sampling import gpu_ticks, mujoco_rollouts, our_tick, torch_tick
+    from peers_sampling import mujoco_rollouts, our_tick, torch_tick
 
     problem, found = configuration.problem({}), {}
     for samples in SAMPLES:
         few = min(rounds, max(12, rounds * 1024 // samples))
-        ticks = {**{f'mppi, {threads} threads': our_tick(problem, samples, threads=threads)
-                    for threads in (1, 2)}, **gpu_ticks(problem, samples)}
+        ticks = {f'mppi, {threads} threads': our_tick(problem, samples, threads=threads)
+                 for threads in (1, 2)}
         for kind in COMPILED:
             for threads in (1, 2):
                 ticks[f'pytorch_mppi {kind}, {threads} threads'] = torch_tick(
@@ -76,6 +76,13 @@ def sampling(rounds: int) -> dict[str, Any]:
             steps[f'MuJoCo, {threads} threads'] = mujoco_rollouts(problem, samples, threads)
         found[str(samples)] = {'ticks': compared(ticks, few), 'steps': compared(steps, few)}
     return found
+
+
+def gpu(rounds: int) -> dict[str, Any]:
+    """Measure updates on a GPU."""
+    from peers_sampling import gpu_ticks
+    device, works = gpu_ticks()
+    return {'device': device, **compared(works, rounds)}
 
 
 def paper(rounds: int) -> dict[str, Any]:
@@ -104,7 +111,7 @@ def starting(rounds: int) -> dict[str, Any]:
 
 
 FAMILIES: dict[str, Callable[[int], dict[str, Any]]] = {
-    'gradient': gradient, 'solves': whole_solves, 'sampling': sampling, 'paper': paper,
+    'gradient': gradient, 'solves': whole_solves, 'sampling': sampling, 'gpu': gpu, 'paper': paper,
     'limit': limits, 'growth': growing, 'startup': starting}
 
 
@@ -124,6 +131,8 @@ def main() -> None:
             results[name] = FAMILIES[name](arguments.rounds)
         except ImportError as error:
             results['missing'][name] = f'{error.name} is not installed'
+        except Missing as error:
+            results['missing'][name] = str(error)
     for folder in ('results', 'figures'):
         (arguments.docs / folder).mkdir(parents=True, exist_ok=True)
     path = arguments.docs / 'results' / 'benchmark'

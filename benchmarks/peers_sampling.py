@@ -5,22 +5,22 @@ pytorch_mppi and MuJoCo's threaded rollouts, on the default problem.
 
 A tick of MPPI is one update: samples drawn, followed and averaged, in single precision. Ours is
 the whole `solve` with one iteration, with what pytorch_mppi has not: the Riccati passes and
-the rollouts of the result; where there is a CUDA GPU it is also timed there.
+the rollouts of the result.
 pytorch_mppi runs on the paper's equations (`twin`, which solve a linear system in each stage), on
 those of this package (`closed`), and on these compiled. MuJoCo's rollouts are in double precision,
 and without a cost.
 """
 
 from collections.abc import Callable
-import sys
 from typing import Any
 
 import numpy as np
 from paper_model import rk4_step
-from timing import Work
+from timing import Missing, Work
 import torch
 from torch import Tensor
 
+from dp_swing_ros import configuration
 from dp_swing_ros.pendulum.model import advance
 from dp_swing_ros.pendulum.parameters import PendulumParameters
 from dp_swing_ros.pendulum.state import Array, hanging
@@ -28,6 +28,7 @@ from dp_swing_ros.problem.plan import Status
 from dp_swing_ros.problem.problem import plan_of, Problem
 from dp_swing_ros.solvers.mppi import MPPI
 
+STEPS_ON_GPU, SAMPLES_ON_GPU = 100, (2048, 10_000, 100_000, 1_000_000)
 NOISE = 5.0      # [N] standard deviation of pytorch_mppi's samples
 Step = Callable[[Tensor, Tensor], Tensor]
 
@@ -65,13 +66,18 @@ def costs(problem: Problem, dtype: torch.dtype) -> tuple[Step, Step]:
     return running, terminal
 
 
-def gpu_ticks(problem: Problem, samples: int) -> dict[str, Work]:
-    """Return an update of ours on the GPU, or nothing and a line that says so."""
-    if torch.cuda.is_available():
-        return {'on the GPU, mppi': our_tick(problem, samples, device='cuda')}
-    print(f'mppi.device cuda is not timed: torch {torch.__version__} finds no CUDA GPU',
-          file=sys.stderr)
-    return {}
+def gpu_ticks() -> tuple[str, dict[str, Work]]:
+    """
+    Return the name of the GPU, and an update of ours there for each number of samples.
+
+    Over 100 steps, as in the figure that MPPI-Generic publishes. Raises Missing without a GPU.
+    """
+    if not torch.cuda.is_available():
+        raise Missing(f'torch {torch.__version__} finds no NVIDIA GPU on this machine')
+    problem = configuration.problem({'horizon': STEPS_ON_GPU})
+    return torch.cuda.get_device_name(), {
+        f'mppi, {samples:,} samples': our_tick(problem, samples, device='cuda')
+        for samples in SAMPLES_ON_GPU}
 
 
 def torch_step(problem: Problem, kind: str) -> Step:

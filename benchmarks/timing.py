@@ -28,6 +28,10 @@ CONFIDENCE = 0.95
 Work = Callable[[], int]   # does something, and returns how many units (iterations, ...) it did
 
 
+class Missing(Exception):
+    """What is not measured; the message says why."""
+
+
 class Interval(NamedTuple):
     """A number and its 95 % interval."""
 

@@ -5,7 +5,9 @@
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 import json
+import sys
 
+import benchmark
 import benchmark_page
 import near_goal
 import numpy as np
@@ -253,6 +255,29 @@ def test_the_page_says_met_missed_and_what_is_missing():
     assert '3e+03 | met |' in page
     assert '300 | **missed** |' in page
     assert 'solves, for casadi is not installed' in page
+
+
+def test_where_there_is_no_gpu_the_page_says_so(tmp_path, monkeypatch):
+    torch = pytest.importorskip('torch')
+    if torch.cuda.is_available():
+        pytest.skip('there is a GPU')
+    monkeypatch.setattr(sys, 'argv', ['', '--only', 'gpu', '--docs', str(tmp_path)])
+    benchmark.main()
+    text = (tmp_path / 'results' / 'benchmark.md').read_text()
+    assert 'Not measured: gpu, for torch' in text
+    assert 'finds no NVIDIA GPU' in text
+
+
+def test_an_update_on_a_gpu_stands_beside_the_published_one():
+    seconds = {'value': 1e-4, 'low': 9e-5, 'high': 1.1e-4}
+    one = 'mppi, 2,048 samples'
+    page = benchmark_page.page({
+        'made': 'Made today.\n', 'rounds': 3, 'missing': {}, 'gpu': {
+            'device': 'some GPU', 'seconds': {one: seconds},
+            'ratios': {one: {one: {'value': 1, 'low': 1, 'high': 1}}}}})
+    assert '## MPPI on some GPU, 100 steps' in page
+    assert '| mppi, 2,048 samples | 0.1 |' in page
+    assert '0.146 ms' in page
 
 
 def test_the_oracle_believes_the_plant_alone(problem):
