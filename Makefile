@@ -29,7 +29,7 @@ help:  ## list the targets
 setup: install/.built  ## the virtual environment and the built package
 
 demo: setup $(if $(RIG),$(VENV)/.installed-rig)
-demo:  ## swing up and hold in real time for 10 s (SOLVER=ilqr, ddp or mppi; RIG=1: a rig of other make)
+demo:  ## swing up and hold in real time for 10 s (SOLVER=ilqr, ddp, mppi or sampled_ilqr; RIG=1: a rig of other make)
 	@$(WITH_ROS) && ros2 run dp_swing_ros demo --solver $(SOLVER) $(if $(RIG),--params config/rig.yaml)
 
 docs: setup  ## the references of parameters and of the Python API, and the drawings
@@ -41,10 +41,10 @@ docs: setup  ## the references of parameters and of the Python API, and the draw
 evaluate: setup  ## run a campaign of episodes without ROS (EVALUATE='...' for its arguments)
 	@$(WITH_ROS) && ros2 run dp_swing_ros evaluate $(EVALUATE)
 
-results: setup $(if $(filter benchmark oracle,$(or $(PAGES),benchmark)),$(VENV)/.peers)
+results: setup $(if $(filter benchmark hard optimum oracle,$(or $(PAGES),oracle)),$(VENV)/.peers)
 results: $(if $(filter rig,$(PAGES)),$(VENV)/.installed-rig)
-results: $(if $(filter suites,$(PAGES)),$(SUITES)/.installed)
-results:  ## every published figure anew, in three hours (PAGES='random robustness' for some)
+results: $(if $(filter suites,$(or $(PAGES),suites)),$(SUITES)/.installed)
+results:  ## every published figure anew, in five hours (PAGES='random robustness' for some)
 	@$(WITH_ROS) && python benchmarks/published.py $(PAGES) $(RESULTS)
 
 test: setup $(VENV)/.installed-test  ## all tests, linters and type checks (PYTEST='...' for arguments of pytest)

@@ -128,7 +128,7 @@ PAGES = {
     'hard': of_script('hard', 8, *hard.FILES, sources=hard.sources),
     'convergence': of_script('convergence', 2, *convergence.FILES),
     'methods': of_script('methods', 1, *methods.FILES, sources=methods.sources),
-    'suites': of_script('suites', 45, *suites.FILES, sources=suites.sources, python=suites.PYTHON),
+    'suites': of_script('suites', 35, *suites.FILES, sources=suites.sources, python=suites.PYTHON),
     'rig': of_rigs(50),
     'paper': of_script('paper', 7, 'paper.py', sources=lambda: seeded.sources('paper')),
     'real_time': of_script('real_time', 9, 'real_time.py', 'campaigns.py'),
