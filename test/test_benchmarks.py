@@ -337,7 +337,7 @@ def test_near_the_goal_takes_costs_from_rows_and_oracle():
                if row.metrics.success)
     metrics = replace(row.metrics, largest_angle=0.5, closed_loop_cost=300.0)
     runs = [replace(row, metrics=metrics),
-            replace(row, metrics=replace(metrics, strikes=1)),
+            replace(row, metrics=replace(metrics, success=False)),
             replace(row, metrics=replace(metrics, largest_angle=0.2))]
     drops = near_goal.drops(runs, {row.key.seed: 200.0})
     assert [(one.ratio, one.upright) for one in drops] == [(1.5, True), (1.5, False)]
