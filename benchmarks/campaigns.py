@@ -99,7 +99,8 @@ def page(name: str, rows: Sequence[Row], made: str, figures: Path) -> str:
              for kind, (file, title) in campaign.pictures.items() if kind in drawn]
     timed = ', '.join(f'seeds 0 to {count - 1} of `{scenario}`'
                       for scenario, count in campaign.timed.items())
+    clock = (f'Solve times and misses are those of {timed}, played by one process alone.' if timed
+             else 'Solves are not timed here.')
     return markdown(summary, campaign.title, [
         made, f'{len(rows)} episodes of {DURATION:g} s; their rows: '
-        f'[{name}.csv.gz]({name}.csv.gz). Solve times and misses are those of {timed}, played by '
-        'one process alone.\n', *shown])
+        f'[{name}.csv.gz]({name}.csv.gz). {clock}\n', *shown])

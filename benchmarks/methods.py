@@ -32,6 +32,7 @@ FILES = 'methods.py', 'compute.py', 'optimum.py'
 FIRST = METHODS[0]          # whom the others are compared with
 SHOWN = (*METHODS, 'sampled_ilqr', 'mppi_textbook')
 LADDERS = {'mppi_textbook': compute.TEXTBOOK}   # that compute.py names otherwise
+RESETS = 'uptime'           # where how it ends says little, and the time upright much
 BUDGETS = 1.0, 4.0, 20.0    # [ms]
 
 Stored = Mapping[str, Sequence[Row]]
@@ -70,6 +71,11 @@ def cost(rows: Sequence[Row], method: str, scenario: str = '') -> Ratio:
     return paired_ratio(ours, first)
 
 
+def upright(rows: Sequence[Row]) -> float:
+    """Return the mean share of the time that was spent upright."""
+    return float(np.mean([row.metrics.uptime for row in rows]))
+
+
 def page(rows: Stored, made: str) -> str:
     """Return the page."""
     lines = []
@@ -81,9 +87,10 @@ def page(rows: Stored, made: str) -> str:
             verdict(starts_cost.same) if method != FIRST else '-',
             number(quantile(solves(starts), 0.99), 1, 1e3) if starts else '-',
             share(held(of(rows['stress'], method))), ratio(cost(rows['stress'], method))))
-    by_scenario = [(
-        f'`{method}`', *(f'{one.successes} of {one.runs}' for one in (
-            held(of(rows['stress'], method, scenario)) for scenario in STRESS)))
+    by_scenario = [
+        (f'`{method}`', *(f'{one.successes} of {one.runs}' for one in (
+            held(of(rows['stress'], method, scenario)) for scenario in STRESS)),
+         number(upright(of(rows['stress'], method, RESETS)), 1, 100.0))
         for method in grouped(rows['stress'], lambda row: row.key.contestant)]
     ladders = climbed(rows)
     within = [(f'`{method}`', *(compute.within(ladders[method], budget) for budget in BUDGETS))
@@ -102,7 +109,8 @@ def page(rows: Stored, made: str) -> str:
         compact([('method', 'random starts held', 'Σℓ', 'equivalent', 'solve, p99 [ms]',
                   'stress held', 'Σℓ under stress'), *lines]) + '\n',
         'Held, by scenario:\n',
-        compact([('method', *(f'`{name}`' for name in STRESS)), *by_scenario]) + '\n',
+        compact([('method', *(f'`{name}`' for name in STRESS), f'upright in `{RESETS}` [%]'),
+                 *by_scenario]) + '\n',
         'The cost over the least that is known, with so long a solve (median, in the swing-up) at '
         'most:\n',
         compact([('method', *(f'{budget:g} ms' for budget in BUDGETS)), *within]), ''])

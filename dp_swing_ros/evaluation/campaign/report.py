@@ -55,7 +55,8 @@ def markdown(summary: Summary, title: str = 'Campaign', introduction: Sequence[s
             parts += [f'## {scenario}', f'{SCENARIOS[scenario].about}.', _standings(standings)]
         if scenario == NEAR_GOAL:
             parts.append(f'Went beyond ±{DROP:g} rad: {_dropped(standings)}.')
-    parts += ['## Scores', SCORES, _scores(summary)]
+    if any(one.criteria or not math.isnan(one.performance) for one in summary.scores):
+        parts += ['## Scores', SCORES, _scores(summary)]
     if any(one.sweeps for one in summary.standings):
         parts += ['## Where each breaks', 'Levels that pass, and those that fail.',
                   _breaks(summary)]
