@@ -118,8 +118,9 @@ def page(rows: Sequence[Row], made: str) -> str:
         'its method: [other starts](../model.md) than the last plan (the LQR for a bounded force '
         'among them), the regulator in place of the last plan where that costs less, the '
         'estimator, and a warm start by the last policy instead of its forces. Here each is '
-        'alone, none is there, or all. Textbook MPPI is `config/textbook_mppi.yaml`: no elite, '
-        'no derivatives. '
+        'alone, none is there, or all. The regulator is compared with a policy that is shifted: '
+        'where forces are, it has no part. Textbook MPPI is `config/textbook_mppi.yaml`: '
+        'no elite, no derivatives. '
         + ' '.join(f'{trial.title[0].upper()}{trial.title[1:]}: `{trial.scenario}`, seeds '
                    f'{trial.seeds.start}-{trial.seeds.stop - 1}.' for trial in TRIALS)
         + ' Columns are how many were held; all: with the 95 % interval (Wilson) in percent. Σℓ '
