@@ -136,6 +136,7 @@ def test_cases_that_differ_by_the_seed_alone_are_judged_together():
 
 
 def test_the_page_is_made_from_stored_rows_and_gone_on_with(tmp_path, monkeypatch, losses):
+    pytest.importorskip('casadi')
     path, results = tmp_path / 'stress.csv.gz', tmp_path / 'docs' / 'results'
     results.mkdir(parents=True)
     store(path, [*rows_of(losses[0]), *rows_of(losses[1], 'ddp'), *rows_of(losses[2])])
