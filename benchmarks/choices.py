@@ -46,7 +46,6 @@ CHOICES = [
     Choice('one start a tick', ALONE, scenario='random', seeds=50),
     Choice('one start at the first tick', {'first_starts': 1}, scenario='random', seeds=50),
     Choice('one start at later ticks', {'other_starts': 0}, scenario='random', seeds=50),
-    Choice('two starts at later ticks', {'other_starts': 1}, scenario='random', seeds=50),
     Choice('nothing', scenario='near_goal', seeds=50),
     Choice('one start a tick', ALONE, scenario='near_goal', seeds=50),
     Choice('angle error θ instead of the chord', {'angle_error': 'angle'}),

@@ -33,8 +33,8 @@ TIMED = 5                             # starts that one process plays alone
 SWING_UP = 2.0                        # [s] in which computing matters; to hold takes next to none
 RATIOS = 1.0, 1.2, 1.5, 2.0, 3.0, 5.0, 10.0   # that the picture names
 BUDGETS = 1.0, 3.0, 10.0, 40.0        # [ms]
-PASSES = 1, 2, 3, 5, 10               # of iLQR and DDP, at most, in each solve of a tick
-STARTS = 1, 2, 4, 8, 16, 32              # beside the last plan
+PASSES = 1, 2, 3, 5, 10, 50           # of iLQR and DDP, at most, in each solve of a tick
+STARTS = 2, 4, 8, 16, 32              # beside the last plan
 UPDATES = (64, 1), (128, 2), (256, 4), (512, 6), (1024, 8), (4096, 8), (16384, 6)
 SAMPLES = 64, 256, 1024, 4096, 16384  # of textbook MPPI
 DESCENTS = (64, 1, 2), (256, 2, 4), (512, 3, 7), (1024, 4, 8), (4096, 6, 14), (16384, 8, 28)
@@ -59,9 +59,8 @@ def ladder() -> list[Rung]:
     textbook = configuration.read([Path('config/textbook_mppi.yaml')])['mpc']
     return [
         *(rung for solver in ('ilqr', 'ddp') for rung in (
-            # with one start beside the last plan, as the next rung has
-            *(Rung(solver, f'passes {count}', solver,
-                   {f'{solver}.iterations': count, 'other_starts': 1}) for count in PASSES),
+            *(Rung(solver, f'passes {count}', solver, {f'{solver}.iterations': count})
+              for count in PASSES),
             # as many at the first tick, where these are more than by default
             *(Rung(solver, f'starts {count}', solver,
                    {'other_starts': count, 'first_starts': max(count, 6)})

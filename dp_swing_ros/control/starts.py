@@ -45,7 +45,7 @@ class StartParameters(Parameters):
         6, 'starts solved from at the first tick; 1: the first plan alone, as in the paper',
         minimum=1, maximum=1000)
     other_starts: int = parameter(
-        2, 'starts solved from beside the last plan at later ticks, until upright; 0 as in the '
+        1, 'starts solved from beside the last plan at later ticks, until upright; 0 as in the '
         'paper', minimum=0, maximum=1000)
     bounded_lqr: bool = parameter(
         True, 'the LQR for a bounded force is one of the other starts, where it reaches')

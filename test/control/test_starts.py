@@ -51,7 +51,7 @@ def test_the_same_seed_gives_the_same_starts():
 
 
 def test_a_later_tick_starts_from_the_rest_of_the_last_plan_and_others_in_turn():
-    c, x, left = after_a_plan(other_starts=1)
+    c, x, left = after_a_plan()
     last, random = starts_of(c, x, left)          # the bounded LQR, first in turn, is out of reach
     _, regulator = starts_of(c, x, left)
     np.testing.assert_array_equal(regulator.U, regulator_rollout(c.problem, x).U)
