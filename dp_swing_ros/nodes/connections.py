@@ -27,9 +27,10 @@ from dp_swing_ros.topics import Topic
 DEPTH = 10          # messages that wait for a slow partner
 QUEUE = 10_000      # messages of a topic that wait for the logger
 LASTING = 1000      # messages that replay keeps for whoever asks for those before its time
-QUIET = 0.3         # [s] without another subscription: all have been found
+QUIET = 40          # looks without another subscription: all have been found
 ENDLESS = 9e9       # [s]; the middleware has no infinity
 DEADLINE = 0.25     # [s] between two messages of a watched topic, while states come as often
+LOOK_PERIOD = 0.02  # [s] between two looks for subscriptions
 LEASE = 0.5         # [s] after which a publisher of a watched topic that is silent is dead
 POLICIES = ('reliability', 'durability', 'deadline', 'liveliness', 'liveliness_lease_duration')
 OVERRIDABLE = QoSOverridingOptions([
@@ -81,21 +82,21 @@ def _overrides_checked(node: Node, topic: Topic) -> Iterator[None]:
 
 
 class Audience:
-    """The subscriptions of some publishers: complete when no more are found for a while."""
+    """The subscriptions of some publishers: complete when several looks find no more."""
 
     def __init__(self, publishers: Iterable[Publisher], patience: float) -> None:
         """Take the publishers, and how long to wait for the first subscription at most [s]."""
         self.publishers = list(publishers)
-        self.found, self.since = 0, time.monotonic()
-        self.give_up = self.since + patience
+        self.found = self.looks = 0
+        self.give_up = time.monotonic() + patience
 
     def complete(self) -> bool:
-        """Return whether to wait no longer; to be asked every now and then."""
-        now = time.monotonic()
+        """Return whether to wait no longer; to be asked every LOOK_PERIOD."""
         found = sum(publisher.get_subscription_count() for publisher in self.publishers)
-        if found != self.found:
-            self.found, self.since = found, now
-        return now > self.give_up or found > 0 and now > self.since + QUIET
+        # looks, not seconds: on a busy machine they come as late as those who are looked for
+        self.looks = self.looks + 1 if found == self.found else 0
+        self.found = found
+        return time.monotonic() > self.give_up or found > 0 and self.looks >= QUIET
 
 
 def listeners(node: Node, publisher: Publisher, partners: Topic) -> set[bytes]:

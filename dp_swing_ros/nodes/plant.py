@@ -12,7 +12,8 @@ import numpy as np
 from std_msgs.msg import Float64, String
 
 from dp_swing_ros import configuration
-from dp_swing_ros.nodes.connections import Audience, is_heard, listeners, publish, subscribe
+from dp_swing_ros.nodes.connections import (
+    Audience, is_heard, listeners, LOOK_PERIOD, publish, subscribe)
 from dp_swing_ros.nodes.diagnostics import Diagnostics
 from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
 from dp_swing_ros.nodes.process import ProcessNode, run
@@ -22,7 +23,6 @@ from dp_swing_ros.topics import DISTURBANCE, FORCE_COMMAND, JOINT_STATES, ROBOT_
 
 REPORT_PERIOD = 1.0  # [s] between two diagnostics
 PATIENCE = 2.0       # [s] at most for subscriptions to be found before the first state
-LOOK_PERIOD = 0.02   # [s] between two looks for them
 NEWCOMER_PERIOD = 0.1  # [s] between two looks for a controller that joins a lockstep
 MEETING = 0.3        # [s] until it hears what is sent to it: discovery goes one way at a time
 

@@ -15,7 +15,8 @@ from dp_swing_ros.bags.mcap_reader import ChannelInfo
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.errors import BagError
 from dp_swing_ros.messages.fields import BILLION
-from dp_swing_ros.nodes.connections import Audience, message_class, strongest, subscribe
+from dp_swing_ros.nodes.connections import (
+    Audience, LOOK_PERIOD, message_class, strongest, subscribe)
 from dp_swing_ros.nodes.messages import to_stamp
 from dp_swing_ros.nodes.parameters import named, ReplayParameters
 from dp_swing_ros.nodes.playback import excerpt, LATE, Playback, Scheduled
@@ -25,7 +26,6 @@ from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.topics import FORCE_COMMAND, JOINT_STATES, Topic
 
 HEADER = 4          # [bytes] before the number, when a force is serialised
-LOOK_PERIOD = 0.02  # [s] between looks for subscribers
 BATCH = 100         # messages at once, so that signals and services are heard in between
 
 
