@@ -70,7 +70,8 @@ CAMPAIGNS = {
          'solve_times': ('solve_times', 'Solve times')}),
     'robustness': Campaign(
         'Robustness', (*METHODS, 'tvlqr', 'nothing'),
-        tuple(name for name in SCENARIOS if name not in ('random', *STRESS, *RIGS)), None,
+        tuple(name for name in SCENARIOS
+              if name not in ('random', 'transitions', *STRESS, *RIGS)), None,
         {'hanging': 20},
         {'criteria': ('robustness', 'Robustness'), 'sweeps': ('sweeps', 'Sweeps')}),
     'baselines': Campaign(

@@ -67,7 +67,7 @@ def moments(episode: Episode) -> Array:
     As close to each other as the pictures allow.
     """
     t, pictures = np.asarray(episode.t, dtype=float), ROWS * COLUMNS
-    settled = settling_time(t, episode.X)
+    settled = settling_time(t, episode.errors)
     until = float(t[-1] if math.isnan(settled) else settled) - t[0]
     period = next((step for step in STEPS if until <= (pictures - 2) * step + 1e-9),
                   until / (pictures - 2))

@@ -127,6 +127,11 @@ def problem(values: Values) -> Problem:
     return _problem(complete('mpc', values))
 
 
+def cost(values: Values) -> CostParameters:
+    """Return the cost of an mpc with these parameters; raises ParameterError."""
+    return group(CostParameters, complete('mpc', values))
+
+
 def _problem(values: Values) -> Problem:
     return Problem.of(group(PendulumParameters, values), group(LimitParameters, values),
                       group(CostParameters, values), group(PredictionParameters, values))

@@ -38,7 +38,7 @@ def test_a_run_of_the_plant_meets_the_constraints_at_its_cost():
     J, gaps = cost_and_gaps(np.append(run.X, run.U), run.X[0])
     np.testing.assert_allclose(np.array(gaps), 0, atol=1e-9)
     # upright at its end, so that its tail costs nothing
-    assert float(J) == pytest.approx(closed_loop_cost(run.X, run.U), rel=1e-3)
+    assert float(J) == pytest.approx(closed_loop_cost(run), rel=1e-3)
 
 
 @pytest.mark.parametrize('number', [0, 7, 40])

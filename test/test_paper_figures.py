@@ -79,6 +79,6 @@ def test_moments_are_of_the_way_up_and_of_the_end(duration, rise):
     times = moments(episode)
     assert 5 <= len(times) <= 12
     assert (times[0], times[-1]) == (0.0, pytest.approx(duration))
-    settled = settling_time(episode.t, episode.X)
+    settled = settling_time(episode.t, episode.errors)
     # no more than one picture but the last is of what is held
     assert math.isnan(settled) or np.count_nonzero(times > settled + 0.5) <= 1

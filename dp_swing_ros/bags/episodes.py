@@ -20,6 +20,7 @@ from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.pendulum.sensors import default_sensors, SensorParameters
 from dp_swing_ros.pendulum.state import Array, joints, LINKS, links_of as links_of_state
 from dp_swing_ros.pendulum.urdf import from_urdf
+from dp_swing_ros.problem.parameters import CostParameters
 from dp_swing_ros.simulation.episode import Episode, Ticks
 from dp_swing_ros.topics import CONFIGURATION, DIAGNOSTICS, JOINT_STATES, ROBOT_DESCRIPTION
 
@@ -62,7 +63,8 @@ def episode_of(bag: Bag) -> Episode:
         U=np.array([sample.force for sample in samples[1:]]),
         ticks=bag.parse(_ticks, reports, start),
         solver=str(reports[-1].values.get('solver', '')) if reports else '',
-        physical=physical, limits=limits, incomplete=bag.incomplete)
+        physical=physical, limits=limits, incomplete=bag.incomplete,
+        goal=goal_of(bag, physical.links))
 
 
 def samples_of(bag: Bag, as_sent: bool = False) -> list[Sample]:
@@ -129,6 +131,15 @@ def sensors_of(bag: Bag, links: int) -> SensorParameters:
     values = found[CONTROLLER].parameters if CONTROLLER in found else {}
     given = values if values.get('links') == links else {}
     return bag.parse(group, SensorParameters, {**default_sensors(links), **given})
+
+
+def goal_of(bag: Bag, links: int) -> Array | None:
+    """Return the state that the controller was to hold, if there was one of so many links."""
+    found = configurations_of(bag)
+    values = found[CONTROLLER].parameters if CONTROLLER in found else {}
+    if values.get('links') != links or 'reference' not in values:
+        return None
+    return bag.parse(lambda: group(CostParameters, values).x_r)
 
 
 def _checked_links(links: Any) -> int:

@@ -12,7 +12,7 @@ import numpy as np
 
 from dp_swing_ros.configuration import default_cost
 from dp_swing_ros.pendulum.parameters import LimitParameters
-from dp_swing_ros.pendulum.state import angles, Array, is_upright, links_of, to_turn_of, upright
+from dp_swing_ros.pendulum.state import angles, Array, is_upright, links_of
 from dp_swing_ros.problem.plan import Status
 from dp_swing_ros.simulation.episode import Episode
 
@@ -82,16 +82,16 @@ def measure(episode: Episode, time_limit: float = TIME_LIMIT) -> Metrics:
     """
     Measure a run.
 
-    It succeeds when all angles stay within 0.1 rad and all speeds under 1 over its last second
-    (or all of it, where it is shorter) and the cart never met an end stop; it has settled where
-    that last unbroken stay begins, wherever the cart is then. A strike is the cart's coming to an
-    end stop, however long it stays there. A solve that takes longer than time_limit [s] misses its
-    deadline.
+    It succeeds when all angles stay within 0.1 rad of the goal's and all speeds under 1 over its
+    last second (or all of it, where it is shorter) and the cart never met an end stop; it has
+    settled where that last unbroken stay begins, wherever the cart is then. A strike is the cart's
+    coming to an end stop, however long it stays there. A solve that takes longer than time_limit
+    [s] misses its deadline.
     """
     t, ticks = np.asarray(episode.t, dtype=float), episode.ticks
     links, U, dt = links_of(episode.X), episode.U, np.diff(t)
-    X = to_turn_of(episode.X, upright(links))
-    settled, struck, up = settling_time(t, X), strikes(episode), is_upright(X)
+    X, E = episode.X, episode.errors
+    settled, struck, up = settling_time(t, E), strikes(episode), is_upright(E)
     rest = t >= t[-1] - REST if t.size else np.zeros(0, dtype=bool)
     # of the joints, as encoders see them: the angles of the state are absolute; a sum is the same
     # to the bit only in the same order
@@ -99,24 +99,24 @@ def measure(episode: Episode, time_limit: float = TIME_LIMIT) -> Metrics:
     return Metrics(
         success=not math.isnan(settled) and not struck,
         settling_time=settled,
-        settling_time_with_cart=last_stay(t, up & (np.abs(X[:, 0]) <= CENTRE)),
-        settling_offset=_largest(X[t == settled, 0]),
-        rest_offset=_largest(X[rest, 0]),
+        settling_time_with_cart=last_stay(t, up & (np.abs(E[:, 0]) <= CENTRE)),
+        settling_offset=_largest(E[t == settled, 0]),
+        rest_offset=_largest(E[rest, 0]),
         hold_error=reduced(lambda errors: np.sqrt(np.mean(np.square(errors))),
-                           X[rest, angles(X)]),
+                           E[rest, angles(E)]),
         # the force of the period that starts at a state
         smoothness=reduced(np.std, np.diff(U[rest[:-1]])),
         roughness=reduced(np.std, np.diff(U)),
         largest_force=_largest(U),
         largest_position=_largest(X[:, 0]),
-        largest_angle=_largest(X[1:, angles(X)]),
+        largest_angle=_largest(E[1:, angles(E)]),
         strikes=struck,
         uptime=reduced(np.mean, up),
         energy=float(np.sum(np.abs(np.diff(X[:, 0]) * U))),
         impulse=float(np.sum(np.abs(U) * dt)),
         squared_force=float(np.sum(U ** 2 * dt)),
         squared_speed=float(np.sum(joint_speeds ** 2 * dt)),
-        closed_loop_cost=closed_loop_cost(X, U),
+        closed_loop_cost=closed_loop_cost(episode),
         median_solve_time=quantile(ticks.solve_time, 0.5),
         p99_solve_time=quantile(ticks.solve_time, 0.99),
         largest_solve_time=quantile(ticks.solve_time, 1.0),
@@ -132,10 +132,11 @@ def measure(episode: Episode, time_limit: float = TIME_LIMIT) -> Metrics:
 
 def outcome(episode: Episode) -> Outcome:
     """Return how a run ended, and where it failed, how."""
-    t, up = np.asarray(episode.t, dtype=float), is_upright(episode.X)
+    t, E = np.asarray(episode.t, dtype=float), episode.errors
+    up = is_upright(E)
     if not np.all(np.isfinite(episode.X)):
         return Outcome.DIVERGED
-    if not math.isnan(settling_time(t, episode.X)):
+    if not math.isnan(settling_time(t, E)):
         return Outcome.STRUCK if strikes(episode) else Outcome.HELD
     if not up.any():
         return Outcome.NEVER_UP
@@ -152,9 +153,9 @@ def strikes(episode: Episode) -> int:
     return int(np.count_nonzero(np.diff(at_stop.astype(int), prepend=0) > 0))
 
 
-def settling_time(t: Array, X: Array) -> float:
-    """Return when (N,) [s] the last stay upright of X (N, 2n + 2) began, NaN as of last_stay."""
-    return last_stay(t, is_upright(X))
+def settling_time(t: Array, E: Array) -> float:
+    """Return when (N,) [s] the errors E (N, 2n + 2) last became small, NaN as of last_stay."""
+    return last_stay(t, is_upright(E))
 
 
 def last_stay(t: Array, inside: Array) -> float:
@@ -171,14 +172,14 @@ def last_stay(t: Array, inside: Array) -> float:
     return float(t[first])
 
 
-def closed_loop_cost(X: Array, U: Array) -> float:
+def closed_loop_cost(episode: Episode) -> float:
     """
     Return Σ ℓ(x, u) over the periods of a run, by the default weights whatever the controller's.
 
-    Shapes: X (N, 2n + 2), U (N - 1,). Source: cost.py, `running`, whose angle error is the chord.
+    Source: cost.py, `running`, whose angle error is the chord.
     """
+    U, X, error = episode.U, episode.X, episode.errors[:len(episode.U)]
     cost, limits = default_cost(links_of(X)), LimitParameters()
-    error = X[:len(U)] - cost.reference
     error[:, angles(X)] = 2 * np.sin(error[:, angles(X)] / 2)
     intrusion = np.maximum(0, np.abs(X[:len(U), 0]) - limits.track_limit + cost.track_margin)
     return float(np.sum(error ** 2 @ np.array(cost.state_weights) + cost.force_weight * U ** 2

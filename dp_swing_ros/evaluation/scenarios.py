@@ -11,15 +11,17 @@ The rigs are of other make: MuJoCo moves them, and what is wrong with their driv
 and their bodies is told to no controller.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
+from itertools import permutations
 import math
 from typing import Any
 
 import numpy as np
 
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
-from dp_swing_ros.pendulum.state import angles, Array, DEFAULT_LINKS, hanging, LINKS, upright
+from dp_swing_ros.pendulum.state import (
+    angles, Array, DEFAULT_LINKS, equilibria, hanging, LINKS, upright)
 from dp_swing_ros.simulation.plant import PlantParameters
 
 PHYSICAL, LIMITS = PendulumParameters(), LimitParameters()
@@ -41,6 +43,7 @@ STRONGEST_PUSH = LIMITS.force_limit / 2  # [N]
 PEAK = 'peak'                          # stands for the largest force of a profile of pushes [N]
 SEVERITY = 'severity'                  # stands for all of ALL_AT_ONCE, as a multiple of it
 OF_CASE = (PEAK, SEVERITY)             # which are no parameters of a plant
+TO = ' to '                            # between two equilibria
 
 SHORT_TRACK = 1.5                      # [m] either way, of `tight`
 RESET_EVERY, UNDISTURBED = 4.0, 1.0     # [s] of `uptime`, in the mean and at least
@@ -57,6 +60,7 @@ class Case:
     level: float | None = None
     plant: dict[str, Any] = field(default_factory=dict)       # parameters that differ
     told: dict[str, Any] = field(default_factory=dict)        # which the controller knows, too
+    mpc: dict[str, Any] = field(default_factory=dict)         # parameters of the controller alone
     pushes: tuple[float, ...] = ()                            # [N] one force a period
     resets: tuple[tuple[int, tuple[float, ...]], ...] = ()    # the period, and the state then
 
@@ -82,9 +86,9 @@ class Scenario:
     """
     What one word on the command line stands for.
 
-    With sweeps it has cases for every level of each and every seed; else one for every seed.
-    `case` completes them. A criterion counts in the robustness score. A case lasts `times` as
-    long as was asked for.
+    With sweeps it has cases for every level of each and every seed; else one for every seed, on
+    each of its `ways` if it has several. `case` completes them. A criterion counts in the
+    robustness score. A case lasts `times` as long as was asked for.
     """
 
     about: str
@@ -94,13 +98,14 @@ class Scenario:
     levels: int = LEVELS
     case: Callable[[Case, int], Case] = lambda case, links: case
     times: int = 1
+    ways: Callable[[int], Iterable[str]] = lambda links: ('',)
 
     def cases(self, name: str, seeds: range | None, levels: int | None,
               duration: float, links: int = DEFAULT_LINKS) -> Iterator[Case]:
         """Yield the cases, with other seeds or another number of levels where given."""
-        if not self.sweeps:
+        for way in () if self.sweeps else self.ways(links):
             for seed in seeds or self.seeds:
-                yield self.case(Case(name, seed, self.times * duration), links)
+                yield self.case(Case(name, seed, self.times * duration, way), links)
         for sweep in (each for each in self.sweeps if each.links <= links):
             for level in np.linspace(sweep.low, sweep.high, levels or self.levels).tolist():
                 for seed in seeds or self.seeds:
@@ -126,6 +131,17 @@ def near_goal(case: Case, links: int) -> Case:
     x = upright(links)
     x[angles(x)] = np.random.default_rng((START, case.seed)).uniform(-NEAR_GOAL, NEAR_GOAL, links)
     return replace(case, plant={'initial_state': tuple(x.tolist())})
+
+
+def transitions(links: int) -> Iterator[str]:
+    """Yield the ways from each equilibrium to each other."""
+    return (f'{start}{TO}{goal}' for start, goal in permutations(equilibria(links), 2))
+
+
+def transition(case: Case, links: int) -> Case:
+    """Start at rest in one equilibrium, and go to another."""
+    start, goal = case.parameter.split(TO)
+    return replace(case, plant={'start': start}, mpc={'goal': goal})
 
 
 def pushed(case: Case, links: int) -> Case:
@@ -261,6 +277,8 @@ SCENARIOS: dict[str, Scenario] = {
                       (Sweep('delay', 0.0, 0.15, 's'),), criterion=True),
     'pushes': Scenario('three Gaussian pushes of the cart', range(50), criterion=True,
                        case=pushed),
+    'transitions': Scenario('from each equilibrium to each other', range(100), case=transition,
+                            ways=transitions),
     'loss': Scenario('states, then forces, that are lost', range(5),
                      (Sweep('state_loss', 0.0, 0.5), Sweep('command_loss', 0.0, 0.5))),
     'jitter': Scenario('forces that come late by chance', range(5),

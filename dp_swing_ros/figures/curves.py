@@ -16,7 +16,7 @@ import numpy as np
 from dp_swing_ros.figures.style import (
     ALARM, CART, DASHES, FAINT, FORCE, formulas, in_decades, in_numbers, INK, legend, limit_lines,
     LINKS, name_lines, PALETTE, solver_name, styled, widths)
-from dp_swing_ros.pendulum.state import angles, Array, links_of, to_turn_of, units, upright
+from dp_swing_ros.pendulum.state import angles, Array, links_of, units
 from dp_swing_ros.simulation.episode import Episode
 
 ERROR_FLOOR = 1e-8  # squared errors below are drawn here: a log axis has no zero
@@ -33,7 +33,7 @@ def squared_error(episode: Episode) -> Figure:
     links = links_of(episode.X)
     figure = Figure(figsize=(3.2 * (links + 1), 5.0), layout='constrained')
     panels = figure.subplots(2, links + 1, sharex=True)
-    errors = to_turn_of(episode.X, upright(links)).T ** 2
+    errors = episode.errors.T ** 2
     for axes, error, colour in zip(panels.flat, errors, (CART, *LINKS[:links]) * 2):
         curve = np.maximum(error, ERROR_FLOOR)
         axes.semilogy(episode.t, curve, color=colour)

@@ -24,7 +24,7 @@ from dp_swing_ros.figures.style import (
     FAINT, FORCE, INK, limit_lines, LINKS, mark, panels_of, PAPER, solver_name, styled, tint,
     WARNING)
 from dp_swing_ros.pendulum.geometry import joint_positions
-from dp_swing_ros.pendulum.state import Array, is_upright
+from dp_swing_ros.pendulum.state import Array, errors, is_upright
 from dp_swing_ros.simulation.episode import Episode
 
 MOST = 48        # snapshots
@@ -73,7 +73,7 @@ def snapshot(axes: Axes, episode: Episode, t: float, half_width: float) -> None:
     axes.yaxis.set_major_locator(MultipleLocator(1.0))
     digits = 1 if abs(t - round(t, 1)) < 1e-6 else 2
     axes.set_title(f'{t:.{digits}f} s', fontsize='small', pad=2,
-                   weight='bold' if is_upright(x) else 'normal')
+                   weight='bold' if is_upright(errors(x, episode.x_r)) else 'normal')
 
 
 @styled
@@ -84,7 +84,7 @@ def hero(episode: Episode) -> Figure:
     Every cart stands above the force of its moment. Of a run that goes on for long after it has
     settled the film is cut, and ends with the last state.
     """
-    length, settled = float(episode.t[-1]), settling_time(episode.t, episode.X)
+    length, settled = float(episode.t[-1]), settling_time(episode.t, episode.errors)
     seconds = SHORTEST if math.isnan(settled) else min(
         max(SHORTEST, TICK * math.ceil((settled + UP) / TICK)), LONGEST)
     cut = length > seconds + CUT

@@ -2,11 +2,33 @@
 # SPDX-License-Identifier: Apache-2.0
 """The physical parameters of the pendulum, and the limits of its drive and track."""
 
+from collections.abc import Sequence
 import dataclasses
 from typing import NamedTuple
 
-from dp_swing_ros.parameters import parameter, Parameters
-from dp_swing_ros.pendulum.state import DEFAULT_LINKS, LINKS
+import numpy as np
+
+from dp_swing_ros.parameters import parameter, ParameterError, Parameters
+from dp_swing_ros.pendulum.state import angles, Array, DEFAULT_LINKS, equilibria, LINKS, links_of
+
+GIVEN = 'given'   # no equilibrium by its name, but the state as it is
+EQUILIBRIA = [GIVEN, *(name for links in LINKS for name in equilibria(links))]
+
+
+def at_equilibrium(parameter: str, name: str, x: Sequence[float]) -> Array:
+    """
+    Return a state with the angles of a named equilibrium for its own, or as it is where GIVEN.
+
+    Shapes: x (2n + 2,). Raises ParameterError for the name of another number of links.
+    """
+    state = np.array(x, dtype=float)
+    named = equilibria(links_of(state))
+    if name != GIVEN:
+        if name not in named:
+            raise ParameterError(f'parameter {parameter} is {name!r}; expected one of '
+                                 f'{", ".join([GIVEN, *named])} for links {links_of(state)}')
+        state[angles(state)] = named[name][angles(state)]
+    return state
 
 
 @dataclasses.dataclass(frozen=True)

@@ -8,6 +8,7 @@ All angles are absolute, from the upward vertical: 0 is upright, π hangs; a pos
 towards +x.
 """
 
+from itertools import product
 from typing import TypeAlias
 
 import numpy as np
@@ -64,6 +65,16 @@ def hanging(links: int = DEFAULT_LINKS) -> Array:
     return x
 
 
+def equilibria(links: int = DEFAULT_LINKS) -> dict[str, Array]:
+    """Return the states of rest by their names, link 1 first: of two links down_down … up_up."""
+    found = {}
+    for words in product(('down', 'up'), repeat=links):
+        x = hanging(links)
+        x[angles(x)][[word == 'up' for word in words]] = 0.0
+        found['_'.join(words)] = x
+    return found
+
+
 def to_turn_of(x: Array, reference: Array) -> Array:
     """
     Shift the angles of x by whole turns to lie within π of those of the reference.
@@ -75,6 +86,15 @@ def to_turn_of(x: Array, reference: Array) -> Array:
                      / (2 * np.pi))
     shifted[..., of_angles] -= 2 * np.pi * turns
     return shifted
+
+
+def errors(x: Array, x_r: Array) -> Array:
+    """
+    Return by how much states are off from a reference, on its nearest turn.
+
+    Shapes: x (..., 2n + 2), x_r (2n + 2,).
+    """
+    return to_turn_of(x, x_r) - x_r
 
 
 def to_joints(absolute: Array) -> Array:

@@ -7,13 +7,17 @@ import math
 
 from dp_swing_ros.parameters import parameter, Parameters
 from dp_swing_ros.pendulum.integrators import INTEGRATORS
-from dp_swing_ros.pendulum.state import SIZES, upright
+from dp_swing_ros.pendulum.parameters import at_equilibrium, EQUILIBRIA, GIVEN
+from dp_swing_ros.pendulum.state import Array, SIZES, upright
 
 
 @dataclasses.dataclass(frozen=True)
 class CostParameters(Parameters):
     """The cost. Source: the paper, II-B; the tuned defaults are explained in docs/model.md."""
 
+    goal: str = parameter(
+        GIVEN, 'equilibrium to go to and hold, link 1 first, whose angles stand for those of the '
+        'reference (given: the reference as it is)', choices=lambda: EQUILIBRIA)
     reference: tuple[float, ...] = parameter(
         tuple(upright().tolist()),
         'reference state x_r; an equilibrium, so angles are 0 or π and speeds 0',
@@ -42,6 +46,11 @@ class CostParameters(Parameters):
     speed_weight: float = parameter(
         1e5, 'weight of the squared excess of a speed over nine tenths of its limit',
         unit='s^2/m^2', minimum=0.0)
+
+    @property
+    def x_r(self) -> Array:
+        """Return the reference state (2n + 2,) at the goal; raises ParameterError."""
+        return at_equilibrium('goal', self.goal, self.reference)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -79,7 +79,7 @@ class Problem:
             cost.terminal_scale * np.diag(cost.state_weights))
         return cls(model, Cost(
             S=cost.state_weights, R=cost.force_weight, P=np.ascontiguousarray(P),
-            x_r=cost.reference, angle_error=ANGLE_ERRORS[cost.angle_error],
+            x_r=tuple(cost.x_r.tolist()), angle_error=ANGLE_ERRORS[cost.angle_error],
             x_soft=limits.track_limit - cost.track_margin, w=cost.track_weight,
             v_soft=FAST * cost.cart_speed_limit, w_v=cost.speed_weight),
             prediction.horizon, Bounds(-limits.force_limit, limits.force_limit), lqr, physical,
@@ -141,7 +141,7 @@ def regulator(model: Model, cost: CostParameters) -> LQR:
 
     Raises ParameterError where it has no stabilising solution.
     """
-    x_r, S = np.array(cost.reference), np.diag(cost.state_weights)
+    x_r, S = cost.x_r, np.diag(cost.state_weights)
     A, B = linearisation(without_dry_friction(model), x_r, 0.0)
     B = B[:, None]
     try:
@@ -152,7 +152,7 @@ def regulator(model: Model, cost: CostParameters) -> LQR:
         radius = np.inf
     if radius > SLOWEST:
         raise ParameterError(
-            f'parameters reference {cost.reference} and state_weights '
+            f'parameters reference {tuple(x_r.tolist())} and state_weights '
             f'{cost.state_weights} give no regulator that comes to rest; expected an equilibrium '
             'and a positive weight on the position of the cart')
     return LQR((P + P.T) / 2, K[0])

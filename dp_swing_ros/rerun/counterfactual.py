@@ -22,7 +22,7 @@ from dp_swing_ros.control.receding_horizon import MpcParameters, RecedingHorizon
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.evaluation.metrics import settling_time
 from dp_swing_ros.messages.fields import BILLION
-from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.pendulum.state import Array, errors
 from dp_swing_ros.problem.cost import running
 from dp_swing_ros.problem.plan import Plan
 from dp_swing_ros.rerun.ticks import answer, configuration_of, record_of, respond, Tick
@@ -118,7 +118,8 @@ class Run:
         steps = np.diff(stamps) / BILLION / self.problem.dt
         cost = math.fsum(share * running(self.problem.cost, x, u)
                          for share, x, u in zip(steps, X, U))
-        return ScoredTrajectory(solver, t, X, U, cost, settling_time(t, X))
+        return ScoredTrajectory(solver, t, X, U, cost,
+                                settling_time(t, errors(X, self.problem.x_r)))
 
     def between(self, begin: int, end: int) -> ScoredTrajectory:
         """Return what was recorded between two stamps [ns], both included."""

@@ -30,15 +30,16 @@ class Controller(Protocol):
 def simulate(plant: Plant, controller: Controller, duration: float, solver: str = '',
              on_tick: Callable[[float, Plan], None] | None = None,
              pushes: Array | None = None,
-             resets: Mapping[int, Array] | None = None) -> Episode:
+             resets: Mapping[int, Array] | None = None, goal: Array | None = None) -> Episode:
     """
     Run the closed loop for a time [s] in lockstep, and return the true states and forces.
 
     The first tick is when the first measurement can have arrived; before, the force is zero.
     on_tick is called with the time and the plan of every tick; pushes are the forces [N] on the
     cart beside the actuator's, one for each period; resets are states (2n + 2,) that somebody puts
-    the pendulum in, by the number of the period that begins there. Raises ValueError where pushes
-    are not that many.
+    the pendulum in, by the number of the period that begins there; goal is the state (2n + 2,)
+    that the controller is to hold, upright where none is given. Raises ValueError where pushes are
+    not that many.
     """
     period = 1 / plant.parameters.rate
     count = round(duration / period)
@@ -65,7 +66,7 @@ def simulate(plant: Plant, controller: Controller, duration: float, solver: str 
             on_tick(plant.t, plan)
     first = count - len(plans)
     return Episode(np.array(t), np.array(X), np.array(U), ticks_of(t[first:-1], plans, period),
-                   solver, plant.physical, plant.limits)
+                   solver, plant.physical, plant.limits, goal=goal)
 
 
 def answer(plant: Plant, controller: Controller) -> Plan | None:

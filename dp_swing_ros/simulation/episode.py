@@ -10,7 +10,7 @@ from typing import NamedTuple, TYPE_CHECKING
 import numpy as np
 
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
-from dp_swing_ros.pendulum.state import Array, columns, links_of, wrapped
+from dp_swing_ros.pendulum.state import Array, columns, errors, links_of, upright, wrapped
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -49,6 +49,17 @@ class Episode:
     physical: PendulumParameters
     limits: LimitParameters
     incomplete: str = ''  # how many messages of how many a bag held; empty where all
+    goal: Array | None = None   # (2n + 2,) where the controller was to hold it; None: upright
+
+    @property
+    def x_r(self) -> Array:
+        """Return the state (2n + 2,) that the controller was to hold."""
+        return upright(links_of(self.X)) if self.goal is None else self.goal
+
+    @property
+    def errors(self) -> Array:
+        """Return by how much the states are off from the goal, on its nearest turn; like X."""
+        return errors(self.X, self.x_r)
 
     def to_frame(self, whole_turns: bool = False) -> DataFrame:
         """

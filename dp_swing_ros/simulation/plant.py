@@ -19,7 +19,7 @@ from dp_swing_ros.parameters import parameter, ParameterError, Parameters
 from dp_swing_ros.pendulum.integrators import INTEGRATORS
 from dp_swing_ros.pendulum.model import ROUNDING, steps_in
 from dp_swing_ros.pendulum.parameters import (
-    DriveParameters, LimitParameters, PendulumParameters)
+    at_equilibrium, DriveParameters, EQUILIBRIA, GIVEN, LimitParameters, PendulumParameters)
 from dp_swing_ros.pendulum.state import Array, from_joints, hanging, SIZES, to_joints
 from dp_swing_ros.simulation.engines import ENGINES, Motor
 from dp_swing_ros.streams import Stream, stream
@@ -35,6 +35,9 @@ class PlantParameters(Parameters):
 
     rate: float = parameter(20.0, 'states published per second', unit='Hz', minimum=1.0,
                             maximum=1000.0)
+    start: str = parameter(
+        GIVEN, 'equilibrium to start in, link 1 first, whose angles stand for those of the '
+        'initial state (given: the initial state as it is)', choices=lambda: EQUILIBRIA)
     initial_state: tuple[float, ...] = parameter(
         tuple(hanging().tolist()), 'state at the start and after a reset [x, θ1 …, ẋ, θ̇1 …]',
         unit='m, rad, m/s, rad/s', size=SIZES)
@@ -163,6 +166,7 @@ class Plant:
                 f'parameters actuator_response {parameters.actuator_response:g} and '
                 f'motor_time_constant {drive.motor_time_constant:g} both make the force lag; '
                 'expected one of them')
+        self.initial = at_equilibrium('start', parameters.start, parameters.initial_state)
         self.engine = ENGINES[parameters.engine](physical, limits, parameters.integrator)
         self.reset()
 
@@ -176,7 +180,7 @@ class Plant:
         self.seen: Measurement | None = None                # the last measurement
         self.shafts: Array | None = None                    # of the encoders, in their play
         self.t = 0.0                                        # [s]
-        self.x = np.array(self.parameters.initial_state)
+        self.x = self.initial.copy()
         self.force = 0.0                                    # [N] of the actuator in the last step
         self.past: deque[Measurement] = deque([Measurement(0.0, self.x.copy())])
         self.begin_period(0.0)

@@ -51,6 +51,20 @@ def test_whole_turns_are_upright():
     assert measure(with_state(swing_up(), 50, [2, 4 * np.pi, -2 * np.pi, 0, 0, 0])).success
 
 
+def test_what_is_measured_is_the_goal():
+    """A run whose links come to hang behaves like one that swings up, seen from its goal."""
+    goal = np.array([0.3, np.pi, np.pi, 0.0, 0.0, 0.0])
+    up = swing_up()
+    down = dataclasses.replace(up, X=up.X + goal, goal=goal)
+    assert not measure(dataclasses.replace(down, goal=None)).success
+    assert outcome(down) is Outcome.HELD
+    found, expected = measure(down), measure(up)
+    for name in ('settling_time', 'settling_time_with_cart', 'settling_offset', 'rest_offset',
+                 'hold_error', 'largest_angle', 'uptime', 'closed_loop_cost', 'energy'):
+        assert getattr(found, name) == pytest.approx(getattr(expected, name), abs=1e-9), name
+    assert found.largest_position > expected.largest_position
+
+
 def test_falling_at_the_end_is_no_success():
     metrics = measure(with_state(swing_up(), -1, [0, 0.2, 0, 0, 0, 0]))
     assert not metrics.success

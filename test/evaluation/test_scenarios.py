@@ -47,6 +47,19 @@ def test_six_criteria_make_the_robustness():
     assert CRITERIA == ['model', 'velocity_noise', 'force_noise', 'response', 'delay', 'pushes']
 
 
+@pytest.mark.parametrize('links, count', [(1, 2), (2, 12), (3, 56)])
+def test_there_is_a_way_from_each_equilibrium_to_each_other(links, count):
+    found = cases('transitions', range(2), links=links)
+    assert len(found) == 2 * count
+    for case in found:
+        start, goal = case.plant['start'], case.mpc['goal']
+        assert start != goal
+        assert case.parameter == f'{start} to {goal}'
+        plant = configuration.plant({'links': links, **case.plant})
+        there = configuration.problem({'links': links, **case.mpc}).x_r
+        assert np.any(plant.x != there)
+
+
 def starts(name, seeds, links=2):
     return np.array([case.plant['initial_state'] for case in cases(name, seeds, links=links)])
 

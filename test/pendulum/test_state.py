@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from dp_swing_ros.pendulum.state import (
-    angles, hanging, is_upright, joints, LINKS, links_of, SIZES, symbols, to_turn_of, units,
-    upright, wrapped)
+    angles, equilibria, errors, hanging, is_upright, joints, LINKS, links_of, SIZES, symbols,
+    to_turn_of, units, upright, wrapped)
 
 of_links = pytest.mark.parametrize('links', LINKS)
 
@@ -60,3 +60,19 @@ def test_wrapped_angles_have_one_name_for_each_place(links, rng):
     ((0, 0, 0, 0, 0, 0, 0, 1.1), False)])
 def test_upright_is_all_angles_and_all_speeds(x, expected):
     assert is_upright(np.array(x, float)) == expected
+
+
+@pytest.mark.parametrize('links', LINKS)
+def test_equilibria_are_named_link_by_link(links):
+    found = equilibria(links)
+    assert len(found) == 2 ** links
+    np.testing.assert_array_equal(found['_'.join(['down'] * links)], hanging(links))
+    np.testing.assert_array_equal(found['_'.join(['up'] * links)], upright(links))
+    for name, x in found.items():
+        assert [angle == 0 for angle in x[angles(x)]] == [word == 'up' for word in name.split('_')]
+
+
+def test_errors_are_from_the_nearest_turn():
+    x = np.array([0.5, 3 * np.pi, 0.1, 0.0, 1.0, 0.0])
+    x_r = np.array([0.2, np.pi, 0.0, 0.0, 0.0, 0.0])
+    np.testing.assert_allclose(errors(x, x_r), [0.3, 0.0, 0.1, 0.0, 1.0, 0.0], atol=1e-12)

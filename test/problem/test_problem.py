@@ -51,6 +51,21 @@ def test_the_regulator_holds_every_equilibrium(reference):
     assert np.abs(X[-1] - reference).max() < 0.05
 
 
+def test_a_goal_by_its_name_is_the_reference_with_its_angles():
+    given = replace(default_cost(2), reference=(0.5, np.pi, np.pi, 0, 0, 0))
+    np.testing.assert_array_equal(problem(given).x_r, given.reference)
+    named = problem(replace(given, goal='up_down'))
+    np.testing.assert_array_equal(named.x_r, (0.5, 0, np.pi, 0, 0, 0))
+    np.testing.assert_array_equal(named.lqr.P, problem(
+        replace(given, reference=(0.5, 0, np.pi, 0, 0, 0))).lqr.P)
+
+
+def test_a_goal_of_another_number_of_links_is_refused():
+    with pytest.raises(ParameterError, match="goal is 'up'; expected one of given, down_down, "
+                                             'down_up, up_down, up_up for links 2'):
+        problem(replace(default_cost(2), goal='up'))
+
+
 def test_the_regulator_holds_three_links_up():
     p = problem(default_cost(3), LimitParameters(force_limit=40.0), links=3)
     x = near(upright(3), 0.002)

@@ -49,6 +49,21 @@ def test_an_initial_state_of_another_pendulum_is_refused():
         plant(physical=PendulumParameters(links=3), initial_state=START)
 
 
+def test_it_starts_in_an_equilibrium_by_its_name_and_goes_back_there():
+    p = plant(initial_state=(0.5, 1.0, 1.0, 0.0, 0.0, 0.0), start='down_up')
+    for _ in range(2):
+        np.testing.assert_array_equal(p.x, (0.5, math.pi, 0.0, 0.0, 0.0, 0.0))
+        p.obey(10.0)
+        p.advance(0.1)
+        p.reset()
+
+
+def test_a_start_of_another_number_of_links_is_refused():
+    with pytest.raises(ParameterError, match="start is 'down_up'; expected one of given, down, up "
+                                             'for links 1'):
+        plant(physical=PendulumParameters(links=1), initial_state=STARTS[1], start='down_up')
+
+
 def test_uneven_steps_lead_to_the_same_place():
     even, uneven = plant(initial_state=START), plant(initial_state=START)
     even.advance(0.1)

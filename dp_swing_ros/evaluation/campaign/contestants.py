@@ -96,14 +96,15 @@ def play(contestant: Contestant, case: Case) -> Row:
 
 def simulated(contestant: Contestant, case: Case) -> Episode:
     """Run an episode; raises ParameterError, and ValueError for a case that does not fit."""
-    if case.told:
-        contestant = replace(contestant, mpc={**contestant.mpc, **case.told})
+    if case.told or case.mpc:
+        contestant = replace(contestant, mpc={**contestant.mpc, **case.told, **case.mpc})
     controller = ready(contestant)(case.seed)
     plant = configuration.plant(
         {**contestant.plant, **case.told, **case.plant, 'seed': case.seed})
     return simulate(plant, controller, case.duration, contestant.name,
                     pushes=np.array(case.pushes) if case.pushes else None,
-                    resets={n: np.array(x) for n, x in case.resets})
+                    resets={n: np.array(x) for n, x in case.resets},
+                    goal=configuration.cost(contestant.mpc).x_r)
 
 
 def measured(contestant: Contestant, case: Case, episode: Episode) -> Row:

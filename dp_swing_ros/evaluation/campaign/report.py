@@ -53,6 +53,8 @@ def markdown(summary: Summary, title: str = 'Campaign', introduction: Sequence[s
         standings = [one for one in summary.standings if one.scenario == scenario]
         if standings:
             parts += [f'## {scenario}', f'{SCENARIOS[scenario].about}.', _standings(standings)]
+        if any(one.ways for one in standings):
+            parts.append(_ways(standings))
         if scenario == NEAR_GOAL:
             parts.append(f'Went beyond ±{DROP:g} rad: {_dropped(standings)}.')
     if any(one.criteria or not math.isnan(one.performance) for one in summary.scores):
@@ -105,6 +107,13 @@ def _standings(standings: list[Standing]) -> str:
            number(one.medians['squared_force'], 0),
            ', '.join(number(value, 2, 1e3) for value in one.solve_time.values()),
            str(one.deadline_misses), str(one.stand_ins)) for one in standings)])
+
+
+def _ways(standings: list[Standing]) -> str:
+    return compact([('way', *(f'`{one.contestant}`: held, settling [s]' for one in standings)), *(
+        (way, *(f'{share(one.ways[way].held)}, {number(one.ways[way].settling_time)}'
+                if way in one.ways else '-' for one in standings))
+        for way in dict.fromkeys(way for one in standings for way in one.ways))])
 
 
 def _dropped(standings: list[Standing]) -> str:

@@ -23,15 +23,18 @@ from dp_swing_ros.evaluation.comparison import (
     Paired, paired, paired_ratio, Rate, rate, Ratio, same_held, sign_test)
 from dp_swing_ros.evaluation.metrics import Metrics, Outcome, quantile, reduced
 from dp_swing_ros.evaluation.scenarios import PROFILE, SCENARIOS
-from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.pendulum.state import Array, LINKS
 
 OF_HELD = ('settling_time', 'rest_offset', 'hold_error', 'smoothness', 'roughness', 'energy',
            'impulse', 'squared_force', 'squared_speed', 'closed_loop_cost', 'settling_offset',
            'settling_time_with_cart')
 OF_ALL = ('largest_force', 'largest_position', 'largest_angle')
 OF_SOLVES = {'median': 0.5, 'p99': 0.99, 'largest': 1.0}
+# in the order of reports
 SWEPT = ['', PROFILE, *(sweep.parameter for scenario in SCENARIOS.values()
-                        for sweep in scenario.sweeps)]  # in the order of reports
+                        for sweep in scenario.sweeps),
+         *(way for scenario in SCENARIOS.values() for links in LINKS
+           for way in scenario.ways(links))]
 NEAR_GOAL, DROP = 'near_goal', 0.4  # [rad] who gets further from upright has dropped the pendulum
 COMPARED = ('settling_time', 'smoothness', 'roughness')
 # n of each measure c, by which a TVLQR about one offline swing-up scores about as on theirs
@@ -52,6 +55,13 @@ class Level(NamedTuple):
     def passed(self) -> bool:
         """Return whether more than half were."""
         return 2 * self.held > self.runs
+
+
+class Way(NamedTuple):
+    """What became of one way of several, and how long it took where it was held [s], median."""
+
+    held: Rate
+    settling_time: float
 
 
 class Standing(NamedTuple):
@@ -77,6 +87,7 @@ class Standing(NamedTuple):
     deadline_misses: int
     stand_ins: int
     sweeps: dict[str, list[Level]]
+    ways: dict[str, Way]
     dropped: list[int]
 
 
@@ -161,7 +172,7 @@ def standing(contestant: str, scenario: str, rows: Sequence[Row]) -> Standing:
         len(times), sum(row.metrics.strikes for row in rows),
         reduced(np.mean, _known(rows, 'uptime')),
         sum(row.metrics.deadline_misses for row in rows),
-        sum(row.metrics.stand_ins for row in rows), levels(rows),
+        sum(row.metrics.stand_ins for row in rows), levels(rows), ways(rows),
         [row.key.seed for row in rows if scenario == NEAR_GOAL
          and not row.metrics.largest_angle <= DROP])
 
@@ -183,6 +194,14 @@ def levels(rows: Iterable[Row]) -> dict[str, list[Level]]:
             held = sum(row.metrics.success for row in runs)
             swept.setdefault(parameter, []).append(Level(value, held, len(runs)))
     return {parameter: sorted(found) for parameter, found in swept.items()}
+
+
+def ways(rows: Iterable[Row]) -> dict[str, Way]:
+    """Return the ways of a contestant in one scenario, in order, where there are several."""
+    return {way: Way(rate([row.metrics.success for row in runs]), reduced(np.median, _known(
+        [row for row in runs if row.metrics.success], 'settling_time')))
+        for (way, value), runs in grouped(rows, lambda row: row.key[2:4]).items()
+        if way and value is None}
 
 
 def score(contestant: str, groups: Mapping[tuple[str, str], Sequence[Row]]) -> Score:

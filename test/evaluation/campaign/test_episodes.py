@@ -63,6 +63,14 @@ def test_a_deadline_is_that_of_the_mpc():
     assert row.metrics.deadline_misses == 20
 
 
+def test_the_goal_of_a_case_is_the_controller_s_and_is_measured():
+    case = Case('transitions', 0, 6.0, 'up_up to down_down', plant={'start': 'up_up'},
+                mpc={'goal': 'down_down'})
+    row = play(parse('ilqr'), case)
+    assert row.outcome == 'HELD'
+    assert 1.0 < row.metrics.settling_time < 4.5
+
+
 def test_an_episode_that_raises_is_a_row():
     row = play(parse('ilqr'), Case('hanging', 5, 1.0, plant={'force_noize': 1.0}))
     assert row.key.seed == 5

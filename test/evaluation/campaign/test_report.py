@@ -36,6 +36,16 @@ def test_a_page_has_a_line_for_each_contestant_in_each_scenario():
     assert '9 episodes of 4 s, 3 not run yet' in page
 
 
+def test_each_way_has_a_line():
+    ways = ('down_down to up_up', 'up_up to down_down')
+    rows = [row(name, 'transitions', seed, parameter=way, held=way == ways[0] or name == 'ilqr',
+                settling_time=1.0 + seed)
+            for name in ('ilqr', 'mppi') for way in ways for seed in range(3)]
+    found = cells(markdown(summarise(campaign(scenarios=('transitions',)), rows, 12)))
+    assert [ways[0], *['3 of 3 (43.9-100.0 %), 2.00'] * 2] in found
+    assert [ways[1], '3 of 3 (43.9-100.0 %), 2.00', '0 of 3 (0.0-56.1 %), -'] in found
+
+
 def test_a_campaign_without_a_failure_is_reported():
     assert 'Everything was held.' in markdown(summarise(campaign(), [row()], 1))
 
