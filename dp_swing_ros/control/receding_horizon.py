@@ -111,7 +111,8 @@ class RecedingHorizon:
         self.enabled = parameters.enabled
         self.stopping = ''                  # why there is a controlled stop, if there is
         kind = ESTIMATORS[parameters.estimator]
-        self.estimator: Estimator = kind(problem, drive, estimator or kind.Parameters())
+        self.estimator_parameters = estimator or kind.Parameters()
+        self.estimator: Estimator = kind(problem, drive, self.estimator_parameters)
         self.message_filter = MessageFilter(problem.physical.links, problem.given[0].track_limit)
         self.reset()
 
@@ -147,6 +148,37 @@ class RecedingHorizon:
         self.problem = problem
         self.solver = self.build(problem)
         self.starts.set_problem(problem)
+
+    def reconfigure(self, other: 'RecedingHorizon') -> None:
+        """
+        Go on with the parameters of another controller, which is not used any more.
+
+        The last plan, the forces sent and the random numbers go on, these unless the seed is
+        another. So does what is believed of state and pendulum, unless the estimator is told
+        something else. What `enable` says counts as before, unless `enabled` changes.
+        """
+        if other.parameters.enabled != self.parameters.enabled:
+            self.enable(other.parameters.enabled)
+        if other.parameters.seed != self.parameters.seed:
+            self.random = other.random
+        if other.told != self.told:
+            self.estimator, self.message_filter = other.estimator, other.message_filter
+            self.estimate, self.drive, problem = None, other.drive, other.nominal
+        else:
+            problem = other.nominal.with_physical(self.problem.physical)
+        self.nominal, self.nominal_drive = other.nominal, other.nominal_drive
+        self.parameters, self.solver_parameters = other.parameters, other.solver_parameters
+        self.estimator_parameters = other.estimator_parameters
+        self.plans = [(began, plan.resampled(problem.dt)) for began, plan in self.plans]
+        self.starts.reconfigure(other.starts)
+        self.set_problem(driven_by(self.drive, problem))
+
+    @property
+    def told(self) -> tuple[object, ...]:
+        """Return what estimator and message filter are told."""
+        limits, _, prediction = self.nominal.given
+        return (self.parameters.estimator, self.estimator_parameters, self.nominal.physical,
+                self.nominal_drive, limits.track_limit, prediction.model)
 
     def update(self, t: float, x: Array, delay: float = 0.0, deadline: float = math.inf,
                time_noise: float = 0.0) -> Plan:

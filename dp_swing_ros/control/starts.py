@@ -68,12 +68,17 @@ class Starts:
     def __init__(self, problem: Problem, parameters: StartParameters, seed: int,
                  build: Callable[[Problem], Solver]) -> None:
         """Take what is to be solved, and how to build its solver for a shorter horizon."""
-        self.parameters, self.build = parameters, build
+        self.parameters, self.seed, self.build = parameters, seed, build
         self.set_problem(problem)
         self.random_forces = stream(seed, Stream.STARTS)
-        bounded = (self.bounded_lqr,) if parameters.bounded_lqr else ()
-        self.first_kinds = (*bounded, self.regulator, self.rest)
-        self.later_kinds = cycle((*bounded, self.random, self.regulator))
+        self.first_kinds = self.bounded_lqr, self.regulator, self.rest
+        self.later_kinds = cycle((self.bounded_lqr, self.random, self.regulator))
+
+    def reconfigure(self, other: 'Starts') -> None:
+        """Go on with the parameters of others, and with their random numbers if seeds differ."""
+        if other.seed != self.seed:
+            self.seed, self.random_forces = other.seed, other.random_forces
+        self.parameters = other.parameters
 
     def set_problem(self, problem: Problem) -> None:
         """Start for another problem from now on."""
@@ -129,7 +134,9 @@ class Starts:
             left, X=regulator.X + turn, U=regulator.U, K=regulator.K)
 
     def bounded_lqr(self, x_0: Array) -> Plan | None:
-        """Follow the regulator for a bounded force; None out of its reach."""
+        """Follow the regulator for a bounded force; None out of its reach, or where left out."""
+        if not self.parameters.bounded_lqr:
+            return None
         self.bounded = self.bounded or BoundedLQR(self.short)
         found = self.bounded.start(x_0)
         return None if found is None else plan_of(

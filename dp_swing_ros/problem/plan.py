@@ -70,6 +70,18 @@ class Plan:
         force = (float(self.U[0]) - self.drive.bias) / self.drive.gain
         return min(max(force, -limit), limit) if math.isfinite(force) else 0.0
 
+    def resampled(self, dt: float) -> 'Plan':
+        """Return the plan in steps of another duration [s], as `shifted` interpolates it."""
+        if dt == self.dt:
+            return self
+        steps = [self.shifted(n * dt) for n in range(int(self.duration / dt + 1e-6))]
+        if not steps:
+            return replace(self, X=self.X[:1], U=self.U[:0], K=self.K[:0], dt=dt)
+        last = self.shifted(len(steps) * dt)
+        return replace(self, dt=dt, X=np.array([each.X[0] for each in (*steps, last)]),
+                       U=np.array([each.U[0] for each in steps]),
+                       K=np.array([each.K[0] for each in steps]))
+
     def shifted(self, elapsed: float) -> 'Plan':
         """
         Return what is left of the plan after a time [s], as a policy from then on.
