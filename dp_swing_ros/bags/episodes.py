@@ -152,11 +152,25 @@ def configurations_of(bag: Bag) -> dict[str, Configuration]:
     """
     Return what the nodes of a bag ran with, by the last part of their names: plant, mpc, logger.
 
-    Of a node that was started again it is the last. Raises BagError.
+    Of a node that was started again it is the last start, before any change. Raises BagError.
     """
-    found = [bag.parse(lambda message: from_text(message.data), message)
-             for message in bag.any_of(CONFIGURATION)]
-    return {each.node.rsplit('/', 1)[-1]: each for each in found}
+    return {node: revisions[min(revisions)] for node, revisions in revisions_of(bag).items()}
+
+
+def revisions_of(bag: Bag) -> dict[str, dict[int, Configuration]]:
+    """
+    Return what the nodes of a bag ran with, one change after the other; raises BagError.
+
+    By the last part of their names, and by the number of the change.
+    """
+    found: dict[str, dict[int, Configuration]] = {}
+    for message in bag.any_of(CONFIGURATION):
+        each = bag.parse(lambda message: from_text(message.data), message)
+        revisions = found.setdefault(each.node.rsplit('/', 1)[-1], {})
+        if each.revision == 0:   # it was started again, or says it once more
+            revisions.clear()
+        revisions[each.revision] = each
+    return found
 
 
 def description_of(bag: Bag) -> tuple[PendulumParameters, LimitParameters]:

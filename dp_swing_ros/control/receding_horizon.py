@@ -67,7 +67,7 @@ class MpcParameters(StartParameters, SafetyParameters):
         'that they say how old a state is; arrival, of some clock, so that a state is as old as '
         'it came later than others did; lockstep, simulated time that waits for the answer; '
         'announced, what the publisher of the states says on the topic configuration, else '
-        'arrival', choices=lambda: ['announced', 'stamps', 'arrival', 'lockstep'])
+        'arrival', choices=lambda: ['announced', 'stamps', 'arrival', 'lockstep'], live=False)
     enabled: bool = parameter(
         True, 'force from the start on; else it is zero, while states are believed, until the '
         'service mpc/enable says otherwise')

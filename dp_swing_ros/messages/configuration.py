@@ -8,6 +8,8 @@ import yaml
 
 from dp_swing_ros.parameters.files import parse, YamlError
 
+BEFORE = -1   # [ns] where a plant has not begun
+
 
 class Configuration(NamedTuple):
     """A node's parameters by their full names, and what ran where."""
@@ -19,6 +21,8 @@ class Configuration(NamedTuple):
     sources: str                 # digest of the modules that decide a force
     machine: str
     packages: dict[str, str]     # versions
+    revision: int = 0            # how often its parameters had changed
+    since: int = 0               # [ns] of a plant's time, from when on the newest counts
 
     def to_text(self) -> str:
         """Return it as YAML; numbers read back the same."""
@@ -32,7 +36,10 @@ def from_text(text: str) -> Configuration:
     except YamlError as error:
         raise ValueError(f'a configuration is not YAML: {error}') from None
     kinds: dict[str, type] = {**dict.fromkeys(Configuration._fields, str),
-                              'parameters': dict, 'packages': dict}
+                              'parameters': dict, 'packages': dict, 'revision': int,
+                              'since': int}
+    if isinstance(content, dict):
+        content = {'revision': 0, 'since': 0, **content}   # which older ones do not have
     if not isinstance(content, dict) or not all(
             isinstance(content.get(field), kind) for field, kind in kinds.items()):
         raise ValueError(f'a configuration is {text[:80]!r}; expected YAML with '

@@ -11,7 +11,7 @@ from functools import partial
 import gc
 import math
 import time
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -24,9 +24,10 @@ from dp_swing_ros.messages.configuration import from_text
 from dp_swing_ros.messages.fields import BILLION, seconds, to_measured, to_state
 from dp_swing_ros.nodes.connections import is_heard, owners, publish, subscribe
 from dp_swing_ros.nodes.diagnostics import Diagnostics, of_estimate
+from dp_swing_ros.nodes.loading import Loader
 from dp_swing_ros.nodes.messages import to_stamped_force, to_trajectory
 from dp_swing_ros.nodes.process import ProcessNode, run
-from dp_swing_ros.nodes.ros_parameters import announce, declare, given
+from dp_swing_ros.nodes.ros_parameters import announce, declare, given, let_change
 from dp_swing_ros.nodes.timing import Clock, Latency, Timing, Watchdog
 from dp_swing_ros.parameters import group
 from dp_swing_ros.pendulum.sensors import HANGING, SensorParameters, Standstill
@@ -64,14 +65,17 @@ class MpcNode(ProcessNode):
     def __init__(self) -> None:
         """Read the parameters, and refuse what cannot work."""
         super().__init__('mpc')
-        values = declare(self, configuration.declared_for('mpc', given(self)))
+        self.fields = configuration.declared_for('mpc', given(self))
+        values = declare(self, self.fields, live=True)
         self.links, self.u_max = values['links'], values['force_limit']
         self.parameters = group(MpcParameters, values)
         self.solver = self.parameters.solver
         self.sensors = group(SensorParameters, values)
         self.standstill = Standstill() if self.sensors.zero == HANGING else None
         self.timing = Timing(self.parameters.clock)
-        self.build = lambda: configuration.controller(values)   # compiles, at the first start
+        self.values = values     # at the start
+        self.revision = 0        # how often the parameters have changed
+        self.found: dict[str, Any] = {}   # instead of those that were given
         self.forces = publish(self, FORCE_COMMAND)
         self.stamped_forces = publish(self, FORCE_COMMAND_STAMPED)
         self.plans = publish(self, PLAN)
@@ -106,9 +110,11 @@ class MpcNode(ProcessNode):
         self.get_logger().info(f'preparing the solver {self.solver!r} (the first start on a '
                                'machine compiles for half a minute; later ones take a second)')
         began = time.perf_counter()
-        self.controller = self.build()
+        self.controller = configuration.controller(self.values)   # compiles, at the first start
         self.tick_time = self.controller.warm_up()
         self.forget()
+        self.loader = Loader(self.controller, self.get_logger().error)
+        let_change(self, self.fields, self.values, self.on_change)
         taken = time.perf_counter() - began
         gc.collect()
         gc.freeze()   # else the collector looks through all modules in a first tick, for 25 ms
@@ -116,6 +122,23 @@ class MpcNode(ProcessNode):
         # Of several states, the newest. A plant in lockstep sends an unanswered one again.
         subscribe(self, JOINT_STATES, self.on_state, depth=1, sensor=True)
         self.get_logger().info(f'{done} in {taken:.1f} s; ready')
+
+    def on_change(self, values: dict[str, Any]) -> None:
+        """Check other parameters, which count from a next tick on; raises ParameterError."""
+        self.loader.load(configuration.controller(values), values)
+        if self.timing.clock is Clock.LOCKSTEP:   # where time waits
+            self.loader.wait()
+
+    def reconfigure(self) -> None:
+        """Go on with other parameters, if such are ready."""
+        loaded = self.loader.take()
+        if loaded is None:
+            return
+        self.controller.reconfigure(loaded.controller)
+        self.parameters = self.controller.parameters
+        self.solver, self.u_max = self.parameters.solver, loaded.values['force_limit']
+        self.revision += 1
+        announce(self, {**loaded.values, **self.found}, self.revision)
 
     def on_configuration(self, message: String) -> None:
         """Learn from a plant, or from the recording of one, what its stamps are."""
@@ -159,6 +182,7 @@ class MpcNode(ProcessNode):
 
     def answer(self, message: JointState, info: dict[str, int]) -> None:
         """Send a force for a state, and report how that came about."""
+        self.reconfigure()
         now, began = self.get_clock().now().nanoseconds / BILLION, time.perf_counter()
         real_time = self.timing.clock is not Clock.LOCKSTEP
         sent = now - (time.time() - info['source_timestamp'] / BILLION) * self.pace
@@ -210,7 +234,8 @@ class MpcNode(ProcessNode):
                 message.header.stamp, DiagnosticStatus.WARN, words, {}, part='zero')
             return False
         self.sensors, self.standstill = self.sensors.hanging_at(place), None
-        announce(self, {'joint_offsets': self.sensors.joint_offsets})
+        self.found = {'joint_offsets': self.sensors.joint_offsets}
+        announce(self, self.found, self.revision)
         self.get_logger().info(f'the pendulum hangs still; joint_offsets: '
                                f'{list(self.sensors.joint_offsets)}')
         return True
@@ -290,7 +315,8 @@ class MpcNode(ProcessNode):
              # what it takes to repeat the tick
              'real_time': real_time, 'solves': ' '.join(map(str, stats.solves)), 'time': t,
              'time_noise': self.time_noise, 'carried': self.carried, 'resets': self.resets,
-             'number': self.sent, 'enabled': self.controller.enabled, 'stopping': bool(stopping),
+             'revision': self.revision, 'number': self.sent,
+             'enabled': self.controller.enabled, 'stopping': bool(stopping),
              # by the clock of its sender [ns]; tells which state it was where stamps stand still
              'sent': 0 if self.carried else self.last.sent,
              'clock': self.timing.clock.name.lower(),

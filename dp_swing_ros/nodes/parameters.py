@@ -72,7 +72,8 @@ def table(fields: Mapping[str, dataclasses.Field]) -> str:
     """Return the Markdown table of parameters by their full names."""
     return compact([('parameter', 'default', 'unit', 'range', 'description'), *(
         (f'`{name}`', f'`{shown(field.default)}`', field.metadata['unit'], expected(field),
-         field.metadata['description']) for name, field in fields.items())]) + '\n'
+         field.metadata['description'] + ('' if field.metadata['live'] else '; stays'))
+        for name, field in fields.items())]) + '\n'
 
 
 def named(group: type[Parameters]) -> dict[str, dataclasses.Field]:

@@ -5,19 +5,22 @@
 from functools import partial
 import math
 import time
+from typing import Any
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 import numpy as np
+from rclpy.timer import Timer
 from std_msgs.msg import Float64, String
 
 from dp_swing_ros import configuration
+from dp_swing_ros.messages.configuration import BEFORE
 from dp_swing_ros.nodes.connections import (
     Audience, is_heard, listeners, LOOK_PERIOD, publish, subscribe)
 from dp_swing_ros.nodes.diagnostics import Diagnostics
 from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
 from dp_swing_ros.nodes.process import ProcessNode, run
-from dp_swing_ros.nodes.ros_parameters import declare, given
+from dp_swing_ros.nodes.ros_parameters import announce, declare, given, let_change
 from dp_swing_ros.pendulum.urdf import urdf
 from dp_swing_ros.topics import DISTURBANCE, FORCE_COMMAND, JOINT_STATES, ROBOT_DESCRIPTION
 
@@ -39,11 +42,14 @@ class PlantNode(ProcessNode):
     def __init__(self) -> None:
         """Read the parameters and offer the topics."""
         super().__init__('plant')
-        self.values = declare(self, configuration.declared_for('plant', given(self)))
+        self.fields = configuration.declared_for('plant', given(self))
+        self.values = declare(self, self.fields, live=True)
         self.get_logger().info('preparing the integrator')   # compiled at the first start
         self.plant = configuration.plant(self.values)
         self.parameters = self.plant.parameters
         self.period = 1 / self.parameters.rate
+        self.revision = 0        # how often the parameters have changed
+        self.ticks: Timer | None = None
         self.push = 0.0          # [N] asked for the next period
         self.skipped = self.refused = self.commands = self.lost_commands = self.lost_states = 0
         self.refused_pushes = self.reported_refusals = 0
@@ -53,7 +59,7 @@ class PlantNode(ProcessNode):
         self.states = publish(self, JOINT_STATES)
         self.diagnostics = Diagnostics(self)
         self.description = publish(self, ROBOT_DESCRIPTION)
-        self.description.publish(String(data=urdf(self.plant.physical, self.plant.limits)))
+        self.describe()
         self.serve('plant/reset', self.on_reset)
         self.unanswerable = self.create_guard_condition(self.on_unanswerable)
         subscribe(self, DISTURBANCE, self.on_disturbance)
@@ -61,6 +67,7 @@ class PlantNode(ProcessNode):
     def prepare(self) -> None:
         """Compile the integrator, then look for those who are to hear the first state."""
         configuration.plant(self.values).advance(self.period)
+        let_change(self, self.fields, self.values, self.on_change)
         subscribe(self, FORCE_COMMAND, self.on_force)
         lockstep = self.parameters.lockstep
         self.audience = Audience([self.states, self.diagnostics.publisher, self.description],
@@ -71,6 +78,31 @@ class PlantNode(ProcessNode):
         else:
             self.get_logger().info(f'{self.parameters.rate:g} states a second' + (
                 ', as /clock goes' if self.clock is self.get_clock() else ''))
+
+    def describe(self) -> None:
+        """Publish the robot description."""
+        self.description.publish(String(data=urdf(self.plant.physical, self.plant.limits)))
+
+    def on_change(self, values: dict[str, Any]) -> None:
+        """Go on with other parameters from now on; raises ParameterError."""
+        changed = configuration.plant(values)
+        if not self.parameters.lockstep and self.begun:
+            self.advance_to(self.elapsed())
+        before = self.plant.physical, self.plant.limits
+        if self.begun:
+            self.plant.reconfigure(changed)
+        else:
+            self.plant = changed
+        self.values, self.parameters = values, self.plant.parameters
+        if self.period != 1 / self.parameters.rate:
+            self.period = 1 / self.parameters.rate
+            if self.ticks is not None:
+                self.ticks.timer_period_ns = round(self.period * 1e9)
+        if before != (self.plant.physical, self.plant.limits):
+            self.describe()
+        self.revision += 1
+        announce(self, values, self.revision,
+                 round(self.plant.t * 1e9) if self.begun else BEFORE)
 
     def start(self) -> None:
         """Let the plant's time begin now."""
@@ -87,7 +119,7 @@ class PlantNode(ProcessNode):
             return   # a simulated clock is zero until its first message
         if not self.parameters.lockstep:
             self.start()
-            self.create_timer(self.period, self.on_tick, clock=self.clock)
+            self.ticks = self.create_timer(self.period, self.on_tick, clock=self.clock)
         elif is_heard(self, self.states, FORCE_COMMAND):
             self.start()
             self.joined = dict.fromkeys(listeners(self, self.states, FORCE_COMMAND), -math.inf)

@@ -7,21 +7,23 @@ Whatever is wrong with what the user gave ends in a ParameterError.
 """
 
 from array import array
+from collections.abc import Callable, Mapping
 import dataclasses
 from itertools import pairwise
 import math
 from pathlib import Path
 import sys
-from typing import Any, Mapping
+from typing import Any
 
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rcl_interfaces.msg import (
+    FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult)
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_msgs.msg import String
 
 from dp_swing_ros.messages.configuration import Configuration
 from dp_swing_ros.nodes.connections import publish
-from dp_swing_ros.parameters import checked, expected, LARGEST, unknown
+from dp_swing_ros.parameters import checked, expected, LARGEST, ParameterError, unknown
 from dp_swing_ros.parameters.files import ANY_NODE, QOS_OVERRIDES, sections
 from dp_swing_ros.provenance import commit, machine, package_version, packages, sources
 from dp_swing_ros.topics import CONFIGURATION
@@ -34,32 +36,84 @@ def given(node: Node) -> dict[str, Any]:
             for name, override in node._parameter_overrides.items()}
 
 
-def declare(node: Node, fields: Mapping[str, dataclasses.Field]) -> dict[str, Any]:
+def declare(node: Node, fields: Mapping[str, dataclasses.Field],
+            live: bool = False) -> dict[str, Any]:
     """
     Declare ROS parameters, refuse what nobody declared, and publish what the node runs with.
 
-    fields are by the full names; a parameter is read-only once the node runs. Returns their
-    values. Raises ParameterError, naming the closest match and all the choices.
+    fields are by the full names; unless `live`, a parameter is read-only once the node runs; see
+    let_change. Returns their values. Raises ParameterError, naming the closest match and all the
+    choices.
     """
     asked, values = given(node), {}
     for name, field in fields.items():
         values[name] = checked(field, asked.get(name, field.default), name)
         # The override is left aside: it is in the value already, there in its declared type.
-        node.declare_parameter(name, _listed(values[name]), _descriptor(field),
+        node.declare_parameter(name, _listed(values[name]), _descriptor(field, live),
                                ignore_override=True)
     refuse_unknown(node, of_topics=False)
     announce(node, {})
     return values
 
 
-def announce(node: Node, found: Mapping[str, Any]) -> None:
-    """Publish what a node runs with: its parameters, or what it found instead of some."""
+def let_change(node: Node, fields: Mapping[str, dataclasses.Field], values: Mapping[str, Any],
+               change: Callable[[dict[str, Any]], None]) -> None:
+    """
+    Let parameters of a node change while it runs, all of one request or none.
+
+    `change` is given the values of all parameters as they are to be; where it raises
+    ParameterError, nothing changes, and whoever asked is told why.
+    """
+    current = dict(values)
+
+    def with_numbers(parameters: list[Parameter]) -> list[Parameter]:
+        """Let whole numbers do for numbers, which the types of ROS keep apart."""
+        return [Parameter(each.name, value=_numbers(fields[each.name], each.value))
+                if each.name in fields else each for each in parameters]
+
+    def on_set(parameters: list[Parameter]) -> SetParametersResult:
+        try:
+            asked = {each.name: checked(fields[each.name], each.value, each.name)
+                     for each in parameters if each.name in fields}
+            if {**current, **asked} != current:
+                change({**current, **asked})
+        except ParameterError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        for name, value in asked.items():
+            if value != current[name]:
+                node.get_logger().info(f'{name} is {value} now; it was {current[name]}')
+        current.update(asked)
+        return SetParametersResult(successful=True)
+
+    node.add_pre_set_parameters_callback(with_numbers)
+    node.add_on_set_parameters_callback(on_set)
+
+
+def _numbers(field: dataclasses.Field, value: Any) -> Any:
+    default: Any = field.default
+    if isinstance(default, tuple):
+        return value if not isinstance(default[0], float) or isinstance(value, str) \
+            else [_whole_as_number(each) for each in value or ()]
+    return _whole_as_number(value) if isinstance(default, float) else value
+
+
+def _whole_as_number(value: Any) -> Any:
+    return float(value) if type(value) is int else value
+
+
+def announce(node: Node, found: Mapping[str, Any], revision: int = 0, since: int = 0) -> None:
+    """
+    Publish what a node runs with: its parameters, or what it found instead of some.
+
+    They are those of a revision, which counts since a time [ns].
+    """
     declared = {each.name: each.value for each in node.get_parameters(
         sorted(node.list_parameters([], 0).names)) if not each.name.startswith(QOS_OVERRIDES)}
     configured = Configuration(
         node.get_fully_qualified_name(),
         {name: _listed(value) for name, value in {**declared, **found}.items()},
-        package_version(), commit(), sources(), machine(), packages())
+        package_version(), commit(), sources(), machine(), packages(), revision,
+        since)
     name = node.resolve_topic_name(CONFIGURATION.name)
     own = [each for each in node.publishers if each.topic_name == name]   # of an earlier call
     publisher = own[0] if own else publish(node, CONFIGURATION)
@@ -96,10 +150,11 @@ def _listed(value: Any) -> Any:
     return list(value) if isinstance(value, (array, tuple)) else value
 
 
-def _descriptor(field: dataclasses.Field) -> ParameterDescriptor:
+def _descriptor(field: dataclasses.Field, live: bool) -> ParameterDescriptor:
     about = field.metadata
     unit = f' [{about["unit"]}]' if about['unit'] else ''
-    descriptor = ParameterDescriptor(description=about['description'] + unit, read_only=True)
+    descriptor = ParameterDescriptor(description=about['description'] + unit,
+                                     read_only=not (live and about['live']))
     low, high = about['minimum'], about['maximum']
     if isinstance(field.default, tuple) or math.isinf(low) and math.isinf(high):
         # ROS knows no range of the elements of a list.

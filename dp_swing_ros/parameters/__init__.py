@@ -24,20 +24,22 @@ Group = TypeVar('Group', bound='Parameters')
 
 def parameter(default: Any, description: str, *, unit: str = '', minimum: float | None = None,
               maximum: float | None = None, choices: Callable[[], list[str]] | None = None,
-              size: Mapping[int, int] | None = None, finite: bool = True, links: int = 1) -> Any:
+              size: Mapping[int, int] | None = None, finite: bool = True, links: int = 1,
+              live: bool = True) -> Any:
     """
     Declare one parameter as a dataclass field.
 
     minimum and maximum are inclusive and hold for every element of a list; `choices` is called
     when needed, so that a registry may be filled after the class is made; `size` is the length
     of a list by the number of links; `finite=False` allows infinity (NaN never passes); the
-    parameter is one of pendulums with so many `links` or more.
+    parameter is one of pendulums with so many `links` or more; one that is not `live` stays as it
+    is while a node runs, also where others may change.
     """
     return dataclasses.field(default=default, metadata={
         'description': description, 'unit': unit,
         'minimum': -math.inf if minimum is None else minimum,
         'maximum': math.inf if maximum is None else maximum,
-        'choices': choices, 'size': size, 'finite': finite, 'links': links})
+        'choices': choices, 'size': size, 'finite': finite, 'links': links, 'live': live})
 
 
 class ParameterError(ValueError):

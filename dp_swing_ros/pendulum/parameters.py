@@ -36,7 +36,7 @@ class PendulumParameters(Parameters):
     """The physical parameters of cart and links. Source: the paper, II-A; its authors' runs."""
 
     links: int = parameter(DEFAULT_LINKS, 'number of links, n', minimum=min(LINKS),
-                           maximum=max(LINKS))
+                           maximum=max(LINKS), live=False)
     cart_mass: float = parameter(1.0, 'mass of the cart, m0', unit='kg', minimum=1e-3)
     link1_mass: float = parameter(0.5, 'mass of link 1, m1', unit='kg', minimum=1e-3)
     link2_mass: float = parameter(0.5, 'mass of link 2, m2', unit='kg', minimum=1e-3, links=2)

@@ -37,21 +37,23 @@ class SensorParameters(Parameters):
 
     joint_names: tuple[str, ...] = parameter(
         joints(DEFAULT_LINKS), 'names of the cart and the joints in joint_states, in the order of '
-        'the state; there they may come in any order, and others with them', size=JOINT_COUNTS)
+        'the state; there they may come in any order, and others with them', size=JOINT_COUNTS,
+        live=False)
     joint_signs: tuple[float, ...] = parameter(
         (1.0,) * JOINT_COUNTS[DEFAULT_LINKS], 'of cart and joints, -1 where a sensor counts down '
-        'towards +x, else 1', minimum=-1.0, maximum=1.0, size=JOINT_COUNTS)
+        'towards +x, else 1', minimum=-1.0, maximum=1.0, size=JOINT_COUNTS,
+        live=False)
     joint_offsets: tuple[float, ...] = parameter(
         (0.0,) * JOINT_COUNTS[DEFAULT_LINKS], 'what the sensors of cart and joints measure where '
         'the state is zero: at the middle of the track, all links upright', unit='m, rad',
-        size=JOINT_COUNTS)
+        size=JOINT_COUNTS, live=False)
     relative_angles: bool = parameter(
         False, 'the angle and the velocity of a joint are measured from the link before it, not '
-        'from the vertical')
+        'from the vertical', live=False)
     zero: str = parameter(
         GIVEN, 'where the offsets are from: given, joint_offsets; hanging, those of the joints '
         'from the first second in which the pendulum stands still, taken to hang (no force is '
-        'sent before)', choices=lambda: list(ZEROS))
+        'sent before)', choices=lambda: list(ZEROS), live=False)
 
     def __post_init__(self) -> None:
         """Check also what concerns several at once; raises ParameterError."""

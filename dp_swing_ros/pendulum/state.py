@@ -75,6 +75,12 @@ def equilibria(links: int = DEFAULT_LINKS) -> dict[str, Array]:
     return found
 
 
+def is_at_rest(x: Array) -> bool:
+    """Return whether a state (2n + 2,) is an equilibrium; an angle may be rounded as 3.1416 is."""
+    tilted, speeds = np.sin(x[angles(x)]), x[len(x) // 2:]
+    return bool(np.all(np.abs(tilted) < 1e-3) and not np.any(speeds))
+
+
 def to_turn_of(x: Array, reference: Array) -> Array:
     """
     Shift the angles of x by whole turns to lie within π of those of the reference.

@@ -20,7 +20,7 @@ from dp_swing_ros.pendulum.equations import Pendulum
 from dp_swing_ros.pendulum.integrators import INTEGRATORS
 from dp_swing_ros.pendulum.model import Model, size, step
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
-from dp_swing_ros.pendulum.state import angles, Array, SIZES
+from dp_swing_ros.pendulum.state import angles, Array, is_at_rest, SIZES
 from dp_swing_ros.problem.cost import ANGLE_ERRORS, Cost, is_periodic, trajectory_cost
 from dp_swing_ros.problem.parameters import CostParameters, PredictionParameters
 from dp_swing_ros.problem.plan import Plan, SolverStats, Status
@@ -73,6 +73,10 @@ class Problem:
                 raise ParameterError(
                     f'parameter {name} has {count} numbers; expected {SIZES[physical.links]} for '
                     f'links {physical.links}')
+        if not is_at_rest(cost.x_r):
+            raise ParameterError(
+                f'parameter reference is {tuple(cost.x_r.tolist())}; expected an equilibrium: '
+                'each link up or down (an angle of 0 or π), speeds of 0')
         model = Model(Pendulum.of(physical), INTEGRATORS[prediction.model], prediction.step)
         lqr = regulator(model, cost)
         P = lqr.P if cost.terminal_cost == 'lqr' else (

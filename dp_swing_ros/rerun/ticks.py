@@ -9,7 +9,9 @@ from itertools import takewhile
 import math
 from typing import Any, NamedTuple
 
-from dp_swing_ros.bags.episodes import configurations_of, CONTROLLER, reports_of, samples_of
+from dp_swing_ros import configuration
+from dp_swing_ros.bags.episodes import (
+    configurations_of, CONTROLLER, reports_of, revisions_of, samples_of)
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.control.receding_horizon import RecedingHorizon, Search
 from dp_swing_ros.control.starts import solved
@@ -42,6 +44,7 @@ class Tick(NamedTuple):
     status: str
     cost: float
     force: float       # [N] sent
+    changed: dict[str, Any] | None = None   # all parameters, where they changed before it
 
 
 class Record(NamedTuple):
@@ -58,9 +61,12 @@ def configuration_of(bag: Bag, node: str) -> Configuration:
         raise BagError(f'{bag} has no parameters of the {node}, but those of '
                        f'{", ".join(sorted(found)) or "no node"}; record a run of plant and mpc '
                        'with the topic configuration')
-    return found[node]._replace(parameters={
-        name: value for name, value in found[node].parameters.items()
-        if not is_of_rclpy(name)})
+    return found[node]._replace(parameters=own(found[node]))
+
+
+def own(found: Configuration) -> dict[str, Any]:
+    """Return the parameters of a node without rclpy's."""
+    return {name: value for name, value in found.parameters.items() if not is_of_rclpy(name)}
 
 
 def record_of(bag: Bag) -> Record:
@@ -77,8 +83,10 @@ def record_of(bag: Bag) -> Record:
 
 def _record(bag: Bag, reports: list[Report]) -> Record:
     states = {sample.stamp: sample.x for sample in samples_of(bag)}
+    revisions = revisions_of(bag).get(CONTROLLER, {})
     ticks: list[Tick] = []
     resets = 0
+    revision = min(revisions, default=0)
     for report in sorted(reports, key=lambda each: int(each.values['number'])):
         number, carried = (int(report.values[name]) for name in ('number', 'carried'))
         if ticks and number == ticks[-1].number:
@@ -89,6 +97,10 @@ def _record(bag: Bag, reports: list[Report]) -> Record:
         if not carried and report.stamp not in states:
             return Record(ticks, f'the state of tick {number} is missing ({report.stamp} ns)')
         values: dict[str, Any] = report.values
+        before, revision = revision, int(values.get('revision', revision))
+        if revision != before and revision not in revisions:
+            return Record(ticks, f'the parameters of tick {number} are missing, changed for the '
+                          f'{revision}th time')
         ticks.append(Tick(
             number, report.stamp, float(values.get('time', report.stamp / BILLION)),
             None if carried else states[report.stamp], float(values.get('time_noise', 0.0)),
@@ -96,7 +108,8 @@ def _record(bag: Bag, reports: list[Report]) -> Record:
             bool(values.get('enabled', True)),   # which older ones always were
             bool(values.get('stopping', False)),
             tuple(map(int, str(values['solves']).split())), str(values['status']),
-            float(values['cost']), float(values['force'])))
+            float(values['cost']), float(values['force']),
+            own(revisions[revision]) if revision != before else None))
         resets = int(values['resets'])
     return Record(ticks, '')
 
@@ -188,6 +201,8 @@ def answer(controller: RecedingHorizon, tick: Tick, counted: bool = True) -> Pla
 
     If `counted`, in as many iterations where a deadline may have ended them.
     """
+    if tick.changed is not None:
+        controller.reconfigure(configuration.controller(tick.changed))
     if tick.reset:
         controller.reset()
     if not tick.stopping:

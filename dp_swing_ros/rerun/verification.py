@@ -9,7 +9,7 @@ together are the whole run. What the bag lacks for that is not passed over.
 """
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 import math
 from typing import NamedTuple
 
@@ -17,16 +17,16 @@ import numpy as np
 
 from dp_swing_ros import configuration, provenance
 from dp_swing_ros.bags.episodes import (
-    configurations_of, CONTROLLER, description_of, FEW, PLANT, Sample, samples_of)
+    configurations_of, CONTROLLER, description_of, FEW, PLANT, revisions_of, Sample, samples_of)
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.control.receding_horizon import RecedingHorizon
-from dp_swing_ros.messages.configuration import Configuration
+from dp_swing_ros.messages.configuration import BEFORE, Configuration
 from dp_swing_ros.messages.fields import BILLION, from_trajectory, nanoseconds, Trajectory
 from dp_swing_ros.pendulum.state import links_of, symbols, units
 from dp_swing_ros.pendulum.urdf import from_urdf, urdf
 from dp_swing_ros.problem.plan import Plan
 from dp_swing_ros.rerun.ticks import (
-    answer, commands_of, configuration_of, paired, Record, record_of, Tick)
+    answer, commands_of, configuration_of, own, paired, Record, record_of, Tick)
 from dp_swing_ros.simulation.plant import Plant
 from dp_swing_ros.topics import DISTURBANCE, FORCE_COMMAND, PLAN, ROBOT_DESCRIPTION, Topic
 
@@ -172,10 +172,13 @@ def plant_again(bag: Bag, record: Record) -> PlantAgain:
     if PLANT not in configurations_of(bag):
         return PlantAgain(0, [], [
             'states and efforts, for the bag has no parameters of the plant'])
-    plant = configuration.plant(configuration_of(bag, PLANT).parameters)
+    revisions = list(revisions_of(bag)[PLANT].values())
+    plant, last = (configuration.plant(own(found)) for found in (
+        [each for each in revisions if each.revision == 0 or each.since == BEFORE][-1],
+        revisions[-1]))
     differences = []
     if bag.has(ROBOT_DESCRIPTION) and description_of(bag) != from_urdf(
-            urdf(plant.physical, plant.limits)):
+            urdf(last.physical, last.limits)):
         differences.append(Difference(
             'descriptions', 'the robot description',
             'its physical parameters and limits are not those of the plant'))
@@ -185,15 +188,18 @@ def plant_again(bag: Bag, record: Record) -> PlantAgain:
     if bag.has(DISTURBANCE):
         return PlantAgain(0, differences, [
             f'states and efforts, which depend on when each {DISTURBANCE.name} arrived'])
-    states, others = _of_states(bag, plant, record)
+    states, others = _of_states(bag, plant, record, [
+        each for each in revisions if each.revision > 0 and each.since != BEFORE])
     return PlantAgain(states, differences + others, [])
 
 
-def _of_states(bag: Bag, plant: Plant, record: Record) -> tuple[int, list[Difference]]:
+def _of_states(bag: Bag, plant: Plant, record: Record,
+               changes: Sequence[Configuration]) -> tuple[int, list[Difference]]:
     """Return how many recorded states the plant has too, and how some differ."""
     samples = samples_of(bag)
     forces = {tick.stamp: tick.force for tick in record.ticks if tick.x is not None}
-    again = {sample.stamp: sample for sample in published(plant, forces, samples[-1].stamp)}
+    again = {sample.stamp: sample for sample in published(
+        plant, forces, samples[-1].stamp, changes)}
     differences = []
     for sample in samples:
         text = ''
@@ -207,24 +213,28 @@ def _of_states(bag: Bag, plant: Plant, record: Record) -> tuple[int, list[Differ
     return sum(sample.stamp in again for sample in samples), differences
 
 
-def published(plant: Plant, forces: Mapping[int, float], end: int) -> Iterator[Sample]:
+def published(plant: Plant, forces: Mapping[int, float], end: int,
+              changes: Sequence[Configuration] = ()) -> Iterator[Sample]:
     """
     Yield the states that a plant in lockstep publishes, up to a time [ns].
 
     forces are those [N] that answered the states, by their stamps [ns]; where one is not known,
-    nothing is known of what follows.
+    nothing is known of what follows. changes of its parameters count since their times.
     """
-    period = 1 / plant.parameters.rate
-    while plant.t - plant.parameters.delay <= end / BILLION + period / 2:
+    while plant.t - plant.parameters.delay <= end / BILLION + 0.5 / plant.parameters.rate:
         measured = plant.measure()
         if measured is not None:
             stamp = round(measured.t * BILLION)
             yield Sample(stamp, measured.x, plant.mean_force)
             if stamp not in forces:
                 return
-            plant.obey(forces[stamp])
         plant.begin_period(0.0)
-        plant.advance(period)
+        for change in changes:
+            if change.since == round(plant.t * BILLION):
+                plant.reconfigure(configuration.plant(own(change)))
+        if measured is not None:
+            plant.obey(forces[stamp])
+        plant.advance(1 / plant.parameters.rate)
 
 
 def difference(recorded: Sample, again: Sample) -> str:

@@ -58,7 +58,7 @@ class PlantParameters(Parameters):
         'exact', 'measured velocities: exact, but for their noise; differenced: what measured '
         'positions differ by from state to state; none', choices=lambda: list(VELOCITIES))
     lockstep: bool = parameter(
-        False, 'wait for one force after each state instead of running in real time')
+        False, 'wait for one force after each state instead of running in real time', live=False)
     duration: float = parameter(0.0, 'the plant ends itself after this time (0: never)', unit='s',
                                 minimum=0.0)
     command_timeout: float = parameter(
@@ -178,12 +178,33 @@ class Plant:
         self.state_loss = stream(seed, Stream.STATE_LOSS)
         self.commands = Commands(self.parameters, self.drive.actuation_delay)
         self.seen: Measurement | None = None                # the last measurement
+        self.seen_until = -math.inf                         # [s] it is measured no more till then
         self.shafts: Array | None = None                    # of the encoders, in their play
         self.t = 0.0                                        # [s]
         self.x = self.initial.copy()
         self.force = 0.0                                    # [N] of the actuator in the last step
         self.past: deque[Measurement] = deque([Measurement(0.0, self.x.copy())])
         self.begin_period(0.0)
+
+    def reconfigure(self, other: 'Plant') -> None:
+        """
+        Go on with the parameters of another plant, which is not used any more.
+
+        State, time and the commands on their way stay; so do the noises, unless the seed is
+        another.
+        """
+        if other.parameters.seed != self.parameters.seed:
+            self.sensor_noise, self.force_noise = other.sensor_noise, other.force_noise
+            self.state_loss = other.state_loss
+            self.commands.loss, self.commands.lateness = (
+                other.commands.loss, other.commands.lateness)
+        if other.parameters.delay > self.parameters.delay and self.seen is not None:
+            self.seen_until = self.seen.t   # what was measured is not measured again
+        self.physical, self.limits, self.drive = other.physical, other.limits, other.drive
+        self.parameters, self.initial = other.parameters, other.initial
+        self.commands.parameters = other.parameters
+        self.commands.delay = other.drive.actuation_delay
+        self.engine = other.engine
 
     def place(self, x: Array) -> None:
         """Put the pendulum in another state (2n + 2,), while time and forces go on."""
@@ -249,7 +270,8 @@ class Plant:
 
     def is_seen(self) -> bool:
         """Return whether a delay has passed, so that the first measurement can have arrived."""
-        return self.past[0].t <= self.t - self.parameters.delay + ROUNDING
+        return self.seen_until + ROUNDING < self.past[0].t <= (
+            self.t - self.parameters.delay + ROUNDING)
 
     def measure(self) -> Measurement | None:
         """Return the noisy state of a delay ago; None where it is lost, or cannot be here yet."""

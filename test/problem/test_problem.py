@@ -51,6 +51,12 @@ def test_the_regulator_holds_every_equilibrium(reference):
     assert np.abs(X[-1] - reference).max() < 0.05
 
 
+@pytest.mark.parametrize('reference', [(0, 1, 0, 0, 0, 0), (0, 0, 0, 0.5, 0, 0)])
+def test_a_reference_that_is_no_equilibrium_is_refused(reference):
+    with pytest.raises(ParameterError, match='reference is .*; expected an equilibrium'):
+        problem(replace(default_cost(2), reference=reference))
+
+
 def test_a_goal_by_its_name_is_the_reference_with_its_angles():
     given = replace(default_cost(2), reference=(0.5, np.pi, np.pi, 0, 0, 0))
     np.testing.assert_array_equal(problem(given).x_r, given.reference)

@@ -566,3 +566,40 @@ def test_how_velocities_are_measured_changes_no_other_number():
                    for kind in ('exact', 'none'))
     for _ in range(5):
         np.testing.assert_array_equal(exact.measure().x[:3], none.measure().x[:3])
+
+
+def test_other_parameters_count_from_now_on():
+    p, other = plant(initial_state=START), plant(physical=PendulumParameters(link1_mass=0.8))
+    p.obey(5.0)
+    p.advance(0.1)
+    x, t = p.x.copy(), p.t
+    p.reconfigure(other)
+    np.testing.assert_array_equal(p.x, x)
+    assert (p.t, p.commands.force) == (t, 5.0)
+    p.advance(0.05)
+    expected = rollout(fine(other.physical), x, np.full(10, 5.0))[-1]
+    np.testing.assert_allclose(p.x, expected, rtol=1e-12)
+    p.reset()
+    np.testing.assert_array_equal(p.x, hanging())
+
+
+@pytest.mark.parametrize('seed, same', [(0, True), (1, False)])
+def test_noise_goes_on_unless_the_seed_is_another(seed, same):
+    p, q = plant(position_noise=0.01), plant(position_noise=0.01)
+    p.measure()
+    q.measure()
+    q.reconfigure(plant(position_noise=0.01, seed=seed))
+    assert np.array_equal(p.measure().x, q.measure().x) is same
+
+
+def test_no_state_is_measured_twice_where_the_delay_grows():
+    p, stamps = plant(), []
+    for n in range(12):
+        if n in (4, 8):
+            p.reconfigure(plant(delay=0.1 if n == 4 else 0.0))
+        measured = p.measure()
+        stamps += [measured.t] if measured else []
+        p.advance(0.05)
+    # what was measured at 0.2 s comes at 0.3 s; that of 0.35 and 0.4 s is overtaken
+    np.testing.assert_allclose(
+        stamps, [0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.45, 0.5, 0.55], atol=1e-9)

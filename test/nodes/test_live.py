@@ -1,0 +1,216 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Parameters of a running mpc: changed by a stranger, between ticks, and repeated from the bag."""
+
+import math
+import subprocess
+
+import numpy as np
+import pytest
+from rcl_interfaces.srv import GetParameters, SetParametersAtomically
+from rclpy.parameter import Parameter, parameter_value_to_python
+from std_srvs.srv import Trigger
+from test_mpc import Conversation, LEANING
+
+from dp_swing_ros.bags import read_episode
+from dp_swing_ros.bags.episodes import reports_of, revisions_of
+from dp_swing_ros.bags.reader import Bag
+from dp_swing_ros.messages.configuration import BEFORE, from_text
+from dp_swing_ros.messages.fields import from_diagnostics, from_trajectory, to_state
+from dp_swing_ros.pendulum.sensors import SensorParameters
+from dp_swing_ros.pendulum.state import angles, errors
+from dp_swing_ros.tools import verify
+from dp_swing_ros.topics import CONFIGURATION, DIAGNOSTICS, JOINT_STATES
+
+
+def put(peer, node='mpc', **values):
+    """Set parameters of a node, all or none; return why they are refused, if they are."""
+    result = peer.call(SetParametersAtomically, f'{node}/set_parameters_atomically', parameters=[
+        Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]).result
+    assert result.successful is not bool(result.reason)
+    return result.reason
+
+
+def value(peer, name):
+    """Return the value of a parameter of the mpc."""
+    found, = peer.call(GetParameters, 'mpc/get_parameters', names=[name]).values
+    return parameter_value_to_python(found)
+
+
+def test_a_change_counts_from_the_next_tick_on(peer, start_node):
+    told = peer.record(CONFIGURATION)
+    talk = Conversation(peer, start_node)
+    talk.send(LEANING)
+    assert talk.report().values['revision'] == 0
+    assert put(peer, horizon=40, step=0.04, solver='ddp') == ''
+    talk.send(LEANING + 1e-3)
+    values = talk.report().values
+    plan = from_trajectory(talk.plans[-1])
+    assert (len(plan.U), plan.t[1]) == (40, pytest.approx(0.04))
+    assert (values['revision'], values['solver']) == (1, 'ddp')
+    assert peer.until(lambda: any('revision: 1' in each.data for each in told))
+    configured = from_text(told[-1].data)
+    assert configured.parameters['horizon'] == 40
+    assert (value(peer, 'horizon'), value(peer, 'solver')) == (40, 'ddp')
+    assert talk.node.stop() == 0
+
+
+REFUSED = [
+    ({'force_weight': -1.0}, 'range'), ({'solver': 'lqr'}, 'expected one of ddp, ilqr'),
+    ({'state_weights': [1.0]}, 'a list of 6 numbers'), ({'links': 3}, 'read-only'),
+    ({'force_limit': 0.0}, 'the controller needs a force'), ({'horizon': 30.5}, 'type'),
+    ({'reference': [0.0, 1.0, 0.0, 0.0, 0.0, 0.0]}, 'expected an equilibrium'),
+    ({'goal': 'up'}, 'expected one of given, down_down'), ({'smaples': 3}, 'undeclared'),
+    ({'force_weight': math.nan}, 'range'),
+    ({'initial_force': math.nan}, 'initial_force'), ({'force_weight': None}, 'undeclared')]
+
+
+def test_changes_that_are_refused_say_why_and_change_nothing(peer, start_node):
+    """Each beside one that is right, for all of a request change or none."""
+    talk = Conversation(peer, start_node)
+    names = {'horizon', *(name for wrong, _ in REFUSED for name in wrong)} - {'smaples'}
+    before = {name: value(peer, name) for name in names}
+    for wrong, words in REFUSED:
+        why = put(peer, **{'horizon': 33, **wrong})
+        assert words in why and why, (wrong, why)
+        talk.send(LEANING + 1e-3 * talk.n)
+        assert talk.report().values['revision'] == 0
+    assert {name: value(peer, name) for name in names} == before
+
+
+def test_a_whole_number_will_do_for_a_number(peer, start_node):
+    talk = Conversation(peer, start_node)
+    assert put(peer, force_limit=10, state_weights=[20, 100, 100, 2, 6, 1]) == ''
+    assert value(peer, 'force_limit') == 10.0
+    assert list(value(peer, 'state_weights')) == [20.0, 100.0, 100.0, 2.0, 6.0, 1.0]
+    hanging = [0.0, np.pi, np.pi, 0.0, 0.0, 0.0]
+    assert abs(talk.send(hanging)) <= 10.0
+    talk.report()
+    assert np.abs(from_trajectory(talk.plans[-1]).U).max() == pytest.approx(10.0)
+
+
+def test_the_command_line_changes_it(peer, start_node, tmp_path):
+    """`ros2 param`, of ros2cli or what stands in for it."""
+    talk = Conversation(peer, start_node)
+
+    def param(*arguments):
+        done = subprocess.run(['ros2', 'param', *arguments], capture_output=True, text=True,
+                              timeout=60)
+        return done.returncode, done.stdout + done.stderr
+    file = tmp_path / 'weights.yaml'
+    file.write_text('/mpc:\n  ros__parameters:\n    horizon: 20\n    force_weight: 0.5\n')
+    assert param('set', '/mpc', 'solver', 'ddp') == (0, 'Set parameter successful\n')
+    code, text = param('set', '/mpc', 'solver', 'lqr')
+    assert code == 1 and 'expected one of ddp, ilqr' in text
+    assert param('load', '/mpc', str(file))[0] == 0
+    assert 'ddp' in param('get', '/mpc', 'solver')[1]
+    assert 'mppi.samples' in param('list', '/mpc')[1]
+    talk.send(LEANING)
+    values = talk.report().values
+    assert values['solver'] == 'ddp'
+    assert len(from_trajectory(talk.plans[-1]).U) == 20
+
+
+def test_a_reset_keeps_what_was_changed(peer, start_node):
+    talk = Conversation(peer, start_node)
+    assert put(peer, horizon=12) == ''
+    talk.send(LEANING)
+    assert peer.call(Trigger, 'mpc/reset').success
+    talk.send(LEANING + 1e-3)
+    talk.report()
+    assert len(from_trajectory(talk.plans[-1]).U) == 12
+
+
+def test_a_run_with_changes_is_repeated_to_the_bit(peer, start_node, tmp_path, capsys):
+    """In lockstep: four solvers, a reference, a goal, and another seed in between."""
+    bag = tmp_path / 'bag'
+    logger = start_node('logger', {'output': str(bag)})
+    logger.wait_for('recording to')
+    mpc = start_node('mpc', {'horizon': 40})
+    mpc.wait_for('ready')
+    reports = peer.record(DIAGNOSTICS)
+    plant = start_node('plant', {'lockstep': True, 'duration': 100.0})
+    changes = [{'solver': 'ddp'}, {'solver': 'mppi', 'mppi.samples': 256}, {'seed': 4},
+               {'reference': [0.4, 0.0, 0.0, 0.0, 0.0, 0.0]}, {'solver': 'sampled_ilqr'},
+               {'goal': 'down_up'}]
+    for change in changes:
+        before = len(reports)
+        assert peer.until(lambda: len(reports) > before + 40)
+        assert put(peer, **change) == ''
+    assert plant.wait() == 0
+    assert (mpc.stop(), logger.stop()) == (0, 0)
+    found = Bag(bag)
+    assert sorted(revisions_of(found)['mpc']) == list(range(len(changes) + 1))
+    assert reports_of(found)[-1].values['revision'] == len(changes)
+    episode = read_episode(bag)
+    goal = np.array([0.4, np.pi, 0.0, 0.0, 0.0, 0.0])
+    assert np.abs(errors(episode.X[-20:], goal)[:, angles(goal)]).max() < 0.1
+    assert verify.main([str(bag)]) == 0
+    assert 'to the bit' in capsys.readouterr().out
+
+
+def test_the_plant_s_changes_are_repeated_to_the_bit(peer, start_node, tmp_path, capsys):
+    """In lockstep, from before the first state on: bodies, noises, delay, rate and drive."""
+    bag = tmp_path / 'bag'
+    logger = start_node('logger', {'output': str(bag)})
+    logger.wait_for('recording to')
+    plant = start_node('plant', {'lockstep': True, 'duration': 40.0})
+    plant.wait_for('waiting for a controller')
+    assert put(peer, 'plant', start='down_up', position_noise=1e-3) == ''
+    mpc, reports = start_node('mpc'), peer.record(DIAGNOSTICS)
+    changes = [{'link2_mass': 0.6, 'cart_friction': 0.5}, {'velocity_noise': 0.1, 'seed': 3},
+               {'rate': 40.0}, {'actuation_delay': 0.01, 'force_gain': 0.9}, {'delay': 0.05},
+               {'delay': 0.0, 'track_limit': 2.0}]
+    for change in changes:
+        before = len(reports)
+        assert peer.until(lambda: len(reports) > before + 40)
+        assert put(peer, 'plant', **change) == ''
+    assert 'read-only' in put(peer, 'plant', lockstep=False)
+    assert 'a list of 6 numbers' in put(peer, 'plant', initial_state=[0.0])
+    assert plant.wait() == 0
+    assert (mpc.stop(), logger.stop()) == (0, 0)
+    found = revisions_of(Bag(bag))['plant']
+    assert len(found) == len(changes) + 2
+    assert found[1].since == BEFORE < found[2].since < found[3].since
+    assert verify.main([str(bag)]) == 0
+    assert 'so the whole run, simulated again' in capsys.readouterr().out
+
+
+def test_a_plant_in_real_time_keeps_another_rate(peer, start_node):
+    states = peer.record(JOINT_STATES)
+    start_node('plant').wait_for('states a second')
+    assert peer.until(lambda: len(states) > 5)
+    assert put(peer, 'plant', rate=100.0, start='up_down') == ''
+    peer.spin(0.2)
+    before = len(states)
+    peer.spin(1.0)
+    assert 80 < len(states) - before < 110
+    assert peer.call(Trigger, 'plant/reset').success
+    peer.spin(0.1)
+    x = to_state(states[-1], 2, SensorParameters())
+    assert abs(errors(x, np.array([0.0, 0.0, np.pi, 0.0, 0.0, 0.0]))[2]) < 0.5
+
+
+@pytest.mark.real_time
+def test_no_tick_is_late_for_a_change(peer, start_node):
+    """While it balances: every solver after every other, and what needs other kernels."""
+    states, reports = peer.record(JOINT_STATES), peer.record(DIAGNOSTICS)
+    start_node('mpc', {'solver': 'mppi'}).wait_for('ready')
+    start_node('plant', {'initial_state': LEANING.tolist()})
+
+    def ticks():
+        found = (from_diagnostics(message, 'mpc') for message in reports)
+        return [report.values for report in found if report is not None]
+    assert peer.until(lambda: len(states) > 40)
+    changes = [{'solver': name} for name in ('ddp', 'ilqr', 'sampled_ilqr', 'ddp', 'mppi')]
+    changes += [{'horizon': 60}, {'step': 0.04, 'solver': 'ilqr'}, {'estimator': 'none'},
+                {'estimator': 'ekf'}, {'angle_error': 'angle'}, {'force_weight': 0.01}]
+    for n, change in enumerate(changes, 1):
+        assert put(peer, **change) == ''
+        assert peer.until(lambda: ticks()[-1]['revision'] == n, timeout=150.0), change
+        peer.spin(0.5)
+    values = ticks()
+    assert [each['late_total'] for each in values][-1] == 0
+    assert max(int(each['carried']) for each in values) == 0
+    X = np.array([to_state(state, 2, SensorParameters()) for state in states])
+    assert np.abs(X[:, 1:3]).max() < 0.2
