@@ -85,6 +85,11 @@ CAMPAIGNS = {
     'stress': Campaign(
         'Stress', (*METHODS, 'sampled_ilqr', TEXTBOOK, 'tvlqr', 'tvlqr_ekf', 'energy_ekf'), STRESS,
         None, {}, {'sweeps': ('stress', 'What is held, by level')}),
+    # hanging to up_down is beyond 30 steps
+    'transitions': Campaign(
+        'From each equilibrium to each other',
+        tuple(f'{name}={name}:horizon=40' for name in METHODS), ('transitions',), None, {},
+        {'settling': ('transitions', 'Settling, all ways')}),
     'fresh': Campaign('Fresh seeds', METHODS[:1], ('random',), range(10_000, 20_000), {}, {})}
 
 

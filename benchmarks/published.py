@@ -121,6 +121,7 @@ PAGES = {
     'stress': of_rows('stress', 12),
     'ablation': of_rows('ablation', 12),
     'fresh': of_rows('fresh', 18),
+    'transitions': of_rows('transitions', 6),
     'oracle': of_script('oracle', 13, *oracle.FILES),
     'near_goal': of_rows('near_goal', 1),
     'optimum': of_script('optimum', 8, *optimum.FILES),
