@@ -20,7 +20,6 @@ from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.pendulum.sensors import default_sensors, SensorParameters
 from dp_swing_ros.pendulum.state import Array, joints, LINKS, links_of as links_of_state
 from dp_swing_ros.pendulum.urdf import from_urdf
-from dp_swing_ros.problem.parameters import CostParameters
 from dp_swing_ros.simulation.episode import Episode, Ticks
 from dp_swing_ros.topics import CONFIGURATION, DIAGNOSTICS, JOINT_STATES, ROBOT_DESCRIPTION
 
@@ -139,6 +138,8 @@ def goal_of(bag: Bag, links: int) -> Array | None:
     values = found[CONTROLLER].parameters if CONTROLLER in found else {}
     if values.get('links') != links or 'reference' not in values:
         return None
+    # with numba, which a logger does without
+    from dp_swing_ros.problem.parameters import CostParameters
     return bag.parse(lambda: group(CostParameters, values).x_r)
 
 

@@ -73,12 +73,12 @@ class Problem:
                 raise ParameterError(
                     f'parameter {name} has {count} numbers; expected {SIZES[physical.links]} for '
                     f'links {physical.links}')
+        model = Model(Pendulum.of(physical), INTEGRATORS[prediction.model], prediction.step)
+        lqr = regulator(model, cost)
         if not is_at_rest(cost.x_r):
             raise ParameterError(
                 f'parameter reference is {tuple(cost.x_r.tolist())}; expected an equilibrium: '
                 'each link up or down (an angle of 0 or π), speeds of 0')
-        model = Model(Pendulum.of(physical), INTEGRATORS[prediction.model], prediction.step)
-        lqr = regulator(model, cost)
         P = lqr.P if cost.terminal_cost == 'lqr' else (
             cost.terminal_scale * np.diag(cost.state_weights))
         return cls(model, Cost(

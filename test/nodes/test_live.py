@@ -5,10 +5,12 @@
 import math
 import subprocess
 
+from builtin_interfaces.msg import Time
 import numpy as np
 import pytest
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter, parameter_value_to_python
+from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 from test_mpc import Conversation, LEANING
 
@@ -154,10 +156,14 @@ def test_the_plant_s_changes_are_repeated_to_the_bit(peer, start_node, tmp_path,
     bag = tmp_path / 'bag'
     logger = start_node('logger', {'output': str(bag)})
     logger.wait_for('recording to')
-    plant = start_node('plant', {'lockstep': True, 'duration': 40.0})
+    mpc, reports = start_node('mpc'), peer.record(DIAGNOSTICS)
+    mpc.wait_for('ready')
+    # it begins with the clock, so that there is time before
+    plant = start_node('plant', {'lockstep': True, 'duration': 40.0, 'use_sim_time': True})
     plant.wait_for('waiting for a controller')
     assert put(peer, 'plant', start='down_up', position_noise=1e-3) == ''
-    mpc, reports = start_node('mpc'), peer.record(DIAGNOSTICS)
+    clock = peer.node.create_publisher(Clock, '/clock', 1)
+    peer.node.create_timer(0.1, lambda: clock.publish(Clock(clock=Time(sec=1))))
     changes = [{'link2_mass': 0.6, 'cart_friction': 0.5}, {'velocity_noise': 0.1, 'seed': 3},
                {'rate': 40.0}, {'actuation_delay': 0.01, 'force_gain': 0.9}, {'delay': 0.05},
                {'delay': 0.0, 'track_limit': 2.0}]
