@@ -15,6 +15,7 @@ import campaigns
 from matplotlib.figure import Figure
 import numpy as np
 
+from dp_swing_ros.control.starts import StartParameters
 from dp_swing_ros.evaluation.campaign.contestants import Contestant, key, parse
 from dp_swing_ros.evaluation.campaign.report import share
 from dp_swing_ros.evaluation.campaign.rows import Row
@@ -28,7 +29,7 @@ SOLVERS = {'ilqr': 'ilqr', 'ddp': 'ddp', 'mppi': 'mppi', 'textbook MPPI': campai
 NONE: dict[str, Any] = {
     'first_starts': 1, 'other_starts': 0, 'bounded_lqr': False, 'regulator': False,
     'estimator': 'none', 'warm_start': 'forces'}
-STARTS = {'first_starts': 6, 'other_starts': 1}
+STARTS = {name: getattr(StartParameters(), name) for name in ('first_starts', 'other_starts')}
 # what of NONE is as by default again
 ALONE: dict[str, dict[str, Any]] = {
     'none': {},

@@ -161,7 +161,7 @@ class RecedingHorizon:
             self.enable(other.parameters.enabled)
         if other.parameters.seed != self.parameters.seed:
             self.random = other.random
-        if other.told != self.told:
+        if other.estimator_inputs != self.estimator_inputs:
             self.estimator, self.message_filter = other.estimator, other.message_filter
             self.estimate, self.drive, problem = None, other.drive, other.nominal
         else:
@@ -174,8 +174,8 @@ class RecedingHorizon:
         self.set_problem(driven_by(self.drive, problem))
 
     @property
-    def told(self) -> tuple[object, ...]:
-        """Return what estimator and message filter are told."""
+    def estimator_inputs(self) -> tuple[object, ...]:
+        """Return what estimator and message filter are built from."""
         limits, _, prediction = self.nominal.given
         return (self.parameters.estimator, self.estimator_parameters, self.nominal.physical,
                 self.nominal_drive, limits.track_limit, prediction.model)
