@@ -107,6 +107,9 @@ def page(name: str, rows: Sequence[Row], made: str, figures: Path) -> str:
                       for scenario, count in campaign.timed.items())
     clock = (f'Solve times and misses are those of {timed}, played by one process alone.' if timed
              else 'Solves are not timed here.')
+    named = ''.join(f' `{label}` is `{what.replace(str(CONFIG), "config")}`.' for label, what in (
+        text.split('=', 1) for text in campaign.contestants
+        if '=' in text.partition(':')[0]))
     return markdown(summary, campaign.title, [
         made, f'{len(rows)} episodes of {DURATION:g} s; their rows: '
-        f'[{name}.csv.gz]({name}.csv.gz). {clock}\n', *shown])
+        f'[{name}.csv.gz]({name}.csv.gz). {clock}{named}\n', *shown])
