@@ -31,6 +31,7 @@ from dp_swing_ros.evaluation.comparison import median, rate
 from dp_swing_ros.evaluation.scenarios import Case, random_start
 from dp_swing_ros.figures.style import looks, name_lines, styled
 from dp_swing_ros.parameters import group
+from dp_swing_ros.pendulum.derivatives import expand
 from dp_swing_ros.pendulum.model import rollout
 from dp_swing_ros.pendulum.state import Array, DEFAULT_LINKS, is_upright
 from dp_swing_ros.problem.plan import Plan, Status
@@ -152,8 +153,8 @@ def descent(solver: Descent, start: Start) -> tuple[Status, list[Pass], Rollout]
     while len(passes) < parameters.iterations:
         k, K_new, X_new, U_new = np.full_like(U, np.nan), *map(np.empty_like, (K, X, U))
         positive, slope, bend = backward(
-            model, cost, X, U, X[:0], bounds, mu, share, None if solver.hessian is None else share,
-            k, K_new)
+            model, cost, expand(model, X, U), X, U, X[:0], bounds, mu, share,
+            None if solver.hessian is None else share, k, K_new)
         converged = positive and mu == 0 and -slope <= parameters.tolerance * J
         J_new = line_search(model, cost, X, U, J, k, K_new, slope, bend, bounds, X_new,
                             U_new) if positive and not converged else math.inf
@@ -204,7 +205,8 @@ def optimum(problem: Problem, end: Rollout) -> Array | None:
     for _ in range(NEWTON):
         before = U
         k, K_new, X_new, U_new = map(np.empty_like, (U, K, X, U))
-        if not backward(model, cost, X, U, X[:0], bounds, 0.0, 1.0, 1.0, k, K_new)[0]:
+        if not backward(model, cost, expand(model, X, U), X, U, X[:0], bounds, 0.0, 1.0, 1.0, k,
+                        K_new)[0]:
             return None
         forward(model, cost, X, U, X[:0], k, K_new, 1.0, bounds, X_new, U_new)
         X, U, K = X_new, U_new, K_new

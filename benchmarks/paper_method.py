@@ -20,6 +20,7 @@ from torch import Tensor
 from torch.func import jacrev
 
 from dp_swing_ros import configuration
+from dp_swing_ros.pendulum.derivatives import expand
 from dp_swing_ros.pendulum.model import rollout
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.problem.problem import Bounds, Problem
@@ -125,7 +126,8 @@ def our_iteration(problem: Problem, second_order: bool) -> tuple[Work, Callable[
 
     def policy() -> Policy:
         # its errors of angles are straight, so Gauss-Newton's Hessian is exact
-        backward(problem.model, problem.cost, X, U, gaps, infinite, 0.0, tensor, None, k, K)
+        backward(problem.model, problem.cost, expand(problem.model, X, U), X, U, gaps, infinite,
+                 0.0, tensor, None, k, K)
         return Policy(k, K)
 
     def run() -> int:

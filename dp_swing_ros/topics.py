@@ -19,11 +19,12 @@ FORCE_COMMAND = Topic('force_command', 'std_msgs/msg/Float64', watched=True)
 FORCE_COMMAND_STAMPED = Topic('force_command_stamped', 'sensor_msgs/msg/JointState', watched=True)
 DISTURBANCE = Topic('disturbance', 'std_msgs/msg/Float64')
 PLAN = Topic('mpc/plan', 'trajectory_msgs/msg/JointTrajectory')
+TRIES = Topic('mpc/tries', 'sensor_msgs/msg/PointCloud2')
 DIAGNOSTICS = Topic('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray')
 ROBOT_DESCRIPTION = Topic('robot_description', 'std_msgs/msg/String', latched=True)
 CONFIGURATION = Topic('configuration', 'std_msgs/msg/String', latched=True)  # as YAML
 # of the forward_command_controller in config/ros2_control.yaml
 CONTROLLER_COMMANDS = Topic('force_controller/commands', 'std_msgs/msg/Float64MultiArray')
 
-TOPICS = (JOINT_STATES, FORCE_COMMAND, FORCE_COMMAND_STAMPED, DISTURBANCE, PLAN, DIAGNOSTICS,
-          ROBOT_DESCRIPTION, CONFIGURATION)
+TOPICS = (JOINT_STATES, FORCE_COMMAND, FORCE_COMMAND_STAMPED, DISTURBANCE, PLAN, TRIES,
+          DIAGNOSTICS, ROBOT_DESCRIPTION, CONFIGURATION)

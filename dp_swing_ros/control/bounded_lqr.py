@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg import cholesky, qr
 
 from dp_swing_ros.kernels import kernel
-from dp_swing_ros.pendulum.derivatives import linearisation
+from dp_swing_ros.pendulum.derivatives import expand, linearisation
 from dp_swing_ros.pendulum.model import size, step
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.problem.cost import trajectory_cost
@@ -85,7 +85,8 @@ class BoundedLQR:
         k, K = np.empty(N), np.empty((N, X.shape[1]))
         find_gaps(model, X, U, gaps)
         for number in range(1, PASSES + 1):
-            if not backward(model, cost, X, U, gaps, bounds, 0.0, None, None, k, K)[0]:
+            if not backward(model, cost, expand(model, X, U), X, U, gaps, bounds, 0.0, None,
+                            None, k, K)[0]:
                 return None
             # as much of the gaps at once as does not throw it over; in the end all that is left
             for alpha in (1.0, 0.5, 0.25) if number < PASSES else (1.0,):

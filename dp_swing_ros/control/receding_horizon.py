@@ -37,11 +37,11 @@ from dp_swing_ros.parameters import parameter, Parameters
 from dp_swing_ros.pendulum.model import hold
 from dp_swing_ros.pendulum.parameters import DIRECT, Drive
 from dp_swing_ros.pendulum.state import Array, hanging, is_upright, to_turn_of, upright
-from dp_swing_ros.problem.plan import Plan, Status
+from dp_swing_ros.problem.plan import candidates_of, Plan, stats_of_tick, Status
 from dp_swing_ros.problem.problem import (
     Bounds, plan_of, policy_rollout, Problem, regulator_rollout)
 from dp_swing_ros.solvers import SOLVERS
-from dp_swing_ros.solvers.solver import Solver
+from dp_swing_ros.solvers.solver import ShowingSolver, Solver
 from dp_swing_ros.streams import Stream, stream
 
 RESOLUTION = 1e-6  # [s] of times since 1970, as they are held
@@ -79,6 +79,9 @@ class MpcParameters(StartParameters, SafetyParameters):
         0.2, 'time without a believed state (none came, or one that is not finite, out of range, '
         'frozen or refused by the estimator) after which the force is zero', unit='s',
         minimum=0.0, finite=False)
+    shown_tries: int = parameter(
+        0, 'on mpc/tries about so many of the trajectories that led to the plan, of its line '
+        'search or its samples; 0: none', minimum=0, maximum=1000)
     estimator: str = parameter(
         'ekf', 'none: a state is taken as it is measured; ekf: an extended Kalman filter on the '
         'model, which also estimates physical parameters and a force bias',
@@ -91,9 +94,12 @@ Search = Callable[['RecedingHorizon', Array, Iterable[Plan], float], list[Plan]]
 def search(controller: 'RecedingHorizon', x_0: Array, starts: Iterable[Plan],
            deadline: float) -> list[Plan]:
     """Return a plan from each start while there is time, from one at least."""
-    plans = list[Plan]()
+    plans, solver, count = list[Plan](), controller.solver, controller.parameters.shown_tries
     for start in starts:
-        plans.append(solved(controller.solver, controller.problem, x_0, start, deadline))
+        plan = solved(solver, controller.problem, x_0, start, deadline)
+        if count and isinstance(solver, ShowingSolver):
+            plan = replace(plan, tries=solver.tries(count))
+        plans.append(plan)
         if time.perf_counter() > deadline:
             break
     return plans
@@ -200,19 +206,18 @@ class RecedingHorizon:
         if believed is None or not self.acts(begins):
             return self.zero_force(begins)
         x_0, rests = self.when_it_acts(believed, begins), self.rests(begins)
+        known = time.perf_counter()
         if self.stopping:
             return self.brake(x_0, begins)
         if rests and not self.is_due(begins):
             return self.feedback(x_0, rests[0], begins)
         plans = self.search(self, x_0, self.starts.of(x_0, rests), deadline)
         best = min(plans, key=lambda plan: plan.stats.cost if plan.usable else math.inf)
-        solves = tuple(plan.stats.iterations for plan in plans)
         if not best.usable:
             instead = self.fallback(begins, x_0)
-            return replace(instead, stats=instead.stats._replace(solves=solves))
-        return self.send(replace(best, stats=best.stats._replace(
-            iterations=sum(solves), solves=solves,
-            solve_time=time.perf_counter() - began)), begins)
+            return replace(instead, stats=instead.stats._replace(candidates=candidates_of(plans)))
+        return self.send(replace(best, stats=stats_of_tick(
+            best, plans, known - began, time.perf_counter() - known)), begins)
 
     def is_due(self, begins: float) -> bool:
         """Return whether it is time [s] for a solve, where there is a last plan."""

@@ -54,12 +54,12 @@ class StartParameters(Parameters):
 
 
 def solved(solver: Solver, problem: Problem, x_0: Array, start: Plan, deadline: float) -> Plan:
-    """Solve from a start, the goal on the turn where it ends; see Solver.solve."""
+    """Solve from a named start, the goal on the turn where it ends; see Solver.solve."""
     turns = turns_of(problem, start.X[-1])
     if not turns.any() or not np.all(np.isfinite(start.X)):   # what diverges ends on no turn
-        return solver.solve(x_0, start, deadline)
+        return replace(solver.solve(x_0, start, deadline), start=start.start)
     plan = solver.solve(x_0 - turns, replace(start, X=start.X - turns), deadline)
-    return replace(plan, X=plan.X + turns)
+    return replace(plan, X=plan.X + turns, turns=turns, start=start.start)
 
 
 class Starts:
@@ -105,8 +105,9 @@ class Starts:
     def plans(self, kinds: Iterable[Callable[[Array], Plan | None]], x_0: Array,
               count: int) -> Iterator[Plan]:
         """Yield as many plans of these kinds; fewer where a wild state has none."""
-        made = (kind(x_0) for kind in islice(kinds, count + len(self.first_kinds)))
-        return islice((plan for plan in made
+        made = ((kind.__name__, kind(x_0))
+                for kind in islice(kinds, count + len(self.first_kinds)))
+        return islice((replace(plan, start=name) for name, plan in made
                        if plan is not None and np.all(np.isfinite(plan.X))), count)
 
     def first(self, x_0: Array) -> Plan:
@@ -114,7 +115,8 @@ class Starts:
         U = self.draw(self.problem.horizon)
         if self.parameters.initial_plan == 'zero':
             U = np.zeros_like(U)
-        return plan_of(self.problem, rollout(self.problem.model, x_0, U), U, Status.COMPLETE)
+        plan = plan_of(self.problem, rollout(self.problem.model, x_0, U), U, Status.COMPLETE)
+        return replace(plan, start=self.parameters.initial_plan)
 
     def last(self, x_0: Array, rests: Sequence[Plan]) -> Plan:
         """Return the cheapest of what is left of the last plans and the regulator."""
@@ -126,12 +128,14 @@ class Starts:
         left, turn = rests[best], turns[best]
         if self.parameters.warm_start == 'forces':
             U = np.append(left.U, np.zeros(problem.horizon - len(left.U)))
-            return plan_of(problem, rollout(problem.model, x_0, U), U, Status.COMPLETE)
+            return replace(plan_of(problem, rollout(problem.model, x_0, U), U, Status.COMPLETE),
+                           start='last_forces')
+        left = replace(left, start='last_plan')
         if not self.parameters.regulator:
             return left
         regulator = regulator_rollout(problem, x_0 - turn)
         return left if costs[best] <= regulator.J else replace(
-            left, X=regulator.X + turn, U=regulator.U, K=regulator.K)
+            left, X=regulator.X + turn, U=regulator.U, K=regulator.K, start='regulator')
 
     def bounded_lqr(self, x_0: Array) -> Plan | None:
         """Follow the regulator for a bounded force; None out of its reach, or where left out."""

@@ -23,6 +23,7 @@ class Configuration(NamedTuple):
     packages: dict[str, str]     # versions
     revision: int = 0            # how often its parameters had changed
     since: int = 0               # [ns] of a plant's time, from when on the newest counts
+    resets: int = 0              # of a plant, until then
 
     def to_text(self) -> str:
         """Return it as YAML; numbers read back the same."""
@@ -35,11 +36,11 @@ def from_text(text: str) -> Configuration:
         content = parse(text)
     except YamlError as error:
         raise ValueError(f'a configuration is not YAML: {error}') from None
+    counts = Configuration._field_defaults   # which older ones do not have
     kinds: dict[str, type] = {**dict.fromkeys(Configuration._fields, str),
-                              'parameters': dict, 'packages': dict, 'revision': int,
-                              'since': int}
+                              'parameters': dict, 'packages': dict, **dict.fromkeys(counts, int)}
     if isinstance(content, dict):
-        content = {'revision': 0, 'since': 0, **content}   # which older ones do not have
+        content = {**counts, **content}
     if not isinstance(content, dict) or not all(
             isinstance(content.get(field), kind) for field, kind in kinds.items()):
         raise ValueError(f'a configuration is {text[:80]!r}; expected YAML with '

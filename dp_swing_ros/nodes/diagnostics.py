@@ -13,11 +13,9 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
 
-from dp_swing_ros.estimators.estimator import Estimate
 from dp_swing_ros.nodes.connections import mismatch, owner, POLICIES, publish
 from dp_swing_ros.nodes.messages import to_diagnostics
 from dp_swing_ros.nodes.process import ProcessNode
-from dp_swing_ros.pendulum.state import joints, links_of
 from dp_swing_ros.topics import DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES
 
 LOOK_PERIOD = 1.0  # [s] between looks at the topics
@@ -87,17 +85,3 @@ def incompatible(node: Node) -> Iterator[str]:
                         if found.of in POLICIES else ''
                     yield (f'{name} from {owner(sender)} to {owner(listener)}: {found.text}; '
                            f'change that of {owner(other)}{override}')
-
-
-def of_estimate(estimate: Estimate) -> dict[str, float]:
-    """Name the figures of an estimate for the diagnostics."""
-    names = joints(links_of(estimate.x))
-    places = [f'{joint}_{kind}' for kind in ('position', 'velocity') for joint in names]
-    return {**{f'estimate_{place}': value for place, value in zip(places, estimate.x.tolist())},
-            **{f'innovation_{place}': value
-               for place, value in zip(places, estimate.innovation.tolist())},
-            'innovation_distance': estimate.distance, 'refused': estimate.refused,
-            'actuation_delay': estimate.drive.delay,
-            'motor_time_constant': estimate.drive.time_constant,
-            'force_gain': estimate.drive.gain, 'force_bias': estimate.drive.bias,
-            **estimate.physical}

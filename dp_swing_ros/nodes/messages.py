@@ -3,17 +3,22 @@
 """Arrays, plans and figures as messages; what reads them needs no ROS: see messages.fields."""
 
 import math
+import sys
 from typing import Mapping
 
 from builtin_interfaces.msg import Duration, Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from sensor_msgs.msg import JointState
+import numpy as np
+from sensor_msgs.msg import JointState, PointCloud2, PointField
 from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from dp_swing_ros.messages.fields import BILLION
 from dp_swing_ros.pendulum.state import Array, joints, links_of
+from dp_swing_ros.pendulum.urdf import ROOT
 from dp_swing_ros.problem.plan import Plan
+
+POINT = ('x', 'y', 'z', 'weight')   # of a cloud
 
 
 def to_stamp(time: float | int) -> Time:
@@ -48,6 +53,24 @@ def to_trajectory(plan: Plan, stamp: Time) -> JointTrajectory:
                                    time_from_start=Duration(**_parts(t * plan.dt)))
               for t, (x, force) in enumerate(zip(plan.X.tolist(), forces))]
     return JointTrajectory(header=Header(stamp=stamp), joint_names=list(names), points=points)
+
+
+def to_point_cloud(stamp: Time, paths: Array, weights: Array) -> PointCloud2:
+    """
+    Convert paths in the plane of the pendulum, of which each is a row of points with its weight.
+
+    Shapes: paths (M, T, 2) [m], x and z, weights (M,).
+    """
+    points = np.zeros((*paths.shape[:2], len(POINT)), np.float32)
+    points[..., 0], points[..., 2] = paths[..., 0], paths[..., 1]
+    points[..., 3] = np.reshape(weights, (-1, 1))
+    height, width, _ = points.shape
+    return PointCloud2(
+        header=Header(stamp=stamp, frame_id=ROOT), height=height, width=width,
+        fields=[PointField(name=name, offset=4 * i, datatype=PointField.FLOAT32, count=1)
+                for i, name in enumerate(POINT)],
+        is_bigendian=sys.byteorder == 'big', is_dense=bool(np.all(np.isfinite(points))),
+        point_step=4 * len(POINT), row_step=4 * len(POINT) * width, data=points.tobytes())
 
 
 def to_diagnostics(stamp: Time, name: str, level: int, message: str,

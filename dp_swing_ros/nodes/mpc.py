@@ -23,17 +23,18 @@ from dp_swing_ros.control.receding_horizon import MpcParameters
 from dp_swing_ros.messages.configuration import from_text
 from dp_swing_ros.messages.fields import BILLION, seconds, to_measured, to_state
 from dp_swing_ros.nodes.connections import is_heard, owners, publish, subscribe
-from dp_swing_ros.nodes.diagnostics import Diagnostics, of_estimate
+from dp_swing_ros.nodes.diagnostics import Diagnostics
 from dp_swing_ros.nodes.loading import Loader
-from dp_swing_ros.nodes.messages import to_stamped_force, to_trajectory
+from dp_swing_ros.nodes.messages import to_point_cloud, to_stamped_force, to_trajectory
 from dp_swing_ros.nodes.process import ProcessNode, run
 from dp_swing_ros.nodes.ros_parameters import announce, declare, given, let_change
+from dp_swing_ros.nodes.tick_figures import of_estimate, of_plan, tip_paths
 from dp_swing_ros.nodes.timing import Clock, Latency, Timing, Watchdog
 from dp_swing_ros.parameters import group
 from dp_swing_ros.pendulum.sensors import HANGING, SensorParameters, Standstill
 from dp_swing_ros.problem.plan import Plan, Status
 from dp_swing_ros.topics import (
-    CONFIGURATION, FORCE_COMMAND, FORCE_COMMAND_STAMPED, JOINT_STATES, PLAN)
+    CONFIGURATION, FORCE_COMMAND, FORCE_COMMAND_STAMPED, JOINT_STATES, PLAN, TRIES)
 
 MEETING = 2.0        # [s] at most, to learn who sends the states, and for them to find the forces
 MEETING_POLL = 0.02  # [s]
@@ -52,6 +53,15 @@ class Arrival(NamedTuple):
     steady: float   # [s] and by one that is never set
     number: int     # that its publisher gave it
     sent: int       # [ns] by the clock of its publisher
+
+
+class Times(NamedTuple):
+    """When a tick was, and how long what took [s]."""
+
+    t: float            # when its state was measured, by the clock of the controller
+    age: float = 0.0    # of the state when it came
+    delay: float = 0.0  # from the measurement until the force was to act
+    latency: float = 0.0   # and until it was sent
 
 
 class MpcNode(ProcessNode):
@@ -78,7 +88,7 @@ class MpcNode(ProcessNode):
         self.found: dict[str, Any] = {}   # instead of those that were given
         self.forces = publish(self, FORCE_COMMAND)
         self.stamped_forces = publish(self, FORCE_COMMAND_STAMPED)
-        self.plans = publish(self, PLAN)
+        self.plans, self.tries = publish(self, PLAN), publish(self, TRIES)
         self.diagnostics = Diagnostics(self)
         self.serve('mpc/reset', self.on_reset)
         self.serve_switch('mpc/enable', self.on_enable)
@@ -87,7 +97,7 @@ class MpcNode(ProcessNode):
         self.sent = 0    # forces
         self.answered = Time()   # the stamp of the last state
         self.resets = 0
-        self.configured = set[str]()   # the nodes that have announced what they are
+        self.configured = dict[str, int]()   # resets of the nodes that have announced themselves
         self.ends_by = math.inf   # [s] of time.monotonic(), from a signal on
         self.waiting: tuple[JointState, dict[str, int]] | None = None   # until they met
         self.met = False
@@ -101,7 +111,7 @@ class MpcNode(ProcessNode):
         self.pace = 1.0         # seconds of this node's clock in a second
         self.time_noise = 0.0   # [s] by which the times of measurements may be off
         self.carried = 0        # periods since the last state
-        self.late_total = 0
+        self.late_total = self.missed_total = 0   # ticks, and states that others overtook
         self.fresh = True       # the next plan is a first one
         self.last = Arrival(math.nan, math.nan, math.nan, 0, 0)
 
@@ -148,7 +158,10 @@ class MpcNode(ProcessNode):
         except (TypeError, ValueError) as error:
             self.get_logger().warning(f'{error}; going on without it')
             return
-        self.configured.add(configured.node)
+        before = self.configured.get(configured.node, configured.resets)
+        self.configured[configured.node] = configured.resets
+        if configured.resets != before and configured.node in owners(self, JOINT_STATES):
+            self.on_reset()   # a plan from before leads from where the pendulum is no more
 
     def on_state(self, message: JointState, info: dict[str, int]) -> None:
         """Answer a state; the first as soon as its clock is known and the force will be heard."""
@@ -174,7 +187,7 @@ class MpcNode(ProcessNode):
         if self.get_clock().now().nanoseconds == 0:   # a simulated one that was not heard yet
             return False
         announcers = owners(self, JOINT_STATES) & owners(self, CONFIGURATION)
-        if self.timing.given is None and not announcers <= self.configured:
+        if self.timing.given is None and not announcers <= self.configured.keys():
             return False
         # a plant in lockstep would wait forever for a force that it did not hear
         return self.timing.clock is not Clock.LOCKSTEP or is_heard(
@@ -194,7 +207,9 @@ class MpcNode(ProcessNode):
                                                info['publication_sequence_number'],
                                                info['source_timestamp'])
         # what the publisher sent in between was overwritten while a solve went on
-        period = (measured.t - before.t) / max(self.last.number - before.number, 1)
+        steps = max(self.last.number - before.number, 1)
+        self.missed_total += steps - 1 if before.number else 0
+        period = (measured.t - before.t) / steps
         self.carried = 0
         delay, deadline = measured.age, math.inf
         if real_time:
@@ -216,7 +231,7 @@ class MpcNode(ProcessNode):
         if real_time:
             self.watchdog.feed(period)
         self.report(message.header.stamp, plan, complaint, measured.complaint, force, late,
-                    real_time, delay, measured.age + taken, measured.t)
+                    real_time, Times(measured.t, measured.age, delay, measured.age + taken))
 
     def found_zero(self, standstill: Standstill, t: float, message: JointState) -> bool:
         """Take a state measured at a time [s]; return whether it tells the sensors' zero."""
@@ -261,7 +276,7 @@ class MpcNode(ProcessNode):
         if plan.stats.status in (Status.ZERO, Status.DISABLED):
             self.watchdog.stop()
         force = self.send(plan)
-        self.report(stamp, plan, complaint, '', force, False, True, delay, 0.0, t)
+        self.report(stamp, plan, complaint, '', force, False, True, Times(t, delay=delay))
 
     def send(self, plan: Plan) -> float:
         """Send the first force [N] of a plan, and return it."""
@@ -294,9 +309,13 @@ class MpcNode(ProcessNode):
         return plan, complaint
 
     def report(self, stamp: Time, plan: Plan, complaint: str, warning: str, force: float,
-               late: bool, real_time: bool, delay: float, latency: float, t: float) -> None:
+               late: bool, real_time: bool, times: Times) -> None:
         """Publish the plan and the figures of the tick."""
+        problem = self.controller.problem
         self.plans.publish(to_trajectory(plan, stamp))
+        if plan.tries is not None:
+            self.tries.publish(to_point_cloud(
+                stamp, tip_paths(plan.X[0], plan.tries, problem), plan.tries.weights))
         stats, estimate = plan.stats, self.controller.estimate
         self.late_total += late
         level = DiagnosticStatus.OK
@@ -309,11 +328,11 @@ class MpcNode(ProcessNode):
         self.diagnostics.publish(
             stamp, level, '; '.join(filter(None, (
                 complaint, stopping, warning, stats.status.value))),
-            {'solver': self.solver, 'status': stats.status.name, 'cost': stats.cost,
-             'iterations': stats.iterations, 'solve_time': stats.solve_time, 'latency': latency,
-             'delay': delay, 'late': late, 'late_total': self.late_total, 'force': force,
+            {'solver': self.solver, **of_plan(plan, problem), 'age': times.age,
+             'latency': times.latency, 'delay': times.delay, 'late': late,
+             'late_total': self.late_total, 'missed_total': self.missed_total, 'force': force,
              # what it takes to repeat the tick
-             'real_time': real_time, 'solves': ' '.join(map(str, stats.solves)), 'time': t,
+             'real_time': real_time, 'time': times.t,
              'time_noise': self.time_noise, 'carried': self.carried, 'resets': self.resets,
              'revision': self.revision, 'number': self.sent,
              'enabled': self.controller.enabled, 'stopping': bool(stopping),

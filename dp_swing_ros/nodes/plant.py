@@ -48,14 +48,16 @@ class PlantNode(ProcessNode):
         self.plant = configuration.plant(self.values)
         self.parameters = self.plant.parameters
         self.period = 1 / self.parameters.rate
-        self.revision = 0        # how often the parameters have changed
+        self.revision, self.since = 0, 0   # how often the parameters have changed, and when [ns]
+        self.resets = 0
         self.ticks: Timer | None = None
         self.push = 0.0          # [N] asked for the next period
         self.skipped = self.refused = self.commands = self.lost_commands = self.lost_states = 0
         self.refused_pushes = self.reported_refusals = 0
         self.clock = self.pace_clock
         self.begun = False       # with the first state
-        self.sent_at = -math.inf
+        self.outdated = False    # the next force is, in lockstep
+        self.sent_at = self.overlooked = -math.inf
         self.states = publish(self, JOINT_STATES)
         self.diagnostics = Diagnostics(self)
         self.description = publish(self, ROBOT_DESCRIPTION)
@@ -101,8 +103,12 @@ class PlantNode(ProcessNode):
         if before != (self.plant.physical, self.plant.limits):
             self.describe()
         self.revision += 1
-        announce(self, values, self.revision,
-                 round(self.plant.t * 1e9) if self.begun else BEFORE)
+        self.since = round(self.plant.t * 1e9) if self.begun else BEFORE
+        self.announce()
+
+    def announce(self) -> None:
+        """Publish what it runs with."""
+        announce(self, self.values, self.revision, self.since, self.resets)
 
     def start(self) -> None:
         """Let the plant's time begin now."""
@@ -130,12 +136,12 @@ class PlantNode(ProcessNode):
         self.publish_state()
 
     def on_newcomers(self) -> None:
-        """Send an unanswered state again to a controller that joined after it was sent."""
+        """Send a state again that a controller joined after, or whose answer was overlooked."""
         now = time.monotonic()
         self.joined = {each: self.joined.get(each, now)
                        for each in listeners(self, self.states, FORCE_COMMAND)}
-        if self.waiting and any(self.sent_at < joined < now - MEETING
-                                for joined in self.joined.values()):
+        if self.waiting and any(self.sent_at < since < now - MEETING
+                                for since in (*self.joined.values(), self.overlooked)):
             self.states.publish(self.sent)
             self.sent_at = now
 
@@ -170,6 +176,8 @@ class PlantNode(ProcessNode):
         if not self.parameters.lockstep:
             self.advance_to(self.elapsed())
             self.lost_commands += not self.plant.obey(force, self.parameters.command_timeout)
+        elif self.outdated:   # it answers a state from before the reset
+            self.outdated, self.overlooked = False, time.monotonic()
         elif self.waiting:
             self.lost_commands += not self.plant.obey(force)
             self.plant.advance(self.period)
@@ -195,7 +203,10 @@ class PlantNode(ProcessNode):
     def on_reset(self) -> tuple[bool, str]:
         """Go back to the initial state; in lockstep, to time zero too."""
         self.plant.reset()
+        self.resets += 1
+        self.announce()   # before the state, so that no plan from before is followed from there
         if self.begun:
+            self.outdated = self.parameters.lockstep and self.waiting
             self.start()
             self.publish_state()
         return True, 'the plant is back at its initial state'

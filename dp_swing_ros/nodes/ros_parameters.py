@@ -101,11 +101,12 @@ def _whole_as_number(value: Any) -> Any:
     return float(value) if type(value) is int else value
 
 
-def announce(node: Node, found: Mapping[str, Any], revision: int = 0, since: int = 0) -> None:
+def announce(node: Node, found: Mapping[str, Any], revision: int = 0, since: int = 0,
+             resets: int = 0) -> None:
     """
     Publish what a node runs with: its parameters, or what it found instead of some.
 
-    They are those of a revision, which counts since a time [ns].
+    They are those of a revision, which counts since a time [ns], after so many resets.
     """
     declared = {each.name: each.value for each in node.get_parameters(
         sorted(node.list_parameters([], 0).names)) if not each.name.startswith(QOS_OVERRIDES)}
@@ -113,7 +114,7 @@ def announce(node: Node, found: Mapping[str, Any], revision: int = 0, since: int
         node.get_fully_qualified_name(),
         {name: _listed(value) for name, value in {**declared, **found}.items()},
         package_version(), commit(), sources(), machine(), packages(), revision,
-        since)
+        since, resets)
     name = node.resolve_topic_name(CONFIGURATION.name)
     own = [each for each in node.publishers if each.topic_name == name]   # of an earlier call
     publisher = own[0] if own else publish(node, CONFIGURATION)

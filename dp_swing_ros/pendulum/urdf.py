@@ -18,6 +18,7 @@ from xml.etree import ElementTree
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.pendulum.state import LINKS
 
+ROOT = 'track'   # the link that stands still
 UNLIMITED = 1e9  # URDF readers know no infinity
 MATERIALS = {'steel': '0.6 0.6 0.65', 'blue': '0.12 0.47 0.71', 'orange': '1 0.5 0.05',
              'purple': '0.8 0.47 0.65'}   # of cart and track, then of the links
@@ -85,13 +86,13 @@ def _track(physical: PendulumParameters, limits: LimitParameters) -> list[str]:
     # an endless track is drawn as long as the default one
     drawn = LimitParameters() if math.isinf(limits.track_limit) else limits
     return [
-        _element('link name="track"', _visual(
+        _element(f'link name="{ROOT}"', _visual(
             f'cylinder radius="0.01" length="{2 * drawn.track_limit!r}"', 'steel',
             f'<origin rpy="0 {math.pi / 2!r} 0"/>')),
         _element('link name="cart_body"',
                  _inertial(mass, [mass * square / 12 for square in (0.02, 0.05, 0.05)]),
                  _visual('box size="0.2 0.1 0.1"', 'steel')),
-        _joint('cart', 'track', 'cart_body',
+        _joint('cart', ROOT, 'cart_body',
                f'<limit lower="{-track!r}" upper="{track!r}" effort="{force!r}" '
                f'velocity="{UNLIMITED!r}"/>',
                f'<dynamics damping="{physical.cart_friction!r}" '

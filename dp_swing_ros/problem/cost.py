@@ -141,6 +141,26 @@ def trajectory_cost(cost, X, U):
     return cost_so_far
 
 
+class Terms(NamedTuple):
+    """What a cost consists of."""
+
+    position: float     # of the cart
+    angles: float
+    velocities: float
+    force: float
+    limits: float       # b(x) of track and speed, without the last state's
+    terminal: float     # ℓ_f(x_N)
+
+
+def terms(cost: Cost, X: Array, U: Array) -> Terms:
+    """Return the terms of J(X, U), whose sum it is; X (T + 1, 2n + 2), U (T,)."""
+    x, links = list(X[:-1].T), len(cost.S) // 2 - 1
+    weighted = [float(np.sum(weight * e ** 2)) for weight, e in zip(cost.S, errors(cost, x).e)]
+    return Terms(weighted[0], sum(weighted[1:links + 1]), sum(weighted[links + 1:]),
+                 cost.R * float(U @ U), float(np.sum(barrier(cost, x))),
+                 float(terminal(cost, X[-1])))
+
+
 @unrolled
 def running_lane(cost, z, hessian, out, i):
     """Write ℓ_x and the diagonal of ℓ_xx of the step in lane i; see `running_derivatives`."""

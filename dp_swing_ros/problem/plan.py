@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The result of a solve: a plan is a trajectory with the policy around it."""
 
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 import enum
 import math
@@ -30,6 +32,14 @@ class Status(enum.Enum):
     DISABLED = 'disabled: the force is zero; call mpc/enable'
 
 
+class Candidate(NamedTuple):
+    """One of the solves of a tick."""
+
+    start: str   # where it began
+    cost: float
+    iterations: int
+
+
 class SolverStats(NamedTuple):
     """What a solve cost and found."""
 
@@ -37,7 +47,27 @@ class SolverStats(NamedTuple):
     cost: float
     iterations: int
     solve_time: float  # [s] of a tick, with the estimate and all starts
-    solves: tuple[int, ...] = ()  # the iterations of each solve of a tick
+    phases: Mapping[str, float] = {}   # [s] of that, by what it was spent on
+    candidates: tuple[Candidate, ...] = ()   # of a tick, in the order of their solves
+
+    @property
+    def solves(self) -> tuple[int, ...]:
+        """Return the iterations of each solve of a tick."""
+        return tuple(candidate.iterations for candidate in self.candidates)
+
+
+class Tries(NamedTuple):
+    """
+    Some of the forces that a solver tried in a solve, as they were tried, and what each counted.
+
+    Shapes: U (M, N) [N], weights (M,), the largest of which is 1.
+    """
+
+    U: Array
+    weights: Array
+
+
+NO_TRIES = Tries(np.empty((0, 0)), np.empty(0))
 
 
 @dataclass(frozen=True)
@@ -54,6 +84,9 @@ class Plan:
     dt: float
     stats: SolverStats
     drive: Drive = DIRECT   # from a command to the force on the cart, which U is
+    turns: Array | float = 0.0   # [rad] from the reference to its goal, (2n + 2,)
+    start: str = ''         # what a solve began from, where it was one of several
+    tries: Tries | None = None   # where they were asked for
 
     @property
     def usable(self) -> bool:
@@ -97,3 +130,21 @@ class Plan:
             U = (1 - weight) * U + weight * np.append(U[1:], U[-1])
             K = (1 - weight) * K + weight * np.vstack((K[1:], K[-1:]))
         return replace(self, X=X, U=U, K=K)
+
+
+def candidates_of(plans: Sequence[Plan]) -> tuple[Candidate, ...]:
+    """Return what came of each solve of a tick."""
+    return tuple(Candidate(plan.start, plan.stats.cost, plan.stats.iterations) for plan in plans)
+
+
+def stats_of_tick(best: Plan, plans: Sequence[Plan], estimate_time: float,
+                  search_time: float) -> SolverStats:
+    """Return what a tick cost whose best plan is this one, out of several; times in seconds."""
+    phases = Counter[str]()
+    for plan in plans:
+        phases.update(plan.stats.phases)   # adds them up
+    starts = search_time - sum(plan.stats.solve_time for plan in plans)
+    return best.stats._replace(
+        iterations=sum(plan.stats.iterations for plan in plans),
+        solve_time=estimate_time + search_time, candidates=candidates_of(plans),
+        phases={'estimate': estimate_time, 'starts': starts, **phases})

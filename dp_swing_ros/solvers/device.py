@@ -122,6 +122,8 @@ class Program:
 class DeviceSamples:
     """Samples of one problem by torch; the random numbers come of a NumPy generator's."""
 
+    noise_time = 0.0   # [s] of the last draw: the device draws while it follows
+
     def __init__(self, problem: Problem, sigma: Array, correlation: float, device: str,
                  name: str) -> None:
         """

@@ -19,11 +19,12 @@ import numpy as np
 
 from dp_swing_ros.kernels import kernel
 from dp_swing_ros.parameters import parameter, ParameterError
+from dp_swing_ros.pendulum.derivatives import expand
 from dp_swing_ros.pendulum.state import Array
-from dp_swing_ros.problem.plan import Plan, SolverStats, Status
+from dp_swing_ros.problem.plan import NO_TRIES, Plan, SolverStats, Status, Tries
 from dp_swing_ros.problem.problem import follow_policy, kernel_arguments, Problem, Rollout
 from dp_swing_ros.solvers.riccati import backward
-from dp_swing_ros.solvers.samples import samples_of, SamplingParameters
+from dp_swing_ros.solvers.samples import samples_of, SamplingParameters, tries_of
 from dp_swing_ros.solvers.solver import generator, policy_of, Seed
 
 F = np.float32
@@ -103,8 +104,8 @@ def set_gains(model, cost, bounds, X, U, feedback, K):
     could end on the bound.
     Shapes: X (N + 1, 2n + 2), U (N,), K (N, 2n + 2).
     """
-    if feedback and backward(model, cost, X, U, X[:0], bounds, 0.0, None, None,
-                             np.empty(0), K)[0]:
+    if feedback and backward(model, cost, expand(model, X, U), X, U, X[:0], bounds, 0.0,
+                             None, None, np.empty(0), K)[0]:
         return
     K[:] = 0.0
 
@@ -157,6 +158,7 @@ class MPPI:
         """
         self.problem, self.parameters, self.random = problem, parameters, generator(seed)
         self.samples = samples_of(problem, parameters, 'mppi')
+        self.w = np.empty(0, F)   # weights of the samples of the last update
         variance = parameters.sigma ** 2
         self.certainty = np.divide(1, variance, out=np.zeros_like(variance), where=variance > 0)
 
@@ -165,34 +167,45 @@ class MPPI:
         began = time.perf_counter()
         problem, parameters = self.problem, self.parameters
         given, feedback = kernel_arguments(problem), parameters.feedback
+        self.w = np.empty(0, F)
         best = Rollout(*opened(*given, problem.horizon, *policy_of(problem, x_0, warm_start),
                                feedback))
         status, iteration = Status.COMPLETE, 0
+        noise = rollouts = 0.0   # [s]
         while iteration < parameters.iterations:
             if time.perf_counter() > deadline:
                 status = Status.DEADLINE
                 break
             iteration += 1
-            before = best.J
-            best = Rollout(*improved(*given, *best, self.update(best), feedback,
+            before, then = best.J, time.perf_counter()
+            S = self.samples.draw(best, self.random)
+            noise += self.samples.noise_time
+            rollouts += time.perf_counter() - then - self.samples.noise_time
+            best = Rollout(*improved(*given, *best, self.update(best, S), feedback,
                                      parameters.monotone))
             if parameters.monotone and before - best.J < parameters.tolerance * before:
                 break
         if not np.isfinite(best.J):
             status = Status.FAILED
-        return Plan(best.X, best.U, best.K, problem.dt,
-                    SolverStats(status, best.J, iteration, time.perf_counter() - began))
+        solve_time = time.perf_counter() - began
+        return Plan(best.X, best.U, best.K, problem.dt, SolverStats(
+            status, best.J, iteration, solve_time,
+            {'noise': noise, 'rollouts': rollouts, 'update': solve_time - noise - rollouts}))
 
-    def update(self, best: Rollout) -> Array:
-        """Draw samples about a rollout; return what they propose (1 or 2, N)."""
+    def tries(self, count: int) -> Tries:
+        """Return samples of the last update, with their weights; see ShowingSolver."""
+        return tries_of(self.samples, self.w, count) if len(self.w) else NO_TRIES
+
+    def update(self, best: Rollout, S: Array) -> Array:
+        """Return what samples about a rollout propose (1 or 2, N), by their costs S (K,)."""
         parameters = self.parameters
-        S = self.samples.draw(best, self.random)
         temperature = parameters.temperature
         if parameters.temperature_scale == 'relative':
             temperature *= spread(S)
         if parameters.importance_sampling:
             S = S + F(temperature) * self.importance(best.U)
-        found: Array = self.samples.proposals(weights(S, temperature))
+        self.w = weights(S, temperature)
+        found: Array = self.samples.proposals(self.w)
         return found if parameters.elite else found[:1]
 
     def importance(self, U: Array) -> Array:

@@ -17,7 +17,7 @@ import numpy as np
 from dp_swing_ros.kernels import kernel
 from dp_swing_ros.kernels.symbols import dot
 from dp_swing_ros.kernels.unrolling import unrolled
-from dp_swing_ros.pendulum.derivatives import curvature, expand, identity, lanes, linearise, STEPS
+from dp_swing_ros.pendulum.derivatives import curvature, identity, lanes, linearise, STEPS
 from dp_swing_ros.pendulum.model import numbers, size, step
 from dp_swing_ros.problem.cost import running, running_derivatives, terminal, terminal_derivatives
 
@@ -69,14 +69,15 @@ def value_lane(given, k, K, Q_u, Q_uu, Q_z, Q_zz, V_x, V_xx, j):
 
 
 @kernel
-def backward(model, cost, X, U, gaps, bounds, mu, tensor, hessian, k, K):
+def backward(model, cost, points, X, U, gaps, bounds, mu, tensor, hessian, k, K):
     """
     Write the policy δu = k + K δx, and return whether Q_uu stayed positive and two slopes.
 
     The expected change of the cost under α k is α slope + α² / 2 bend. The expansion holds a share
     `tensor` of the terms Σ V'_x[i] ∂²f_i, and a share `hessian` of what Gauss-Newton leaves out of
-    the cost's Hessian: with 1 of both it is DDP, with None of both iLQR. The gaps are
-    f(X[t], U[t]) - X[t + 1], which the policy closes; a trajectory of the model has none.
+    the cost's Hessian: with 1 of both it is DDP, with None of both iLQR. The points are what
+    `expand` returns of X and U. The gaps are f(X[t], U[t]) - X[t + 1], which the policy closes; a
+    trajectory of the model has none.
     Shapes: X (T + 1, 2n + 2), U (T,), gaps (T, 2n + 2), or (0, 2n + 2) for none, k (T,), or (0,)
     where the forces stay as they are, K (T, 2n + 2).
     """
@@ -91,7 +92,6 @@ def backward(model, cost, X, U, gaps, bounds, mu, tensor, hessian, k, K):
     slope = bend = 0.0
     terminal_derivatives(cost, X[len(U)], hessian, V_x, V_xx)
     of_cost = running_derivatives(cost, X, U, hessian)
-    points = expand(model, X, U)
     for t in range(len(U) - 1, -1, -1):
         if len(gaps) > 0:                        # V'_x where the model leads to, beyond the gap
             for i in range(n):

@@ -14,10 +14,10 @@ import numpy as np
 
 from dp_swing_ros.parameters import parameter
 from dp_swing_ros.pendulum.state import Array
-from dp_swing_ros.problem.plan import Plan, SolverStats, Status
+from dp_swing_ros.problem.plan import NO_TRIES, Plan, SolverStats, Status, Tries
 from dp_swing_ros.problem.problem import kernel_arguments, Problem, Rollout
 from dp_swing_ros.solvers.descent import descend, DescentParameters
-from dp_swing_ros.solvers.samples import samples_of, SamplingParameters
+from dp_swing_ros.solvers.samples import samples_of, SamplingParameters, tries_of
 from dp_swing_ros.solvers.solver import generator, Policy, policy_of, Seed
 
 
@@ -51,11 +51,14 @@ class SampledILQR:
         """
         self.problem, self.parameters, self.random = problem, parameters, generator(seed)
         self.samples = samples_of(problem, parameters, 'sampled_ilqr')
+        self.chosen = np.empty(0, int)   # which samples of the last draw it descends from
+        self.noise_time = self.rollout_time = 0.0   # [s] of a solve
 
     def solve(self, x_0: Array, warm_start: Plan | None, deadline: float) -> Plan:
         """Return the cheapest plan of all descents; see Solver.solve."""
         began = time.perf_counter()
         parameters = self.parameters
+        self.chosen, self.noise_time, self.rollout_time = self.chosen[:0], 0.0, 0.0
         starts, before = [policy_of(self.problem, x_0, warm_start)], math.inf
         best = self.descend(starts[0], 0)
         status, iteration = Status.COMPLETE, 0
@@ -72,13 +75,24 @@ class SampledILQR:
                        key=lambda found: found.J if np.isfinite(found.J) else math.inf)
         if not np.isfinite(best.J):
             status = Status.FAILED
-        return Plan(best.X, best.U, best.K, self.problem.dt,
-                    SolverStats(status, best.J, iteration, time.perf_counter() - began))
+        solve_time, drawn = time.perf_counter() - began, self.noise_time + self.rollout_time
+        return Plan(best.X, best.U, best.K, self.problem.dt, SolverStats(
+            status, best.J, iteration, solve_time,
+            {'noise': self.noise_time, 'rollouts': self.rollout_time,
+             'descents': solve_time - drawn}))
+
+    def tries(self, count: int) -> Tries:
+        """Return samples of the last draw, 1 for one that it descended from; see ShowingSolver."""
+        if not len(self.chosen):
+            return NO_TRIES
+        w = np.zeros(self.parameters.samples)
+        w[self.chosen] = 1.0
+        return tries_of(self.samples, w, count)
 
     def descend(self, policy: Policy, passes: int) -> Rollout:
         """Follow a policy, and descend from there."""
         # too short for a deadline of its own, so that a solve that was cut short can be repeated
-        _, J, _, X, U, K = descend(
+        _, J, _, X, U, K, _ = descend(
             *kernel_arguments(self.problem), self.problem.horizon, *policy, None, None,
             passes, self.parameters.tolerance, DescentParameters().largest_regularisation,
             math.inf)
@@ -86,8 +100,11 @@ class SampledILQR:
 
     def scouts(self, best: Rollout) -> list[Policy]:
         """Draw samples about a rollout; return the cheapest as starts, the cheapest first."""
+        began = time.perf_counter()
         J = self.samples.draw(best, self.random)
-        cheapest = np.argsort(J, kind='stable')[:self.parameters.scouts]
+        self.noise_time += self.samples.noise_time
+        self.rollout_time += time.perf_counter() - began - self.samples.noise_time
+        self.chosen = np.argsort(J, kind='stable')[:self.parameters.scouts]
         none = np.zeros_like(best.K)
         return [Policy(best.X[0], best.X, self.samples.forces(int(index)), none)
-                for index in cheapest]
+                for index in self.chosen]

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from dp_swing_ros.kernels import kernel
+from dp_swing_ros.kernels import kernel, now
 from dp_swing_ros.kernels.compilation import mapped
 from dp_swing_ros.kernels.symbols import clamp, dot
 from dp_swing_ros.kernels.unrolling import unrolled
@@ -23,6 +23,7 @@ from dp_swing_ros.parameters import parameter, ParameterError, Parameters
 from dp_swing_ros.pendulum.model import advance, numbers, size
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.problem.cost import running_cost, terminal_cost
+from dp_swing_ros.problem.plan import Tries
 from dp_swing_ros.problem.problem import Problem, Rollout
 from dp_swing_ros.solvers.noise import fill, LANES, state_from
 
@@ -84,8 +85,9 @@ def draw(model, cost, X, U, K, random, sigma, correlation, bounds, V, J):
     """
     Draw samples about the policy u = U[t] + K[t] (x - X[t]), and follow them from X[0].
 
-    random is the state of `noise.fill`. Shapes: X (N + 1, 2n + 2), U (N,), K (N, 2n + 2),
-    random (4, LANES), and in float32 sigma and J (blocks, LANES), V (blocks, N, LANES).
+    Return how long the noise took [s]. random is the state of `noise.fill`. Shapes:
+    X (N + 1, 2n + 2), U (N,), K (N, 2n + 2), random (4, LANES), and in float32 sigma and J
+    (blocks, LANES), V (blocks, N, LANES).
     """
     N = len(U)
     x_0, gains, offsets = X[0].astype(np.float32), K.astype(np.float32), np.empty(N, np.float32)
@@ -96,10 +98,14 @@ def draw(model, cost, X, U, K, random, sigma, correlation, bounds, V, J):
         offsets[t] = u_t
     white = np.empty((N, LANES), np.float32)
     scratch = np.empty((size(model) + 3, LANES), np.float32)
+    noise_time = 0.0
     for block in range(len(V)):
+        began = now()
         fill(random, white.reshape(-1))
+        noise_time += now() - began
         follow(model, cost, x_0, offsets, gains, white, sigma[block], correlation, bounds, scratch,
                V[block], J[block])
+    return noise_time
 
 
 @kernel
@@ -167,6 +173,7 @@ class Samples:
         self.w = np.zeros((blocks, LANES), F)
         # memory that is new each time costs more than to fill it
         self.V, self.J = np.empty((blocks, problem.horizon, LANES), F), np.empty_like(self.w)
+        self.noise_time = 0.0   # [s] of the last draw, in this thread
         ends = np.linspace(0, blocks, threads + 1).round().astype(int)
         self.parts = list(map(slice, ends[:-1], ends[1:]))   # of the blocks, one for each thread
 
@@ -176,13 +183,15 @@ class Samples:
 
         Shapes: -> (K,), in single precision.
         """
-        def draw_part(part: slice, state: Array) -> None:
-            draw(self.model, self.cost, *best[1:], state, self.sigma[part], self.correlation,
-                 self.bounds, self.V[part], self.J[part])
+        def draw_part(part: slice, state: Array) -> float:
+            noise_time: float = draw(
+                self.model, self.cost, *best[1:], state, self.sigma[part], self.correlation,
+                self.bounds, self.V[part], self.J[part])
+            return noise_time
 
         mine, *others = [(part, state_from(random)) for part in self.parts]
         started = [helpers().submit(draw_part, *other) for other in others]
-        draw_part(*mine)
+        self.noise_time = draw_part(*mine)
         for other in started:
             other.result()
         return self.J.reshape(-1)[:self.count]
@@ -202,6 +211,14 @@ class Samples:
         """Return Σ_t direction[t] V[t] of every sample; direction (N,) -> (K,)."""
         found: Array = np.einsum('t,btk->bk', direction.astype(F), self.V)
         return found.reshape(-1)[:self.count]
+
+
+def tries_of(samples: Any, w: Array, count: int) -> Tries:
+    """Return samples of all sizes of noise, the heaviest among them; w (K,)."""
+    spread = np.linspace(0, len(w) - 1, max(count - 1, 0)).round().astype(int)
+    chosen = np.unique(np.append(spread, np.argmax(w)))
+    return Tries(np.array([samples.forces(int(index)) for index in chosen]),
+                 (w[chosen] / np.max(w)).astype(float))
 
 
 def samples_of(problem: Problem, parameters: SamplingParameters, solver: str) -> Any:

@@ -3,12 +3,12 @@
 """What a solver is, and where each of them starts."""
 
 import math
-from typing import NamedTuple, Protocol, TypeAlias
+from typing import NamedTuple, Protocol, runtime_checkable, TypeAlias
 
 import numpy as np
 
 from dp_swing_ros.pendulum.state import Array
-from dp_swing_ros.problem.plan import Plan
+from dp_swing_ros.problem.plan import Plan, Tries
 from dp_swing_ros.problem.problem import Problem
 from dp_swing_ros.streams import Stream, stream
 
@@ -34,6 +34,18 @@ class Solver(Protocol):
         iteration, and lateness is a status, no error. Where no plan is finite, the status is
         FAILED.
         Shapes: x_0 (2n + 2,). Raises ValueError where x_0 is not finite.
+        """
+
+
+@runtime_checkable
+class ShowingSolver(Solver, Protocol):
+    """A solver that remembers what it tried, for mpc/tries."""
+
+    def tries(self, count: int) -> Tries:
+        """
+        Return about so many of the forces that the last solve tried, steps or samples.
+
+        There are none where it was over before it tried any. No random number is used.
         """
 
 

@@ -43,6 +43,19 @@ def test_the_first_plan_may_start_from_zero():
         starts_of(controller(initial_plan='zero'), HANGS)[0].U, 0.0)
 
 
+def test_a_tick_says_where_each_of_its_solves_began_and_what_came_of_it():
+    c, x, _ = after_a_plan(first_starts=4)
+    first = c.plans[-1][1].stats
+    assert [each.start for each in first.candidates] == ['random', 'regulator', 'rest', 'random']
+    assert min(each.cost for each in first.candidates) == first.cost
+    assert sum(first.solves) == first.iterations
+    plan = c.update(0.05, x)
+    assert [each.start for each in plan.stats.candidates] == ['last_plan', 'random']
+    assert plan.start == 'last_plan'
+    assert {'estimate', 'starts', 'backward', 'line_search'} <= set(plan.stats.phases)
+    assert sum(plan.stats.phases.values()) == pytest.approx(plan.stats.solve_time, rel=0.3)
+
+
 def test_the_same_seed_gives_the_same_starts():
     plans = [starts_of(controller(seed=seed), HANGS) for seed in (0, 0, 1)]
     for one, same in zip(*plans[:2]):

@@ -117,6 +117,39 @@ def test_a_reset_goes_back_to_the_start(peer, start_node):
     assert min(np.abs(x - [0.5, 1.0, 0, 0, 0, 0]).max() for x in returned) < 1e-9
 
 
+def test_a_force_from_before_a_reset_is_not_obeyed_in_lockstep(peer, start_node):
+    states = peer.record(JOINT_STATES)
+    start_node('plant', {'lockstep': True}).wait_for('waiting for a controller')
+    forces = peer.publisher(FORCE_COMMAND)
+    assert peer.until(lambda: states)
+    forces.publish(Float64(data=1.0))
+    assert peer.until(lambda: len(states) == 2)
+    assert peer.call(Trigger, 'plant/reset').success   # while the answer is underway
+    assert peer.until(lambda: len(states) == 3)
+    assert seconds(states[-1].header.stamp) == 0.0
+    forces.publish(Float64(data=7.0))
+    peer.spin(0.1)
+    assert len(states) == 3
+    forces.publish(Float64(data=2.0))
+    assert peer.until(lambda: len(states) == 4)
+    assert states[-1].effort[0] == 2.0
+
+
+def test_a_state_whose_answer_was_overlooked_after_a_reset_is_sent_again(peer, start_node):
+    states = peer.record(JOINT_STATES)
+    start_node('plant', {'lockstep': True}).wait_for('waiting for a controller')
+    forces = peer.publisher(FORCE_COMMAND)
+    assert peer.until(lambda: states)
+    assert peer.call(Trigger, 'plant/reset').success   # and the first state is never answered
+    assert peer.until(lambda: len(states) == 2)
+    forces.publish(Float64(data=3.0))
+    assert peer.until(lambda: len(states) == 3)
+    assert states[-1] == states[-2]
+    forces.publish(Float64(data=4.0))
+    assert peer.until(lambda: len(states) == 4)
+    assert states[-1].effort[0] == 4.0
+
+
 def test_it_ends_itself_after_its_duration(peer, start_node):
     states = peer.record(JOINT_STATES)
     node = start_node('plant', {'duration': 1.0})

@@ -13,7 +13,7 @@ from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.pendulum.state import hanging, LINKS
 from dp_swing_ros.problem.cost import (
     errors, running, running_cost, running_derivatives, terminal, terminal_cost,
-    terminal_derivatives, trajectory_cost)
+    terminal_derivatives, terms, trajectory_cost)
 from dp_swing_ros.problem.parameters import CostParameters, PredictionParameters
 from dp_swing_ros.problem.problem import Problem
 
@@ -48,6 +48,31 @@ def test_the_paper_s_cost_to_the_letter(rng):
     X, U = rng.normal(size=(4, 6)) * 3, rng.normal(size=3) * 10
     J = sum(x @ S @ x + R * u * u for x, u in zip(X, U)) + X[-1] @ (1000 * S) @ X[-1]
     np.testing.assert_allclose(trajectory_cost(cost_of(PAPER), X, U), J, rtol=1e-13)
+
+
+@pytest.mark.parametrize('parameters', [CostParameters(), PAPER, SHIFTED])
+def test_the_terms_of_a_cost_are_its_parts(parameters, rng):
+    cost = cost_of(parameters)
+    X, U = rng.normal(size=(4, 6)) * 3, rng.normal(size=3) * 10
+    found = terms(cost, X, U)
+    assert sum(found) == pytest.approx(trajectory_cost(cost, X, U), rel=1e-12)
+    assert found.force == pytest.approx(cost.R * U @ U)
+    assert found.terminal == pytest.approx(terminal(cost, X[-1]))
+    at = np.tile(cost.x_r, (4, 1))   # but for one number, nothing costs but its own term
+    for i, term in enumerate(('position', 'angles', 'angles', *['velocities'] * 3)):
+        off = at.copy()
+        off[:-1, i] += 0.1
+        others = {name: value for name, value in terms(cost, off, 0 * U)._asdict().items()
+                  if name != term}
+        assert getattr(terms(cost, off, 0 * U), term) > 0
+        assert others == pytest.approx(dict.fromkeys(others, 0.0), abs=1e-12)
+
+
+def test_what_is_beyond_a_soft_limit_is_a_term_of_its_own():
+    cost, X = cost_of(CostParameters()), np.zeros((3, 6))
+    assert terms(cost, X, np.zeros(2)).limits == 0.0
+    X[0, 0] = cost.x_soft + 0.1
+    assert terms(cost, X, np.zeros(2)).limits == pytest.approx(cost.w * 0.01)
 
 
 def test_a_whole_turn_costs_nothing_by_the_chord(rng):

@@ -164,6 +164,43 @@ def test_a_deadline_that_has_passed_is_a_status_and_no_error(name, any_x_0):
     assert plan.stats.cost <= policy_rollout(p, *policy_of(p, x_0, warm)).J
 
 
+@pytest.mark.parametrize('name', SOLVERS)
+def test_a_solve_says_what_it_spent_its_time_on(name, x_0):
+    p = problem_at(x_0)
+    one = solver(name, p)
+    one.solve(x_0, random_start(p, x_0), math.inf)   # compiled from here on
+    stats = one.solve(x_0, random_start(p, x_0), math.inf).stats
+    assert all(spent >= 0 for spent in stats.phases.values())
+    assert 0.3 * stats.solve_time < sum(stats.phases.values()) <= stats.solve_time
+
+
+@pytest.mark.parametrize('name', SOLVERS)
+def test_what_a_solve_tried_is_within_the_bound(name, x_0):
+    p = problem_at(x_0)
+    one = solver(name, p)
+    assert len(one.tries(8).weights) == 0
+    plan = one.solve(x_0, random_start(p, x_0), math.inf)
+    if not plan.usable:
+        return
+    tries = one.tries(8)
+    assert 1 < len(tries.weights) <= 9 and tries.U.shape == (len(tries.weights), p.horizon)
+    assert tries.weights.max() == 1.0 and tries.weights.min() >= 0.0
+    assert tries.U.min() >= p.bounds.low - 1e-6 and tries.U.max() <= p.bounds.high + 1e-6
+    assert len(np.unique(tries.U[:, 0].round(9))) > 1
+    again = one.solve(x_0, random_start(p, x_0), time.perf_counter() - 1)   # before any
+    assert again.usable and (name in ('ilqr', 'ddp') or len(one.tries(8).weights) == 0)
+
+
+@pytest.mark.parametrize('name', SOLVERS)
+def test_to_show_tries_changes_no_plan(name):
+    p, x_0 = problem(), STATES['hanging']
+    shown, other = solver(name, p), solver(name, p)
+    for n in range(3):
+        plans = [each.solve(x_0, random_start(p, x_0, n), math.inf) for each in (shown, other)]
+        shown.tries(5)
+        np.testing.assert_array_equal(plans[0].U, plans[1].U)
+
+
 def test_a_deadline_cuts_a_long_solve_short(name):
     """A solve of so many iterations would take many times longer."""
     p, x_0 = problem(horizon=400), STATES['hanging']

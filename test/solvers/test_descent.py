@@ -9,6 +9,7 @@ import pytest
 
 from dp_swing_ros import configuration
 from dp_swing_ros.evaluation.scenarios import SCENARIOS
+from dp_swing_ros.pendulum.derivatives import expand
 from dp_swing_ros.pendulum.state import hanging, LINKS, SIZES
 from dp_swing_ros.problem.plan import Status
 from dp_swing_ros.solvers import SOLVERS
@@ -30,8 +31,10 @@ def cold_solves(name, **parameters):
 def promise(plan, tensor, hessian):
     """Return by what share a step without regularisation promises to lower the cost."""
     k, K = np.empty(len(plan.U)), np.empty_like(plan.K)
-    positive, slope, _ = backward(PROBLEM.model, PROBLEM.cost, plan.X, plan.U, np.empty((0, 6)),
-                                  PROBLEM.bounds, 0.0, tensor, hessian, k, K)
+    points = expand(PROBLEM.model, plan.X, plan.U)
+    positive, slope, _ = backward(
+        PROBLEM.model, PROBLEM.cost, points, plan.X, plan.U, np.empty((0, 6)), PROBLEM.bounds, 0.0,
+        tensor, hessian, k, K)
     return -slope / plan.stats.cost if positive else math.inf
 
 

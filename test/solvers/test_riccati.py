@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from dp_swing_ros import configuration
-from dp_swing_ros.pendulum.derivatives import STEPS
+from dp_swing_ros.pendulum.derivatives import expand, STEPS
 from dp_swing_ros.pendulum.model import advance, rollout
 from dp_swing_ros.pendulum.state import LINKS
 from dp_swing_ros.problem.cost import running_derivatives, terminal_derivatives, trajectory_cost
@@ -46,8 +46,8 @@ def empty_policy(X):
 
 def pass_back(problem, X, U, bounds, mu, tensor, *policy):
     """Call the backward pass for a trajectory of the model, which has no gaps."""
-    return backward(problem.model, problem.cost, X, U, no_gaps(X), bounds, mu, tensor,
-                    tensor, *policy)
+    return backward(problem.model, problem.cost, expand(problem.model, X, U), X, U, no_gaps(X),
+                    bounds, mu, tensor, tensor, *policy)
 
 
 def expansions(problem, X, U):
@@ -108,7 +108,9 @@ def test_gains_are_the_paper_s(problem, trajectory, tensor, mu):
 def test_gains_about_a_path_with_gaps(problem, trajectory, rng):
     X, U = trajectory
     (k, K), gaps = empty_policy(X), rng.normal(0.0, 1e-6, (N, X.shape[1]))
-    assert backward(problem.model, problem.cost, X, U, gaps, UNBOUNDED, 0.0, 1.0, 1.0, k, K)[0]
+    points = expand(problem.model, X, U)
+    assert backward(problem.model, problem.cost, points, X, U, gaps, UNBOUNDED, 0.0, 1.0, 1.0, k,
+                    K)[0]
     k_plain, K_plain = plain(problem, X, U, 0.0, 1.0, gaps)
     np.testing.assert_allclose(k, k_plain, rtol=1e-7)
     np.testing.assert_allclose(K, K_plain, rtol=1e-7, atol=1e-9)
