@@ -79,6 +79,10 @@ class MpcParameters(StartParameters, SafetyParameters):
         0.2, 'time without a believed state (none came, or one that is not finite, out of range, '
         'frozen or refused by the estimator) after which the force is zero', unit='s',
         minimum=0.0, finite=False)
+    shadow: tuple[str, ...] = parameter(
+        ('',), 'solvers that solve each tick too, each in a process of its own; what they would '
+        'have done, and the regret of not obeying them, is in /diagnostics (empty: none)',
+        choices=lambda: ['', *sorted(SOLVERS)])
     shown_tries: int = parameter(
         0, 'on mpc/tries about so many of the trajectories that led to the plan, of its line '
         'search or its samples; 0: none', minimum=0, maximum=1000)

@@ -21,18 +21,21 @@ from std_msgs.msg import Float64, String
 from dp_swing_ros import configuration
 from dp_swing_ros.control.receding_horizon import MpcParameters
 from dp_swing_ros.messages.configuration import from_text
-from dp_swing_ros.messages.fields import BILLION, seconds, to_measured, to_state
+from dp_swing_ros.messages.fields import BILLION, nanoseconds, seconds, to_measured, to_state
 from dp_swing_ros.nodes.connections import is_heard, owners, publish, subscribe
 from dp_swing_ros.nodes.diagnostics import Diagnostics
 from dp_swing_ros.nodes.loading import Loader
 from dp_swing_ros.nodes.messages import to_point_cloud, to_stamped_force, to_trajectory
 from dp_swing_ros.nodes.process import ProcessNode, run
 from dp_swing_ros.nodes.ros_parameters import announce, declare, given, let_change
+from dp_swing_ros.nodes.shadows import Shadows
 from dp_swing_ros.nodes.tick_figures import of_estimate, of_plan, tip_paths
 from dp_swing_ros.nodes.timing import Clock, Latency, Timing, Watchdog
 from dp_swing_ros.parameters import group
 from dp_swing_ros.pendulum.sensors import HANGING, SensorParameters, Standstill
+from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.problem.plan import Plan, Status
+from dp_swing_ros.rerun.answers import Tick
 from dp_swing_ros.topics import (
     CONFIGURATION, FORCE_COMMAND, FORCE_COMMAND_STAMPED, JOINT_STATES, PLAN, TRIES)
 
@@ -90,13 +93,15 @@ class MpcNode(ProcessNode):
         self.stamped_forces = publish(self, FORCE_COMMAND_STAMPED)
         self.plans, self.tries = publish(self, PLAN), publish(self, TRIES)
         self.diagnostics = Diagnostics(self)
+        self.shadows = Shadows(self, self.diagnostics)
+        self.x: Array | None = None   # that the last tick was given
         self.serve('mpc/reset', self.on_reset)
         self.serve_switch('mpc/enable', self.on_enable)
         subscribe(self, CONFIGURATION, self.on_configuration)
         self.watchdog = Watchdog(self, values['step'], self.on_silence)
         self.sent = 0    # forces
         self.answered = Time()   # the stamp of the last state
-        self.resets = 0
+        self.resets = self.shadowed_resets = 0
         self.configured = dict[str, int]()   # resets of the nodes that have announced themselves
         self.ends_by = math.inf   # [s] of time.monotonic(), from a signal on
         self.waiting: tuple[JointState, dict[str, int]] | None = None   # until they met
@@ -124,6 +129,7 @@ class MpcNode(ProcessNode):
         self.tick_time = self.controller.warm_up()
         self.forget()
         self.loader = Loader(self.controller, self.get_logger().error)
+        self.shadows.configure(self.values, wait=True)
         let_change(self, self.fields, self.values, self.on_change)
         taken = time.perf_counter() - began
         gc.collect()
@@ -147,6 +153,7 @@ class MpcNode(ProcessNode):
         self.controller.reconfigure(loaded.controller)
         self.parameters = self.controller.parameters
         self.solver, self.u_max = self.parameters.solver, loaded.values['force_limit']
+        self.shadows.configure(loaded.values)
         self.revision += 1
         announce(self, {**loaded.values, **self.found}, self.revision)
 
@@ -269,7 +276,7 @@ class MpcNode(ProcessNode):
 
     def go_on(self, complaint: str) -> None:
         """Send a force that answers no state."""
-        self.carried += 1
+        self.carried, self.x = self.carried + 1, None
         stamp = self.get_clock().now().to_msg()
         t, delay = seconds(stamp), self.latency.transport() * self.pace
         plan = self.controller.fallback(t + delay)
@@ -297,9 +304,10 @@ class MpcNode(ProcessNode):
     def solve(self, message: JointState, t: float, delay: float,
               deadline: float) -> tuple[Plan, str]:
         """Return the plan for a state measured at a time [s], and what is wrong with the state."""
+        self.x = None
         try:
-            x = to_state(message, self.links, self.sensors)
-            plan = self.controller.update(t, x, delay, deadline, self.time_noise)
+            self.x = to_state(message, self.links, self.sensors)
+            plan = self.controller.update(t, self.x, delay, deadline, self.time_noise)
             complaint = self.controller.rejection
         except ValueError as error:
             plan, complaint = self.controller.fallback(t + delay), str(error)
@@ -340,6 +348,11 @@ class MpcNode(ProcessNode):
              'sent': 0 if self.carried else self.last.sent,
              'clock': self.timing.clock.name.lower(),
              **(of_estimate(estimate) if estimate is not None else {})})
+        self.shadows.follow(Tick(
+            self.sent, nanoseconds(stamp), times.t, self.x, self.time_noise, times.delay,
+            real_time, self.resets > self.shadowed_resets, self.controller.enabled,
+            bool(stopping), stats.solves, stats.status.name, stats.cost, force))
+        self.shadowed_resets = self.resets
 
     def on_reset(self) -> tuple[bool, str]:
         """Forget the last plan and restart the random numbers."""
@@ -373,9 +386,10 @@ class MpcNode(ProcessNode):
         return time.monotonic() > self.ends_by
 
     def close(self) -> None:
-        """End the stream of commands with zero."""
+        """End the stream of commands with zero, and then the shadows."""
         if self.sent:
             self.command(0.0)
+        self.shadows.close()
 
 
 main = partial(run, MpcNode)

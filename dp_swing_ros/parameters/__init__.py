@@ -84,14 +84,15 @@ def checked(field: dataclasses.Field, value: Any, name: str = '') -> Any:
         value = _sequence(value, type(default[0]), list((about['size'] or {}).values()), refuse)
     else:
         value = _converted(value, type(default), refuse)
-    for element in value if listed else (value,):
+    elements = value if listed else (value,)
+    for element in elements:
         if isinstance(element, float) and (
                 math.isnan(element) or about['finite'] and math.isinf(element)):
             raise refuse('a finite number')
         if isinstance(element, (float, int)) and not (
                 about['minimum'] <= element <= about['maximum']):
             raise refuse(expected(field, f' {about["unit"]}'.rstrip()))
-    if about['choices'] is not None and value not in about['choices']():
+    if about['choices'] is not None and not set(elements) <= {*about['choices']()}:
         raise refuse(expected(field))
     return value
 
@@ -100,7 +101,8 @@ def expected(field: dataclasses.Field, unit: str = '') -> str:
     """Return in words what a parameter may be; empty where anything of its type is."""
     about = field.metadata
     if about['choices'] is not None:
-        return f'one of {", ".join(about["choices"]())}'
+        each = 'each ' if isinstance(field.default, tuple) else ''
+        return f'{each}one of {", ".join(filter(None, about["choices"]()))}'
     text = ', '.join(f'{words} {about[bound]:g}{unit}'
                      for words, bound in (('at least', 'minimum'), ('at most', 'maximum'))
                      if math.isfinite(about[bound]))

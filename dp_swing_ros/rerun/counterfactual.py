@@ -25,7 +25,8 @@ from dp_swing_ros.messages.fields import BILLION
 from dp_swing_ros.pendulum.state import Array, errors
 from dp_swing_ros.problem.cost import running
 from dp_swing_ros.problem.plan import Plan
-from dp_swing_ros.rerun.ticks import answer, configuration_of, record_of, respond, Tick
+from dp_swing_ros.rerun.answers import answer, respond, Tick
+from dp_swing_ros.rerun.ticks import configuration_of, record_of
 from dp_swing_ros.simulation.plant import Plant
 
 

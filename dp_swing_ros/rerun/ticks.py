@@ -1,50 +1,24 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A recorded controller: its configuration, its ticks, its forces, its answers again."""
+"""A recorded controller: its configuration, its ticks, its forces."""
 
-from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 from difflib import SequenceMatcher
 from itertools import takewhile
-import math
 from typing import Any, NamedTuple
 
-from dp_swing_ros import configuration
 from dp_swing_ros.bags.episodes import (
     configurations_of, CONTROLLER, reports_of, revisions_of, samples_of)
 from dp_swing_ros.bags.reader import Bag
-from dp_swing_ros.control.receding_horizon import RecedingHorizon, Search
-from dp_swing_ros.control.starts import solved
 from dp_swing_ros.errors import BagError
 from dp_swing_ros.messages.configuration import Configuration
 from dp_swing_ros.messages.fields import BILLION, Report
 from dp_swing_ros.parameters.files import is_of_rclpy
-from dp_swing_ros.pendulum.state import Array
-from dp_swing_ros.problem.plan import Plan
+from dp_swing_ros.rerun.answers import Tick
 from dp_swing_ros.topics import FORCE_COMMAND
 
 AGREEING = 3  # forces in a row that are the same, where two sequences meet again
 NEEDED = ('force', 'cost', 'status', 'real_time', 'delay', 'solves', 'carried', 'resets', 'number')
-
-
-class Tick(NamedTuple):
-    """What a controller was given at a tick, and what came of it."""
-
-    number: int        # of the forces that it has sent
-    stamp: int         # [ns] of the state, or of the time at which none had come
-    t: float           # [s] when it was measured, by the controller's clock
-    x: Array | None    # as it was measured; None where none came
-    time_noise: float  # [s] by which that may be off
-    delay: float       # [s] from the stamp until the force would act
-    real_time: bool
-    reset: bool        # it was reset before
-    enabled: bool      # else the force was zero
-    stopping: bool     # the cart was braked
-    solves: tuple[int, ...]  # iterations
-    status: str
-    cost: float
-    force: float       # [N] sent
-    changed: dict[str, Any] | None = None   # all parameters, where they changed before it
 
 
 class Record(NamedTuple):
@@ -193,51 +167,3 @@ def in_order(ticks: Sequence[Tick], commands: Sequence[Command], whole: bool) ->
             surplus += commands[j + len(pairs):next_j]
         i, j = next_i + block.size, next_j + block.size
     return Pairing(others, missing, surplus)
-
-
-def answer(controller: RecedingHorizon, tick: Tick, counted: bool = True) -> Plan:
-    """
-    Let a controller answer a recorded tick, as the node did.
-
-    If `counted`, in as many iterations where a deadline may have ended them.
-    """
-    if tick.changed is not None:
-        controller.reconfigure(configuration.controller(tick.changed))
-    if tick.reset:
-        controller.reset()
-    if not tick.stopping:
-        controller.enable(tick.enabled)
-    elif not tick.solves:   # else it is the controller that begins to stop
-        controller.stop('as recorded')
-    if tick.x is None:
-        return controller.fallback(tick.t + tick.delay)
-    usual = controller.search
-    if counted and tick.real_time and tick.solves:
-        controller.search = repeated(tick.solves)
-    plan = respond(controller, tick.t, tick.x, tick.delay, tick.time_noise)
-    controller.search = usual
-    return plan
-
-
-def repeated(solves: Sequence[int]) -> Search:
-    """Return a search that takes so many iterations from each start, none where it is zero."""
-    def search(controller: RecedingHorizon, x_0: Array, starts: Iterable[Plan],
-               deadline: float) -> list[Plan]:
-        plans = []
-        for iterations, start in zip(solves, starts):
-            limited = replace(controller.solver_parameters,
-                              **({'iterations': iterations} if iterations else {}))
-            plans.append(solved(controller.build(controller.problem, limited),
-                                controller.problem, x_0, start,
-                                math.inf if iterations else -math.inf))
-        return plans
-    return search
-
-
-def respond(controller: RecedingHorizon, t: float, x: Array, delay: float,
-            time_noise: float = 0.0) -> Plan:
-    """Return the plan for a state, or where it is not finite, one without it."""
-    try:
-        return controller.update(t, x, delay, time_noise=time_noise)
-    except ValueError:
-        return controller.fallback(t + delay)

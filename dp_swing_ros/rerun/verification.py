@@ -25,8 +25,9 @@ from dp_swing_ros.messages.fields import BILLION, from_trajectory, nanoseconds, 
 from dp_swing_ros.pendulum.state import links_of, symbols, units
 from dp_swing_ros.pendulum.urdf import from_urdf, urdf
 from dp_swing_ros.problem.plan import Plan
+from dp_swing_ros.rerun.answers import answer, Tick
 from dp_swing_ros.rerun.ticks import (
-    answer, commands_of, configuration_of, own, paired, Record, record_of, Tick)
+    commands_of, configuration_of, own, paired, Record, record_of)
 from dp_swing_ros.simulation.plant import Plant
 from dp_swing_ros.topics import DISTURBANCE, FORCE_COMMAND, PLAN, ROBOT_DESCRIPTION, Topic
 

@@ -24,7 +24,7 @@ from dp_swing_ros.pendulum.model import hold, Model
 from dp_swing_ros.pendulum.parameters import DIRECT, Drive, DriveParameters, PendulumParameters
 from dp_swing_ros.pendulum.state import angles, hanging, is_upright, to_turn_of
 from dp_swing_ros.problem.plan import Status
-from dp_swing_ros.rerun.ticks import repeated
+from dp_swing_ros.rerun.answers import repeated
 from dp_swing_ros.simulation.closed_loop import simulate
 from dp_swing_ros.simulation.plant import Plant, PlantParameters
 from dp_swing_ros.solvers import SOLVERS
