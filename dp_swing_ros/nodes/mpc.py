@@ -167,7 +167,7 @@ class MpcNode(ProcessNode):
             return
         before = self.configured.get(configured.node, configured.resets)
         self.configured[configured.node] = configured.resets
-        if configured.resets != before and configured.node in owners(self, JOINT_STATES):
+        if configured.resets != before:
             self.on_reset()   # a plan from before leads from where the pendulum is no more
 
     def on_state(self, message: JointState, info: dict[str, int]) -> None:
