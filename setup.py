@@ -22,6 +22,7 @@ EXECUTABLES = [
     'relay = dp_swing_ros.executables:relay',
     'logger = dp_swing_ros.executables:logger',
     'replay = dp_swing_ros.executables:replay',
+    'faults = dp_swing_ros.executables:faults',
     'analyse = dp_swing_ros.executables:analyse',
     'compare = dp_swing_ros.executables:compare',
     'demo = dp_swing_ros.executables:demo',

@@ -27,7 +27,8 @@ NODES = {
     'mpc': 'solves from each state, publishes the force',
     'relay': 'hands the force on to a controller of ros2_control',
     'logger': 'writes the topics to an MCAP bag',
-    'replay': 'plays a bag back'}
+    'replay': 'plays a bag back',
+    'faults': 'loses, delays and reorders what plant and mpc send each other'}
 BY_COLCON = {'demo': 'runs plant, mpc and logger, and draws the results'}
 COMMANDS = TOOLS | NODES | BY_COLCON
 MISUSED = 2

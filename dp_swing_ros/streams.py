@@ -23,6 +23,9 @@ class Stream(enum.IntEnum):
     COMMAND_JITTER = 4
     STARTS = 5      # random forces to solve from
     SOLVER = 6      # the samples of a solver
+    STATE_CHANNEL = 7    # of the node `faults`
+    COMMAND_CHANNEL = 8
+    STATE_NAN = 9
 
 
 def stream(seed: int, purpose: Stream) -> np.random.Generator:

@@ -53,18 +53,19 @@ def publish(node: Node, topic: Topic) -> Publisher:
 
 
 def subscribe(node: Node, topic: Topic, callback: Callable[..., None],
-              depth: int = DEPTH, sensor: bool = False) -> Subscription:
+              depth: int = DEPTH, sensor: bool = False, raw: bool = False) -> Subscription:
     """
     Make a reliable subscription; a sensor's is best effort, so that every publisher is heard.
 
     That of a latched topic hears also what was sent before it was made. The callback may take a
-    second argument, the information that comes with a message. Raises ParameterError as `publish`.
+    second argument, the information that comes with a message; if `raw`, the message is its bytes.
+    Raises ParameterError as `publish`.
     """
     with _overrides_checked(node, topic):
         return node.create_subscription(
             message_class(topic.type), topic.name, callback,
             profile(depth, reliable=not sensor, kept=topic.latched),
-            qos_overriding_options=OVERRIDABLE)
+            qos_overriding_options=OVERRIDABLE, raw=raw)
 
 
 @contextmanager

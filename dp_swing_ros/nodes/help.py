@@ -7,12 +7,13 @@ import textwrap
 from typing import NamedTuple
 
 from dp_swing_ros.configuration import declared
-from dp_swing_ros.nodes.parameters import LoggerParameters, named, ReplayParameters, shown
-from dp_swing_ros.parameters import expected, Parameters
+from dp_swing_ros.nodes.parameters import OWN, shown
+from dp_swing_ros.parameters import expected
 from dp_swing_ros.pendulum.state import DEFAULT_LINKS
 from dp_swing_ros.topics import (
-    CONFIGURATION, CONTROLLER_COMMANDS, DIAGNOSTICS, DISTURBANCE, FORCE_COMMAND,
-    FORCE_COMMAND_STAMPED, JOINT_STATES, PLAN, ROBOT_DESCRIPTION, Topic)
+    CONFIGURATION, CONTROLLER_COMMANDS, DIAGNOSTICS, DISTURBANCE, FAULTS_FORCE_COMMAND,
+    FAULTS_JOINT_STATES, FORCE_COMMAND, FORCE_COMMAND_STAMPED, JOINT_STATES, PLAN,
+    ROBOT_DESCRIPTION, Topic)
 
 WIDTH = 99
 SWITCHES = ('mpc/enable',)   # services that are asked for true or false
@@ -48,8 +49,13 @@ NODE: dict[str, About] = {
     'replay': About(
         'Plays a bag back onto its topics with its recorded timing.',
         (CONFIGURATION,), (), tuple(f'replay/{name}' for name in (
-            'pause', 'resume', 'toggle_paused', 'is_paused', 'play_next')))}
-OWN = {'relay': Parameters, 'logger': LoggerParameters, 'replay': ReplayParameters}
+            'pause', 'resume', 'toggle_paused', 'is_paused', 'play_next'))),
+    'faults': About(
+        'Stands between plant and mpc and loses, delays, doubles and reorders what they send; '
+        'start the mpc with -r joint_states:=faults/joint_states '
+        '-r force_command:=faults/force_command.',
+        (FAULTS_JOINT_STATES, FORCE_COMMAND, DIAGNOSTICS, CONFIGURATION),
+        (JOINT_STATES, FAULTS_FORCE_COMMAND))}
 
 
 def lines(name: str) -> Iterator[str]:
@@ -64,7 +70,7 @@ def lines(name: str) -> Iterator[str]:
         yield from ('', 'services:', *(
             f'  {each:21} std_srvs/srv/{"SetBool" if each in SWITCHES else "Trigger"}'
             for each in about.services))
-    fields = named(OWN[name]) if name in OWN else declared(name, DEFAULT_LINKS)
+    fields = OWN[name] if name in OWN else declared(name, DEFAULT_LINKS)
     if fields:
         yield from ('', 'parameters, with their defaults:')
     for full, field in fields.items():

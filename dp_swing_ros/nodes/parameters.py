@@ -1,7 +1,7 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Parameters of logger and replay, and the tables of all parameters; needs no ROS.
+Parameters of logger, replay and faults, and the tables of all parameters; needs no ROS.
 
 Plant and mpc have theirs where the plant and the controller are: see configuration.declared.
 """
@@ -68,6 +68,32 @@ class ReplayParameters(Parameters):
     delay: float = parameter(0.0, 'before the first message', unit='s', minimum=0.0)
 
 
+@dataclasses.dataclass(frozen=True)
+class ChannelParameters(Parameters):
+    """What becomes of the messages of one direction."""
+
+    loss: float = parameter(0.0, 'probability that a message is lost', minimum=0.0, maximum=1.0)
+    delay: float = parameter(0.0, 'a message comes late by this', unit='s', minimum=0.0,
+                             maximum=1.0)
+    jitter: float = parameter(
+        0.0, 'and by a time drawn from 0 to this, but not before the one ahead of it', unit='s',
+        minimum=0.0, maximum=1.0)
+    duplication: float = parameter(
+        0.0, 'probability that a message comes twice', minimum=0.0, maximum=1.0)
+    reordering: float = parameter(
+        0.0, 'probability that a message comes after the next one', minimum=0.0, maximum=1.0)
+
+
+@dataclasses.dataclass(frozen=True)
+class FaultsParameters(Parameters):
+    """What is not the same for both directions."""
+
+    state_nan: float = parameter(
+        0.0, 'probability that a state comes with NaN for all positions and velocities',
+        minimum=0.0, maximum=1.0)
+    seed: int = parameter(0, 'seed of all faults', minimum=0, live=False)
+
+
 def table(fields: Mapping[str, dataclasses.Field]) -> str:
     """Return the Markdown table of parameters by their full names."""
     return compact([('parameter', 'default', 'unit', 'range', 'description'), *(
@@ -76,9 +102,9 @@ def table(fields: Mapping[str, dataclasses.Field]) -> str:
         for name, field in fields.items())]) + '\n'
 
 
-def named(group: type[Parameters]) -> dict[str, dataclasses.Field]:
-    """Return the parameters of a group by their names."""
-    return {field.name: field for field in dataclasses.fields(group)}
+def named(group: type[Parameters], prefix: str = '') -> dict[str, dataclasses.Field]:
+    """Return the parameters of a group by their full names."""
+    return {prefix + field.name: field for field in dataclasses.fields(group)}
 
 
 def shown(value: Any) -> str:
@@ -90,3 +116,11 @@ def shown(value: Any) -> str:
     if isinstance(value, float) and math.isinf(value):
         return '.inf'
     return f'{value:g}' if isinstance(value, float) else str(value)
+
+
+STATE, COMMAND = 'state_', 'command_'
+FAULTS = {**named(ChannelParameters, STATE), **named(ChannelParameters, COMMAND),
+          **named(FaultsParameters)}
+# by the name of the node, but for plant and mpc
+OWN = {'relay': named(Parameters), 'logger': named(LoggerParameters),
+       'replay': named(ReplayParameters), 'faults': FAULTS}

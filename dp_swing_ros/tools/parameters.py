@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Sequence
 
 from dp_swing_ros.configuration import declared, DEFAULTS, NODES
-from dp_swing_ros.nodes.parameters import LoggerParameters, named, ReplayParameters, shown, table
+from dp_swing_ros.nodes.parameters import OWN, shown, table
 from dp_swing_ros.pendulum.state import DEFAULT_LINKS, LINKS
 from dp_swing_ros.tables import compact
 from dp_swing_ros.tools.command_lines import OK, program
@@ -17,8 +17,8 @@ HEAD = """\
 Made by `make docs` from the dataclasses that declare them. A parameter is given as
 `--ros-args -p name:=value` or in a YAML file (`config/` has examples), and is checked when the
 node starts. What is unknown, misspelt or out of range ends the node with one line that says what
-is expected. Those of plant and mpc [change while the node runs](nodes.md#live-parameters), unless
-it says that they stay; those of logger and replay all stay. The mpc gets the same physical
+is expected. Those of plant, mpc and faults [change while the node runs](nodes.md#live-parameters),
+unless it says that they stay; those of logger and replay all stay. The mpc gets the same physical
 parameters and limits as the plant unless a test of robustness wants it otherwise. Defaults are
 those of two links; parameters of a link or a joint that is not there are refused.
 """
@@ -32,7 +32,7 @@ def reference() -> str:
     own = {node: {name: field for name, field in fields.items() if name not in shared}
            for node, fields in nodes.items()}
     sections = {'The pendulum and its limits (plant and mpc)': shared, **own,
-                'logger': named(LoggerParameters), 'replay': named(ReplayParameters)}
+                **{node: fields for node, fields in OWN.items() if fields}}
     return '\n'.join([
         HEAD, *(f'## {name}\n\n{table(fields)}' for name, fields in sections.items()),
         '## Defaults by the number of links\n', other_defaults()])

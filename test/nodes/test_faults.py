@@ -1,0 +1,276 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The node `faults` between a bare plant and a bare controller, and between those of ours."""
+
+import math
+import signal
+import time
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticStatus
+import numpy as np
+import pytest
+from rclpy.serialization import deserialize_message, serialize_message
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64
+from test_live import put
+
+from dp_swing_ros.bags import read_episode
+from dp_swing_ros.messages.configuration import from_text
+from dp_swing_ros.messages.fields import from_diagnostics, seconds, to_state
+from dp_swing_ros.nodes.connections import subscribe
+from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
+from dp_swing_ros.pendulum.state import is_upright
+from dp_swing_ros.streams import Stream, stream
+from dp_swing_ros.tools import verify
+from dp_swing_ros.topics import (
+    CONFIGURATION, DIAGNOSTICS, FAULTS_FORCE_COMMAND, FAULTS_JOINT_STATES, FORCE_COMMAND,
+    JOINT_STATES)
+
+PAUSE = 0.003   # [s] between two messages: a sensor's subscription is best effort
+OF_MPC = ['-r', 'joint_states:=faults/joint_states', '-r', 'force_command:=faults/force_command']
+UP = 20         # states in a row
+
+
+class Between:
+    """Sends states as a plant and forces as a controller; keeps what comes out of the node."""
+
+    def __init__(self, peer, start_node, parameters=(), arguments=(), prefix=''):
+        self.peer = peer
+        inputs, outputs = (
+            [topic._replace(name=prefix + topic.name) for topic in topics]
+            for topics in ((JOINT_STATES, FAULTS_FORCE_COMMAND),
+                           (FAULTS_JOINT_STATES, FORCE_COMMAND)))
+        self.states = []   # as bytes, and when they came [s]
+        subscribe(peer.node, outputs[0], lambda data: self.states.append(
+            (data, time.monotonic())), depth=1000, raw=True)
+        self.forces, self.reports = peer.record(outputs[1]), peer.record(DIAGNOSTICS)
+        self.node = start_node('faults', parameters, arguments)
+        self.node.wait_for('ready')
+        self.plant, self.controller = map(peer.publisher, inputs)
+        assert peer.until(lambda: all(peer.node.count_publishers(each.name) for each in outputs))
+        peer.spin(0.5)
+
+    def send_states(self, count):
+        """Publish states whose cart is at 0, 1, 2 ...; return their bytes."""
+        sent = []
+        for n in range(count):
+            state = to_joint_state(to_stamp(n * 50_000_000), np.arange(n, n + 6.0), 1.5)
+            sent.append(bytes(serialize_message(state)))
+            self.plant.publish(sent[-1])
+            self.peer.spin(PAUSE)
+        return sent
+
+    def send_forces(self, count):
+        """Publish forces of 0, 1, 2 ... N."""
+        for n in range(count):
+            self.controller.publish(Float64(data=float(n)))
+            self.peer.spin(PAUSE)
+
+    def carts(self, count):
+        """Return where the cart is in the states, once so many have come, and no more come."""
+        assert self.peer.until(lambda: len(self.states) >= count), len(self.states)
+        self.peer.spin(0.2)
+        return [deserialize_message(data, JointState).position[0] for data, _ in self.states]
+
+    def commands(self, count):
+        """Return the forces, as `carts`."""
+        assert self.peer.until(lambda: len(self.forces) >= count), len(self.forces)
+        self.peer.spin(0.2)
+        return [force.data for force in self.forces]
+
+    def report(self):
+        """Return the next report."""
+        before = len(self.reports)
+        assert self.peer.until(lambda: len(self.reports) > before)
+        return from_diagnostics(self.reports[-1], 'faults')
+
+
+def kept(purpose, count, loss, seed=0):
+    """Return the numbers of the messages that are not lost."""
+    return np.flatnonzero(stream(seed, purpose).random((count, 4))[:, 0] >= loss).tolist()
+
+
+def test_without_faults_everything_passes_as_it_is(peer, start_node):
+    between = Between(peer, start_node)
+    sent = between.send_states(100)
+    between.send_forces(100)
+    assert between.carts(100) == between.commands(100) == list(range(100))
+    assert [data for data, _ in between.states] == sent
+    report = between.report()
+    assert (report.level, report.message) == (DiagnosticStatus.OK[0], 'everything passes')
+    assert {name: value for name, value in report.values.items() if value} == {
+        'heard_states': 100, 'heard_commands': 100}
+    assert between.node.stop() == 0
+
+
+def test_losses_are_those_of_the_seed_in_each_direction(peer, start_node):
+    between = Between(peer, start_node, {'state_loss': 0.3, 'command_loss': 0.1, 'seed': 5})
+    states = kept(Stream.STATE_CHANNEL, 300, 0.3, 5)
+    commands = kept(Stream.COMMAND_CHANNEL, 300, 0.1, 5)
+    assert 60 < 300 - len(states) < 120 and 12 < 300 - len(commands) < 50
+    between.send_states(300)
+    between.send_forces(300)
+    assert between.carts(len(states)) == states
+    assert between.commands(len(commands)) == commands
+    report = between.report()
+    assert report.message == 'state_loss 0.3, command_loss 0.1'
+    assert report.values['lost_states'] == 300 - len(states)
+    assert report.values['lost_commands'] == 300 - len(commands)
+
+
+def test_duplicates_and_swaps(peer, start_node):
+    between = Between(peer, start_node, {'state_duplication': 1.0, 'command_reordering': 1.0})
+    between.send_states(10)
+    between.send_forces(10)
+    assert between.carts(20) == sorted(2 * [*range(10)])
+    assert between.commands(10) == [1, 0, 3, 2, 5, 4, 7, 6, 9, 8]
+    values = between.report().values
+    assert (values['duplicated_states'], values['reordered_commands']) == (10, 5)
+
+
+def test_what_is_delayed_comes_late_and_in_order(peer, start_node):
+    between = Between(peer, start_node, {
+        'state_delay': 0.3, 'command_delay': 0.05, 'command_jitter': 0.2})
+    before = time.monotonic()
+    between.send_states(1)
+    between.send_forces(50)
+    assert between.carts(1) == [0]
+    late = between.states[0][1] - before
+    assert 0.3 <= late < 0.8
+    assert between.commands(50) == list(range(50))
+    values = between.report().values
+    assert (values['delayed_states'], values['delayed_commands']) == (1, 50)
+
+
+def test_with_simulated_time_a_delay_goes_by_it(peer, start_node):
+    between = Between(peer, start_node, {'use_sim_time': True, 'state_delay': 0.5})
+    clock = peer.node.create_publisher(Clock, '/clock', 1)
+    assert peer.until(lambda: clock.get_subscription_count())
+
+    def set_clock(nanoseconds):
+        clock.publish(Clock(clock=Time(sec=1, nanosec=nanoseconds)))
+        peer.spin(0.3)
+    set_clock(0)
+    between.send_states(1)
+    peer.spin(0.8)
+    set_clock(400_000_000)
+    assert not between.states
+    set_clock(600_000_000)
+    assert between.carts(1) == [0]
+
+
+def test_nan_comes_and_goes_in_states_alone(peer, start_node):
+    told = peer.record(CONFIGURATION)
+    between = Between(peer, start_node)
+    for n, share in enumerate((0.0, 1.0, 0.0)):
+        if n:
+            assert put(peer, 'faults', state_nan=share) == ''
+        between.send_states(5)
+        between.send_forces(5)
+    assert np.isnan(between.carts(15)).tolist() == 5 * [False] + 5 * [True] + 5 * [False]
+    state = deserialize_message(between.states[6][0], JointState)
+    assert np.isnan([*state.position, *state.velocity]).all() and len(state.velocity) == 3
+    assert list(state.name) == ['cart', 'joint1', 'joint2']
+    assert list(state.effort) == [1.5, 0.0, 0.0] and seconds(state.header.stamp) == 0.05
+    assert between.commands(15) == 3 * [0, 1, 2, 3, 4]
+    assert between.report().values['nan_states'] == 5
+    assert peer.until(lambda: any('revision: 2' in each.data for each in told))
+    assert from_text(told[-1].data).parameters['state_nan'] == 0.0
+
+
+def test_changes_that_are_refused_say_why(peer, start_node):
+    between = Between(peer, start_node)
+    for wrong, words in (({'state_loss': 1.5}, 'range'), ({'command_delay': math.nan}, 'range'),
+                         ({'command_nan': 0.1}, 'undeclared'), ({'seed': 3}, 'read-only')):
+        assert words in put(peer, 'faults', **{'command_loss': 1.0, **wrong})
+    between.send_forces(5)
+    assert between.commands(5) == [0, 1, 2, 3, 4]
+
+
+@pytest.mark.parametrize('bad', [math.nan, math.inf])
+def test_a_force_that_is_not_finite_does_not_pass(peer, start_node, bad):
+    between = Between(peer, start_node)
+    for force in (1.0, bad, 2.0):
+        between.controller.publish(Float64(data=force))
+    assert between.commands(2) == [1.0, 2.0]
+    between.node.wait_for('expected a finite number')
+    assert peer.until(lambda: any(
+        report and report.level == DiagnosticStatus.WARN[0] and report.values['refused'] == 1
+        for report in (from_diagnostics(each, 'faults') for each in between.reports)))
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_a_stream_of_forces_ends_with_zero(peer, start_node, number):
+    between = Between(peer, start_node, {'command_loss': 0.0})
+    between.controller.publish(Float64(data=7.0))
+    assert between.commands(1) == [7.0]
+    assert put(peer, 'faults', command_loss=1.0) == ''
+    between.node.signal(number)
+    assert between.commands(2) == [7.0, 0.0]
+    assert between.node.wait() == 0
+    assert 'Traceback' not in between.node.output()
+
+
+def test_where_no_force_has_passed_there_is_none_at_the_end(peer, start_node):
+    between = Between(peer, start_node, {'command_loss': 1.0})
+    between.send_forces(3)
+    assert between.node.stop() == 0
+    peer.spin(0.3)
+    assert not between.forces
+
+
+@pytest.mark.parametrize(('parameters', 'words'), [
+    ({'state_los': 0.1}, "unknown parameter 'state_los' of the node 'faults'; did you mean"),
+    ({'state_loss': 2.0}, "parameter 'state_loss' is 2.0; expected at least 0, at most 1 "),
+    ({'command_nan': 0.1}, "unknown parameter 'command_nan'"),
+    ({'command_delay': -1.0}, 'at least 0 s, at most 1 s')])
+def test_a_bad_parameter_is_one_line(start_node, parameters, words):
+    node = start_node('faults', parameters)
+    assert node.wait() == 2
+    assert node.complaint().startswith('faults: error: ') and words in node.complaint()
+    assert node.complaint().count('\n') == 1
+
+
+def test_a_second_pendulum_has_faults_of_its_own(peer, start_node):
+    between = Between(peer, start_node, arguments=['-r', '__ns:=/second'], prefix='/second/')
+    between.send_states(3)
+    assert between.carts(3) == [0, 1, 2]
+    between.report()
+    status = between.reports[-1].status[0]
+    assert (status.name, status.hardware_id) == ('second/faults', '/second/joint_states')
+
+
+def test_a_pendulum_is_swung_up_and_held_through_faults(peer, start_node, tmp_path, capsys):
+    """A tenth is lost both ways, and for 0.3 s each state is NaN."""
+    bag = tmp_path / 'bag'
+    logger = start_node('logger', {'output': str(bag)}, OF_MPC)
+    logger.wait_for('recording to')
+    faults = start_node('faults', {'state_loss': 0.1, 'command_loss': 0.1})
+    faults.wait_for('ready')
+    mpc = start_node('mpc', arguments=OF_MPC)
+    mpc.wait_for('ready')
+    states, forces = peer.record(JOINT_STATES), peer.record(FORCE_COMMAND)
+    reports = peer.record(DIAGNOSTICS)
+    plant = start_node('plant')
+
+    def is_up(after):
+        return len(states) > after + UP and all(
+            is_upright(to_state(state, 2)) for state in states[-UP:])
+    assert peer.until(lambda: is_up(0), 60.0), mpc.output()
+    assert put(peer, 'faults', state_nan=1.0) == ''
+    peer.spin(0.3)
+    assert put(peer, 'faults', state_nan=0.0) == ''
+    burst = len(states)
+    assert peer.until(lambda: is_up(burst), 60.0), mpc.output()
+    assert (mpc.stop(), faults.stop()) == (0, 0)
+    assert peer.until(lambda: forces[-1].data == 0.0)
+    assert np.abs([force.data for force in forces]).max() <= 20.0   # which no NaN is
+    found = [report for report in (from_diagnostics(each, 'faults') for each in reports) if report]
+    assert all(found[-1].values[name] > 0 for name in (
+        'lost_states', 'lost_commands', 'nan_states'))
+    assert (plant.stop(), logger.stop()) == (0, 0)
+    assert len(read_episode(bag).t) < len(states)
+    assert verify.main([str(bag)]) == 0, capsys.readouterr().out
+    assert 'every force is the recorded one' in capsys.readouterr().out
