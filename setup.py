@@ -20,6 +20,7 @@ EXECUTABLES = [
     'plant = dp_swing_ros.executables:plant',
     'mpc = dp_swing_ros.executables:mpc',
     'relay = dp_swing_ros.executables:relay',
+    'echo = dp_swing_ros.executables:echo',
     'logger = dp_swing_ros.executables:logger',
     'replay = dp_swing_ros.executables:replay',
     'faults = dp_swing_ros.executables:faults',
@@ -31,6 +32,7 @@ EXECUTABLES = [
     'identify = dp_swing_ros.executables:identify',
     'recover = dp_swing_ros.executables:recover',
     'parameters = dp_swing_ros.executables:parameters',
+    'soak = dp_swing_ros.executables:soak',
     'verify = dp_swing_ros.executables:verify',
 ]
 

@@ -26,10 +26,13 @@ NODES = {
     'plant': 'integrates the pendulum, publishes its state, applies the force',
     'mpc': 'solves from each state, publishes the force',
     'relay': 'hands the force on to a controller of ros2_control',
+    'echo': 'answers each state at once: what a machine adds to any mpc',
     'logger': 'writes the topics to an MCAP bag',
     'replay': 'plays a bag back',
     'faults': 'loses, delays and reorders what plant and mpc send each other'}
-BY_COLCON = {'demo': 'runs plant, mpc and logger, and draws the results'}
+BY_COLCON = {
+    'demo': 'runs plant, mpc and logger, and draws the results',
+    'soak': 'runs plant and mpc for long in real time: latency, memory, falls'}
 COMMANDS = TOOLS | NODES | BY_COLCON
 MISUSED = 2
 

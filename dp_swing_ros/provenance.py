@@ -16,7 +16,8 @@ COMPUTING = ('numpy', 'numba', 'scipy')
 # what no episode depends on
 AFTERWARDS = ('__main__.py', 'bags/', 'evaluation/campaign/manifest.py',
               'evaluation/campaign/report.py', 'evaluation/campaign/runner.py',
-              'evaluation/campaign/summary.py', 'evaluation/comparison.py', 'executables.py',
+              'evaluation/campaign/summary.py', 'evaluation/comparison.py', 'evaluation/soak.py',
+              'executables.py',
               'figures/', 'identification/', 'messages/', 'nodes/',
               'pendulum/geometry.py', 'pendulum/urdf.py', 'provenance.py', 'recovery/',
               'report/', 'rerun/', 'tables.py', 'tools/', 'topics.py')

@@ -26,6 +26,7 @@ CONFIGURATION = Topic('configuration', 'std_msgs/msg/String', latched=True)  # a
 # before and after what the node `faults` makes of them
 FAULTS_JOINT_STATES = Topic('faults/joint_states', JOINT_STATES.type)
 FAULTS_FORCE_COMMAND = Topic('faults/force_command', FORCE_COMMAND.type)
+ECHO = Topic('echo', 'std_msgs/msg/Float64')   # beside the forces, see nodes/echo.py
 # of the forward_command_controller in config/ros2_control.yaml
 CONTROLLER_COMMANDS = Topic('force_controller/commands', 'std_msgs/msg/Float64MultiArray')
 

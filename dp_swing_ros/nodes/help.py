@@ -11,9 +11,9 @@ from dp_swing_ros.nodes.parameters import OWN, shown
 from dp_swing_ros.parameters import expected
 from dp_swing_ros.pendulum.state import DEFAULT_LINKS
 from dp_swing_ros.topics import (
-    CONFIGURATION, CONTROLLER_COMMANDS, DIAGNOSTICS, DISTURBANCE, FAULTS_FORCE_COMMAND,
+    CONFIGURATION, CONTROLLER_COMMANDS, DIAGNOSTICS, DISTURBANCE, ECHO, FAULTS_FORCE_COMMAND,
     FAULTS_JOINT_STATES, FORCE_COMMAND, FORCE_COMMAND_STAMPED, JOINT_STATES, PLAN,
-    ROBOT_DESCRIPTION, Topic)
+    ROBOT_DESCRIPTION, Topic, TRIES)
 
 WIDTH = 99
 SWITCHES = ('mpc/enable',)   # services that are asked for true or false
@@ -40,11 +40,14 @@ NODE: dict[str, About] = {
     'mpc': About(
         'Solves for a plan from each state, warm-started by the last one, and publishes the '
         'force that it begins with.',
-        (FORCE_COMMAND, FORCE_COMMAND_STAMPED, PLAN, DIAGNOSTICS, CONFIGURATION),
-        (JOINT_STATES,), ('mpc/reset', 'mpc/enable')),
+        (FORCE_COMMAND, FORCE_COMMAND_STAMPED, PLAN, TRIES, DIAGNOSTICS,
+         CONFIGURATION), (JOINT_STATES,), ('mpc/reset', 'mpc/enable')),
     'relay': About(
         'Hands the force on to a forward_command_controller of ros2_control, and a zero where '
         'none comes for 0.25 s.', (CONTROLLER_COMMANDS, CONFIGURATION), (FORCE_COMMAND,)),
+    'echo': About(
+        'Answers every state with its stamp [s], at once: how long that takes is what a machine '
+        'adds to any mpc.', (ECHO, CONFIGURATION), (JOINT_STATES,)),
     'logger': About('Writes topics to an MCAP bag that rosbag2 opens.', (CONFIGURATION,), ()),
     'replay': About(
         'Plays a bag back onto its topics with its recorded timing.',

@@ -122,5 +122,5 @@ STATE, COMMAND = 'state_', 'command_'
 FAULTS = {**named(ChannelParameters, STATE), **named(ChannelParameters, COMMAND),
           **named(FaultsParameters)}
 # by the name of the node, but for plant and mpc
-OWN = {'relay': named(Parameters), 'logger': named(LoggerParameters),
+OWN = {'relay': named(Parameters), 'echo': named(Parameters), 'logger': named(LoggerParameters),
        'replay': named(ReplayParameters), 'faults': FAULTS}

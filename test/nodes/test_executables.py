@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-NODES = ('plant', 'mpc', 'relay', 'logger', 'replay', 'faults')
+NODES = ('plant', 'mpc', 'relay', 'echo', 'logger', 'replay', 'faults')
 
 
 @pytest.mark.parametrize(('name', 'option'), [
@@ -19,6 +19,7 @@ def test_help_says_what_it_does_and_takes(start_node, name, option):
     for word in {'plant': ('joint_states  ', 'cart_mass:=1 kg', 'plant/reset'),
                  'mpc': ('force_command  ', 'mppi.samples:=', 'solver:=ilqr'),
                  'relay': ('force_controller/commands', 'force_command  '),
+                 'echo': ('echo  ', 'joint_states  '),
                  'logger': ('configuration  ', 'output:='),
                  'replay': ('replay/pause', 'rate:=1'),
                  'faults': ('faults/joint_states  ', 'state_loss:=0')}[name]:
@@ -57,8 +58,9 @@ def test_of_what_is_for_any_node_each_takes_its_own(start_node, tmp_path, name):
     output = {'output': str(tmp_path / 'bag')} if name == 'logger' else {}
     node = start_node(name, output, arguments=['--params-file', str(file)])
     expected = {'plant': 'states a second', 'mpc': "the solver 'ddp'",
-                'relay': 'ready, for /force_controller/commands', 'logger': 'recording to',
-                'replay': "parameter 'bag' is empty", 'faults': 'everything passes'}[name]
+                'relay': 'ready, for /force_controller/commands', 'echo': 'ready',
+                'logger': 'recording to', 'replay': "parameter 'bag' is empty",
+                'faults': 'everything passes'}[name]
     node.wait_for(expected)
     node.stop()
     assert 'unknown parameter' not in node.output()

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 import argparse
 from importlib import import_module
+import signal
 import subprocess
 import sys
 
@@ -10,7 +11,8 @@ import pytest
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.executables import INTERRUPTED
 from dp_swing_ros.parameters import ParameterError
-from dp_swing_ros.tools.command_lines import beside, execute, FAILED, MISUSED, within
+from dp_swing_ros.tools.command_lines import (
+    beside, execute, FAILED, MISUSED, postponed, within)
 
 
 @pytest.mark.parametrize('text, value', [('1', 1), ('9', 9)])
@@ -73,6 +75,24 @@ def test_an_interrupted_tool_prints_how_to_go_on(interrupt, line, capsys):
     assert capsys.readouterr().err == line
 
 
+@pytest.mark.usefixtures('here')
+@pytest.mark.parametrize('obeyed', [False, True])
+def test_a_postponed_signal_comes_later_unless_it_was_obeyed(obeyed):
+    def work(_):
+        with postponed() as signals:
+            signal.raise_signal(signal.SIGTERM)
+            assert signals == [signal.SIGTERM]
+            if obeyed:
+                signals.clear()
+        return 0
+    script = argparse.ArgumentParser(prog='tool')
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        assert execute(script, work, []) == (0 if obeyed else INTERRUPTED)
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
 DROPPED = """
 import argparse, signal, sys, time
 from dp_swing_ros.tools.command_lines import execute
@@ -103,7 +123,8 @@ def test_a_bug_has_its_traceback():
 @pytest.mark.parametrize('tool, argument', [
     *((tool, 'BAG') for tool in ('analyse', 'compare', 'export', 'identify', 'recover',
                                  'verify')),
-    ('demo', '--solver'), ('evaluate', '--scenarios'), ('parameters', '--help')])
+    ('demo', '--solver'), ('evaluate', '--scenarios'), ('parameters', '--help'),
+    ('soak', '--burn')])
 def test_help_names_tool_and_arguments(tool, argument, capsys):
     with pytest.raises(SystemExit) as end:
         import_module(f'dp_swing_ros.tools.{tool}').main(['--help'])

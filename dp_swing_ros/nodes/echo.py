@@ -1,0 +1,32 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The echo: answers every state at once; how long that takes is what a machine adds to any mpc."""
+
+from functools import partial
+
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64
+
+from dp_swing_ros.messages.fields import seconds
+from dp_swing_ros.nodes.connections import publish, subscribe
+from dp_swing_ros.nodes.process import ProcessNode, run
+from dp_swing_ros.nodes.ros_parameters import declare
+from dp_swing_ros.topics import ECHO, JOINT_STATES
+
+
+class EchoNode(ProcessNode):
+    """Hears the states as an mpc does, and answers each with its stamp [s]."""
+
+    def __init__(self) -> None:
+        super().__init__('echo')
+        declare(self, {})   # there are none: any that is given is refused
+        self.answers = publish(self, ECHO)
+        subscribe(self, JOINT_STATES, self.on_state, depth=1, sensor=True)
+        self.get_logger().info('ready')
+
+    def on_state(self, message: JointState) -> None:
+        """Answer a state."""
+        self.answers.publish(Float64(data=seconds(message.header.stamp)))
+
+
+main = partial(run, EchoNode)

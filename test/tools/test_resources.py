@@ -1,0 +1,80 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+from conftest import wait_until
+
+from dp_swing_ros.tools.resources import burning, Resources
+
+IDLE = 'import time; print(flush=True); time.sleep(60)'
+KILLED = """
+import os, signal
+from dp_swing_ros.tools.resources import burning
+with burning(2) as burners:
+    print(*(burner.pid for burner in burners), flush=True)
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_a_busy_process_and_an_idle_one_are_told_apart():
+    idle = [sys.executable, '-c', IDLE]
+    with burning(1) as (busy,), subprocess.Popen(idle, stdout=subprocess.PIPE) as other:
+        other.stdout.readline()
+        resources = Resources({'busy': busy.pid, 'idle': other.pid})
+        resources.sample(0.0)
+        time.sleep(1.0)
+        resources.sample(1.0)
+        other.kill()
+    found = resources.usage()
+    assert found['busy'].share > 0.1 > found['idle'].share
+    for usage in found.values():
+        assert usage.t.tolist() == [0.0, 1.0]
+        assert (usage.resident > usage.private).all()
+        assert 1e6 < usage.private.min() < usage.resident.max() < 1e9
+
+
+def test_memory_is_what_a_process_holds():
+    script = 'held = bytearray(50_000_000); print(flush=True); import time; time.sleep(60)'
+    with subprocess.Popen([sys.executable, '-c', script], stdout=subprocess.PIPE) as process:
+        process.stdout.readline()
+        resources = Resources({'it': process.pid})
+        resources.sample(0.0)
+        process.kill()
+    assert 50e6 < resources.usage()['it'].private[0] < 100e6
+
+
+def test_who_has_ended_is_not_seen_any_more():
+    process = subprocess.Popen([sys.executable, '-c', IDLE])
+    resources = Resources({'it': process.pid})
+    resources.sample(0.0)
+    process.kill()
+    process.wait()
+    resources.sample(1.0)
+    assert resources.usage()['it'].t.tolist() == [0.0]
+
+
+def test_burners_end_with_the_context():
+    with burning(2) as burners:
+        assert [burner.poll() for burner in burners] == [None, None]
+    assert [burner.poll() for burner in burners] == [-signal.SIGKILL] * 2
+
+
+def runs(pid):
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    with open(f'/proc/{pid}/stat') as stat:
+        return stat.read().rpartition(')')[2].split()[0] != 'Z'
+
+
+def test_burners_end_with_a_tool_that_is_killed():
+    done = subprocess.run([sys.executable, '-c', KILLED], capture_output=True, text=True)
+    burners = [int(pid) for pid in done.stdout.split()]
+    assert len(burners) == 2
+    assert wait_until(lambda: not any(map(runs, burners)), timeout=30.0)
