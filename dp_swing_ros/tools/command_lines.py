@@ -70,6 +70,14 @@ def dated(name: str) -> str:
     return f'{name}_{datetime.now():%Y%m%d_%H%M%S}'
 
 
+def new_folder(folder: Path) -> Path:
+    """Make a folder and return it; raises UserError where there is something already."""
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise UserError(f'{folder} exists already; give another --output')
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
 def progress(*arguments: Any, **options: Any) -> Any:
     """Return a progress bar, as tqdm; for terminals alone, and gone at the end."""
     return tqdm(*arguments, leave=False, disable=None, **options)
@@ -98,12 +106,16 @@ class _Interrupts:
 
 
 @contextlib.contextmanager
-def postponed() -> Iterator[None]:
-    """Let the signals that ask this process to end wait until the context has ended."""
+def postponed() -> Iterator[list[int]]:
+    """
+    Let the signals that ask this process to end wait until the context has ended.
+
+    Yields those that came; who obeys them clears the list.
+    """
     came = list[int]()
     handlers = on_signals(lambda number, _: came.append(number))
     try:
-        yield
+        yield came
     finally:
         for number, handler in handlers.items():
             signal.signal(number, handler)

@@ -4,16 +4,13 @@
 
 import argparse
 from collections.abc import Mapping, Sequence
+import contextlib
 import os
 from pathlib import Path
-import re
 import time
 from typing import Any
 
-import rclpy
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
 from tqdm import tqdm
 
 from dp_swing_ros.configuration import locate
@@ -27,12 +24,12 @@ from dp_swing_ros.pendulum.state import (
 from dp_swing_ros.report.recording import named, recording
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tools.command_lines import (
-    dated, execute, FAILED, OK, program, progress, within)
-from dp_swing_ros.tools.processes import Crew, isolated, Process, ProcessError
+    dated, execute, FAILED, new_folder, OK, program, within)
+from dp_swing_ros.tools.processes import await_ready, Crew, isolated, Process, ProcessError
+from dp_swing_ros.tools.tool_node import listeners, tool_node
 from dp_swing_ros.topics import (
     DIAGNOSTICS, FORCE_COMMAND, FORCE_COMMAND_STAMPED, JOINT_STATES, PLAN, Topic)
 
-READY = 180.0   # [s] for logger and mpc to come up; the first start of the mpc compiles
 KEPT = 1000     # messages of a topic: the logger may find it late
 MEETING = 3.0   # [s] to find the nodes that are there already, however they announce themselves
 COLUMNS = 5     # of more runs than this the table shows the spread
@@ -53,19 +50,16 @@ class Observer:
     first: float | None = None    # stamp of the first state [s]
 
     def __enter__(self) -> 'Observer':
-        self._context = rclpy.Context()
-        rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
-        self._node = Node('demo', context=self._context, enable_rosout=False,
-                          start_parameter_services=False, use_global_arguments=False)
-        self._executor = SingleThreadedExecutor(context=self._context)
+        self._exit = contextlib.ExitStack()
+        self._node = self._exit.enter_context(tool_node('demo'))
+        self._executor = SingleThreadedExecutor(context=self._node.context)
+        self._exit.callback(self._executor.shutdown)
         self._executor.add_node(self._node)
         subscribe(self._node, JOINT_STATES, self._receive)
         return self
 
     def __exit__(self, *error: object) -> None:
-        self._executor.shutdown()
-        self._node.destroy_node()
-        self._context.try_shutdown()
+        self._exit.close()
 
     def nodes(self) -> set[str]:
         """Return the names of the nodes that are there."""
@@ -73,8 +67,7 @@ class Observer:
 
     def listeners(self) -> set[str]:
         """Return the names of the nodes that subscribe to the states."""
-        return {end.node_name
-                for end in self._node.get_subscriptions_info_by_topic(JOINT_STATES.name)}
+        return listeners(self._node)
 
     def wait(self, timeout: float) -> None:
         """Wait for the next state, at most for a time [s]."""
@@ -106,7 +99,7 @@ def _demo(arguments: argparse.Namespace) -> int:
     with isolated() as domain:
         print(f'ROS_DOMAIN_ID={domain}', flush=True)
         if shared:
-            _refuse_company()
+            refuse_company({'plant', 'mpc', 'logger'})
         for seed, folder in folders.items():
             print(f'{arguments.solver}, seed {seed} -> {folder}', flush=True)
             recorded = recording(perform(folder, arguments.solver, seed, arguments.duration,
@@ -153,13 +146,11 @@ def folders_of(arguments: argparse.Namespace) -> dict[int, Path]:
 
     Raises UserError where there is something already.
     """
-    folder = arguments.output or Path('runs', dated(arguments.solver))
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise UserError(f'{folder} exists already; give another --output')
+    folder = new_folder(arguments.output or Path('runs', dated(arguments.solver)))
     seeds = range(arguments.seed, arguments.seed + arguments.runs)
     folders = {seed: folder / f'seed_{seed}' if len(seeds) > 1 else folder for seed in seeds}
     for own in folders.values():
-        own.mkdir(parents=True, exist_ok=True)
+        own.mkdir(exist_ok=True)
     return folders
 
 
@@ -180,7 +171,9 @@ def perform(folder: Path, solver: str, seed: int, duration: float, links: int | 
             'mpc', {'solver': solver, **shared, **keeping(
                 FORCE_COMMAND, FORCE_COMMAND_STAMPED, PLAN, DIAGNOSTICS)},
             folder / 'mpc.log', parameter_files)
-        _await(logger, mpc, observer)
+        # the mpc subscribes once it has compiled; the logger, only to what somebody publishes
+        await_ready([logger, mpc], lambda: {'logger'} - observer.nodes()
+                    | {'mpc'} - observer.listeners(), observer.wait)
         plant = crew.start(
             'plant', {'duration': duration, 'lockstep': lockstep, **shared,
                       **keeping(JOINT_STATES, DIAGNOSTICS)},
@@ -199,39 +192,17 @@ def keeping(*topics: Topic) -> dict[str, object]:
             for policy, value in (('durability', 'transient_local'), ('depth', KEPT))}
 
 
-def _refuse_company() -> None:
-    """Raise UserError where nodes like ours are in the domain that the user has set."""
+def refuse_company(names: set[str]) -> None:
+    """Raise UserError where nodes of these names are in the domain that the user has set."""
     end, others = time.monotonic() + MEETING, set[str]()
     with Observer() as observer:
         # a state may come before the name of who sent it
         while not others and time.monotonic() < end:
             observer.wait(0.1)
-            others = observer.nodes() & {'plant', 'mpc', 'logger'}
+            others = observer.nodes() & names
     if others:
         raise UserError(f'{" and ".join(sorted(others))} already in this ROS domain; end them, '
-                        'or unset ROS_DOMAIN_ID for the demo to find a free one')
-
-
-def _await(logger: Process, mpc: Process, observer: Observer) -> None:
-    """Wait until logger and mpc hear, and show their logs."""
-    end = time.monotonic() + READY
-    with progress(bar_format='{desc} ({elapsed})') as line:
-        # the mpc subscribes once it has compiled; the logger, only to what somebody publishes
-        while waiting := {'logger'} - observer.nodes() | {'mpc'} - observer.listeners():
-            names = ' and '.join(sorted(waiting))
-            line.set_description_str(f'waiting for {names}')
-            if time.monotonic() > end:
-                raise ProcessError(f'{names} not ready after {READY:g} s')
-            for process in (logger, mpc):
-                process.check()
-                for text in process.new_lines():
-                    line.write(f'  {process.name}: {without_prefix(text)}')
-            observer.wait(0.1)
-
-
-def without_prefix(line: str) -> str:
-    """Return a line of a log without level, time and name."""
-    return re.sub(r'^\[\w+\] \[[\d.]+\] \[[^]]*\]: ', '', line)
+                        'or unset ROS_DOMAIN_ID for a free one to be found')
 
 
 def _follow(observer: Observer, plant: Process, others: Sequence[Process],

@@ -2,21 +2,24 @@
 # SPDX-License-Identifier: Apache-2.0
 """Executables of the package as processes, in a ROS domain of their own, never left behind."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 import contextlib
 import json
 import os
 from pathlib import Path
+import re
 import shutil
 import signal
 import socket
 import subprocess
+import time
 
 from dp_swing_ros.configuration import locate
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.executables import ENDING
-from dp_swing_ros.tools.command_lines import postponed
+from dp_swing_ros.tools.command_lines import postponed, progress
 
+READY = 180.0    # [s] for processes to come up; the first start of an mpc compiles
 GRACE = 10.0     # [s] a process has to end after SIGINT
 LAST_LINES = 12  # of a log, shown when its process fails
 DOMAINS = range(102)  # their ports lie below those that Linux gives to anybody
@@ -130,6 +133,14 @@ class Process:
         if not self.running:
             raise self._failure(f'ended early with exit code {self._process.returncode}')
 
+    @property
+    def pid(self) -> int:
+        """Return the number of the executable's own process, which `ros2 run` may wait for."""
+        pid = self._process.pid
+        while children := Path(f'/proc/{pid}/task/{pid}/children').read_text().split():
+            pid = int(children[0])
+        return pid
+
     def kill(self) -> None:
         """End what is left of it and of whatever it started."""
         self._signal(signal.SIGKILL)
@@ -175,3 +186,28 @@ class Crew(contextlib.ExitStack):
         """Start one more; see Process."""
         with postponed():   # between its start and its place here it would be left behind
             return self.enter_context(Process(name, parameters, log, parameter_files))
+
+
+def await_ready(processes: Sequence[Process], missing: Callable[[], set[str]],
+                wait: Callable[[float], None]) -> None:
+    """
+    Wait until none is missing, and show the logs meanwhile.
+
+    `wait` does so for a time [s]. Raises ProcessError where one ends, or after READY.
+    """
+    end = time.monotonic() + READY
+    with progress(bar_format='{desc} ({elapsed})') as line:
+        while names := ' and '.join(sorted(missing())):
+            line.set_description_str(f'waiting for {names}')
+            if time.monotonic() > end:
+                raise ProcessError(f'{names} not ready after {READY:g} s')
+            for process in processes:
+                process.check()
+                for text in process.new_lines():
+                    line.write(f'  {process.name}: {without_prefix(text)}')
+            wait(0.1)
+
+
+def without_prefix(line: str) -> str:
+    """Return a line of a log without level, time and name."""
+    return re.sub(r'^\[\w+\] \[[\d.]+\] \[[^]]*\]: ', '', line)

@@ -92,13 +92,6 @@ def test_folder_that_is_a_file_is_refused(here):
         folders('--output', 'file')
 
 
-@pytest.mark.parametrize('line, text', [
-    ('[INFO] [1732.25] [mpc]: ready', 'ready'), ('[WARN] [1.5] [a.b]: [1] x', '[1] x'),
-    ('plain text', 'plain text')])
-def test_prefix_of_a_log_line_is_left_out(line, text):
-    assert demo.without_prefix(line) == text
-
-
 @pytest.mark.parametrize('links, angles', [
     (1, 'θ1 +3.00 rad'), (2, 'θ1 +3.00 θ2 -3.00 rad'), (3, 'θ1 +3.00 θ2 -3.00 θ3 +0.50 rad')])
 def test_progress_shows_every_angle_within_half_a_turn(links, angles):

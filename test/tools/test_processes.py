@@ -14,7 +14,8 @@ import pytest
 
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.tools import processes
-from dp_swing_ros.tools.processes import Crew, isolated, Process, ProcessError
+from dp_swing_ros.tools.processes import (
+    await_ready, Crew, isolated, Process, ProcessError, without_prefix)
 
 # stands for ros2: the executable's name says how it behaves
 ROS2 = """\
@@ -140,6 +141,35 @@ def test_who_has_died_is_noticed(tmp_path):
             with pytest.raises(ProcessError, match='broken'):
                 broken.check()
         polite.check()
+
+
+def test_the_number_of_a_process_is_not_that_of_ros2_run(tmp_path):
+    """ros2cli waits for what it starts."""
+    with Process('rude', {}, tmp_path / 'log') as rude:
+        child = int(started(rude, 'child')[-1].split()[-1])
+        assert rude.pid == child
+        rude.kill()
+
+
+def test_who_does_not_come_is_named(tmp_path, monkeypatch):
+    monkeypatch.setattr(processes, 'READY', 0.3)
+    with Process('polite', {}, tmp_path / 'log') as polite:
+        names = iter([{'a', 'b'}, {'b'}])
+        await_ready([polite], lambda: next(names, set()), time.sleep)
+        with pytest.raises(ProcessError, match='^a and b not ready after 0.3 s'):
+            await_ready([polite], lambda: {'b', 'a'}, time.sleep)
+
+
+def test_who_ends_is_not_waited_for(tmp_path):
+    with pytest.raises(ProcessError, match='broken ended early'):
+        await_ready([Process('broken', {}, tmp_path / 'log')], lambda: {'broken'}, time.sleep)
+
+
+@pytest.mark.parametrize('line, text', [
+    ('[INFO] [1732.25] [mpc]: ready', 'ready'), ('[WARN] [1.5] [a.b]: [1] x', '[1] x'),
+    ('plain text', 'plain text')])
+def test_prefix_of_a_log_line_is_left_out(line, text):
+    assert without_prefix(line) == text
 
 
 def test_half_a_line_waits_for_its_end(tmp_path):
