@@ -111,14 +111,15 @@ class Soak:
         Return which late answers (N,) the machine did not cause.
 
         It did where, within a period, the echo took so much longer than its median that without
-        that the answer had been in time.
+        that the answer had been in time; and where the state was late, so that the next came
+        sooner than a period after it.
         """
         if not self.late.any():
             return self.late
         echo = np.where(np.isnan(self.echo), math.inf, self.echo)   # without an answer
         slowest = np.max([echo, np.append(echo[1:], 0.0), np.append(0.0, echo[:-1])], axis=0)
         lost = slowest - quantile(self.echo, 0.5)
-        return self.late & (self.latency - lost > self.until_next)
+        return self.late & (self.latency - lost > np.maximum(self.until_next, self.period))
 
     @property
     def swung_up(self) -> float:

@@ -14,6 +14,7 @@ from dp_swing_ros.pendulum.state import Array
 BINS = 1000     # of a curve over time; of more states each is drawn by the largest in a bin
 MPC, ECHO, SOLVE = PALETTE[0], PALETTE[1], FAINT
 PROCESSES = {'plant': CART, 'mpc': MPC, 'echo': ECHO}
+GROWTH = 5.0    # [MB] of memory that an axis shows at least
 LEAST = 1e-4    # [rad] smaller deviations are drawn here
 
 
@@ -81,8 +82,11 @@ def _draw_memory(axes: Axes, found: Soak) -> None:
     for name, usage in found.usage.items():
         if name in PROCESSES:
             t, resident = binned(usage.t, usage.resident / 1e6)
-            axes.plot(t, resident, color=PROCESSES[name], label=name)
-    axes.set(ylim=(0, None), ylabel='resident memory [MB]')
+            begin = resident[0] if len(resident) else 0.0
+            axes.plot(t, resident - begin, color=PROCESSES[name],
+                      label=f'{name} ({begin:.0f} MB)')
+    low, high = axes.get_ylim()
+    axes.set(ylim=(min(low, -GROWTH), max(high, GROWTH)), ylabel='growth of resident memory [MB]')
 
 
 def binned(t: Array, values: Array) -> tuple[Array, Array]:

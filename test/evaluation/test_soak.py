@@ -72,6 +72,14 @@ def test_a_late_answer_is_the_machine_s_where_the_echo_lost_as_much(echo, by_its
     assert found.late_by_itself.tolist() == [n == 5 and by_itself for n in range(12)]
 
 
+def test_a_late_state_leaves_less_time_which_is_the_machine_s_doing():
+    t = soaked(count=12).t
+    t[5] += 0.02
+    found = with_times({5: 0.04}, t=t)
+    assert np.flatnonzero(found.late).tolist() == [5]
+    assert not found.late_by_itself.any()
+
+
 def test_the_pendulum_is_judged_from_its_swing_up_on():
     found = soaked(count=400)
     assert found.success

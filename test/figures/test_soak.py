@@ -34,7 +34,9 @@ def test_answers_are_drawn_by_their_share_and_over_time():
                                1e3 * found.latency)
     assert of_label(latency, 'late (1, 1 by itself)').get_xydata().tolist() == [
         pytest.approx([found.t[3], 70.0])]
-    assert [line.get_label() for line in memory.lines] == ['plant', 'mpc', 'echo']
+    assert [line.get_label() for line in memory.lines] == [
+        f'{name} (200 MB)' for name in ('plant', 'mpc', 'echo')]
+    assert memory.lines[0].get_ydata().tolist() == [0.0] * len(found.usage['plant'].t)
     assert deviation.lines[0].get_ydata().tolist() == pytest.approx(found.deviation)
 
 

@@ -75,8 +75,6 @@ def test_every_state_is_counted_once(done):
         assert row['answered in time'] > 0
     assert 0 <= answers['mpc']['late by itself'] <= answers['mpc']['late']
     assert ticks['messages not heard'] == 0
-    # those that were skipped were not sent
-    assert answers['mpc']['states'] + ticks['skipped by the plant'] <= DURATION * RATE + 1
     answered = answers['mpc']['states'] - answers['mpc']['unanswered']
     assert ticks['of the mpc'] >= answered
     assert ticks['of the mpc'] == sum(done.summary['statuses'].values())
