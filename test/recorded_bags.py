@@ -4,7 +4,7 @@
 
 from pathlib import Path
 
-from rclpy.serialization import serialize_message
+from recorded_runs import serialised
 from std_msgs.msg import Float64, String
 from synthetic import swing_up
 
@@ -12,7 +12,8 @@ from dp_swing_ros import topics
 from dp_swing_ros.bags.metadata import Recorded
 from dp_swing_ros.bags.writer import BagWriter
 from dp_swing_ros.messages.definitions import schema
-from dp_swing_ros.nodes.messages import to_diagnostics, to_joint_state, to_stamp
+from dp_swing_ros.nodes.cdr import to_diagnostics
+from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
 from dp_swing_ros.pendulum.urdf import urdf
 
 START = 1_795_225_249_000_000_000  # [ns]
@@ -35,7 +36,7 @@ def record(folder: Path, flush: int = 10, **run) -> Path:
                             HASHES.get(topic.type, ''), QOS))
 
     def write(topic, time, message, number):
-        writer.write('/' + topic.name.lstrip('/'), serialize_message(message), time + 1000, time,
+        writer.write('/' + topic.name.lstrip('/'), serialised(message), time + 1000, time,
                      number)
 
     write(topics.ROBOT_DESCRIPTION, START, String(data=urdf(episode.physical, episode.limits)), 1)

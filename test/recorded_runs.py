@@ -11,7 +11,8 @@ from dp_swing_ros.bags.metadata import Recorded
 from dp_swing_ros.bags.writer import BagWriter
 from dp_swing_ros.messages.configuration import Configuration
 from dp_swing_ros.messages.definitions import schema
-from dp_swing_ros.nodes.messages import to_diagnostics, to_joint_state, to_stamp
+from dp_swing_ros.nodes.cdr import to_diagnostics
+from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
 from dp_swing_ros.pendulum.urdf import urdf
 
 START = 1_000_000_000_000  # [ns]
@@ -24,6 +25,11 @@ def told(node, parameters, **others):
     return Configuration(f'/{node}', parameters, **{**about, **others})
 
 
+def serialised(message):
+    """Return the bytes of a message, which it may be already."""
+    return message if isinstance(message, bytes) else serialize_message(message)
+
+
 def write_bag(episode, folder, configurations=()):
     """Write an episode, and what nodes tell; return the folder."""
     writer = BagWriter(folder)
@@ -32,7 +38,7 @@ def write_bag(episode, folder, configurations=()):
         writer.add(Recorded(topic.name, topic.type, schema(topic.type), '', []))
 
     def write(topic, time, message):
-        writer.write(topic.name, serialize_message(message), time, time)
+        writer.write(topic.name, serialised(message), time, time)
 
     write(topics.ROBOT_DESCRIPTION, START, String(data=urdf(episode.physical, episode.limits)))
     for configuration in configurations:

@@ -13,8 +13,8 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
 
+from dp_swing_ros.nodes.cdr import to_diagnostics
 from dp_swing_ros.nodes.connections import mismatch, owner, POLICIES, publish
-from dp_swing_ros.nodes.messages import to_diagnostics
 from dp_swing_ros.nodes.process import ProcessNode
 from dp_swing_ros.topics import DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES
 

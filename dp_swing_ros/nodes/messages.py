@@ -1,29 +1,26 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Arrays, plans and figures as messages; what reads them needs no ROS: see messages.fields."""
+"""States, forces and paths as messages; what reads them needs no ROS: see messages.fields."""
 
 import math
 import sys
-from typing import Mapping
 
-from builtin_interfaces.msg import Duration, Time
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from builtin_interfaces.msg import Time
 import numpy as np
 from sensor_msgs.msg import JointState, PointCloud2, PointField
 from std_msgs.msg import Header
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from dp_swing_ros.messages.fields import BILLION
 from dp_swing_ros.pendulum.state import Array, joints, links_of
 from dp_swing_ros.pendulum.urdf import ROOT
-from dp_swing_ros.problem.plan import Plan
 
 POINT = ('x', 'y', 'z', 'weight')   # of a cloud
 
 
 def to_stamp(time: float | int) -> Time:
     """Convert a time in seconds (float) or, to the nanosecond, in nanoseconds (int)."""
-    return Time(**_parts(time))
+    all_of_it = time if isinstance(time, int) else round(time * BILLION)
+    return Time(sec=all_of_it // BILLION, nanosec=all_of_it % BILLION)
 
 
 def to_joint_state(stamp: Time, x: Array, force: float) -> JointState:
@@ -44,17 +41,6 @@ def to_stamped_force(stamp: Time, cart: str, force: float) -> JointState:
     return JointState(header=Header(stamp=stamp), name=[cart], effort=[force])
 
 
-def to_trajectory(plan: Plan, stamp: Time) -> JointTrajectory:
-    """Convert a plan; the force of a point acts until the next, and that of the last is zero."""
-    forces, names = [*plan.U.tolist(), 0.0], joints(links_of(plan.X))
-    count, none = len(names), [0.0] * (len(names) - 1)
-    points = [JointTrajectoryPoint(positions=x[:count], velocities=x[count:],
-                                   effort=[force, *none],
-                                   time_from_start=Duration(**_parts(t * plan.dt)))
-              for t, (x, force) in enumerate(zip(plan.X.tolist(), forces))]
-    return JointTrajectory(header=Header(stamp=stamp), joint_names=list(names), points=points)
-
-
 def to_point_cloud(stamp: Time, paths: Array, weights: Array) -> PointCloud2:
     """
     Convert paths in the plane of the pendulum, of which each is a row of points with its weight.
@@ -71,25 +57,3 @@ def to_point_cloud(stamp: Time, paths: Array, weights: Array) -> PointCloud2:
                 for i, name in enumerate(POINT)],
         is_bigendian=sys.byteorder == 'big', is_dense=bool(np.all(np.isfinite(points))),
         point_step=4 * len(POINT), row_step=4 * len(POINT) * width, data=points.tobytes())
-
-
-def to_diagnostics(stamp: Time, name: str, level: int, message: str,
-                   values: Mapping[str, float | int | str],
-                   hardware: str = '') -> DiagnosticArray:
-    """Convert a node's status; numbers are written so that they read back the same."""
-    pairs = [KeyValue(key=key, value=_text(value)) for key, value in values.items()]
-    status = DiagnosticStatus(level=bytes([level]), name=name, message=message,
-                              hardware_id=hardware, values=pairs)
-    return DiagnosticArray(header=Header(stamp=stamp), status=[status])
-
-
-def _parts(time: float | int) -> dict[str, int]:
-    all_of_it = time if isinstance(time, int) else round(time * BILLION)
-    return {'sec': all_of_it // BILLION, 'nanosec': all_of_it % BILLION}
-
-
-def _text(value: float | int | str) -> str:
-    # true and false are numbers too, and a NumPy number's repr is not its text
-    if isinstance(value, str):
-        return value
-    return str(int(value)) if float(value).is_integer() else repr(float(value))

@@ -22,10 +22,11 @@ from dp_swing_ros import configuration
 from dp_swing_ros.control.receding_horizon import MpcParameters
 from dp_swing_ros.messages.configuration import from_text
 from dp_swing_ros.messages.fields import BILLION, nanoseconds, seconds, to_measured, to_state
+from dp_swing_ros.nodes.cdr import to_trajectory
 from dp_swing_ros.nodes.connections import is_heard, owners, publish, subscribe
 from dp_swing_ros.nodes.diagnostics import Diagnostics
 from dp_swing_ros.nodes.loading import Loader
-from dp_swing_ros.nodes.messages import to_point_cloud, to_stamped_force, to_trajectory
+from dp_swing_ros.nodes.messages import to_point_cloud, to_stamped_force
 from dp_swing_ros.nodes.process import ProcessNode, run
 from dp_swing_ros.nodes.ros_parameters import announce, declare, given, let_change
 from dp_swing_ros.nodes.shadows import Shadows
@@ -44,7 +45,6 @@ MEETING_POLL = 0.02  # [s]
 SMOOTHING = 0.1      # share of the newest tick in the mean pace
 SLOW_START = 1.0     # [s] a warm-up longer than this was a compilation
 ENDING = 1.0         # [s] at most, beyond the time of a controlled stop
-BUSY = 0.8           # of the states' period, the longest solve: the next state must not wait
 PACES = (0.01, 100.0)  # slowest and fastest of a simulated clock, in seconds a second
 
 
@@ -224,7 +224,7 @@ class MpcNode(ProcessNode):
             received = info['received_timestamp'] / BILLION
             self.latency.add_transport(received - info['source_timestamp'] / BILLION)
             # it may have waited for the tick before; this one catches up
-            left = BUSY * self.watchdog.period / self.pace - (time.time() - received)
+            left = self.latency.left(self.watchdog.period / self.pace, time.time() - received)
             delay += self.latency.expected(left) * self.pace
             deadline = began + min(self.parameters.time_limit / self.pace, left)
             self.time_noise = self.parameters.time_noise * self.pace
@@ -234,11 +234,13 @@ class MpcNode(ProcessNode):
             self.latency.keep(began, self.fresh)
             self.fresh = False
         force = self.send(plan)
-        taken = (time.perf_counter() - began) * self.pace
+        sent_at = time.perf_counter()
+        taken = (sent_at - began) * self.pace
         if real_time:
             self.watchdog.feed(period)
         self.report(message.header.stamp, plan, complaint, measured.complaint, force, late,
                     real_time, Times(measured.t, measured.age, delay, measured.age + taken))
+        self.latency.reports.append(time.perf_counter() - sent_at)
 
     def found_zero(self, standstill: Standstill, t: float, message: JointState) -> bool:
         """Take a state measured at a time [s]; return whether it tells the sensors' zero."""

@@ -21,6 +21,7 @@ from dp_swing_ros.nodes.process import ProcessNode
 OLDEST = 1.0       # [s] a state older than this cannot be: no plan reaches much further
 AHEAD = 0.005      # [s] a stamp may be this far in the future, where clocks are kept together
 LONGEST_TRANSPORT = 0.05  # [s]; beyond, the clocks of two machines differ
+BUSY = 0.8         # of the states' period, the longest tick
 TICKS, LONGER = 20, 1     # of the last ticks, so many may take longer than the next is given
 WINDOW = 5.0       # [s] in which the state that came fastest gives the offset of the clocks
 SPARE = 0.025      # [s] at least, beyond a period, to a first silence; one every period follows
@@ -49,7 +50,8 @@ class Fastest:
 
     def __init__(self) -> None:
         """Begin with none."""
-        self.seen = deque[tuple[float, float]]()   # arrival, and how late it seemed [s]
+        # arrival, and how late it seemed [s]; without those before one that was less so
+        self.seen = deque[tuple[float, float]]()
 
     def least(self, now: float, seeming: float) -> float:
         """Take how late a message seems that came now [s]; return the least of late."""
@@ -57,8 +59,10 @@ class Fastest:
             self.seen.popleft()
         if self.seen and abs(seeming - self.seen[-1][1]) > OLDEST:
             self.seen.clear()   # a clock was set
+        while self.seen and self.seen[-1][1] >= seeming:
+            self.seen.pop()
         self.seen.append((now, seeming))
-        return min(before for _, before in self.seen)
+        return self.seen[0][1]
 
 
 class Timing:
@@ -135,6 +139,7 @@ class Latency:
         """Take how long a tick has taken before the first [s]."""
         self.ticks = deque([tick_time], maxlen=TICKS)     # [s] from a state's arrival to its plan
         self.given = tick_time                            # [s] to this one
+        self.reports = deque[float](maxlen=TICKS)         # [s] that a report took after a force
         self.transports = deque[float](maxlen=TICKS)      # [s] from a state's sender to here
 
     def add_transport(self, duration: float) -> None:
@@ -145,6 +150,15 @@ class Latency:
     def transport(self) -> float:
         """Return how long a force will be on its way [s]: as long as states are."""
         return median(self.transports) if self.transports else 0.0
+
+    def left(self, period: float, waited: float) -> float:
+        """
+        Return the time that a tick may take [s], so that the next state need not wait.
+
+        States come once in a period [s], and this one has waited for a time [s] already; a report
+        will follow the force.
+        """
+        return BUSY * period - waited - (median(self.reports) if self.reports else 0.0)
 
     def expected(self, left: float) -> float:
         """

@@ -67,7 +67,8 @@ class SensorParameters(Parameters):
 
     def state_of(self, measured: Array) -> Array:
         """Return the state; measured (2n + 2,), positions and velocities as the names are."""
-        q, v = np.hsplit(np.asarray(measured, dtype=float), 2)
+        both = np.asarray(measured, dtype=float)
+        q, v = both[:len(both) // 2], both[len(both) // 2:]
         signs = np.array(self.joint_signs)
         q, v = signs * (q - self.joint_offsets), signs * v
         if self.relative_angles:

@@ -109,11 +109,15 @@ def barrier(cost: Cost, x: Numbers) -> Any:
     return total([w * beyond * beyond for _, beyond, w in excess(cost, x)])
 
 
+def squared_errors(cost: Cost, x: Numbers) -> list[Any]:
+    """Return the squared errors of the numbers of a state."""
+    return [cost.angle_error.squared(x[i], cost.x_r[i]) if is_angle(cost, i)
+            else (x[i] - cost.x_r[i]) * (x[i] - cost.x_r[i]) for i in range(len(cost.S))]
+
+
 def running_cost(cost: Cost, x: Numbers, u: Any) -> Any:
     """Return ℓ(x, u)."""
-    squares = [cost.angle_error.squared(x[i], cost.x_r[i]) if is_angle(cost, i)
-               else (x[i] - cost.x_r[i]) * (x[i] - cost.x_r[i]) for i in range(len(cost.S))]
-    return dot(cost.S, squares) + cost.R * u * u + barrier(cost, x)
+    return dot(cost.S, squared_errors(cost, x)) + cost.R * u * u + barrier(cost, x)
 
 
 def terminal_cost(cost: Cost, x: Numbers) -> Any:
@@ -152,13 +156,33 @@ class Terms(NamedTuple):
     terminal: float     # ℓ_f(x_N)
 
 
+@unrolled
+def running_terms(cost, x, u):
+    """Return the terms of ℓ(x, u), without the terminal one."""
+    weighted = [weight * square for weight, square in zip(cost.S, squared_errors(cost, x))]
+    half = len(cost.S) // 2
+    return (weighted[0], total(weighted[1:half]), total(weighted[half:]), cost.R * u * u,
+            barrier(cost, x))
+
+
+@kernel
+def sums_of_terms(cost, X, U):
+    """Return the terms of J(X, U) as an array; see `terms`."""
+    sums = np.zeros(6)
+    for t in range(len(U)):
+        position, angles, velocities, force, limits = running_terms(cost, X[t], U[t])
+        sums[0] += position
+        sums[1] += angles
+        sums[2] += velocities
+        sums[3] += force
+        sums[4] += limits
+    sums[5] = terminal(cost, X[len(U)])
+    return sums
+
+
 def terms(cost: Cost, X: Array, U: Array) -> Terms:
     """Return the terms of J(X, U), whose sum it is; X (T + 1, 2n + 2), U (T,)."""
-    x, links = list(X[:-1].T), len(cost.S) // 2 - 1
-    weighted = [float(np.sum(weight * e ** 2)) for weight, e in zip(cost.S, errors(cost, x).e)]
-    return Terms(weighted[0], sum(weighted[1:links + 1]), sum(weighted[links + 1:]),
-                 cost.R * float(U @ U), float(np.sum(barrier(cost, x))),
-                 float(terminal(cost, X[-1])))
+    return Terms(*sums_of_terms(cost, X, U).tolist())
 
 
 @unrolled

@@ -84,9 +84,10 @@ class Process:
     """
 
     def __init__(self, name: str, parameters: Mapping[str, object], log: Path,
-                 parameter_files: Iterable[Path] = ()) -> None:
+                 parameter_files: Iterable[Path] = (),
+                 remappings: Mapping[str, str] | None = None) -> None:
         """
-        Start it with ROS parameters, those of the files first.
+        Start it with ROS parameters, those of the files first, and with other names of topics.
 
         Raises UserError where there is no `ros2`.
         """
@@ -100,6 +101,8 @@ class Process:
         for key, value in parameters.items():
             # JSON is YAML that cannot be misread: 10.0 stays a float, '2024' a text
             command += ['-p', f'{key}:={json.dumps(value)}']
+        for own, other in (remappings or {}).items():
+            command += ['-r', f'{own}:={other}']
         self.name, self._log = name, log
         self._read = 0  # characters of the log
         with log.open('wb') as output:
@@ -115,7 +118,7 @@ class Process:
         # a second Ctrl-C must not leave processes behind
         handlers = [signal.signal(number, signal.SIG_IGN) for number in ENDING]
         try:
-            self._signal(signal.SIGINT)
+            self.signal(signal.SIGINT)
             with contextlib.suppress(subprocess.TimeoutExpired):
                 self._process.wait(GRACE)
             self.kill()
@@ -143,13 +146,13 @@ class Process:
 
     def kill(self) -> None:
         """End what is left of it and of whatever it started."""
-        self._signal(signal.SIGKILL)
+        self.signal(signal.SIGKILL)
         self._process.wait()
 
     def end(self) -> None:
         """Interrupt it and wait; raise ProcessError if it ended before, or as `finish` does."""
         self.check()
-        self._signal(signal.SIGINT)
+        self.signal(signal.SIGINT)
         self.finish()
 
     def finish(self) -> None:
@@ -167,7 +170,8 @@ class Process:
         begin, self._read = self._read, text.rfind('\n') + 1
         return text[begin:self._read].splitlines()
 
-    def _signal(self, number: int) -> None:
+    def signal(self, number: int) -> None:
+        """Send a signal to it and to whatever it started."""
         # the group outlives its first process while anything of it runs
         with contextlib.suppress(ProcessLookupError):
             os.killpg(self._process.pid, number)
@@ -182,10 +186,12 @@ class Crew(contextlib.ExitStack):
     """Processes that end with the context, the last first, whenever an interrupt comes."""
 
     def start(self, name: str, parameters: Mapping[str, object], log: Path,
-              parameter_files: Iterable[Path] = ()) -> Process:
+              parameter_files: Iterable[Path] = (),
+              remappings: Mapping[str, str] | None = None) -> Process:
         """Start one more; see Process."""
         with postponed():   # between its start and its place here it would be left behind
-            return self.enter_context(Process(name, parameters, log, parameter_files))
+            return self.enter_context(
+                Process(name, parameters, log, parameter_files, remappings))
 
 
 def await_ready(processes: Sequence[Process], missing: Callable[[], set[str]],

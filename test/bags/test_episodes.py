@@ -9,7 +9,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 import numpy as np
 import pytest
-from rclpy.serialization import serialize_message
+from recorded_runs import serialised
 from rosbags.highlevel import AnyReader
 from std_msgs.msg import Float64, String
 
@@ -18,7 +18,8 @@ from dp_swing_ros.bags.metadata import Recorded
 from dp_swing_ros.bags.writer import BagWriter
 from dp_swing_ros.errors import BagError
 from dp_swing_ros.messages.definitions import schema
-from dp_swing_ros.nodes.messages import to_diagnostics, to_joint_state, to_stamp
+from dp_swing_ros.nodes.cdr import to_diagnostics
+from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.pendulum.urdf import urdf
 from dp_swing_ros.topics import DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES, ROBOT_DESCRIPTION, TOPICS
@@ -48,7 +49,7 @@ def write_run(writer, namespace='', order=range(40)):
     """Write a run of 40 states and of as many ticks."""
     def write(topic, message, time):
         name = topic.name if topic.name.startswith('/') else f'{namespace}/{topic.name}'
-        writer.write(name, serialize_message(message), time + 1000, time)
+        writer.write(name, serialised(message), time + 1000, time)
 
     write(ROBOT_DESCRIPTION, String(data=urdf(PHYSICAL, LIMITS)), START)
     for n in order:
@@ -215,7 +216,7 @@ def test_empty_and_foreign_bags(tmp_path):
     writer = make_writer(tmp_path / 'arm')
     message = to_joint_state(to_stamp(START), X[0], 0.0)
     message.name = ['shoulder', 'elbow', 'wrist']
-    writer.write('/joint_states', serialize_message(message), START, START)
+    writer.write('/joint_states', serialised(message), START, START)
     writer.close()
     with pytest.raises(BagError, match='not one of this pendulum.*has no cart, joint1; it names'):
         read_episode(tmp_path / 'arm')
@@ -236,7 +237,7 @@ def test_two_runs_in_one_are_refused(tmp_path):
     writer = make_writer(tmp_path / 'bag')
     for x in X[:2]:
         message = to_joint_state(to_stamp(0), x, 0.0)
-        writer.write('/joint_states', serialize_message(message), START, START)
+        writer.write('/joint_states', serialised(message), START, START)
     writer.close()
     with pytest.raises(BagError, match='two states at 0 ns: the plant was reset in lockstep'):
         read_episode(tmp_path / 'bag')
@@ -245,10 +246,10 @@ def test_two_runs_in_one_are_refused(tmp_path):
 def test_run_of_the_plant_alone(tmp_path):
     writer = make_writer(tmp_path / 'bag')
     description = String(data=urdf(PHYSICAL, LIMITS))
-    writer.write('/robot_description', serialize_message(description), START, START)
+    writer.write('/robot_description', serialised(description), START, START)
     for n in range(3):
         message = to_joint_state(to_stamp(START + n), X[n], 0.0)
-        writer.write('/joint_states', serialize_message(message), START, START)
+        writer.write('/joint_states', serialised(message), START, START)
     writer.close()
     episode = read_episode(tmp_path / 'bag')
     assert (episode.solver, len(episode.ticks.t), episode.ticks.status) == ('', 0, [])

@@ -93,7 +93,7 @@ def test_the_plan_begins_when_a_command_has_its_effect(drive):
     np.testing.assert_allclose(plan.X[0], state, atol=1e-12)
     assert plan.drive == drive
     sent = (plan.U[0] - drive.bias) / drive.gain
-    assert c.forces.sent[-1][1] == pytest.approx(np.clip(sent, -20.0, 20.0), rel=1e-12)
+    assert c.forces.last(math.inf)[0] == pytest.approx(np.clip(sent, -20.0, 20.0), rel=1e-12)
 
 
 def test_a_plan_stays_within_what_the_drive_can_do():
@@ -322,8 +322,8 @@ def test_a_late_measurement_is_no_new_run():
     c.update(0.0, LEANING)
     c.update(0.05, LEANING, delay=0.2)
     assert c.update(0.10, LEANING, delay=0.003).stats.status is Status.CONVERGED
-    times = [begins for begins, _ in c.forces.sent]
-    assert times == pytest.approx([0.0, 0.103])   # the second one never acts
+    ends, _ = c.forces.since(-1.0, 0.0)
+    assert ends - 1.0 == pytest.approx([0.0, 0.103, math.inf])   # the second one never acts
 
 
 @pytest.mark.parametrize('estimator', ['none', 'ekf'])
@@ -334,7 +334,7 @@ def test_a_state_that_a_later_one_overtook_adds_nothing(estimator):
         for n in range(8):
             plan = c.update(0.05 * n, x)
             if overtaken and n == 5:    # in place of the real answer, which begins at 0.25 s
-                c.forces.sent.pop()
+                c.forces.end -= 1
                 plan = c.update(0.05 * (n - 1), FALLING, delay=0.05)
                 assert c.t == 0.25
             x = plan.X[1]

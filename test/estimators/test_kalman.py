@@ -495,7 +495,7 @@ def test_without_velocities_it_begins_uncertain_of_them_and_finds_them(rng):
     errors = []
     for n in range(1, 31):
         forces.add(0.05 * (n - 1), rng.uniform(-10, 10))
-        x = hold(model, x, forces.sent[-1][1], 0.05)
+        x = hold(model, x, forces.last(math.inf)[0], 0.05)
         seen = np.concatenate((x[:3] + rng.normal(0.0, 1e-3, 3), unseen))
         estimate = e.update(0.05 * n, seen, forces)
         errors.append(np.abs(estimate.x - x))

@@ -1,23 +1,30 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
+from builtin_interfaces.msg import Duration
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from dp_swing_ros.messages.fields import (
     from_diagnostics, from_trajectory, nanoseconds, seconds, to_force, to_state)
-from dp_swing_ros.nodes.messages import to_diagnostics, to_joint_state, to_stamp, to_trajectory
+from dp_swing_ros.nodes.cdr import to_diagnostics, to_trajectory
+from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
+from dp_swing_ros.pendulum.state import joints
 from dp_swing_ros.problem.plan import Plan, SolverStats, Status
 
 STAMP = to_stamp(1_795_225_249_631_521_481)
 X = np.array([0.1, -0.2, 3.0, 0.4, -5.0, 6.0])
 
 
-def sent(message):
-    """Return the message as it arrives."""
-    return deserialize_message(serialize_message(message), type(message))
+def sent(message, kind=None):
+    """Return the message, or one of a kind in bytes, as it arrives."""
+    data = message if kind else serialize_message(message)
+    return deserialize_message(data, kind or type(message))
 
 
 def test_state_comes_back_to_the_bit():
@@ -56,7 +63,7 @@ def test_plan_comes_back_to_the_bit():
     random = np.random.default_rng(0)
     plan = Plan(X=random.normal(size=(31, 6)), U=random.normal(size=30), K=np.zeros((30, 6)),
                 dt=0.05, stats=SolverStats(Status.CONVERGED, 1.0, 2, 0.001))
-    message = sent(to_trajectory(plan, STAMP))
+    message = sent(to_trajectory(plan, STAMP), JointTrajectory)
     t, states, forces = from_trajectory(message)
     assert np.array_equal(states, plan.X)
     assert np.array_equal(forces, plan.U)
@@ -64,10 +71,42 @@ def test_plan_comes_back_to_the_bit():
     assert list(message.points[-1].effort) == [0, 0, 0]
 
 
+@pytest.mark.parametrize('links', [1, 2, 3])
+def test_the_bytes_of_a_plan_are_those_that_ros_makes_of_the_message(links):
+    size, random = 2 * links + 2, np.random.default_rng(0)
+    plan = Plan(random.normal(size=(31, size)), random.normal(size=30), np.zeros((30, size)), 0.05,
+                SolverStats(Status.CONVERGED, 1.0, 2, 0.001))
+    names = joints(links)
+    message = JointTrajectory(
+        header=Header(stamp=STAMP), joint_names=list(names), points=[JointTrajectoryPoint(
+            positions=x[:len(names)], velocities=x[len(names):], effort=[force, *[0.0] * links],
+            time_from_start=Duration(sec=50 * t // 1000, nanosec=50 * t % 1000 * 1_000_000))
+            for t, (x, force) in enumerate(zip(plan.X.tolist(), [*plan.U.tolist(), 0.0]))])
+    data = to_trajectory(plan, STAMP)
+    assert deserialize_message(data, JointTrajectory) == message
+    assert sent(message) == message
+    # rclpy leaves what is between the fields as it was, and room at the end
+    ours, theirs = (np.frombuffer(each[:len(data)], np.uint8)
+                    for each in (data, bytes(serialize_message(message))))
+    assert np.array_equal(ours[ours != 0], theirs[ours != 0])
+
+
+@pytest.mark.parametrize('name', ['mpc', 'mpcs', 'second/mpc', 'zweiter_Wagen_ä/mpc'])
+def test_the_bytes_of_a_report_are_those_that_ros_makes_of_the_message(name):
+    values = {'a': 'b', 'ab': 'äöü', 'abc': '', 'abcd': '12345'}
+    message = DiagnosticArray(header=Header(stamp=STAMP), status=[DiagnosticStatus(
+        level=b'\2', name=name, message='two words', hardware_id='/joint_states',
+        values=[KeyValue(key=key, value=value) for key, value in values.items()])])
+    data = to_diagnostics(STAMP, name, 2, 'two words', values, '/joint_states')
+    assert deserialize_message(data, DiagnosticArray) == message
+    theirs = bytes(serialize_message(message))
+    assert abs(len(data) - len(theirs)) < 4   # what follows the last string is nothing
+
+
 def test_reports_keep_their_numbers():
     values = {'solver': 'mppi', 'cost': 0.1, 'iterations': np.int64(3), 'late': True,
               'latency': np.float64(1 / 3), 'worst': np.inf}
-    message = sent(to_diagnostics(STAMP, 'mpc', 1, 'late', values))
+    message = sent(to_diagnostics(STAMP, 'mpc', 1, 'late', values), DiagnosticArray)
     report = from_diagnostics(message, 'mpc')
     assert report.values == values
     assert (report.stamp, report.level, report.message) == (nanoseconds(STAMP), 1, 'late')
@@ -79,7 +118,7 @@ def test_reports_keep_their_numbers():
     ('mpc', '/second/joint_states', False), ('second/mpc', '/second/joint_states', False),
     ('second/mpc', '', False), ('plant', '/joint_states', False)])
 def test_of_several_controllers_that_of_the_pendulum_is_read(name, hardware, found):
-    message = sent(to_diagnostics(STAMP, name, 0, '', {}, hardware))
+    message = sent(to_diagnostics(STAMP, name, 0, '', {}, hardware), DiagnosticArray)
     assert (from_diagnostics(message, 'mpc', '/joint_states') is not None) == found
 
 
