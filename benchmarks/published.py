@@ -24,6 +24,8 @@ import compute
 import convergence
 import hard
 import links
+import live_changes
+import live_faults
 import methods
 import near_goal
 import optimum
@@ -134,6 +136,8 @@ PAGES = {
     'paper': of_script('paper', 7, 'paper.py', sources=lambda: seeded.sources('paper')),
     'real_time': of_script('real_time', 9, 'real_time.py', 'campaigns.py'),
     'foreign': of_script('foreign', 26, 'foreign.py', 'foreign_plant.py'),
+    'live_changes': of_script('live_changes', 14, *live_changes.FILES),
+    'live_faults': of_script('live_faults', 40, *live_faults.FILES),
     'durability': of_script('durability', 6, 'durability.py', 'numbered.py', 'readers.py'),
     'damaged_bags': of_script('damaged_bags', 4, 'mutated_bags.py', 'mutations.py',
                               'forgeries.py'),

@@ -1,0 +1,85 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What is done to running nodes by the hundred for docs/results, here a few times."""
+
+from itertools import pairwise, permutations
+import math
+
+import live_changes
+import live_faults
+from live_operator import Operator
+import numpy as np
+import pandas as pd
+import pytest
+
+from dp_swing_ros import configuration
+from dp_swing_ros.parameters import ParameterError
+from dp_swing_ros.pendulum.state import equilibria
+from dp_swing_ros.tools.processes import Crew, isolated
+
+
+def full(values):
+    """Return parameters by their full names."""
+    return {name.replace('__', '.'): value for name, value in values.items()}
+
+
+@pytest.mark.parametrize('name', sorted(live_changes.CHANGES))
+def test_each_change_is_one_that_an_mpc_can_take(name, rng):
+    drawn = [live_changes.CHANGES[name](rng) for _ in range(20)]
+    assert len(set(map(str, drawn))) > 1
+    for value in drawn:
+        configuration.controller(full({name: value}))
+
+
+@pytest.mark.parametrize('values', live_changes.WRONG, ids=str)
+def test_each_wrong_change_is_wrong(values):
+    """But for those that are wrong while it runs alone."""
+    if not set(values) & {'links', 'clock'}:
+        with pytest.raises(ParameterError):
+            configuration.controller(full(values))
+
+
+def test_the_tour_goes_each_way_once():
+    places = live_changes.circuit(list(equilibria()))
+    assert sorted(pairwise(places)) == sorted(permutations(equilibria(), 2))
+
+
+def test_what_is_not_held_at_the_end_of_a_way_has_not_settled():
+    t, X = np.arange(0, 7, 0.05), np.tile(equilibria()['up_down'], (140, 1))
+    X[:60, 1] = 1.0
+    assert live_changes.settled(t, X, 'up_down') == pytest.approx(3.0)
+    assert math.isnan(live_changes.settled(t, X, 'up_up'))
+    X[-10:, 2] += 0.2
+    assert math.isnan(live_changes.settled(t, X, 'up_down'))
+
+
+def test_pages_say_what_was_missed():
+    changed = pd.DataFrame([{'asked': 10, **live_changes.Changed(
+        'ilqr', 9, 10, 10, 0.12, 1, 0, 19, 1.5, 60.0)._asdict()}])
+    legs = pd.DataFrame([
+        {'solver': 'ilqr', 'way': 'up_up to down_up', 'began': 1.0, 'settled': settled, 'late': 2,
+         'skipped': 0} for settled in (2.5, math.nan)])
+    text = live_changes.page(changed, legs, 'made\n')
+    assert '| `ilqr` | 9 of 10 | 10 of 10 | 10 of 10 | 0.1200 | 1 | 0 | 1.5 | 60 |' in text
+    assert '`ilqr` 1 of 2, late ticks 2' in text
+    rows = pd.DataFrame([live_faults.Recovery('ddp', 'plant reset', run, largest, again, 0, 1)
+                         for run, largest, again in ((0, 0.1, 0.0), (1, 3.1, math.nan))])
+    assert '| plant reset | `ddp` | 1 of 2 (9.5-90.5 %) | 1 | 0.0 | - | 3.10 | 0 | 2 |' in (
+        live_faults.page(rows, 'made\n'))
+
+
+@pytest.mark.real_time
+def test_a_few_changes_are_taken_in_time(tmp_path):
+    with isolated():
+        found = live_changes.changes('ilqr', tmp_path / 'run', count=2)
+    assert (found.changes, found.switches, found.refused, found.revisions) == (2, 2, 2, 4)
+    assert found.largest < 0.2 and found.late == 0
+
+
+@pytest.mark.real_time
+def test_states_of_nan_are_survived(tmp_path):
+    with isolated(), Crew() as crew, Operator() as operator:
+        bench = live_faults.Bench(crew, operator, 'ilqr', tmp_path)
+        found = live_faults.befall(bench, 'states of NaN, 0.3 s', 0, 20.0)
+    assert found.again <= live_faults.ALLOWED
+    assert (found.not_finite, found.beyond) == (0, 0)
