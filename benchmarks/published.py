@@ -26,6 +26,7 @@ import hard
 import links
 import live_changes
 import live_faults
+import live_rates
 import methods
 import near_goal
 import optimum
@@ -138,6 +139,7 @@ PAGES = {
     'foreign': of_script('foreign', 26, 'foreign.py', 'foreign_plant.py'),
     'live_changes': of_script('live_changes', 14, *live_changes.FILES),
     'live_faults': of_script('live_faults', 40, *live_faults.FILES),
+    'live_rates': of_script('live_rates', 95, *live_rates.FILES),
     'durability': of_script('durability', 6, 'durability.py', 'numbered.py', 'readers.py'),
     'damaged_bags': of_script('damaged_bags', 4, 'mutated_bags.py', 'mutations.py',
                               'forgeries.py'),

@@ -7,6 +7,7 @@ import math
 
 import live_changes
 import live_faults
+import live_rates
 from live_operator import Operator
 import numpy as np
 import pandas as pd
@@ -66,6 +67,21 @@ def test_pages_say_what_was_missed():
                          for run, largest, again in ((0, 0.1, 0.0), (1, 3.1, math.nan))])
     assert '| plant reset | `ddp` | 1 of 2 (9.5-90.5 %) | 1 | 0.0 | - | 3.10 | 0 | 2 |' in (
         live_faults.page(rows, 'made\n'))
+
+
+def test_the_page_of_rates_says_what_was_met_and_missed():
+    row = {'in_time': 95, 'states': 100, 'late': 5, 'late_by_itself': 1, 'unanswered': 0,
+           'late_total': 0, 'success': True, 'mpc_p50': 1.0, 'mpc_p99': 5.0, 'echo_p99': 2.0,
+           'solve_p99': 1.5, 'bound': 4.5, 'mpc_share': 50.0, 'plant_share': 20.0,
+           'echo_share': 10.0, 'largest': 0.05}
+    rows = pd.DataFrame([{**run._asdict(), 'shadow': ' '.join(run.shadow), **row}
+                         for run in live_rates.runs()])
+    text = live_rates.page(rows, 'made\n')
+    assert '| `ilqr` | 600 | 100 | 0 | 5, 1 | 0 | 1.00 | 5.00 | 2.00 | 1.50 | 4.50: **missed** |' \
+        in text
+    assert '| `ddp` | 500 | 95.00 % | 1.00 | 5.00 | 50 | 20 | 10 |' in text
+    assert '| `mppi` | 10 of 10 (72.2-100.0 %) | 0 | 95.00 % | 5.0 | 0.05 |' in text
+    assert '| `mppi` | ilqr, ddp | 0 | 95.00 % | 1.00 | 5.00 |' in text
 
 
 @pytest.mark.real_time
