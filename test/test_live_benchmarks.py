@@ -7,8 +7,8 @@ import math
 
 import live_changes
 import live_faults
-import live_rates
 from live_operator import Operator
+import live_rates
 import numpy as np
 import pandas as pd
 import pytest

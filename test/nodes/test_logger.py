@@ -137,12 +137,13 @@ def test_whole_run_is_in_the_bag(start, log, tmp_path, number):
     assert logger.stop(number) == 0
     count = int(publisher.communicate(timeout=20)[0])
     assert count > 5
-    assert logger.output().splitlines()[-9:] == [
+    assert logger.output().splitlines()[-10:] == [
         f'{tmp_path}/bag: {2 * count + 3} messages', f'  /joint_states: {count} written, 0 lost',
         f'  /force_command: {count + 1} written, 0 lost',
         '  /force_command_stamped: 0 written, nobody published it',
         '  /disturbance: 0 written, nobody published it',
         '  /mpc/plan: 0 written, nobody published it',
+        '  /mpc/tries: 0 written, nobody published it',
         '  /diagnostics: 0 written, nobody published it',
         '  /robot_description: 1 written, 0 lost', '  /configuration: 1 written, 0 lost']
     messages = recorded(tmp_path / 'bag')

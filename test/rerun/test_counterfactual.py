@@ -86,7 +86,7 @@ def test_a_shadow_goes_by_the_forces_that_were_sent(runs):
     run = runs['ilqr']
     tick = run.tick_at(0.5, None)
     controller, plan = shadow(run, tick, 'mppi')
-    sent = [one for _, one in controller.forces.sent]
+    _, (_, *sent) = controller.forces.since(-np.inf, 0.0)
     assert sent[:-1] == [one.force for one in run.record.ticks[:tick.number - 1]]
     assert sent[-1] == plan.first_force(run.problem.u_max)
     assert controller.t == tick.stamp / 1e9
