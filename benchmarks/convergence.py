@@ -420,8 +420,7 @@ def main() -> None:
     tables = {'': all_iterates(problem, HELD_OUT), '_passes': all_passes(problem, RANDOM, LOOPS),
               '_ends': all_ends(problem, ORDERS)}
     for name, table in tables.items():
-        table.to_csv(docs / 'results' / f'convergence{name}.csv.gz', index=False,
-                     compression={'method': 'gzip', 'mtime': 0})
+        stamp.store_table(table, docs / 'results' / f'convergence{name}.csv.gz')
     found, passes, ends = tables.values()
     picture(found, ends).savefig(docs / 'figures' / 'convergence.png')
     (docs / 'results' / 'convergence.md').write_text(page(

@@ -231,8 +231,8 @@ def main() -> None:
     again = played([(contestant, case) for case in chosen for contestant in parse_all(REMEDIES)])
     found = verdicts(chosen)
     store(results / 'hard.csv.gz', again)
-    pd.DataFrame(found, columns=Verdict._fields).to_csv(
-        results / 'hard_oracle.csv.gz', index=False, compression={'method': 'gzip', 'mtime': 0})
+    stamp.store_table(pd.DataFrame(found, columns=Verdict._fields),
+                      results / 'hard_oracle.csv.gz')
     (results / 'hard.md').write_text(page(rows, groups, again, found, stamp.made(
         'hard', sources(), ('numpy', 'numba', 'scipy', 'casadi'))),
         encoding='utf-8')

@@ -21,14 +21,15 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 import numpy as np
 import pandas as pd
-from stamp import made, sources_with, TOP
+from stamp import made, sources_with, store_table, TOP
 from tqdm import tqdm
 
 from dp_swing_ros.bags import read_episode
+from dp_swing_ros.evaluation.metrics import HOLD, settling_time
 from dp_swing_ros.figures.curves import mark_turns, unwrapped
 from dp_swing_ros.figures.style import CART, FAINT, FORCE, formulas, LINKS, solver_name, styled
 from dp_swing_ros.pendulum.geometry import joint_positions
-from dp_swing_ros.pendulum.state import angles, Array, equilibria, errors, upright
+from dp_swing_ros.pendulum.state import Array, deviation, equilibria, errors, upright
 from dp_swing_ros.simulation.episode import Episode
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tables import compact
@@ -41,9 +42,7 @@ LOADING = 60.0    # [s] at most until a change counts: another solver may have t
 COUNT = 100       # of each kind
 HORIZON = 40      # steps, of the tour: with 30 hanging is not left for up_down
 LEG = 7.0         # [s] of the tour for each way
-HELD = 1.0        # [s] at the end of a leg
 METRE = 2.4       # [s] of the time axis, of a picture in which neither is distorted
-NEAR, SLOW = 0.1, 1.0   # [rad], [m/s and rad/s] as `measure` has it
 
 # by random numbers, what may be asked of an mpc that balances
 CHANGES = {
@@ -131,8 +130,7 @@ def changes(solver: str, folder: Path, count: int = COUNT, seed: int = 0) -> Cha
         operator.wait(2.0)
         mpc.check()
         since = [state for state in operator.states if state.at >= began.at]
-        goal = upright(operator.links)
-        largest = max(float(np.abs(errors(state.x, goal)[angles(goal)]).max()) for state in since)
+        largest = max(float(deviation(state.x, upright(operator.links))) for state in since)
         return Changed(solver, taken['change'], taken['switch'], taken['wrong'], largest,
                        operator.counted('mpc', 'late_total') - late,
                        operator.counted('plant', 'skipped_ticks'),
@@ -194,14 +192,8 @@ def tour(solver: str, folder: Path) -> tuple[Path, list[Leg], dict[str, int]]:
 
 
 def settled(t: Array, X: Array, goal: str) -> float:
-    """Return when the last stay at a goal began [s], NaN where it is shorter than HELD."""
-    e = errors(X, equilibria()[goal])
-    of_angles = angles(X)
-    near = (np.abs(e[:, of_angles]) < NEAR).all(axis=1) & (
-        np.abs(e[:, X.shape[1] // 2:]) < SLOW).all(axis=1)
-    away = np.flatnonzero(~near)
-    begin = away[-1] + 1 if len(away) else 0
-    return float(t[begin]) if begin < len(t) and t[-1] - t[begin] >= HELD else float('nan')
+    """Return when the last stay at a goal began [s], NaN where it was not held at the end."""
+    return settling_time(t, errors(X, equilibria()[goal]))
 
 
 @styled
@@ -267,9 +259,9 @@ def page(changed: pd.DataFrame, legs: pd.DataFrame, made: str) -> str:
         '![All twelve ways](../figures/live_tour.png)\n',
         'From each of the four equilibria to each other by live changes of `goal`, one every '
         f'{LEG:g} s, with `horizon` {HORIZON} and the defaults else, recorded by a logger. Times '
-        'until the last stay at the goal began [s] (all angles within '
-        f'{NEAR:g} rad and all speeds under {SLOW:g}, for {HELD:g} s at least): '
-        f'{"; ".join(held)}. In lockstep, with 100 seeds a way: [transitions](transitions.md).\n',
+        'until the last stay at the goal began [s] (all angles within 0.1 rad and all speeds '
+        f'under 1, for {HOLD:g} s at least): {"; ".join(held)}. '
+        'In lockstep, with 100 seeds a way: [transitions](transitions.md).\n',
         compact([('way', *(f'`{solver}`' for solver in solvers)), *ways]), ''])
 
 
@@ -295,8 +287,7 @@ def main(argv: Sequence[str] | None = None) -> None:
                 picture(read_episode(bag), legs).savefig(figures / 'live_tour.png')
     frames = {'live_changes': pd.DataFrame(changed), 'live_tour': pd.DataFrame(ways)}
     for name, frame in frames.items():
-        frame.to_csv(results / f'{name}.csv.gz', index=False,
-                     compression={'method': 'gzip', 'mtime': 0})
+        store_table(frame, results / f'{name}.csv.gz')
     (results / 'live_changes.md').write_text(
         page(*frames.values(), made('live_changes', sources_with(*FILES))), encoding='utf-8')
 

@@ -20,7 +20,7 @@ from campaigns import METHODS
 from live_operator import Operator
 import numpy as np
 import pandas as pd
-from stamp import made, sources_with, TOP
+from stamp import made, sources_with, store_table, TOP
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 from tqdm import tqdm
@@ -29,7 +29,7 @@ from dp_swing_ros import configuration
 from dp_swing_ros.evaluation.campaign.report import share
 from dp_swing_ros.evaluation.comparison import rate
 from dp_swing_ros.nodes.connections import publish
-from dp_swing_ros.pendulum.state import angles, errors, upright
+from dp_swing_ros.pendulum.state import deviation, upright
 from dp_swing_ros.tables import compact
 from dp_swing_ros.tools.processes import Crew, isolated, Process
 from dp_swing_ros.topics import DISTURBANCE, FORCE_COMMAND
@@ -87,12 +87,11 @@ class Bench:
 
     def deviations(self, since: float) -> list[tuple[float, float]]:
         """Return when [s] and by how much [rad] the angles were off, since a time."""
-        goal = upright(self.operator.links)
-        found = []
+        found, goal = [], upright(self.operator.links)
         for state in reversed(self.operator.states):
             if state.at < since:
                 break
-            found.append((state.at, float(np.abs(errors(state.x, goal)[angles(goal)]).max())))
+            found.append((state.at, float(deviation(state.x, goal))))
         return found[::-1]
 
     def is_up(self, since: float) -> bool:
@@ -258,8 +257,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     with isolated(), tempfile.TemporaryDirectory() as folder:
         rows = pd.DataFrame([found for solver in arguments.solvers
                              for found in play(solver, arguments.runs, Path(folder))])
-    rows.to_csv(results / 'live_faults.csv.gz', index=False,
-                compression={'method': 'gzip', 'mtime': 0})
+    store_table(rows, results / 'live_faults.csv.gz')
     (results / 'live_faults.md').write_text(
         page(rows, made('live_faults', sources_with(*FILES))), encoding='utf-8')
 

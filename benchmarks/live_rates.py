@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 from campaigns import METHODS
 import pandas as pd
-from stamp import made, sources_with, TOP
+from stamp import made, sources_with, store_table, TOP
 import yaml
 
 from dp_swing_ros.evaluation.campaign.report import share
@@ -161,8 +161,7 @@ def main(argv: Sequence[str] | None = None) -> None:
                 with isolated():
                     found.append(play(run, Path(folder, str(n))))
     rows = pd.DataFrame(found)
-    rows.to_csv(results / 'live_rates.csv.gz', index=False,
-                compression={'method': 'gzip', 'mtime': 0})
+    store_table(rows, results / 'live_rates.csv.gz')
     (results / 'live_rates.md').write_text(
         page(rows, made('live_rates', sources_with(*FILES))), encoding='utf-8')
 

@@ -204,8 +204,7 @@ def main() -> None:
                 delayed(optimum)(library, case) for case in starts),
             total=len(starts), unit='start', disable=None))
     results = arguments.docs / 'results'
-    pd.DataFrame(optima).to_csv(results / 'optimum.csv.gz', index=False,
-                                compression={'method': 'gzip', 'mtime': 0})
+    stamp.store_table(pd.DataFrame(optima), results / 'optimum.csv.gz')
     (results / 'optimum.md').write_text(page(optima, stamp.made(
         'optimum', stamp.sources_with(*FILES), ('numpy', 'scipy', 'casadi'))), encoding='utf-8')
 

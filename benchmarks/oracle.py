@@ -225,8 +225,7 @@ def main() -> None:
             verdicts += some
             bar.update(len(some))
     results = arguments.docs / 'results'
-    pd.DataFrame(verdicts).to_csv(results / 'oracle.csv.gz', index=False,
-                                  compression={'method': 'gzip', 'mtime': 0})
+    stamp.store_table(pd.DataFrame(verdicts), results / 'oracle.csv.gz')
     (results / 'oracle.md').write_text(page(verdicts, stamp.made(
         'oracle', stamp.sources_with(*FILES),
         ('numpy', 'scipy', 'casadi'))), encoding='utf-8')

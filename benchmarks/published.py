@@ -88,8 +88,7 @@ def of_rigs(minutes: float) -> Page:
     def write(docs: Path, kept: Path) -> None:
         rows, made = played('rig', docs, kept)
         found = rig.estimates()
-        pd.DataFrame(found).to_csv(docs / 'results' / 'rig_estimates.csv.gz', index=False,
-                                   compression={'method': 'gzip', 'mtime': 0})
+        stamp.store_table(pd.DataFrame(found), docs / 'results' / 'rig_estimates.csv.gz')
         rig.picture(rows).savefig(docs / 'figures' / 'rig.png')
         (docs / 'results' / 'rig.md').write_text(rig.page(rows, found, made), encoding='utf-8')
     return Page(minutes, lambda: seeded.sources('rig'), write)

@@ -1,6 +1,6 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Where a stored page comes from: the sentence that names it, and what the sentence says."""
+"""Where a stored page comes from: the sentence that names it, what it says, and its table."""
 
 from collections.abc import Iterable
 from datetime import date
@@ -9,6 +9,8 @@ from pathlib import Path
 import re
 import subprocess
 from typing import NamedTuple
+
+import pandas as pd
 
 from dp_swing_ros import provenance
 from dp_swing_ros.kernels import processor
@@ -62,6 +64,11 @@ def sources_with(*scripts: str) -> str:
     for script in scripts:
         digest.update(Path(__file__).with_name(script).read_bytes())
     return digest.hexdigest()[:16]
+
+
+def store_table(table: pd.DataFrame, path: Path) -> None:
+    """Write a compressed table, the same bytes for the same numbers."""
+    table.to_csv(path, index=False, compression={'method': 'gzip', 'mtime': 0})
 
 
 def commit() -> str:

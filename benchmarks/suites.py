@@ -213,8 +213,7 @@ def main() -> None:
     results, figures = arguments.docs / 'results', arguments.docs / 'figures'
     for folder in (results, figures):
         folder.mkdir(parents=True, exist_ok=True)
-    table_of(outcomes).to_csv(results / 'suites.csv.gz', index=False,
-                              compression={'method': 'gzip', 'mtime': 0})
+    stamp.store_table(table_of(outcomes), results / 'suites.csv.gz')
     picture(outcomes).savefig(figures / 'suites.png')
     (results / 'suites.md').write_text(
         page(outcomes, stamp.made('suites', sources(), PACKAGES)), encoding='utf-8')

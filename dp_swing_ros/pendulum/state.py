@@ -103,6 +103,11 @@ def errors(x: Array, x_r: Array) -> Array:
     return to_turn_of(x, x_r) - x_r
 
 
+def deviation(x: Array, x_r: Array) -> Array:
+    """Return the largest error of an angle [rad]; x (..., 2n + 2), x_r (2n + 2,) -> (...)."""
+    return np.abs(errors(x, x_r)[..., angles(x)]).max(axis=-1)
+
+
 def to_joints(absolute: Array) -> Array:
     """
     Return positions or speeds as joints have them, each link's against the one before.

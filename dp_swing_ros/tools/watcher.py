@@ -15,7 +15,7 @@ import numpy as np
 from dp_swing_ros.evaluation.soak import before, Forces, match, Soak, Usage
 from dp_swing_ros.messages.fields import BILLION, nanoseconds, to_state
 from dp_swing_ros.nodes.connections import QUEUE, subscribe
-from dp_swing_ros.pendulum.state import angles, Array, errors, links_of
+from dp_swing_ros.pendulum.state import Array, deviation, links_of
 from dp_swing_ros.tools.tool_node import listeners, tool_node
 from dp_swing_ros.topics import (
     DIAGNOSTICS, ECHO, FORCE_COMMAND, FORCE_COMMAND_STAMPED, JOINT_STATES, Topic)
@@ -127,7 +127,7 @@ class Watcher:
         self.silent.clear()
         self.stamps.append(nanoseconds(message.header.stamp))
         self.sent.append(self._count(JOINT_STATES, info))
-        self.deviation.append(float(np.abs(errors(x, self.x_r)[angles(x)]).max()))
+        self.deviation.append(float(deviation(x, self.x_r)))
 
     def _force(self, message: Any, info: dict[str, int]) -> None:
         self.commands.append(self._count(FORCE_COMMAND, info))

@@ -334,7 +334,8 @@ def test_a_state_that_a_later_one_overtook_adds_nothing(estimator):
         for n in range(8):
             plan = c.update(0.05 * n, x)
             if overtaken and n == 5:    # in place of the real answer, which begins at 0.25 s
-                c.forces.end -= 1
+                c.forces.begins = c.forces.begins[:-1]
+                c.forces.commands = c.forces.commands[:-1]
                 plan = c.update(0.05 * (n - 1), FALLING, delay=0.05)
                 assert c.t == 0.25
             x = plan.X[1]
