@@ -24,7 +24,8 @@ from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.parameters.files import parse, QOS_OVERRIDES
 from dp_swing_ros.topics import Topic
 
-DEPTH = 10          # messages that wait for a slow partner
+DEPTH = 10          # messages that wait for a subscription's callback
+HISTORY = 1000      # messages that a publisher keeps for subscriptions that have stalled
 QUEUE = 10_000      # messages of a topic that wait for the logger
 LASTING = 1000      # messages that replay keeps for whoever asks for those before its time
 QUIET = 40          # looks without another subscription: all have been found
@@ -48,7 +49,7 @@ def publish(node: Node, topic: Topic) -> Publisher:
     with _overrides_checked(node, topic):
         return node.create_publisher(
             message_class(topic.type), topic.name,
-            profile(1 if topic.latched else DEPTH, kept=topic.latched, watched=topic.watched),
+            profile(1 if topic.latched else HISTORY, kept=topic.latched, watched=topic.watched),
             qos_overriding_options=OVERRIDABLE)
 
 

@@ -26,7 +26,7 @@ from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.nodes.connections import publish
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.pendulum.urdf import urdf
-from dp_swing_ros.topics import DISTURBANCE, FORCE_COMMAND, ROBOT_DESCRIPTION
+from dp_swing_ros.topics import DIAGNOSTICS, DISTURBANCE, FORCE_COMMAND, ROBOT_DESCRIPTION
 
 NUMBERED = Path(__file__).parents[2] / 'benchmarks' / 'numbered.py'
 
@@ -151,6 +151,22 @@ def test_whole_run_is_in_the_bag(start, log, tmp_path, number):
     episode = read_episode(tmp_path / 'bag')
     assert np.array_equal(episode.X[:, 0], np.arange(count))
     assert np.array_equal(episode.U, np.arange(count - 1))
+
+
+def test_logger_that_stalls_loses_nothing(log, peer, start_node, tmp_path):
+    """A busy machine, or a debugger, stops it for hundreds of ticks of a lockstep run."""
+    logger, reports = log(), peer.record(DIAGNOSTICS)
+    mpc = start_node('mpc', {'solver': 'ilqr'})
+    mpc.wait_for('ready')
+    plant = start_node('plant', {'lockstep': True, 'duration': 30.0})
+    assert peer.until(lambda: len(reports) > 50)
+    logger.signal(signal.SIGSTOP)
+    stalled = len(reports)
+    assert peer.until(lambda: len(reports) > stalled + 400)
+    logger.signal(signal.SIGCONT)
+    assert (plant.wait(), mpc.stop(), logger.stop()) == (0, 0, 0)
+    assert not re.search(r', [1-9]\d* lost', logger.output())
+    assert len(recorded(tmp_path / 'bag')['/joint_states']) == 601
 
 
 def test_load_at_the_end_is_in_the_bag(start, log, tmp_path):
