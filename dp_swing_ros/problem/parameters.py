@@ -36,7 +36,7 @@ class CostParameters(Parameters):
     terminal_scale: float = parameter(
         1000.0, 'factor of S in the scaled terminal cost', minimum=0.0)
     track_weight: float = parameter(
-        3000.0, 'weight of the squared distance into the margin of the track', unit='1/m^2',
+        10_000.0, 'weight of the squared distance into the margin of the track', unit='1/m^2',
         minimum=0.0)
     track_margin: float = parameter(
         0.4, 'width of the soft margin inside the track limit', unit='m', minimum=0.0)

@@ -93,7 +93,7 @@ def test_what_is_learned_of_the_pendulum_is_kept():
     p = configuration.plant({'link2_mass': 0.65})
     simulate(p, c, 4.0)
     learned = c.problem.physical
-    assert learned.link2_mass > 0.6
+    assert learned.link2_mass > (0.5 + 0.65) / 2   # nearer to what is than to what was told
     c.reconfigure(configuration.controller({'solver': 'ddp', 'horizon': 40}))
     assert c.problem.physical == learned
 
