@@ -16,7 +16,7 @@ SOURCES := package.xml setup.py setup.cfg resource/dp_swing_ros $(wildcard confi
 DOWNLOADS := sed -u -n 's/^ *Downloading \([^-]*-[^-]*\)-.* (\(.* MB\))$$/  \1 (\2)/p; /^Install/s/:.*/ .../p'
 INSTALL = $(BIN)/python -m pip install --no-input -c constraints.txt $(addprefix --group ,$(1)) | \
 	$(DOWNLOADS) || $(call FAIL,pip could not install the groups $(1); what it said stands above)
-IN_PARALLEL := pytest -n auto --dist loadfile
+IN_PARALLEL := pytest -n auto --dist loadfile --no-loadscope-reorder
 FAIL = { echo "make: $(1)" >&2; exit 1; }
 
 # A sourced ROS installation, or another checkout's, would shadow the wheels.

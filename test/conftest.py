@@ -53,6 +53,13 @@ def pytest_xdist_auto_num_workers():
     return min(os.cpu_count() * 3 // 2, 8)
 
 
+def pytest_collection_modifyitems(items):
+    """Begin with what takes longest, nodes and whole runs, so that no process is left with it."""
+    top = Path(__file__).parent
+    items.sort(key=lambda item: item.path.relative_to(top).parts[0] not in (
+        'nodes', 'rerun', 'tools', item.path.name))
+
+
 @pytest.fixture
 def rng():
     """Return random numbers that are the same in every run."""

@@ -131,7 +131,7 @@ def test_a_run_with_changes_is_repeated_to_the_bit(peer, start_node, tmp_path, c
     mpc = start_node('mpc', {'horizon': 40})
     mpc.wait_for('ready')
     reports = peer.record(DIAGNOSTICS)
-    plant = start_node('plant', {'lockstep': True, 'duration': 100.0})
+    plant = start_node('plant', {'lockstep': True, 'duration': 40.0})
     changes = [{'solver': 'ddp'}, {'solver': 'mppi', 'mppi.samples': 256}, {'seed': 4},
                {'reference': [0.4, 0.0, 0.0, 0.0, 0.0, 0.0]}, {'solver': 'sampled_ilqr'},
                {'goal': 'down_up'}]
