@@ -1,14 +1,14 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Plant and mpc in real time beside a bare echo: long, fast, on busy cores, with shadows.
+Plant and mpc in real time beside a bare echo: for long, and as fast as they can.
 
 Run by `make results`, on a machine that must do nothing else.
 """
 
 import argparse
-from collections.abc import Iterator, Sequence
-import os
+from collections.abc import Iterable, Iterator, Sequence
+import math
 from pathlib import Path
 import tempfile
 from typing import Any, NamedTuple
@@ -18,8 +18,6 @@ import pandas as pd
 from stamp import made, sources_with, store_table, TOP
 import yaml
 
-from dp_swing_ros.evaluation.campaign.report import share
-from dp_swing_ros.evaluation.comparison import rate
 from dp_swing_ros.evaluation.soak import answers, OUT, pendulum, processes, Soak, times
 from dp_swing_ros.tables import compact
 from dp_swing_ros.tools.processes import isolated
@@ -29,10 +27,13 @@ FILES = ('live_rates.py', 'campaigns.py')
 LONG = 600.0      # [s] at 20 Hz
 RATES = (20.0, 100.0, 200.0, 300.0, 400.0, 500.0)   # [Hz]
 SHORT = 20.0      # [s] at each
-FAST, FASTEST = 'ddp', 500.0    # who is to keep up at which rate [Hz], for BUSY
-BUSY = 60.0       # [s] on busy cores, and with shadows
-RUNS = 10         # on busy cores
-PAIRS = 3         # with and without shadows
+FAST, FASTEST, FOR = 'ddp', 500.0, 60.0    # who is to keep up at which rate [Hz] for how long [s]
+KEPT_UP = 0.95    # of the states are answered before the next: a rate that is held
+ABOUT = (
+    'Each line is of [soaks](../nodes.md#soak): plant and mpc as processes in real time, with '
+    'their defaults, beside a bare echo. State to force is from the publication of a state to '
+    'that of its force; late are answers after the next state, and of these those by itself '
+    'that the machine did not cause, as the echo tells. The rows: [{0}.csv.gz]({0}.csv.gz).\n')
 
 
 class Run(NamedTuple):
@@ -41,7 +42,7 @@ class Run(NamedTuple):
     part: str
     solver: str
     duration: float   # [s]
-    rate: float       # [Hz]
+    rate: float = 20.0       # [Hz]
     burn: int = 0     # busy processes
     shadow: tuple[str, ...] = ()
     seed: int = 0
@@ -50,19 +51,11 @@ class Run(NamedTuple):
 def runs(long: float = LONG) -> Iterator[Run]:
     """Yield all that are done."""
     for solver in METHODS:
-        yield Run('long', solver, long, 20.0)
-    yield Run('fast', FAST, BUSY, FASTEST)
+        yield Run('long', solver, long)
+    yield Run('fast', FAST, FOR, FASTEST)
     for solver in METHODS:
         for each in RATES:
             yield Run('rates', solver, SHORT, each)
-    for solver in METHODS:
-        for seed in range(RUNS):
-            yield Run('busy', solver, BUSY, 20.0, os.cpu_count() or 1, seed=seed)
-    for solver in METHODS:
-        others = tuple(other for other in METHODS if other != solver)
-        for seed in range(PAIRS):
-            yield Run('shadow', solver, BUSY, 20.0, shadow=others, seed=seed)
-            yield Run('shadow', solver, BUSY, 20.0, seed=seed)
 
 
 def play(run: Run, folder: Path) -> dict[str, Any]:
@@ -78,12 +71,14 @@ def play(run: Run, folder: Path) -> dict[str, Any]:
 
 def figures(found: Soak) -> dict[str, Any]:
     """Return the figures of a soak by the names of columns."""
-    timed, answered, used = times(found), answers(found)['mpc'], processes(found)
+    timed, used = times(found), processes(found)
+    answered, echoed = answers(found)['mpc'], answers(found)['echo']
     mpc, echo, solve = timed.values()
     return {
         'failure': found.failure, 'success': found.success, 'states': answered['states'],
         'in_time': answered['answered in time'], 'late': answered['late'],
         'late_by_itself': answered['late by itself'], 'unanswered': answered['unanswered'],
+        'echo_in_time': echoed['answered in time'],
         'late_total': found.late_total, 'skipped': found.skipped_ticks,
         **{f'{of}_{name}': values[name] for of, values in (
             ('mpc', mpc), ('echo', echo), ('solve', solve)) for name in ('p50', 'p99', 'max')},
@@ -94,76 +89,84 @@ def figures(found: Soak) -> dict[str, Any]:
         'growth': used['mpc']['growth [MB]']}
 
 
+def played(what: Iterable[Run]) -> pd.DataFrame:
+    """Do runs, one after the other, and return a row of each; raises ProcessError."""
+    found = []
+    with tempfile.TemporaryDirectory() as folder:
+        for n, run in enumerate(what):
+            print(run, flush=True)
+            with isolated():
+                found.append(play(run, Path(folder, str(n))))
+    return pd.DataFrame(found)
+
+
+def answered(rows: pd.DataFrame) -> str:
+    """Return the share of the states that were answered before the next."""
+    return f'{100 * rows.in_time.sum() / max(rows.states.sum(), 1):.2f} %'
+
+
+def of_long(rows: pd.DataFrame) -> str:
+    """Return the table of the long runs."""
+    return compact([
+        ('solver', 'time [s]', 'states', 'late ticks', 'late, by itself', 'unanswered',
+         'state to force p50 [ms]', 'p99', 'echo p99', 'solve p99',
+         'echo p99 + solve p99 + 1 ms'),
+        *((f'`{row.solver}`', f'{row.duration:g}', str(row.states), str(row.late_total),
+           f'{row.late}, {row.late_by_itself}', str(row.unanswered), f'{row.mpc_p50:.2f}',
+           f'{row.mpc_p99:.2f}', f'{row.echo_p99:.2f}', f'{row.solve_p99:.2f}',
+           f'{row.bound:.2f}: {"met" if row.mpc_p99 <= row.bound else "**missed**"}')
+          for row in rows.itertuples())])
+
+
+def of_rates(rows: pd.DataFrame) -> str:
+    """Return the table of the rates."""
+    return compact([
+        ('solver', 'rate [Hz]', 'time [s]', 'answered before the next', 'echo, too',
+         'state to force p50 [ms]', 'p99', 'mpc [%]', 'plant [%]', 'echo [%]'),
+        *((f'`{row.solver}`', f'{row.rate:g}', f'{row.duration:g}',
+           f'{100 * row.in_time / max(row.states, 1):.2f} %',
+           f'{100 * row.echo_in_time / max(row.states, 1):.2f} %', f'{row.mpc_p50:.2f}',
+           f'{row.mpc_p99:.2f}', f'{row.mpc_share:.0f}', f'{row.plant_share:.0f}',
+           f'{row.echo_share:.0f}') for row in rows.itertuples())])
+
+
+def held(rows: pd.DataFrame) -> str:
+    """Return the highest rate that each solver holds, as a sentence."""
+    highest = {solver: of.rate[of.in_time >= KEPT_UP * of.states].max()
+               for solver, of in rows.groupby('solver', sort=False)}
+    return (f'The highest of these rates at which {100 * KEPT_UP:g} % of the states are answered '
+            'before the next: ' + ', '.join(
+                f'`{solver}` {"none" if math.isnan(found) else f"{found:g} Hz"}'
+                for solver, found in highest.items()) + '.')
+
+
 def page(rows: pd.DataFrame, made: str) -> str:
     """Return the page as Markdown."""
-    def of(part: str) -> pd.DataFrame:
-        return rows[rows.part == part]
-
-    def answered(frame: pd.DataFrame) -> str:
-        return f'{100 * frame.in_time.sum() / max(frame.states.sum(), 1):.2f} %'
-    long = [(f'`{row.solver}`', f'{row.duration:g}', str(row.states), str(row.late_total),
-             f'{row.late}, {row.late_by_itself}', str(row.unanswered), f'{row.mpc_p50:.2f}',
-             f'{row.mpc_p99:.2f}', f'{row.echo_p99:.2f}', f'{row.solve_p99:.2f}',
-             f'{row.bound:.2f}: {"met" if row.mpc_p99 <= row.bound else "**missed**"}')
-            for row in of('long').itertuples()]
-    fast = [(f'`{solver}`', f'{frequency:g}', answered(frame), f'{frame.mpc_p50.iloc[0]:.2f}',
-             f'{frame.mpc_p99.iloc[0]:.2f}', f'{frame.mpc_share.iloc[0]:.0f}',
-             f'{frame.plant_share.iloc[0]:.0f}', f'{frame.echo_share.iloc[0]:.0f}')
-            for (solver, frequency), frame in rows[rows.part.isin(['rates', 'fast'])].groupby(
-                ['solver', 'rate'], sort=False)]
-    busy = [(f'`{solver}`', share(rate(frame.success.tolist())), str(frame.late_total.sum()),
-             answered(frame), f'{frame.mpc_p99.max():.1f}', f'{frame.largest.max():.2f}')
-            for solver, frame in of('busy').groupby('solver', sort=False)]
-    shadows = [(f'`{solver}`', shadow.replace(' ', ', ') or 'none', str(frame.late_total.sum()),
-                answered(frame), f'{frame.mpc_p50.median():.2f}', f'{frame.mpc_p99.median():.2f}')
-               for (solver, shadow), frame in of('shadow').groupby(
-                   ['solver', 'shadow'], sort=False)]
+    of = dict(list(rows.groupby('part')))
     return '\n'.join([
-        '# Rates and latencies\n', made,
-        'Each line is of [soaks](../nodes.md#soak): plant and mpc as processes in real time, with '
-        'their defaults, beside a bare echo. State to force is from the publication of a state to '
-        'that of its force; late are answers after the next state, and of these those by itself '
-        'that the machine did not cause, as the echo tells. The rows: '
-        '[live_rates.csv.gz](live_rates.csv.gz).\n',
-        '## Long, at 20 Hz\n',
-        compact([('solver', 'time [s]', 'states', 'late ticks', 'late, by itself', 'unanswered',
-                  'state to force p50 [ms]', 'p99', 'echo p99', 'solve p99',
-                  'echo p99 + solve p99 + 1 ms'), *long]), '',
-        '## Fast\n',
-        f'{SHORT:g} s each, but for `{FAST}` at {FASTEST:g} Hz {BUSY:g} s more. Processor in '
-        'hundredths of one core.\n',
-        compact([('solver', 'rate [Hz]', 'answered before the next', 'state to force p50 [ms]',
-                  'p99', 'mpc [%]', 'plant [%]', 'echo [%]'), *fast]), '',
-        '## Busy cores\n',
-        f'{BUSY:g} s beside as many busy processes as there are cores, {RUNS} runs each.\n',
-        compact([('solver', 'up to the end', 'late ticks', 'answered before the next',
-                  'worst state to force p99 [ms]', 'largest angle once up [rad]'), *busy]), '',
-        '## With shadows\n',
-        f'{BUSY:g} s, {PAIRS} runs each; medians of the runs.\n',
-        compact([('solver', 'in its shadow', 'late ticks', 'answered before the next',
-                  'state to force p50 [ms]', 'p99'), *shadows]), ''])
+        '# Rates and latencies\n', made, ABOUT.format('live_rates'),
+        '## Long, at 20 Hz\n', of_long(of['long']), '',
+        '## Fast\n', 'Processor in hundredths of one core.\n',
+        of_rates(pd.concat([of['rates'], of['fast']])), '', held(of['rates']), ''])
 
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Do all runs, and write the page."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--long', type=float, default=LONG, help='time of a long run [s]')
-    parser.add_argument('--parts', nargs='+', default=['long', 'fast', 'rates', 'busy', 'shadow'])
     parser.add_argument('--docs', type=Path, default=TOP / 'docs')
     arguments = parser.parse_args(argv)
-    results = arguments.docs / 'results'
+    rows = played(runs(arguments.long))
+    write('live_rates', rows, page(rows, made('live_rates', sources_with(*FILES))),
+          arguments.docs)
+
+
+def write(name: str, rows: pd.DataFrame, text: str, docs: Path) -> None:
+    """Write a page and its rows."""
+    results = docs / 'results'
     results.mkdir(parents=True, exist_ok=True)
-    found = []
-    with tempfile.TemporaryDirectory() as folder:
-        for n, run in enumerate(runs(arguments.long)):
-            if run.part in arguments.parts:
-                print(run, flush=True)
-                with isolated():
-                    found.append(play(run, Path(folder, str(n))))
-    rows = pd.DataFrame(found)
-    store_table(rows, results / 'live_rates.csv.gz')
-    (results / 'live_rates.md').write_text(
-        page(rows, made('live_rates', sources_with(*FILES))), encoding='utf-8')
+    store_table(rows, results / f'{name}.csv.gz')
+    (results / f'{name}.md').write_text(text, encoding='utf-8')
 
 
 if __name__ == '__main__':

@@ -24,9 +24,12 @@ import compute
 import convergence
 import hard
 import links
+import live
+import live_busy
 import live_changes
 import live_faults
 import live_rates
+import live_soak
 import methods
 import near_goal
 import optimum
@@ -138,7 +141,10 @@ PAGES = {
     'foreign': of_script('foreign', 26, 'foreign.py', 'foreign_plant.py'),
     'live_changes': of_script('live_changes', 14, *live_changes.FILES),
     'live_faults': of_script('live_faults', 40, *live_faults.FILES),
-    'live_rates': of_script('live_rates', 95, *live_rates.FILES),
+    'live_rates': of_script('live_rates', 39, *live_rates.FILES),
+    'live_busy': of_script('live_busy', 53, *live_busy.FILES),
+    'live_soak': of_script('live_soak', 61, *live_soak.FILES),
+    'live': of_script('live', 0.1, *live.FILES),
     'durability': of_script('durability', 6, 'durability.py', 'numbered.py', 'readers.py'),
     'damaged_bags': of_script('damaged_bags', 4, 'mutated_bags.py', 'mutations.py',
                               'forgeries.py'),

@@ -3,12 +3,16 @@
 """What is done to running nodes by the hundred for docs/results, here a few times."""
 
 from itertools import pairwise, permutations
+import json
 import math
 
+import live
+import live_busy
 import live_changes
 import live_faults
 from live_operator import Operator
 import live_rates
+import live_soak
 import numpy as np
 import pandas as pd
 import pytest
@@ -69,18 +73,32 @@ def test_pages_say_what_was_missed():
         live_faults.page(rows, 'made\n'))
 
 
-def test_the_page_of_rates_says_what_was_met_and_missed():
+def rows_of(runs, **values):
+    """Return the rows of runs that went alike."""
     row = {'in_time': 95, 'states': 100, 'late': 5, 'late_by_itself': 1, 'unanswered': 0,
            'late_total': 0, 'success': True, 'mpc_p50': 1.0, 'mpc_p99': 5.0, 'echo_p99': 2.0,
            'solve_p99': 1.5, 'bound': 4.5, 'mpc_share': 50.0, 'plant_share': 20.0,
-           'echo_share': 10.0, 'largest': 0.05}
-    rows = pd.DataFrame([{**run._asdict(), 'shadow': ' '.join(run.shadow), **row}
-                         for run in live_rates.runs()])
+           'echo_share': 10.0, 'echo_in_time': 99, 'largest': 0.05, **values}
+    return pd.DataFrame([{**run._asdict(), 'shadow': ' '.join(run.shadow), **row}
+                         for run in runs])
+
+
+def test_the_page_of_rates_says_what_was_met_and_missed():
+    rows = rows_of(live_rates.runs())
+    rows.loc[(rows.rate > 300) & (rows.solver == 'mppi'), 'in_time'] = 94
     text = live_rates.page(rows, 'made\n')
     assert '| `ilqr` | 600 | 100 | 0 | 5, 1 | 0 | 1.00 | 5.00 | 2.00 | 1.50 | 4.50: **missed** |' \
         in text
-    assert '| `ddp` | 500 | 95.00 % | 1.00 | 5.00 | 50 | 20 | 10 |' in text
-    assert '| `mppi` | 10 of 10 (72.2-100.0 %) | 0 | 95.00 % | 5.0 | 0.05 |' in text
+    assert '| `ddp` | 500 | 60 | 95.00 % | 99.00 % | 1.00 | 5.00 | 50 | 20 | 10 |' in text
+    assert '`ddp` 500 Hz, `mppi` 300 Hz.' in text
+
+
+def test_the_page_of_busy_cores_says_who_was_held():
+    rows = rows_of(live_busy.runs())
+    rows.loc[rows.solver.eq('mppi') & rows.seed.eq(3), 'success'] = False
+    text = live_busy.page(rows, 'made\n')
+    assert '| `ilqr` | 10 of 10 (72.2-100.0 %) | 0 | 95.00 % | 5.0 | 0.05 |' in text
+    assert '| `mppi` | 9 of 10 (59.6-98.2 %) | 0 | 95.00 % | 5.0 | 0.05 |' in text
     assert '| `mppi` | ilqr, ddp | 0 | 95.00 % | 1.00 | 5.00 |' in text
 
 
@@ -99,3 +117,29 @@ def test_states_of_nan_are_survived(tmp_path):
         found = live_faults.befall(bench, 'states of NaN, 0.3 s', 0, 20.0)
     assert found.again <= live_faults.ALLOWED
     assert (found.not_finite, found.beyond) == (0, 0)
+
+
+@pytest.mark.real_time
+def test_a_short_soak_makes_the_page(tmp_path):
+    live_soak.main(['--duration', '6', '--docs', str(tmp_path)])
+    text = (tmp_path / 'results' / 'live_soak.md').read_text()
+    assert '`ilqr` was up to the end' in text
+    assert (tmp_path / 'figures' / 'live_soak.png').stat().st_size > 10_000
+    summary = json.loads((tmp_path / 'results' / 'live_soak.json').read_text())
+    assert summary['answers']['mpc']['states'] == pytest.approx(120, abs=10)
+
+
+def test_the_page_of_aims_has_what_there_is(tmp_path):
+    """Met and missed, from the rows that pages have stored."""
+    rows = rows_of(live_rates.runs())
+    rows.loc[rows.part.eq('fast'), 'in_time'] = 99
+    live_rates.write('live_rates', rows, '', tmp_path)
+    busy = rows_of(live_busy.runs())
+    busy.loc[busy.shadow.ne('') & busy.solver.eq('ddp'), 'late_total'] = 1
+    live_rates.write('live_busy', busy, '', tmp_path)
+    text = live.page(tmp_path / 'results', 'made\n')
+    assert 'live_rates.md' in text and 'live_soak.md' not in text
+    assert '| late ticks 0; p99 5.0 ms | **missed** |' in text
+    assert '| 99.0 % (the bare echo 99.0 %) | met |' in text
+    assert '| late ticks 3, without shadows 0 | **missed** |' in text
+    assert '| late ticks 0, without shadows 0 | met |' in text

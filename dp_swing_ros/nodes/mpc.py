@@ -136,7 +136,8 @@ class MpcNode(ProcessNode):
         gc.freeze()   # else the collector looks through all modules in a first tick, for 25 ms
         done = 'compiled' if taken > SLOW_START else 'loaded'
         # Of several states, the newest. A plant in lockstep sends an unanswered one again.
-        subscribe(self, JOINT_STATES, self.on_state, depth=1, sensor=True)
+        self.hurry(subscribe(self, JOINT_STATES, self.on_state, depth=1, sensor=True),
+                   self.watchdog.timer)
         self.get_logger().info(f'{done} in {taken:.1f} s; ready')
 
     def on_change(self, values: dict[str, Any]) -> None:
@@ -172,6 +173,8 @@ class MpcNode(ProcessNode):
 
     def on_state(self, message: JointState, info: dict[str, int]) -> None:
         """Answer a state; the first as soon as its clock is known and the force will be heard."""
+        if self.lane is not None:
+            self.lane.note()
         if self.met:
             self.answer(message, info)
             return

@@ -70,7 +70,7 @@ class PlantNode(ProcessNode):
         """Compile the integrator, then look for those who are to hear the first state."""
         configuration.plant(self.values).advance(self.period)
         let_change(self, self.fields, self.values, self.on_change)
-        subscribe(self, FORCE_COMMAND, self.on_force)
+        self.forces = subscribe(self, FORCE_COMMAND, self.on_force)
         lockstep = self.parameters.lockstep
         self.audience = Audience([self.states, self.diagnostics.publisher, self.description],
                                  math.inf if lockstep else PATIENCE)
@@ -126,8 +126,10 @@ class PlantNode(ProcessNode):
         if not self.parameters.lockstep:
             self.start()
             self.ticks = self.create_timer(self.period, self.on_tick, clock=self.clock)
+            self.hurry(self.forces, self.ticks)
         elif is_heard(self, self.states, FORCE_COMMAND):
             self.start()
+            self.hurry(self.forces, self.unanswerable)
             self.joined = dict.fromkeys(listeners(self, self.states, FORCE_COMMAND), -math.inf)
             self.every(NEWCOMER_PERIOD, self.on_newcomers)
         else:
@@ -164,6 +166,8 @@ class PlantNode(ProcessNode):
 
     def on_force(self, message: Float64) -> None:
         """Obey a force from now on; in lockstep, for one period."""
+        if self.lane is not None:
+            self.lane.note()
         force = message.data
         if not math.isfinite(force):
             self.refused += 1

@@ -1,0 +1,83 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Plant and mpc in real time on cores that others keep busy, and with shadows.
+
+Run by `make results`, on a machine that must do nothing else.
+"""
+
+import argparse
+from collections.abc import Iterator, Sequence
+import os
+from pathlib import Path
+
+from campaigns import METHODS
+from live_rates import ABOUT, answered, played, Run, write
+import pandas as pd
+from stamp import made, sources_with, TOP
+
+from dp_swing_ros.evaluation.campaign.report import share
+from dp_swing_ros.evaluation.comparison import rate
+from dp_swing_ros.tables import compact
+
+FILES = ('live_busy.py', 'live_rates.py', 'campaigns.py')
+BUSY = 60.0       # [s] on busy cores, and with shadows
+RUNS = 10         # on busy cores
+PAIRS = 3         # with and without shadows
+
+
+def runs() -> Iterator[Run]:
+    """Yield all that are done."""
+    for solver in METHODS:
+        for seed in range(RUNS):
+            yield Run('busy', solver, BUSY, burn=os.cpu_count() or 1, seed=seed)
+    for solver in METHODS:
+        others = tuple(other for other in METHODS if other != solver)
+        for seed in range(PAIRS):
+            yield Run('shadow', solver, BUSY, shadow=others, seed=seed)
+            yield Run('shadow', solver, BUSY, seed=seed)
+
+
+def of_busy(rows: pd.DataFrame) -> str:
+    """Return the table of the busy cores."""
+    return compact([
+        ('solver', 'up to the end', 'late ticks', 'answered before the next',
+         'worst state to force p99 [ms]', 'largest angle once up [rad]'),
+        *((f'`{solver}`', share(rate(of.success.tolist())), str(of.late_total.sum()),
+           answered(of), f'{of.mpc_p99.max():.1f}', f'{of.largest.max():.2f}')
+          for solver, of in rows.groupby('solver', sort=False))])
+
+
+def of_shadows(rows: pd.DataFrame) -> str:
+    """Return the table of the shadows."""
+    return compact([
+        ('solver', 'in its shadow', 'late ticks', 'answered before the next',
+         'state to force p50 [ms]', 'p99'),
+        *((f'`{solver}`', shadow.replace(' ', ', ') or 'none', str(of.late_total.sum()),
+           answered(of), f'{of.mpc_p50.median():.2f}', f'{of.mpc_p99.median():.2f}')
+          for (solver, shadow), of in rows.groupby(['solver', 'shadow'], sort=False))])
+
+
+def page(rows: pd.DataFrame, made: str) -> str:
+    """Return the page as Markdown."""
+    of = dict(list(rows.groupby('part')))
+    return '\n'.join([
+        '# Busy cores and shadows\n', made, ABOUT.format('live_busy'),
+        '## Busy cores\n',
+        f'{BUSY:g} s beside as many busy processes as there are cores, {RUNS} runs each.\n',
+        of_busy(of['busy']), '',
+        '## With shadows\n', f'{BUSY:g} s, {PAIRS} runs each; medians of the runs.\n',
+        of_shadows(of['shadow']), ''])
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Do all runs, and write the page."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('--docs', type=Path, default=TOP / 'docs')
+    arguments = parser.parse_args(argv)
+    rows = played(runs())
+    write('live_busy', rows, page(rows, made('live_busy', sources_with(*FILES))), arguments.docs)
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,77 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Plant and mpc in real time for an hour beside a bare echo.
+
+Run by `make results`, on a machine that must do nothing else.
+"""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+import shutil
+import tempfile
+
+from stamp import made, sources_with, TOP
+
+from dp_swing_ros.evaluation.soak import answers, processes, Soak, ticks, times, WARM
+from dp_swing_ros.tables import compact
+from dp_swing_ros.tools.processes import isolated
+from dp_swing_ros.tools.soak import soak, write
+
+FILES = ('live_soak.py',)
+SOLVER, DURATION = 'ilqr', 3600.0   # [s]
+GROWTH = 1.0   # [MB] below which the memory of plant and mpc is to grow
+
+
+def page(found: Soak, made: str) -> str:
+    """Return the page as Markdown."""
+    used, by_itself = processes(found), answers(found)['mpc']['late by itself']
+    grown = {name: used[name]['growth [MB]'] for name in ('plant', 'mpc')}
+    return '\n'.join([
+        '# A soak\n', made,
+        f'`ros2 run dp_swing_ros soak --duration {DURATION:g}`: see [soak](../nodes.md#soak). '
+        f'`{found.solver}` was {"up to the end" if found.success else "**not held**"}. Late '
+        f'answers that the machine did not cause, as the echo tells: {by_itself} (none is the '
+        f'aim: {verdict(by_itself == 0)}). Memory, after the first {WARM:g} s: '
+        + ', '.join(f'{name} {value:+.2f} MB' for name, value in grown.items())
+        + f' (below {GROWTH:g} MB is the aim: {verdict(max(grown.values()) < GROWTH)}).\n',
+        '![The soak](../figures/live_soak.png)\n',
+        *(f'{table(of)}\n'
+          for of in (times(found), answers(found), used, {'ticks': ticks(found)})), ''])
+
+
+def verdict(is_met: bool) -> str:
+    """Return whether an aim is met, in a word."""
+    return 'met' if is_met else '**missed**'
+
+
+def table(of: dict[str, dict[str, float]]) -> str:
+    """Return a table of figures by the name of the row."""
+    names = list(next(iter(of.values())))
+    return compact([('', *names), *((row, *(f'{values[name]:g}' if isinstance(values[name], int)
+                                            else f'{values[name]:.2f}' for name in names))
+                                    for row, values in of.items())])
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Soak, and write the page."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('--duration', type=float, default=DURATION, help='[s]')
+    parser.add_argument('--docs', type=Path, default=TOP / 'docs')
+    arguments = parser.parse_args(argv)
+    results, figures = arguments.docs / 'results', arguments.docs / 'figures'
+    for folder in (results, figures):
+        folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory() as temporary, isolated():
+        folder = Path(temporary, 'soak')
+        found = soak(folder, SOLVER, arguments.duration)
+        write(found, folder, {})
+        shutil.copy(folder / 'summary.json', results / 'live_soak.json')
+        shutil.copy(folder / 'soak.png', figures / 'live_soak.png')
+    (results / 'live_soak.md').write_text(
+        page(found, made('live_soak', sources_with(*FILES))), encoding='utf-8')
+
+
+if __name__ == '__main__':
+    main()

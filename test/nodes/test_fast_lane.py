@@ -1,0 +1,124 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The way past the executor: everything that it serves is called back for, and nothing starves."""
+
+import time
+
+from conftest import wait_until
+import numpy as np
+import pytest
+from rcl_interfaces.srv import GetParameters
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from std_msgs.msg import Float64
+
+from dp_swing_ros.messages.fields import seconds
+from dp_swing_ros.nodes.connections import subscribe
+from dp_swing_ros.nodes.fast_lane import FastLane, OFTEN, TURN
+from dp_swing_ros.topics import DISTURBANCE, FORCE_COMMAND, JOINT_STATES
+
+RATE = 400.0   # [Hz]
+
+
+def never():
+    return False
+
+
+@pytest.fixture
+def lane(peer):
+    """Return a busy lane of a subscription, what it heard, and a publisher to it."""
+    heard = []
+    subscription = subscribe(peer.node, DISTURBANCE, lambda message: heard.append(message.data))
+    made = FastLane(peer.context, subscription)
+    made.is_busy = True
+    return made, heard, peer.publisher(DISTURBANCE)
+
+
+def test_messages_are_called_back_for_in_their_order(lane):
+    one, heard, publisher = lane
+    for n in range(5):
+        publisher.publish(Float64(data=float(n)))
+
+    def are_there():
+        one.serve(never)
+        return len(heard) >= 5
+    assert wait_until(are_there)
+    assert heard == [0.0, 1.0, 2.0, 3.0, 4.0]
+
+
+def test_a_callback_may_ask_for_the_times_of_a_message(peer):
+    heard = []
+    subscription = subscribe(peer.node, DISTURBANCE,
+                             lambda message, info: heard.append((message.data, info)))
+    one = FastLane(peer.context, subscription)
+    one.is_busy = True
+    peer.publisher(DISTURBANCE).publish(Float64(data=3.0))
+    assert wait_until(lambda: one.serve(never) or heard)
+    (data, info), = heard
+    assert data == 3.0
+    assert abs(info['source_timestamp'] / 1e9 - time.time()) < 60.0
+
+
+def test_timers_and_guards_have_their_turn(peer):
+    steady, ticks, triggered = Clock(clock_type=ClockType.STEADY_TIME), [], []
+    timer = peer.node.create_timer(0.001, lambda: ticks.append(1), clock=steady)
+    stopped = peer.node.create_timer(0.001, lambda: ticks.append(-1), clock=steady)
+    stopped.cancel()
+    guard = peer.node.create_guard_condition(lambda: triggered.append(1))
+    one = FastLane(peer.context, subscribe(peer.node, DISTURBANCE, lambda message: None),
+                   timer, stopped, guard)
+    one.is_busy = True
+    guard.trigger()
+    one.serve(never)
+    assert triggered == [1]
+    assert wait_until(lambda: one.serve(never) or len(ticks) > 20)
+    assert -1 not in ticks
+
+
+def test_it_is_for_what_comes_often_alone(lane):
+    one, heard, publisher = lane
+    one.note()
+    time.sleep(1.5 * OFTEN)
+    one.note()
+    publisher.publish(Float64(data=1.0))
+    time.sleep(0.05)
+    one.serve(never)
+    assert not heard   # it is the executor's
+    one.note()
+    one.note()
+    assert wait_until(lambda: one.serve(never) or heard)
+
+
+def test_a_turn_ends_though_messages_come_on(lane):
+    one, heard, publisher = lane
+    for _ in range(2000):
+        publisher.publish(Float64())
+    one.subscription.callback = lambda message: time.sleep(1e-3) or heard.append(message)
+    began = time.monotonic()
+    one.serve(never)
+    assert time.monotonic() - began < 10 * TURN
+
+
+def test_nothing_is_called_back_for_when_all_is_over(lane):
+    one, heard, publisher = lane
+    publisher.publish(Float64())
+    publisher.publish(Float64())
+    assert wait_until(lambda: one.serve(lambda: bool(heard)) or heard)
+    one.serve(lambda: True)
+    assert len(heard) == 1
+
+
+def test_a_plant_in_a_hurry_answers_services_and_keeps_its_rate(peer, start_node):
+    """Against forces that come twice as often as its states go, from a bare publisher."""
+    plant = start_node('plant', {'rate': RATE})
+    plant.wait_for('states a second')
+    states, forces = peer.record(JOINT_STATES), peer.publisher(FORCE_COMMAND)
+    peer.node.create_timer(0.5 / RATE, lambda: forces.publish(Float64(data=0.1)))
+    assert peer.until(lambda: len(states) > RATE)
+    for _ in range(10):
+        answer = peer.call(GetParameters, '/plant/get_parameters', names=['rate'])
+        assert answer.values[0].double_value == RATE
+    stamps = np.array([seconds(state.header.stamp) for state in states])
+    assert np.median(np.diff(stamps)) == pytest.approx(1 / RATE, rel=0.1)
+    assert states[-1].effort[0] == pytest.approx(0.1)
+    assert plant.stop() == 0
