@@ -14,7 +14,7 @@ import subprocess
 PACKAGE = Path(__file__).parent
 COMPUTING = ('numpy', 'numba', 'scipy')
 # what no episode depends on
-AFTERWARDS = ('__main__.py', 'bags/', 'evaluation/campaign/manifest.py',
+AFTERWARDS = ('__main__.py', 'bags/', 'console/', 'evaluation/campaign/manifest.py',
               'evaluation/campaign/report.py', 'evaluation/campaign/runner.py',
               'evaluation/campaign/summary.py', 'evaluation/comparison.py', 'evaluation/soak.py',
               'executables.py',

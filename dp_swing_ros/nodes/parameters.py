@@ -1,7 +1,7 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Parameters of logger, replay and faults, and the tables of all parameters; needs no ROS.
+Parameters of logger, replay, faults and console, and the tables of all parameters; needs no ROS.
 
 Plant and mpc have theirs where the plant and the controller are: see configuration.declared.
 """
@@ -94,6 +94,26 @@ class FaultsParameters(Parameters):
     seed: int = parameter(0, 'seed of all faults', minimum=0, live=False)
 
 
+@dataclasses.dataclass(frozen=True)
+class ConsoleParameters(Parameters):
+    """Where the page is served, to whom, and how it pulls."""
+
+    address: str = parameter(
+        '127.0.0.1', 'address to serve the page at; any but one of this machine alone asks for a '
+        'token', live=False)
+    port: int = parameter(8080, 'port to serve the page at (0: any that is free)', minimum=0,
+                          maximum=65535, live=False)
+    token: str = parameter(
+        '', 'what the address must be opened with; empty: made, where one is needed', live=False)
+    read_only: bool = parameter(False, 'let pages look, and change nothing', live=False)
+    recordings: str = parameter(
+        'runs', 'folder in which recordings are made, and of which pages may see all', live=False)
+    pull_stiffness: float = parameter(
+        100.0, 'of the spring by which a page pulls at cart or link', unit='N/m', minimum=0.0)
+    pull_limit: float = parameter(
+        30.0, 'largest force of pulls and pushes, either way', unit='N', minimum=0.0)
+
+
 def table(fields: Mapping[str, dataclasses.Field]) -> str:
     """Return the Markdown table of parameters by their full names."""
     return compact([('parameter', 'default', 'unit', 'range', 'description'), *(
@@ -123,4 +143,4 @@ FAULTS = {**named(ChannelParameters, STATE), **named(ChannelParameters, COMMAND)
           **named(FaultsParameters)}
 # by the name of the node, but for plant and mpc
 OWN = {'relay': named(Parameters), 'echo': named(Parameters), 'logger': named(LoggerParameters),
-       'replay': named(ReplayParameters), 'faults': FAULTS}
+       'replay': named(ReplayParameters), 'faults': FAULTS, 'console': named(ConsoleParameters)}

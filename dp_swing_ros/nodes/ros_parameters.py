@@ -23,6 +23,7 @@ from std_msgs.msg import String
 
 from dp_swing_ros.messages.configuration import Configuration
 from dp_swing_ros.nodes.connections import publish
+from dp_swing_ros.nodes.parameters import shown
 from dp_swing_ros.parameters import checked, expected, LARGEST, ParameterError, unknown
 from dp_swing_ros.parameters.files import ANY_NODE, QOS_OVERRIDES, sections
 from dp_swing_ros.provenance import commit, machine, package_version, packages, sources
@@ -152,10 +153,12 @@ def _listed(value: Any) -> Any:
 
 
 def _descriptor(field: dataclasses.Field, live: bool) -> ParameterDescriptor:
+    # unit and default have no field of their own; who wants them apart finds them at the end
     about = field.metadata
     unit = f' [{about["unit"]}]' if about['unit'] else ''
-    descriptor = ParameterDescriptor(description=about['description'] + unit,
-                                     read_only=not (live and about['live']))
+    descriptor = ParameterDescriptor(
+        description=f'{about["description"]}{unit} (default: {shown(field.default)})',
+        read_only=not (live and about['live']))
     low, high = about['minimum'], about['maximum']
     if isinstance(field.default, tuple) or math.isinf(low) and math.isinf(high):
         # ROS knows no range of the elements of a list.

@@ -1,0 +1,208 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the page shows: the newest of everything that was heard, live or from a bag."""
+
+from collections.abc import Callable
+from contextlib import suppress
+import math
+from typing import Any
+
+import numpy as np
+
+from dp_swing_ros.messages.configuration import Configuration, from_text
+from dp_swing_ros.messages.fields import (
+    from_diagnostics, from_trajectory, links_in, nanoseconds, Report, seconds, to_force, to_state)
+from dp_swing_ros.parameters import group, ParameterError
+from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
+from dp_swing_ros.pendulum.sensors import default_sensors, SensorParameters
+from dp_swing_ros.pendulum.state import Array, joints
+from dp_swing_ros.pendulum.urdf import from_urdf
+from dp_swing_ros.topics import (
+    CONFIGURATION, DIAGNOSTICS, DISTURBANCE, FORCE_COMMAND, JOINT_STATES, PLAN,
+    ROBOT_DESCRIPTION, Topic, TRIES)
+
+CONTROLLER, PLANT = 'mpc', 'plant'   # the last parts of their names
+SHADOW = f'{CONTROLLER}: shadow '    # how the name of a shadow's status begins
+CART = (0.44, 0.22)   # [m] as it is drawn
+POINTS = 60           # of a plan or a path at most
+DIGITS = 4            # after the point: a tenth of a millimetre
+HEARD = (JOINT_STATES, FORCE_COMMAND, DISTURBANCE, PLAN, TRIES, DIAGNOSTICS, ROBOT_DESCRIPTION,
+         CONFIGURATION)
+
+
+class Scene:
+    """
+    The newest of everything; `hear` takes messages, the rest makes what the page is sent.
+
+    Messages that are none of this pendulum leave it as it is.
+    """
+
+    def __init__(self, joint_states: str = '/joint_states') -> None:
+        """Take the full name of the topic of the states, by which statuses are told apart."""
+        self.joint_states = joint_states
+        self.physical, self.limits = PendulumParameters(), LimitParameters()
+        self.configurations: dict[str, Configuration] = {}   # by the last part of the name
+        self.statuses: dict[str, tuple[int, str]] = {}       # level and message by name
+        self.shadows: dict[str, dict[str, Any]] = {}         # by solver
+        self.x: Array | None = None
+        self.stamp = 0            # [ns]
+        self.u = self.force = math.nan   # [N]
+        self.push = self.coming_push = 0.0   # [N] that acts now, and in the next period
+        self.plan: Any = None     # messages, which are taken apart where they are shown
+        self.tries: Any = None
+        self.tick: Report | None = None
+        self.paused = False
+        self._hear: dict[str, Callable[[Any], None]] = {
+            JOINT_STATES.name: self._on_state, FORCE_COMMAND.name: self._on_force,
+            DISTURBANCE.name: self._on_disturbance, PLAN.name: self._on_plan,
+            TRIES.name: self._on_tries, DIAGNOSTICS.name: self._on_diagnostics,
+            ROBOT_DESCRIPTION.name: self._on_description,
+            CONFIGURATION.name: self._on_configuration}
+
+    def hear(self, topic: Topic, message: Any) -> None:
+        """Take a message of one of the topics HEARD."""
+        with suppress(AttributeError, LookupError, TypeError, ValueError):   # of another robot
+            self._hear[topic.name](message)
+
+    def _on_state(self, message: Any) -> None:
+        sensors = self.sensors(links_in(message))
+        x = to_state(message, len(sensors.joint_names) - 1, sensors)
+        self.stamp, self.x = nanoseconds(message.header.stamp), x
+        self.u = to_force(message, sensors.joint_names[0])
+        self.push, self.coming_push = self.coming_push, 0.0
+
+    def _on_force(self, message: Any) -> None:
+        self.force = message.data
+
+    def _on_disturbance(self, message: Any) -> None:
+        self.coming_push += message.data
+
+    def _on_plan(self, message: Any) -> None:
+        self.plan = message
+
+    def _on_tries(self, message: Any) -> None:
+        self.tries = message
+
+    def _on_description(self, message: Any) -> None:
+        self.physical, self.limits = from_urdf(message.data)
+
+    def _on_configuration(self, message: Any) -> None:
+        found = from_text(message.data)
+        self.configurations[found.node.rsplit('/', 1)[-1]] = found
+        if PLANT not in self.configurations and CONTROLLER in self.configurations:
+            values = self.configurations[CONTROLLER].parameters   # of a rig without a description
+            self.physical = group(PendulumParameters, values)
+            self.limits = group(LimitParameters, values)
+
+    def _on_diagnostics(self, message: Any) -> None:
+        for status in message.status:
+            level = status.level[0] if isinstance(status.level, bytes) else status.level
+            self.statuses[status.name] = level, status.message
+            solver = status.name.rsplit('/', 1)[-1].removeprefix(SHADOW)
+            if solver != status.name.rsplit('/', 1)[-1]:
+                report = from_diagnostics(message, SHADOW + solver, self.joint_states)
+                if report is not None:
+                    self.shadows[solver] = report.values
+        self.tick = from_diagnostics(message, CONTROLLER, self.joint_states) or self.tick
+
+    def sensors(self, links: int) -> SensorParameters:
+        """Return how the sensors of a pendulum are read, of so many links if nobody says."""
+        for node in (CONTROLLER, PLANT):
+            links = self.value(node, 'links', links)
+        with suppress(ParameterError):
+            return group(SensorParameters, {**default_sensors(links),
+                                            **self.parameters(CONTROLLER)})
+        return group(SensorParameters, default_sensors(links))
+
+    def parameters(self, node: str) -> dict[str, Any]:
+        """Return what a node has said that it runs with."""
+        return self.configurations[node].parameters if node in self.configurations else {}
+
+    def value(self, node: str, name: str, otherwise: Any) -> Any:
+        """Return a parameter of a node, if it has said so."""
+        return self.parameters(node).get(name, otherwise)
+
+    @property
+    def t(self) -> float:
+        """Return the time of the newest state [s]."""
+        return self.stamp / 1e9
+
+    @property
+    def period(self) -> float:
+        """Return the time between two states [s]."""
+        return 1 / self.value(PLANT, 'rate', 20.0)
+
+    def about(self) -> dict[str, Any]:
+        """Return the pendulum, for `hello`."""
+        return {
+            'links': self.physical.links, 'lengths': list(self.physical.lengths), 'cart': CART,
+            'limits': {'track': number(self.limits.track_limit),
+                       'margin': self.value(CONTROLLER, 'track_margin', None),
+                       'force': number(self.limits.force_limit),
+                       'disturbance': self.value(PLANT, 'disturbance_limit', None)},
+            'period': self.period, 'lockstep': bool(self.value(PLANT, 'lockstep', False))}
+
+    def frame(self) -> dict[str, Any] | None:
+        """Return what changes from state to state; None before the first."""
+        if self.x is None:
+            return None
+        values = self.tick.values if self.tick else {}
+        estimate = [values.get(f'estimate_{joint}_{kind}') for kind in ('position', 'velocity')
+                    for joint in joints(len(self.x) // 2 - 1)]
+        return {
+            'kind': 'frame', 't': self.t, 'x': numbers(self.x), 'u': number(self.u),
+            'force': number(self.force), 'push': number(self.push),
+            'estimate': None if None in estimate else numbers(np.array(estimate)),
+            'plan': plan(self.plan), 'tries': tries(self.tries),
+            'tick': {name: number(value) for name, value in values.items()} or None,
+            'shadows': {solver: shadow(each) for solver, each in self.shadows.items()},
+            'paused': self.paused}
+
+    def status(self) -> dict[str, Any]:
+        """Return all statuses."""
+        return {'kind': 'status', 'statuses': [
+            {'name': name, 'level': level, 'message': message}
+            for name, (level, message) in sorted(self.statuses.items())]}
+
+
+def number(value: Any) -> Any:
+    """Return a number for JSON, which knows neither NaN nor infinity; a text as it is."""
+    if isinstance(value, (int, str)):
+        return value
+    return float(f'{value:.6g}') if math.isfinite(value) else None
+
+
+def numbers(values: Array, digits: int = DIGITS) -> Any:
+    """Return an array for JSON, with so many digits after the point."""
+    rounded = np.round(values, digits)
+    if np.isfinite(rounded).all():
+        return rounded.tolist()
+    return [numbers(each, digits) if each.ndim else None if not math.isfinite(each) else
+            float(each) for each in rounded]
+
+
+def plan(message: Any) -> dict[str, Any] | None:
+    """Return a plan, thinned to POINTS."""
+    if message is None or len(message.points) < 2:
+        return None
+    found = from_trajectory(message)
+    step = math.ceil(len(found.t) / POINTS)
+    return {'t': seconds(message.header.stamp), 'dt': float(found.t[1]) * step,
+            'X': numbers(found.X[::step]), 'U': numbers(found.U[::step])}
+
+
+def tries(message: Any) -> dict[str, Any] | None:
+    """Return the paths of the tip [m] with their weights, thinned to POINTS a path."""
+    if message is None or not message.width * message.height:
+        return None
+    kind = '>f4' if message.is_bigendian else '<f4'
+    cloud = np.frombuffer(bytes(message.data), kind).reshape(message.height, message.width, -1)
+    step = math.ceil(message.width / POINTS)
+    return {'paths': numbers(cloud[:, ::step, [0, 2]].astype(float), 3),
+            'weights': numbers(cloud[:, 0, 3].astype(float))}
+
+
+def shadow(values: dict[str, Any]) -> dict[str, Any]:
+    """Return what a shadow would have done."""
+    return {name: number(values.get(name, math.nan))
+            for name in ('cost', 'regret', 'force', 'solve_time', 'behind')}

@@ -1,0 +1,151 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The parameters of other nodes, as their descriptors tell them, ours or anybody's."""
+
+from collections.abc import Callable, Mapping
+import math
+import re
+from typing import Any
+
+from rcl_interfaces.msg import ParameterDescriptor, ParameterEvent, ParameterType
+from rclpy.node import Node
+from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.parameter_client import AsyncParameterClient
+from rclpy.task import Future
+
+from dp_swing_ros.console.requests import RequestError
+from dp_swing_ros.parameters import LARGEST, ParameterError
+from dp_swing_ros.parameters.files import is_of_rclpy, value_of
+
+TYPES = {
+    ParameterType.PARAMETER_BOOL: 'bool', ParameterType.PARAMETER_INTEGER: 'integer',
+    ParameterType.PARAMETER_DOUBLE: 'double', ParameterType.PARAMETER_STRING: 'string',
+    ParameterType.PARAMETER_BOOL_ARRAY: 'bool[]',
+    ParameterType.PARAMETER_INTEGER_ARRAY: 'integer[]',
+    ParameterType.PARAMETER_DOUBLE_ARRAY: 'double[]',
+    ParameterType.PARAMETER_STRING_ARRAY: 'string[]'}
+KINDS: dict[str, type | tuple[type, ...]] = {
+    'bool': bool, 'integer': int, 'double': (int, float), 'string': str}
+# how nodes/ros_parameters.py writes what a descriptor has no field for
+ABOUT = re.compile(r'(?P<text>.*?)(?: \[(?P<unit>[^][]*)\])?(?: \(default: (?P<default>.*)\))?',
+                   re.S)
+LEAST, MOST = (re.compile(rf'{words} (-?[\d.]+(?:e[+-]?\d+)?)') for words in (
+    'at least', 'at most'))
+CHOICES = re.compile(r'(?:each )?one of (.*)')
+
+
+class Partner:
+    """Another node, whose parameters can be seen and changed."""
+
+    def __init__(self, node: Node, name: str, changed: Callable[[], None]) -> None:
+        """Take the full name of the other node; `changed` is called when the list is another."""
+        self.name, self.changed = name, changed
+        self._client = AsyncParameterClient(node, name)
+        self._asked = False
+        self.described: dict[str, dict[str, Any]] = {}   # for the page, by name
+
+    def look(self) -> None:
+        """Ask for the list, unless that is done, as soon as the other node can answer."""
+        if not self._asked and self._client.services_are_ready():
+            self._asked = True
+            self._client.list_parameters([], 0, self._on_list)
+
+    def on_event(self, event: ParameterEvent) -> None:
+        """Take the news of a change."""
+        if event.new_parameters:   # it was started again
+            self._asked = False
+            self.look()
+            return
+        for each in event.changed_parameters:
+            if each.name in self.described:
+                self.described[each.name]['value'] = _jsonable(
+                    parameter_value_to_python(each.value))
+        self.changed()
+
+    def set(self, values: Mapping[str, Any], then: Callable[[bool, str], None]) -> None:  # noqa: A003,E501
+        """Change parameters, all or none; raises RequestError for a name or a type it lacks."""
+        asked = [Parameter(name, value=self._typed(name, value))
+                 for name, value in values.items()]
+
+        def on_done(future: Future) -> None:
+            result = future.result().result
+            then(result.successful, result.reason)
+
+        if not self._client.services_are_ready():
+            raise RequestError(f'{self.name} does not answer')
+        self._client.set_parameters_atomically(asked, on_done)
+
+    def _on_list(self, future: Future) -> None:
+        names = sorted(name for name in future.result().result.names if not is_of_rclpy(name))
+
+        def on_descriptors(descriptors: Future) -> None:
+            def on_values(values: Future) -> None:
+                self.described = {
+                    name: described(name, descriptor, parameter_value_to_python(value))
+                    for name, descriptor, value in zip(
+                        names, descriptors.result().descriptors, values.result().values)}
+                self.changed()
+            self._client.get_parameters(names, on_values)
+
+        self._client.describe_parameters(names, on_descriptors)
+
+    def _typed(self, name: str, value: Any) -> Any:
+        """Return a value of JSON in the type of a parameter; raises RequestError."""
+        if name not in self.described:
+            raise RequestError(f'{self.name} has no parameter {name[:80]!r}')
+        kind, _, listed = self.described[name]['type'].partition('[')
+        elements = value if listed else [value]
+        if not isinstance(elements, list) or not all(
+                isinstance(each, KINDS[kind]) and isinstance(each, bool) == (kind == 'bool')
+                for each in elements):
+            raise RequestError(f'parameter {name!r} is {repr(value)[:80]}; expected '
+                               f'{self.described[name]["type"]}')
+        if kind == 'double':
+            elements = list(map(float, elements))
+        return elements if listed else elements[0]
+
+
+def described(name: str, descriptor: ParameterDescriptor, value: Any) -> dict[str, Any]:
+    """Return all that is known of a parameter, for the page."""
+    about = ABOUT.fullmatch(descriptor.description)
+    assert about is not None   # it matches any text
+    kind = TYPES.get(descriptor.type, 'string')
+    choices = CHOICES.fullmatch(descriptor.additional_constraints)
+    low, high = bounds(descriptor)
+    return {'name': name, 'type': kind, 'value': _jsonable(value),
+            'default': default(about['default'], kind), 'unit': about['unit'] or '',
+            'minimum': low, 'maximum': high,
+            'choices': choices[1].split(', ') if choices else None,
+            'description': about['text'], 'read_only': descriptor.read_only}
+
+
+def bounds(descriptor: ParameterDescriptor) -> tuple[float | None, ...]:
+    """Return the least and the largest value; None where there is no bound."""
+    for each in (*descriptor.integer_range, *descriptor.floating_point_range):
+        low, high = float(each.from_value), float(each.to_value)
+        return (low if low > -LARGEST else None, high if high < LARGEST else None)
+    found = [bound.search(descriptor.additional_constraints) for bound in (LEAST, MOST)]
+    return tuple(float(each[1]) if each else None for each in found)
+
+
+def default(text: str | None, kind: str) -> Any:
+    """Return a default that a description ends with, in the type of its parameter."""
+    if text is None:
+        return None
+    if kind.endswith('[]'):
+        inner = text.strip('[]')
+        return [default(each, kind[:-2]) for each in inner.split(', ')] if inner else []
+    try:
+        value = value_of(text) if kind != 'string' else text
+    except ParameterError:
+        return None
+    return _jsonable(float(value) if kind == 'double' else value)
+
+
+def _jsonable(value: Any) -> Any:
+    # an infinite limit has no number in JSON
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, (bool, int, str)) or value is None:
+        return value
+    return [_jsonable(each) for each in value]
