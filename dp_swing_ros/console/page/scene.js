@@ -1,0 +1,132 @@
+// Copyright 2026 the dp_swing_ros authors
+// SPDX-License-Identifier: Apache-2.0
+// The picture: the pendulum between its last states, what pulls at it, and what the mpc plans.
+
+import {colours, linkColour} from './colours.js';
+import {BELOW_TRACK, Brush, fit, View} from './draw.js';
+import {ahead, joints, linksOf, placeOn, tip} from './geometry.js';
+import {number} from './dom.js';
+
+const TRACE = 1.2, TRACE_STEP = 0.02;  // [s]
+const GHOSTS = 4;         // poses of the plan that are drawn
+const DIFFERENT = 0.02;   // [m] from where on an estimate is drawn beside the measurement
+const RUN = 1.6;          // [s] in which the ghost runs to the end of the plan
+
+export class Scene {
+  shows = {plan: true, samples: true, trace: true, estimate: true};
+  reference = null;       // [m] the cart's
+  held = null;            // {body, along, to} while the user pulls
+  aimed = null;           // [m] where a click would move the reference
+
+  constructor(canvas, stream) {
+    Object.assign(this, {canvas, stream});
+  }
+
+  configure(hello) {
+    this.hello = hello;
+  }
+
+  /** Draw the state at a time [s] of the stream, or a given one; now [ms] moves the ghost. */
+  draw(now, given = null) {
+    const {pen, width, height} = fit(this.canvas);
+    if (!this.hello || width === 0) return;
+    const {limits, lengths, cart} = this.hello, reach = lengths.reduce((a, b) => a + b);
+    this.view = new View(width, height, Math.min(limits.track ?? 3, 12) + cart[0] + 0.25, 1.14 * reach);
+    const brush = new Brush(pen, this.view);
+    brush.track(limits, cart, true, this.reference);
+    this.drawReference(brush);
+    const frame = this.stream.newest;
+    const x = given?.x ?? this.stream.at(this.stream.shown);
+    if (!x?.every(Number.isFinite)) return;
+    const places = joints(x, lengths);
+    this.places = places;
+    if (this.shows.trace) this.drawTrace(brush, given);
+    if (!given) this.drawThoughts(brush, frame, now);
+    brush.pendulum(places, cart);
+    if (!given) this.drawEstimate(brush, frame, x);
+    this.drawForces(brush, given ?? frame, places, !given);
+  }
+
+  drawReference(brush) {
+    const mark = (x, alpha) => {
+      const z = BELOW_TRACK - 0.02;
+      brush.path([[x, z], [x - 0.07, z - 0.13], [x + 0.07, z - 0.13]]);
+      brush.pen.globalAlpha = alpha;
+      brush.pen.fillStyle = colours.accent;
+      brush.pen.fill();
+      brush.pen.globalAlpha = 1;
+    };
+    if (this.reference !== null) mark(this.reference, 1);
+    if (this.aimed === null) return;
+    mark(this.aimed, 0.5);
+    brush.text(`${number(this.aimed)} m`, [this.aimed, BELOW_TRACK - 0.3], colours.accent, [0, 4]);
+  }
+
+  drawTrace(brush, given) {
+    const {lengths} = this.hello, end = given?.t ?? this.stream.shown;
+    const state = given ? given.at : t => this.stream.at(t);
+    const first = given ? end - TRACE : Math.max(end - TRACE, this.stream.times[0] ?? end);
+    let before = null;
+    for (let t = first; t <= end; t += TRACE_STEP) {
+      const x = state(t), place = x?.every(Number.isFinite) ? tip(x, lengths) : null;
+      if (before && place) {
+        const alpha = 0.75 * (1 - (end - t) / TRACE) ** 1.5;
+        brush.line([before, place], linkColour(linksOf(x) - 1), 3, alpha, [], 'butt');
+      }
+      before = place;
+    }
+  }
+
+  /** Draw what the mpc plans, as a ghost that runs ahead, and what it tried. */
+  drawThoughts(brush, frame, now) {
+    const {lengths} = this.hello, {plan, tries} = frame;
+    if (tries && this.shows.samples) this.drawTries(brush, tries);
+    if (!plan || !this.shows.plan || plan.X.length < 2) return;
+    const end = (plan.X.length - 1) * plan.dt;
+    brush.line(plan.X.map(x => tip(x, lengths)), linkColour(lengths.length - 1), 1.5, 0.75, [2, 5]);
+    for (let n = GHOSTS; n > 0; n--) {
+      brush.outline(joints(ahead(plan, n / GHOSTS * end), lengths), this.hello.cart,
+                    0.3 - 0.05 * n, []);
+    }
+    const run = now / 1000 / RUN % 1;
+    brush.outline(joints(ahead(plan, run * end), lengths), this.hello.cart, 0.75 * (1 - run), []);
+  }
+
+  /** Draw the fan of tips that were tried: the heavier, the stronger and the later. */
+  drawTries(brush, {paths, weights}) {
+    const most = Math.max(...weights, 1e-12);
+    const order = weights.map((weight, n) => [weight / most, n]).sort((a, b) => a[0] - b[0]);
+    for (const [share, n] of order) {
+      brush.line(paths[n], share > 0.5 ? colours.c5 : colours.c6, 1 + share, 0.3 + 0.5 * share);
+    }
+  }
+
+  drawEstimate(brush, {estimate}, x) {
+    if (!estimate?.every(Number.isFinite) || !this.shows.estimate) return;
+    const {lengths, cart} = this.hello, measured = this.stream.newest.x;
+    if (!measured.every(Number.isFinite) || measured.length !== estimate.length) return;
+    // the estimate is of the newest state: draw its difference at the one that is shown
+    const shown = x.map((value, i) => value + estimate[i] - measured[i]);
+    const [places, others] = [joints(x, lengths), joints(shown, lengths)];
+    const off = Math.max(...places.map(([a, b], n) => Math.hypot(a - others[n][0], b - others[n][1])));
+    const cartIsOff = Math.abs(places[0][0] - others[0][0]) > DIFFERENT / 2;
+    if (off > DIFFERENT) brush.outline(others, cartIsOff ? cart : null, 0.9, [5, 4]);
+  }
+
+  /** Draw the force of the mpc, the push beside it, and the rubber line of the user's pull. */
+  drawForces(brush, {u, push}, places, labels) {
+    const [width, height] = this.hello.cart, text = force => labels ? `${number(force, 0)} N` : '';
+    brush.arrow(places[0], u, colours.force, width / 2, text(u));
+    const above = [places[0][0], height / 2 + 0.1];
+    if (!this.held) {
+      if (push) brush.arrow(above, push, colours.push, 0, text(push));
+      return;
+    }
+    const place = placeOn(places, this.held);
+    brush.line([place, this.held.to], colours.push, 2.5, 0.9, [6, 5]);
+    brush.dot(place, 5, colours.push);
+    brush.dot(this.held.to, 8, 'transparent', colours.push);
+    if (push) brush.arrow(place, push, colours.push, 0.02, text(push));
+    else brush.text('0 N', this.held.to, colours.push, [0, -20]);
+  }
+}

@@ -1,0 +1,63 @@
+// Copyright 2026 the dp_swing_ros authors
+// SPDX-License-Identifier: Apache-2.0
+// The frames of the last seconds, and the time that is shown: about one state behind the newest.
+
+import {at} from './geometry.js';
+
+const KEPT = 14;          // [s] of frames
+const SLACK = 1.2;        // states behind, so that one that is a little late makes no halt
+const LONGEST_GAP = 0.5;  // [s] of stamps between frames that are shown as one motion
+const LONGEST_WAIT = 3000; // [ms] between frames of one motion, in slow motion too
+
+export class Stream {
+  frames = [];
+  times = [];
+  states = [];
+  shown = 0;         // [s] the time that is shown, by the stamps
+  interval = 50;     // [ms] between frames, smoothed
+  arrived = 0;       // [ms] when the newest came
+  drawn = 0;         // [ms] when `shown` was last moved on
+
+  get newest() {
+    return this.frames.at(-1) ?? null;
+  }
+
+  /** Take a frame that came at a time [ms]; what is older than it keeps its figures alone. */
+  push(frame, now) {
+    const before = this.newest;
+    if (before && (frame.t < before.t || frame.t > before.t + LONGEST_GAP * 10)) this.clear();
+    const gap = now - this.arrived;
+    if (gap < LONGEST_WAIT) this.interval += 0.1 * (gap - this.interval);
+    this.arrived = now;
+    if (before) [before.plan, before.tries] = [null, null];
+    if (before?.t === frame.t) for (const list of this.lists) list.pop();
+    this.frames.push(frame);
+    this.times.push(frame.t);
+    this.states.push(frame.x);
+    while (this.times[0] < frame.t - KEPT) for (const list of this.lists) list.shift();
+    if (this.frames.length === 1) this.shown = frame.t;
+  }
+
+  get lists() {
+    return [this.frames, this.times, this.states];
+  }
+
+  clear() {
+    for (const list of this.lists) list.length = 0;
+  }
+
+  /** Move the shown time on to now [ms], so that it meets the newest state when the next is due. */
+  advance(now) {
+    const target = this.newest?.t ?? 0, due = this.arrived + SLACK * this.interval;
+    const left = due - this.drawn;
+    const share = left > 0 ? Math.min((now - this.drawn) / left, 1) : 1;
+    if (target - this.shown > LONGEST_GAP) this.shown = target;
+    this.shown += Math.max(target - this.shown, 0) * share;
+    this.drawn = now;
+  }
+
+  /** Return the state at a time [s]. */
+  at(time) {
+    return at(time, this.times, this.states);
+  }
+}

@@ -1,0 +1,152 @@
+// Copyright 2026 the dp_swing_ros authors
+// SPDX-License-Identifier: Apache-2.0
+// What the mpc thinks: plots of its ticks, the pendulum that it has learned, diagnostics in words.
+
+import {colours, linkColour, solverColour} from './colours.js';
+import {element, find, number, short, solverName, words} from './dom.js';
+import {wrapped} from './geometry.js';
+import {Plot} from './plots.js';
+
+const TERMS = ['angles', 'position', 'velocities', 'force', 'limits', 'terminal'];
+const PHASES = ['estimate', 'starts', 'rollout', 'derivatives', 'backward', 'line_search', 'noise',
+  'rollouts', 'update', 'descents'];
+const SHADES = ['c1', 'c2', 'c3', 'c5', 'c6', 'c4', 'c7'];
+const LEVELS = ['ok', 'warning', 'error', 'stale'], SIGNS = ['✓', '!', '✕', '…'];
+const DRAWN = 33;      // [ms] between drawings
+const WRITTEN = 250;   // [ms] between the numbers in words
+const TICKS = [[-Math.PI, '−π'], [0, '0'], [Math.PI, 'π']];
+
+const millis = name => ({tick}) => Number.isFinite(tick?.[name]) ? 1000 * tick[name] : null;
+
+export class Thoughts {
+  drawn = 0;
+  written = 0;
+  shadows = [];
+  phases = '';
+  parameters = {};       // of each node, by name
+
+  constructor(stream) {
+    this.stream = stream;
+    this.place = find('#plots');
+  }
+
+  configure(hello) {
+    this.hello = hello;
+    const {links, limits, period} = hello, line = c => () => colours[c];
+    const angles = Array.from({length: links}, (_, n) => ({
+      name: `θ${'₁₂₃'[n]}`, colour: () => linkColour(n), wraps: Math.PI,
+      of: ({x}) => wrapped(x[n + 1] ?? NaN), ahead: plan => plan.X.map(x => wrapped(x[n + 1]))}));
+    const both = value => [{of: () => value}, {of: () => -value}];
+    const track = limits.track ?? null, force = limits.force ?? 20;
+    this.force = new Plot({
+      title: 'Force', unit: 'N', least: force,
+      levels: both(force),
+      series: [{name: 'commanded', colour: line('force'), step: true, of: frame => frame.force,
+                ahead: plan => plan.U},
+               {name: 'push', colour: line('push'), step: true, of: frame => frame.push || 0}]});
+    this.angles = new Plot({
+      title: 'Angles', unit: 'rad, 0 is upright', series: angles, ticks: TICKS,
+      range: () => [-3.3, 3.3]});
+    this.position = new Plot({
+      title: 'Position', unit: 'm', least: 1,
+      range: track && track < 20 ? () => [-1.08 * track, 1.08 * track] : null,
+      ticks: track && track < 20 ? [-track, 0, track].map(x => [x, number(x, 1)]) : null,
+      levels: track ? both(track - limits.margin) : [],
+      series: [{name: 'x', colour: line('ink'), of: ({x}) => x[0], ahead: plan => plan.X.map(x => x[0])}]});
+    this.cost = new Plot({
+      title: 'Cost of the plan', unit: 'by term', stack: true, least: 0.1,
+      series: TERMS.map((term, n) => ({
+        name: term, colour: line(SHADES[n]), of: ({tick}) => tick?.[`cost_${term}`]}))});
+    this.time = new Plot({
+      title: 'Solve time', unit: 'ms; the dashed line is the deadline', stack: true, least: 4,
+      levels: [{of: () => 1000 * (this.parameters.mpc?.time_limit?.value ?? 0.8 * period),
+                colour: line('alarm')}], series: []});
+    this.iterations = new Plot({
+      title: 'Iterations', unit: 'a tick', least: 5,
+      series: [{name: '', colour: line('c1'), step: true, of: ({tick}) => tick?.iterations}]});
+    this.regret = new Plot({
+      title: 'Regret of not obeying', unit: 'cost, by shadow', least: 0.1, series: []});
+    this.plots = [this.angles, this.position, this.force, this.cost, this.time, this.iterations,
+      this.regret];
+    this.place.replaceChildren(...this.plots.map(plot => plot.figure));
+    this.regret.figure.hidden = true;
+    this.phases = '';
+    this.shadows = [];
+  }
+
+  onParameters({node, parameters}) {
+    this.parameters[node] = Object.fromEntries(parameters.map(each => [each.name, each]));
+  }
+
+  /** Let the plots follow what this solver spends its time on, and which shadows there are. */
+  onFrame({tick, shadows}) {
+    if (!this.hello) return;
+    const present = PHASES.filter(phase => tick && `${phase}_time` in tick);
+    if (present.join() !== this.phases) {
+      this.phases = present.join();
+      this.time.series = [
+        ...present.map((phase, n) => ({name: words(phase), colour: () => colours[SHADES[n % 7]],
+                                       of: millis(`${phase}_time`)})),
+        {name: 'latency', colour: () => colours.ink, over: true, of: millis('latency')}];
+    }
+    const names = Object.keys(shadows ?? {});
+    if (names.join() === this.shadows.join()) return;
+    this.shadows = names;
+    this.regret.figure.hidden = names.length === 0;
+    this.regret.series = names.map((name, n) => ({
+      name: solverName(name), colour: () => solverColour(name, n),
+      of: frame => frame.shadows?.[name]?.regret}));
+  }
+
+  draw(now) {
+    if (!this.hello || now - this.drawn < DRAWN || find('#thoughts').hidden) return;
+    this.drawn = now;
+    const frame = this.stream.newest;
+    if (!frame) return;
+    for (const plot of this.plots) plot.draw(this.stream.frames, this.stream.shown, frame.plan);
+    if (now - this.written < WRITTEN) return;
+    this.written = now;
+    this.write(frame);
+  }
+
+  write({x, force, tick}) {
+    const {links} = this.hello;
+    this.angles.value.textContent = x.slice(1, links + 1).map(a => number(wrapped(a ?? NaN))).join(', ');
+    this.position.value.textContent = `${number(x[0])} m`;
+    this.force.value.textContent = `${number(force, 1)} N`;
+    this.cost.value.textContent = short(tick?.cost);
+    this.time.value.textContent = `${number(1000 * tick?.solve_time, 1)} ms` +
+      `, latency ${number(1000 * tick?.latency, 1)} ms`;
+    this.iterations.value.textContent = tick?.iterations ?? '–';
+    this.writeLearned(tick);
+  }
+
+  /** Set what the estimator has learned beside what the plant has, where both are known. */
+  writeLearned(tick) {
+    const {mpc, plant} = this.parameters;
+    const names = Object.keys(tick ?? {}).filter(name =>
+      mpc?.[name] && !['solver', 'enabled'].includes(name) && typeof tick[name] === 'number');
+    const section = find('#learned');
+    section.hidden = names.length === 0;
+    const rows = names.map(name => {
+      const told = tick[name], truth = plant?.[name]?.value, doubt = tick[`${name}_deviation`];
+      const off = typeof truth === 'number' ? told - truth : NaN;
+      const share = truth ? `${number(100 * off / truth, 1)} %` : '';
+      return element('tr', {},
+        element('th', {scope: 'row', textContent: words(name)}),
+        element('td', {textContent: number(told, 3) + (doubt === undefined ? '' : ` ± ${number(doubt, 3)}`)}),
+        element('td', {textContent: number(truth, 3)}),
+        element('td', {textContent: Number.isFinite(off) ? share || number(off, 3) : '–'}),
+        element('td', {className: 'unit', textContent: mpc[name].unit ?? ''}));
+    });
+    section.querySelector('tbody').replaceChildren(...rows);
+  }
+
+  onStatus({statuses}) {
+    find('#statuses').replaceChildren(...statuses.map(({name, level, message}) => element(
+      'li', {className: LEVELS[level] ?? 'stale'},
+      element('span', {className: 'sign', textContent: SIGNS[level] ?? '…',
+                       title: LEVELS[level] ?? ''}),
+      element('b', {textContent: name}), element('span', {textContent: message}))));
+  }
+}
