@@ -104,6 +104,9 @@ class Scene:
                 if report is not None:
                     self.shadows[solver] = report.values
         self.tick = from_diagnostics(message, CONTROLLER, self.joint_states) or self.tick
+        plant = from_diagnostics(message, PLANT, self.joint_states)
+        if plant is not None:
+            self.paused = bool(plant.values.get('paused', False))
 
     def sensors(self, links: int) -> SensorParameters:
         """Return how the sensors of a pendulum are read, of so many links if nobody says."""

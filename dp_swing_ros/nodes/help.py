@@ -16,7 +16,7 @@ from dp_swing_ros.topics import (
     ROBOT_DESCRIPTION, Topic, TRIES)
 
 WIDTH = 99
-SWITCHES = ('mpc/enable',)   # services that are asked for true or false
+SWITCHES = ('mpc/enable', 'plant/pause')   # services that are asked for true or false
 USAGE = """\
 usage: ros2 run dp_swing_ros {name} [-h] [--ros-args [-p PARAMETER:=VALUE ...]
            [--params-file FILE ...] [-r __ns:=/NAMESPACE] [-r TOPIC:=OTHER ...]]"""
@@ -36,7 +36,7 @@ NODE: dict[str, About] = {
         'Integrates the pendulum on its cart, publishes its state at a fixed rate and '
         'obeys the force: in real time, on /clock with use_sim_time, or in lockstep.',
         (JOINT_STATES, DIAGNOSTICS, ROBOT_DESCRIPTION, CONFIGURATION),
-        (FORCE_COMMAND, DISTURBANCE), ('plant/reset',)),
+        (FORCE_COMMAND, DISTURBANCE), ('plant/reset', 'plant/pause', 'plant/step')),
     'mpc': About(
         'Solves for a plan from each state, warm-started by the last one, and publishes the '
         'force that it begins with.',
@@ -58,7 +58,13 @@ NODE: dict[str, About] = {
         'start the mpc with -r joint_states:=faults/joint_states '
         '-r force_command:=faults/force_command.',
         (FAULTS_JOINT_STATES, FORCE_COMMAND, DIAGNOSTICS, CONFIGURATION),
-        (JOINT_STATES, FAULTS_FORCE_COMMAND))}
+        (JOINT_STATES, FAULTS_FORCE_COMMAND)),
+    'console': About(
+        'Serves a page that shows the pendulum, its plan and its parameters, and lets hands on '
+        'them; of a recorded run, without ROS: console BAG.',
+        (DISTURBANCE, CONFIGURATION),
+        (JOINT_STATES, FORCE_COMMAND, DISTURBANCE, PLAN, TRIES, DIAGNOSTICS, ROBOT_DESCRIPTION,
+         CONFIGURATION))}
 
 
 def lines(name: str) -> Iterator[str]:

@@ -19,6 +19,7 @@ from dp_swing_ros.nodes.connections import (
     Audience, is_heard, listeners, LOOK_PERIOD, publish, subscribe)
 from dp_swing_ros.nodes.diagnostics import Diagnostics
 from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
+from dp_swing_ros.nodes.pace import Pace
 from dp_swing_ros.nodes.process import ProcessNode, run
 from dp_swing_ros.nodes.ros_parameters import announce, declare, given, let_change
 from dp_swing_ros.pendulum.urdf import urdf
@@ -28,6 +29,7 @@ REPORT_PERIOD = 1.0  # [s] between two diagnostics
 PATIENCE = 2.0       # [s] at most for subscriptions to be found before the first state
 NEWCOMER_PERIOD = 0.1  # [s] between two looks for a controller that joins a lockstep
 MEETING = 0.3        # [s] until it hears what is sent to it: discovery goes one way at a time
+REAL_TIME = 'real time cannot be stopped; start the plant with lockstep:=true'
 
 
 class PlantNode(ProcessNode):
@@ -62,7 +64,11 @@ class PlantNode(ProcessNode):
         self.diagnostics = Diagnostics(self)
         self.description = publish(self, ROBOT_DESCRIPTION)
         self.describe()
+        self.pace = Pace(self, self.go_on)
+        self.answer: float | None = None   # [N] to the last state; None: nobody can give one
         self.serve('plant/reset', self.on_reset)
+        self.serve_switch('plant/pause', self.on_pause)
+        self.serve('plant/step', self.on_step)
         self.unanswerable = self.create_guard_condition(self.on_unanswerable)
         subscribe(self, DISTURBANCE, self.on_disturbance)
 
@@ -102,6 +108,7 @@ class PlantNode(ProcessNode):
                 self.ticks.timer_period_ns = round(self.period * 1e9)
         if before != (self.plant.physical, self.plant.limits):
             self.describe()
+        self.pace.change(self.lasts)
         self.revision += 1
         self.since = round(self.plant.t * 1e9) if self.begun else BEFORE
         self.announce()
@@ -147,6 +154,11 @@ class PlantNode(ProcessNode):
             self.states.publish(self.sent)
             self.sent_at = now
 
+    @property
+    def lasts(self) -> float:
+        """Return for how long at least [s] a period lasts in lockstep."""
+        return self.period / self.parameters.pace if self.parameters.pace else 0.0
+
     def elapsed(self) -> float:
         """Return the time since the start [s]; where the clock jumps back, it does not."""
         now = self.clock.now().nanoseconds
@@ -183,15 +195,21 @@ class PlantNode(ProcessNode):
         elif self.outdated:   # it answers a state from before the reset
             self.outdated, self.overlooked = False, time.monotonic()
         elif self.waiting:
-            self.lost_commands += not self.plant.obey(force)
-            self.plant.advance(self.period)
-            self.publish_state()
+            self.answer = force
+            self.pace.let_pass()
 
     def on_unanswerable(self) -> None:
         """Go on for a period under the last command, unless a reset brought another state."""
         if not (self.waiting or self.done):
-            self.plant.advance(self.period)
-            self.publish_state()
+            self.answer = None
+            self.pace.let_pass()
+
+    def go_on(self) -> None:
+        """Integrate, in lockstep, one period under the answer to the last state."""
+        if self.answer is not None:
+            self.lost_commands += not self.plant.obey(self.answer)
+        self.plant.advance(self.period)
+        self.publish_state()
 
     def on_disturbance(self, message: Float64) -> None:
         """Push the cart through the whole of the next period, if not beyond all bounds."""
@@ -210,10 +228,23 @@ class PlantNode(ProcessNode):
         self.resets += 1
         self.announce()   # before the state, so that no plan from before is followed from there
         if self.begun:
-            self.outdated = self.parameters.lockstep and self.waiting
+            self.outdated = self.parameters.lockstep and self.waiting and not self.pace.ready
             self.start()
             self.publish_state()
         return True, 'the plant is back at its initial state'
+
+    def on_pause(self, paused: bool) -> tuple[bool, str]:
+        """Stop between two periods, or go on."""
+        if not self.parameters.lockstep:
+            return False, REAL_TIME
+        answer = self.pace.pause(paused)
+        if self.begun:
+            self.report()
+        return answer
+
+    def on_step(self) -> tuple[bool, str]:
+        """Let one period pass."""
+        return self.pace.step() if self.parameters.lockstep else (False, REAL_TIME)
 
     def advance_to(self, now: float) -> None:
         """Integrate up to a time [s], and warn when no command is left to obey."""
@@ -239,6 +270,7 @@ class PlantNode(ProcessNode):
         if self.parameters.duration and self.plant.t >= self.parameters.duration - 1e-9:
             self.done = True
         self.waiting = measured is not None and not self.done
+        self.pace.begin(self.lasts)
         if self.parameters.lockstep and measured is None:
             self.unanswerable.trigger()   # and not at once, so that a signal can end it
         self.plant.begin_period(self.push)
@@ -255,7 +287,8 @@ class PlantNode(ProcessNode):
             self.stamp(self.plant.t), *self.verdict(),
             {'time': self.plant.t, 'commands': self.commands, 'refused': self.refused,
              'refused_disturbances': self.refused_pushes, 'skipped_ticks': self.skipped,
-             'lost_commands': self.lost_commands, 'lost_states': self.lost_states})
+             'lost_commands': self.lost_commands, 'lost_states': self.lost_states,
+             'paused': self.pace.paused})
         self.reported_refusals = self.refused + self.refused_pushes
 
     def verdict(self) -> tuple[bytes, str]:
@@ -266,7 +299,7 @@ class PlantNode(ProcessNode):
             return DiagnosticStatus.WARN, 'no force arrives; it is zero'
         if self.refused + self.refused_pushes > self.reported_refusals:
             return DiagnosticStatus.WARN, 'refused a force or a disturbance'
-        return DiagnosticStatus.OK, 'obeys the force'
+        return DiagnosticStatus.OK, 'paused' if self.pace.paused else 'obeys the force'
 
 
 main = partial(run, PlantNode)

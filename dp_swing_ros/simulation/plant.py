@@ -59,6 +59,9 @@ class PlantParameters(Parameters):
         'positions differ by from state to state; none', choices=lambda: list(VELOCITIES))
     lockstep: bool = parameter(
         False, 'wait for one force after each state instead of running in real time', live=False)
+    pace: float = parameter(
+        0.0, 'simulated seconds in a second, at most (0: as fast as the controller; in lockstep '
+        'only)', minimum=0.0, maximum=100.0)
     duration: float = parameter(0.0, 'the plant ends itself after this time (0: never)', unit='s',
                                 minimum=0.0)
     command_timeout: float = parameter(
@@ -87,6 +90,14 @@ class PlantParameters(Parameters):
         100.0, 'a disturbance is refused where those of a period would exceed this', unit='N',
         minimum=0.0)
     seed: int = parameter(0, 'seed of all noises, losses and latenesses', minimum=0)
+
+    def __post_init__(self) -> None:
+        """Check also what concerns several at once; raises ParameterError."""
+        super().__post_init__()
+        if self.pace and not self.lockstep:
+            raise ParameterError(
+                f"parameter 'pace' is {self.pace:g}; expected 0 in real time, which has its own: "
+                'start the plant with lockstep:=true')
 
 
 class Measurement(NamedTuple):
