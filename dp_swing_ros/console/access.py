@@ -2,10 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Who may look: names of this server by which a browser may call it, and the token."""
 
+from hashlib import sha256
 import hmac
 import ipaddress
 import secrets
-from urllib.parse import urlsplit
+from urllib.parse import quote, urlsplit
 
 LOCAL = ('127.0.0.1', 'localhost', '[::1]')
 
@@ -23,10 +24,12 @@ class Access:
         self.port, self.local = port, is_local(address)
         self.everywhere = address in ('', '0.0.0.0', '::')
         bound = f'[{address}]' if ':' in address else address
-        self.hosts = LOCAL if self.local else (*LOCAL, bound) if self.everywhere else (bound,)
+        self.hosts = {bound, *(LOCAL if self.local or self.everywhere else ())}
         self.token = token or ('' if self.local else secrets.token_urlsafe(24))
-        host = bound if bound in self.hosts and not self.everywhere else LOCAL[0]
-        self.address = f'http://{host}:{port}/' + (f'?token={self.token}' if self.token else '')
+        host = LOCAL[0] if self.everywhere else bound
+        self.cookie = sha256(self.token.encode()).hexdigest()   # what a browser keeps instead
+        self.address = f'http://{host}:{port}/' + (
+            f'?token={quote(self.token, safe="")}' if self.token else '')
 
     def is_ours(self, host: str) -> bool:
         """Return whether a host with its port is this server."""
@@ -40,9 +43,11 @@ class Access:
         parts = urlsplit(origin)
         return parts.scheme in ('http', 'https') and self.is_ours(parts.netloc)
 
-    def is_known(self, given: str) -> bool:
-        """Return whether a token is right, in a time that tells nothing of how wrong it is."""
-        return not self.token or hmac.compare_digest(given.encode(), self.token.encode())
+    def is_known(self, token: str, cookie: str) -> bool:
+        """Return whether one of them is right, in a time that tells nothing of how wrong."""
+        return not self.token or any(
+            hmac.compare_digest(given.encode(), right.encode())
+            for given, right in ((token, self.token), (cookie, self.cookie)))
 
 
 def is_local(address: str) -> bool:

@@ -111,6 +111,8 @@ class Client(Guarded, WebSocketHandler):
 
     def send(self, text: str) -> None:
         """Send it a message; one that does not read them is closed."""
+        if self._waiting > BACKLOG:
+            return   # it is being closed
         self._waiting += len(text)
         if self._waiting > BACKLOG:
             self.host.log(f'{self.request.remote_ip}: closed, for it does not read')
@@ -130,8 +132,8 @@ class Client(Guarded, WebSocketHandler):
         task.add_done_callback(self._tasks.discard)
 
     async def _send(self, text: str) -> None:
-        await self._write(text)
-        self._waiting -= len(text)
+        if await self._write(text):
+            self._waiting -= len(text)
 
     async def _send_frames(self) -> None:
         self._sending = True
@@ -140,11 +142,12 @@ class Client(Guarded, WebSocketHandler):
             await self._write(text)
         self._sending = False
 
-    async def _write(self, text: str) -> None:
+    async def _write(self, text: str) -> bool:
         try:
             await self.write_message(text)
+            return True
         except (StreamClosedError, WebSocketClosedError):
-            pass
+            return False
 
     def _abort(self) -> None:
         """Close it without waiting for it to hear so."""

@@ -46,10 +46,10 @@ class Guarded(RequestHandler):
             self.refuse(403, f'the origin {origin[:80]!r} is not this console')
         given = self.get_query_argument('token', '')
         cookie = f'{COOKIE}_{access.port}'   # a browser does not tell ports apart
-        if not access.is_known(given or self.get_cookie(cookie, '') or ''):
+        if not access.is_known(given, self.get_cookie(cookie) or ''):
             self.refuse(403, 'no token, or a wrong one; the console prints its address with one')
         if given and access.token:
-            self.set_cookie(cookie, access.token, httponly=True, samesite='Strict')
+            self.set_cookie(cookie, access.cookie, httponly=True, samesite='Strict')
 
     def refuse(self, status: int, why: str) -> None:
         """End a request with a reason; raises HTTPError."""

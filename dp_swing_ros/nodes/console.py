@@ -36,6 +36,7 @@ from dp_swing_ros.topics import (
     DIAGNOSTICS, DISTURBANCE, FAULTS_JOINT_STATES, JOINT_STATES, PLAN, Topic)
 
 LOOK_PERIOD = 0.5     # [s] between two looks for nodes
+CALLS = 1000          # requests at most that wait for the thread of the node
 STATUS_PERIOD = 0.2   # [s] between two looks at what diagnostics say
 SENSORS = (JOINT_STATES, PLAN, DIAGNOSTICS)   # of which the newest counts
 # whose owner is which node
@@ -181,6 +182,8 @@ class ConsoleNode(ProcessNode):
 
     def ask(self, client: Client, request: Request) -> None:
         """Hand a request over to the thread of the node."""
+        if len(self.calls) >= CALLS:
+            raise RequestError('too many requests at once')
         self.call(partial(self.obey, client, request))
 
     def call(self, function: Callable[[], None]) -> None:

@@ -154,7 +154,7 @@ def test_descriptors_tell_everything(make_node):
     node = make_node()
     declare_example(node)
     rate, samples = node.describe_parameter('rate'), node.describe_parameter('samples')
-    assert rate.description == 'states per second [Hz]'
+    assert rate.description == 'states per second [Hz] (default: 20)'
     assert rate.read_only
     assert (rate.floating_point_range[0].from_value,
             rate.floating_point_range[0].to_value) == (1.0, 1000.0)
