@@ -164,7 +164,7 @@ class Control {
     if (moving) await new Promise(resolve => setTimeout(resolve, SOONEST));
     this.busy = false;
     if (answer.ok && !same(this.wanted, asked)) this.set(this.wanted, true);
-    else if (!answer.ok || !moving) this.update(this.parameter);
+    else this.update(this.parameter);
   }
 
   /** Take what the node has now. */

@@ -1,0 +1,396 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The page of the console in a real browser, beside a real plant and a real mpc."""
+
+import json
+import math
+import re
+import shutil
+import signal
+import statistics
+import subprocess
+import time
+
+from conftest import NodeProcess, wait_until
+from diagnostic_msgs.msg import DiagnosticArray
+from peer import Peer
+import pytest
+from rcl_interfaces.srv import GetParameters
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64
+
+webdriver = pytest.importorskip('selenium.webdriver', reason='selenium is not installed')
+ActionChains = webdriver.ActionChains
+
+CHROMIUM, DRIVER = shutil.which('chromium'), shutil.which('chromedriver')
+pytestmark = pytest.mark.skipif(
+    not (CHROMIUM and DRIVER),
+    reason='chromium or chromedriver is not on the PATH (Debian: chromium, chromium-driver)')
+
+DESKTOP, PHONE = (1440, 900), (390, 844)
+VISIBLE = 0.3   # [s] from a drag to its force in the picture, on a busy machine; alone 0.15
+UPRIGHT = 0.3   # [rad]
+
+
+class Nodes:
+    """Nodes of this module, that are all ended."""
+
+    def __init__(self, folder):
+        self.folder, self.started = folder, []
+
+    def start(self, name, parameters, arguments=(), options=()):
+        log = self.folder / f'{name}_{len(self.started)}.log'
+        self.started.append(NodeProcess(name, log, parameters, arguments, options=options))
+        return self.started[-1]
+
+    def console(self, arguments=(), **parameters):
+        """Start a console, and return it and its address."""
+        console = self.start('console', {'port': 0, 'recordings': str(self.folder), **parameters},
+                             arguments)
+        return console, address_of(console)
+
+
+def address_of(console):
+    console.wait_for('the page is at')
+    return re.search(r'the page is at (http\S+)', console.output())[1]
+
+
+@pytest.fixture(scope='module')
+def nodes(tmp_path_factory):
+    """Return what starts nodes; an upright plant, an mpc and a console are there."""
+    nodes = Nodes(tmp_path_factory.mktemp('browser'))
+    try:
+        nodes.start('mpc', {'shown_tries': 10}).wait_for('ready')
+        nodes.start('plant', {'start': 'up_up'}).wait_for('states a second')
+        nodes.node, nodes.address = nodes.console()
+        yield nodes
+    finally:
+        for each in nodes.started:
+            each.signal(signal.SIGKILL)
+            each.popen.wait()
+
+
+class Page:
+    """The page in a browser, as a user has it."""
+
+    def __init__(self):
+        options = webdriver.ChromeOptions()
+        options.binary_location = CHROMIUM
+        for argument in ('--headless=new', '--no-sandbox', '--disable-gpu', '--hide-scrollbars',
+                         '--disable-dev-shm-usage', '--force-device-scale-factor=1'):
+            options.add_argument(argument)
+        options.set_capability('goog:loggingPrefs', {'browser': 'ALL'})
+        self.driver = webdriver.Chrome(options, webdriver.ChromeService(DRIVER))
+        self.resize(*DESKTOP)
+
+    def resize(self, width, height):
+        self.driver.execute_cdp_cmd('Emulation.setDeviceMetricsOverride', {
+            'width': width, 'height': height, 'deviceScaleFactor': 1, 'mobile': width < 600})
+
+    def prefer(self, scheme):
+        self.driver.execute_cdp_cmd('Emulation.setEmulatedMedia', {
+            'features': [{'name': 'prefers-color-scheme', 'value': scheme}]})
+
+    def open(self, address):   # noqa: A003
+        """Load the page and wait until it shows the pendulum."""
+        self.driver.get_log('browser')
+        self.driver.get(address)
+        assert wait_until(lambda: len(self.places()) > 1, 30)
+
+    def find(self, selector):
+        return self.driver.find_element('css selector', selector)
+
+    def all(self, selector):   # noqa: A003
+        return self.driver.find_elements('css selector', selector)
+
+    def choose(self, selector, value):
+        self.find(f'{selector} option[value="{value}"]').click()
+
+    def text(self, selector):
+        return self.driver.execute_script(
+            'return document.querySelector(arguments[0])?.textContent', selector) or ''
+
+    def shows(self, selector, text, timeout=30):
+        return wait_until(lambda: text in self.text(selector), timeout)
+
+    def places(self):
+        """Return where on the picture cart and ends of links are [px]."""
+        return json.loads(self.find('#picture').get_attribute('data-places') or '[]')
+
+    def picture(self):
+        return self.driver.execute_script(
+            "return document.querySelector('#picture').toDataURL()")
+
+    def hand_at(self, left, top):
+        """Return actions that begin at a place of the picture [px]."""
+        picture = self.find('#picture')
+        actions = ActionChains(self.driver, duration=30)
+        return actions.move_to_element_with_offset(
+            picture, round(left - picture.rect['width'] / 2),
+            round(top - picture.rect['height'] / 2))
+
+    def grip(self, body, way, distance=60):
+        """Grip a body where it is and move the hand to a side."""
+        places = self.places()
+        left, top = places[0] if body == 0 else (
+            (a + b) / 2 for a, b in zip(places[body - 1], places[body]))
+        actions = self.hand_at(left, top).click_and_hold()
+        for _ in range(4):
+            actions.move_by_offset(way * distance // 4, 0)
+        actions.perform()
+
+    def let_go(self):
+        ActionChains(self.driver).release().perform()
+
+    def controls(self):
+        """Show the controls, all groups open."""
+        self.driver.execute_script("document.querySelector('#search-tab').click();")
+        assert wait_until(lambda: self.all('#mpc-solver-0'), 20)
+        self.driver.execute_script(
+            "document.querySelectorAll('#parameters details').forEach(each => each.open = true)")
+
+    def errors(self):
+        return [each['message'] for each in self.driver.get_log('browser')
+                if each['level'] == 'SEVERE']
+
+    def shot(self, name, folder):
+        self.driver.save_screenshot(str(folder / f'{name}.png'))
+
+
+@pytest.fixture(scope='module')
+def browser():
+    """Return a browser, one for all tests, as it takes a while to start."""
+    page = Page()
+    yield page
+    page.driver.quit()
+
+
+@pytest.fixture
+def page(browser, nodes):
+    """Return the page of the console as it is at first."""
+    browser.open(nodes.address)
+    yield browser
+    assert browser.errors() == []
+
+
+@pytest.fixture(scope='module')
+def ears():
+    """Return a node that hears with ROS's own defaults what is published, as anybody's would."""
+    peer = Peer()
+    peer.pushes, peer.states, peer.ticks = [], [], []
+    peer.node.create_subscription(
+        Float64, 'disturbance', lambda message: peer.pushes.append(message.data), 10)
+    peer.node.create_subscription(JointState, 'joint_states', peer.states.append, 10)
+    peer.node.create_subscription(DiagnosticArray, '/diagnostics', peer.ticks.append, 10)
+    yield peer
+    peer.close()
+
+
+def value_of(ears, node, name):
+    return ears.call(GetParameters, f'/{node}/get_parameters', names=[name]).values[0]
+
+
+def lean(state):
+    """Return how far from upright the links are at most [rad]."""
+    return max(abs(math.remainder(angle, math.tau)) for angle in state.position[1:])
+
+
+def stands(ears, timeout=30):
+    """Wait until the pendulum stands, for a second."""
+    def holds():
+        return len(ears.states) > 20 and max(map(lean, ears.states[-20:])) < UPRIGHT
+    ears.states.clear()
+    return ears.until(holds, timeout)
+
+
+def test_nothing_comes_from_another_host(page, nodes, tmp_path):
+    loaded = page.driver.execute_script(
+        "return performance.getEntriesByType('resource').map(each => each.name)")
+    assert len(loaded) > 10
+    assert [url for url in loaded if not url.startswith(nodes.address.split('?')[0])] == []
+    assert page.text('#nodes') == '/plant · /mpc'
+    page.shot('light', tmp_path)
+    page.prefer('dark')
+    time.sleep(0.3)
+    page.shot('dark', tmp_path)
+    page.prefer('light')
+
+
+def test_the_picture_moves_smoothly(page, ears):
+    assert stands(ears)
+    page.find('#kick-right').click()
+    drawn = {page.picture() for _ in range(8)}
+    assert len(drawn) > 5
+    frames = page.driver.execute_async_script(
+        'const done = arguments[0]; let n = 0; const end = performance.now() + 1000;'
+        'const count = now => now > end ? done(n) : (n++, requestAnimationFrame(count));'
+        'requestAnimationFrame(count);')
+    assert frames > 25   # 60 on an idle machine
+
+
+@pytest.mark.parametrize('body, way', [(0, 1), (1, -1), (2, 1)])
+def test_a_drag_pulls_where_it_goes(page, ears, tmp_path, body, way):
+    assert stands(ears)
+    ears.pushes.clear()
+    page.grip(body, way, 30 if body else 60)
+    page.shot(f'drag_{body}', tmp_path)
+    ears.until(lambda: len(ears.pushes) > 3)
+    page.let_go()
+    ears.spin(0.3)
+    pushes = [push for push in ears.pushes if push]
+    assert pushes and all(push * way > 0 for push in pushes)
+    assert max(map(abs, pushes)) <= 30.0 + 1e-9
+    last = len(ears.pushes)
+    ears.spin(0.5)
+    assert len(ears.pushes) == last   # it was let go
+    assert stands(ears)
+
+
+def test_a_drag_is_seen_at_once(page, ears):
+    assert stands(ears)
+    for n in range(5):
+        page.grip(0, (-1) ** n, 40)
+        ears.spin(0.3)
+        page.let_go()
+        ears.spin(0.4)
+    taken = page.driver.execute_script(
+        "return performance.getEntriesByName('drag-to-visible').map(each => each.duration)")
+    print(f'drag to visible: {[round(each) for each in taken]} ms')
+    assert len(taken) > 2   # a hand may miss a cart that moves
+    assert statistics.median(taken) < 1000 * VISIBLE
+
+
+def test_keys_push_and_help(page, ears):
+    keys = webdriver.Keys
+    ears.pushes.clear()
+    ActionChains(page.driver).key_down(keys.ARROW_LEFT).perform()
+    assert ears.until(lambda: len(ears.pushes) > 2)
+    ActionChains(page.driver).key_up(keys.ARROW_LEFT).perform()
+    assert all(push < 0 for push in ears.pushes)
+    ActionChains(page.driver).send_keys('?').perform()
+    assert page.find('#help').is_displayed()
+    ActionChains(page.driver).send_keys(keys.ESCAPE).perform()
+    assert not page.find('#help').is_displayed()
+
+
+def test_a_click_on_the_track_moves_the_reference(page, ears):
+    assert stands(ears)
+    cart, height = page.places()[0]
+    page.hand_at(cart + 80, height + 50).click().perform()
+    assert ears.until(lambda: value_of(ears, 'mpc', 'reference').double_array_value[0] > 0.2)
+    page.hand_at(page.find('#picture').rect['width'] / 2, height + 50).click().perform()
+    assert ears.until(
+        lambda: abs(value_of(ears, 'mpc', 'reference').double_array_value[0]) < 0.05)
+
+
+def test_a_slider_changes_the_mpc(page, ears):
+    page.controls()
+    before = value_of(ears, 'mpc', 'force_weight').double_value
+    page.find('#mpc-force_weight-0').send_keys(webdriver.Keys.ARROW_RIGHT)
+    assert ears.until(lambda: value_of(ears, 'mpc', 'force_weight').double_value > before)
+    assert wait_until(lambda: page.find('#mpc-force_weight .usual').is_displayed())
+    page.find('#mpc-force_weight .usual').click()
+    assert ears.until(lambda: value_of(ears, 'mpc', 'force_weight').double_value == before)
+
+
+def test_a_refusal_says_why(page, ears, tmp_path):
+    page.controls()
+    before = value_of(ears, 'mpc', 'state_weights').double_array_value
+    field = page.all('#mpc-state_weights .number')[1]
+    field.send_keys(webdriver.Keys.CONTROL, 'a')
+    field.send_keys('-5', webdriver.Keys.ENTER)
+    assert page.shows('#mpc-state_weights .refusal', 'at least 0')
+    assert float(field.get_attribute('value')) == before[1]
+    assert value_of(ears, 'mpc', 'state_weights').double_array_value == before
+    page.shot('refused', tmp_path)
+
+
+def test_search_finds_by_description(page):
+    page.controls()
+    page.find('#search').send_keys('temperature')
+    names = [each.get_attribute('id') for each in page.all('.control') if each.is_displayed()]
+    assert 'mpc-mppi.temperature' in names
+    assert 'mpc-horizon' not in names
+
+
+def test_the_solver_is_switched(page, ears):
+    page.controls()
+    page.choose('#mpc-solver-0', 'mppi')
+    assert page.shows('#now-solver', 'MPPI')
+    page.choose('#mpc-solver-0', 'ilqr')
+    assert page.shows('#now-solver', 'iLQR')
+
+
+def test_a_recording_verifies(page, nodes, ears):
+    page.find('#record').click()
+    assert page.shows('#record', 'Stop')
+    ears.spin(2.5)
+    page.find('#record').click()
+    assert wait_until(lambda: page.all('#recordings a'), 60)
+    link = page.find('#recordings li').text.split()[0]
+    folder = next(path.parent for path in nodes.folder.rglob('metadata.yaml')
+                  if link in str(path))
+    done = subprocess.run(['ros2', 'run', 'dp_swing_ros', 'verify', str(folder)],
+                          capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_a_branch_shows_courses(page, ears, tmp_path):
+    assert stands(ears)
+    page.find('#kick-right').click()
+    ears.spin(3.5)
+    page.find('#look').click()
+    assert wait_until(lambda: page.find('#branch').is_enabled())
+    page.driver.execute_script(
+        "const slider = document.querySelector('#instant'); slider.value = -3;"
+        "slider.dispatchEvent(new Event('input'));"
+        "document.querySelector('#branch-duration').value = '2'")
+    page.find('#branch').click()
+    assert wait_until(lambda: len(page.all('#courses-list figure')) >= 3, 90), page.text('#notice')
+    assert all('cost' in each.text for each in page.all('#courses-list figure'))
+    page.shot('branch', tmp_path)
+    page.find('#look').click()
+    assert page.shows('#instant-time', 'live')
+
+
+def test_a_phone_needs_no_sideways_scrolling(page, tmp_path):
+    page.resize(*PHONE)
+    try:
+        time.sleep(0.5)
+        page.shot('phone', tmp_path)
+        page.controls()
+        page.shot('phone_controls', tmp_path)
+        assert page.driver.execute_script(
+            'return document.documentElement.scrollWidth') <= PHONE[0]
+    finally:
+        page.resize(*DESKTOP)
+
+
+def test_read_only_refuses_and_says_so(browser, nodes, ears):
+    console, address = nodes.console(['-r', '__node:=watcher'], read_only=True)
+    browser.open(address)
+    assert browser.find('#read-only').is_displayed()
+    assert stands(ears)
+    ears.pushes.clear()
+    browser.grip(0, 1)
+    ears.spin(0.5)
+    browser.let_go()
+    for name in ('#kick-right', '#reset', '#enable', '#record', '#goals button'):
+        assert not browser.find(name).is_enabled(), name
+    browser.controls()
+    assert not browser.find('#mpc-solver-0').is_enabled()
+    # who goes past the page is told by the console
+    answer = browser.driver.execute_async_script(
+        'const done = arguments[0], socket = new WebSocket(`ws://${location.host}/socket`);'
+        "socket.onopen = () => socket.send(JSON.stringify({do: 'push', id: 7, force: 20}));"
+        'socket.onmessage = event => { const message = JSON.parse(event.data);'
+        "  if (message.kind === 'answer') done(message); }")
+    assert answer['ok'] is False and 'read' in answer['text']
+    assert ears.pushes == []
+    # and who is left alone is told, too
+    console.stop()
+    assert wait_until(lambda: browser.find('#lost').is_displayed(), 10)
+    assert 'Trying again' in browser.text('#lost')
+    nodes.console(['-r', '__node:=watcher'], read_only=True,
+                  port=int(address.rstrip('/').rsplit(':', 1)[1]))
+    assert wait_until(lambda: not browser.find('#lost').is_displayed(), 30)
