@@ -18,7 +18,7 @@ from dp_swing_ros.control.receding_horizon import MpcParameters, RecedingHorizon
 from dp_swing_ros.estimators import ESTIMATORS
 from dp_swing_ros.parameters import (
     checked, fields_of, group, ParameterError, Parameters, unknown)
-from dp_swing_ros.parameters.files import ANY_NODE, is_of_rclpy, sections
+from dp_swing_ros.parameters.files import ANY_NODE, is_of_rclpy, locate, sections
 from dp_swing_ros.pendulum.parameters import (
     Drive, DriveParameters, LimitParameters, PendulumParameters)
 from dp_swing_ros.pendulum.sensors import default_sensors, SensorParameters
@@ -31,9 +31,6 @@ from dp_swing_ros.solvers import SOLVERS
 Values = Mapping[str, Any]               # by the full name of the parameter
 
 NODES = ('plant', 'mpc')
-PACKAGE = Path(__file__).parent
-# where config/ lies: beside the package in a checkout, below share/ where it is installed
-HOMES = [PACKAGE.parent, *(folder / 'share' / PACKAGE.name for folder in PACKAGE.parents[:4])]
 
 
 def _states_and_joints(links: int) -> dict[str, Any]:
@@ -155,12 +152,6 @@ def controller(values: Values) -> RecedingHorizon:
 def default_cost(links: int) -> CostParameters:
     """Return the default cost of a pendulum with so many links."""
     return group(CostParameters, DEFAULTS[links])
-
-
-def locate(path: Path) -> Path:
-    """Return where a parameter file is: as named from here, or else among the package's own."""
-    places = (path, *(home / path for home in HOMES))
-    return next((place for place in places if place.is_file()), path)
 
 
 def read(paths: Iterable[Path]) -> dict[str, dict[str, Any]]:

@@ -177,7 +177,7 @@ def number(value: Any) -> Any:
 
 def numbers(values: Array, digits: int = DIGITS) -> Any:
     """Return an array for JSON, with so many digits after the point."""
-    rounded = np.round(values, digits)
+    rounded = np.round(values, digits) + 0.0   # and -0.0 is 0.0
     if np.isfinite(rounded).all():
         return rounded.tolist()
     return [numbers(each, digits) if each.ndim else None if not math.isfinite(each) else

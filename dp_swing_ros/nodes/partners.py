@@ -24,6 +24,7 @@ TYPES = {
     ParameterType.PARAMETER_INTEGER_ARRAY: 'integer[]',
     ParameterType.PARAMETER_DOUBLE_ARRAY: 'double[]',
     ParameterType.PARAMETER_STRING_ARRAY: 'string[]'}
+NUMBERS = {kind: number for number, kind in TYPES.items()}
 KINDS: dict[str, type | tuple[type, ...]] = {
     'bool': bool, 'integer': int, 'double': (int, float), 'string': str}
 # how nodes/ros_parameters.py writes what a descriptor has no field for
@@ -64,8 +65,7 @@ class Partner:
 
     def set(self, values: Mapping[str, Any], then: Callable[[bool, str], None]) -> None:  # noqa: A003,E501
         """Change parameters, all or none; raises RequestError for a name or a type it lacks."""
-        asked = [Parameter(name, value=self._typed(name, value))
-                 for name, value in values.items()]
+        asked = [self._typed(name, value) for name, value in values.items()]
 
         def on_done(future: Future) -> None:
             result = future.result().result
@@ -74,6 +74,18 @@ class Partner:
         if not self._client.services_are_ready():
             raise RequestError(f'{self.name} does not answer')
         self._client.set_parameters_atomically(asked, on_done)
+
+    def defaults(self) -> dict[str, Any]:
+        """Return the defaults that are known."""
+        return {name: each['default'] for name, each in self.described.items()
+                if each['default'] is not None}
+
+    def changes(self, values: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]]:
+        """Return which values are others than it has, and the names of such that cannot change."""
+        others = {name: value for name, value in values.items()
+                  if name in self.described and value != self.described[name]['value']}
+        fixed = [name for name in others if self.described[name]['read_only']]
+        return {name: value for name, value in others.items() if name not in fixed}, fixed
 
     def _on_list(self, future: Future) -> None:
         names = sorted(name for name in future.result().result.names if not is_of_rclpy(name))
@@ -89,8 +101,8 @@ class Partner:
 
         self._client.describe_parameters(names, on_descriptors)
 
-    def _typed(self, name: str, value: Any) -> Any:
-        """Return a value of JSON in the type of a parameter; raises RequestError."""
+    def _typed(self, name: str, value: Any) -> Parameter:
+        """Return a parameter with a value of JSON in its own type; raises RequestError."""
         if name not in self.described:
             raise RequestError(f'{self.name} has no parameter {name[:80]!r}')
         kind, _, listed = self.described[name]['type'].partition('[')
@@ -102,7 +114,9 @@ class Partner:
                                f'{self.described[name]["type"]}')
         if kind == 'double':
             elements = list(map(float, elements))
-        return elements if listed else elements[0]
+        # an empty list would not show of what it is one
+        return Parameter(name, Parameter.Type(NUMBERS[self.described[name]['type']]),
+                         elements if listed else elements[0])
 
 
 def described(name: str, descriptor: ParameterDescriptor, value: Any) -> dict[str, Any]:

@@ -25,6 +25,9 @@ BITS = 64        # of a whole number
 OF_EVERY_NODE = ('use_sim_time', 'start_type_description_service')  # rclpy's own
 QOS_OVERRIDES = 'qos_overrides.'  # how rclpy's parameters of a topic begin
 ANY_NODE = ('**', '*')            # ends of a pattern that are no name of a node
+PACKAGE = Path(__file__).parents[1]
+# where config/ lies: beside the package in a checkout, below share/ where it is installed
+HOMES = [PACKAGE.parent, *(folder / 'share' / PACKAGE.name for folder in PACKAGE.parents[:4])]
 
 
 class YamlError(ValueError):
@@ -103,6 +106,12 @@ def value_of(text: str) -> Any:
         return parse(text, _Loader)
     except YamlError as error:
         raise ParameterError(f'{text[:80]!r} is not the value of a parameter: {error}') from None
+
+
+def locate(path: Path) -> Path:
+    """Return where a parameter file is: as named from here, or else among the package's own."""
+    places = (path, *(home / path for home in HOMES))
+    return next((place for place in places if place.is_file()), path)
 
 
 def sections(path: Path) -> list[tuple[str, dict[str, Any]]]:

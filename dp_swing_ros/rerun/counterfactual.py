@@ -57,7 +57,7 @@ class Run:
         self.bag = bag
         self.mpc = configuration_of(bag, CONTROLLER).parameters
         self.plant = configuration_of(bag, PLANT).parameters
-        self.record, self.samples = record_of(bag), samples_of(bag)
+        self.record, self.samples = record_of(bag, anywhere=True), samples_of(bag)
         self.start, self.end = self.samples[0].stamp, self.samples[-1].stamp
         self.problem = configuration.problem(self.mpc)
         self.solver = str(self.mpc.get('solver', MpcParameters.solver))
@@ -205,7 +205,7 @@ def shadow(run: Run, until: Tick, solver: str) -> tuple[RecedingHorizon, Plan]:
     That of the recorded solver stops its solves where the recorded ones stopped.
     """
     controller = configuration.controller({**run.mpc, 'solver': solver})
-    for tick in run.record.ticks[:until.number]:
+    for tick in run.record.up_to(until):
         plan = answer(controller, tick, counted=solver == run.solver)
         if tick.number < until.number:
             controller.forces.replace_last(tick.force)
@@ -215,9 +215,9 @@ def shadow(run: Run, until: Tick, solver: str) -> tuple[RecedingHorizon, Plan]:
 def plant_at(run: Run, tick: Tick) -> Plant:
     """Return the plant when a tick's state arrives, its noise from the beginning of its seed."""
     plant = configuration.plant({**run.plant, 'initial_state': np.asarray(tick.x).tolist()})
-    if tick.number > 1:
+    for before in run.record.up_to(tick)[-2:-1]:
         # until then, and where the actuator lags or a command is lost, the one before acts
-        plant.force = plant.commands.force = run.record.ticks[tick.number - 2].force
+        plant.force = plant.commands.force = before.force
     delay = plant.parameters.delay
     plant.t = -delay
     plant.past[0] = plant.past[0]._replace(t=-delay)

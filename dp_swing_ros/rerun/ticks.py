@@ -4,7 +4,7 @@
 
 from collections.abc import Sequence
 from difflib import SequenceMatcher
-from itertools import takewhile
+from itertools import pairwise, takewhile
 from typing import Any, NamedTuple
 
 from dp_swing_ros.bags.episodes import (
@@ -22,10 +22,23 @@ NEEDED = ('force', 'cost', 'status', 'real_time', 'delay', 'solves', 'carried', 
 
 
 class Record(NamedTuple):
-    """The ticks of a controller from its first on, and where there are more, what is missing."""
+    """
+    The ticks of a controller, and where there are more, what is missing.
+
+    They begin with its first, or with the first after a reset, which makes it forget all before.
+    """
 
     ticks: list[Tick]
     gap: str
+
+    def up_to(self, tick: Tick) -> list[Tick]:
+        """Return a tick and those before it."""
+        return self.ticks[:tick.number - self.ticks[0].number + 1]
+
+    @property
+    def begins_later(self) -> bool:
+        """Return whether the controller had sent forces before."""
+        return bool(self.ticks) and self.ticks[0].number > 1
 
 
 def configuration_of(bag: Bag, node: str) -> Configuration:
@@ -43,8 +56,12 @@ def own(found: Configuration) -> dict[str, Any]:
     return {name: value for name, value in found.parameters.items() if not is_of_rclpy(name)}
 
 
-def record_of(bag: Bag) -> Record:
-    """Return the ticks of a bag up to a gap; raises BagError for none, or two controllers."""
+def record_of(bag: Bag, anywhere: bool = False) -> Record:
+    """
+    Return the ticks of a bag up to a gap; raises BagError for none, or two controllers.
+
+    If they may begin `anywhere`, what the controller knew at the first of them is lost.
+    """
     reports = reports_of(bag)
     if not reports:
         raise BagError(f'{bag} has no ticks of an {CONTROLLER}; record one with /diagnostics')
@@ -52,22 +69,37 @@ def record_of(bag: Bag) -> Record:
     if missing:
         raise BagError(f'{bag} is of an {CONTROLLER} without {", ".join(missing)} '
                        'at every tick; record it anew')
-    return bag.parse(_record, bag, reports)
+    return bag.parse(_record, bag, reports, anywhere)
 
 
-def _record(bag: Bag, reports: list[Report]) -> Record:
+def _from_a_beginning(reports: list[Report]) -> list[Report]:
+    """Return the reports from the first tick of a controller, or the first after a reset, on."""
+    if int(reports[0].values['number']) == 1:
+        return reports
+    fresh = (n for n, (before, after) in enumerate(pairwise(reports), start=1)
+             if int(after.values['resets']) > int(before.values['resets']))
+    return reports[next(fresh, len(reports)):]
+
+
+def _record(bag: Bag, reports: list[Report], anywhere: bool) -> Record:
+    reports = sorted(reports, key=lambda each: int(each.values['number']))
+    found = reports if anywhere else _from_a_beginning(reports)
+    if not found:
+        return Record([], f'tick 1 is missing (the next is {reports[0].values["number"]}), and '
+                      'there is none after a reset')
     states = {sample.stamp: sample.x for sample in samples_of(bag)}
     revisions = revisions_of(bag).get(CONTROLLER, {})
     ticks: list[Tick] = []
     resets = 0
     revision = min(revisions, default=0)
-    for report in sorted(reports, key=lambda each: int(each.values['number'])):
+    first = int(found[0].values['number'])
+    for report in found:
         number, carried = (int(report.values[name]) for name in ('number', 'carried'))
         if ticks and number == ticks[-1].number:
             raise BagError(f'{bag} has two ticks number {number}: the {CONTROLLER} was started '
                            'again, or two ran; record one at a time')
-        if number != len(ticks) + 1:
-            return Record(ticks, f'tick {len(ticks) + 1} is missing (the next is {number})')
+        if number != first + len(ticks):
+            return Record(ticks, f'tick {first + len(ticks)} is missing (the next is {number})')
         if not carried and report.stamp not in states:
             return Record(ticks, f'the state of tick {number} is missing ({report.stamp} ns)')
         values: dict[str, Any] = report.values
@@ -124,8 +156,9 @@ def paired(record: Record, commands: Sequence[Command]) -> Pairing:
     forces = {tick.number: tick.force for tick in record.ticks}
     numbered = sum(forces.get(command.number) == command.force for command in commands)
     if 2 * numbered > len(record.ticks):
-        return by_number(record.ticks, [each for each in commands if not record.gap
-                                        or each.number <= len(record.ticks)])
+        first, last = record.ticks[0].number, record.ticks[-1].number
+        return by_number(record.ticks, [each for each in commands if each.number >= first
+                                        and not (record.gap and each.number > last)])
     return in_order(record.ticks, commands, whole=not record.gap)
 
 
@@ -142,7 +175,8 @@ def by_number(ticks: Sequence[Tick], commands: Sequence[Command]) -> Pairing:
     second = [command for command in commands
               if command.number in forces and command is not own[command.number]]
     rest = [command for command in commands if command.number not in forces]
-    if rest and rest[0].force == 0.0:   # with which a controller ends
+    # a controller ends with a zero, and a recording may end before the report on its last force
+    if rest and (rest[0].force == 0.0 or rest == [commands[-1]]):
         del rest[0]
     return Pairing(others, missing, second + rest)
 

@@ -186,6 +186,9 @@ def plant_again(bag: Bag, record: Record) -> PlantAgain:
     if not plant.parameters.lockstep:
         return PlantAgain(0, differences, [
             'states and efforts, which in real time depend on when each force arrived'])
+    if record.begins_later:
+        return PlantAgain(0, differences, [
+            'states and efforts, for the bag begins while the plant moves'])
     if bag.has(DISTURBANCE):
         return PlantAgain(0, differences, [
             f'states and efforts, which depend on when each {DISTURBANCE.name} arrived'])

@@ -13,12 +13,12 @@ from typing import Any
 from rclpy.executors import SingleThreadedExecutor
 from tqdm import tqdm
 
-from dp_swing_ros.configuration import locate
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.evaluation.comparison import spread, summary, table
 from dp_swing_ros.evaluation.metrics import measure, Metrics
 from dp_swing_ros.messages.fields import links_in, seconds, to_state
 from dp_swing_ros.nodes.connections import subscribe
+from dp_swing_ros.parameters.files import locate
 from dp_swing_ros.pendulum.state import (
     angles, Array, DEFAULT_LINKS, LINKS, links_of, symbols, wrapped)
 from dp_swing_ros.report.recording import named, recording

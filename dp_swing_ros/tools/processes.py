@@ -14,9 +14,9 @@ import socket
 import subprocess
 import time
 
-from dp_swing_ros.configuration import locate
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.executables import ENDING
+from dp_swing_ros.parameters.files import locate
 from dp_swing_ros.tools.command_lines import postponed, progress
 
 READY = 180.0    # [s] for processes to come up; the first start of an mpc compiles

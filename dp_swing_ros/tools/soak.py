@@ -17,6 +17,7 @@ from dp_swing_ros import configuration
 from dp_swing_ros.evaluation.soak import (
     ALLOWED, answers, pendulum, processes, quantiles, SHORTEST as LONG_ENOUGH, Soak, summary,
     ticks, times)
+from dp_swing_ros.parameters.files import locate
 from dp_swing_ros.pendulum.state import DEFAULT_LINKS, LINKS
 from dp_swing_ros.provenance import commit, machine, package_version
 from dp_swing_ros.solvers import SOLVERS
@@ -74,7 +75,7 @@ def command_line() -> argparse.ArgumentParser:
 def _soak(arguments: argparse.Namespace) -> int:
     asked = {name: getattr(arguments, name)
              for name in ('solver', 'duration', 'rate', 'links', 'seed', 'burn')}
-    files = [configuration.locate(file) for file in arguments.params]
+    files = [locate(file) for file in arguments.params]
     folder = arguments.output or Path('runs', dated(f'soak_{arguments.solver}'))
     shared = os.environ.get('ROS_DOMAIN_ID')
     with isolated() as domain:

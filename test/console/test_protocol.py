@@ -117,8 +117,8 @@ def test_a_port_that_is_taken_ends_it_with_one_line(console, start_node):
     assert len(node.complaint().splitlines()) == 1
 
 
-MALFORMED = ('no JSON', '[1, 2]', '{"do": 5}', '"pull"', '[' * 60_000, '{"do": "push", "force": NaN}',
-             '9' * 60_000, b'\x00\xff', '')
+MALFORMED = ('no JSON', '[1, 2]', '{"do": 5}', '"pull"', '[' * 60_000,
+             '{"do": "push", "force": NaN}', '9' * 60_000, b'\x00\xff', '')
 
 
 def test_what_is_no_request_ends_the_socket_and_nothing_else(console):

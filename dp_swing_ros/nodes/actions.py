@@ -1,0 +1,247 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a page asks for, done through topics, services and parameters alone."""
+
+from collections.abc import Callable, Mapping
+from functools import partial
+import math
+from pathlib import Path
+import time
+from typing import Any
+
+from rclpy.client import Client as Service
+from rclpy.task import Future
+from std_msgs.msg import Float64
+from std_srvs.srv import SetBool, Trigger
+
+from dp_swing_ros.console.client import Client
+from dp_swing_ros.console.presets import presets
+from dp_swing_ros.console.pulls import Hold, Pull, Pulls
+from dp_swing_ros.console.recorder import LOGGER, Recorder
+from dp_swing_ros.console.requests import Request, RequestError
+from dp_swing_ros.console.scene import CONTROLLER, PLANT, Scene
+from dp_swing_ros.nodes.connections import publish
+from dp_swing_ros.nodes.parameters import ConsoleParameters
+from dp_swing_ros.nodes.partners import Partner
+from dp_swing_ros.nodes.process import ProcessNode
+from dp_swing_ros.topics import DISTURBANCE, TOPICS
+
+SERVICES = {'plant/reset': Trigger, 'mpc/reset': Trigger, 'mpc/enable': SetBool,
+            'plant/pause': SetBool, 'plant/step': Trigger}
+DEFAULTS = 'defaults'   # the preset that every pendulum has
+PATIENCE = 10.0         # [s] for a logger to hear everything
+
+
+class Actions:
+    """Does what pages ask for, as far as there are nodes to do it; in the thread of the node."""
+
+    def __init__(self, node: ProcessNode, scene: Scene, partners: Mapping[str, Partner],
+                 parameters: ConsoleParameters) -> None:
+        """Take the node that acts, what it hears, and the nodes that are there by their roles."""
+        self.node, self.scene, self.partners, self.parameters = node, scene, partners, parameters
+        self.pulls = Pulls()
+        self.kick = 0.0        # [N] once
+        self.pushed = False    # since the last state
+        self.disturbances = publish(node, DISTURBANCE)
+        self.services = {name: node.create_client(kind, name) for name, kind in SERVICES.items()}
+        self.presets = presets()
+        self.recorder = Recorder(Path(parameters.recordings).expanduser())
+        self.starting: tuple[Client, Request, float] | None = None   # a recording, until when
+
+    def obey(self, client: Client, request: Request) -> None:
+        """Do what a page asks for."""
+        try:
+            getattr(self, f'do_{request["do"]}', self.do_not)(client, request)
+        except RequestError as error:
+            client.answer(request, False, str(error))
+
+    def do_not(self, client: Client, request: Request) -> None:
+        """Refuse what is for bags."""
+        raise RequestError(f'{request["do"]} is for a recorded run; this one is live')
+
+    # forces
+
+    def on_state(self) -> None:
+        """Let all hands be felt in the period that begins."""
+        self.pushed = False
+        self.push()
+
+    def push(self) -> None:
+        """Publish the sum of all hands, once for each state."""
+        if self.pushed or self.scene.x is None:
+            return
+        force = self.kick + self.pulls.force(
+            time.monotonic(), self.scene.x, self.scene.physical.lengths,
+            self.parameters.pull_stiffness)
+        limit = min(self.parameters.pull_limit,
+                    self.scene.value(PLANT, 'disturbance_limit', math.inf))
+        self.kick = 0.0
+        if force:
+            self.pushed = True
+            self.disturbances.publish(Float64(data=min(max(force, -limit), limit)))
+
+    def do_pull(self, client: Client, request: Request) -> None:
+        """Pull by a spring."""
+        x, z = request['to']
+        self.take(client, Pull(request['body'], min(max(request['along'], 0.0), 1.0), (x, z)))
+
+    def do_hold(self, client: Client, request: Request) -> None:
+        """Pull by a force."""
+        self.take(client, Hold(request['force']))
+
+    def take(self, client: Client, pull: Pull | Hold) -> None:
+        """Let the hand of a client pull, at once if nothing was felt since the last state."""
+        self.pulls.take(client, pull, time.monotonic())
+        self.push()
+
+    def do_release(self, client: Client, request: Request) -> None:
+        """Let go."""
+        self.pulls.release(client)
+
+    def do_push(self, client: Client, request: Request) -> None:
+        """Push for one period."""
+        self.kick += request['force']
+        self.push()
+        client.answer(request, True, f'{request["force"]:g} N for a period')
+
+    # parameters
+
+    def do_set(self, client: Client, request: Request) -> None:
+        """Change parameters of a node."""
+        self.set_all(client, request, {request['node']: request['parameters']})
+
+    def do_goal(self, client: Client, request: Request) -> None:
+        """Choose an equilibrium."""
+        self.set_all(client, request, {CONTROLLER: {'goal': request['name']}})
+
+    def do_reference(self, client: Client, request: Request) -> None:
+        """Choose a place for the cart."""
+        found = self.partner(CONTROLLER).described.get('reference')
+        if found is None:
+            raise RequestError('the mpc has no reference')
+        self.set_all(client, request, {CONTROLLER: {
+            'reference': [float(request['x']), *found['value'][1:]]}})
+
+    def do_pace(self, client: Client, request: Request) -> None:
+        """Let simulated time go faster or slower."""
+        self.set_all(client, request, {PLANT: {'pace': request['pace']}})
+
+    def do_preset(self, client: Client, request: Request) -> None:
+        """Change all that a parameter file says, as far as it can change in a run."""
+        name, changes, stay = request['name'], {}, []
+        if name != DEFAULTS and name not in self.presets:
+            raise RequestError(f'there is no preset {name[:80]!r}')
+        for role in (PLANT, CONTROLLER):
+            if role in self.partners:
+                asked = self.partners[role].defaults() if name == DEFAULTS \
+                    else self.presets[name][role]
+                changes[role], fixed = self.partners[role].changes(asked)
+                stay += fixed
+        if 'links' in stay:
+            raise RequestError(f'{name} is for another number of links')
+        self.set_all(client, request, {role: found for role, found in changes.items() if found},
+                     name + (f', but for {", ".join(stay)}, which stay in a run' if stay else ''))
+
+    def set_all(self, client: Client, request: Request, changes: Mapping[str, dict[str, Any]],
+                text: str = '') -> None:
+        """Change parameters of nodes, of each all or none, and answer in their words."""
+        refused, waiting = list[str](), len(changes)
+
+        def on_done(ok: bool, why: str) -> None:
+            nonlocal waiting
+            waiting -= 1
+            if not ok:
+                refused.append(why)
+            if waiting == 0:
+                client.answer(request, not refused, '; '.join(refused) or text or ', '.join(
+                    f'{name} is {value}' for values in changes.values()
+                    for name, value in values.items()))
+
+        if not changes:
+            client.answer(request, True, f'{text}: as it is')
+        calls = [partial(self.partner(role).set, values) for role, values in changes.items()]
+        for call in calls:
+            call(on_done)
+
+    def partner(self, role: str) -> Partner:
+        """Return a node that is there; raises RequestError."""
+        if role not in self.partners:
+            raise RequestError(f'there is no {role[:80]}')
+        return self.partners[role]
+
+    # services
+
+    def do_reset(self, client: Client, request: Request) -> None:
+        """Reset plant or mpc."""
+        self.ask(client, request, f'{request["node"]}/reset', Trigger.Request())
+
+    def do_enable(self, client: Client, request: Request) -> None:
+        """Let the mpc act, or not."""
+        self.ask(client, request, 'mpc/enable', SetBool.Request(data=request['on']))
+
+    def do_pause(self, client: Client, request: Request) -> None:
+        """Let simulated time stand still, or go on."""
+        self.ask(client, request, 'plant/pause', SetBool.Request(data=request['on']))
+
+    def do_step(self, client: Client, request: Request) -> None:
+        """Let a period pass."""
+        self.ask(client, request, 'plant/step', Trigger.Request())
+
+    def ask(self, client: Client, request: Request, name: str, asked: Any,
+            text: str = '') -> None:
+        """Call a service, and answer with a text or its own words."""
+        service: Service | None = self.services.get(name)
+        if service is None or not service.service_is_ready():
+            raise RequestError(f'nobody offers {name[:80]}')
+
+        def on_done(future: Future) -> None:
+            response = future.result()
+            client.answer(request, response.success, text or response.message)
+
+        service.call_async(asked).add_done_callback(on_done)
+
+    # recordings
+
+    def do_record(self, client: Client, request: Request) -> None:
+        """Start a logger, or end it."""
+        if not request['on']:
+            client.answer(request, True, f'recorded to {self.recorder.stop()}')
+            return
+        self.recorder.start([self.node.resolve_topic_name(topic.name) for topic in TOPICS])
+        self.starting = client, request, time.monotonic() + PATIENCE
+
+    def poll(self, log: Callable[[str], object]) -> None:
+        """Go on with recordings."""
+        failure = self.recorder.poll()
+        if failure:
+            log(failure)
+        if self.starting is None:
+            return
+        client, request, until = self.starting
+        if failure or time.monotonic() > until:
+            self.starting = None
+            client.answer(request, False, failure or 'the logger does not hear all topics; it '
+                          'goes on with what it hears')
+        elif self.logger_hears_all():
+            self.starting = None
+            self.begin_record(client, request)
+
+    def logger_hears_all(self) -> bool:
+        """Return whether the logger is on each topic that somebody publishes."""
+        def subscribed(name: str) -> bool:
+            return any(each.node_name == LOGGER
+                       for each in self.node.get_subscriptions_info_by_topic(name))
+        names = [self.node.resolve_topic_name(topic.name) for topic in TOPICS]
+        return all(subscribed(name) for name in names if self.node.count_publishers(name))
+
+    def begin_record(self, client: Client, request: Request) -> None:
+        """Reset the mpc, so that `verify` can repeat what follows from the recording alone."""
+        text = f'recording to {self.recorder.folder}'
+        if self.services['mpc/reset'].service_is_ready():
+            self.ask(client, request, 'mpc/reset', Trigger.Request(), text)
+        else:
+            client.answer(request, True, text)
+
+    def close(self) -> None:
+        """End recordings."""
+        self.recorder.close()
