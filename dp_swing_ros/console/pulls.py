@@ -5,14 +5,21 @@
 from collections.abc import Hashable, Sequence
 from typing import NamedTuple
 
+import numpy as np
+
 from dp_swing_ros.pendulum.geometry import joint_positions
 from dp_swing_ros.pendulum.state import Array
 
 LASTS = 0.3   # [s] a hand that does not renew its pull has let go
+AHEAD = 0.2   # [s] a pull is felt some 0.1 s later; what is more than that damps it
 
 
 class Pull(NamedTuple):
-    """A spring from a place on a body to a point [m], of which the cart feels what is level."""
+    """
+    A spring from a place on a body to a point [m], of which the cart feels what is level.
+
+    The place is where it will be in a moment: else what comes late would swing it up.
+    """
 
     body: int      # 0: the cart, k: link k
     along: float   # of the link, from its joint (0) to its end (1)
@@ -44,7 +51,8 @@ class Pulls:
         """Return the sum of all [N] in a state x (2n + 2,), for links of such lengths [m]."""
         self._hands = {hand: (pull, until) for hand, (pull, until) in self._hands.items()
                        if now < until}
-        places = joint_positions(x, lengths)
+        q, v = np.hsplit(x, 2)
+        places = joint_positions(np.concatenate((q + AHEAD * np.nan_to_num(v), v)), lengths)
         return sum(force_of(pull, places, stiffness) for pull, _ in self._hands.values())
 
 

@@ -69,8 +69,10 @@ def let_change(node: Node, fields: Mapping[str, dataclasses.Field], values: Mapp
 
     def with_numbers(parameters: list[Parameter]) -> list[Parameter]:
         """Let whole numbers do for numbers, which the types of ROS keep apart."""
+        # an empty list would not show of what it is one
         return [Parameter(each.name, value=_numbers(fields[each.name], each.value))
-                if each.name in fields else each for each in parameters]
+                if each.name in fields and _listed(each.value) != [] else each
+                for each in parameters]
 
     def on_set(parameters: list[Parameter]) -> SetParametersResult:
         try:

@@ -27,7 +27,8 @@ class Page:
     """A page that is open, and the newest of each kind of message that it was sent."""
 
     def __init__(self, port, path='/socket', **options):
-        self._connection = connect(f'ws://127.0.0.1:{port}{path}', max_size=None, **options)
+        self._connection = connect(
+            f'ws://127.0.0.1:{port}{path}', max_size=None, close_timeout=0.2, **options)
         self.socket = self._connection.__enter__()
         self.newest, self.count, self.asked = {}, 0, 0
 

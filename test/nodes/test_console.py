@@ -1,0 +1,262 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The console between a page, which is a foreign WebSocket client here, and plant and mpc."""
+
+import math
+import time
+
+from conftest import wait_until
+from pages import get, Page, port_of
+import pytest
+
+from dp_swing_ros.bags.reader import Bag
+from dp_swing_ros.tools import verify
+from dp_swing_ros.topics import DISTURBANCE, JOINT_STATES
+
+UPRIGHT = {'initial_state': [0.0] * 6}
+
+
+@pytest.fixture
+def live(start_node, tmp_path):
+    """Return a function that starts plant, mpc and console, and opens a page on all of them."""
+    pages = []
+
+    def start(mpc=(), console=(), **plant):
+        start_node('mpc', mpc).wait_for('ready')
+        start_node('plant', {**UPRIGHT, **plant})
+        node = start_node('console', {'port': 0, 'recordings': str(tmp_path / 'runs'),
+                                      **dict(console)})
+        pages.append(Page(port_of(node)))
+        pages[-1].node = node
+        pages[-1].until(lambda page: page.value('plant', 'rate') and page.value('mpc', 'horizon')
+                        and page.newest.get('frame', {}).get('plan')
+                        and page.newest['hello']['goals'])
+        return pages[-1]
+
+    yield start
+    for page in pages:
+        page.__exit__()
+
+
+def frames(page, count):
+    """Return so many frames."""
+    found = []
+    page.until(lambda page: page.newest['frame'] in found or found.append(page.newest['frame'])
+               or len(found) >= count)
+    return found
+
+
+def test_the_page_is_told_what_there_is_and_shown_each_state(live):
+    page = live(mpc={'shown_tries': 5, 'shadow': ['ddp']})
+    page.until(lambda page: page.newest['frame']['tries'] and page.newest['frame']['shadows'])
+    hello, frame = page.newest['hello'], page.newest['frame']
+    assert hello['nodes'] == {'plant': '/plant', 'mpc': '/mpc'}
+    assert (hello['links'], hello['lengths'], hello['period']) == (2, [1.0, 1.0], 0.05)
+    assert hello['limits'] == {'track': 2.4, 'margin': 0.4, 'force': 20.0, 'disturbance': 100.0}
+    assert hello['goals'] == ['down_down', 'down_up', 'up_down', 'up_up']
+    assert set(hello['solvers']) == {'ilqr', 'ddp', 'mppi', 'sampled_ilqr'}
+    assert not hello['pausable']
+    assert len(frame['x']) == len(frame['estimate']) == 6
+    assert len(frame['plan']['X']) == 31
+    assert len(frame['plan']['U']) == 30
+    assert frame['plan']['dt'] == 0.05
+    assert all(len(point) == 2 for path in frame['tries']['paths'] for point in path)
+    assert frame['tick']['solver'] == 'ilqr'
+    assert set(frame['shadows']['ddp']) == {'cost', 'regret', 'force', 'solve_time', 'behind'}
+    before = page.count
+    time.sleep(1.0)
+    frames(page, 20)
+    assert page.count - before < 60   # one a state, not one a message
+    assert {'name': 'plant', 'level': 0, 'message': 'obeys the force'} in \
+        page.newest['status']['statuses']
+
+
+def test_parameters_come_with_all_that_their_descriptors_tell(live):
+    page = live()
+    horizon = page.value('mpc', 'horizon')
+    assert (horizon['type'], horizon['value'], horizon['default']) == ('integer', 30, 30)
+    assert horizon['minimum'] >= 1
+    assert page.value('plant', 'cart_mass') == {
+        'name': 'cart_mass', 'type': 'double', 'value': 1.0, 'default': 1.0, 'unit': 'kg',
+        'minimum': 0.001, 'maximum': None, 'choices': None, 'description': 'mass of the cart, m0',
+        'read_only': False}
+    weights = page.value('mpc', 'state_weights')
+    assert (weights['type'], weights['minimum'], weights['default']) == (
+        'double[]', 0.0, weights['value'])
+    assert page.value('mpc', 'solver')['choices'] == ['ddp', 'ilqr', 'mppi', 'sampled_ilqr']
+    assert page.value('mpc', 'shadow')['default'] == []
+    assert page.value('plant', 'lockstep')['read_only']
+
+
+def test_parameters_change_and_what_is_refused_says_why_in_the_words_of_the_node(live):
+    page = live()
+    with Page(page.node and port_of(page.node)) as other:
+        other.until(lambda page: page.value('mpc', 'solver'))
+        assert page.ask('set', node='mpc', parameters={'solver': 'ddp', 'horizon': 25})['ok']
+        for one in (page, other):   # whoever changed it
+            one.until(lambda page: page.value('mpc', 'solver')['value'] == 'ddp')
+            assert one.value('mpc', 'horizon')['value'] == 25
+        page.until(lambda page: page.newest['frame']['tick']['solver'] == 'ddp')
+        for parameters, words in (
+                ({'horizon': 0}, 'horizon out of range'), ({'horizon': 2.5}, 'expected integer'),
+                ({'solver': 'best'}, 'expected one of'), ({'nonsense': 1}, 'no parameter'),
+                ({'force_weight': 'x'}, 'expected double'), ({'links': 3}, 'read-only')):
+            answer = page.ask('set', node='mpc', parameters=parameters)
+            assert not answer['ok']
+            assert words in answer['text'], answer
+        assert page.ask('set', node='mpc', parameters={'shadow': []})['ok']
+        assert page.ask('goal', name='down_up')['ok']
+        assert not page.ask('goal', name='sideways')['ok']
+        page.until(lambda page: page.value('mpc', 'goal')['value'] == 'down_up')
+
+
+def test_presets_change_what_can_change_and_defaults_put_it_back(live):
+    page = live()
+    assert {'defaults', 'paper', 'rig', 'textbook_mppi'} <= set(page.newest['hello']['presets'])
+    assert 'ros2_control' not in page.newest['hello']['presets']
+    assert page.ask('preset', name='textbook_mppi')['ok']
+    page.until(lambda page: page.value('mpc', 'mppi.samples')['value'] == 1024)
+    assert not page.ask('preset', name='nonsense')['ok']
+    assert page.ask('preset', name='defaults')['ok']
+    page.until(lambda page: all(
+        each['value'] == each['default'] for each in page.newest['parameters mpc']['parameters']))
+
+
+def test_a_pull_is_a_force_in_its_direction_that_is_bounded_and_ends(live, peer):
+    pushes = peer.record(DISTURBANCE)
+    page = live(mpc={'enabled': False}, initial_state=[0.0, math.pi, math.pi, 0.0, 0.0, 0.0])
+    for to in (0.1, 50.0, -50.0):
+        page.until(lambda page: abs(page.newest['frame']['x'][0]) < 1e-3)
+        pushes.clear()
+        end = time.monotonic() + 0.5
+        while time.monotonic() < end:   # as fast as a browser draws
+            page.send('pull', body=0, along=0.0, to=[to, 0.0])
+            peer.spin(0.016)
+            page.receive()
+        peer.spin(0.1)
+        forces = [message.data for message in pushes]
+        assert 6 <= len(forces) <= 14   # one a state, however often it is asked for
+        assert all(force * to > 0 for force in forces[:3])
+        assert abs(forces[0]) == pytest.approx(30.0 if abs(to) > 1 else 10.0, abs=1.5)
+        assert max(map(abs, forces)) <= 30.0
+        peer.spin(0.5)
+        pushes.clear()
+        peer.spin(0.3)
+        assert not pushes   # it has let go
+        page.until(lambda page: page.newest['frame']['push'] == 0.0)
+        assert page.ask('reset', node='plant')['ok']
+
+
+def test_hands_of_a_page_that_is_gone_let_go_and_a_kick_lasts_a_period(live, peer):
+    pushes = peer.record(DISTURBANCE)
+    page = live()
+    assert page.ask('push', force=3.0)['ok']
+    page.until(lambda page: page.newest['frame']['push'] == 3.0)
+    page.until(lambda page: page.newest['frame']['push'] == 0.0)
+    peer.spin(0.2)
+    assert [message.data for message in pushes] == [3.0]
+    with Page(port_of(page.node)) as other:
+        other.send('hold', force=-2.0)
+        assert peer.until(lambda: pushes[-1].data == -2.0)
+    peer.spin(0.2)
+    count = len(pushes)
+    peer.spin(0.2)
+    assert len(pushes) == count
+
+
+def test_a_link_is_pulled_at_the_place_that_was_taken(live, peer):
+    pushes = peer.record(DISTURBANCE)
+    leaning = math.asin(0.5)
+    page = live(mpc={'enabled': False}, gravity=1e-6,
+                initial_state=[0.2, leaning, -leaning, 0.0, 0.0, 0.0])
+    for body, along, place in ((0, 0.5, 0.2), (1, 0.0, 0.2), (1, 1.0, 0.7), (2, 0.5, 0.45),
+                               (2, 1.0, 0.2), (99, 1.0, 0.2)):
+        pushes.clear()
+        x = page.newest['frame']['x'][0] - 0.2   # what the pulls before have moved
+        page.send('pull', body=body, along=along, to=[place + x + 0.05, 2.0])
+        assert peer.until(lambda: pushes)
+        assert pushes[0].data == pytest.approx(5.0, abs=2.0), (body, along)
+        page.send('release')
+        page.ask('reset', node='plant')
+        page.until(lambda page: abs(page.newest['frame']['x'][0] - 0.2) < 1e-3)
+
+
+def test_services_answer_in_their_own_words(live):
+    page = live()
+    assert page.ask('reset', node='plant')['text'] == 'the plant is back at its initial state'
+    assert page.ask('reset', node='mpc')['text'] == 'the next tick is a first one'
+    assert page.ask('enable', on=False)['text'] == 'disabled: zero force'
+    page.until(lambda page: page.newest['frame']['tick']['enabled'] == 0)
+    assert page.ask('enable', on=True)['ok']
+    answer = page.ask('pause', on=True)
+    assert not answer['ok']
+    assert 'lockstep:=true' in answer['text']
+    assert 'in real time' in page.ask('pace', pace=0.5)['text']
+    assert page.ask('reference', x=0.3)['ok']
+    page.until(lambda page: page.value('mpc', 'reference')['value'][0] == 0.3)
+    page.until(lambda page: abs(page.newest['frame']['x'][0] - 0.3) < 0.05)
+
+
+def test_lockstep_can_be_paused_stepped_and_slowed_down(live):
+    page = live(lockstep=True, pace=1.0)
+    page.until(lambda page: page.newest['hello']['pausable'])
+    assert page.ask('pause', on=True)['ok']
+    page.until(lambda page: page.newest['frame']['paused'])
+    time.sleep(0.5)
+    page.until(lambda page: page.newest['frame']['plan']['t'] == page.newest['frame']['t'])
+    t = page.newest['frame']['t']
+    assert page.ask('step')['ok']
+    page.until(lambda page: page.newest['frame']['t'] > t)
+    assert page.newest['frame']['t'] == pytest.approx(t + 0.05)
+    assert page.ask('pace', pace=0.2)['ok']
+    assert page.ask('pause', on=False)['ok']
+    page.until(lambda page: not page.newest['frame']['paused'])
+    began, t = time.monotonic(), page.newest['frame']['t']
+    page.until(lambda page: page.newest['frame']['t'] > t + 0.3)
+    assert (page.newest['frame']['t'] - t) / (time.monotonic() - began) == pytest.approx(
+        0.2, abs=0.1)
+
+
+def test_a_recording_comes_out_again_and_has_a_report(live, tmp_path, capsys):
+    page = live()
+    answer = page.ask('record', on=True)
+    assert answer['ok'], answer
+    assert not page.ask('record', on=True)['ok']
+    page.until(lambda page: page.newest['recording']['folder'])
+    assert page.ask('push', force=5.0)['ok']
+    assert page.ask('set', node='mpc', parameters={'solver': 'ddp'})['ok']
+    page.until(lambda page: page.newest['frame']['tick']['solver'] == 'ddp')
+    frames(page, 20)
+    assert page.ask('record', on=False)['ok']
+    page.until(lambda page: page.newest['recording']['finished']
+               and page.newest['recording']['finished'][0]['report'])
+    assert page.newest['recording']['folder'] is None
+    finished = page.newest['recording']['finished'][0]
+    port = port_of(page.node)
+    assert b'<html' in get(port, finished['report'])[1]
+    bag = tmp_path / 'runs' / finished['name'] / 'bag'
+    assert get(port, finished['bag'])[1] == (bag / 'bag_0.mcap').read_bytes()
+    assert [message.data for message in Bag(bag).of(DISTURBANCE)] == [5.0]
+    assert len(Bag(bag).of(JOINT_STATES)) > 20
+    code, output = verify.main([str(bag)]), capsys.readouterr()
+    assert code == 0, output
+    assert 'every force is the recorded one to the bit' in output.out
+    assert not page.ask('record', on=False)['ok']
+
+
+def test_without_plant_and_mpc_there_is_a_page_and_they_may_come_and_go(start_node):
+    node = start_node('console', {'port': 0})
+    with Page(port_of(node)) as page:
+        page.until(lambda page: 'hello' in page.newest)
+        assert page.newest['hello']['nodes'] == {'plant': None, 'mpc': None}
+        assert 'frame' not in page.newest
+        assert not page.ask('set', node='plant', parameters={})['ok']
+        plant = start_node('plant', UPRIGHT)
+        page.until(lambda page: page.value('plant', 'rate') and 'frame' in page.newest)
+        assert page.newest['hello']['nodes'] == {'plant': '/plant', 'mpc': None}
+        assert page.newest['frame']['plan'] is None
+        plant.stop()
+        page.until(lambda page: page.newest['hello']['nodes']['plant'] is None)
+        assert page.newest['parameters plant']['parameters'] == []
+    assert node.stop() == 0
+    assert wait_until(lambda: 'Traceback' not in node.output())
