@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from importlib import import_module
 import sys
 
-from dp_swing_ros.executables import end_quietly
+from dp_swing_ros.executables import end_quietly, plays_bag
 
 TOOLS = {
     'analyse': "a bag's table, figures and report, from the bag alone",
@@ -46,17 +46,18 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 0
     if name not in COMMANDS:
         return _misused(f'unknown command {name!r}; expected one of {", ".join(COMMANDS)}')
-    if argv is None and name not in NODES:
+    is_node = name in NODES and not (name == 'console' and plays_bag(rest))
+    if argv is None and not is_node:
         end_quietly()   # while it loads
     try:
-        module = import_module(f'dp_swing_ros.{"nodes" if name in NODES else "tools"}.{name}')
+        module = import_module(f'dp_swing_ros.{"nodes" if is_node else "tools"}.{name}')
     except ModuleNotFoundError as error:
         remedy = 'pip install what the package needs' if name in TOOLS else \
             'source an installation of ROS 2, or run `make setup` in a checkout'
         return _misused(f'{name} needs the Python module {error.name}, which is not installed; '
                         f'{remedy}')
     # of a node rclpy wants the name of the program, too
-    return int(module.main([name, *rest] if name in NODES else rest))
+    return int(module.main([name, *rest] if is_node else rest))
 
 
 def _misused(why: str) -> int:

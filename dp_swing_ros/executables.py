@@ -56,6 +56,16 @@ def _tool(name: str) -> int:
     return code
 
 
+def plays_bag(arguments: list[str]) -> bool:
+    """Return whether the arguments of a console name a bag, for which it needs no ROS."""
+    return bool(arguments) and arguments[0] not in ('--ros-args', '-h', '--help')
+
+
+def console() -> int:
+    """Show a live run, or one in a bag."""
+    return (_tool if plays_bag(sys.argv[1:]) else _node)('console')
+
+
 plant = partial(_node, 'plant')
 mpc = partial(_node, 'mpc')
 relay = partial(_node, 'relay')
@@ -63,7 +73,6 @@ echo = partial(_node, 'echo')
 logger = partial(_node, 'logger')
 replay = partial(_node, 'replay')
 faults = partial(_node, 'faults')
-console = partial(_node, 'console')
 analyse = partial(_tool, 'analyse')
 compare = partial(_tool, 'compare')
 demo = partial(_tool, 'demo')

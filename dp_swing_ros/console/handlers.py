@@ -9,7 +9,8 @@ from tornado.web import HTTPError, RequestHandler, StaticFileHandler
 
 from dp_swing_ros.console.access import Access
 
-PAGE_POLICY = "default-src 'self'; img-src 'self' data:; frame-ancestors 'none'; base-uri 'none'"
+PAGE_POLICY = ("default-src 'self'; connect-src 'self' ws://{host} wss://{host}; "   # for Safari
+               "frame-ancestors 'none'; base-uri 'none'")
 # a report brings a policy of its own, too; whatever else lies there may do nothing here
 RECORDING_POLICY = ("sandbox allow-scripts; default-src 'none'; img-src data: 'self'; "
                     "style-src 'unsafe-inline'; script-src 'unsafe-inline'")
@@ -24,7 +25,6 @@ class Guarded(RequestHandler):
 
     def set_default_headers(self) -> None:
         """Forbid the browser what no page of ours does."""
-        self.set_header('Content-Security-Policy', self.policy)
         self.set_header('X-Content-Type-Options', 'nosniff')
         self.set_header('Referrer-Policy', 'no-referrer')
         self.set_header('Cache-Control', 'no-store')
@@ -44,6 +44,7 @@ class Guarded(RequestHandler):
             self.refuse(403, f'the host {request.host[:80]!r} is not this console')
         if origin is not None and not access.is_own_origin(origin):
             self.refuse(403, f'the origin {origin[:80]!r} is not this console')
+        self.set_header('Content-Security-Policy', self.policy.format(host=request.host))
         given = self.get_query_argument('token', '')
         cookie = f'{COOKIE}_{access.port}'   # a browser does not tell ports apart
         if not access.is_known(given, self.get_cookie(cookie) or ''):

@@ -15,9 +15,10 @@ from tornado.netutil import bind_sockets
 from tornado.web import Application, RequestHandler
 
 from dp_swing_ros.console.access import Access
+from dp_swing_ros.console.branches import Branches, MakeBag
 from dp_swing_ros.console.client import Client
 from dp_swing_ros.console.handlers import Nothing, Page, Recordings
-from dp_swing_ros.console.requests import Request
+from dp_swing_ros.console.requests import Request, RequestError
 from dp_swing_ros.errors import UserError
 
 PAGE = Path(__file__).parent / 'page'
@@ -35,7 +36,7 @@ class Options(NamedTuple):
     port: int
     token: str
     read_only: bool
-    recordings: Path
+    recordings: Path | None
 
 
 class Source(Protocol):
@@ -65,7 +66,8 @@ class Server:
         cannot be had.
         """
         self.source, self.log, self.read_only = source, log, options.read_only
-        self.recordings = os.path.realpath(options.recordings)
+        # without a folder nothing is in it
+        self.recordings = os.path.realpath(options.recordings or os.devnull)
         try:
             self._sockets = bind_sockets(options.port, options.address)
         except OSError as error:
@@ -73,7 +75,7 @@ class Server:
                 f'cannot serve at {options.address}:{options.port}: {error.strerror}; give '
                 'another port or address') from None
         self.access = Access(options.address, self._sockets[0].getsockname()[1], options.token)
-        self.clients = set[Client]()
+        self.clients, self._branches = set[Client](), Branches()
         self._standing: dict[str, str] = {}   # what each new client is told first
         self._sent_at = 0.0
         self._timer: asyncio.TimerHandle | None = None
@@ -169,7 +171,18 @@ class Server:
         """Hand a request on; raises RequestError."""
         self.source.ask(client, request)
 
+    def branch(self, client: Client, request: Request, make_bag: MakeBag,
+               origin: float = 0.0) -> None:
+        """Let all solvers take over in a bag that is made first; from any thread."""
+        def begin() -> None:
+            try:
+                self._branches.begin(client, request, make_bag, origin)
+            except RequestError as error:
+                client.answer(request, False, str(error))
+        self.call(begin)
+
     def farewell(self, client: Client) -> None:
         """Forget a client."""
         self.clients.discard(client)
+        self._branches.end(client)
         self.source.left(client)

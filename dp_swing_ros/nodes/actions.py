@@ -3,7 +3,6 @@
 """What a page asks for, done through topics, services and parameters alone."""
 
 from collections.abc import Callable, Mapping
-from functools import partial
 import math
 from pathlib import Path
 import time
@@ -15,11 +14,13 @@ from std_msgs.msg import Float64
 from std_srvs.srv import SetBool, Trigger
 
 from dp_swing_ros.console.client import Client
+from dp_swing_ros.console.history import answer, History, KEPT, write
 from dp_swing_ros.console.presets import presets
 from dp_swing_ros.console.pulls import Hold, Pull, Pulls
 from dp_swing_ros.console.recorder import LOGGER, Recorder
 from dp_swing_ros.console.requests import Request, RequestError
 from dp_swing_ros.console.scene import CONTROLLER, PLANT, Scene
+from dp_swing_ros.console.server import Server
 from dp_swing_ros.nodes.connections import publish
 from dp_swing_ros.nodes.parameters import ConsoleParameters
 from dp_swing_ros.nodes.partners import Partner
@@ -29,16 +30,17 @@ from dp_swing_ros.topics import DISTURBANCE, TOPICS
 SERVICES = {'plant/reset': Trigger, 'mpc/reset': Trigger, 'mpc/enable': SetBool,
             'plant/pause': SetBool, 'plant/step': Trigger}
 DEFAULTS = 'defaults'   # the preset that every pendulum has
-PATIENCE = 10.0         # [s] for a logger to hear everything
+PATIENCE = 10.0         # [s] for nodes to answer, and for a logger to hear everything
 
 
 class Actions:
     """Does what pages ask for, as far as there are nodes to do it; in the thread of the node."""
 
-    def __init__(self, node: ProcessNode, scene: Scene, partners: Mapping[str, Partner],
-                 parameters: ConsoleParameters) -> None:
-        """Take the node that acts, what it hears, and the nodes that are there by their roles."""
-        self.node, self.scene, self.partners, self.parameters = node, scene, partners, parameters
+    def __init__(self, node: ProcessNode, server: Server, scene: Scene, history: History,
+                 partners: Mapping[str, Partner], parameters: ConsoleParameters) -> None:
+        """Take the node that acts, what it has heard, and the nodes that are there by roles."""
+        self.node, self.server, self.scene, self.history = node, server, scene, history
+        self.partners, self.parameters = partners, parameters
         self.pulls = Pulls()
         self.kick = 0.0        # [N] once
         self.pushed = False    # since the last state
@@ -46,6 +48,7 @@ class Actions:
         self.services = {name: node.create_client(kind, name) for name, kind in SERVICES.items()}
         self.presets = presets()
         self.recorder = Recorder(Path(parameters.recordings).expanduser())
+        self.waiting: list[tuple[float, Callable[[bool, str], None], str]] = []   # for nodes
         self.starting: tuple[Client, Request, float] | None = None   # a recording, until when
 
     def obey(self, client: Client, request: Request) -> None:
@@ -143,23 +146,35 @@ class Actions:
     def set_all(self, client: Client, request: Request, changes: Mapping[str, dict[str, Any]],
                 text: str = '') -> None:
         """Change parameters of nodes, of each all or none, and answer in their words."""
-        refused, waiting = list[str](), len(changes)
+        refused, missing = list[str](), len(changes)
+        finish = self.once(client, request, ' and '.join(changes))
 
         def on_done(ok: bool, why: str) -> None:
-            nonlocal waiting
-            waiting -= 1
+            nonlocal missing
+            missing -= 1
             if not ok:
                 refused.append(why)
-            if waiting == 0:
-                client.answer(request, not refused, '; '.join(refused) or text or ', '.join(
+            if missing == 0:
+                finish(not refused, '; '.join(refused) or text or ', '.join(
                     f'{name} is {value}' for values in changes.values()
                     for name, value in values.items()))
 
         if not changes:
-            client.answer(request, True, f'{text}: as it is')
-        calls = [partial(self.partner(role).set, values) for role, values in changes.items()]
+            finish(True, f'{text}: as it is')
+        calls = [self.partner(role).prepared(values) for role, values in changes.items()]
         for call in calls:
             call(on_done)
+
+    def once(self, client: Client, request: Request, whose: str) -> Callable[[bool, str], None]:
+        """Return what answers a request: when it is called, or for somebody who is silent."""
+        def finish(ok: bool, text: str) -> None:
+            if waiting in self.waiting:
+                self.waiting.remove(waiting)
+                client.answer(request, ok, text)
+
+        waiting = time.monotonic() + PATIENCE, finish, whose
+        self.waiting.append(waiting)
+        return finish
 
     def partner(self, role: str) -> Partner:
         """Return a node that is there; raises RequestError."""
@@ -192,11 +207,30 @@ class Actions:
         if service is None or not service.service_is_ready():
             raise RequestError(f'nobody offers {name[:80]}')
 
+        finish = self.once(client, request, name)
+
         def on_done(future: Future) -> None:
             response = future.result()
-            client.answer(request, response.success, text or response.message)
+            finish(response.success, text or response.message)
 
         service.call_async(asked).add_done_callback(on_done)
+
+    # the past
+
+    def do_history(self, client: Client, request: Request) -> None:
+        """Tell what was in the last minute."""
+        self.server.call(client.tell, {**answer(self.history.rows), 'id': request.get('id')})
+
+    def do_branch(self, client: Client, request: Request) -> None:
+        """Let each solver take over at an instant of the last minute."""
+        names = {topic.name: self.node.resolve_topic_name(topic.name) for topic in KEPT}
+        entries = self.history.entries()
+
+        def make_bag(folder: Path) -> Path:
+            write(entries, folder, names)
+            return folder
+
+        self.server.branch(client, request, make_bag)
 
     # recordings
 
@@ -209,7 +243,10 @@ class Actions:
         self.starting = client, request, time.monotonic() + PATIENCE
 
     def poll(self, log: Callable[[str], object]) -> None:
-        """Go on with recordings."""
+        """Go on with recordings, and answer for those who are silent."""
+        for until, finish, whose in list(self.waiting):
+            if time.monotonic() > until:
+                finish(False, f'{whose} has not answered in {PATIENCE:g} s')
         failure = self.recorder.poll()
         if failure:
             log(failure)

@@ -10,25 +10,31 @@ that of the node.
 
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
+import time
 from typing import Any
 
 from rcl_interfaces.msg import ParameterEvent
+from rclpy.serialization import deserialize_message
 
 from dp_swing_ros.console.client import Client
+from dp_swing_ros.console.history import Entry, History, KEPT
 from dp_swing_ros.console.requests import Request, RequestError
 from dp_swing_ros.console.scene import CONTROLLER, HEARD, PLANT, Scene
 from dp_swing_ros.console.server import Options, Server
+from dp_swing_ros.messages.configuration import from_text
 from dp_swing_ros.nodes.actions import Actions, DEFAULTS
-from dp_swing_ros.nodes.connections import owners, subscribe
+from dp_swing_ros.nodes.connections import message_class, owners, subscribe
 from dp_swing_ros.nodes.parameters import ConsoleParameters, named
 from dp_swing_ros.nodes.partners import Partner
 from dp_swing_ros.nodes.process import ProcessNode, run
 from dp_swing_ros.nodes.ros_parameters import declare, let_change
 from dp_swing_ros.pendulum.parameters import GIVEN
 from dp_swing_ros.provenance import package_version
-from dp_swing_ros.topics import DIAGNOSTICS, FAULTS_JOINT_STATES, JOINT_STATES, PLAN, Topic
+from dp_swing_ros.topics import (
+    CONFIGURATION, DIAGNOSTICS, FAULTS_JOINT_STATES, JOINT_STATES, PLAN, Topic)
 
 LOOK_PERIOD = 0.5     # [s] between two looks for nodes
 POLL_PERIOD = 0.2     # [s] between two looks at diagnostics and recordings
@@ -55,9 +61,11 @@ class ConsoleNode(ProcessNode):
         self.server = Server(Options(
             parameters.address, parameters.port, parameters.token, parameters.read_only,
             Path(parameters.recordings).expanduser()), self, self.get_logger().warning)
-        self.actions = Actions(self, self.scene, self.partners, parameters)
+        self.history = History()
+        self.actions = Actions(
+            self, self.server, self.scene, self.history, self.partners, parameters)
         for topic in HEARD:
-            subscribe(self, topic, partial(self.hear, topic), sensor=topic in SENSORS)
+            subscribe(self, topic, partial(self.hear, topic), sensor=topic in SENSORS, raw=True)
         self.create_subscription(ParameterEvent, '/parameter_events', self.on_parameters, 100)
         self.every(LOOK_PERIOD, self.look)
         self.every(POLL_PERIOD, self.poll)
@@ -77,12 +85,28 @@ class ConsoleNode(ProcessNode):
         """Pull otherwise from now on."""
         self.actions.parameters = ConsoleParameters(**values)
 
-    def hear(self, topic: Topic, message: Any) -> None:
+    def hear(self, topic: Topic, data: bytes) -> None:
         """Take a message; the page is shown each state, and what comes after it a little later."""
+        message = deserialize_message(data, message_class(topic.type))
+        before = self.scene.stamp
         self.scene.hear(topic, message)
-        if topic is JOINT_STATES:
+        if topic is JOINT_STATES and self.scene.stamp != before:
+            self.history.keep_state(self.scene)
             self.actions.on_state()
         self.server.poke(trailing=topic is not JOINT_STATES)
+        if topic in KEPT:
+            self.keep(topic, data, message)
+
+    def keep(self, topic: Topic, data: bytes, message: Any) -> None:
+        """Keep a message of the last minute."""
+        whose = topic.name if topic.latched else ''
+        if topic is CONFIGURATION:
+            with suppress(ValueError):
+                found = from_text(message.data)
+                whose = found.node
+                if found.revision == found.resets == 0:   # it was started again
+                    self.history.forget()
+        self.history.keep(Entry(self.scene.t, topic, whose, data, time.time_ns()))
 
     def look(self) -> None:
         """Find the nodes that are there, and tell the page."""

@@ -5,6 +5,7 @@
 from collections.abc import Callable, Mapping
 import math
 import re
+import time
 from typing import Any
 
 from rcl_interfaces.msg import ParameterDescriptor, ParameterEvent, ParameterType
@@ -24,6 +25,8 @@ TYPES = {
     ParameterType.PARAMETER_INTEGER_ARRAY: 'integer[]',
     ParameterType.PARAMETER_DOUBLE_ARRAY: 'double[]',
     ParameterType.PARAMETER_STRING_ARRAY: 'string[]'}
+PATIENCE = 2.0   # [s] for an answer
+INFINITE = ('inf', '-inf')   # which JSON has no number for
 NUMBERS = {kind: number for number, kind in TYPES.items()}
 KINDS: dict[str, type | tuple[type, ...]] = {
     'bool': bool, 'integer': int, 'double': (int, float), 'string': str}
@@ -32,6 +35,7 @@ ABOUT = re.compile(r'(?P<text>.*?)(?: \[(?P<unit>[^][]*)\])?(?: \(default: (?P<d
                    re.S)
 LEAST, MOST = (re.compile(rf'{words} (-?[\d.]+(?:e[+-]?\d+)?)') for words in (
     'at least', 'at most'))
+Then = Callable[[bool, str], None]
 CHOICES = re.compile(r'(?:each )?one of (.*)')
 
 
@@ -42,19 +46,22 @@ class Partner:
         """Take the full name of the other node; `changed` is called when the list is another."""
         self.name, self.changed = name, changed
         self._client = AsyncParameterClient(node, name)
-        self._asked = False
+        self._asked_at = -math.inf   # [s]; an answer may be lost while nodes find each other
+        self._known = False
         self.described: dict[str, dict[str, Any]] = {}   # for the page, by name
 
     def look(self) -> None:
-        """Ask for the list, unless that is done, as soon as the other node can answer."""
-        if not self._asked and self._client.services_are_ready():
-            self._asked = True
+        """Ask for the list until it has come, as soon as the other node can answer."""
+        now = time.monotonic()
+        if not self._known and now - self._asked_at > PATIENCE \
+                and self._client.services_are_ready():
+            self._asked_at = now
             self._client.list_parameters([], 0, self._on_list)
 
     def on_event(self, event: ParameterEvent) -> None:
         """Take the news of a change."""
         if event.new_parameters:   # it was started again
-            self._asked = False
+            self._known, self._asked_at = False, -math.inf
             self.look()
             return
         for each in event.changed_parameters:
@@ -63,17 +70,23 @@ class Partner:
                     parameter_value_to_python(each.value))
         self.changed()
 
-    def set(self, values: Mapping[str, Any], then: Callable[[bool, str], None]) -> None:  # noqa: A003,E501
-        """Change parameters, all or none; raises RequestError for a name or a type it lacks."""
+    def prepared(self, values: Mapping[str, Any]) -> Callable[[Then], None]:
+        """
+        Return what changes parameters, all or none, and calls with whether it did, or why not.
+
+        Raises RequestError for a name or a type that it lacks.
+        """
         asked = [self._typed(name, value) for name, value in values.items()]
-
-        def on_done(future: Future) -> None:
-            result = future.result().result
-            then(result.successful, result.reason)
-
         if not self._client.services_are_ready():
             raise RequestError(f'{self.name} does not answer')
-        self._client.set_parameters_atomically(asked, on_done)
+
+        def change(then: Then) -> None:
+            def on_done(future: Future) -> None:
+                result = future.result().result
+                then(result.successful, result.reason)
+            self._client.set_parameters_atomically(asked, on_done)
+
+        return change
 
     def defaults(self) -> dict[str, Any]:
         """Return the defaults that are known."""
@@ -96,6 +109,7 @@ class Partner:
                     name: described(name, descriptor, parameter_value_to_python(value))
                     for name, descriptor, value in zip(
                         names, descriptors.result().descriptors, values.result().values)}
+                self._known = True
                 self.changed()
             self._client.get_parameters(names, on_values)
 
@@ -107,6 +121,8 @@ class Partner:
             raise RequestError(f'{self.name} has no parameter {name[:80]!r}')
         kind, _, listed = self.described[name]['type'].partition('[')
         elements = value if listed else [value]
+        if kind == 'double' and isinstance(elements, list):
+            elements = [float(each) if each in INFINITE else each for each in elements]
         if not isinstance(elements, list) or not all(
                 isinstance(each, KINDS[kind]) and isinstance(each, bool) == (kind == 'bool')
                 for each in elements):

@@ -10,6 +10,7 @@ prediction; what comes after the window counts for nothing, there is no terminal
 """
 
 from collections.abc import Callable, Sequence
+from copy import copy
 import math
 from typing import NamedTuple
 
@@ -21,13 +22,15 @@ from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.control.receding_horizon import MpcParameters, RecedingHorizon
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.evaluation.metrics import settling_time
-from dp_swing_ros.messages.fields import BILLION
+from dp_swing_ros.messages.configuration import from_text
+from dp_swing_ros.messages.fields import BILLION, nanoseconds
 from dp_swing_ros.pendulum.state import Array, errors
 from dp_swing_ros.problem.cost import running
 from dp_swing_ros.problem.plan import Plan
 from dp_swing_ros.rerun.answers import answer, respond, Tick
-from dp_swing_ros.rerun.ticks import configuration_of, record_of
+from dp_swing_ros.rerun.ticks import configuration_of, own, record_of
 from dp_swing_ros.simulation.plant import Plant
+from dp_swing_ros.topics import CONFIGURATION, JOINT_STATES
 
 
 class ScoredTrajectory(NamedTuple):
@@ -58,12 +61,38 @@ class Run:
         self.mpc = configuration_of(bag, CONTROLLER).parameters
         self.plant = configuration_of(bag, PLANT).parameters
         self.record, self.samples = record_of(bag, anywhere=True), samples_of(bag)
+        # when which state came [ns], and the plant's parameters that counted from then on
+        self.came = {nanoseconds(bag.decoded(entry).header.stamp): entry.received
+                     for entry in bag.entries_of(JOINT_STATES)}
+        self.plants = [(entry.received, own(found)) for entry in bag.entries_of(CONFIGURATION)
+                       if (found := from_text(bag.decoded(entry).data)).node.endswith(
+                           f'/{PLANT}')]
         self.start, self.end = self.samples[0].stamp, self.samples[-1].stamp
         self.problem = configuration.problem(self.mpc)
         self.solver = str(self.mpc.get('solver', MpcParameters.solver))
         plant = configuration.plant(self.plant)
         self.limits = plant.limits
         self.period = BILLION / plant.parameters.rate   # [ns]
+
+    def as_of(self, tick: Tick) -> 'Run':
+        """Return the run with the parameters that controller and plant had at a tick."""
+        run = copy(self)
+        changed = [each.changed for each in self.record.up_to(tick) if each.changed is not None]
+        values = changed[-1] if changed else self.mpc
+        run.problem = configuration.problem(values)
+        run.solver = str(values.get('solver', MpcParameters.solver))
+        came = self.came.get(tick.stamp, 0)
+        run.plant = [self.plant, *(values for since, values in self.plants if since <= came)][-1]
+        return run
+
+    def lately(self, begin: int) -> 'Run':
+        """Return the run without the ticks before a stamp [ns], which no shadow sees then."""
+        run = copy(self)
+        before = [tick for tick in self.record.ticks if tick.stamp < begin]
+        changed = [tick.changed for tick in before if tick.changed is not None]
+        run.record = self.record._replace(ticks=self.record.ticks[len(before):])
+        run.mpc = changed[-1] if changed else self.mpc
+        return run
 
     def time(self, stamp: int) -> float:
         """Return the time of a stamp from the run's first state [s]."""
@@ -158,7 +187,7 @@ def counterfactual(run: Run, tick: Tick, solvers: Sequence[str], duration: float
 
     `progress` is called after each.
     """
-    end = run.window(tick, duration)
+    run, end = run.as_of(tick), run.window(tick, duration)
     others = []
     for solver in solvers:
         others.append(run.scored(solver, take_over(run, tick, solver, end)))
@@ -205,8 +234,12 @@ def shadow(run: Run, until: Tick, solver: str) -> tuple[RecedingHorizon, Plan]:
     That of the recorded solver stops its solves where the recorded ones stopped.
     """
     controller = configuration.controller({**run.mpc, 'solver': solver})
+    recorded = run.mpc.get('solver', MpcParameters.solver)
     for tick in run.record.up_to(until):
-        plan = answer(controller, tick, counted=solver == run.solver)
+        if tick.changed is not None:
+            recorded = tick.changed.get('solver', MpcParameters.solver)
+            tick = tick._replace(changed={**tick.changed, 'solver': solver})
+        plan = answer(controller, tick, counted=solver == recorded)
         if tick.number < until.number:
             controller.forces.replace_last(tick.force)
     return controller, plan

@@ -4,7 +4,7 @@
 
 from collections.abc import Sequence
 from difflib import SequenceMatcher
-from itertools import pairwise, takewhile
+from itertools import dropwhile, pairwise, takewhile
 from typing import Any, NamedTuple
 
 from dp_swing_ros.bags.episodes import (
@@ -83,11 +83,12 @@ def _from_a_beginning(reports: list[Report]) -> list[Report]:
 
 def _record(bag: Bag, reports: list[Report], anywhere: bool) -> Record:
     reports = sorted(reports, key=lambda each: int(each.values['number']))
-    found = reports if anywhere else _from_a_beginning(reports)
+    states = {sample.stamp: sample.x for sample in samples_of(bag)}
+    found = list(dropwhile(lambda each: each.stamp not in states, reports)) if anywhere \
+        else _from_a_beginning(reports)
     if not found:
         return Record([], f'tick 1 is missing (the next is {reports[0].values["number"]}), and '
                       'there is none after a reset')
-    states = {sample.stamp: sample.x for sample in samples_of(bag)}
     revisions = revisions_of(bag).get(CONTROLLER, {})
     ticks: list[Tick] = []
     resets = 0
