@@ -32,6 +32,9 @@ demo: setup $(if $(RIG),$(VENV)/.installed-rig)
 demo:  ## swing up and hold in real time for 10 s (SOLVER=ilqr, ddp, mppi or sampled_ilqr; RIG=1: a rig of other make)
 	@$(WITH_ROS) && ros2 run dp_swing_ros demo --solver $(SOLVER) $(if $(RIG),--params config/rig.yaml)
 
+play: setup  ## plant, mpc and a page in the browser to pull at them (SOLVER=...; LOCKSTEP=1: can be paused, stepped, slowed down)
+	@$(WITH_ROS) && ros2 run dp_swing_ros play --solver $(SOLVER) $(if $(LOCKSTEP),--lockstep)
+
 docs: setup  ## the references of parameters and of the Python API, and the drawings
 	@$(WITH_ROS) && ros2 run dp_swing_ros parameters > docs/parameters.md && \
 	  python scripts/api_reference.py > docs/api.md && \
@@ -100,5 +103,5 @@ install/.built: $(VENV)/.installed $(SOURCES)
 	  (cd $$tree && find dp_swing_ros -name '*.py' ! -exec test -e '$(CURDIR)/{}' \; -delete); done
 	@touch $@
 
-.PHONY: help setup demo docs evaluate results test shell clean
+.PHONY: help setup demo play docs evaluate results test shell clean
 .DEFAULT_GOAL := help

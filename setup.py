@@ -33,6 +33,7 @@ EXECUTABLES = [
     'identify = dp_swing_ros.executables:identify',
     'recover = dp_swing_ros.executables:recover',
     'parameters = dp_swing_ros.executables:parameters',
+    'play = dp_swing_ros.executables:play',
     'soak = dp_swing_ros.executables:soak',
     'verify = dp_swing_ros.executables:verify',
 ]

@@ -33,6 +33,7 @@ NODES = {
     'console': 'a page in the browser: poke it, tune it, watch it think'}
 BY_COLCON = {
     'demo': 'runs plant, mpc and logger, and draws the results',
+    'play': 'plant, mpc and a page in the browser on them',
     'soak': 'runs plant and mpc for long in real time: latency, memory, falls'}
 COMMANDS = TOOLS | NODES | BY_COLCON
 MISUSED = 2

@@ -4,7 +4,9 @@
 
 import http.client
 import json
+from pathlib import Path
 import re
+import socket
 import time
 
 from websockets.sync.client import connect
@@ -85,3 +87,20 @@ def get(port, path='/', **headers):
     body = answer.read()
     connection.close()
     return answer, body
+
+
+def deaf(port):
+    """Return a socket of a page that never reads."""
+    stream = socket.socket()
+    stream.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+    stream.connect(('127.0.0.1', port))
+    stream.sendall(f'GET /socket HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nUpgrade: websocket\r\n'
+                   'Connection: Upgrade\r\nSec-WebSocket-Version: 13\r\n'
+                   'Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n'.encode())
+    return stream
+
+
+def memory(node):
+    """Return what a process holds [bytes]."""
+    text = Path(f'/proc/{node.popen.pid}/status').read_text()
+    return int(text.split('VmRSS:')[1].split()[0]) * 1024

@@ -3,13 +3,12 @@
 """What a console does with callers that it should not trust; no pendulum is needed for it."""
 
 import json
-from pathlib import Path
 import re
 import socket
 import time
 
 from conftest import wait_until
-from pages import get, Page, port_of, token_of
+from pages import deaf, get, memory, Page, port_of, token_of
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
@@ -42,12 +41,6 @@ def counted(node, text, count):
     """Return whether there are so many lines with a text; they may come after the answer."""
     return wait_until(lambda: len(lines_of(node, text)) >= count, 5) \
         and len(lines_of(node, text)) == count
-
-
-def memory(node):
-    """Return what a process holds [bytes]."""
-    text = Path(f'/proc/{node.popen.pid}/status').read_text()
-    return int(text.split('VmRSS:')[1].split()[0]) * 1024
 
 
 def test_the_page_is_served_with_a_policy_that_keeps_it_to_this_host(console):
@@ -197,17 +190,6 @@ def test_of_a_hundred_pages_as_many_as_there_is_room_for_are_open(console):
         assert page.receive()['kind'] == 'hello'
     for page in pages:
         page.socket.close()
-
-
-def deaf(port):
-    """Return a socket of a page that never reads."""
-    stream = socket.socket()
-    stream.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-    stream.connect(('127.0.0.1', port))
-    stream.sendall(f'GET /socket HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nUpgrade: websocket\r\n'
-                   'Connection: Upgrade\r\nSec-WebSocket-Version: 13\r\n'
-                   'Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n'.encode())
-    return stream
 
 
 def asks(stream, **request):

@@ -1,0 +1,90 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""`ros2 run dp_swing_ros play`: plant, mpc and a page on them, until Ctrl-C."""
+
+import argparse
+from collections.abc import Sequence
+import os
+from pathlib import Path
+import re
+import sys
+import time
+import webbrowser
+
+from dp_swing_ros.nodes.parameters import ConsoleParameters
+from dp_swing_ros.parameters.files import locate
+from dp_swing_ros.pendulum.state import LINKS
+from dp_swing_ros.solvers import SOLVERS
+from dp_swing_ros.tools.command_lines import dated, execute, new_folder, OK, program, within
+from dp_swing_ros.tools.demo import refuse_company
+from dp_swing_ros.tools.processes import Crew, isolated, Process, ProcessError, without_prefix
+
+POLL = 0.1         # [s]
+TRIES = 20         # trajectories of each solve that the page shows
+PAGE = re.compile(r'the page is at (\S+)')
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Play until Ctrl-C; return the exit code."""
+    parser = argparse.ArgumentParser(
+        prog=program('play'),
+        description='Start plant, mpc and console, and open the page in a browser where there is '
+                    'one: pull at the pendulum, change parameters, watch what the mpc plans. '
+                    'Ctrl-C ends it all.')
+    parser.add_argument('--solver', choices=list(SOLVERS), default='ilqr')
+    parser.add_argument('--links', type=int, choices=LINKS, help='of the pendulum')
+    parser.add_argument('--lockstep', action='store_true',
+                        help='the plant waits for the mpc, and so can be paused, stepped and '
+                             'slowed down')
+    parser.add_argument('--params', type=Path, metavar='FILE', action='append', default=[],
+                        help='YAML file with parameters for plant, mpc and console')
+    parser.add_argument('--port', type=within(int, 0, 65535), default=ConsoleParameters().port,
+                        help='of the page (default: %(default)s; 0: any that is free)')
+    parser.add_argument('--browser', action=argparse.BooleanOptionalAction, default=True,
+                        help='open the page')
+    return execute(parser, _play, argv, (ProcessError,))
+
+
+def _play(arguments: argparse.Namespace) -> int:
+    folder, files = new_folder(Path('runs', dated('play'))), list(map(locate, arguments.params))
+    shared = {'links': arguments.links} if arguments.links else {}
+    pace = {'lockstep': True, 'pace': 1.0} if arguments.lockstep else {}
+    parameters = {'console': {'port': arguments.port},
+                  'mpc': {'solver': arguments.solver, 'shown_tries': TRIES, **shared},
+                  'plant': {**pace, **shared}}
+    shared_domain = os.environ.get('ROS_DOMAIN_ID')
+    with isolated() as domain, Crew() as crew:
+        print(f'ROS_DOMAIN_ID={domain}', flush=True)
+        if shared_domain:
+            refuse_company(set(parameters))
+        processes = [crew.start(name, values, folder / f'{name}.log', files)
+                     for name, values in parameters.items()]
+        try:
+            _follow(processes, arguments.browser)
+        except KeyboardInterrupt:   # the usual end
+            print(f'the logs are in {folder}', flush=True)
+    return OK
+
+
+def _follow(processes: Sequence[Process], browse: bool) -> None:
+    """Print what the processes say, and open the page; raises ProcessError where one ends."""
+    while True:
+        for process in processes:
+            for line in process.new_lines():
+                print(f'{process.name}: {said(process, line)}', flush=True)
+                page = PAGE.search(line)
+                if page and browse:
+                    _open(page[1])
+            process.check()
+        time.sleep(POLL)
+
+
+def said(process: Process, line: str) -> str:
+    """Return what a process says, without its name."""
+    return without_prefix(line).removeprefix(f'{process.name}: ')
+
+
+def _open(address: str) -> None:
+    # without a screen there may be a browser for the terminal, which would take it over
+    if sys.platform == 'darwin' or {'DISPLAY', 'WAYLAND_DISPLAY'} & set(os.environ):
+        webbrowser.open(address)

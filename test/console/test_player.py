@@ -1,0 +1,99 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""A recorded run in the page, without ROS."""
+
+import signal
+import subprocess
+import sys
+import time
+
+from pages import Page, port_of
+import pytest
+
+from dp_swing_ros.bags.episodes import read_episode
+
+
+@pytest.fixture
+def page(start_node, lockstep_bag):
+    """Return a page on a bag."""
+    node = start_node('console', options=[str(lockstep_bag), '--port', '0'])
+    with Page(port_of(node)) as page:
+        page.node = node
+        page.until(lambda page: 'frame' in page.newest and 'hello' in page.newest)
+        yield page
+
+
+def test_a_bag_is_played_and_stops_at_its_end(page):
+    hello = page.newest['hello']
+    assert (hello['replay'], hello['duration']) == (True, pytest.approx(5.0))
+    assert hello['nodes'] == {'plant': '/plant', 'mpc': '/mpc'}
+    assert not page.newest['frame']['paused']
+    assert page.ask('play', on=True, rate=5.0)['ok']
+    began = time.monotonic()
+    page.until(lambda page: page.newest['frame']['paused'])
+    assert 0.5 < time.monotonic() - began < 3.0
+    assert page.newest['frame']['t'] == pytest.approx(5.0)
+    assert page.ask('play', on=True, rate=1.0)['ok']   # from the beginning
+    page.until(lambda page: page.newest['frame']['t'] < 0.5)
+    solver = page.value('mpc', 'solver')
+    assert (solver['value'], solver['read_only']) == ('ilqr', True)
+
+
+def test_each_state_can_be_sought_and_is_the_recorded_one(page, lockstep_bag):
+    episode = read_episode(lockstep_bag)
+    assert page.ask('play', on=False, rate=1.0)['ok']
+    for n in (60, 3, 100, 0, 61):
+        page.send('seek', at=float(episode.t[n]) + 0.01)
+        frame = page.until(lambda page: page.newest['frame']['t'] == pytest.approx(episode.t[n])
+                           and page.newest['frame'])
+        assert frame['x'] == pytest.approx(episode.X[n].tolist(), abs=1e-4)
+        assert frame['paused']
+        if n < len(episode.U):   # the plan that answers it
+            assert frame['plan']['t'] == frame['t']
+            assert frame['tick']['force'] == pytest.approx(frame['force'], rel=1e-4)
+    for at in (-5.0, 99.0):
+        page.send('seek', at=at)
+        page.until(lambda page: page.newest['frame']['t'] == pytest.approx(5.0 * (at > 0)))
+
+
+def test_pages_have_clocks_of_their_own_and_can_change_nothing(page):
+    with Page(port_of(page.node)) as other:
+        other.until(lambda page: 'frame' in page.newest)
+        assert page.ask('play', on=False, rate=1.0)['ok']
+        page.send('seek', at=1.0)
+        page.until(lambda page: page.newest['frame']['t'] == pytest.approx(1.0))
+        other.until(lambda page: page.newest['frame']['t'] > 1.5)
+        answer = page.ask('set', node='mpc', parameters={'horizon': 20})
+        assert not answer['ok']
+        assert 'this one is recorded' in answer['text']
+        assert page.newest['frame']['t'] == pytest.approx(1.0)
+
+
+def test_the_past_and_branches_are_there_too(page, lockstep_bag):
+    past = page.ask('history', kind='history')
+    episode = read_episode(lockstep_bag)
+    assert past['t'] == pytest.approx(episode.t.tolist(), abs=1e-6)
+    assert past['x'][50] == pytest.approx(episode.X[50].tolist(), abs=1e-4)
+    page.send('branch', id=7, at=1.0, duration=2.0)
+    page.until(lambda page: page.newest.get('branch', {}).get('courses'))
+    courses = page.newest['branch']['courses']
+    assert len(courses) == 5
+    for course in courses.values():
+        assert (course['t'][0], course['t'][-1]) == (1.0, 3.0)
+    # it saw every state until then, and does it again
+    assert courses['ilqr']['X'] == courses['recorded ilqr']['X']
+
+
+def test_it_needs_no_ros_and_ends_quietly(start_node, lockstep_bag, tmp_path):
+    code = ('import sys; sys.modules["rclpy"] = None; from dp_swing_ros.tools import console; '
+            'assert "numba" in sys.modules; sys.exit(console.main([]))')
+    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True)
+    assert (done.returncode, 'the following arguments are required: BAG' in done.stderr) == (
+        2, True)
+    node = start_node('console', options=[str(tmp_path), '--port', '0'])
+    assert node.wait() == 2
+    assert 'is no bag' in node.output()
+    node = start_node('console', options=[str(lockstep_bag), '--port', '0'])
+    port_of(node)
+    assert node.stop(signal.SIGINT) == 0
+    assert 'Traceback' not in node.output()
