@@ -98,6 +98,12 @@ def test_parameters_of_all_nodes_are_printed_without_ros(installed):
     assert installed.tool('parameters').stdout == (TOP / 'docs' / 'parameters.md').read_text()
 
 
+def test_the_console_brings_its_page_and_plays_bags_without_ros(installed):
+    assert (installed.site / 'dp_swing_ros' / 'console' / 'page' / 'index.html').is_file()
+    done = installed.tool('console', 'nothing')
+    assert (done.returncode, "there is no bag 'nothing'" in done.stderr) == (2, True), done.stderr
+
+
 def test_a_campaign_finds_the_parameter_files_that_were_installed(installed):
     found = installed.python('-c', 'from pathlib import Path; from dp_swing_ros.configuration '
                              'import locate; print(locate(Path("config/paper.yaml")))')

@@ -279,6 +279,7 @@ def test_an_instant_of_the_last_minute_is_branched_from(live):
     frames(page, 30)
     assert page.ask('set', node='mpc', parameters={'force_weight': 0.02, 'solver': 'ddp'})['ok']
     assert page.ask('set', node='plant', parameters={'cart_mass': 1.1})['ok']
+    page.until(lambda page: page.newest['frame']['tick']['solver'] == 'ddp')
     frames(page, 60)
     past = page.ask('history', kind='history')
     assert len(past['t']) == len(past['x']) == len(past['u']) == len(past['force']) >= 90

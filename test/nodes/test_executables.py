@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-NODES = ('plant', 'mpc', 'relay', 'echo', 'logger', 'replay', 'faults')
+NODES = ('plant', 'mpc', 'relay', 'echo', 'logger', 'replay', 'faults', 'console')
 
 
 @pytest.mark.parametrize(('name', 'option'), [
@@ -22,7 +22,8 @@ def test_help_says_what_it_does_and_takes(start_node, name, option):
                  'echo': ('echo  ', 'joint_states  '),
                  'logger': ('configuration  ', 'output:='),
                  'replay': ('replay/pause', 'rate:=1'),
-                 'faults': ('faults/joint_states  ', 'state_loss:=0')}[name]:
+                 'faults': ('faults/joint_states  ', 'state_loss:=0'),
+                 'console': ('disturbance  ', 'port:=8080')}[name]:
         assert word in node.output()
 
 
@@ -55,12 +56,12 @@ SHARED = """
 def test_of_what_is_for_any_node_each_takes_its_own(start_node, tmp_path, name):
     file = tmp_path / 'shared.yaml'
     file.write_text(SHARED)
-    output = {'output': str(tmp_path / 'bag')} if name == 'logger' else {}
-    node = start_node(name, output, arguments=['--params-file', str(file)])
+    own = {'logger': {'output': str(tmp_path / 'bag')}, 'console': {'port': 0}}
+    node = start_node(name, own.get(name, {}), arguments=['--params-file', str(file)])
     expected = {'plant': 'states a second', 'mpc': "the solver 'ddp'",
                 'relay': 'ready, for /force_controller/commands', 'echo': 'ready',
                 'logger': 'recording to', 'replay': "parameter 'bag' is empty",
-                'faults': 'everything passes'}[name]
+                'faults': 'everything passes', 'console': 'the page is at'}[name]
     node.wait_for(expected)
     node.stop()
     assert 'unknown parameter' not in node.output()
