@@ -116,3 +116,32 @@ def test_take_overs_come_in_every_so_many_seconds(runs):
     assert [run.time(tick.stamp) for tick in run.ticks_every(0.5, None)] == [
         0.0, 0.5, 1.0, 1.5, 2.0, 2.5]
     assert [run.time(tick.stamp) for tick in run.ticks_every(0.5, 2.0)] == [0.0, 0.5, 1.0]
+
+
+def test_of_a_run_that_is_looked_at_from_later_on_a_solver_does_nearly_the_same(runs):
+    run = runs['ilqr']
+    tick = run.tick_at(1.5, None)
+    late = run.lately(run.start + 1_000_000_000)
+    assert 10 <= len(late.record.up_to(tick)) < len(run.record.up_to(tick))
+    assert late.record.up_to(tick)[-1] is tick
+    one = counterfactual(late, tick, ['ilqr'], 0.5, lambda: None)
+    np.testing.assert_allclose(one.others[0].X, one.recorded.X, atol=0.05)
+
+
+def test_parameters_are_those_that_counted_at_the_tick(runs):
+    """As if they had been changed in mid-run: another cost, and another solver before it."""
+    run = runs['ddp']
+    tick = run.tick_at(1.0, None)
+    ticks = list(run.record.ticks)
+    changed = {**run.mpc, 'force_weight': 10 * run.mpc['force_weight']}
+    ticks[10] = ticks[10]._replace(changed=changed)
+    ticks[5] = ticks[5]._replace(changed={**changed, 'solver': 'mppi'})
+    run = run.lately(run.start)
+    run.record = run.record._replace(ticks=ticks)
+    before, then = run.as_of(ticks[7]), run.as_of(tick)
+    assert (before.solver, then.solver) == ('mppi', 'ddp')
+    assert then.problem.cost.R == pytest.approx(10 * runs['ddp'].problem.cost.R)
+    assert run.lately(ticks[8].stamp).mpc['solver'] == 'mppi'
+    controller, _ = shadow(run, tick, 'ilqr')
+    assert controller.parameters.solver == 'ilqr'   # whatever the recorded one was
+    assert controller.problem.cost.R == pytest.approx(then.problem.cost.R)

@@ -162,6 +162,25 @@ def test_nothing_is_said_of_ticks_after_a_gap(bags, missing, tmp_path, capsys):
     assert f'error: tick {missing} is missing (the next is {missing + 1})' in error
 
 
+def test_a_bag_that_begins_in_mid_run_is_verified_from_a_reset_on(bags, tmp_path, capsys):
+    """As one of the console's: ticks before the reset are there, and those before them are not."""
+    def change(message):
+        number = int(value_of(message, 'number') or 0)
+        return message if number == 0 else None if number < 5 else with_value(
+            'resets', str(int(number >= 8)))(message)
+
+    bag = rewritten(bags['ilqr'], tmp_path / 'bag', DIAGNOSTICS, change)
+    found = record_of(Bag(bag))
+    assert (found.ticks[0].number, found.ticks[0].reset, found.gap) == (8, True, '')
+    assert found.begins_later
+    assert record_of(Bag(bag), anywhere=True).ticks[0].number == 5
+    # the force was not one after a reset, which is noticed
+    code, lines, _ = verified(bag, capsys)
+    assert code == 1
+    assert lines[0].startswith('tick 8 at ')
+    assert any('14 ticks' in line for line in lines), lines
+
+
 def test_a_missing_state_is_a_gap(bags, tmp_path, capsys):
     bag = rewritten(bags['ilqr'], tmp_path / 'bag', JOINT_STATES, lambda message: (
         None if message.header.stamp.nanosec == 250_000_000 else message))
