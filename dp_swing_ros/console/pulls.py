@@ -47,13 +47,24 @@ class Pulls:
         """Let go."""
         self._hands.pop(hand, None)
 
-    def force(self, now: float, x: Array, lengths: Sequence[float], stiffness: float) -> float:
-        """Return the sum of all [N] in a state x (2n + 2,), for links of such lengths [m]."""
+    def force(self, now: float, x: Array, lengths: Sequence[float], stiffness: float,
+              limit: float) -> float:
+        """
+        Return the sum of all, each within a limit [N], in a state x (2n + 2,).
+
+        The links are of such lengths [m].
+        """
         self._hands = {hand: (pull, until) for hand, (pull, until) in self._hands.items()
                        if now < until}
         q, v = np.hsplit(x, 2)
         places = joint_positions(np.concatenate((q + AHEAD * np.nan_to_num(v), v)), lengths)
-        return sum(force_of(pull, places, stiffness) for pull, _ in self._hands.values())
+        return sum(bounded(force_of(pull, places, stiffness), limit)
+                   for pull, _ in self._hands.values())
+
+
+def bounded(force: float, limit: float) -> float:
+    """Return a force [N] within a limit, either way."""
+    return min(max(force, -limit), limit)
 
 
 def force_of(pull: Pull | Hold, places: Array, stiffness: float) -> float:

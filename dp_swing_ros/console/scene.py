@@ -24,6 +24,7 @@ from dp_swing_ros.topics import (
 CONTROLLER, PLANT = 'mpc', 'plant'   # the last parts of their names
 SHADOW = f'{CONTROLLER}: shadow '    # how the name of a shadow's status begins
 CART = (0.44, 0.22)   # [m] as it is drawn
+LASTS = 2 * 10 ** 9   # [ns] what the mpc says is shown, where nothing newer comes
 POINTS = 60           # of a plan or a path at most
 DIGITS = 4            # after the point: a tenth of a millimetre
 HEARD = (JOINT_STATES, FORCE_COMMAND, DISTURBANCE, PLAN, TRIES, DIAGNOSTICS, ROBOT_DESCRIPTION,
@@ -43,7 +44,7 @@ class Scene:
         self.physical, self.limits = PendulumParameters(), LimitParameters()
         self.configurations: dict[str, Configuration] = {}   # by the last part of the name
         self.statuses: dict[str, tuple[int, str]] = {}       # level and message by name
-        self.shadows: dict[str, dict[str, Any]] = {}         # by solver
+        self.shadows: dict[str, Report] = {}                 # by solver
         self.x: Array | None = None
         self.stamp = 0            # [ns]
         self.u = self.force = math.nan   # [N]
@@ -102,7 +103,7 @@ class Scene:
             if solver != status.name.rsplit('/', 1)[-1]:
                 report = from_diagnostics(message, SHADOW + solver, self.joint_states)
                 if report is not None:
-                    self.shadows[solver] = report.values
+                    self.shadows[solver] = report
         self.tick = from_diagnostics(message, CONTROLLER, self.joint_states) or self.tick
         plant = from_diagnostics(message, PLANT, self.joint_states)
         if plant is not None:
@@ -149,17 +150,24 @@ class Scene:
         """Return what changes from state to state; None before the first."""
         if self.x is None:
             return None
-        values = self.tick.values if self.tick else {}
+        values = self.tick.values if self.tick and self._counts(self.tick.stamp) else {}
+        plan_, tries_ = (each if each and self._counts(nanoseconds(each.header.stamp)) else None
+                         for each in (self.plan, self.tries))
         estimate = [values.get(f'estimate_{joint}_{kind}') for kind in ('position', 'velocity')
                     for joint in joints(len(self.x) // 2 - 1)]
         return {
             'kind': 'frame', 't': self.t, 'x': numbers(self.x), 'u': number(self.u),
             'force': number(self.force), 'push': number(self.push),
             'estimate': None if None in estimate else numbers(np.array(estimate)),
-            'plan': plan(self.plan), 'tries': tries(self.tries),
+            'plan': plan(plan_), 'tries': tries(tries_),
             'tick': {name: number(value) for name, value in values.items()} or None,
-            'shadows': {solver: shadow(each) for solver, each in self.shadows.items()},
+            'shadows': {solver: shadow(each.values) for solver, each in self.shadows.items()
+                        if self._counts(each.stamp)},
             'paused': self.paused}
+
+    def _counts(self, stamp: int) -> bool:
+        """Return whether what answers a state [ns] is not too far from the newest."""
+        return abs(stamp - self.stamp) <= LASTS
 
     def status(self) -> dict[str, Any]:
         """Return all statuses."""

@@ -16,7 +16,7 @@ from std_srvs.srv import SetBool, Trigger
 from dp_swing_ros.console.client import Client
 from dp_swing_ros.console.history import answer, History, KEPT, write
 from dp_swing_ros.console.presets import presets
-from dp_swing_ros.console.pulls import Hold, Pull, Pulls
+from dp_swing_ros.console.pulls import bounded, Hold, Pull, Pulls
 from dp_swing_ros.console.recorder import LOGGER, Recorder
 from dp_swing_ros.console.requests import Request, RequestError
 from dp_swing_ros.console.scene import CONTROLLER, PLANT, Scene
@@ -73,15 +73,15 @@ class Actions:
         """Publish the sum of all hands, once for each state."""
         if self.pushed or self.scene.x is None:
             return
-        force = self.kick + self.pulls.force(
-            time.monotonic(), self.scene.x, self.scene.physical.lengths,
-            self.parameters.pull_stiffness)
         limit = min(self.parameters.pull_limit,
                     self.scene.value(PLANT, 'disturbance_limit', math.inf))
+        force = bounded(self.kick, limit) + self.pulls.force(
+            time.monotonic(), self.scene.x, self.scene.physical.lengths,
+            self.parameters.pull_stiffness, limit)
         self.kick = 0.0
         if force:
             self.pushed = True
-            self.disturbances.publish(Float64(data=min(max(force, -limit), limit)))
+            self.disturbances.publish(Float64(data=bounded(force, limit)))
 
     def do_pull(self, client: Client, request: Request) -> None:
         """Pull by a spring."""
@@ -103,9 +103,10 @@ class Actions:
 
     def do_push(self, client: Client, request: Request) -> None:
         """Push for one period."""
-        self.kick += request['force']
+        force = bounded(request['force'], self.parameters.pull_limit)
+        self.kick += force
         self.push()
-        client.answer(request, True, f'{request["force"]:g} N for a period')
+        client.answer(request, True, f'{force:g} N for a period')
 
     # parameters
 

@@ -12,6 +12,7 @@ from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
+import os
 from pathlib import Path
 import time
 from typing import Any
@@ -37,6 +38,7 @@ from dp_swing_ros.topics import (
     CONFIGURATION, DIAGNOSTICS, FAULTS_JOINT_STATES, JOINT_STATES, PLAN, Topic)
 
 LOOK_PERIOD = 0.5     # [s] between two looks for nodes
+NICE = 5              # an mpc comes first
 POLL_PERIOD = 0.2     # [s] between two looks at diagnostics and recordings
 CALLS = 1000          # requests at most that wait for the thread of the node
 SENSORS = (JOINT_STATES, PLAN, DIAGNOSTICS)   # of which the newest counts
@@ -56,6 +58,7 @@ class ConsoleNode(ProcessNode):
         parameters = ConsoleParameters(**values)
         self.scene = Scene(self.resolve_topic_name(JOINT_STATES.name))
         self.partners: dict[str, Partner] = {}   # plant, mpc, faults
+        self.known: dict[str, Partner] = {}      # by name, also those that are gone
         self.calls = deque[Callable[[], None]]()
         self.called = self.create_guard_condition(self.on_calls)
         self.server = Server(Options(
@@ -72,6 +75,7 @@ class ConsoleNode(ProcessNode):
 
     def prepare(self) -> None:
         """Serve the page."""
+        os.nice(NICE)
         self.look()
         self.server.start()
         self.get_logger().info(f'the page is at {self.server.access.address}')
@@ -116,13 +120,19 @@ class ConsoleNode(ProcessNode):
             if before is None or before.name not in found:
                 self.partners.pop(role, None)
                 if found:
-                    self.partners[role] = Partner(
-                        self, found[0], partial(self.publish_parameters, role))
+                    self.partners[role] = self.met(found[0], role)
                 if found or before:
                     self.publish_parameters(role)
         for partner in self.partners.values():
             partner.look()
         self.publish_hello()
+
+    def met(self, name: str, role: str) -> Partner:
+        """Return the node of a name, which may have been here before."""
+        if name not in self.known:
+            self.known[name] = Partner(self, name, partial(self.publish_parameters, role))
+        self.known[name].forget()
+        return self.known[name]
 
     def on_parameters(self, event: ParameterEvent) -> None:
         """Take the news of parameters that anybody has changed."""

@@ -46,13 +46,16 @@ class Partner:
         """Take the full name of the other node; `changed` is called when the list is another."""
         self.name, self.changed = name, changed
         self._client = AsyncParameterClient(node, name)
-        self._asked_at = -math.inf   # [s]; an answer may be lost while nodes find each other
-        self._known = False
         self.described: dict[str, dict[str, Any]] = {}   # for the page, by name
+        self.forget()
+
+    def forget(self) -> None:
+        """Know nothing of it, for it may have been started again."""
+        self.described, self._known, self._asked_at = {}, False, -math.inf
 
     def look(self) -> None:
         """Ask for the list until it has come, as soon as the other node can answer."""
-        now = time.monotonic()
+        now = time.monotonic()   # an answer may be lost while nodes find each other
         if not self._known and now - self._asked_at > PATIENCE \
                 and self._client.services_are_ready():
             self._asked_at = now
@@ -61,7 +64,7 @@ class Partner:
     def on_event(self, event: ParameterEvent) -> None:
         """Take the news of a change."""
         if event.new_parameters:   # it was started again
-            self._known, self._asked_at = False, -math.inf
+            self.forget()
             self.look()
             return
         for each in event.changed_parameters:

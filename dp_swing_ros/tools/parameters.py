@@ -20,8 +20,8 @@ node starts. What is unknown, misspelt or out of range ends the node with one li
 is expected. Those of plant, mpc, faults and console [change while the node
 runs](nodes.md#live-parameters), unless it says that they stay; those of logger and replay stay.
 The mpc gets the same physical parameters and limits as the plant unless a test of robustness wants
-it otherwise. Defaults are those of two links; parameters of a link or a joint that is not there are
-refused.
+it otherwise. Defaults are those of two links; parameters of a link or a joint that is not there
+are refused.
 """
 
 
