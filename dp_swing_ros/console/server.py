@@ -23,6 +23,7 @@ from dp_swing_ros.errors import UserError
 
 PAGE = Path(__file__).parent / 'page'
 FRAME_PERIOD = 1 / 60   # [s] at least between two frames
+ANSWER = 0.012          # [s] after a state: the mpc comes first, and its answer is shown with it
 TRAILING = 0.1          # [s] after the last state: what came after its frame is shown, too
 LARGEST = 1 << 16       # [bytes] of a request
 IDLE = 60.0             # [s] a connection may stand idle
@@ -141,7 +142,7 @@ class Server:
     def poke(self, trailing: bool = False) -> None:
         """Let the newest frame be sent soon; with `trailing`, unless another is before long."""
         if self.clients:
-            self.call(self._poke, TRAILING if trailing else 0.0)
+            self.call(self._poke, TRAILING if trailing else ANSWER)
 
     def _poke(self, delay: float) -> None:
         due = max(self._loop.time() + delay, self._sent_at + FRAME_PERIOD)
