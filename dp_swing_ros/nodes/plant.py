@@ -136,7 +136,7 @@ class PlantNode(ProcessNode):
             self.hurry(self.forces, self.ticks)
         elif is_heard(self, self.states, FORCE_COMMAND):
             self.start()
-            self.hurry(self.forces, self.unanswerable)
+            self.hurry(self.forces, self.unanswerable, self.pace.timer)
             self.joined = dict.fromkeys(listeners(self, self.states, FORCE_COMMAND), -math.inf)
             self.every(NEWCOMER_PERIOD, self.on_newcomers)
         else:
