@@ -173,8 +173,7 @@ export class Timeline {
   onBranch({progress, courses, text}) {
     if (progress !== undefined) find('#progress').value = progress;
     if (courses) this.show(courses);
-    else if (progress >= 1) this.fail(text);
-    else if (text) this.say({ok: true, text});
+    else if (text) this.fail(text);
   }
 
   show(courses) {
