@@ -80,10 +80,8 @@ export class Actions {
     for (const id of ['#kick-left', '#kick-right', '#record']) find(id).disabled = off;
     find('#reset').disabled = off || !(plant || mpc);
     find('#enable').disabled = off || !mpc;
-    for (const id of ['#pause', '#step', '#pace']) {
-      find(id).disabled = off || !hello.pausable;
-      find(id).title = hello.pausable ? '' : 'of a plant in lockstep: make play LOCKSTEP=1';
-    }
+    find('#time').hidden = !hello.pausable;
+    for (const id of ['#pause', '#step', '#pace']) find(id).disabled = off;
   }
 
   onParameters({node, parameters}) {

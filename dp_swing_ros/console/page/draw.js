@@ -151,7 +151,7 @@ export class Brush {
     const way = Math.sign(force), from = x + way * (halfWidth + ARROW.gap);
     const length = ARROW.scale * Math.abs(force), head = Math.min(ARROW.head, length);
     const to = from + way * length, neck = to - way * head;
-    this.line([[from, z], [neck, z]], colour, Math.max(3, 0.05 * this.view.scale));
+    if (length > head) this.line([[from, z], [neck, z]], colour, Math.max(3, 0.05 * this.view.scale));
     this.path([[to, z], [neck, z + head / 2], [neck, z - head / 2]]);
     this.pen.fillStyle = colour;
     this.pen.fill();

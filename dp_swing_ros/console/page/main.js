@@ -29,6 +29,7 @@ const timeline = new Timeline(socket, stream, say);
 const hands = new Hands(scene, socket);
 const thoughts = new Thoughts(stream);
 const actions = new Actions(socket, hands, timeline, scene, say);
+const parameters = new Map();   // the last of each node
 let hello = null, written = 0, described = 0, fresh = null;
 
 socket.on('open', () => {
@@ -50,17 +51,18 @@ socket.on('hello', message => {
   hello = {...message, laidOut};
   for (const part of [scene, controls, timeline, actions]) part.configure(hello);
   if (changed) thoughts.configure(hello);
-  for (const last of parameters.values()) actions.onParameters(last);
+  for (const last of parameters.values()) onParameters(last);
   const {plant, mpc} = hello.nodes;
   find('#nodes').textContent = hello.replay ? 'a bag' : [plant, mpc].filter(Boolean).join(' · ') ||
     'waiting for a plant or an mpc';
 });
-const parameters = new Map();
 socket.on('parameters', message => {
   parameters.set(message.node, message);
-  for (const part of [controls, thoughts]) part.onParameters(message);
-  if (hello) actions.onParameters(message);
+  if (hello) onParameters(message);   // else it waits until one knows what may be changed
 });
+function onParameters(message) {
+  for (const part of [controls, thoughts, actions]) part.onParameters(message);
+}
 socket.on('frame', frame => {
   stream.push(frame, performance.now());
   fresh = frame;
@@ -75,7 +77,7 @@ function write(frame, given) {
     '#now-time': `${number((given ?? frame).t - (hello.replay ? 0 : first), 1)} s`,
     '#now-force': `${number(given ? given.u : frame.force ?? frame.u, 1)} N`,
     '#now-push': `${number((given ?? frame).push ?? 0, 0)} N`,
-    '#now-cost': short(tick?.cost), '#now-solve': `${number(1000 * tick?.solve_time, 1)} ms`,
+    '#now-cost': short(tick?.cost), '#now-solve': tick ? `${number(1000 * tick.solve_time, 1)} ms` : '–',
     '#now-solver': tick?.solver ? solverName(tick.solver) : '–'};
   for (const [selector, text] of Object.entries(values)) find(selector).textContent = text;
   find('#now-status').textContent = given ? 'looking back' : silent() ? frame.paused ? 'paused' : 'no state comes'

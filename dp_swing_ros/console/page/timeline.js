@@ -68,6 +68,7 @@ export class Timeline {
     find('#look').setAttribute('aria-pressed', 'true');
     find('#branch').disabled = false;
     document.documentElement.classList.add('looking-back');
+    this.drawStrip();   // which has a size now
     this.tell();
     this.slider.focus();
   }
@@ -88,7 +89,10 @@ export class Timeline {
   scrub() {
     const value = Number(this.slider.value);
     if (this.history) this.at = this.history.t.at(-1) + value;
-    else this.seek(value);
+    else {
+      if (this.playing) this.play(false);   // who seeks wants to look
+      this.seek(value);
+    }
     this.tell();
   }
 
