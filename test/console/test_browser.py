@@ -23,9 +23,9 @@ webdriver = pytest.importorskip('selenium.webdriver', reason='selenium is not in
 ActionChains = webdriver.ActionChains
 
 CHROMIUM, DRIVER = shutil.which('chromium'), shutil.which('chromedriver')
-pytestmark = pytest.mark.skipif(
+pytestmark = [pytest.mark.real_time, pytest.mark.skipif(
     not (CHROMIUM and DRIVER),
-    reason='chromium or chromedriver is not on the PATH (Debian: chromium, chromium-driver)')
+    reason='chromium or chromedriver is not on the PATH (Debian: chromium, chromium-driver)')]
 
 DESKTOP, PHONE = (1440, 900), (390, 844)
 VISIBLE = 0.3   # [s] from a drag to its force in the picture, on a busy machine; alone 0.15
