@@ -140,6 +140,17 @@ class Page:
             actions.move_by_offset(way * distance // 4, 0)
         actions.perform()
 
+    def touch(self, kind, right):
+        """Touch the cart, or so far right of it [px], with a finger."""
+        if kind == 'touchStart':
+            corner = self.driver.execute_script(
+                "const box = document.querySelector('#picture').getBoundingClientRect();"
+                'return [box.left, box.top]')
+            self.finger = [a + b for a, b in zip(corner, self.places()[0])]
+        points = [] if right is None else [{'x': self.finger[0] + right, 'y': self.finger[1]}]
+        self.driver.execute_cdp_cmd('Input.dispatchTouchEvent', {
+            'type': kind, 'touchPoints': points})
+
     def let_go(self):
         ActionChains(self.driver).release().perform()
 
@@ -203,6 +214,11 @@ def stands(ears, timeout=30):
     return ears.until(lambda: len(ears.states) > 9 and all(map(rests, ears.states[-10:])), timeout)
 
 
+def first_pull(ears):
+    """Return the first force [N] of a pull that counts: a link swings to the hand and beyond."""
+    return next((push for push in ears.pushes if abs(push) > 2.0), 0.0)
+
+
 def test_nothing_comes_from_another_host(page, nodes, tmp_path):
     loaded = page.driver.execute_script(
         "return performance.getEntriesByType('resource').map(each => each.name)")
@@ -243,8 +259,7 @@ def test_a_drag_pulls_where_it_goes(page, ears, tmp_path, body, way):
     ears.until(lambda: len(ears.pushes) > 3)
     page.let_go()
     ears.spin(0.3)
-    # a link swings to the hand and beyond it, which then pulls back
-    assert next(push for push in ears.pushes if abs(push) > 2.0) * way > 0
+    assert first_pull(ears) * way > 0
     assert max(map(abs, ears.pushes)) <= 30.0 + 1e-9
     last = len(ears.pushes)
     ears.spin(0.5)
@@ -359,11 +374,18 @@ def test_a_branch_shows_courses(page, ears, tmp_path):
     assert page.shows('#instant-time', 'live')
 
 
-def test_a_phone_needs_no_sideways_scrolling(page, tmp_path):
+def test_a_phone_in_the_hand(page, ears, tmp_path):
+    assert stands(ears)
     page.resize(*PHONE)
     try:
         time.sleep(0.5)
+        ears.pushes.clear()
+        page.touch('touchStart', 0)
+        page.touch('touchMove', 25)
+        assert ears.until(lambda: first_pull(ears) > 0)
         page.shot('phone', tmp_path)
+        page.touch('touchEnd', None)
+        assert page.driver.execute_script('return scrollY') == 0   # it pulled, and did not scroll
         page.controls()
         page.shot('phone_controls', tmp_path)
         assert page.driver.execute_script(

@@ -80,8 +80,8 @@ function write(frame, given) {
     '#now-cost': short(tick?.cost), '#now-solve': tick ? `${number(1000 * tick.solve_time, 1)} ms` : '–',
     '#now-solver': tick?.solver ? solverName(tick.solver) : '–'};
   for (const [selector, text] of Object.entries(values)) find(selector).textContent = text;
-  find('#now-status').textContent = given ? 'looking back' : silent() ? frame.paused ? 'paused' : 'no state comes'
-    : words(String(tick?.status ?? '').toLowerCase());
+  find('#now-status').textContent = given ? 'looking back' : frame.paused ? 'paused'
+    : silent() ? 'no state comes' : words(String(tick?.status ?? '').toLowerCase());
   // where the joints are drawn on the page [px], for who drives it from outside
   canvas.dataset.places = JSON.stringify(scene.places?.map(place => scene.view.toScreen(place)) ?? []);
 }

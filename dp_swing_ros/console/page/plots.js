@@ -22,8 +22,8 @@ export class Plot {
    * dash}] are horizontal lines; a stack fills one series on the other, from zero up.
    */
   constructor({title, unit, series, levels = [], range = null, least = 1, stack = false,
-               ticks = null}) {
-    Object.assign(this, {title, unit, series, levels, range, least, stack, ticks});
+               signed = false, ticks = null}) {
+    Object.assign(this, {title, unit, series, levels, range, least, stack, signed, ticks});
     this.canvas = element('canvas', {role: 'img', 'aria-label': `${title}, last ${PAST} s`});
     this.value = element('output');
     this.legend = element('span', {className: 'legend'});

@@ -39,7 +39,7 @@ export class Thoughts {
     const both = value => [{of: () => value}, {of: () => -value}];
     const track = limits.track ?? null, force = limits.force ?? 20;
     this.force = new Plot({
-      title: 'Force', unit: 'N', least: force,
+      title: 'Force', unit: 'N', least: force, signed: true,
       levels: both(force),
       series: [{name: 'commanded', colour: line('force'), step: true, of: frame => frame.force,
                 ahead: plan => plan.U},
@@ -48,7 +48,7 @@ export class Thoughts {
       title: 'Angles', unit: 'rad, 0 is upright', series: angles, ticks: TICKS,
       range: () => [-3.3, 3.3]});
     this.position = new Plot({
-      title: 'Position', unit: 'm', least: 1,
+      title: 'Position', unit: 'm', least: 1, signed: true,
       range: track && track < 20 ? () => [-1.08 * track, 1.08 * track] : null,
       ticks: track && track < 20 ? [-track, 0, track].map(x => [x, number(x, 1)]) : null,
       levels: track ? both(track - limits.margin) : [],
@@ -58,7 +58,7 @@ export class Thoughts {
       series: TERMS.map((term, n) => ({
         name: term, colour: line(SHADES[n]), of: ({tick}) => tick?.[`cost_${term}`]}))});
     this.time = new Plot({
-      title: 'Solve time', unit: 'ms; the dashed line is the deadline', stack: true, least: 4,
+      title: 'Solve time', unit: 'ms, deadline dashed', stack: true, least: 4,
       levels: [{of: () => 1000 * (this.parameters.mpc?.time_limit?.value ?? 0.8 * period),
                 colour: line('alarm')}], series: []});
     this.iterations = new Plot({

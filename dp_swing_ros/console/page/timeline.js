@@ -101,6 +101,7 @@ export class Timeline {
     const left = this.sought + SEEK - performance.now();
     if (left > 0) { this.seeking = setTimeout(() => this.seek(value), left); return; }
     this.sought = performance.now();
+    this.stream.clear();
     this.socket.tell({do: 'seek', id: 0, at: value});
   }
 
@@ -184,7 +185,6 @@ export class Timeline {
     find('#progress').hidden = true;
     find('#branch').disabled = !this.hello.replay && !this.history;
     const least = Math.min(...Object.values(courses).map(({cost}) => cost ?? Infinity));
-    const first = Math.min(...Object.values(courses).map(({t}) => t[0]));
     this.courses = Object.entries(courses).map(([name, course], n) => {
       const solver = name.split(' ').at(-1), canvas = element('canvas', {
         role: 'img', 'aria-label': `what ${name} did from there on`});
@@ -193,8 +193,8 @@ export class Timeline {
         element('span', {textContent: `cost ${short(course.cost)}`}),
         element('span', {textContent: course.regret === null || course.cost === least
           ? 'the least' : `regret ${short(course.regret)}`}),
-        element('span', {textContent: course.settled === null || course.settled === undefined
-          ? 'not held at the end' : `held after ${number(course.settled - first, 1)} s`}));
+        element('span', {textContent: Number.isFinite(course.settled)
+          ? 'held to the end' : 'not held at the end'}));
       const figure = element('figure', {className: course.cost === least ? 'best' : ''}, canvas, caption);
       figure.style.setProperty('--chip', solverColour(solver, n));
       return {...course, name, solver, canvas, figure};
