@@ -62,7 +62,7 @@ def branch(bag: Bag, at: float, duration: float, origin: float, tell: Tell) -> N
     tell({'at': start + found.at, 'progress': 1.0, 'text': f'{duration:.2f} s', 'courses': {
         name: {'t': numbers(one.t + start, 6), 'X': numbers(one.X), 'U': numbers(one.U),
                'cost': number(one.cost), 'regret': number(found.regret(one)),
-               'settled': number(one.settled)}
+               'settled': number(one.settled + start)}
         for name, one in found.trajectories().items()}})
 
 

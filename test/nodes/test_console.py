@@ -298,6 +298,7 @@ def test_an_instant_of_the_last_minute_is_branched_from(live):
         assert len(course['X']) == len(course['t']) == len(course['U']) + 1
         assert course['X'][0] == courses['ddp']['X'][0]
         assert course['regret'] >= 0
+        assert course['settled'] is None or at <= course['settled'] + 1e-3 <= at + 1.6
     # the same solver, with what it ran with then, does nearly the same
     assert courses['ddp']['X'][10] == pytest.approx(courses['recorded ddp']['X'][10], abs=0.05)
     page.send('branch', id=2, at=past['t'][-1] + 100, duration=1)
