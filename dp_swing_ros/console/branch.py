@@ -12,6 +12,8 @@ import json
 import sys
 from typing import Any
 
+import numpy as np
+
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.console.scene import number, numbers
 from dp_swing_ros.errors import UserError
@@ -62,7 +64,7 @@ def branch(bag: Bag, at: float, duration: float, origin: float, tell: Tell) -> N
     tell({'at': start + found.at, 'progress': 1.0, 'text': f'{duration:.2f} s', 'courses': {
         name: {'t': numbers(one.t + start, 6), 'X': numbers(one.X), 'U': numbers(one.U),
                'cost': number(one.cost), 'regret': number(found.regret(one)),
-               'settled': number(one.settled + start)}
+               'settled': numbers(np.array([one.settled + start]), 6)[0]}
         for name, one in found.trajectories().items()}})
 
 

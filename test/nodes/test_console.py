@@ -275,7 +275,7 @@ def test_a_page_that_does_not_read_slows_nobody_and_takes_no_memory(live):
 
 
 def test_an_instant_of_the_last_minute_is_branched_from(live):
-    page = live(initial_state=[0.0, math.pi, math.pi, 0.0, 0.0, 0.0])
+    page = live(initial_state=[0.0, math.pi, math.pi, 0.0, 0.0, 0.0], lockstep=True, pace=1.0)
     frames(page, 30)
     assert page.ask('set', node='mpc', parameters={'force_weight': 0.02, 'solver': 'ddp'})['ok']
     assert page.ask('set', node='plant', parameters={'cart_mass': 1.1})['ok']
