@@ -153,9 +153,11 @@ def test_with_simulated_time_a_delay_goes_by_it(peer, start_node):
         clock.publish(Clock(clock=Time(sec=1, nanosec=nanoseconds)))
         peer.spin(0.3)
     set_clock(0)
+    assert peer.until(lambda: between.reports and between.reports[-1].header.stamp.sec == 1)
     between.send_states(1)
-    peer.spin(0.8)
+    assert peer.until(lambda: between.report().values['delayed_states'] == 1)
     set_clock(400_000_000)
+    peer.spin(0.5)
     assert not between.states
     set_clock(600_000_000)
     assert between.carts(1) == [0]
