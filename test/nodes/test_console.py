@@ -13,6 +13,8 @@ from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.tools import verify
 from dp_swing_ros.topics import DISTURBANCE, JOINT_STATES
 
+pytestmark = pytest.mark.real_time   # states come in time on a machine that is not busy
+
 UPRIGHT = {'initial_state': [0.0] * 6}
 
 
