@@ -12,9 +12,9 @@ import os
 from pathlib import Path
 
 from campaigns import METHODS
-from live_rates import ABOUT, answered, played, Run, write
+from live_rates import ABOUT, answered, played, Run
 import pandas as pd
-from stamp import made, sources_with, TOP
+from stamp import made, sources_with, store_page, TOP
 
 from dp_swing_ros.evaluation.campaign.report import share
 from dp_swing_ros.evaluation.comparison import rate
@@ -76,7 +76,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument('--docs', type=Path, default=TOP / 'docs')
     arguments = parser.parse_args(argv)
     rows = played(runs())
-    write('live_busy', rows, page(rows, made('live_busy', sources_with(*FILES))), arguments.docs)
+    store_page('live_busy', rows, page(rows, made('live_busy', sources_with(*FILES))),
+               arguments.docs)
 
 
 if __name__ == '__main__':

@@ -20,7 +20,7 @@ from campaigns import METHODS
 from live_operator import Operator
 import numpy as np
 import pandas as pd
-from stamp import made, sources_with, store_table, TOP
+from stamp import made, sources_with, store_page, TOP
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 from tqdm import tqdm
@@ -252,14 +252,11 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument('--solvers', nargs='+', default=METHODS)
     parser.add_argument('--docs', type=Path, default=TOP / 'docs')
     arguments = parser.parse_args(argv)
-    results = arguments.docs / 'results'
-    results.mkdir(parents=True, exist_ok=True)
     with isolated(), tempfile.TemporaryDirectory() as folder:
         rows = pd.DataFrame([found for solver in arguments.solvers
                              for found in play(solver, arguments.runs, Path(folder))])
-    store_table(rows, results / 'live_faults.csv.gz')
-    (results / 'live_faults.md').write_text(
-        page(rows, made('live_faults', sources_with(*FILES))), encoding='utf-8')
+    store_page('live_faults', rows, page(rows, made('live_faults', sources_with(*FILES))),
+               arguments.docs)
 
 
 if __name__ == '__main__':

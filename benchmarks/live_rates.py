@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 from campaigns import METHODS
 import pandas as pd
-from stamp import made, sources_with, store_table, TOP
+from stamp import made, sources_with, store_page, TOP
 import yaml
 
 from dp_swing_ros.evaluation.soak import answers, OUT, pendulum, processes, Soak, times
@@ -157,16 +157,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument('--docs', type=Path, default=TOP / 'docs')
     arguments = parser.parse_args(argv)
     rows = played(runs(arguments.long))
-    write('live_rates', rows, page(rows, made('live_rates', sources_with(*FILES))),
-          arguments.docs)
-
-
-def write(name: str, rows: pd.DataFrame, text: str, docs: Path) -> None:
-    """Write a page and its rows."""
-    results = docs / 'results'
-    results.mkdir(parents=True, exist_ok=True)
-    store_table(rows, results / f'{name}.csv.gz')
-    (results / f'{name}.md').write_text(text, encoding='utf-8')
+    store_page('live_rates', rows, page(rows, made('live_rates', sources_with(*FILES))),
+               arguments.docs)
 
 
 if __name__ == '__main__':

@@ -71,6 +71,14 @@ def store_table(table: pd.DataFrame, path: Path) -> None:
     table.to_csv(path, index=False, compression={'method': 'gzip', 'mtime': 0})
 
 
+def store_page(name: str, table: pd.DataFrame, text: str, docs: Path) -> None:
+    """Write a page and its table into the results of a folder of documents."""
+    results = docs / 'results'
+    results.mkdir(parents=True, exist_ok=True)
+    store_table(table, results / f'{name}.csv.gz')
+    (results / f'{name}.md').write_text(text, encoding='utf-8')
+
+
 def commit() -> str:
     """Return the commit that is checked out, and whether a source was changed since."""
     head = _git('rev-parse', '--short=10', 'HEAD').strip()

@@ -16,6 +16,7 @@ import live_soak
 import numpy as np
 import pandas as pd
 import pytest
+import stamp
 
 from dp_swing_ros import configuration
 from dp_swing_ros.parameters import ParameterError
@@ -133,10 +134,10 @@ def test_the_page_of_aims_has_what_there_is(tmp_path):
     """Met and missed, from the rows that pages have stored."""
     rows = rows_of(live_rates.runs())
     rows.loc[rows.part.eq('fast'), 'in_time'] = 99
-    live_rates.write('live_rates', rows, '', tmp_path)
+    stamp.store_page('live_rates', rows, '', tmp_path)
     busy = rows_of(live_busy.runs())
     busy.loc[busy.shadow.ne('') & busy.solver.eq('ddp'), 'late_total'] = 1
-    live_rates.write('live_busy', busy, '', tmp_path)
+    stamp.store_page('live_busy', busy, '', tmp_path)
     text = live.page(tmp_path / 'results', 'made\n')
     assert 'live_rates.md' in text and 'live_soak.md' not in text
     assert '| late ticks 0; p99 5.0 ms | **missed** |' in text

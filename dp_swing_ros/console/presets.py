@@ -5,10 +5,11 @@
 from pathlib import Path
 from typing import Any
 
+from dp_swing_ros.bags.episodes import CONTROLLER, PLANT
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.parameters.files import ANY_NODE, HOMES, sections
 
-NODES = ('plant', 'mpc')
+NODES = (PLANT, CONTROLLER)
 Preset = dict[str, dict[str, Any]]   # values by name, for each of NODES
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from dp_swing_ros.bags.episodes import CONTROLLER, PLANT
 from dp_swing_ros.messages.configuration import Configuration, from_text
 from dp_swing_ros.messages.fields import (
     from_diagnostics, from_trajectory, links_in, nanoseconds, Report, seconds, to_force, to_state)
@@ -21,7 +22,6 @@ from dp_swing_ros.topics import (
     CONFIGURATION, DIAGNOSTICS, DISTURBANCE, FORCE_COMMAND, JOINT_STATES, PLAN,
     ROBOT_DESCRIPTION, Topic, TRIES)
 
-CONTROLLER, PLANT = 'mpc', 'plant'   # the last parts of their names
 SHADOW = f'{CONTROLLER}: shadow '    # how the name of a shadow's status begins
 CART = (0.44, 0.22)   # [m] as it is drawn
 LASTS = 2 * 10 ** 9   # [ns] what the mpc says is shown, where nothing newer comes

@@ -13,13 +13,14 @@ from rclpy.task import Future
 from std_msgs.msg import Float64
 from std_srvs.srv import SetBool, Trigger
 
+from dp_swing_ros.bags.episodes import CONTROLLER, PLANT
 from dp_swing_ros.console.client import Client
 from dp_swing_ros.console.history import answer, History, KEPT, write
 from dp_swing_ros.console.presets import presets
 from dp_swing_ros.console.pulls import bounded, Hold, Pull, Pulls
 from dp_swing_ros.console.recorder import LOGGER, Recorder
 from dp_swing_ros.console.requests import Request, RequestError
-from dp_swing_ros.console.scene import CONTROLLER, PLANT, Scene
+from dp_swing_ros.console.scene import Scene
 from dp_swing_ros.console.server import Server
 from dp_swing_ros.nodes.connections import publish
 from dp_swing_ros.nodes.parameters import ConsoleParameters

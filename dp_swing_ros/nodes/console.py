@@ -20,10 +20,11 @@ from typing import Any
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.serialization import deserialize_message
 
+from dp_swing_ros.bags.episodes import CONTROLLER, PLANT
 from dp_swing_ros.console.client import Client
 from dp_swing_ros.console.history import Entry, History, KEPT
 from dp_swing_ros.console.requests import Request, RequestError
-from dp_swing_ros.console.scene import CONTROLLER, HEARD, PLANT, Scene
+from dp_swing_ros.console.scene import HEARD, Scene
 from dp_swing_ros.console.server import Options, Server
 from dp_swing_ros.messages.configuration import from_text
 from dp_swing_ros.nodes.actions import Actions, DEFAULTS

@@ -30,7 +30,6 @@ from dp_swing_ros.tools.tool_node import listeners, tool_node
 from dp_swing_ros.topics import (
     DIAGNOSTICS, FORCE_COMMAND, FORCE_COMMAND_STAMPED, JOINT_STATES, PLAN, Topic)
 
-KEPT = 1000     # messages of a topic: the logger may find it late
 MEETING = 3.0   # [s] to find the nodes that are there already, however they announce themselves
 COLUMNS = 5     # of more runs than this the table shows the spread
 SILENCE = 20.0  # [s] without a state: something hangs
@@ -187,9 +186,8 @@ def perform(folder: Path, solver: str, seed: int, duration: float, links: int | 
 
 def keeping(*topics: Topic) -> dict[str, object]:
     """Return the parameters by which a node keeps what it publishes for a logger to come."""
-    return {f'qos_overrides./{topic.name.lstrip("/")}.publisher.{policy}': value
-            for topic in topics
-            for policy, value in (('durability', 'transient_local'), ('depth', KEPT))}
+    return {f'qos_overrides./{topic.name.lstrip("/")}.publisher.durability': 'transient_local'
+            for topic in topics}
 
 
 def refuse_company(names: set[str]) -> None:

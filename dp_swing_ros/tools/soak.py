@@ -28,12 +28,9 @@ from dp_swing_ros.tools.demo import refuse_company, SILENCE
 from dp_swing_ros.tools.processes import await_ready, Crew, isolated, Process, ProcessError
 from dp_swing_ros.tools.resources import burning, Resources
 from dp_swing_ros.tools.watcher import Watcher
-from dp_swing_ros.topics import (
-    DIAGNOSTICS, ECHO, FORCE_COMMAND, FORCE_COMMAND_STAMPED, JOINT_STATES)
 
 NAMES = {'plant', 'mpc', 'echo'}
 SHORTEST = 1.0   # [s] of a soak
-KEPT = 1000      # messages of a topic that wait for the watcher, should the machine stand still
 PAUSE = 0.02     # [s] between two looks at what has come
 SAMPLE = 1.0     # [s] between two looks at memory and processor time
 SETTLE = 0.2     # [s] for the last messages to come
@@ -111,13 +108,10 @@ def soak(folder: Path, solver: str, duration: float, rate: float | None = None,
     x_r = configuration.cost(mpc_values).x_r
     new_folder(folder)
     with burning(burn), Crew() as crew, Watcher(x_r, force_limit) as watcher:
-        echo = crew.start('echo', deep(ECHO.name), folder / 'echo.log')
-        mpc = crew.start('mpc', {'solver': solver, **shared, **deep(
-            FORCE_COMMAND.name, FORCE_COMMAND_STAMPED.name, DIAGNOSTICS.name)},
-            folder / 'mpc.log', params)
+        echo = crew.start('echo', {}, folder / 'echo.log')
+        mpc = crew.start('mpc', {'solver': solver, **shared}, folder / 'mpc.log', params)
         await_ready([echo, mpc], lambda: {'echo', 'mpc'} - watcher.listeners(), time.sleep)
-        plant = crew.start('plant', {**shared, **paced, **deep(JOINT_STATES.name)},
-                           folder / 'plant.log', params)
+        plant = crew.start('plant', {**shared, **paced}, folder / 'plant.log', params)
         await_ready([plant], lambda: set() if watcher.take() else {'plant'}, time.sleep)
         resources = Resources({**{each.name: each.pid for each in (plant, mpc, echo)},
                                'watcher': os.getpid()})
@@ -131,11 +125,6 @@ def soak(folder: Path, solver: str, duration: float, rate: float | None = None,
             failure = str(error)
         watcher.take()
     return watcher.soak(solver, 1 / plant_values['rate'], resources.usage(), failure)
-
-
-def deep(*names: str) -> dict[str, object]:
-    """Return the parameters by which a node keeps what the watcher has not confirmed yet."""
-    return {f'qos_overrides./{name.lstrip("/")}.publisher.depth': KEPT for name in names}
 
 
 def _follow(watcher: Watcher, resources: Resources, plant: Process, others: Sequence[Process],
