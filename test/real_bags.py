@@ -41,34 +41,43 @@ def rewritten(bag, folder, topic, change, more=None):
 
     more is a message for each topic that the bag lacks.
     """
-    types = {f'/{one.name.lstrip("/")}': one.type for one in TOPICS}
-    writer, entries = BagWriter(folder), Bag(bag).entries
-    for name in sorted({entry.topic for entry in entries}):
-        writer.add(Recorded(name, types[name], schema(types[name]), '', []))
-    for extra, message in (more or {}).items():
-        name = f'/{extra.name}'
-        writer.add(Recorded(name, extra.type, schema(extra.type), '', []))
-        writer.write(name, serialize_message(message), entries[-1].received, entries[-1].sent)
-    for entry in entries:
-        data = entry.data
-        if entry.topic == f'/{topic.name.lstrip("/")}':
-            message = change(deserialize_message(data, message_class(topic.type)))
-            data = None if message is None else serialize_message(message)
-        if data is not None:
-            writer.write(entry.topic, data, entry.received, entry.sent, entry.sequence)
-    writer.close()
-    return folder
+    more = {f'/{extra.name}': serialize_message(message)
+            for extra, message in (more or {}).items()}
+    last = Bag(bag).entries[-1]
+
+    def changed(entry):
+        if entry.topic != f'/{topic.name.lstrip("/")}':
+            return [entry]
+        message = change(deserialize_message(entry.data, message_class(topic.type)))
+        return [] if message is None else [entry._replace(data=serialize_message(message))]
+    return _again(bag, folder, changed, [(name, data, last.received, last.sent)
+                                         for name, data in more.items()])
 
 
 def repeated(bag, folder, topic, number):
     """Write a bag again, one message of a topic twice with all that it says of itself."""
+    return _again(bag, folder, lambda entry: [entry] * (
+        1 + (entry.topic == f'/{topic.name}' and entry.sequence == number)))
+
+
+def stalled(bag, folder, span):
+    """Write a bag again as a logger does that has a turn every span [ns]: topic by topic."""
+    order = sorted({entry.topic for entry in Bag(bag).entries})
+    return _again(bag, folder, lambda entry: [entry._replace(
+        received=(entry.received // span + 1) * span + order.index(entry.topic))])
+
+
+def _again(bag, folder, change, more=()):
+    """Write a bag again, of each message what change returns, and more with other topics."""
     types = {f'/{one.name.lstrip("/")}': one.type for one in TOPICS}
     writer, entries = BagWriter(folder), Bag(bag).entries
-    for name in sorted({entry.topic for entry in entries}):
+    for name in sorted({entry.topic for entry in entries} | {each[0] for each in more}):
         writer.add(Recorded(name, types[name], schema(types[name]), '', []))
+    for each in more:
+        writer.write(*each)
     for entry in entries:
-        for _ in range(1 + (entry.topic == f'/{topic.name}' and entry.sequence == number)):
-            writer.write(entry.topic, entry.data, entry.received, entry.sent, entry.sequence)
+        for one in change(entry):
+            writer.write(one.topic, one.data, one.received, one.sent, one.sequence)
     writer.close()
     return folder
 

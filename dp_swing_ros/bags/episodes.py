@@ -77,7 +77,7 @@ def samples_of(bag: Bag, as_sent: bool = False) -> list[Sample]:
     sensors = sensors_of(bag, links)
     found = [bag.parse(_sample, bag.decoded(entry), links, sensors) for entry in entries]
     if as_sent or stand_still(sample.stamp for sample in found):
-        found = [sample._replace(stamp=entry.sent or entry.received)
+        found = [sample._replace(stamp=entry.time)
                  for entry, sample in zip(entries, found)]
     for sample in found:
         before = samples.setdefault(sample.stamp, sample)

@@ -89,6 +89,11 @@ class Entry(NamedTuple):
         """Return the topic that it is on."""
         return self.channel.topic
 
+    @property
+    def time(self) -> int:
+        """Return when it was sent [ns]; when it was received where a recorder did not know."""
+        return self.sent or self.received
+
 
 class Definitions:
     """The schemas and channels of a file by their numbers: what was declared last of each."""

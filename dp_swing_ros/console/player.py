@@ -42,8 +42,9 @@ class Tape:
     def __init__(self, bag: Bag) -> None:
         """Sort what the page shows by the states."""
         self.bag = bag
+        # a logger that was busy received them topic by topic
         found = sorted(((topic, entry) for topic in HEARD if bag.has(topic)
-                        for entry in bag.entries_of(topic)), key=lambda each: each[1].received)
+                        for entry in bag.entries_of(topic)), key=lambda each: each[1].time)
         states = bag.entries_of(JOINT_STATES)
         self.joint_states = f'/{states[0].topic.lstrip("/")}'
         self.origin = bag.parse(self._stamp, states[0]) / 1e9   # [s]

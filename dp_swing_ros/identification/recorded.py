@@ -79,7 +79,7 @@ def recorded(bag: Bag, links: int | None = None) -> Recorded:
 def clock_of(bag: Bag) -> tuple[str, Log]:
     """Return how times of stamps and of sending go together."""
     entries = bag.entries_of(JOINT_STATES)
-    log = Log(np.array([entry.sent or entry.received for entry in entries]) / BILLION,
+    log = Log(np.array([entry.time for entry in entries]) / BILLION,
               np.array([nanoseconds(bag.decoded(entry).header.stamp) for entry in entries])
               / BILLION)
     plant = configurations_of(bag).get(PLANT)
@@ -120,4 +120,4 @@ def commands_in(bag: Bag, times: str, log: Log) -> tuple[Array, Array]:
 def pushes_in(bag: Bag, log: Log) -> Array:
     """Return about when disturbances were sent, by the clock of the stamps [s]."""
     entries = bag.entries_of(DISTURBANCE) if bag.has(DISTURBANCE) else []
-    return on_stamps(log, np.array([entry.sent or entry.received for entry in entries]) / BILLION)
+    return on_stamps(log, np.array([entry.time for entry in entries]) / BILLION)

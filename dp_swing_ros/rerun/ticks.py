@@ -140,7 +140,7 @@ class Pairing(NamedTuple):
 def commands_of(bag: Bag) -> list[Command]:
     """Return the forces on their topic in the order in which they were sent."""
     entries = bag.entries_of(FORCE_COMMAND) if bag.has(FORCE_COMMAND) else []
-    found = [Command(entry.sequence, entry.sent or entry.received, bag.parse(
+    found = [Command(entry.sequence, entry.time, bag.parse(
         lambda message: float(message.data), bag.decoded(entry))) for entry in entries]
     return sorted(found, key=lambda command: command.time)
 

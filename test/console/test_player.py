@@ -10,7 +10,11 @@ import time
 from pages import Page, port_of
 import pytest
 
+from real_bags import stalled
+
 from dp_swing_ros.bags.episodes import read_episode
+from dp_swing_ros.bags.reader import Bag
+from dp_swing_ros.console.player import Tape
 
 
 @pytest.fixture
@@ -54,6 +58,14 @@ def test_each_state_can_be_sought_and_is_the_recorded_one(page, lockstep_bag):
     for at in (-5.0, 99.0):
         page.send('seek', at=at)
         page.until(lambda page: page.newest['frame']['t'] == pytest.approx(5.0 * (at > 0)))
+
+
+def test_a_logger_that_was_busy_changes_nothing(lockstep_bag, tmp_path):
+    late = stalled(lockstep_bag, tmp_path / 'late', span=1_000_000_000)
+    tapes = [Tape(Bag(folder)) for folder in (lockstep_bag, late)]
+    for n in range(0, len(tapes[0].moments), 10):
+        frames = [tape.scene_at(n).frame() for tape in tapes]
+        assert frames[0] == frames[1]
 
 
 def test_pages_have_clocks_of_their_own_and_can_change_nothing(page):
