@@ -46,6 +46,7 @@ evaluate: setup  ## run a campaign of episodes without ROS (EVALUATE='...' for i
 
 results: setup $(if $(filter benchmark hard optimum oracle,$(or $(PAGES),oracle)),$(VENV)/.peers)
 results: $(if $(filter rig,$(PAGES)),$(VENV)/.installed-rig)
+results: $(if $(filter console,$(PAGES)),$(VENV)/.installed-test)
 results: $(if $(filter suites,$(or $(PAGES),suites)),$(SUITES)/.installed)
 results:  ## every published figure anew, in five hours (PAGES='random robustness' for some)
 	@$(WITH_ROS) && python benchmarks/published.py $(PAGES) $(RESULTS)

@@ -222,7 +222,7 @@ def picture(episode: Episode, legs: Sequence[Leg]) -> Figure:
     mark_turns(curves.yaxis)
     curves.yaxis.set_major_locator(MultipleLocator(2 * np.pi))
     curves.set(ylabel='angle')
-    curves.legend(loc='upper right', ncols=2, fontsize='small')
+    curves.legend(loc='upper left', ncols=2, fontsize='small')
     force.plot(episode.t[1:], episode.U, color=FORCE, linewidth=0.9, drawstyle='steps-post')
     force.set(xlabel='time [s]', ylabel='force [N]')
     places.set_title(f'{solver_name(episode.solver)}: all twelve ways between the four '

@@ -145,6 +145,8 @@ PAGES = {
     'live_busy': of_script('live_busy', 53, *live_busy.FILES),
     'live_soak': of_script('live_soak', 61, *live_soak.FILES),
     'live': of_script('live', 0.1, *live.FILES),
+    'console': of_script('console', 13, 'console.py', 'chromium.py', 'live_rates.py',
+                         'campaigns.py'),
     'durability': of_script('durability', 6, 'durability.py', 'numbered.py', 'readers.py'),
     'damaged_bags': of_script('damaged_bags', 4, 'mutated_bags.py', 'mutations.py',
                               'forgeries.py'),

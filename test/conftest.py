@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What all tests share: a ROS domain for each worker, seeded numbers, processes that end."""
 
+from contextlib import contextmanager
 import fcntl
 import json
 import os
@@ -148,18 +149,27 @@ def lockstep_bag(tmp_path_factory):
     return folder / 'bag'
 
 
-@pytest.fixture
-def start_node(tmp_path):
-    """Return a function that starts a node; at the end of the test no process is left."""
+@contextmanager
+def starting(folder):
+    """Yield a function that starts a node with its log in a folder; in the end none is left."""
     started = []
 
     def start(name, parameters=(), arguments=(), environment=(), options=()):
-        log = tmp_path / f'{name}_{len(started)}.log'
+        log = folder / f'{name}_{len(started)}.log'
         started.append(NodeProcess(name, log, parameters, arguments, environment,
                                    options))
         return started[-1]
 
-    yield start
-    for process in started:
-        process.signal(signal.SIGKILL)
-        process.popen.wait()
+    try:
+        yield start
+    finally:
+        for process in started:
+            process.signal(signal.SIGKILL)
+            process.popen.wait()
+
+
+@pytest.fixture
+def start_node(tmp_path):
+    """Return a function that starts a node; at the end of the test no process is left."""
+    with starting(tmp_path) as start:
+        yield start

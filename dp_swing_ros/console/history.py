@@ -12,12 +12,13 @@ from dp_swing_ros.bags.metadata import Recorded
 from dp_swing_ros.bags.writer import BagWriter
 from dp_swing_ros.console.scene import number, numbers, Scene
 from dp_swing_ros.messages.definitions import schema
-from dp_swing_ros.topics import CONFIGURATION, DIAGNOSTICS, JOINT_STATES, ROBOT_DESCRIPTION, Topic
+from dp_swing_ros.topics import (
+    CONFIGURATION, DIAGNOSTICS, DISTURBANCE, JOINT_STATES, ROBOT_DESCRIPTION, Topic)
 
 SPAN = 60.0       # [s] of the run
 SIZE = 64 << 20   # [bytes] of messages
 ROWS = 3000       # states of an answer, at most
-KEPT = (JOINT_STATES, DIAGNOSTICS, CONFIGURATION, ROBOT_DESCRIPTION)   # what a branch needs
+KEPT = (JOINT_STATES, DIAGNOSTICS, DISTURBANCE, CONFIGURATION, ROBOT_DESCRIPTION)   # for branches
 
 
 class Entry(NamedTuple):
@@ -28,6 +29,7 @@ class Entry(NamedTuple):
     whose: str      # of a latched topic, whose last message counts on
     data: bytes
     received: int   # [ns]
+    sent: int       # [ns]
 
 
 class Row(NamedTuple):
@@ -101,5 +103,5 @@ def write(entries: Sequence[Entry], folder: Path, names: dict[str, str]) -> None
     for topic in KEPT:
         bag.add(Recorded(names[topic.name], topic.type, schema(topic.type), '', []))
     for n, entry in enumerate(entries, start=1):
-        bag.write(names[entry.topic.name], entry.data, entry.received, entry.received, n)
+        bag.write(names[entry.topic.name], entry.data, entry.received, entry.sent, n)
     bag.close()

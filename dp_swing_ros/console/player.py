@@ -15,7 +15,7 @@ from dp_swing_ros.configuration import declared, links_in, NODES
 from dp_swing_ros.console.client import Client
 from dp_swing_ros.console.history import answer, Row, row_of
 from dp_swing_ros.console.requests import Request, RequestError
-from dp_swing_ros.console.scene import HEARD, number, Scene
+from dp_swing_ros.console.scene import exact, HEARD, number, Scene
 from dp_swing_ros.console.server import Server
 from dp_swing_ros.errors import BagError
 from dp_swing_ros.messages.fields import nanoseconds
@@ -258,12 +258,7 @@ def parameter(name: str, value: Any, field: Any) -> dict[str, Any]:
     kind = type(field.default[0] if listed and field.default else field.default)
     choices = about['choices']
     return {'name': name, 'type': TYPES.get(kind, 'string') + '[]' * listed,
-            'value': plain(value), 'default': plain(field.default), 'unit': about['unit'],
+            'value': exact(value), 'default': exact(field.default), 'unit': about['unit'],
             'minimum': number(about['minimum']), 'maximum': number(about['maximum']),
             'choices': list(choices()) if choices else None,
             'description': about['description'], 'read_only': True}
-
-
-def plain(value: Any) -> Any:
-    """Return the value of a parameter for JSON."""
-    return [plain(each) for each in value] if isinstance(value, (list, tuple)) else number(value)

@@ -111,9 +111,14 @@ class Recorder:
 
 def _begin(log: Path, name: str, *arguments: str,
            before: tuple[str, ...] = ()) -> 'subprocess.Popen[bytes]':
-    """Begin a tool or a node as a process that no Ctrl-C in this terminal reaches."""
+    """
+    Begin a tool or a node as a process that no Ctrl-C in this terminal reaches.
+
+    It ends with this one, however that ends: a bag is whole even where the console was killed.
+    """
     with log.open('wb') as output:
         return subprocess.Popen(
-            [*before, sys.executable, '-m', 'dp_swing_ros', name, *arguments],
+            ['setpriv', '--pdeathsig', 'INT', *before, sys.executable, '-m', 'dp_swing_ros', name,
+             *arguments],
             stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT,
             start_new_session=True)

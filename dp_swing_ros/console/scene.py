@@ -183,6 +183,15 @@ def number(value: Any) -> Any:
     return float(f'{value:.6g}') if math.isfinite(value) else None
 
 
+def exact(value: Any) -> Any:
+    """Return the value of a parameter for JSON, not rounded; what is infinite is None."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, (bool, int, str)) or value is None:
+        return value
+    return [exact(each) for each in value]
+
+
 def numbers(values: Array, digits: int = DIGITS) -> Any:
     """Return an array for JSON, with so many digits after the point."""
     rounded = np.round(values, digits) + 0.0   # and -0.0 is 0.0

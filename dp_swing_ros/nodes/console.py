@@ -14,7 +14,6 @@ from contextlib import suppress
 from functools import partial
 import os
 from pathlib import Path
-import time
 from typing import Any
 
 from rcl_interfaces.msg import ParameterEvent
@@ -90,7 +89,7 @@ class ConsoleNode(ProcessNode):
         """Pull otherwise from now on."""
         self.actions.parameters = ConsoleParameters(**values)
 
-    def hear(self, topic: Topic, data: bytes) -> None:
+    def hear(self, topic: Topic, data: bytes, info: dict[str, int]) -> None:
         """Take a message; the page is shown each state, and what comes after it a little later."""
         message = deserialize_message(data, message_class(topic.type))
         before = self.scene.stamp
@@ -100,9 +99,9 @@ class ConsoleNode(ProcessNode):
             self.actions.on_state()
         self.server.poke(trailing=topic is not JOINT_STATES)
         if topic in KEPT:
-            self.keep(topic, data, message)
+            self.keep(topic, data, message, info)
 
-    def keep(self, topic: Topic, data: bytes, message: Any) -> None:
+    def keep(self, topic: Topic, data: bytes, message: Any, info: dict[str, int]) -> None:
         """Keep a message of the last minute."""
         whose = topic.name if topic.latched else ''
         if topic is CONFIGURATION:
@@ -111,7 +110,8 @@ class ConsoleNode(ProcessNode):
                 whose = found.node
                 if found.revision == found.resets == 0:   # it was started again
                     self.history.forget()
-        self.history.keep(Entry(self.scene.t, topic, whose, data, time.time_ns()))
+        self.history.keep(Entry(self.scene.t, topic, whose, data, info['received_timestamp'],
+                                info['source_timestamp']))
 
     def look(self) -> None:
         """Find the nodes that are there, and tell the page."""

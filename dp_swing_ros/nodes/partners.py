@@ -15,6 +15,7 @@ from rclpy.parameter_client import AsyncParameterClient
 from rclpy.task import Future
 
 from dp_swing_ros.console.requests import RequestError
+from dp_swing_ros.console.scene import exact
 from dp_swing_ros.parameters import LARGEST, ParameterError
 from dp_swing_ros.parameters.files import is_of_rclpy, value_of
 
@@ -69,7 +70,7 @@ class Partner:
             return
         for each in event.changed_parameters:
             if each.name in self.described:
-                self.described[each.name]['value'] = _jsonable(
+                self.described[each.name]['value'] = exact(
                     parameter_value_to_python(each.value))
         self.changed()
 
@@ -145,7 +146,7 @@ def described(name: str, descriptor: ParameterDescriptor, value: Any) -> dict[st
     kind = TYPES.get(descriptor.type, 'string')
     choices = CHOICES.fullmatch(descriptor.additional_constraints)
     low, high = bounds(descriptor)
-    return {'name': name, 'type': kind, 'value': _jsonable(value),
+    return {'name': name, 'type': kind, 'value': exact(value),
             'default': default(about['default'], kind), 'unit': about['unit'] or '',
             'minimum': low, 'maximum': high,
             'choices': choices[1].split(', ') if choices else None,
@@ -172,13 +173,4 @@ def default(text: str | None, kind: str) -> Any:
         value = value_of(text) if kind != 'string' else text
     except ParameterError:
         return None
-    return _jsonable(float(value) if kind == 'double' else value)
-
-
-def _jsonable(value: Any) -> Any:
-    # an infinite limit has no number in JSON
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, (bool, int, str)) or value is None:
-        return value
-    return [_jsonable(each) for each in value]
+    return exact(float(value) if kind == 'double' else value)

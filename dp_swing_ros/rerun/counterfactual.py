@@ -4,12 +4,14 @@
 What each solver would have done from a recorded tick on.
 
 Until then a solver is a shadow: it answers every recorded state, but the recorded force acts.
-Then its forces do, on a plant with the recorded parameters. A cost to go is the running
-cost ℓ(x, u) of the recorded problem over the states and forces that followed, in steps of the
-prediction; what comes after the window counts for nothing, there is no terminal cost.
+Then its forces do, on a plant with the recorded parameters that is pushed as that one was. A cost
+to go is the running cost ℓ(x, u) of the recorded problem over the states and forces that followed,
+in steps of the prediction; what comes after the window counts for nothing, there is no terminal
+cost.
 """
 
-from collections.abc import Callable, Sequence
+from bisect import bisect_left
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 import math
 from typing import NamedTuple
@@ -30,7 +32,7 @@ from dp_swing_ros.problem.plan import Plan
 from dp_swing_ros.rerun.answers import answer, respond, Tick
 from dp_swing_ros.rerun.ticks import configuration_of, own, record_of
 from dp_swing_ros.simulation.plant import Plant
-from dp_swing_ros.topics import CONFIGURATION, JOINT_STATES
+from dp_swing_ros.topics import CONFIGURATION, DISTURBANCE, JOINT_STATES
 
 
 class ScoredTrajectory(NamedTuple):
@@ -61,10 +63,11 @@ class Run:
         self.mpc = configuration_of(bag, CONTROLLER).parameters
         self.plant = configuration_of(bag, PLANT).parameters
         self.record, self.samples = record_of(bag, anywhere=True), samples_of(bag)
-        # when which state came [ns], and the plant's parameters that counted from then on
-        self.came = {nanoseconds(bag.decoded(entry).header.stamp): entry.received
+        # when which state was sent [ns], and the plant's parameters that counted from then on
+        self.sent = {nanoseconds(bag.decoded(entry).header.stamp): entry.time
                      for entry in bag.entries_of(JOINT_STATES)}
-        self.plants = [(entry.received, own(found)) for entry in bag.entries_of(CONFIGURATION)
+        self.pushes = _pushes(bag, self.sent)
+        self.plants = [(entry.time, own(found)) for entry in bag.entries_of(CONFIGURATION)
                        if (found := from_text(bag.decoded(entry).data)).node.endswith(
                            f'/{PLANT}')]
         self.start, self.end = self.samples[0].stamp, self.samples[-1].stamp
@@ -72,7 +75,8 @@ class Run:
         self.solver = str(self.mpc.get('solver', MpcParameters.solver))
         plant = configuration.plant(self.plant)
         self.limits = plant.limits
-        self.period = BILLION / plant.parameters.rate   # [ns]
+        self.rate = plant.parameters.rate       # [Hz]
+        self.period = BILLION / self.rate       # [ns]
 
     def as_of(self, tick: Tick) -> 'Run':
         """Return the run with the parameters that controller and plant had at a tick."""
@@ -81,8 +85,8 @@ class Run:
         values = changed[-1] if changed else self.mpc
         run.problem = configuration.problem(values)
         run.solver = str(values.get('solver', MpcParameters.solver))
-        came = self.came.get(tick.stamp, 0)
-        run.plant = [self.plant, *(values for since, values in self.plants if since <= came)][-1]
+        sent = self.sent.get(tick.stamp, 0)
+        run.plant = [self.plant, *(values for since, values in self.plants if since <= sent)][-1]
         return run
 
     def lately(self, begin: int) -> 'Run':
@@ -138,6 +142,17 @@ class Run:
             return self.end
         end = tick.stamp + round(duration * BILLION)
         return min((sample.stamp for sample in self.samples), key=lambda stamp: abs(stamp - end))
+
+    def latency(self, age: float) -> float:
+        """Return for how long [s] usual forces acted later than states of an age [s] came."""
+        usual = float(np.median([tick.delay for tick in self.record.ticks]))
+        return min(max(usual - age, 0.0), 1 / self.rate)
+
+    def push(self, stamp: int, limit: float) -> float:
+        """Return the recorded push [N] through the period that began about at a stamp [ns]."""
+        near = [push for since, push in self.pushes if abs(since - stamp) < self.period / 2]
+        push = sum(near)
+        return push if abs(push) <= limit else 0.0   # which no NaN is, and the plant refused
 
     def scored(self, solver: str, samples: Sequence[Sample]) -> ScoredTrajectory:
         """Return the trajectory of states with its cost and its settling time."""
@@ -205,23 +220,28 @@ def take_over(run: Run, tick: Tick, solver: str, end: int) -> list[Sample]:
     samples = [Sample(tick.stamp, np.asarray(tick.x), math.nan)]
     count = round((end - tick.stamp) / BILLION / period)
     arrival = tick.stamp + round(plant.parameters.delay * BILLION)
+    # in lockstep a force acts at once, else as long after a state as it did
+    late = run.latency(plant.parameters.delay) if tick.real_time else 0.0
     # in lockstep the plant counts its periods from the first on: stamps are rounded from there
     before = 0 if tick.real_time else round(arrival / BILLION / period)
     epoch = arrival if tick.real_time else 0
     for n in range(before + 1, before + count + 1):
         now = epoch + round(n * period * BILLION)
+        plant.begin_period(run.push(tick.stamp + round((n - 1 - before) * period * BILLION),
+                                    plant.parameters.disturbance_limit))
+        if late:
+            plant.advance(late)
         if plan is not None:
             plant.obey(plan.first_force(run.problem.u_max))
-        plant.begin_period(0.0)
-        plant.advance(period)
+        plant.advance(period - late)
         measured = plant.measure()
         if measured is not None:
             age = plant.t - measured.t
             samples.append(Sample(now - round(age * BILLION), measured.x, plant.mean_force))
             plan = respond(controller, samples[-1].stamp / BILLION, measured.x,
-                           age if tick.real_time else tick.delay)
+                           age + late if tick.real_time else tick.delay)
         elif tick.real_time:
-            plan = controller.fallback(now / BILLION)
+            plan = controller.fallback(now / BILLION + late)
         else:
             plan = None   # nobody answers, and the last force acts on
     return samples
@@ -243,6 +263,18 @@ def shadow(run: Run, until: Tick, solver: str) -> tuple[RecedingHorizon, Plan]:
         if tick.number < until.number:
             controller.forces.replace_last(tick.force)
     return controller, plan
+
+
+def _pushes(bag: Bag, sent: Mapping[int, int]) -> list[tuple[int, float]]:
+    """Return pushes [N], each with the stamp of the state from which on it acted: the next one."""
+    entries = bag.entries_of(DISTURBANCE) if bag.has(DISTURBANCE) else []
+    times = sorted((time, stamp) for stamp, time in sent.items())
+    found = []
+    for entry in entries:
+        n = bisect_left(times, (entry.time, 0))
+        if n < len(times):
+            found.append((times[n][1], float(bag.decoded(entry).data)))
+    return found
 
 
 def plant_at(run: Run, tick: Tick) -> Plant:

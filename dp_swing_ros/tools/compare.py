@@ -26,8 +26,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         'recorded parameters and seeds, as if it had seen every state until then. Tabulates and '
         'draws the cost to go: the recorded running cost over the states and forces that '
         'followed, without a terminal cost, for the rest of the run; and the regret, what it is '
-        'above the least of all. In simulation a force acts at once, and no deadline cuts a '
-        'solve short.')
+        'above the least of all. All are pushed as was recorded, their forces act as late as '
+        'the recorded ones did at the median, and no deadline cuts a solve short.')
     when = parser.add_mutually_exclusive_group()
     when.add_argument('--at', type=within(float, 0), default=AT, metavar='SECONDS',
                       help=f'take over this long after the first state (default: {AT:g}: the '
@@ -60,8 +60,8 @@ def _compare(arguments: argparse.Namespace) -> int:
     if bag.incomplete:
         print(bag.incomplete)
     if bag.has(DISTURBANCE):
-        print(f'note: pushes ({len(bag.of(DISTURBANCE))} on {DISTURBANCE.name}) are only in '
-              'what was recorded')
+        print(f'note: everyone is pushed as was recorded ({len(bag.of(DISTURBANCE))} on '
+              f'{DISTURBANCE.name}), to a period')
     path = (arguments.output or beside(arguments.bag, 'analysis')) / name
     path.parent.mkdir(parents=True, exist_ok=True)
     figures.mark(figure, bag.incomplete)

@@ -2,47 +2,40 @@
 # SPDX-License-Identifier: Apache-2.0
 """The page of the console in a real browser, beside a real plant and a real mpc."""
 
-import json
 import math
 import re
-import shutil
-import signal
 import statistics
 import subprocess
 import time
 
-from conftest import NodeProcess, wait_until
+from chromium import CHROMIUM, DRIVER, Page, PHONE
+from conftest import starting, wait_until
 from diagnostic_msgs.msg import DiagnosticArray
 from peer import Peer
 import pytest
-from rcl_interfaces.srv import GetParameters
+from rcl_interfaces.srv import GetParameters, SetParameters
+from rclpy.parameter import Parameter
+from selenium.webdriver import ActionChains, Keys
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
-webdriver = pytest.importorskip('selenium.webdriver', reason='selenium is not installed')
-ActionChains = webdriver.ActionChains
-
-CHROMIUM, DRIVER = shutil.which('chromium'), shutil.which('chromedriver')
 pytestmark = [pytest.mark.real_time, pytest.mark.skipif(
     not (CHROMIUM and DRIVER),
     reason='chromium or chromedriver is not on the PATH (Debian: chromium, chromium-driver)')]
 
-DESKTOP, PHONE = (1440, 900), (390, 844)
 VISIBLE = 0.3   # [s] from a drag to its force in the picture, on a busy machine; alone 0.15
 UPRIGHT = 0.1   # [rad]
 SLOW = 0.1      # [m/s, rad/s]
 
 
 class Nodes:
-    """Nodes of this module, that are all ended."""
+    """Nodes of this module: an upright plant, an mpc, a console, and more."""
 
-    def __init__(self, folder):
-        self.folder, self.started = folder, []
-
-    def start(self, name, parameters, arguments=(), options=()):
-        log = self.folder / f'{name}_{len(self.started)}.log'
-        self.started.append(NodeProcess(name, log, parameters, arguments, options=options))
-        return self.started[-1]
+    def __init__(self, folder, start):
+        self.folder, self.start = folder, start
+        start('mpc', {'shown_tries': 10}).wait_for('ready')
+        start('plant', {'start': 'up_up'}).wait_for('states a second')
+        _, self.address = self.console()
 
     def console(self, arguments=(), **parameters):
         """Start a console, and return it and its address."""
@@ -58,123 +51,16 @@ def address_of(console):
 
 @pytest.fixture(scope='module')
 def nodes(tmp_path_factory):
-    """Return what starts nodes; an upright plant, an mpc and a console are there."""
-    nodes = Nodes(tmp_path_factory.mktemp('browser'))
-    try:
-        nodes.start('mpc', {'shown_tries': 10}).wait_for('ready')
-        nodes.start('plant', {'start': 'up_up'}).wait_for('states a second')
-        nodes.node, nodes.address = nodes.console()
-        yield nodes
-    finally:
-        for each in nodes.started:
-            each.signal(signal.SIGKILL)
-            each.popen.wait()
-
-
-class Page:
-    """The page in a browser, as a user has it."""
-
-    def __init__(self):
-        options = webdriver.ChromeOptions()
-        options.binary_location = CHROMIUM
-        for argument in ('--headless=new', '--no-sandbox', '--disable-gpu', '--hide-scrollbars',
-                         '--disable-dev-shm-usage', '--force-device-scale-factor=1'):
-            options.add_argument(argument)
-        options.set_capability('goog:loggingPrefs', {'browser': 'ALL'})
-        self.driver = webdriver.Chrome(options, webdriver.ChromeService(DRIVER))
-        self.resize(*DESKTOP)
-
-    def resize(self, width, height):
-        self.driver.execute_cdp_cmd('Emulation.setDeviceMetricsOverride', {
-            'width': width, 'height': height, 'deviceScaleFactor': 1, 'mobile': width < 600})
-
-    def prefer(self, scheme):
-        self.driver.execute_cdp_cmd('Emulation.setEmulatedMedia', {
-            'features': [{'name': 'prefers-color-scheme', 'value': scheme}]})
-
-    def open(self, address):   # noqa: A003
-        """Load the page and wait until it shows the pendulum."""
-        self.driver.get_log('browser')
-        self.driver.get(address)
-        assert wait_until(lambda: len(self.places()) > 1, 30)
-
-    def find(self, selector):
-        return self.driver.find_element('css selector', selector)
-
-    def all(self, selector):   # noqa: A003
-        return self.driver.find_elements('css selector', selector)
-
-    def choose(self, selector, value):
-        self.find(f'{selector} option[value="{value}"]').click()
-
-    def text(self, selector):
-        return self.driver.execute_script(
-            'return document.querySelector(arguments[0])?.textContent', selector) or ''
-
-    def shows(self, selector, text, timeout=30):
-        return wait_until(lambda: text in self.text(selector), timeout)
-
-    def places(self):
-        """Return where on the picture cart and ends of links are [px]."""
-        return json.loads(self.find('#picture').get_attribute('data-places') or '[]')
-
-    def picture(self):
-        return self.driver.execute_script(
-            "return document.querySelector('#picture').toDataURL()")
-
-    def hand_at(self, left, top):
-        """Return actions that begin at a place of the picture [px]."""
-        picture = self.find('#picture')
-        actions = ActionChains(self.driver, duration=30)
-        return actions.move_to_element_with_offset(
-            picture, round(left - picture.rect['width'] / 2),
-            round(top - picture.rect['height'] / 2))
-
-    def grip(self, body, way, distance=60):
-        """Grip a body where it is and move the hand to a side."""
-        places = self.places()
-        left, top = places[0] if body == 0 else (
-            (a + b) / 2 for a, b in zip(places[body - 1], places[body]))
-        actions = self.hand_at(left, top).click_and_hold()
-        for _ in range(4):
-            actions.move_by_offset(way * distance // 4, 0)
-        actions.perform()
-
-    def touch(self, kind, right):
-        """Touch the cart, or so far right of it [px], with a finger."""
-        if kind == 'touchStart':
-            corner = self.driver.execute_script(
-                "const box = document.querySelector('#picture').getBoundingClientRect();"
-                'return [box.left, box.top]')
-            self.finger = [a + b for a, b in zip(corner, self.places()[0])]
-        points = [] if right is None else [{'x': self.finger[0] + right, 'y': self.finger[1]}]
-        self.driver.execute_cdp_cmd('Input.dispatchTouchEvent', {
-            'type': kind, 'touchPoints': points})
-
-    def let_go(self):
-        ActionChains(self.driver).release().perform()
-
-    def controls(self):
-        """Show the controls, all groups open."""
-        self.driver.execute_script("document.querySelector('#search-tab').click();")
-        assert wait_until(lambda: self.all('#mpc-solver-0'), 20)
-        self.driver.execute_script(
-            "document.querySelectorAll('#parameters details').forEach(each => each.open = true)")
-
-    def errors(self):
-        return [each['message'] for each in self.driver.get_log('browser')
-                if each['level'] == 'SEVERE']
-
-    def shot(self, name, folder):
-        self.driver.save_screenshot(str(folder / f'{name}.png'))
+    folder = tmp_path_factory.mktemp('browser')
+    with starting(folder) as start:
+        yield Nodes(folder, start)
 
 
 @pytest.fixture(scope='module')
 def browser():
     """Return a browser, one for all tests, as it takes a while to start."""
-    page = Page()
-    yield page
-    page.driver.quit()
+    with Page() as page:
+        yield page
 
 
 @pytest.fixture
@@ -202,6 +88,12 @@ def value_of(ears, node, name):
     return ears.call(GetParameters, f'/{node}/get_parameters', names=[name]).values[0]
 
 
+def put(ears, node, **values):
+    answer = ears.call(SetParameters, f'/{node}/set_parameters', parameters=[
+        Parameter(name, value=value).to_parameter_msg() for name, value in values.items()])
+    assert all(each.successful for each in answer.results), answer.results
+
+
 def rests(state):
     """Return whether the pendulum stands upright and hardly moves."""
     lean = max(abs(math.remainder(angle, math.tau)) for angle in state.position[1:])
@@ -224,11 +116,11 @@ def test_nothing_comes_from_another_host(page, nodes, tmp_path):
         "return performance.getEntriesByType('resource').map(each => each.name)")
     assert len(loaded) > 10
     assert [url for url in loaded if not url.startswith(nodes.address.split('?')[0])] == []
-    assert page.shows('#nodes', '/plant · /mpc')
-    page.shot('light', tmp_path)
+    page.await_text('#nodes', '/plant · /mpc')
+    page.shot(tmp_path / 'light.png')
     page.prefer('dark')
     time.sleep(0.3)
-    page.shot('dark', tmp_path)
+    page.shot(tmp_path / 'dark.png')
     page.prefer('light')
 
 
@@ -255,7 +147,7 @@ def test_a_drag_pulls_where_it_goes(page, ears, tmp_path, body, way):
     assert stands(ears)
     ears.pushes.clear()
     page.grip(body, way, 30 if body else 60)
-    page.shot(f'drag_{body}', tmp_path)
+    page.shot(tmp_path / f'drag_{body}.png')
     ears.until(lambda: len(ears.pushes) > 3)
     page.let_go()
     ears.spin(0.3)
@@ -282,15 +174,14 @@ def test_a_drag_is_seen_at_once(page, ears):
 
 
 def test_keys_push_and_help(page, ears):
-    keys = webdriver.Keys
     ears.pushes.clear()
-    ActionChains(page.driver).key_down(keys.ARROW_LEFT).perform()
+    ActionChains(page.driver).key_down(Keys.ARROW_LEFT).perform()
     assert ears.until(lambda: len(ears.pushes) > 2)
-    ActionChains(page.driver).key_up(keys.ARROW_LEFT).perform()
+    ActionChains(page.driver).key_up(Keys.ARROW_LEFT).perform()
     assert all(push < 0 for push in ears.pushes)
     ActionChains(page.driver).send_keys('?').perform()
     assert page.find('#help').is_displayed()
-    ActionChains(page.driver).send_keys(keys.ESCAPE).perform()
+    ActionChains(page.driver).send_keys(Keys.ESCAPE).perform()
     assert not page.find('#help').is_displayed()
 
 
@@ -307,7 +198,7 @@ def test_a_click_on_the_track_moves_the_reference(page, ears):
 def test_a_slider_changes_the_mpc(page, ears):
     page.controls()
     before = value_of(ears, 'mpc', 'force_weight').double_value
-    page.find('#mpc-force_weight-0').send_keys(webdriver.Keys.ARROW_RIGHT)
+    page.find('#mpc-force_weight-0').send_keys(Keys.ARROW_RIGHT)
     assert ears.until(lambda: value_of(ears, 'mpc', 'force_weight').double_value > before)
     assert wait_until(lambda: page.find('#mpc-force_weight .usual').is_displayed())
     page.find('#mpc-force_weight .usual').click()
@@ -318,12 +209,12 @@ def test_a_refusal_says_why(page, ears, tmp_path):
     page.controls()
     before = value_of(ears, 'mpc', 'state_weights').double_array_value
     field = page.all('#mpc-state_weights .number')[1]
-    field.send_keys(webdriver.Keys.CONTROL, 'a')
-    field.send_keys('-5', webdriver.Keys.ENTER)
-    assert page.shows('#mpc-state_weights .refusal', 'at least 0')
+    field.send_keys(Keys.CONTROL, 'a')
+    field.send_keys('-5', Keys.ENTER)
+    page.await_text('#mpc-state_weights .refusal', 'at least 0')
     assert float(field.get_attribute('value')) == before[1]
     assert value_of(ears, 'mpc', 'state_weights').double_array_value == before
-    page.shot('refused', tmp_path)
+    page.shot(tmp_path / 'refused.png')
 
 
 def test_search_finds_by_description(page):
@@ -337,14 +228,14 @@ def test_search_finds_by_description(page):
 def test_the_solver_is_switched(page, ears):
     page.controls()
     page.choose('#mpc-solver-0', 'mppi')
-    assert page.shows('#now-solver', 'MPPI')
+    page.await_text('#now-solver', 'MPPI')
     page.choose('#mpc-solver-0', 'ilqr')
-    assert page.shows('#now-solver', 'iLQR')
+    page.await_text('#now-solver', 'iLQR')
 
 
 def test_a_recording_verifies(page, nodes, ears):
     page.find('#record').click()
-    assert page.shows('#record', 'Stop')
+    page.await_text('#record', 'Stop')
     ears.spin(2.5)
     page.find('#record').click()
     assert wait_until(lambda: page.all('#recordings a'), 60)
@@ -369,9 +260,30 @@ def test_a_branch_shows_courses(page, ears, tmp_path):
     page.find('#branch').click()
     assert wait_until(lambda: len(page.all('#courses-list figure')) >= 3, 90), page.text('#notice')
     assert all('cost' in each.text for each in page.all('#courses-list figure'))
-    page.shot('branch', tmp_path)
+    page.shot(tmp_path / 'branch.png')
     page.find('#look').click()
-    assert page.shows('#instant-time', 'live')
+    page.await_text('#instant-time', 'live')
+
+
+def test_shadows_are_curves_of_regret(page, ears):
+    def curve():
+        return next((each for each in page.all('#plots figure') if 'Regret' in each.text), None)
+    assert curve() is None
+    put(ears, 'mpc', shadow=['ddp'])
+    page.until(curve, 'the regret of shadows')
+    page.driver.execute_script('arguments[0].scrollIntoView()', curve())
+    page.until(lambda: 'DDP' in curve().text, 'the regret of DDP')
+    put(ears, 'mpc', shadow=[''])
+    page.until(lambda: curve() is None, 'no regret')
+
+
+def test_a_preset_changes_what_can_change(page, ears):
+    before = value_of(ears, 'mpc', 'mppi.samples').integer_value
+    page.controls()
+    page.choose('#preset', 'textbook_mppi')
+    assert ears.until(lambda: value_of(ears, 'mpc', 'mppi.samples').integer_value > before)
+    page.choose('#preset', 'defaults')
+    assert ears.until(lambda: value_of(ears, 'mpc', 'mppi.samples').integer_value == before)
 
 
 def test_a_phone_in_the_hand(page, ears, tmp_path):
@@ -383,15 +295,15 @@ def test_a_phone_in_the_hand(page, ears, tmp_path):
         page.touch('touchStart', 0)
         page.touch('touchMove', 25)
         assert ears.until(lambda: first_pull(ears) > 0)
-        page.shot('phone', tmp_path)
+        page.shot(tmp_path / 'phone.png')
         page.touch('touchEnd', None)
         assert page.driver.execute_script('return scrollY') == 0   # it pulled, and did not scroll
         page.controls()
-        page.shot('phone_controls', tmp_path)
+        page.shot(tmp_path / 'phone_controls.png')
         assert page.driver.execute_script(
             'return document.documentElement.scrollWidth') <= PHONE[0]
     finally:
-        page.resize(*DESKTOP)
+        page.resize()
 
 
 def test_a_bag_is_played(browser, nodes, lockstep_bag, tmp_path):
@@ -401,12 +313,12 @@ def test_a_bag_is_played(browser, nodes, lockstep_bag, tmp_path):
     browser.driver.execute_script(
         "const slider = document.querySelector('#instant'); slider.value = 1;"
         "slider.dispatchEvent(new Event('input'));")
-    assert browser.shows('#now-time', '1.0 s')
+    browser.await_text('#now-time', '1.0 s')
     browser.find('#play').click()
     assert wait_until(lambda: float(browser.find('#instant').get_attribute('value')) > 1.5, 20)
-    browser.shot('bag', tmp_path)
+    browser.shot(tmp_path / 'bag.png')
     browser.find('#play').click()
-    assert browser.shows('#play', 'Play')
+    browser.await_text('#play', 'Play')
     assert not browser.find('#record').is_displayed()
     assert browser.errors() == []
 
@@ -449,20 +361,16 @@ def test_a_plant_in_lockstep_is_paused_and_stepped(browser, nodes, ears, tmp_pat
     browser.open(nodes.console(away)[1])
     assert wait_until(lambda: browser.find('#pause').is_displayed(), 30)
     browser.find('#pause').click()
-    assert browser.shows('#pause', 'Go on')
-    time.sleep(0.3)
-
-    def newest():
-        return float(browser.text('#now-time').split()[0])
-    time.sleep(0.3)
-    stands_at = newest()
+    browser.await_text('#pause', 'Go on')
+    time.sleep(0.6)
+    stands_at = browser.now()
     for _ in range(4):
         browser.find('#step').click()
         time.sleep(0.2)
-    assert wait_until(lambda: newest() > stands_at, 5)
-    assert newest() < stands_at + 0.5
-    browser.shot('paused', tmp_path)
+    assert wait_until(lambda: browser.now() > stands_at, 5)
+    assert browser.now() < stands_at + 0.5
+    browser.shot(tmp_path / 'paused.png')
     browser.choose('#pace', '0.5')
     browser.find('#pause').click()
-    assert browser.shows('#pause', 'Pause')
+    browser.await_text('#pause', 'Pause')
     assert browser.errors() == []

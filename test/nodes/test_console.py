@@ -2,10 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The console between a page, which is a foreign WebSocket client here, and plant and mpc."""
 
+from contextlib import ExitStack
 import math
+from pathlib import Path
+import signal
 import time
 
-from conftest import wait_until
+from conftest import starting, wait_until
 from pages import deaf, get, memory, Page, port_of
 import pytest
 
@@ -18,26 +21,47 @@ pytestmark = pytest.mark.real_time   # states come in time on a machine that is 
 UPRIGHT = {'initial_state': [0.0] * 6}
 
 
+def opened(start, folder, arguments=(), mpc=(), **plant):
+    """Start plant, mpc and console, and return a page that has heard of all."""
+    start('mpc', mpc, arguments).wait_for('ready')
+    start('plant', {**UPRIGHT, **plant}, arguments)
+    return of(start('console', {'port': 0, 'recordings': str(folder / 'runs')}, arguments))
+
+
+def of(node):
+    """Return a page of a console that has heard of plant and mpc."""
+    page = Page(port_of(node))
+    page.node = node
+    page.until(lambda page: page.value('plant', 'rate') and page.value('mpc', 'horizon')
+               and page.newest.get('frame', {}).get('plan') and page.newest['hello']['goals'])
+    return page
+
+
 @pytest.fixture
 def live(start_node, tmp_path):
     """Return a function that starts plant, mpc and console, and opens a page on all of them."""
-    pages = []
+    with ExitStack() as stack:
+        yield lambda **parameters: stack.enter_context(
+            opened(start_node, tmp_path, **parameters))
 
-    def start(mpc=(), console=(), **plant):
-        start_node('mpc', mpc).wait_for('ready')
-        start_node('plant', {**UPRIGHT, **plant})
-        node = start_node('console', {'port': 0, 'recordings': str(tmp_path / 'runs'),
-                                      **dict(console)})
-        pages.append(Page(port_of(node)))
-        pages[-1].node = node
-        pages[-1].until(lambda page: page.value('plant', 'rate') and page.value('mpc', 'horizon')
-                        and page.newest.get('frame', {}).get('plan')
-                        and page.newest['hello']['goals'])
-        return pages[-1]
 
-    yield start
-    for page in pages:
-        page.__exit__()
+@pytest.fixture(scope='module')
+def usual_nodes(tmp_path_factory):
+    """Return a console of nodes that many tests share, apart from those of others."""
+    folder = tmp_path_factory.mktemp('console')
+    with starting(folder) as start, opened(start, folder, ['-r', '__ns:=/usual']) as page:
+        yield page.node
+
+
+@pytest.fixture
+def page(usual_nodes):
+    """Return a page of nodes with their defaults, upright."""
+    with of(usual_nodes) as page:
+        assert page.ask('preset', name='defaults')['ok']
+        assert page.ask('set', node='plant', parameters=UPRIGHT)['ok']
+        assert page.ask('reset', node='plant')['ok']
+        assert page.ask('reset', node='mpc')['ok']
+        yield page
 
 
 def frames(page, count):
@@ -47,11 +71,11 @@ def frames(page, count):
             pass
 
 
-def test_the_page_is_told_what_there_is_and_shown_each_state(live):
-    page = live(mpc={'shown_tries': 5, 'shadow': ['ddp']})
+def test_the_page_is_told_what_there_is_and_shown_each_state(page):
+    assert page.ask('set', node='mpc', parameters={'shown_tries': 5, 'shadow': ['ddp']})['ok']
     page.until(lambda page: page.newest['frame']['tries'] and page.newest['frame']['shadows'])
     hello, frame = page.newest['hello'], page.newest['frame']
-    assert hello['nodes'] == {'plant': '/plant', 'mpc': '/mpc'}
+    assert hello['nodes'] == {'plant': '/usual/plant', 'mpc': '/usual/mpc'}
     assert (hello['links'], hello['lengths'], hello['period']) == (2, [1.0, 1.0], 0.05)
     assert hello['limits'] == {'track': 2.4, 'margin': 0.4, 'force': 20.0, 'disturbance': 100.0}
     assert hello['goals'] == ['down_down', 'down_up', 'up_down', 'up_up']
@@ -68,12 +92,11 @@ def test_the_page_is_told_what_there_is_and_shown_each_state(live):
     time.sleep(1.0)
     frames(page, 20)
     assert page.count - before < 60   # one a state, not one a message
-    assert {'name': 'plant', 'level': 0, 'message': 'obeys the force'} in \
+    assert {'name': 'usual/plant', 'level': 0, 'message': 'obeys the force'} in \
         page.newest['status']['statuses']
 
 
-def test_parameters_come_with_all_that_their_descriptors_tell(live):
-    page = live()
+def test_parameters_come_with_all_that_their_descriptors_tell(page):
     horizon = page.value('mpc', 'horizon')
     assert (horizon['type'], horizon['value'], horizon['default']) == ('integer', 30, 30)
     assert horizon['minimum'] >= 1
@@ -89,9 +112,8 @@ def test_parameters_come_with_all_that_their_descriptors_tell(live):
     assert page.value('plant', 'lockstep')['read_only']
 
 
-def test_parameters_change_and_what_is_refused_says_why_in_the_words_of_the_node(live):
-    page = live()
-    with Page(page.node and port_of(page.node)) as other:
+def test_parameters_change_and_what_is_refused_says_why_in_the_words_of_the_node(page):
+    with Page(port_of(page.node)) as other:
         other.until(lambda page: page.value('mpc', 'solver'))
         assert page.ask('set', node='mpc', parameters={'solver': 'ddp', 'horizon': 25})['ok']
         for one in (page, other):   # whoever changed it
@@ -111,8 +133,7 @@ def test_parameters_change_and_what_is_refused_says_why_in_the_words_of_the_node
         page.until(lambda page: page.value('mpc', 'goal')['value'] == 'down_up')
 
 
-def test_presets_change_what_can_change_and_defaults_put_it_back(live):
-    page = live()
+def test_presets_change_what_can_change_and_defaults_put_it_back(page):
     assert {'defaults', 'paper', 'rig', 'textbook_mppi'} <= set(page.newest['hello']['presets'])
     assert 'ros2_control' not in page.newest['hello']['presets']
     assert page.ask('preset', name='textbook_mppi')['ok']
@@ -182,8 +203,7 @@ def test_a_link_is_pulled_at_the_place_that_was_taken(live, peer):
         page.until(lambda page: abs(page.newest['frame']['x'][0] - 0.2) < 1e-3)
 
 
-def test_services_answer_in_their_own_words(live):
-    page = live()
+def test_services_answer_in_their_own_words(page):
     assert page.ask('reset', node='plant')['text'] == 'the plant is back at its initial state'
     assert page.ask('reset', node='mpc')['text'] == 'the next tick is a first one'
     assert page.ask('enable', on=False)['text'] == 'disabled: zero force'
@@ -243,6 +263,17 @@ def test_a_recording_comes_out_again_and_has_a_report(live, tmp_path, capsys):
     assert code == 0, output
     assert 'every force is the recorded one to the bit' in output.out
     assert not page.ask('record', on=False)['ok']
+
+
+def test_a_recording_is_whole_even_where_the_console_is_killed(live, tmp_path):
+    page = live()
+    assert page.ask('record', on=True)['ok']
+    folder = Path(page.until(lambda page: page.newest['recording']['folder']))
+    frames(page, 20)
+    page.node.signal(signal.SIGKILL)
+    assert wait_until(lambda: (folder / 'bag' / 'metadata.yaml').exists()
+                      and Bag(folder / 'bag').incomplete == '')
+    assert len(Bag(folder / 'bag').of(JOINT_STATES)) > 10
 
 
 def test_without_plant_and_mpc_there_is_a_page_and_they_may_come_and_go(start_node):

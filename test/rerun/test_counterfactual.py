@@ -2,13 +2,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """A solver that takes over its own recorded run does what it did."""
 
+from contextlib import closing
+
 import numpy as np
+from peer import Peer
 import pytest
 from real_bags import record
+from std_msgs.msg import Float64
 
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.rerun.counterfactual import counterfactual, plant_at, Run, shadow
 from dp_swing_ros.solvers import SOLVERS
+from dp_swing_ros.topics import DISTURBANCE, JOINT_STATES
 
 # at 30 Hz stamps are rounded
 RATES = {'ilqr': 30.0, 'ddp': 20.0, 'mppi': 20.0, 'sampled_ilqr': 20.0}
@@ -59,6 +64,32 @@ def test_another_solver_does_otherwise(runs):
     assert not np.array_equal(recorded.U, mppi.U)
     assert recorded.cost != mppi.cost
     assert min(one.regret(trajectory) for trajectory in one.trajectories().values()) == 0.0
+
+
+@pytest.mark.parametrize('mode', [{'lockstep': True, 'pace': 2.0}, {}])
+def test_whoever_takes_over_is_pushed_as_the_recorded_one_was(start_node, tmp_path, mode):
+    logger = start_node('logger', {'output': str(tmp_path / 'bag')})
+    logger.wait_for('recording to')
+    start_node('mpc').wait_for('ready')
+    with closing(Peer()) as peer:
+        states = peer.record(JOINT_STATES)
+        start_node('plant', {'start': 'up_up', **mode})
+        pushes = peer.publisher(DISTURBANCE)
+        for state, *forces in ((20, 6.0), (21, 6.0), (40, -4.0, -5.0), (50, 200.0), (60,)):
+            assert peer.until(lambda state=state: len(states) > state)
+            for force in forces:   # those of one period add up, and 200 N are refused
+                pushes.publish(Float64(data=force))
+    logger.stop()
+    run = Run(Bag(tmp_path / 'bag'))
+    one = taken_over(run, 0.5, ['ilqr'], 2.0)
+    again, recorded = one.others[0], one.recorded
+    begin = next(n for n, push in enumerate(recorded.U) if push != 0.0)
+    assert np.abs(recorded.U[begin:begin + 8]).max() > 5.0   # [N]
+    if mode:
+        assert same(again[1:], recorded[1:])
+    else:   # forces do not act as late at every tick
+        difference = np.abs(again.U - recorded.U)[begin:begin + 8]
+        assert difference.mean() < 1.5, difference
 
 
 def test_the_past_is_what_was_recorded(runs):

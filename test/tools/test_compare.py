@@ -110,12 +110,12 @@ def test_solvers_that_others_register_are_in_table_and_picture(bag, more_solvers
     assert len(set(colours)) == len(named)
 
 
-def test_pushes_are_told_to_be_in_the_record_alone(bag, tmp_path, capsys):
+def test_pushes_are_told_of(bag, tmp_path, capsys):
     pushed = rewritten(bag, tmp_path / 'bag', CONFIGURATION, lambda message: message,
                        {DISTURBANCE: Float64(data=5.0)})
     code, out, _ = compared(capsys, pushed, '--solvers', 'ilqr', '--duration', '0.2')
     assert code == 0
-    assert 'note: pushes (1 on disturbance) are only in what was recorded' in out
+    assert 'note: everyone is pushed as was recorded (1 on disturbance), to a period' in out
 
 
 def drop(_):
