@@ -66,7 +66,8 @@ def test_another_solver_does_otherwise(runs):
     assert min(one.regret(trajectory) for trajectory in one.trajectories().values()) == 0.0
 
 
-@pytest.mark.parametrize('mode', [{'lockstep': True, 'pace': 2.0}, {}])
+@pytest.mark.parametrize('mode', [
+    {'lockstep': True, 'pace': 2.0}, pytest.param({}, marks=pytest.mark.real_time)])
 def test_whoever_takes_over_is_pushed_as_the_recorded_one_was(start_node, tmp_path, mode):
     logger = start_node('logger', {'output': str(tmp_path / 'bag')})
     logger.wait_for('recording to')

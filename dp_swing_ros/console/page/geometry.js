@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Where cart and links are, and states between states. Angles are absolute, 0 is upright.
 
+const RESET = 1;   // [m, rad] by which nothing leaves the way of its speeds; it was put there
+
 export const linksOf = x => x.length / 2 - 1;
 const finite = x => x.every(Number.isFinite);
 
@@ -28,8 +30,9 @@ export function between(a, b, s, h) {
   for (let i = 0; i < count; i++) {
     const speedA = a[count + i] * h, speedB = b[count + i] * h;
     let way = b[i] - a[i];
-    if (i > 0) way -= 2 * Math.PI * Math.round((way - (speedA + speedB) / 2) / 2 / Math.PI);
-    else if (Math.abs(way) > 0.5 + Math.abs(speedA) + Math.abs(speedB)) return b;  // it was reset
+    const off = way - (speedA + speedB) / 2, turns = i > 0 ? Math.round(off / 2 / Math.PI) : 0;
+    way -= 2 * Math.PI * turns;
+    if (Math.abs(off - 2 * Math.PI * turns) > RESET) return b;
     const from = b[i] - way, rest = 1 - s;
     x[i] = (1 + 2 * s) * rest * rest * from + s * rest * rest * speedA +
       s * s * (3 - 2 * s) * b[i] - s * s * rest * speedB;

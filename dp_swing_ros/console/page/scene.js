@@ -8,6 +8,7 @@ import {ahead, joints, linksOf, placeOn, tip} from './geometry.js';
 import {number} from './dom.js';
 
 const TRACE = 1.2, TRACE_STEP = 0.02;  // [s]
+const TRACE_JUMP = 0.6;   // [m] that no tip moves in a step
 const GHOSTS = 4;         // poses of the plan that are drawn
 const DIFFERENT = 0.02;   // [m] from where on an estimate is drawn beside the measurement
 const RUN = 1.6;          // [s] in which the ghost runs to the end of the plan
@@ -69,7 +70,7 @@ export class Scene {
     let before = null;
     for (let t = first; t <= end; t += TRACE_STEP) {
       const x = state(t), place = x?.every(Number.isFinite) ? tip(x, lengths) : null;
-      if (before && place) {
+      if (before && place && Math.hypot(place[0] - before[0], place[1] - before[1]) < TRACE_JUMP) {
         const alpha = 0.75 * (1 - (end - t) / TRACE) ** 1.5;
         brush.line([before, place], linkColour(linksOf(x) - 1), 3, alpha, [], 'butt');
       }
