@@ -88,9 +88,11 @@ def test_whoever_takes_over_is_pushed_as_the_recorded_one_was(start_node, tmp_pa
     assert np.abs(recorded.U[begin:begin + 8]).max() > 5.0   # [N]
     if mode:
         assert same(again[1:], recorded[1:])
-    else:   # forces do not act as late at every tick
-        difference = np.abs(again.U - recorded.U)[begin:begin + 8]
-        assert difference.mean() < 1.5, difference
+    else:   # forces do not act as late at every tick; without pushes it would not move at all
+        window = slice(begin, begin + 20)
+        moved, off = recorded.X[window, 0], again.X[window, 0] - recorded.X[window, 0]
+        assert np.abs(off).max() < 0.5 * np.abs(moved).max()
+        assert run.latency(0.0) == np.median([tick.delay for tick in run.record.ticks]) > 0.0
 
 
 def test_the_past_is_what_was_recorded(runs):
