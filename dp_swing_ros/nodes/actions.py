@@ -32,6 +32,7 @@ SERVICES = {'plant/reset': Trigger, 'mpc/reset': Trigger, 'mpc/enable': SetBool,
             'plant/pause': SetBool, 'plant/step': Trigger}
 DEFAULTS = 'defaults'   # the preset that every pendulum has
 PATIENCE = 10.0         # [s] for nodes to answer, and for a logger to hear everything
+MEETING = 1.5           # [s] for publishers to find a logger that is seen here
 
 
 class Actions:
@@ -51,6 +52,7 @@ class Actions:
         self.recorder = Recorder(Path(parameters.recordings).expanduser())
         self.waiting: list[tuple[float, Callable[[bool, str], None], str]] = []   # for nodes
         self.starting: tuple[Client, Request, float] | None = None   # a recording, until when
+        self.seen = 0.0   # [s] when its logger did not hear all yet
 
     def obey(self, client: Client, request: Request) -> None:
         """Do what a page asks for."""
@@ -242,7 +244,8 @@ class Actions:
             client.answer(request, True, f'recorded to {self.recorder.stop()}')
             return
         self.recorder.start([self.node.resolve_topic_name(topic.name) for topic in TOPICS])
-        self.starting = client, request, time.monotonic() + PATIENCE
+        self.seen = time.monotonic()
+        self.starting = client, request, self.seen + PATIENCE
 
     def poll(self, log: Callable[[str], object]) -> None:
         """Go on with recordings, and answer for those who are silent."""
@@ -259,7 +262,9 @@ class Actions:
             self.starting = None
             client.answer(request, False, failure or 'the logger does not hear all topics; it '
                           'goes on with what it hears')
-        elif self.logger_hears_all():
+        elif not self.logger_hears_all():
+            self.seen = time.monotonic()
+        elif time.monotonic() > self.seen + MEETING:
             self.starting = None
             self.begin_record(client, request)
 

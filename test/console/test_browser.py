@@ -236,7 +236,7 @@ def test_the_solver_is_switched(page, ears):
 def test_a_recording_verifies(page, nodes, ears):
     page.find('#record').click()
     page.await_text('#record', 'Stop')
-    ears.spin(2.5)
+    ears.spin(5.0)
     page.find('#record').click()
     assert wait_until(lambda: page.all('#recordings a'), 60)
     link = page.find('#recordings li').text.split()[0]
