@@ -75,8 +75,7 @@ class Run:
         self.solver = str(self.mpc.get('solver', MpcParameters.solver))
         plant = configuration.plant(self.plant)
         self.limits = plant.limits
-        self.rate = plant.parameters.rate       # [Hz]
-        self.period = BILLION / self.rate       # [ns]
+        self.period = BILLION / plant.parameters.rate   # [ns]
 
     def as_of(self, tick: Tick) -> 'Run':
         """Return the run with the parameters that controller and plant had at a tick."""
@@ -146,13 +145,15 @@ class Run:
     def latency(self, age: float) -> float:
         """Return for how long [s] usual forces acted later than states of an age [s] came."""
         usual = float(np.median([tick.delay for tick in self.record.ticks]))
-        return min(max(usual - age, 0.0), 1 / self.rate)
+        return min(max(usual - age, 0.0), self.period / BILLION)
 
     def push(self, stamp: int, limit: float) -> float:
         """Return the recorded push [N] through the period that began about at a stamp [ns]."""
-        near = [push for since, push in self.pushes if abs(since - stamp) < self.period / 2]
-        push = sum(near)
-        return push if abs(push) <= limit else 0.0   # which no NaN is, and the plant refused
+        push = 0.0
+        for since, more in self.pushes:   # of which the plant refused each that was too much
+            if abs(since - stamp) < self.period / 2 and abs(push + more) <= limit:
+                push += more
+        return push
 
     def scored(self, solver: str, samples: Sequence[Sample]) -> ScoredTrajectory:
         """Return the trajectory of states with its cost and its settling time."""

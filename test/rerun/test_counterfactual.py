@@ -76,9 +76,9 @@ def test_whoever_takes_over_is_pushed_as_the_recorded_one_was(start_node, tmp_pa
         states = peer.record(JOINT_STATES)
         start_node('plant', {'start': 'up_up', **mode})
         pushes = peer.publisher(DISTURBANCE)
-        for state, *forces in ((20, 6.0), (21, 6.0), (40, -4.0, -5.0), (50, 200.0), (60,)):
+        for state, *forces in ((20, 6.0), (21, 6.0), (40, -4.0, 200.0, -5.0), (50, 200.0), (60,)):
             assert peer.until(lambda state=state: len(states) > state)
-            for force in forces:   # those of one period add up, and 200 N are refused
+            for force in forces:   # those of one period add up, but for 200 N, which are refused
                 pushes.publish(Float64(data=force))
     logger.stop()
     run = Run(Bag(tmp_path / 'bag'))
