@@ -5,6 +5,7 @@
 import json
 import shutil
 
+import psutil
 from selenium import webdriver
 from selenium.webdriver import ActionChains
 from selenium.webdriver.support.wait import WebDriverWait
@@ -109,6 +110,15 @@ class Page:
         points = [] if right is None else [{'x': self.finger[0] + right, 'y': self.finger[1]}]
         self.driver.execute_cdp_cmd('Input.dispatchTouchEvent', {
             'type': kind, 'touchPoints': points})
+
+    def drags(self):
+        """Return how long each drag took until its force was in the picture [ms]."""
+        return self.driver.execute_script(
+            "return performance.getEntriesByName('drag-to-visible').map(each => each.duration)")
+
+    def processes(self):
+        """Return the processes of the browser."""
+        return psutil.Process(self.driver.service.process.pid).children(recursive=True)
 
     def let_go(self):
         ActionChains(self.driver).release().perform()

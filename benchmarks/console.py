@@ -7,11 +7,10 @@ Run by `make results`, on a machine that must do nothing else. It takes a pictur
 """
 
 import argparse
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, ExitStack
+from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 import tempfile
-from threading import Event, Thread
 import time
 from typing import Any, NamedTuple
 
@@ -20,7 +19,7 @@ from live_rates import figures
 import numpy as np
 import pandas as pd
 import psutil
-from stamp import made, sources_with, store_page, store_table, TOP
+from stamp import folders, made, sources_with, store_page, store_table, TOP, verdict
 
 from dp_swing_ros.evaluation.comparison import median
 from dp_swing_ros.tables import compact
@@ -56,52 +55,27 @@ def start_console(crew: Crew, folder: Path) -> tuple[Process, str]:
     return console, found[0]
 
 
-@contextmanager
-def watched(processes: dict[str, psutil.Process]) -> Iterator[dict[str, float]]:
-    """Yield what will hold the shares of a core that processes with their children take [%]."""
-    shares: dict[str, float] = {}
-    rows, over = [], Event()
-
-    def used(process: psutil.Process) -> float:
-        times = [each.cpu_times() for each in (process, *process.children(recursive=True))]
-        return sum(each.user + each.system for each in times)
-
-    def watch() -> None:
-        while not over.wait(1.0):
-            rows.append([time.monotonic(), *map(used, processes.values())])
-
-    thread = Thread(target=watch)
-    thread.start()
-    try:
-        yield shares
-    finally:
-        over.set()
-        thread.join()
-    spent = np.subtract(rows[-1], rows[len(rows) // 4])   # without the start
-    shares.update(zip(processes, (100 * spent[1:] / spent[0]).tolist()))
-
-
 def play(seen: bool, pair: int, duration: float, folder: Path) -> dict[str, Any]:
     """Run plant and mpc for a time [s], seen by a page or not; return the figures."""
     folder.mkdir()
+    drawn, browsers, beside = 0.0, list[psutil.Process](), dict[str, int]()
     with ExitStack() as stack:
-        crew, processes, drawn = stack.enter_context(Crew()), {}, 0.0
         if seen:
-            console, address = start_console(crew, folder)
+            console, address = start_console(stack.enter_context(Crew()), folder)
             page = stack.enter_context(Page())
             page.driver.get(address)
             page.driver.execute_script(COUNT)
-            processes = {'console': psutil.Process(console.pid),
-                         'browser': psutil.Process(page.driver.service.process.pid)}
-        with watched(processes) as shares:
-            found = soak(folder / 'soak', SOLVER, duration, seed=pair)
+            browsers = page.processes()
+            beside = {'console': console.pid, **{str(each.pid): each.pid for each in browsers}}
+        found = soak(folder / 'soak', SOLVER, duration, seed=pair, beside=beside)
         if seen:
             count, passed = page.driver.execute_script(
                 'return [window.drawn, performance.now()]')
             drawn = 1e3 * count / passed
-    return {'pair': pair, 'page': seen, **figures(found), 'console_share': 0.0,
-            'browser_share': 0.0, 'frames': drawn, **{
-                f'{name}_share': share for name, share in shares.items()}}
+    shares = {name: 100 * usage.share for name, usage in found.usage.items()}
+    return {'pair': pair, 'page': seen, **figures(found),
+            'console_share': shares.get('console', 0.0),
+            'browser_share': sum(shares[str(each.pid)] for each in browsers), 'frames': drawn}
 
 
 class Felt(NamedTuple):
@@ -126,8 +100,7 @@ def hands(count: int, asleep: float, folder: Path, picture: Path) -> Felt:
             time.sleep(0.3)
             page.let_go()
             time.sleep(2.0)
-        drags = page.driver.execute_script(
-            "return performance.getEntriesByName('drag-to-visible').map(each => each.duration)")
+        drags = page.drags()
         growth, awake = sleep(page, psutil.Process(console.pid), asleep)
         page.controls()
         page.choose('#mpc-solver-0', 'mppi')
@@ -142,13 +115,12 @@ def hands(count: int, asleep: float, folder: Path, picture: Path) -> Felt:
 
 def sleep(page: Page, console: psutil.Process, duration: float) -> tuple[float, float]:
     """Stop the browser for a time [s]; return what the console grew [MB], and as `Felt.awake`."""
-    browser = psutil.Process(page.driver.service.process.pid).children(recursive=True)
     then, held = page.now(), console.memory_info().rss
-    for process in browser:
+    for process in page.processes():
         process.suspend()
     time.sleep(duration)
     growth = (console.memory_info().rss - held) / 1e6
-    for process in browser:
+    for process in page.processes():
         process.resume()
     began = time.monotonic()
     page.until(lambda: page.now() > then + duration - 1.0, 'the present')
@@ -177,7 +149,7 @@ def page_of(rows: pd.DataFrame, felt: Felt, made: str) -> str:
         'it in a browser (chromium without a screen, which draws with the processor) and without, '
         'in turns. Shares are hundredths of one core. The rows: '
         '[console.csv.gz](console.csv.gz), [console_drags.csv.gz](console_drags.csv.gz).\n',
-        compact([('aim', 'measured', ''), *((aim, found, 'met' if is_met else '**missed**')
+        compact([('aim', 'measured', ''), *((aim, found, verdict(is_met))
                                             for aim, found, is_met in aims)]), '',
         compact([('pair', 'page', 'state to force p50 [ms]', 'p99', 'echo p99', 'late ticks',
                   'mpc [%]', 'plant [%]', 'console [%]', 'browser [%]', 'frames a second'),
@@ -198,9 +170,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument('--asleep', type=float, default=ASLEEP, help='[s]')
     parser.add_argument('--docs', type=Path, default=TOP / 'docs')
     arguments = parser.parse_args(argv)
-    results, pictures = arguments.docs / 'results', arguments.docs / 'figures'
-    for folder in (results, pictures):
-        folder.mkdir(parents=True, exist_ok=True)
+    results, pictures = folders(arguments.docs)
     with tempfile.TemporaryDirectory() as folder:
         rows = []
         for pair in range(arguments.pairs):

@@ -17,7 +17,7 @@ import live_rates
 import live_soak
 import numpy as np
 import pandas as pd
-from stamp import made, sources_with, TOP
+from stamp import made, sources_with, TOP, verdict
 
 from dp_swing_ros.evaluation.campaign.report import share
 from dp_swing_ros.evaluation.campaign.rows import grouped, read
@@ -131,7 +131,7 @@ def page(results: Path, made: str) -> str:
     """Return the page as Markdown, from the pages that there are."""
     parts = [f'## [{name}]({name}.md)\n\n`make results PAGES={name}`\n\n' + compact([
         ('aim', 'measured', ''),
-        *((line.aim, line.measured, 'met' if line.is_met else '**missed**')
+        *((line.aim, line.measured, verdict(line.is_met))
           for line in of(results))]) + '\n'
         for name, of in PARTS.items() if (results / f'{name}.md').exists()]
     return '\n'.join(['# Live: aims and figures\n', made,

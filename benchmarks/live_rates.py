@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 from campaigns import METHODS
 import pandas as pd
-from stamp import made, sources_with, store_page, TOP
+from stamp import made, sources_with, store_page, TOP, verdict
 import yaml
 
 from dp_swing_ros.evaluation.soak import answers, OUT, pendulum, processes, Soak, times
@@ -114,7 +114,7 @@ def of_long(rows: pd.DataFrame) -> str:
         *((f'`{row.solver}`', f'{row.duration:g}', str(row.states), str(row.late_total),
            f'{row.late}, {row.late_by_itself}', str(row.unanswered), f'{row.mpc_p50:.2f}',
            f'{row.mpc_p99:.2f}', f'{row.echo_p99:.2f}', f'{row.solve_p99:.2f}',
-           f'{row.bound:.2f}: {"met" if row.mpc_p99 <= row.bound else "**missed**"}')
+           f'{row.bound:.2f}: {verdict(row.mpc_p99 <= row.bound)}')
           for row in rows.itertuples())])
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import shutil
 import tempfile
 
-from stamp import made, sources_with, TOP
+from stamp import folders, made, sources_with, TOP, verdict
 
 from dp_swing_ros.evaluation.soak import answers, processes, Soak, ticks, times, WARM
 from dp_swing_ros.tables import compact
@@ -41,11 +41,6 @@ def page(found: Soak, made: str) -> str:
           for of in (times(found), answers(found), used, {'ticks': ticks(found)})), ''])
 
 
-def verdict(is_met: bool) -> str:
-    """Return whether an aim is met, in a word."""
-    return 'met' if is_met else '**missed**'
-
-
 def table(of: dict[str, dict[str, float]]) -> str:
     """Return a table of figures by the name of the row."""
     names = list(next(iter(of.values())))
@@ -60,9 +55,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument('--duration', type=float, default=DURATION, help='[s]')
     parser.add_argument('--docs', type=Path, default=TOP / 'docs')
     arguments = parser.parse_args(argv)
-    results, figures = arguments.docs / 'results', arguments.docs / 'figures'
-    for folder in (results, figures):
-        folder.mkdir(parents=True, exist_ok=True)
+    results, figures = folders(arguments.docs)
     with tempfile.TemporaryDirectory() as temporary, isolated():
         folder = Path(temporary, 'soak')
         found = soak(folder, SOLVER, arguments.duration)

@@ -66,6 +66,19 @@ def sources_with(*scripts: str) -> str:
     return digest.hexdigest()[:16]
 
 
+def folders(docs: Path) -> tuple[Path, Path]:
+    """Return the folders of documents for results and for figures, which it makes."""
+    results, figures = docs / 'results', docs / 'figures'
+    for folder in (results, figures):
+        folder.mkdir(parents=True, exist_ok=True)
+    return results, figures
+
+
+def verdict(is_met: bool) -> str:
+    """Return whether an aim is met, in a word."""
+    return 'met' if is_met else '**missed**'
+
+
 def store_table(table: pd.DataFrame, path: Path) -> None:
     """Write a compressed table, the same bytes for the same numbers."""
     table.to_csv(path, index=False, compression={'method': 'gzip', 'mtime': 0})

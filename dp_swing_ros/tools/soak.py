@@ -9,6 +9,7 @@ import math
 import os
 from pathlib import Path
 import time
+from types import MappingProxyType
 from typing import Any
 
 from tqdm import tqdm
@@ -90,14 +91,14 @@ def _soak(arguments: argparse.Namespace) -> int:
 
 def soak(folder: Path, solver: str, duration: float, rate: float | None = None,
          links: int | None = None, params: Sequence[Path] = (), seed: int = 0,
-         burn: int = 0) -> Soak:
+         burn: int = 0, beside: Mapping[str, int] = MappingProxyType({})) -> Soak:
     """
     Watch a plant and an mpc for a time [s], and return what was found; the logs are in the folder.
 
     rate [Hz] and links may be left to the parameter files; burn is the number of busy processes
-    beside them. What ends a soak early, a signal or a process that fails, leaves what there is.
-    Raises ParameterError, UserError where there is something in the folder, and ProcessError
-    where a process does not come up.
+    beside them; beside are the numbers of other processes to watch, by name. What ends a soak
+    early, a signal or a process that fails, leaves what there is. Raises ParameterError, UserError
+    where there is something in the folder, and ProcessError where a process does not come up.
     """
     shared = {'seed': seed, **({'links': links} if links else {})}
     paced = {'duration': duration, 'lockstep': False, **({'rate': float(rate)} if rate else {})}
@@ -114,7 +115,7 @@ def soak(folder: Path, solver: str, duration: float, rate: float | None = None,
         plant = crew.start('plant', {**shared, **paced}, folder / 'plant.log', params)
         await_ready([plant], lambda: set() if watcher.take() else {'plant'}, time.sleep)
         resources = Resources({**{each.name: each.pid for each in (plant, mpc, echo)},
-                               'watcher': os.getpid()})
+                               'watcher': os.getpid(), **beside})
         failure = ''
         try:
             _follow(watcher, resources, plant, [mpc, echo], duration, folder)
