@@ -79,8 +79,10 @@ def of_rates(results: Path) -> Iterator[Line]:
                    row.late_total == 0 and row.mpc_p99 <= row.bound)
     for row in rows[rows.part == 'fast'].itertuples():
         part = row.in_time / row.states
-        yield Line(f'`{row.solver}`, {row.rate:g} Hz for {row.duration:g} s: 99 % of the states '
-                   'answered before the next',
+        priority = f' with a real-time priority of {row.thread_priority}' \
+            if row.thread_priority else ''
+        yield Line(f'`{row.solver}`, {row.rate:g} Hz for {row.duration:g} s{priority}: 99 % of '
+                   'the states answered before the next',
                    f'{100 * part:.1f} % (the bare echo {100 * row.echo_in_time / row.states:.1f} '
                    '%)', part >= 0.99)
 

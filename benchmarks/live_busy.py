@@ -12,7 +12,7 @@ import os
 from pathlib import Path
 
 from campaigns import METHODS
-from live_rates import ABOUT, answered, played, Run
+from live_rates import ABOUT, answered, played, prioritised, PRIORITY, Run
 import pandas as pd
 from stamp import made, sources_with, store_page, TOP
 
@@ -23,6 +23,7 @@ from dp_swing_ros.tables import compact
 FILES = ('live_busy.py', 'live_rates.py', 'campaigns.py')
 BUSY = 60.0       # [s] on busy cores, and with shadows
 RUNS = 10         # on busy cores
+PRIORITISED = 3   # on busy cores, with a real-time priority
 PAIRS = 3         # with and without shadows
 
 
@@ -31,6 +32,9 @@ def runs() -> Iterator[Run]:
     for solver in METHODS:
         for seed in range(RUNS):
             yield Run('busy', solver, BUSY, burn=os.cpu_count() or 1, seed=seed)
+        for seed in range(PRIORITISED):
+            yield Run('busy', solver, BUSY, burn=os.cpu_count() or 1, seed=seed,
+                      thread_priority=PRIORITY)
     for solver in METHODS:
         others = tuple(other for other in METHODS if other != solver)
         for seed in range(PAIRS):
@@ -41,11 +45,13 @@ def runs() -> Iterator[Run]:
 def of_busy(rows: pd.DataFrame) -> str:
     """Return the table of the busy cores."""
     return compact([
-        ('solver', 'up to the end', 'late ticks', 'answered before the next',
+        ('solver', 'priority', 'up to the end', 'late ticks', 'answered before the next',
          'worst state to force p99 [ms]', 'largest angle once up [rad]'),
-        *((f'`{solver}`', share(rate(of.success.tolist())), str(of.late_total.sum()),
-           answered(of), f'{of.mpc_p99.max():.1f}', f'{of.largest.max():.2f}')
-          for solver, of in rows.groupby('solver', sort=False))])
+        *((f'`{solver}`', prioritised(priority), share(rate(of.success.tolist())),
+           str(of.late_total.sum()), answered(of), f'{of.mpc_p99.max():.1f}',
+           f'{of.largest.max():.2f}')
+          for (solver, priority), of in rows.groupby(['solver', 'thread_priority'],
+                                                     sort=False))])
 
 
 def of_shadows(rows: pd.DataFrame) -> str:
@@ -64,7 +70,8 @@ def page(rows: pd.DataFrame, made: str) -> str:
     return '\n'.join([
         '# Busy cores and shadows\n', made, ABOUT.format('live_busy'),
         '## Busy cores\n',
-        f'{BUSY:g} s beside as many busy processes as there are cores, {RUNS} runs each.\n',
+        f'{BUSY:g} s beside as many busy processes as there are cores, {RUNS} runs each, and '
+        f'{PRIORITISED} with [a real-time priority](../nodes.md#time).\n',
         of_busy(of['busy']), '',
         '## With shadows\n', f'{BUSY:g} s, {PAIRS} runs each; medians of the runs.\n',
         of_shadows(of['shadow']), ''])

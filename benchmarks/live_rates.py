@@ -28,6 +28,7 @@ LONG = 600.0      # [s] at 20 Hz
 RATES = (20.0, 100.0, 200.0, 300.0, 400.0, 500.0)   # [Hz]
 SHORT = 20.0      # [s] at each
 FAST, FASTEST, FOR = 'ddp', 500.0, 60.0    # who is to keep up at which rate [Hz] for how long [s]
+PRIORITY = 50     # of real time, where they have one
 KEPT_UP = 0.95    # of the states are answered before the next: a rate that is held
 ABOUT = (
     'Each line is of [soaks](../nodes.md#soak): plant and mpc as processes in real time, with '
@@ -46,16 +47,18 @@ class Run(NamedTuple):
     burn: int = 0     # busy processes
     shadow: tuple[str, ...] = ()
     seed: int = 0
+    thread_priority: int = 0
 
 
 def runs(long: float = LONG) -> Iterator[Run]:
     """Yield all that are done."""
     for solver in METHODS:
         yield Run('long', solver, long)
-    yield Run('fast', FAST, FOR, FASTEST)
-    for solver in METHODS:
-        for each in RATES:
-            yield Run('rates', solver, SHORT, each)
+    for priority in (0, PRIORITY):
+        yield Run('fast', FAST, FOR, FASTEST, thread_priority=priority)
+        for solver in METHODS:
+            for each in RATES:
+                yield Run('rates', solver, SHORT, each, thread_priority=priority)
 
 
 def play(run: Run, folder: Path) -> dict[str, Any]:
@@ -65,7 +68,7 @@ def play(run: Run, folder: Path) -> dict[str, Any]:
     file.write_text(yaml.safe_dump(
         {'mpc': {'ros__parameters': {'shadow': list(run.shadow) or ['']}}}))
     found = soak(folder / 'soak', run.solver, run.duration, run.rate, params=[file],
-                 seed=run.seed, burn=run.burn)
+                 seed=run.seed, burn=run.burn, thread_priority=run.thread_priority)
     return {**run._asdict(), 'shadow': ' '.join(run.shadow), **figures(found)}
 
 
@@ -118,12 +121,18 @@ def of_long(rows: pd.DataFrame) -> str:
           for row in rows.itertuples())])
 
 
+def prioritised(priority: int) -> str:
+    """Return a real-time priority as the tables have it."""
+    return f'{priority}' if priority else 'none'
+
+
 def of_rates(rows: pd.DataFrame) -> str:
     """Return the table of the rates."""
     return compact([
-        ('solver', 'rate [Hz]', 'time [s]', 'answered before the next', 'echo, too',
+        ('solver', 'rate [Hz]', 'priority', 'time [s]', 'answered before the next', 'echo, too',
          'state to force p50 [ms]', 'p99', 'mpc [%]', 'plant [%]', 'echo [%]'),
-        *((f'`{row.solver}`', f'{row.rate:g}', f'{row.duration:g}',
+        *((f'`{row.solver}`', f'{row.rate:g}', prioritised(row.thread_priority),
+           f'{row.duration:g}',
            f'{100 * row.in_time / max(row.states, 1):.2f} %',
            f'{100 * row.echo_in_time / max(row.states, 1):.2f} %', f'{row.mpc_p50:.2f}',
            f'{row.mpc_p99:.2f}', f'{row.mpc_share:.0f}', f'{row.plant_share:.0f}',
@@ -131,13 +140,16 @@ def of_rates(rows: pd.DataFrame) -> str:
 
 
 def held(rows: pd.DataFrame) -> str:
-    """Return the highest rate that each solver holds, as a sentence."""
-    highest = {solver: of.rate[of.in_time >= KEPT_UP * of.states].max()
-               for solver, of in rows.groupby('solver', sort=False)}
+    """Return the highest rates that each solver holds, as a sentence."""
+    found = []
+    for priority, all_of in rows.groupby('thread_priority'):
+        highest = {solver: of.rate[of.in_time >= KEPT_UP * of.states].max()
+                   for solver, of in all_of.groupby('solver', sort=False)}
+        found.append(f'with {f"priority {priority}" if priority else "no priority"} ' + ', '.join(
+            f'`{solver}` {"none" if math.isnan(rate) else f"{rate:g} Hz"}'
+            for solver, rate in highest.items()))
     return (f'The highest of these rates at which {100 * KEPT_UP:g} % of the states are answered '
-            'before the next: ' + ', '.join(
-                f'`{solver}` {"none" if math.isnan(found) else f"{found:g} Hz"}'
-                for solver, found in highest.items()) + '.')
+            f'before the next: {"; ".join(found)}.')
 
 
 def page(rows: pd.DataFrame, made: str) -> str:
@@ -146,7 +158,9 @@ def page(rows: pd.DataFrame, made: str) -> str:
     return '\n'.join([
         '# Rates and latencies\n', made, ABOUT.format('live_rates'),
         '## Long, at 20 Hz\n', of_long(of['long']), '',
-        '## Fast\n', 'Processor in hundredths of one core.\n',
+        '## Fast\n',
+        'Without and with [a real-time priority](../nodes.md#time) of plant, mpc and echo. '
+        'Processor in hundredths of one core.\n',
         of_rates(pd.concat([of['rates'], of['fast']])), '', held(of['rates']), ''])
 
 

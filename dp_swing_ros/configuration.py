@@ -19,6 +19,7 @@ from dp_swing_ros.estimators import ESTIMATORS
 from dp_swing_ros.parameters import (
     checked, fields_of, group, ParameterError, Parameters, unknown)
 from dp_swing_ros.parameters.files import ANY_NODE, is_of_rclpy, locate, sections
+from dp_swing_ros.parameters.scheduling import SchedulingParameters
 from dp_swing_ros.pendulum.parameters import (
     Drive, DriveParameters, LimitParameters, PendulumParameters)
 from dp_swing_ros.pendulum.sensors import default_sensors, SensorParameters
@@ -59,6 +60,7 @@ def declared(node: str, links: int) -> dict[str, dataclasses.Field]:
                    ('', CostParameters),
                    *((f'{name}.', kinds[name].Parameters) for kinds in (ESTIMATORS, SOLVERS)
                      for name in sorted(kinds))]
+    groups += [('', SchedulingParameters)]
     found = {}
     for prefix, kind in groups:
         for field in map(copy.copy, fields_of(kind, links)):

@@ -91,16 +91,16 @@ def test_the_page_of_rates_says_what_was_met_and_missed():
     text = live_rates.page(rows, 'made\n')
     assert '| `ilqr` | 600 | 100 | 0 | 5, 1 | 0 | 1.00 | 5.00 | 2.00 | 1.50 | 4.50: **missed** |' \
         in text
-    assert '| `ddp` | 500 | 60 | 95.00 % | 99.00 % | 1.00 | 5.00 | 50 | 20 | 10 |' in text
-    assert '`ddp` 500 Hz, `mppi` 300 Hz.' in text
+    assert '| `ddp` | 500 | 50 | 60 | 95.00 % | 99.00 % | 1.00 | 5.00 | 50 | 20 | 10 |' in text
+    assert 'no priority `ilqr` 500 Hz, `ddp` 500 Hz, `mppi` 300 Hz; with priority 50 ' in text
 
 
 def test_the_page_of_busy_cores_says_who_was_held():
     rows = rows_of(live_busy.runs())
     rows.loc[rows.solver.eq('mppi') & rows.seed.eq(3), 'success'] = False
     text = live_busy.page(rows, 'made\n')
-    assert '| `ilqr` | 10 of 10 (72.2-100.0 %) | 0 | 95.00 % | 5.0 | 0.05 |' in text
-    assert '| `mppi` | 9 of 10 (59.6-98.2 %) | 0 | 95.00 % | 5.0 | 0.05 |' in text
+    assert '| `ilqr` | none | 10 of 10 (72.2-100.0 %) | 0 | 95.00 % | 5.0 | 0.05 |' in text
+    assert '| `mppi` | none | 9 of 10 (59.6-98.2 %) | 0 | 95.00 % | 5.0 | 0.05 |' in text
     assert '| `mppi` | ilqr, ddp | 0 | 95.00 % | 1.00 | 5.00 |' in text
 
 

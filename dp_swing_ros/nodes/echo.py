@@ -9,8 +9,10 @@ from std_msgs.msg import Float64
 
 from dp_swing_ros.messages.fields import seconds
 from dp_swing_ros.nodes.connections import publish, subscribe
+from dp_swing_ros.nodes.parameters import named
 from dp_swing_ros.nodes.process import ProcessNode, run
 from dp_swing_ros.nodes.ros_parameters import declare
+from dp_swing_ros.parameters.scheduling import SchedulingParameters
 from dp_swing_ros.topics import ECHO, JOINT_STATES
 
 
@@ -19,7 +21,7 @@ class EchoNode(ProcessNode):
 
     def __init__(self) -> None:
         super().__init__('echo')
-        declare(self, {})   # there are none: any that is given is refused
+        self.thread_priority = declare(self, named(SchedulingParameters))['thread_priority']
         self.answers = publish(self, ECHO)
         subscribe(self, JOINT_STATES, self.on_state, depth=1, sensor=True)
         self.get_logger().info('ready')

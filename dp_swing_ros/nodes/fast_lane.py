@@ -17,7 +17,7 @@ from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
 OFTEN = 0.02   # [s] at most between messages that come often
-TURN = 0.01    # [s] for these, then it is the turn of all else
+TURN = 0.02    # [s] for these, then it is the turn of all else
 
 
 class FastLane:
@@ -40,12 +40,16 @@ class FastLane:
         self.is_busy, self.came = now - self.came < OFTEN, now
 
     def serve(self, is_over: Callable[[], bool]) -> None:
-        """Call back for a turn, or until all is over, if messages come often; else not at all."""
-        end = time.monotonic() + TURN
-        while self.is_busy and not is_over() and (rest := end - time.monotonic()) > 0:
-            self._serve_once(rest)
+        """
+        Call back for a turn, or until all is over, if messages come often; else not at all.
 
-    def _serve_once(self, timeout: float) -> None:
+        A turn ends after a message, so that all else has the time until the next.
+        """
+        end = time.monotonic() + TURN
+        while self.is_busy and not is_over() and time.monotonic() < end:
+            self._serve_once()
+
+    def _serve_once(self) -> None:
         wait_set = self.wait_set
         wait_set.clear_entities()
         wait_set.add_subscription(self.subscription.handle)
@@ -53,7 +57,7 @@ class FastLane:
             wait_set.add_timer(timer.handle)
         for guard in self.guards:
             wait_set.add_guard_condition(guard.handle)
-        wait_set.wait(round(timeout * 1e9))
+        wait_set.wait(round(OFTEN * 1e9))
         is_there = wait_set.is_ready('subscription', 0)
         timers = [each for n, each in enumerate(self.timers) if wait_set.is_ready('timer', n)]
         guards = [each for n, each in enumerate(self.guards)
@@ -65,6 +69,8 @@ class FastLane:
             guard.callback()
         if is_there:
             self._take()
+        else:   # a timer that is set anew ends the wait too
+            self.is_busy = time.monotonic() - self.came < OFTEN
 
     def _take(self) -> None:
         subscription = self.subscription

@@ -80,6 +80,7 @@ class MpcNode(ProcessNode):
         super().__init__('mpc')
         self.fields = configuration.declared_for('mpc', given(self))
         values = declare(self, self.fields, live=True)
+        self.thread_priority = values['thread_priority']
         self.links, self.u_max = values['links'], values['force_limit']
         self.parameters = group(MpcParameters, values)
         self.solver = self.parameters.solver

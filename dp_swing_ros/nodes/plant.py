@@ -46,6 +46,7 @@ class PlantNode(ProcessNode):
         super().__init__('plant')
         self.fields = configuration.declared_for('plant', given(self))
         self.values = declare(self, self.fields, live=True)
+        self.thread_priority = self.values['thread_priority']
         self.get_logger().info('preparing the integrator')   # compiled at the first start
         self.plant = configuration.plant(self.values)
         self.parameters = self.plant.parameters

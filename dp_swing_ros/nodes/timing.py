@@ -22,6 +22,7 @@ OLDEST = 1.0       # [s] a state older than this cannot be: no plan reaches much
 AHEAD = 0.005      # [s] a stamp may be this far in the future, where clocks are kept together
 LONGEST_TRANSPORT = 0.05  # [s]; beyond, the clocks of two machines differ
 BUSY = 0.8         # of the states' period, the longest tick
+SLACK = 1e-3       # [s] of that which is not waited for: what a machine may hold it up beside
 TICKS, LONGER = 20, 1     # of the last ticks, so many may take longer than the next is given
 WINDOW = 5.0       # [s] in which the state that came fastest gives the offset of the clocks
 SPARE = 0.025      # [s] at least, beyond a period, to a first silence; one every period follows
@@ -164,11 +165,11 @@ class Latency:
         """
         Return the time from a state's arrival until its force acts [s].
 
-        Where less time is left until the next state comes, the tick is given less than nearly all
-        need, but no less than half of them do.
+        Where hardly more time is left until the next state comes, the tick is given less than
+        nearly all need, but no less than half of them do.
         """
         longest = sorted(self.ticks)[max(len(self.ticks) - 1 - LONGER, 0)]
-        self.given = min(longest, max(left, median(self.ticks)))
+        self.given = min(longest, max(left - SLACK, median(self.ticks)))
         return self.given + self.transport()
 
     def keep(self, began: float, first: bool) -> None:

@@ -58,6 +58,9 @@ def command_line() -> argparse.ArgumentParser:
                         help='of the states (default: as in --params, else 20)')
     parser.add_argument('--links', type=int, choices=LINKS,
                         help=f'of the pendulum (default: as in --params, else {DEFAULT_LINKS})')
+    parser.add_argument('--thread-priority', type=within(int, 0, 99), metavar='N',
+                        help='of plant, mpc and echo in real time (default: as in --params, '
+                             'else 0: none)')
     parser.add_argument('--params', type=Path, metavar='FILE', action='append', default=[],
                         help='YAML file with parameters for plant and mpc; of several, the '
                              'later prevails')
@@ -72,7 +75,8 @@ def command_line() -> argparse.ArgumentParser:
 
 def _soak(arguments: argparse.Namespace) -> int:
     asked = {name: getattr(arguments, name)
-             for name in ('solver', 'duration', 'rate', 'links', 'seed', 'burn')}
+             for name in ('solver', 'duration', 'rate', 'links', 'seed', 'burn',
+                          'thread_priority')}
     files = [locate(file) for file in arguments.params]
     folder = arguments.output or Path('runs', dated(f'soak_{arguments.solver}'))
     shared = os.environ.get('ROS_DOMAIN_ID')
@@ -91,25 +95,30 @@ def _soak(arguments: argparse.Namespace) -> int:
 
 def soak(folder: Path, solver: str, duration: float, rate: float | None = None,
          links: int | None = None, params: Sequence[Path] = (), seed: int = 0,
-         burn: int = 0, beside: Mapping[str, int] = MappingProxyType({})) -> Soak:
+         burn: int = 0, thread_priority: int | None = None,
+         beside: Mapping[str, int] = MappingProxyType({})) -> Soak:
     """
     Watch a plant and an mpc for a time [s], and return what was found; the logs are in the folder.
 
-    rate [Hz] and links may be left to the parameter files; burn is the number of busy processes
-    beside them; beside are the numbers of other processes to watch, by name. What ends a soak
-    early, a signal or a process that fails, leaves what there is. Raises ParameterError, UserError
-    where there is something in the folder, and ProcessError where a process does not come up.
+    rate [Hz], links and thread_priority may be left to the parameter files; burn is the number of
+    busy processes beside them; beside are the numbers of other processes to watch, by name. What
+    ends a soak early, a signal or a process that fails, leaves what there is. Raises
+    ParameterError, UserError where there is something in the folder, and ProcessError where a
+    process does not come up.
     """
-    shared = {'seed': seed, **({'links': links} if links else {})}
+    shared = {'seed': seed, **({'links': links} if links else {}),
+              **({} if thread_priority is None else {'thread_priority': thread_priority})}
     paced = {'duration': duration, 'lockstep': False, **({'rate': float(rate)} if rate else {})}
     files = configuration.read(params)
     plant_values = configuration.complete('plant', {**files['plant'], **shared, **paced})
     mpc_values = {**files['mpc'], **shared}
-    force_limit = configuration.complete('mpc', mpc_values)['force_limit']
+    mpc_values = configuration.complete('mpc', mpc_values)
+    force_limit = mpc_values['force_limit']
     x_r = configuration.cost(mpc_values).x_r
     new_folder(folder)
     with burning(burn), Crew() as crew, Watcher(x_r, force_limit) as watcher:
-        echo = crew.start('echo', {}, folder / 'echo.log')
+        echo = crew.start('echo', {'thread_priority': mpc_values['thread_priority']},
+                          folder / 'echo.log')
         mpc = crew.start('mpc', {'solver': solver, **shared}, folder / 'mpc.log', params)
         await_ready([echo, mpc], lambda: {'echo', 'mpc'} - watcher.listeners(), time.sleep)
         plant = crew.start('plant', {**shared, **paced}, folder / 'plant.log', params)

@@ -29,7 +29,7 @@ def test_every_state_is_answered_with_its_stamp(start_node, peer):
 
 
 @pytest.mark.parametrize('name', ['rate', 'solver'])
-def test_it_has_no_parameters(start_node, name):
+def test_it_has_no_parameters_of_plant_or_mpc(start_node, name):
     echo = start_node('echo', {name: 1})
     assert echo.wait() == 2
     assert f"echo: error: unknown parameter '{name}'" in echo.output()

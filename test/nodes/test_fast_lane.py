@@ -67,12 +67,23 @@ def test_timers_and_guards_have_their_turn(peer):
     guard = peer.node.create_guard_condition(lambda: triggered.append(1))
     one = FastLane(peer.context, subscribe(peer.node, DISTURBANCE, lambda message: None),
                    timer, stopped, guard)
-    one.is_busy = True
+
+    def serve():
+        one.note()
+        one.note()
+        one.serve(never)
     guard.trigger()
-    one.serve(never)
+    serve()
     assert triggered == [1]
-    assert wait_until(lambda: one.serve(never) or len(ticks) > 20)
+    assert wait_until(lambda: serve() or len(ticks) > 20)
     assert -1 not in ticks
+
+
+def test_it_is_over_when_messages_come_no_more(lane):
+    one, heard, publisher = lane
+    began = time.monotonic()
+    one.serve(never)
+    assert not one.is_busy and time.monotonic() - began < 10 * OFTEN
 
 
 def test_it_is_for_what_comes_often_alone(lane):

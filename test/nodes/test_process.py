@@ -8,8 +8,12 @@ import subprocess
 import sys
 import time
 
+from conftest import wait_until
 import pytest
 
+from dp_swing_ros.tools.processes import Process
+
+PRIORITY = 7
 NODE = """
 import dataclasses
 import sys
@@ -178,3 +182,44 @@ def test_no_home(start, tmp_path):
                     TMPDIR=str(tmp_path))
     assert end(process) == (0, 'prepare\nready\nclosed\n', '')
     assert list(tmp_path.glob('ros_log_*/*'))
+
+
+def scheduled(pid):
+    """Return policies and priorities of a process's threads, without those that ended."""
+    found = set()
+    for thread in map(int, os.listdir(f'/proc/{pid}/task')):
+        try:
+            found.add((os.sched_getscheduler(thread), os.sched_getparam(thread).sched_priority))
+        except ProcessLookupError:
+            continue
+    return found
+
+
+def may_prioritise():
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
+    except PermissionError:
+        return False
+    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    return True
+
+
+@pytest.mark.skipif(not may_prioritise(), reason='this user may have no real-time priority')
+@pytest.mark.parametrize('name', ['plant', 'mpc', 'echo'])
+def test_all_threads_have_the_priority_and_nothing_that_they_start(tmp_path, name):
+    with Process(name, {'thread_priority': PRIORITY}, tmp_path / 'log') as node:
+        assert wait_until(lambda: scheduled(node.pid) == {
+            (os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, PRIORITY)}, 60)
+
+
+def test_a_priority_that_the_user_may_not_have_is_refused_with_a_remedy():
+    without = ['prlimit', '--rtprio=0']
+    if os.geteuid() == 0:
+        without += ['setpriv', '--inh-caps=-sys_nice', '--bounding-set=-sys_nice']
+    done = subprocess.run(
+        [*without, 'ros2', 'run', 'dp_swing_ros', 'echo', '--ros-args', '-p',
+         f'thread_priority:={PRIORITY}'], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2
+    assert done.stderr.splitlines()[-1].startswith(
+        f"echo: error: parameter 'thread_priority' is {PRIORITY}; this user may have 0 at most "
+        '(ulimit -r). Allow more in /etc/security/limits.conf')
