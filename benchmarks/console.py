@@ -9,13 +9,14 @@ Run by `make results`, on a machine that must do nothing else. It takes a pictur
 import argparse
 from collections.abc import Sequence
 from contextlib import ExitStack
+from itertools import product
 from pathlib import Path
 import tempfile
 import time
 from typing import Any, NamedTuple
 
 from chromium import Page
-from live_rates import figures
+from live_rates import figures, prioritised, PRIORITY
 import numpy as np
 import pandas as pd
 import psutil
@@ -55,8 +56,12 @@ def start_console(crew: Crew, folder: Path) -> tuple[Process, str]:
     return console, found[0]
 
 
-def play(seen: bool, pair: int, duration: float, folder: Path) -> dict[str, Any]:
-    """Run plant and mpc for a time [s], seen by a page or not; return the figures."""
+def play(seen: bool, pair: int, priority: int, duration: float, folder: Path) -> dict[str, Any]:
+    """
+    Run plant and mpc for a time [s], seen by a page or not; return the figures.
+
+    They and the echo have a real-time priority, 0 for none.
+    """
     folder.mkdir()
     drawn, browsers, beside = 0.0, list[psutil.Process](), dict[str, int]()
     with ExitStack() as stack:
@@ -67,13 +72,14 @@ def play(seen: bool, pair: int, duration: float, folder: Path) -> dict[str, Any]
             page.driver.execute_script(COUNT)
             browsers = page.processes()
             beside = {'console': console.pid, **{str(each.pid): each.pid for each in browsers}}
-        found = soak(folder / 'soak', SOLVER, duration, seed=pair, beside=beside)
+        found = soak(folder / 'soak', SOLVER, duration, seed=pair, thread_priority=priority,
+                     beside=beside)
         if seen:
             count, passed = page.driver.execute_script(
                 'return [window.drawn, performance.now()]')
             drawn = 1e3 * count / passed
     shares = {name: 100 * usage.share for name, usage in found.usage.items()}
-    return {'pair': pair, 'page': seen, **figures(found),
+    return {'pair': pair, 'page': seen, 'thread_priority': priority, **figures(found),
             'console_share': shares.get('console', 0.0),
             'browser_share': sum(shares[str(each.pid)] for each in browsers), 'frames': drawn}
 
@@ -127,15 +133,21 @@ def sleep(page: Page, console: psutil.Process, duration: float) -> tuple[float, 
     return growth, time.monotonic() - began
 
 
+def of_latency(priority: int, rows: pd.DataFrame) -> tuple[str, str, bool]:
+    """Return aim and figure of the latency that a page adds, and whether it is met."""
+    without, seen = (rows[rows.page == each].set_index('pair') for each in (False, True))
+    more = median((seen.mpc_p99 - without.mpc_p99).to_numpy())
+    of = f'a real-time priority of {priority}' if priority else 'no priority'
+    return (f'state to force p99 with a page, less that without (median of {more.runs} pairs of '
+            f'{DURATION:g} s), with {of}: at most {ALLOWED:g} ms',
+            f'{more.value:+.2f} ms ({more.low:+.2f} to {more.high:+.2f})', more.value <= ALLOWED)
+
+
 def page_of(rows: pd.DataFrame, felt: Felt, made: str) -> str:
     """Return the page as Markdown."""
-    without, seen = (rows[rows.page == each].set_index('pair') for each in (False, True))
-    drags = median(np.array(felt.drags))
-    more = median((seen.mpc_p99 - without.mpc_p99).to_numpy())
+    seen, drags = rows[rows.page], median(np.array(felt.drags))
     aims = [
-        (f'state to force p99 with a page, less that without (median of {more.runs} pairs of '
-         f'{DURATION:g} s): at most {ALLOWED:g} ms', f'{more.value:+.2f} ms '
-         f'({more.low:+.2f} to {more.high:+.2f})', more.value <= ALLOWED),
+        *(of_latency(priority, of) for priority, of in rows.groupby('thread_priority')),
         (f"the console's share of a core at 20 states and {SMOOTH:g} frames a second: at most "
          f'{SHARE:g} %', f'{seen.console_share.max():.1f} %', seen.console_share.max() < SHARE),
         (f'from a drag to its force in the picture (median of {drags.runs}): below {VISIBLE:g} ms',
@@ -147,13 +159,16 @@ def page_of(rows: pd.DataFrame, felt: Felt, made: str) -> str:
         '# What the console costs\n', made,
         'Plant, mpc and a bare echo in real time, with [the console](../console.md) and a page of '
         'it in a browser (chromium without a screen, which draws with the processor) and without, '
-        'in turns. Shares are hundredths of one core. The rows: '
+        'in turns; without and with [a real-time priority](../nodes.md#time) of plant, mpc and '
+        'echo. Shares are hundredths of one core. The rows: '
         '[console.csv.gz](console.csv.gz), [console_drags.csv.gz](console_drags.csv.gz).\n',
         compact([('aim', 'measured', ''), *((aim, found, verdict(is_met))
                                             for aim, found, is_met in aims)]), '',
-        compact([('pair', 'page', 'state to force p50 [ms]', 'p99', 'echo p99', 'late ticks',
+        compact([('pair', 'page', 'priority', 'state to force p50 [ms]', 'p99', 'echo p99',
+                  'late ticks',
                   'mpc [%]', 'plant [%]', 'console [%]', 'browser [%]', 'frames a second'),
-                 *((str(row.pair), 'yes' if row.page else 'no', f'{row.mpc_p50:.2f}',
+                 *((str(row.pair), 'yes' if row.page else 'no',
+                    prioritised(row.thread_priority), f'{row.mpc_p50:.2f}',
                     f'{row.mpc_p99:.2f}', f'{row.echo_p99:.2f}', str(row.late_total),
                     f'{row.mpc_share:.0f}', f'{row.plant_share:.0f}',
                     *((f'{row.console_share:.1f}', f'{row.browser_share:.0f}',
@@ -173,12 +188,13 @@ def main(argv: Sequence[str] | None = None) -> None:
     results, pictures = folders(arguments.docs)
     with tempfile.TemporaryDirectory() as folder:
         rows = []
-        for pair in range(arguments.pairs):
+        for pair, priority in product(range(arguments.pairs), (0, PRIORITY)):
             for seen in (False, True)[::(-1) ** pair]:
-                print(f'pair {pair}, with{"" if seen else "out"} a page', flush=True)
+                print(f'pair {pair}, priority {priority}, with{"" if seen else "out"} a page',
+                      flush=True)
                 with isolated():
-                    rows.append(play(seen, pair, arguments.duration,
-                                     Path(folder, f'{pair}_{seen}')))
+                    rows.append(play(seen, pair, priority, arguments.duration,
+                                     Path(folder, f'{pair}_{priority}_{seen}')))
         with isolated():
             felt = hands(arguments.drags, arguments.asleep, Path(folder, 'hands'),
                          pictures / 'console.png')

@@ -15,6 +15,7 @@ from types import MappingProxyType
 from typing import Any
 
 from dp_swing_ros.control.receding_horizon import MpcParameters, RecedingHorizon
+from dp_swing_ros.dynamics.files import load
 from dp_swing_ros.estimators import ESTIMATORS
 from dp_swing_ros.parameters import (
     checked, fields_of, group, ParameterError, Parameters, unknown)
@@ -24,7 +25,7 @@ from dp_swing_ros.pendulum.parameters import (
     Drive, DriveParameters, LimitParameters, PendulumParameters)
 from dp_swing_ros.pendulum.sensors import default_sensors, SensorParameters
 from dp_swing_ros.pendulum.state import DEFAULT_LINKS, hanging, LINKS, upright
-from dp_swing_ros.problem.parameters import CostParameters, PredictionParameters
+from dp_swing_ros.problem.parameters import CostParameters, LEARNED, PredictionParameters
 from dp_swing_ros.problem.problem import Problem
 from dp_swing_ros.simulation.plant import Plant, PlantParameters
 from dp_swing_ros.solvers import SOLVERS
@@ -132,8 +133,10 @@ def cost(values: Values) -> CostParameters:
 
 
 def _problem(values: Values) -> Problem:
-    return Problem.of(group(PendulumParameters, values), group(LimitParameters, values),
-                      group(CostParameters, values), group(PredictionParameters, values))
+    physical, prediction = group(PendulumParameters, values), group(PredictionParameters, values)
+    learned = load(prediction.model, physical.links) if prediction.dynamics == LEARNED else None
+    return Problem.of(physical, group(LimitParameters, values), group(CostParameters, values),
+                      prediction, learned)
 
 
 def controller(values: Values) -> RecedingHorizon:

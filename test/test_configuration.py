@@ -4,15 +4,18 @@
 import math
 from pathlib import Path
 
+from learned_dynamics import model_of, of_chain
 import numpy as np
 import pytest
 
 from dp_swing_ros import configuration
+from dp_swing_ros.evaluation.metrics import measure
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.parameters.files import value_of
-from dp_swing_ros.pendulum.parameters import DIRECT, DriveParameters
+from dp_swing_ros.pendulum.parameters import DIRECT, DriveParameters, PendulumParameters
 from dp_swing_ros.pendulum.state import LINKS, SIZES
 from dp_swing_ros.problem.cost import ANGLE_ERRORS
+from dp_swing_ros.simulation.closed_loop import simulate
 
 CONFIG = Path(__file__).parents[1] / 'config'
 
@@ -155,3 +158,41 @@ def test_a_file_that_is_not_there_is_named(tmp_path):
 def test_texts_are_values_as_ros_reads_them(text, value):
     assert value_of(text) == value
     assert type(value_of(text)) is type(value)
+
+
+@pytest.fixture(scope='module')
+def learned(tmp_path_factory):
+    """Return the file of a model that says what the equations do."""
+    file = tmp_path_factory.mktemp('learned') / 'model.json'
+    file.write_text(model_of(of_chain(PendulumParameters())).to_text())
+    return str(file)
+
+
+@pytest.mark.parametrize('solver', ['ilqr', 'ddp', 'mppi'])
+def test_a_learned_model_is_planned_with(learned, solver):
+    """The same as the equations, it swings up as these do; state and force are estimated."""
+    controller = configuration.controller({
+        'solver': solver, 'dynamics': 'learned', 'model': learned, 'seed': 1})
+    assert controller.problem.model.pendulum.kind == of_chain(PendulumParameters()).kind
+    episode = simulate(configuration.plant({'position_noise': 1e-3, 'seed': 1}), controller, 6.0)
+    assert measure(episode).success
+    # of the drive, a lasting force alone is left to estimate
+    assert controller.drive[:3] == DIRECT[:3]
+    assert controller.problem.learned is controller.nominal.learned
+
+
+def test_the_learned_model_matters(learned):
+    """Of another pendulum it leads to other forces."""
+    text = model_of(of_chain(PendulumParameters(link2_mass=0.8))).to_text()
+    forces = [configuration.controller({'dynamics': 'learned', 'model': model}).update(
+        0.0, np.array([0.0, 3.0, 3.1, 0.0, 0.1, 0.0])).U for model in (learned, text)]
+    assert np.abs(forces[0] - forces[1]).max() > 0.1
+
+
+@pytest.mark.parametrize(('values', 'words'), [
+    ({'model': 'model.json'}, "'model' is 'model.json'; expected one of rk4, euler, or the file"),
+    ({'dynamics': 'learned'}, "'model' is 'rk4': No such file"),
+    ({'dynamics': 'learnt', 'model': 'rk4'}, "'dynamics' is 'learnt'; expected one of analytic")])
+def test_dynamics_and_model_go_together(values, words):
+    with pytest.raises(ParameterError, match=words):
+        configuration.controller(values)

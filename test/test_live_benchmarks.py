@@ -106,7 +106,8 @@ def test_the_page_of_busy_cores_says_who_was_held():
 
 def test_the_page_of_the_console_says_what_was_met_and_missed():
     rows = pd.DataFrame([
-        {'pair': pair, 'page': seen, 'mpc_p50': 1.0, 'mpc_p99': 3.0 + more * seen, 'echo_p99': 2.0,
+        {'pair': pair, 'page': seen, 'thread_priority': 0, 'mpc_p50': 1.0,
+         'mpc_p99': 3.0 + more * seen, 'echo_p99': 2.0,
          'late_total': 0, 'mpc_share': 9.0, 'plant_share': 5.0, 'console_share': 12.0 * seen,
          'browser_share': 60.0 * seen, 'frames': 60.0 * seen}
         for pair, more in enumerate((0.1, 0.3, 0.2)) for seen in (False, True)])
@@ -116,8 +117,8 @@ def test_the_page_of_the_console_says_what_was_met_and_missed():
     assert '| 12.0 % | met |' in text
     assert '| 60 ms (50 to 200) | met |' in text
     assert '| +3.00 MB; after 0.2 s | **missed** |' in text
-    assert '| 2 | yes | 1.00 | 3.20 | 2.00 | 0 | 9 | 5 | 12.0 | 60 | 60 |' in text
-    assert '| 2 | no | 1.00 | 3.00 | 2.00 | 0 | 9 | 5 | - | - | - |' in text
+    assert '| 2 | yes | none | 1.00 | 3.20 | 2.00 | 0 | 9 | 5 | 12.0 | 60 | 60 |' in text
+    assert '| 2 | no | none | 1.00 | 3.00 | 2.00 | 0 | 9 | 5 | - | - | - |' in text
 
 
 @pytest.mark.real_time

@@ -25,24 +25,24 @@ from dp_swing_ros.solvers import SOLVERS
 LEAD = 5.0      # [s] before the instant that solvers see as shadows
 EARLY = 1e-6    # [s] by which a time in JSON may be late
 
-Tell = Callable[[dict[str, Any]], object]
+Send = Callable[[dict[str, Any]], object]
 
 
 def main(argv: list[str]) -> int:
     """Let each solver take over; print lines of JSON."""
-    def tell(message: dict[str, Any]) -> None:
+    def send(message: dict[str, Any]) -> None:
         print(json.dumps(message, allow_nan=False), flush=True)
 
     bag, *times = argv
     try:
         at, duration, origin = map(float, times)
-        branch(Bag(bag), at, duration, origin, tell)
+        branch(Bag(bag), at, duration, origin, send)
     except (UserError, ParameterError) as error:
-        tell({'progress': 1.0, 'courses': None, 'text': str(error)})
+        send({'progress': 1.0, 'courses': None, 'text': str(error)})
     return 0
 
 
-def branch(bag: Bag, at: float, duration: float, origin: float, tell: Tell) -> None:
+def branch(bag: Bag, at: float, duration: float, origin: float, send: Send) -> None:
     """
     Let each solver take over at a time [s], for a duration [s] or as long as was recorded then.
 
@@ -57,11 +57,11 @@ def branch(bag: Bag, at: float, duration: float, origin: float, tell: Tell) -> N
     def progress() -> None:
         nonlocal done
         done += 1
-        tell({'progress': done / (len(solvers) + 1), 'courses': None, 'text': ''})
+        send({'progress': done / (len(solvers) + 1), 'courses': None, 'text': ''})
 
     found = counterfactual(run.lately(tick.stamp - round(LEAD * BILLION)), tick, solvers,
                            duration, progress)
-    tell({'at': start + found.at, 'progress': 1.0, 'text': f'{duration:.2f} s', 'courses': {
+    send({'at': start + found.at, 'progress': 1.0, 'text': f'{duration:.2f} s', 'courses': {
         name: {'t': numbers(one.t + start, 6), 'X': numbers(one.X), 'U': numbers(one.U),
                'cost': number(one.cost), 'regret': number(found.regret(one)),
                'settled': numbers(np.array([one.settled + start]), 6)[0]}

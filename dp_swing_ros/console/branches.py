@@ -53,22 +53,22 @@ class Branches:
 
     async def _follow(self, client: Client, request: Request, make_bag: MakeBag,
                       origin: float) -> None:
-        def tell(message: dict[str, Any]) -> None:
-            client.tell({'kind': 'branch', 'id': request.get('id'), 'at': request['at'],
+        def send(message: dict[str, Any]) -> None:
+            client.send({'kind': 'branch', 'id': request.get('id'), 'at': request['at'],
                          **message})
 
-        tell({'progress': 0.0, 'courses': None, 'text': ''})
+        send({'progress': 0.0, 'courses': None, 'text': ''})
         with TemporaryDirectory(prefix='dp_swing_ros_branch_') as folder:
             try:
                 bag = await asyncio.to_thread(make_bag, Path(folder, 'bag'))
-                await _run(bag, (request['at'], request['duration'], origin), tell)
+                await _run(bag, (request['at'], request['duration'], origin), send)
             except UserError as error:
-                tell({'progress': 1.0, 'courses': None, 'text': str(error)})
+                send({'progress': 1.0, 'courses': None, 'text': str(error)})
 
 
 async def _run(bag: Path, times: tuple[float, ...],
-               tell: Callable[[dict[str, Any]], None]) -> None:
-    """Follow the solvers in a process, and tell what it says."""
+               send: Callable[[dict[str, Any]], None]) -> None:
+    """Follow the solvers in a process, and send on what it says."""
     process = await asyncio.create_subprocess_exec(
         'nice', '-n', '19', sys.executable, '-m', 'dp_swing_ros.console.branch', str(bag),
         *map(repr, times), stdin=asyncio.subprocess.DEVNULL,
@@ -76,9 +76,9 @@ async def _run(bag: Path, times: tuple[float, ...],
     try:
         assert process.stdout is not None
         async for line in process.stdout:
-            tell(json.loads(line))
+            send(json.loads(line))
         if await process.wait() != 0:
-            tell({'progress': 1.0, 'courses': None, 'text': 'the solvers failed; the console '
+            send({'progress': 1.0, 'courses': None, 'text': 'the solvers failed; the console '
                   'has printed why'})
     finally:
         if process.returncode is None:

@@ -35,7 +35,7 @@ class Host(Protocol):
         """Call a function in the server's thread, from any."""
 
     def welcome(self, client: 'Client') -> None:
-        """Tell a new client all that there is to know."""
+        """Send a new client all that there is to know."""
 
     def ask(self, client: 'Client', request: Request) -> None:
         """Do what a client asks for; raises RequestError where that is refused at once."""
@@ -45,7 +45,7 @@ class Host(Protocol):
 
 
 class Client(Guarded, WebSocketHandler):
-    """A page that is open; `answer` and `tell` are for any thread."""
+    """A page that is open; `answer` and `send` are for any thread."""
 
     @property
     def host(self) -> Host:
@@ -64,7 +64,7 @@ class Client(Guarded, WebSocketHandler):
         return self.access.is_own_origin(origin)
 
     def open(self) -> None:   # noqa: A003
-        """Tell it what there is."""
+        """Send it what there is."""
         self.complained = False
         self._frame = ''         # that waits
         self._sending = False    # a frame
@@ -103,13 +103,13 @@ class Client(Guarded, WebSocketHandler):
     def answer(self, request: Request, ok: bool, text: str) -> None:
         """Answer a request, if it wants an answer."""
         if 'id' in request:
-            self.tell({'kind': 'answer', 'id': request['id'], 'ok': ok, 'text': text})
+            self.send({'kind': 'answer', 'id': request['id'], 'ok': ok, 'text': text})
 
-    def tell(self, message: dict[str, Any]) -> None:
+    def send(self, message: dict[str, Any]) -> None:
         """Send it a message."""
-        self.host.call(self.send, json.dumps(message, allow_nan=False))
+        self.host.call(self.send_text, json.dumps(message, allow_nan=False))
 
-    def send(self, text: str) -> None:
+    def send_text(self, text: str) -> None:
         """Send it a message; one that does not read them is closed."""
         if self._waiting > BACKLOG:
             return   # it is being closed

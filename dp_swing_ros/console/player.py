@@ -136,7 +136,7 @@ class Reel:
         self.client.send_frame(json.dumps({**frame, 'paused': not self.playing}, allow_nan=False))
         status = json.dumps(self._scene.status(), allow_nan=False)
         if status != self._status:
-            self.client.send(status)
+            self.client.send_text(status)
         self._status = status
 
     def _set(self, at: float) -> None:
@@ -186,7 +186,7 @@ class Player:
         self.server: Server | None = None
 
     def publish(self, server: Server) -> None:
-        """Tell all pages what there is in the bag."""
+        """Send all pages what there is in the bag."""
         self.server = server
         scene = self.tape.scene_at(len(self.tape.moments) - 1)
         names = {node: found.node for node, found in scene.configurations.items()}
@@ -231,9 +231,9 @@ class Player:
         client.answer(request, True, 'playing' if request['on'] else 'stopped')
 
     def do_history(self, client: Client, request: Request) -> None:
-        """Tell the states of the whole run."""
+        """Send the states of the whole run."""
         self._rows = self._rows or self.tape.rows()
-        client.tell({**answer(self._rows), 'id': request.get('id')})
+        client.send({**answer(self._rows), 'id': request.get('id')})
 
     def do_branch(self, client: Client, request: Request) -> None:
         """Let each solver take over."""

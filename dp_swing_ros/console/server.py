@@ -77,7 +77,7 @@ class Server:
                 'another port or address') from None
         self.access = Access(options.address, self._sockets[0].getsockname()[1], options.token)
         self.clients, self._branches = set[Client](), Branches()
-        self._standing: dict[str, str] = {}   # what each new client is told first
+        self._standing: dict[str, str] = {}   # what each new client is sent first
         self._sent_at = 0.0
         self._timer: asyncio.TimerHandle | None = None
         self._loop, self._ended = asyncio.new_event_loop(), asyncio.Event()
@@ -137,7 +137,7 @@ class Server:
         if self._standing.get(name) != text:
             self._standing[name] = text
             for client in list(self.clients):
-                client.send(text)
+                client.send_text(text)
 
     def poke(self, trailing: bool = False) -> None:
         """Let the newest frame be sent soon; with `trailing`, unless another is before long."""
@@ -161,10 +161,10 @@ class Server:
                 client.send_frame(text)
 
     def welcome(self, client: Client) -> None:
-        """Tell a new client all that there is to know."""
+        """Send a new client all that there is to know."""
         self.clients.add(client)
         for text in self._standing.values():
-            client.send(text)
+            client.send_text(text)
         self.source.joined(client)
         self._poke(0.0)
 

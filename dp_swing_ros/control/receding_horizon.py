@@ -187,8 +187,10 @@ class RecedingHorizon:
     def estimator_inputs(self) -> tuple[object, ...]:
         """Return what estimator and message filter are built from."""
         limits, _, prediction = self.nominal.given
+        learned = self.nominal.learned
         return (self.parameters.estimator, self.estimator_parameters, self.nominal.physical,
-                self.nominal_drive, limits.track_limit, prediction.model)
+                self.nominal_drive, limits.track_limit, prediction.integrator,
+                learned and learned.fingerprint)
 
     def update(self, t: float, x: Array, delay: float = 0.0, deadline: float = math.inf,
                time_noise: float = 0.0) -> Plan:

@@ -11,7 +11,7 @@ the filter expects. Source: Simon, Optimal State Estimation, 2006, 13.2; Mehra, 
 identification of variances and adaptive Kalman filtering", IEEE TAC 15(2), 1970.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import math
 
 import numpy as np
@@ -79,9 +79,14 @@ class ExtendedKalmanFilter:
 
     def __init__(self, problem: Problem, drive: Drive, parameters: KalmanParameters) -> None:
         """Take the nominal model and drive, and the noises."""
+        if problem.learned is not None:   # where experience has told all that is to be known
+            parameters = replace(parameters, body_error=0.0, gain_error=0.0, friction_error=0.0,
+                                 cart_dry_friction_error=0.0, joint_dry_friction_error=0.0,
+                                 delay_error=0.0, lag_error=0.0)
         self.nominal, self.parameters = problem.physical, parameters
-        self.model = problem.model._replace(
-            pendulum=Pendulum.of(self.nominal, CREEP), h=LONGEST_STEP)
+        self.model = problem.model._replace(h=LONGEST_STEP)
+        if problem.learned is None:
+            self.model = self.model._replace(pendulum=Pendulum.of(self.nominal, CREEP))
         self.unknowns = Unknowns(self.nominal, drive, parameters)
         self.prior = self.unknowns.deviations ** 2
         self.size = len(problem.cost.S)             # of the state; z goes on with p

@@ -17,7 +17,7 @@ import numpy as np
 from dp_swing_ros.kernels import kernel
 from dp_swing_ros.kernels.unrolling import unrolled
 from dp_swing_ros.parameters import parameter, Parameters
-from dp_swing_ros.pendulum.equations import coefficients
+from dp_swing_ros.pendulum.equations import coefficients, Pendulum
 from dp_swing_ros.pendulum.parameters import Drive, PendulumParameters
 from dp_swing_ros.pendulum.state import Array
 
@@ -105,8 +105,14 @@ def write_values(nominal, factors, p, b):
 
 @unrolled
 def model_of(model, b, constants):
-    """Return the model of another pendulum; shapes: b (m,), constants as of Unknowns (n + 1,)."""
-    n = len(model.pendulum.a)
+    """
+    Return the model of another pendulum, or what is learned as it is.
+
+    Shapes: b (m,), constants as of Unknowns (n + 1,).
+    """
+    if not isinstance(model.pendulum, Pendulum):
+        return model
+    n = model.pendulum.links
     rest = 2 * n + 2
     return model._replace(pendulum=coefficients(
         [b[i] for i in range(n + 1)], [b[n + 1 + i] for i in range(n)],

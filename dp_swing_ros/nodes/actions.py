@@ -222,8 +222,8 @@ class Actions:
     # the past
 
     def do_history(self, client: Client, request: Request) -> None:
-        """Tell what was in the last minute."""
-        self.server.call(client.tell, {**answer(self.history.rows), 'id': request.get('id')})
+        """Send what was in the last minute."""
+        self.server.call(client.send, {**answer(self.history.rows), 'id': request.get('id')})
 
     def do_branch(self, client: Client, request: Request) -> None:
         """Let each solver take over at an instant of the last minute."""

@@ -114,7 +114,7 @@ class ConsoleNode(ProcessNode):
                                 info['source_timestamp']))
 
     def look(self) -> None:
-        """Find the nodes that are there, and tell the page."""
+        """Find the nodes that are there, and send the page what they are."""
         for role, topic in SIGNS.items():
             found = sorted(owners(self, topic))
             before = self.partners.get(role)

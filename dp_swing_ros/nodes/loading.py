@@ -96,8 +96,9 @@ class Loader:
 
 def kind_of(controller: RecedingHorizon) -> tuple[Any, ...]:
     """Return what decides which kernels a controller needs."""
-    parameters, (_, cost, prediction) = controller.parameters, controller.nominal.given
+    parameters, (_, cost, _) = controller.parameters, controller.nominal.given
+    model = controller.nominal.model
     switches = {name: value for name, value in vars(controller.solver_parameters).items()
                 if isinstance(value, (bool, str))}
     return (parameters.solver, *switches.items(), parameters.estimator, cost.angle_error,
-            prediction.model)
+            model.integrator, model.pendulum.kind)

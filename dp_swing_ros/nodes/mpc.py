@@ -130,6 +130,9 @@ class MpcNode(ProcessNode):
         self.tick_time = self.controller.warm_up()
         self.forget()
         self.loader = Loader(self.controller, self.get_logger().error)
+        if self.controller.nominal.learned is not None:
+            self.note_learned()
+            announce(self, self.found, self.revision)
         self.shadows.configure(self.values, wait=True)
         let_change(self, self.fields, self.values, self.on_change)
         taken = time.perf_counter() - began
@@ -157,7 +160,15 @@ class MpcNode(ProcessNode):
         self.solver, self.u_max = self.parameters.solver, loaded.values['force_limit']
         self.shadows.configure(loaded.values)
         self.revision += 1
+        self.note_learned()
         announce(self, {**loaded.values, **self.found}, self.revision)
+
+    def note_learned(self) -> None:
+        """Announce what a learned model holds in place of its file, so that a bag has it."""
+        learned = self.controller.nominal.learned
+        self.found.pop('model', None)
+        if learned is not None:
+            self.found['model'] = learned.to_text()
 
     def on_configuration(self, message: String) -> None:
         """Learn from a plant, or from the recording of one, what its stamps are."""

@@ -53,6 +53,25 @@ class Pendulum(NamedTuple):
                             physical.gravity, physical.frictions, physical.dry_frictions,
                             1 / creep)
 
+    @property
+    def links(self) -> int:
+        """Return the number of links, n."""
+        return len(self.a)
+
+    @property
+    def kind(self) -> int:
+        """Return what the types of its numbers follow from."""
+        return self.links
+
+    def without_dry_friction(self) -> 'Pendulum':
+        """Return the same pendulum without dry friction."""
+        return self._replace(dry=(0.0,) * len(self.dry))
+
+    def accelerations(self, x: Numbers, u: Any) -> list[Any]:
+        """Return the accelerations of cart and links in a state (2n + 2,) under a force [N]."""
+        _, th, v, w = Parts.of(self, x)
+        return accelerations(self, th, w, u - friction(self, 0, v))
+
 
 def coefficients(masses: Numbers, lengths: Numbers, inertia_factors: Numbers, g: Any,
                  friction: Numbers, dry: Numbers, sharpness: Any) -> Pendulum:
@@ -73,8 +92,8 @@ def coefficients(masses: Numbers, lengths: Numbers, inertia_factors: Numbers, g:
               for i in range(n)), g, tuple(friction), tuple(dry), sharpness)
 
 
-def friction(p: Pendulum, i: int, speed: Any) -> Any:
-    """Return φ_i, the force [N] or torque [N m] of the cart's or joint i's friction."""
+def friction(p: Any, i: int, speed: Any) -> Any:
+    """Return φ_i, the force [N] or torque [N m] by friction of the cart or at joint i."""
     y = clamp(p.sharpness * speed, -1.0, 1.0)
     square = y * y
     return p.friction[i] * speed + p.dry[i] * (
@@ -172,16 +191,15 @@ class Parts(NamedTuple):
     w: list[Any]
 
     @classmethod
-    def of(cls, p: Pendulum, x: Numbers) -> 'Parts':
-        """Take a state (2n + 2,) apart."""
-        n = len(p.a)
+    def of(cls, p: Any, x: Numbers) -> 'Parts':
+        """Take a state (2n + 2,) of some dynamics apart."""
+        n = p.links
         return cls(x[0], [x[1 + i] for i in range(n)], x[n + 1], [x[n + 2 + i] for i in range(n)])
 
 
 def derivative(p: Pendulum, x: Numbers, u: Any) -> list[Any]:
     """Return ẋ = f(x, u), (3), under a force u [N]; x and ẋ have 2n + 2 numbers."""
-    _, th, v, w = Parts.of(p, x)
-    return [v, *w, *accelerations(p, th, w, u - friction(p, 0, v))]
+    return [*x[p.links + 1:], *p.accelerations(x, u)]
 
 
 def energy(p: Pendulum, x: Numbers) -> Any:

@@ -7,8 +7,9 @@ A model is numbers and, as a part of its type, the integrator. `advance` serves 
 in double and single precision, and tensors on a GPU.
 """
 
+from collections.abc import Hashable
 import math
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -16,18 +17,40 @@ from dp_swing_ros.kernels import kernel
 from dp_swing_ros.kernels.compilation import same_type_by
 from dp_swing_ros.kernels.symbols import called
 from dp_swing_ros.kernels.unrolling import unrolled
-from dp_swing_ros.pendulum.equations import derivative, Pendulum
+from dp_swing_ros.pendulum.equations import Numbers
 from dp_swing_ros.pendulum.integrators import Integrator
 from dp_swing_ros.pendulum.state import Array
 
 ROUNDING = 1e-9  # a time [s], or a share of a step, that is none
 
 
-@same_type_by(lambda model: (model.integrator, len(model.pendulum.a), type(model.h)))
-class Model(NamedTuple):
-    """A pendulum and how it is stepped."""
+class Dynamics(Protocol):
+    """
+    What accelerates cart and links: the equations of a pendulum, or something learned.
 
-    pendulum: Pendulum
+    A named tuple of numbers, tuples and arrays whose sizes follow from their types.
+    """
+
+    @property
+    def links(self) -> int:
+        """Return the number of links, n."""
+
+    @property
+    def kind(self) -> Hashable:
+        """Return what the types of its numbers follow from, beside their precision."""
+
+    def accelerations(self, x: Numbers, u: Any) -> list[Any]:
+        """Return the accelerations of cart and links in a state (2n + 2,) under a force [N]."""
+
+    def without_dry_friction(self) -> 'Dynamics':
+        """Return the same without the friction that does not vanish with the speed."""
+
+
+@same_type_by(lambda model: (model.integrator, model.pendulum.kind, type(model.h)))
+class Model(NamedTuple):
+    """Dynamics and how they are stepped."""
+
+    pendulum: Any   # Dynamics; Numba knows none
     integrator: Integrator
     h: float        # [s] of a step
 
@@ -35,34 +58,34 @@ class Model(NamedTuple):
 @unrolled
 def accelerated(pendulum, x, u):
     """Return the accelerations of cart and links; x is a tuple."""
-    return tuple(derivative(pendulum, x, u)[len(pendulum.a) + 1:])
+    return tuple(pendulum.accelerations(x, u))
 
 
 def advance(model: Model, x: Any, u: Any) -> Any:
     """Return the 2n + 2 numbers of x⁺ = f(x, u) after one step under the force u [N]."""
-    n = len(model.pendulum.a)
+    n = model.pendulum.links
 
     def f(x: Any, u: Any) -> Any:
         return [*x[n + 1:], *called(accelerated, n + 1, model.pendulum, tuple(x), u)]
     return model.integrator.step(f, [x[i] for i in range(2 * n + 2)], u, model.h)
 
 
-@kernel
+@unrolled
 def size(model):
     """Return how many numbers the state has."""
-    return 2 * len(model.pendulum.friction)
+    return 2 * model.pendulum.links + 2
 
 
 @unrolled
 def zeros(model):
     """Return as many zeros as the state has numbers."""
-    return (0.0,) * (2 * len(model.pendulum.friction))
+    return (0.0,) * (2 * model.pendulum.links + 2)
 
 
 @unrolled
 def numbers(model, x):
     """Return the elements of an array (2n + 2,) as single numbers."""
-    return tuple(x[i] for i in range(2 * len(model.pendulum.friction)))
+    return tuple(x[i] for i in range(2 * model.pendulum.links + 2))
 
 
 @unrolled

@@ -5,10 +5,12 @@
 import dataclasses
 import math
 
-from dp_swing_ros.parameters import parameter, Parameters
-from dp_swing_ros.pendulum.integrators import INTEGRATORS
+from dp_swing_ros.parameters import parameter, ParameterError, Parameters
+from dp_swing_ros.pendulum.integrators import Integrator, INTEGRATORS
 from dp_swing_ros.pendulum.parameters import at_equilibrium, EQUILIBRIA, GIVEN
 from dp_swing_ros.pendulum.state import Array, SIZES, upright
+
+ANALYTIC, LEARNED = 'analytic', 'learned'   # dynamics
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,4 +62,22 @@ class PredictionParameters(Parameters):
     horizon: int = parameter(30, 'number of steps of a plan, N', minimum=1, maximum=1000)
     step: float = parameter(0.05, 'duration of one step of a plan', unit='s', minimum=1e-4,
                             maximum=1.0)
-    model: str = parameter('rk4', 'how one step is predicted', choices=lambda: list(INTEGRATORS))
+    dynamics: str = parameter(
+        ANALYTIC, 'what accelerates cart and links: analytic, the equations of a chain of rigid '
+        'links; learned, what was learned from experience', choices=lambda: [ANALYTIC, LEARNED])
+    model: str = parameter(
+        'rk4', 'how one step is predicted: the integrator, rk4 or euler; with dynamics learned, '
+        'the file of the learned model, which rk4 integrates')
+
+    def __post_init__(self) -> None:
+        """Check also what concerns two at once; raises ParameterError."""
+        super().__post_init__()
+        if self.dynamics == ANALYTIC and self.model not in INTEGRATORS:
+            raise ParameterError(
+                f"parameter 'model' is {self.model!r}; expected one of "
+                f'{", ".join(INTEGRATORS)}, or the file of a learned model with dynamics learned')
+
+    @property
+    def integrator(self) -> Integrator:
+        """Return what steps the dynamics."""
+        return INTEGRATORS[self.model if self.dynamics == ANALYTIC else 'rk4']

@@ -13,11 +13,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import LinAlgError, solve_discrete_are
 
+from dp_swing_ros.dynamics.files import LearnedModel
 from dp_swing_ros.kernels import kernel
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.pendulum.derivatives import linearisation
 from dp_swing_ros.pendulum.equations import Pendulum
-from dp_swing_ros.pendulum.integrators import INTEGRATORS
 from dp_swing_ros.pendulum.model import Model, size, step
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.pendulum.state import angles, Array, is_at_rest, SIZES
@@ -55,12 +55,13 @@ class Problem:
     lqr: LQR
     physical: PendulumParameters
     given: tuple[LimitParameters, CostParameters, PredictionParameters]  # it was made from
+    learned: LearnedModel | None = None   # instead of the equations of the pendulum
 
     @classmethod
     def of(cls, physical: PendulumParameters, limits: LimitParameters, cost: CostParameters,
-           prediction: PredictionParameters) -> 'Problem':
+           prediction: PredictionParameters, learned: LearnedModel | None = None) -> 'Problem':
         """
-        Build the problem from parameters.
+        Build the problem from parameters; a learned model takes the place of the pendulum's.
 
         Raises ParameterError where no regulator holds the reference state, or where the cost is
         that of another number of links.
@@ -73,7 +74,8 @@ class Problem:
                 raise ParameterError(
                     f'parameter {name} has {count} numbers; expected {SIZES[physical.links]} for '
                     f'links {physical.links}')
-        model = Model(Pendulum.of(physical), INTEGRATORS[prediction.model], prediction.step)
+        dynamics = Pendulum.of(physical) if learned is None else learned.dynamics
+        model = Model(dynamics, prediction.integrator, prediction.step)
         lqr = regulator(model, cost)
         if not is_at_rest(cost.x_r):
             raise ParameterError(
@@ -87,7 +89,7 @@ class Problem:
             x_soft=limits.track_limit - cost.track_margin, w=cost.track_weight,
             v_soft=FAST * cost.cart_speed_limit, w_v=cost.speed_weight),
             prediction.horizon, Bounds(-limits.force_limit, limits.force_limit), lqr, physical,
-            (limits, cost, prediction))
+            (limits, cost, prediction), learned)
 
     @property
     def dt(self) -> float:
@@ -110,7 +112,7 @@ class Problem:
 
         Raises ParameterError where no regulator holds the reference state.
         """
-        return Problem.of(physical, *self.given)
+        return Problem.of(physical, *self.given, self.learned)
 
 
 def turns_of(problem: Problem, x: Array) -> Array:
@@ -135,8 +137,7 @@ def without_dry_friction(model: Model) -> Model:
     About a state at rest its linearisation would take what is dry, made smooth, for strong viscous
     friction, and a regulator would rely on it.
     """
-    p = model.pendulum
-    return model._replace(pendulum=p._replace(dry=(0.0,) * len(p.dry)))
+    return model._replace(pendulum=model.pendulum.without_dry_friction())
 
 
 def regulator(model: Model, cost: CostParameters) -> LQR:

@@ -32,7 +32,7 @@ def columns_of(model, V_x, V_xx, F):
 
     Loaded before a loop over lanes, they are in nobody's way: no store can change them.
     """
-    states = range(2 * len(model.pendulum.friction))
+    states = range(2 * model.pendulum.links + 2)
     return (tuple(V_x[i] for i in states),
             tuple(tuple(V_xx[min(i, j), max(i, j)] for j in states) for i in states),
             tuple(tuple(F[i, k] for i in states) for k in range(len(states) + 1)))

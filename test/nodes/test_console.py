@@ -317,14 +317,15 @@ def test_an_instant_of_the_last_minute_is_branched_from(live):
     past = page.ask('history', kind='history')
     assert len(past['t']) == len(past['x']) == len(past['u']) == len(past['force']) >= 90
     at = past['t'][-41]
-    told = []
+    received = []
     page.send('branch', id=1, at=at, duration=1.5)
     page.until(lambda page: 'branch' in page.newest and (
-        told.append(page.newest.pop('branch')) or told[-1]['courses'] or told[-1]['text']))
-    assert [each['progress'] for each in told] == sorted(each['progress'] for each in told)
-    courses = told[-1]['courses']
-    assert set(courses) == {'recorded ddp', 'ilqr', 'ddp', 'mppi', 'sampled_ilqr'}, told[-1]
-    assert told[-1]['at'] == pytest.approx(at, abs=1e-3)
+        received.append(page.newest.pop('branch'))
+        or received[-1]['courses'] or received[-1]['text']))
+    assert [each['progress'] for each in received] == sorted(each['progress'] for each in received)
+    courses = received[-1]['courses']
+    assert set(courses) == {'recorded ddp', 'ilqr', 'ddp', 'mppi', 'sampled_ilqr'}, received[-1]
+    assert received[-1]['at'] == pytest.approx(at, abs=1e-3)
     for course in courses.values():
         assert course['t'][0] == pytest.approx(at, abs=1e-3)
         assert course['t'][-1] == pytest.approx(at + 1.5, abs=0.1)

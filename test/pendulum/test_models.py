@@ -2,10 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """One contract for all integrators and numbers of links: derivatives, precisions, tensors."""
 
+import functools
 import os
 import subprocess
 import sys
 
+from learned_dynamics import LEARNED
 import numpy as np
 import pytest
 import torch
@@ -35,20 +37,30 @@ def address(request):
     return request.param
 
 
-@pytest.fixture(params=PHYSICAL, ids=['default', 'friction', 'dry'])
-def model(address, request):
-    """Return a model of an integrator, a number of links, and parameters."""
-    name, links = address
-    return Model(Pendulum.of(PendulumParameters(links=links, **request.param)),
-                 INTEGRATORS[name], H)
+def analytic(name, links, physical):
+    return Model(Pendulum.of(PendulumParameters(links=links, **physical)), INTEGRATORS[name], H)
+
+
+MODELS = {
+    **{f'{name}-{links}-{about}': functools.partial(analytic, name, links, physical)
+       for name, links in ADDRESSES
+       for about, physical in zip(('default', 'friction', 'dry'), PHYSICAL)},
+    **{f'rk4-{name}': functools.partial(lambda make: Model(make(), INTEGRATORS['rk4'], H), make)
+       for name, make in LEARNED.items()}}
+
+
+@pytest.fixture(params=MODELS)
+def model(request):
+    """Return a model: an integrator, and equations or what is learned."""
+    return MODELS[request.param]()
 
 
 def points(model, rng, count=20):
-    """Yield states and forces; where friction is dry, half of them nearly at rest."""
-    n = len(model.pendulum.a)
+    """Yield states and forces; half of them nearly at rest, where friction is dry."""
+    n = model.pendulum.links
     for k in range(count):
         x, u = rng.normal(size=SIZES[n]) * (1, *[3] * n, 2, *[4] * n), rng.normal() * 10
-        if model.pendulum.dry[0] > 0 and k % 2 == 0:
+        if k % 2 == 0:
             x[n + 1:] *= 0.02
         yield x, u
 

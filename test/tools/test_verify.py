@@ -4,11 +4,14 @@
 
 import re
 
+from learned_dynamics import model_of, of_chain
 import pytest
 from real_bags import converted, record, repeated, rewritten, tick, value_of, with_value
 from std_msgs.msg import String
 
 from dp_swing_ros.bags.reader import Bag
+from dp_swing_ros.messages.configuration import from_text
+from dp_swing_ros.pendulum.parameters import PendulumParameters
 from dp_swing_ros.rerun.ticks import record_of
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tools.verify import main
@@ -328,6 +331,24 @@ def test_what_cannot_be_verified_is_one_line(bags, topic, change, complaint, tmp
     assert (code, lines) == (2, [])
     assert error.startswith('verify: error: ') and '\n' not in error
     assert complaint in error
+
+
+def test_a_bag_holds_the_learned_model_that_it_was_planned_with(tmp_path, capsys):
+    """So it is verified where the file is no more, and differs where the model does."""
+    file = tmp_path / 'model.json'
+    file.write_text(model_of(of_chain(PendulumParameters())).to_text())
+    bag = record(tmp_path, '--solver', 'ddp', '--duration', '2', '--lockstep',
+                 mpc=f'    dynamics: learned\n    model: {file}\n')
+    file.unlink()
+    assert verified(bag, capsys)[:2] == (0, whole(41, 'ddp'))
+
+    def heavier(message):
+        found = from_text(message.data)
+        if 'model' in found.parameters:
+            text = model_of(of_chain(PendulumParameters(link2_mass=0.51))).to_text()
+            found = found._replace(parameters={**found.parameters, 'model': text})
+        return String(data=found.to_text())
+    assert verified(rewritten(bag, tmp_path / 'other', CONFIGURATION, heavier), capsys)[0] == 1
 
 
 def test_a_bag_from_before_is_told(bags, tmp_path, capsys):

@@ -114,7 +114,7 @@ export class Actions {
 
   kick(way) {
     const most = this.hello?.limits.disturbance ?? KICK;
-    this.socket.tell({do: 'push', force: way * Math.min(KICK, most)});
+    this.socket.send({do: 'push', force: way * Math.min(KICK, most)});
   }
 
   async reset() {

@@ -89,7 +89,7 @@ export class Hands {
   }
 
   letGo() {
-    if (this.pointer !== null || this.pushing) this.socket.tell({do: 'release'});
+    if (this.pointer !== null || this.pushing) this.socket.send({do: 'release'});
     this.canvas.classList.remove('held');
     [this.pointer, this.scene.held, this.pushing, this.since] = [null, null, 0, null];
   }
@@ -106,8 +106,8 @@ export class Hands {
     const {held} = this.scene, since = now - this.sent;
     if (!(held || this.pushing) || since < (this.moved ? SOONEST : RENEWED)) return;
     [this.sent, this.moved] = [now, false];
-    if (held) this.socket.tell({do: 'pull', body: held.body, along: held.along, to: held.to});
-    else this.socket.tell({do: 'hold', force: this.pushing});
+    if (held) this.socket.send({do: 'pull', body: held.body, along: held.along, to: held.to});
+    else this.socket.send({do: 'hold', force: this.pushing});
   }
 
   /** Measure, once it is drawn, how long a drag took until its force was seen. */

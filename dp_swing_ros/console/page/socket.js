@@ -51,7 +51,7 @@ export class Socket {
   }
 
   /** Send what needs no answer. */
-  tell(message) {
+  send(message) {
     if (this.open) this.web.send(JSON.stringify(message));
   }
 
@@ -59,7 +59,7 @@ export class Socket {
   ask(message) {
     if (!this.open) return Promise.resolve(LOST);
     const id = ++this.id;
-    this.tell({...message, id});
+    this.send({...message, id});
     return new Promise(resolve => this.asked.set(id, resolve));
   }
 }

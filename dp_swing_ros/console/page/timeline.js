@@ -69,7 +69,7 @@ export class Timeline {
     find('#branch').disabled = false;
     document.documentElement.classList.add('looking-back');
     this.drawStrip();   // which has a size now
-    this.tell();
+    this.showTime();
     this.slider.focus();
   }
 
@@ -93,7 +93,7 @@ export class Timeline {
       if (this.playing) this.play(false);   // who seeks wants to look
       this.seek(value);
     }
-    this.tell();
+    this.showTime();
   }
 
   seek(value) {
@@ -102,7 +102,7 @@ export class Timeline {
     if (left > 0) { this.seeking = setTimeout(() => this.seek(value), left); return; }
     this.sought = performance.now();
     this.stream.clear();
-    this.socket.tell({do: 'seek', id: 0, at: value});
+    this.socket.send({do: 'seek', id: 0, at: value});
   }
 
   async play(on) {
@@ -117,7 +117,7 @@ export class Timeline {
     this.scrub();
   }
 
-  tell() {
+  showTime() {
     const value = Number(this.slider.value);
     const text = this.hello.replay ? `${number(value)} of ${number(this.hello.duration)} s`
       : `${number(value)} s`;
@@ -131,7 +131,7 @@ export class Timeline {
     this.playing = !frame.paused;
     find('#play').textContent = this.playing ? 'Pause' : 'Play';
     if (document.activeElement !== this.slider || this.playing) this.slider.value = frame.t;
-    this.tell();
+    this.showTime();
   }
 
   /** Return what is to be drawn in place of the newest, null while live. */

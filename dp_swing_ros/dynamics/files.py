@@ -1,0 +1,167 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+A learned model and its file.
+
+The file is JSON: numbers and words, which nothing executes. Numbers read back the same to the bit.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+import functools
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dp_swing_ros.dynamics.kinds import BlackBox, harmonics, Learned, links, Residual, Structured
+from dp_swing_ros.dynamics.network import Network, widths
+from dp_swing_ros.parameters import ParameterError, SHOWN
+from dp_swing_ros.pendulum.equations import Pendulum
+from dp_swing_ros.pendulum.state import Array, LINKS
+
+FORMAT = 'dp_swing_ros learned dynamics, 1'
+LARGEST_FILE = 1 << 22   # [bytes]
+KINDS = {'residual': Residual, 'structured': Structured, 'black_box': BlackBox}
+
+
+@dataclass(frozen=True, eq=False)
+class LearnedModel:
+    """
+    Dynamics, others that the same experience allows, and what it was.
+
+    Shapes: draws (M, P) the free numbers of the others; noise (n + 1,) [m/s, rad/s] standard
+    deviations of the speeds after a transition from those predicted; largest (n + 2,) the largest
+    rates (θ̇, u, ẋ) of the experience.
+    """
+
+    dynamics: Learned
+    draws: Array
+    noise: Array
+    largest: Array
+    about: Mapping[str, Any]   # where it is from, and how good it is
+
+    @functools.cached_property
+    def members(self) -> list[Learned]:
+        """Return the others."""
+        return [self.dynamics.with_free(draw) for draw in self.draws]
+
+    @property
+    def kind(self) -> str:
+        """Return the name of its kind."""
+        return next(name for name, kind in KINDS.items() if isinstance(self.dynamics, kind))
+
+    def to_text(self) -> str:
+        """Return the text of its file."""
+        return json.dumps({
+            'format': FORMAT, 'kind': self.kind, 'links': self.dynamics.links,
+            'about': dict(self.about), 'noise': self.noise.tolist(),
+            'largest': self.largest.tolist(), 'dynamics': numbers_of(self.dynamics),
+            'draws': self.draws.tolist()}) + '\n'
+
+    @property
+    def fingerprint(self) -> str:
+        """Return a digest of all its numbers."""
+        return hashlib.sha256(self.to_text().encode()).hexdigest()[:16]
+
+
+def load(model: str, links: int) -> LearnedModel:
+    """
+    Read a file, or the text of one, for so many links.
+
+    Raises ParameterError, which says what is wrong with it.
+    """
+    is_text = model.startswith('{')
+
+    def refuse(why: str) -> ParameterError:
+        return ParameterError(f"parameter 'model' is {model[:SHOWN]!r}: {why}; expected, with "
+                              'dynamics learned, a file that `ros2 run dp_swing_ros train` wrote')
+    try:
+        path = Path(model).expanduser()
+        if not is_text and path.stat().st_size > LARGEST_FILE:
+            raise refuse(f'it has more than {LARGEST_FILE} bytes')
+        found = from_text(model if is_text else path.read_text(encoding='utf-8'))
+    except OSError as error:
+        raise refuse(error.strerror or 'it cannot be read') from None
+    except ValueError as error:   # of Unicode, of JSON, and of its content
+        raise refuse(str(error)) from None
+    if found.dynamics.links != links:
+        raise refuse(f'it is of {found.dynamics.links} links, and links is {links}')
+    return found
+
+
+def from_text(text: str) -> LearnedModel:
+    """Read the text of a file; raises ValueError."""
+    content = json.loads(text, parse_constant=_not_finite)
+    if not isinstance(content, dict) or content.get('format') != FORMAT:
+        raise ValueError(f'its format is not {FORMAT!r}')
+    try:
+        n, kind = content['links'], content['kind']
+        if n not in LINKS or kind not in KINDS:
+            raise ValueError(f'{kind!r} of {n!r} links; expected one of {", ".join(KINDS)}')
+        dynamics, draws = dynamics_of(kind, n, content['dynamics']), content['draws']
+        return LearnedModel(
+            dynamics, array(draws, len(draws), len(dynamics.free)),
+            array(content['noise'], n + 1), array(content['largest'], n + 2),
+            dict(content['about']))
+    except (AttributeError, KeyError, TypeError) as error:
+        raise ValueError(f'it is incomplete ({type(error).__name__}: {error})') from None
+
+
+def _not_finite(text: str) -> float:
+    raise ValueError(f'it holds {text}, which is no finite number')
+
+
+def numbers_of(dynamics: Learned) -> dict[str, Any]:
+    """Return the numbers of dynamics by their names, for JSON."""
+    if isinstance(dynamics, Structured):
+        return _listed(dynamics, 'inertia', 'potential', 'friction', 'dry', 'sharpness')
+    found = {'network': _listed(dynamics.network, 'W', 'b', 'V', 'c')}
+    if isinstance(dynamics, Residual):
+        found['pendulum'] = dynamics.pendulum._asdict()
+    return found
+
+
+def _listed(structure: Any, *names: str) -> dict[str, Any]:
+    return {name: np.asarray(getattr(structure, name)).tolist() for name in names}
+
+
+def dynamics_of(kind: str, n: int, numbers: Mapping[str, Any]) -> Learned:
+    """Return the dynamics of a kind that has these numbers; raises ValueError, or KeyError."""
+    if kind == 'structured':
+        count = len(harmonics([0.0] * n, [1.0] * n))
+        return Structured(
+            links(n), array(numbers['inertia'], (n + 1) * (n + 2) // 2, count),
+            array(numbers['potential'], count), array(numbers['friction'], n + 1),
+            array(numbers['dry'], n + 1), float(array(numbers['sharpness'])))
+    of = numbers['network']
+    hidden = len(of['b'])
+    network = Network.of(n, array(of['W'], hidden, widths(n, hidden, n + 1).inputs),
+                         array(of['b'], hidden),
+                         array(of['V'], n + 1, hidden), array(of['c'], n + 1))
+    return BlackBox(network) if kind == 'black_box' else Residual(
+        pendulum_of(n, numbers['pendulum']), network)
+
+
+def pendulum_of(n: int, numbers: Mapping[str, Any]) -> Pendulum:
+    """Return the pendulum with these coefficients."""
+    def row(values: Any, *shape: int) -> tuple[float, ...]:
+        return tuple(array(values, *shape).tolist())
+    rows = numbers['b']
+    if len(rows) != n:
+        raise ValueError(f'b has {len(rows)} rows; expected {n}')
+    return Pendulum(
+        float(array(numbers['m'])), row(numbers['a'], n),
+        tuple(row(each, n - i) for i, each in enumerate(rows)), float(array(numbers['g'])),
+        row(numbers['friction'], n + 1), row(numbers['dry'], n + 1),
+        float(array(numbers['sharpness'])))
+
+
+def array(values: Any, *shape: int) -> Array:
+    """Return finite numbers of a shape; raises ValueError where they are none."""
+    found = np.array(values, dtype=float)
+    if found.shape != shape or not np.all(np.isfinite(found)):
+        raise ValueError(f'numbers of shape {found.shape}; expected finite ones, {shape}')
+    return found

@@ -1,0 +1,337 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Dynamics that are learned, of three kinds, each D(θ) a = r(θ, θ̇, u, ẋ).
+
+    residual      D and r of a known pendulum, and to r a network is added
+    structured    D_ij and the potential V are trigonometric polynomials in the angles, and
+                  r = H u - C q̇ - ∂V/∂q - friction follows by Lagrange:
+                  (C q̇)_i = Σ_m Σ_j ∂D_ij/∂q_m q̇_m q̇_j - ½ Σ_jk ∂D_jk/∂q_i q̇_j q̇_k
+    black box     D = 1, and r is a network
+
+None depends on where the cart is. Those of a chain of rigid links are of the second kind,
+exactly, wherever the mass in a link and however its angle is counted.
+"""
+
+from collections.abc import Hashable, Sequence
+import functools
+from itertools import combinations, combinations_with_replacement
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from dp_swing_ros.dynamics.network import Network
+from dp_swing_ros.kernels.compilation import Constant
+from dp_swing_ros.kernels.symbols import cos, dot, fixed, flat, sin
+from dp_swing_ros.pendulum.equations import (
+    friction, generalised_force, inverse_inertia, mass_matrix, Matrix, Numbers, Parts, Pendulum,
+    solve)
+from dp_swing_ros.pendulum.points import by_variables, point_type
+from dp_swing_ros.pendulum.state import Array
+
+
+class Residual(NamedTuple):
+    """A known pendulum and a learned generalised force, of as many outputs as it has speeds."""
+
+    pendulum: Pendulum
+    network: Network
+
+    @property
+    def links(self) -> int:
+        """Return the number of links, n."""
+        return self.pendulum.links
+
+    @property
+    def kind(self) -> Hashable:
+        """Return what the types of its numbers follow from."""
+        return Residual, self.network.widths
+
+    def mass_matrix(self, s: Numbers, c: Numbers) -> Matrix:
+        """Return D."""
+        return mass_matrix(self.pendulum, s, c)
+
+    def force(self, s: Numbers, c: Numbers, rates: Numbers) -> list[Any]:
+        """Return r but for the network's part; rates are θ̇, u and ẋ."""
+        *w, u, v = rates
+        return generalised_force(self.pendulum, s, c, w, u - friction(self.pendulum, 0, v))
+
+    def accelerations(self, x: Numbers, u: Any) -> list[Any]:
+        """Return the accelerations of cart and links."""
+        return accelerations(self, x, u)
+
+    @property
+    def free(self) -> Array:
+        """Return the numbers that are linear in the accelerations: the network's last layer."""
+        return self.network.last_layer
+
+    def with_free(self, p: Array) -> 'Residual':
+        """Return the same with other such numbers (P,)."""
+        return self._replace(network=self.network.with_last_layer(p))
+
+    def without_dry_friction(self) -> 'Residual':
+        """Return the same without the dry friction that is known."""
+        return self._replace(pendulum=self.pendulum.without_dry_friction())
+
+
+class BlackBox(NamedTuple):
+    """A network for the accelerations."""
+
+    network: Network
+
+    @property
+    def links(self) -> int:
+        """Return the number of links, n."""
+        return self.network.widths.links
+
+    @property
+    def kind(self) -> Hashable:
+        """Return what the types of its numbers follow from."""
+        return BlackBox, self.network.widths
+
+    def mass_matrix(self, s: Numbers, c: Numbers) -> Matrix:
+        """Return the identity."""
+        return np.eye(self.links + 1).tolist()
+
+    def force(self, s: Numbers, c: Numbers, rates: Numbers) -> list[Any]:
+        """Return zeros."""
+        return [0.0] * (self.links + 1)
+
+    def accelerations(self, x: Numbers, u: Any) -> list[Any]:
+        """Return the accelerations of cart and links."""
+        return accelerations(self, x, u)
+
+    @property
+    def free(self) -> Array:
+        """Return the numbers that are linear in the accelerations: the network's last layer."""
+        return self.network.last_layer
+
+    def with_free(self, p: Array) -> 'BlackBox':
+        """Return the same with other such numbers (P,)."""
+        return self._replace(network=self.network.with_last_layer(p))
+
+    def without_dry_friction(self) -> 'BlackBox':
+        """Return the same: what is dry in it is not told apart."""
+        return self
+
+
+class Links(Constant):
+    """How many links there are."""
+
+    def __init__(self, number: int) -> None:
+        """Take the number; those of equal numbers should be the same: `links`."""
+        super().__init__(f'links-{number}', Links)
+        self.number = number
+
+
+links = functools.cache(Links)
+
+
+class Harmonic(NamedTuple):
+    """A trigonometric function of the angles, and its slopes by each of them."""
+
+    value: Any
+    slopes: list[Any]
+
+
+def harmonics(s: Numbers, c: Numbers) -> list[Harmonic]:
+    """Return 1, the cosines and sines, and the products of those of each two angles."""
+    n = len(s)
+
+    def slopes(**by: Any) -> list[Any]:
+        return [by.get(f'_{i}', 0.0) for i in range(n)]
+    found = [Harmonic(1.0, slopes())]
+    for i in range(n):
+        found += [Harmonic(c[i], slopes(**{f'_{i}': -s[i]})),
+                  Harmonic(s[i], slopes(**{f'_{i}': c[i]}))]
+    for i, j in combinations(range(n), 2):
+        for f, f_slope in ((c[i], -s[i]), (s[i], c[i])):
+            for g, g_slope in ((c[j], -s[j]), (s[j], c[j])):
+                found.append(Harmonic(f * g, slopes(
+                    **{f'_{i}': f_slope * g, f'_{j}': f * g_slope})))
+    return found
+
+
+def pairs(n: int) -> list[tuple[int, int]]:
+    """Return the places of the upper triangle of D, row by row."""
+    return list(combinations_with_replacement(range(n + 1), 2))
+
+
+class Structured(NamedTuple):
+    """
+    A mass matrix and a potential, learned, and a friction.
+
+    Shapes: inertia (pairs, harmonics) [kg, kg m, kg m²], potential (harmonics,) [J], friction and
+    dry (n + 1,), as those of a Pendulum; sharpness [s/m, s/rad].
+    """
+
+    size: Links
+    inertia: Array
+    potential: Array
+    friction: Array
+    dry: Array
+    sharpness: float
+
+    @property
+    def links(self) -> int:
+        """Return the number of links, n."""
+        return self.size.number
+
+    @property
+    def kind(self) -> Hashable:
+        """Return what the types of its numbers follow from."""
+        return Structured, self.size
+
+    @property
+    def network(self) -> None:
+        """Return that it has none."""
+        return None
+
+    def mass_matrix(self, s: Numbers, c: Numbers) -> Matrix:
+        """Return D."""
+        return self.symmetric([each.value for each in harmonics(s, c)])
+
+    def symmetric(self, values: Numbers) -> Matrix:
+        """Return the matrix whose entries go with the harmonics as those of D do."""
+        n = self.links
+        D = [[0.0] * (n + 1) for _ in range(n + 1)]
+        for place, (i, j) in enumerate(pairs(n)):
+            D[i][j] = D[j][i] = dot(
+                [self.inertia[place, k] for k in range(len(values))], values)
+        return D
+
+    def force(self, s: Numbers, c: Numbers, rates: Numbers) -> list[Any]:
+        """Return r; rates are θ̇, u and ẋ."""
+        n, basis = self.links, harmonics(s, c)
+        *w, u, v = rates
+        speeds = [v, *w]
+        r = [u - friction(self, 0, v), *[0.0] * n]
+        for m in range(n):
+            slopes = [each.slopes[m] for each in basis]
+            momenta = [dot(row, speeds) for row in self.symmetric(slopes)]
+            down = dot([self.potential[k] for k in range(len(basis))], slopes)
+            r = [r_i - w[m] * momentum for r_i, momentum in zip(r, momenta)]
+            r[m + 1] = r[m + 1] + 0.5 * dot(speeds, momenta) - down
+            torque = friction(self, m + 1, w[m] - w[m - 1] if m > 0 else w[m])
+            r[m + 1] = r[m + 1] - torque
+            if m > 0:
+                r[m] = r[m] + torque
+        return r
+
+    def accelerations(self, x: Numbers, u: Any) -> list[Any]:
+        """Return the accelerations of cart and links."""
+        return accelerations(self, x, u)
+
+    @property
+    def free(self) -> Array:
+        """Return all numbers but the zero of the potential, which does nothing."""
+        return np.concatenate((self.inertia.ravel(), self.potential[1:], self.friction, self.dry))
+
+    def with_free(self, p: Array) -> 'Structured':
+        """Return the same with other such numbers (P,)."""
+        n, count = self.links, len(self.potential)
+        inertia, potential, friction, dry = np.split(
+            p, np.cumsum([self.inertia.size, count - 1, n + 1]))
+        return self._replace(
+            inertia=inertia.reshape(-1, count).copy(), potential=np.append(0.0, potential),
+            friction=friction.copy(), dry=dry.copy())
+
+    def without_dry_friction(self) -> 'Structured':
+        """Return the same without dry friction."""
+        return self._replace(dry=np.zeros_like(self.dry))
+
+
+Learned = Residual | Structured | BlackBox
+
+
+def accelerations(p: Learned, x: Numbers, u: Any) -> list[Any]:
+    """Return a = D⁻¹ r."""
+    _, th, v, w = Parts.of(p, x)
+    s, c = [sin(th_i) for th_i in th], [cos(th_i) for th_i in th]
+    return solve(p.mass_matrix(s, c), whole_force(p, s, c, [*w, u, v]))
+
+
+def whole_force(p: Learned, s: Numbers, c: Numbers, rates: Numbers) -> list[Any]:
+    """Return r with the network's part."""
+    r = p.force(s, c, rates)
+    if p.network is None:
+        return r
+    return [r_i + y_i for r_i, y_i in zip(r, p.network.outputs(s, c, rates))]
+
+
+class LearnedPoint(NamedTuple):
+    """What the derivatives of the accelerations need at a point; see points.py."""
+
+    s: list[Any]       # sines and cosines of the angles
+    c: list[Any]
+    rates: list[Any]   # θ̇, u and ẋ
+    a: list[Any]       # accelerations of cart and links
+    J: Matrix          # (n + 1, 2n + 2) their derivatives by z = (θ, θ̇, u, ẋ)
+    inverse: Matrix    # the upper triangle of D⁻¹
+
+    @property
+    def drag(self) -> tuple[float]:
+        """Return that what holds the cart back, a function of ẋ, is no part of u."""
+        return (0.0,)
+
+    @classmethod
+    def of(cls, p: Learned, x: Numbers, u: Any) -> 'LearnedPoint':
+        """Evaluate all at a state x under a force u."""
+        _, th, v, w = Parts.of(p, x)
+        s, c = [sin(th_i) for th_i in th], [cos(th_i) for th_i in th]
+        rates, D = [*w, u, v], p.mass_matrix(s, c)
+        a, D_inverse = solve(D, whole_force(p, s, c, rates)), inverse_inertia(D)
+        by_z = [by_variables(each, s, c, rates)
+                for each in residuals(p, s, c, rates, [fixed(a_i) for a_i in a])]
+        if p.network is not None:
+            by_z = [[one + other for one, other in zip(*rows)]
+                    for rows in zip(by_z, p.network.slopes(s, c, rates))]
+        J = [[dot(row, column) for column in zip(*by_z)] for row in D_inverse]
+        return cls(s, c, rates, a, J, [row[i:] for i, row in enumerate(D_inverse)])
+
+    @classmethod
+    def read(cls, n: int, numbers: Sequence[Any]) -> 'LearnedPoint':
+        """Return the point whose numbers these are, in order."""
+        rest = iter(numbers)
+
+        def some(count: int) -> list[Any]:
+            return [next(rest) for _ in range(count)]
+        return cls(some(n), some(n), some(n + 2), some(n + 1),
+                   [some(2 * n + 2) for _ in range(n + 1)],
+                   [some(n + 1 - i) for i in range(n + 1)])
+
+    @classmethod
+    def kept(cls, n: int) -> int:
+        """Return how many numbers a point has."""
+        return len(flat(cls.read(n, range(10_000))))
+
+    @staticmethod
+    def curved_pairs(n: int) -> list[tuple[int, int]]:
+        """Return all pairs j ≤ k."""
+        return list(combinations_with_replacement(range(2 * n + 2), 2))
+
+    def second_derivatives(self, p: Learned, mu: Numbers) -> list[Any]:
+        """Return the M_jk of curved_pairs."""
+        n, variables = len(self.s), (self.s, self.c, self.rates)
+        nu = [dot([self.inverse[min(i, j)][abs(i - j)] for j in range(n + 1)], mu)
+              for i in range(n + 1)]
+        slopes = by_variables(dot(nu, residuals(p, *variables, self.a)), *variables)
+        second = [by_variables(slope, *variables) for slope in slopes]
+        momenta = [dot(row, nu) for row in p.mass_matrix(self.s, self.c)]
+        e = list(zip(*(by_variables(each, *variables) for each in momenta)))
+        J = list(zip(*self.J))   # by columns, as e
+        found = {(j, k): second[j][k] - (dot(e[j], J[k]) + dot(e[k], J[j]))
+                 for j, k in self.curved_pairs(n)}
+        if p.network is not None:
+            for j, row in enumerate(p.network.curvature(nu, *variables)):
+                for k, bent in enumerate(row, start=j):
+                    found[j, k] = found[j, k] + bent
+        return list(found.values())
+
+
+for _kind in (Residual, Structured, BlackBox):
+    point_type.register(_kind, lambda dynamics: LearnedPoint)
+
+
+def residuals(p: Learned, s: Numbers, c: Numbers, rates: Numbers, a: Numbers) -> list[Any]:
+    """Return r - D a but for the network's part."""
+    return [r_i - dot(row, a) for r_i, row in zip(p.force(s, c, rates), p.mass_matrix(s, c))]

@@ -1,0 +1,162 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The free numbers p of learned dynamics from experience, and how sure they are.
+
+    min_p  Σ_k |q̇⁺_k - f(x_k, u_k; p)|²_Σ + |p - p_0|²_Λ
+
+f are the speeds after a transition, by the integrator from the measured state. Steps are those of
+Levenberg and Marquardt; the posterior is nearly normal, N(p, (Jᵀ Σ⁻¹ J + Λ⁻¹)⁻¹). The variances Σ
+of the residuals are estimated in turns. Source: Bishop, Pattern Recognition and Machine Learning,
+2006, 3.3 and 4.4 (Laplace).
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
+from scipy.optimize import lsq_linear
+
+from dp_swing_ros.kernels import kernel
+from dp_swing_ros.learning.experience import Experience
+from dp_swing_ros.pendulum.drive import ROUNDING, with_step
+from dp_swing_ros.pendulum.integrators import INTEGRATORS
+from dp_swing_ros.pendulum.model import Model, size, step
+from dp_swing_ros.pendulum.state import Array
+
+ROUNDS = 60           # steps at most
+INSIDE = 1e-12        # of a bound: the solver begins between them
+DIFFERENCE = 1e-6     # of a free number, in its deviations before any experience
+SETTLED = 1e-3        # change of all numbers, in standard deviations, at which it ends
+DAMPING, LARGEST_DAMPING = 1e-2, 1e8   # of a step, at first, and where it ends
+FLOOR = 1e-4          # [m/s, rad/s] standard deviation of a residual at least
+LONGEST_STEP = 0.025  # [s] of the integrator
+
+
+class Prior(NamedTuple):
+    """What is believed before any experience; shapes: mean, deviations and lowest (P,)."""
+
+    mean: Array
+    deviations: Array
+    lowest: Array      # bounds: what is negative would make energy
+
+
+class Posterior(NamedTuple):
+    """
+    What is believed after it: the numbers, their covariance, the residuals' deviations.
+
+    Shapes: mean (P,), covariance (P, P), noise (n + 1,) [m/s, rad/s].
+    """
+
+    mean: Array
+    covariance: Array
+    noise: Array
+
+    def draws(self, count: int, random: np.random.Generator) -> Array:
+        """Return vectors of numbers that may as well be right; -> (count, P)."""
+        values, vectors = np.linalg.eigh(self.covariance)
+        spread = vectors * np.sqrt(np.maximum(values, 0.0))
+        found: Array = self.mean + random.standard_normal((count, len(values))) @ spread.T
+        return found
+
+
+def spread(e: Array) -> Array:
+    """Return the standard deviations of residuals; shapes: (K, n + 1) -> (n + 1,)."""
+    found: Array = np.sqrt(np.maximum(np.mean(e ** 2, axis=0), FLOOR ** 2))
+    return found
+
+
+@kernel
+def predict(model, X, U, h, out):
+    """
+    Write the speeds after each transition.
+
+    Shapes: X (K, 2n + 2), U and h (K,), out (K, n + 1).
+    """
+    n = size(model) // 2
+    x = np.empty(2 * n)
+    for k in range(len(U)):
+        for i in range(2 * n):
+            x[i] = X[k, i]
+        steps = int(np.ceil(h[k] / LONGEST_STEP - ROUNDING))
+        for _ in range(steps):
+            step(with_step(model, h[k] / steps), x, U[k], x)
+        for i in range(n):
+            out[k, i] = x[n + i]
+
+
+def predicted(dynamics: Any, seen: Experience) -> Array:
+    """Return the speeds after each transition (K, n + 1) as dynamics have them."""
+    out = np.empty((len(seen.U), seen.X.shape[1] // 2))
+    predict(Model(dynamics, INTEGRATORS['rk4'], LONGEST_STEP), seen.X, seen.U, seen.h, out)
+    return out
+
+
+def fitted(dynamics: Any, seen: Experience, prior: Prior) -> Posterior:
+    """
+    Return what is believed of the free numbers of dynamics, from those that they have on.
+
+    Raises FloatingPointError where nothing finite is found.
+    """
+    half = seen.X.shape[1] // 2
+    after = seen.Y[:, half:]
+
+    def residuals(p: Array) -> Array:
+        return after - predicted(dynamics.with_free(p), seen)
+
+    def loss(e: Array, p: Array) -> float:
+        found = np.sum((e / noise) ** 2) + np.sum(((p - prior.mean) / prior.deviations) ** 2)
+        return float(found) if np.isfinite(found) else np.inf
+    p, damping = np.maximum(dynamics.free, prior.lowest), DAMPING
+    e = residuals(p)
+    if not np.all(np.isfinite(e)):   # on new experience they may be wild
+        p = prior.mean
+        e = residuals(p)
+    noise = spread(e)
+    for _ in range(ROUNDS):
+        A, b = normal_equations(dynamics, seen, prior, noise, p, e)
+        before = loss(e, p)
+        while damping < LARGEST_DAMPING:
+            change = bounded_solution(A + damping * np.diag(np.diag(A)), b, prior.lowest - p)
+            trial = np.maximum(p + change, prior.lowest)   # which rounding is not to pass
+            of_trial = residuals(trial)
+            if loss(of_trial, trial) < before:
+                break
+            damping *= 10
+        else:
+            break
+        settled = change @ A @ change < SETTLED ** 2 * len(p)
+        p, e, damping = trial, of_trial, damping / 10
+        noise = spread(e)
+        if settled:
+            break
+    A, _ = normal_equations(dynamics, seen, prior, noise, p, e)
+    if not np.all(np.isfinite(A)):
+        raise FloatingPointError('the fit of the dynamics is not finite')
+    return Posterior(p, cho_solve(cho_factor(A), np.eye(len(p))), noise)
+
+
+def normal_equations(dynamics: Any, seen: Experience, prior: Prior, noise: Array, p: Array,
+                     e: Array) -> tuple[Array, Array]:
+    """Return A = Jᵀ Σ⁻¹ J + Λ⁻¹ (P, P) and b (P,) of a step A δ = b at p (P,)."""
+    J = np.empty((e.size, len(p)))
+    base = seen.Y[:, -e.shape[1]:] - e
+    for i, deviation in enumerate(prior.deviations):
+        moved = p.copy()
+        moved[i] += DIFFERENCE * deviation
+        J[:, i] = ((predicted(dynamics.with_free(moved), seen) - base)
+                   / (DIFFERENCE * deviation * noise)).ravel()
+    of_prior = prior.deviations ** -2
+    return (J.T @ J + np.diag(of_prior),
+            J.T @ (e / noise).ravel() + of_prior * (prior.mean - p))
+
+
+def bounded_solution(A: Array, b: Array, lowest: Array) -> Array:
+    """Return the δ ≥ lowest (P,) that minimises δᵀ A δ / 2 - bᵀ δ."""
+    L = np.linalg.cholesky(A)
+    found: Array = np.linalg.solve(A, b)
+    if np.all(found >= lowest):
+        return found
+    bounded: Array = lsq_linear(L.T, solve_triangular(L, b, lower=True),
+                                (np.minimum(lowest, -INSIDE), np.inf)).x
+    return bounded

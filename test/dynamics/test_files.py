@@ -1,0 +1,77 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The file of a learned model: the same again to the bit, and every mistake in it is told."""
+
+import json
+
+from learned_dynamics import LEARNED, model_of
+import numpy as np
+import pytest
+
+from dp_swing_ros.dynamics.files import from_text, LARGEST_FILE, load
+from dp_swing_ros.parameters import ParameterError
+
+
+@pytest.mark.parametrize('name', LEARNED)
+def test_it_is_read_back_to_the_bit(name, tmp_path):
+    model, file = model_of(LEARNED[name]()), tmp_path / 'model.json'
+    file.write_text(model.to_text())
+    for found in (load(str(file), 2), load(model.to_text(), 2)):
+        assert found.to_text() == model.to_text()
+        assert found.fingerprint == model.fingerprint
+        assert found.kind == model.kind == name.replace(' ', '_')
+        assert found.dynamics.kind == model.dynamics.kind
+        np.testing.assert_array_equal(found.dynamics.free, model.dynamics.free)
+        assert [member.free.tolist() for member in found.members] == model.draws.tolist()
+        x = np.linspace(-1, 1, 6)
+        assert found.dynamics.accelerations(x, 2.0) == model.dynamics.accelerations(x, 2.0)
+
+
+def changed(**values):
+    return json.dumps({**json.loads(model_of(LEARNED['structured']()).to_text()), **values})
+
+
+def without(name):
+    content = json.loads(model_of(LEARNED['structured']()).to_text())
+    del content[name]
+    return json.dumps(content)
+
+
+@pytest.mark.parametrize(('text', 'words'), [
+    ('', 'Expecting value'),
+    ('{"format"', 'Expecting'),
+    ('[]', 'its format is not'),
+    (changed(format='another'), 'its format is not'),
+    (changed(kind='magic'), 'expected one of residual, structured, black_box'),
+    (changed(links=9), 'of 9 links'),
+    (changed(noise=[1.0, 2.0]), r'numbers of shape \(2,\); expected finite ones, \(3,\)'),
+    (changed(noise=[1.0, 'a', 2.0]), 'could not convert'),
+    (changed(draws=[[1.0]]), r'\(1, 1\); expected finite ones, \(1, 68\)'),
+    (changed(dynamics={}), 'incomplete'),
+    (without('largest'), 'incomplete'),
+    (model_of(LEARNED['structured']()).to_text().replace('5.0', 'NaN', 1), 'no finite number'),
+    (model_of(LEARNED['structured']()).to_text().replace('5.0', '1e999', 1), 'finite'),
+])
+def test_what_is_wrong_is_told(text, words, tmp_path):
+    with pytest.raises(ValueError, match=words):
+        from_text(text)
+    file = tmp_path / 'model.json'
+    file.write_text(text)
+    with pytest.raises(ParameterError, match="parameter 'model' is .*; expected, with dynamics"):
+        load(str(file), 2)
+
+
+def test_a_file_that_does_not_fit_or_is_none_is_refused(tmp_path):
+    text = model_of(LEARNED['structured']()).to_text()
+    with pytest.raises(ParameterError, match='it is of 2 links, and links is 3'):
+        load(text, 3)
+    with pytest.raises(ParameterError, match='No such file'):
+        load(str(tmp_path / 'none'), 2)
+    with pytest.raises(ParameterError, match='Is a directory'):
+        load(str(tmp_path), 2)
+    (tmp_path / 'binary').write_bytes(b'\xff\xfe\x00')
+    with pytest.raises(ParameterError, match='decode'):
+        load(str(tmp_path / 'binary'), 2)
+    (tmp_path / 'large').write_bytes(bytes(LARGEST_FILE + 1))
+    with pytest.raises(ParameterError, match='bytes'):
+        load(str(tmp_path / 'large'), 2)

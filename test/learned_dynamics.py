@@ -1,0 +1,84 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Learned dynamics that nobody had to learn, of known or random numbers; and experience."""
+
+import numpy as np
+
+from dp_swing_ros import configuration
+from dp_swing_ros.dynamics.files import LearnedModel
+from dp_swing_ros.dynamics.kinds import BlackBox, links, pairs, Residual, Structured
+from dp_swing_ros.dynamics.network import Network
+from dp_swing_ros.learning.experience import Experience
+from dp_swing_ros.learning.regression import predicted
+from dp_swing_ros.pendulum.equations import CREEP, Pendulum
+from dp_swing_ros.pendulum.parameters import PendulumParameters
+
+HIDDEN = 16
+BODIES = {'cart_mass': 0.5, 'link1_mass': 0.5, 'link2_mass': 0.5, 'link1_length': 0.6,
+          'link2_length': 0.6, 'cart_friction': 0.1}
+
+
+def network(n=2, size=1.0, hidden=HIDDEN, seed=0):
+    """Return a random network of some size of its outputs [N, N m or accelerations]."""
+    random = np.random.default_rng(seed)
+    scales = np.repeat((1.0, 0.2, 0.05, 0.2, 0.05), (n * (n + 1), n, 1, 1, n * (n + 1) // 2))
+    return Network.of(n, random.normal(size=(hidden, len(scales))) * scales,
+                      random.normal(size=hidden), size * random.normal(size=(n + 1, hidden)),
+                      size * random.normal(size=n + 1))
+
+
+def of_chain(physical):
+    """Return the structured dynamics that a chain of two links has."""
+    p = Pendulum.of(physical)
+    inertia, potential = np.zeros((6, 9)), np.zeros(9)
+    place = {pair: row for row, pair in enumerate(pairs(2))}
+    # 1, cos θ1, sin θ1, cos θ2, sin θ2, cos θ1 cos θ2, cos θ1 sin θ2, sin θ1 cos θ2, sin sin
+    inertia[place[0, 0], 0] = p.m
+    inertia[place[0, 1], 1], inertia[place[0, 2], 3] = p.a
+    inertia[place[1, 1], 0], inertia[place[2, 2], 0] = p.b[0][0], p.b[1][0]
+    inertia[place[1, 2], 5] = inertia[place[1, 2], 8] = p.b[0][1]
+    potential[1], potential[3] = p.g * p.a[0], p.g * p.a[1]
+    return Structured(links(2), inertia, potential, np.array(p.friction), np.array(p.dry),
+                      1 / CREEP)
+
+
+def bent():
+    """Return structured dynamics that are none of a chain's, with all harmonics."""
+    chain = of_chain(PendulumParameters(cart_friction=0.2, joint1_friction=0.05,
+                                        cart_dry_friction=0.5))
+    random = np.random.default_rng(1)
+    return chain._replace(inertia=chain.inertia + 0.005 * random.normal(size=(6, 9)),
+                          potential=chain.potential + 0.3 * random.normal(size=9))
+
+
+LEARNED = {
+    'residual': lambda: Residual(Pendulum.of(PendulumParameters(cart_friction=0.2)), network()),
+    'structured': bent,
+    'black box': lambda: BlackBox(network(size=3.0))}
+
+
+def model_of(dynamics):
+    """Return a model with dynamics, of which nothing else is known."""
+    return LearnedModel(dynamics, dynamics.free[None] * 1.01, np.full(3, 0.05),
+                        np.array([10.0, 12.0, 20.0, 3.0]), {'bags': ['none']})
+
+
+def experience(duration, seed=0, **plant):
+    """Return what is measured under random forces that keep the cart near the middle."""
+    rng = np.random.default_rng(seed)
+    moved = configuration.plant({**BODIES, 'seed': seed, **plant})
+    t, X, U = [], [], []
+    for _ in range(round(20 * duration) + 1):
+        measured = moved.measure()
+        x = measured.x
+        t.append(measured.t)
+        X.append(x)
+        moved.obey(float(np.clip(9 * rng.normal() - 10 * x[0] - 3 * x[3], -20, 20)))
+        moved.begin_period(0.0)
+        moved.advance(0.05)
+        U.append(moved.mean_force)
+    return Experience.of_run(np.array(t), np.array(X), np.array(U[:-1]))
+
+
+def rms(dynamics, seen):
+    return np.sqrt(np.mean((seen.Y[:, 3:] - predicted(dynamics, seen)) ** 2, axis=0))
