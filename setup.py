@@ -31,6 +31,7 @@ EXECUTABLES = [
     'evaluate = dp_swing_ros.executables:evaluate',
     'export = dp_swing_ros.executables:export',
     'identify = dp_swing_ros.executables:identify',
+    'learn = dp_swing_ros.executables:learn',
     'recover = dp_swing_ros.executables:recover',
     'parameters = dp_swing_ros.executables:parameters',
     'play = dp_swing_ros.executables:play',

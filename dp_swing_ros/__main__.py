@@ -19,6 +19,7 @@ TOOLS = {
     'evaluate': 'seeded campaigns: rates, scores, comparisons, pictures',
     'export': 'a run as CSV or Parquet tables, with units',
     'identify': 'masses, lengths, frictions and the drive from recorded motion',
+    'learn': 'from limits alone to a pendulum that is held: its dynamics, learned',
     'parameters': 'all parameters of all nodes',
     'recover': 'a whole bag from a truncated or damaged one',
     'verify': 'every recorded tick solved again, to the bit'}

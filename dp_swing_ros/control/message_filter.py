@@ -12,7 +12,7 @@ measured.
 """
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 import math
 
@@ -63,12 +63,12 @@ class MessageFilter:
         self.past.clear()
         self.counts = np.full(len(self.joints), math.inf)   # smallest steps of the positions
 
-    def rejection(self, t: float, x: Array, predict: Predict) -> str:
+    def rejection(self, t: float, x: Array, *predictions: Predict) -> str:
         """
         Return why a state measured at a time [s] cannot be; nothing where it can.
 
-        predict(x, t, until) is the state at a later time under the forces sent. Shapes: x
-        (2n + 2,).
+        Each prediction(x, t, until) is the state at a later time under the forces sent; a state
+        can be if it can by one of them. Shapes: x (2n + 2,).
         """
         beyond = np.flatnonzero(np.abs(x) > self.range)
         if len(beyond) > 0:
@@ -83,7 +83,7 @@ class MessageFilter:
             steps = np.abs(x - self.past[-1].x)[:len(self.joints)]
             self.counts = np.where(steps > 0, np.fmin(steps, self.counts), self.counts)
         self.past.append(Past(t, x, np.where(np.isnan(x), 0.0, x)))
-        return self.frozen(predict)
+        return self.frozen(predictions)
 
     def believe(self, measured: Array, believed: Array) -> None:
         """Take what is believed of the last state where it is not measured (NaN)."""
@@ -105,7 +105,7 @@ class MessageFilter:
             return x
         return np.concatenate((x[:half], np.full(half, np.nan)))
 
-    def frozen(self, predict: Predict) -> str:
+    def frozen(self, predictions: Sequence[Predict]) -> str:
         """Return what has not moved though the model did; nothing where all moves."""
         positions, last = len(self.joints), self.past[-1]
         if len(self.past) < 2 or not (self.past[-2].x == last.x)[:positions].any():
@@ -123,9 +123,8 @@ class MessageFilter:
             since = self.past[-count]
             # since the last one, too: what swings to and fro comes by the same place
             starts = (since,) if count == 2 else (since, self.past[-2])
-            moved = max(np.abs(predict(start.whole, start.t, last.t) - start.whole)[columns].max()
-                        for start in starts)
-            if moved > limit:
+            if all(any(np.abs(predict(start.whole, start.t, last.t) - start.whole)[columns].max()
+                       > limit for start in starts) for predict in predictions):
                 what = self.joints[columns[0]] if len(columns) == 1 else 'whole state'
                 return (f'the {what} has stood still to the bit for {last.t - since.t:.2f} s; '
                         'expected it to move under the forces sent')

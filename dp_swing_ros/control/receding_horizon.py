@@ -280,7 +280,9 @@ class RecedingHorizon:
         if t <= self.latest:
             return self.x
         self.first, self.latest = min(self.first, t), t
-        self.rejection = self.message_filter.rejection(t, x, self.predict)
+        # a pendulum that hangs still would be refused for ever where a bias is believed in that is
+        # not there any more, for what is refused cannot correct it
+        self.rejection = self.message_filter.rejection(t, x, self.predict, self.predict_nominal)
         if self.rejection:
             return self.x
         if self.x is not None:
@@ -298,6 +300,10 @@ class RecedingHorizon:
     def predict(self, x: Array, t: float, until: float) -> Array:
         """Return the state at a later time [s] under the commands already sent."""
         return self.forces.predict(self.problem.model, self.drive, x, t, until)[0]
+
+    def predict_nominal(self, x: Array, t: float, until: float) -> Array:
+        """Return the same without what has been estimated."""
+        return self.forces.predict(self.nominal.model, self.nominal_drive, x, t, until)[0]
 
     def when_it_acts(self, x: Array, begins: float) -> Array:
         """

@@ -30,6 +30,11 @@ class Configuration(NamedTuple):
         return yaml.safe_dump(self._asdict(), sort_keys=False, allow_unicode=True)
 
 
+def is_of_plant(configuration: Configuration) -> bool:
+    """Return whether it is a plant's, whose stamps are of one clock or another."""
+    return 'lockstep' in configuration.parameters
+
+
 def from_text(text: str) -> Configuration:
     """Read what `to_text` wrote; raises ValueError where the text is something else."""
     try:

@@ -20,7 +20,7 @@ from std_msgs.msg import Float64, String
 
 from dp_swing_ros import configuration
 from dp_swing_ros.control.receding_horizon import MpcParameters
-from dp_swing_ros.messages.configuration import from_text
+from dp_swing_ros.messages.configuration import from_text, is_of_plant
 from dp_swing_ros.messages.fields import BILLION, nanoseconds, seconds, to_measured, to_state
 from dp_swing_ros.nodes.cdr import to_trajectory
 from dp_swing_ros.nodes.connections import is_heard, owners, publish, subscribe
@@ -178,10 +178,13 @@ class MpcNode(ProcessNode):
         except (TypeError, ValueError) as error:
             self.get_logger().warning(f'{error}; going on without it')
             return
-        before = self.configured.get(configured.node, configured.resets)
+        before = self.configured.get(configured.node)
         self.configured[configured.node] = configured.resets
-        if configured.resets != before:
-            self.on_reset()   # a plan from before leads from where the pendulum is no more
+        # a plan from before leads from where the pendulum is no more; a plant that begins again
+        # is another one, of which nothing is known yet
+        begins = is_of_plant(configured) and configured.revision == 0
+        if before is not None and (begins or configured.resets != before):
+            self.on_reset()
 
     def on_state(self, message: JointState, info: dict[str, int]) -> None:
         """Answer a state; the first as soon as its clock is known and the force will be heard."""

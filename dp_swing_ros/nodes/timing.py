@@ -15,7 +15,7 @@ from statistics import median
 import time
 from typing import NamedTuple
 
-from dp_swing_ros.messages.configuration import Configuration
+from dp_swing_ros.messages.configuration import Configuration, is_of_plant
 from dp_swing_ros.nodes.process import ProcessNode
 
 OLDEST = 1.0       # [s] a state older than this cannot be: no plan reaches much further
@@ -88,10 +88,10 @@ class Timing:
 
     def learn(self, configuration: Configuration) -> None:
         """Take over what a plant announces; raises TypeError or ValueError for a bad delay."""
-        lockstep = configuration.parameters.get('lockstep')   # which other nodes do not have
-        if lockstep is not None:
+        if is_of_plant(configuration):
             self.delay = float(configuration.parameters.get('delay', 0.0))
-            self.announced = Clock.LOCKSTEP if lockstep else Clock.STAMPS
+            self.announced = Clock.LOCKSTEP if configuration.parameters['lockstep'] \
+                else Clock.STAMPS
 
     def measured(self, stamp: float, now: float, sent: float) -> Measured:
         """

@@ -13,6 +13,7 @@ from dp_swing_ros import configuration
 from dp_swing_ros.control.message_filter import MessageFilter
 from dp_swing_ros.evaluation.metrics import measure
 from dp_swing_ros.pendulum.state import is_upright, LINKS, SIZES, upright
+from dp_swing_ros.problem.plan import Status
 from dp_swing_ros.simulation.closed_loop import simulate
 
 TRACK = 2.4
@@ -207,3 +208,28 @@ def test_no_state_of_the_paper_s_own_plant_is_refused(solver):
         episode = simulate(configuration.plant(values['plant']), mpc, 3.0)
         assert measure(episode).stand_ins == 0
         assert measure(episode).settling_time < 2.0
+
+
+def test_what_one_prediction_lets_stand_still_may():
+    past = MessageFilter(2, TRACK)
+    for n in range(6):
+        assert past.rejection(0.05 * n, np.zeros(6), moving, lambda x, t, until: x) == ''
+    assert 'stood still' in past.rejection(0.3, np.zeros(6), moving, moving)
+
+
+def test_a_plant_that_is_replaced_is_not_refused_for_ever():
+    """
+    What hung still while nobody was heard is swung up, though a bias was learned of the other.
+
+    What is sent at first does not arrive: its plant is not found yet.
+    """
+    first, hanging_still = configuration.plant({'force_bias': 1.5}), configuration.plant({})
+    control = configuration.controller({'solver': 'ilqr'})
+    assert measure(simulate(first, control, 5.0)).success
+    assert abs(control.drive.bias) > 0.5
+    begun = first.t + 1.0
+    for n in range(20):
+        control.update(begun + 0.05 * n, hanging_still.measure().x)   # in vain
+    found = [control.update(begun + 0.05 * n, hanging_still.measure().x).stats.status
+             for n in range(20, 60)]
+    assert any(status not in (Status.ZERO, Status.LAST_POLICY) for status in found)

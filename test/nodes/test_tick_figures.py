@@ -3,6 +3,7 @@
 """What an mpc says about a tick, as a stranger on its topics finds it."""
 
 import math
+import signal
 
 import numpy as np
 import pytest
@@ -126,3 +127,23 @@ def test_no_plan_from_before_a_reset_of_the_plant_is_followed(peer, start_node):
         'CONVERGED', 'ITERATION_LIMIT', 'DEADLINE'}
     assert all(math.isfinite(each.data) for each in forces) and plant.popen.poll() is None
     assert np.abs(to_state(states[-1], 2)[1]) > 1.0
+
+
+def test_a_plant_that_is_started_again_is_another_one(peer, start_node):
+    """Of which nothing is known: neither a plan nor an estimate is left of the one before."""
+    reports = peer.record(DIAGNOSTICS)
+    plant = start_node('plant', {'start': 'up_up', 'force_bias': 2.0})
+    start_node('mpc').wait_for('ready')
+
+    def of_mpc():
+        return [each.values for each in reports_in(reports) if 'resets' in each.values]
+    assert peer.until(lambda: of_mpc() and of_mpc()[-1].get('force_bias', 0.0) > 1.0)
+    assert of_mpc()[-1]['resets'] == 0
+    plant.signal(signal.SIGKILL)
+    start_node('plant', {'start': 'up_up'})
+    assert peer.until(lambda: any(
+        each['resets'] == 1 and not each['carried'] for each in of_mpc()))
+    first = next(each for each in of_mpc() if each['resets'] == 1 and not each['carried'])
+    assert 'last_plan' not in first['starts'] and first['force_bias'] == 0.0
+    peer.spin(1.0)
+    assert of_mpc()[-1]['resets'] == 1   # said once

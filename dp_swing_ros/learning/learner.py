@@ -1,0 +1,141 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+A controller that knows limits alone, and learns what it moves while it moves it.
+
+It begins with random forces. From then on it plans with what it has learned, and learns from every
+transition: in trials, or without a break.
+"""
+
+from collections.abc import Mapping
+import math
+from typing import Any
+
+import numpy as np
+
+from dp_swing_ros import configuration
+from dp_swing_ros.control.receding_horizon import RecedingHorizon
+from dp_swing_ros.dynamics.files import LearnedModel
+from dp_swing_ros.learning.experience import Experience
+from dp_swing_ros.learning.priors import structured
+from dp_swing_ros.learning.regression import fitted
+from dp_swing_ros.parameters import ParameterError
+from dp_swing_ros.pendulum.model import ROUNDING
+from dp_swing_ros.pendulum.state import Array, to_turn_of
+from dp_swing_ros.problem.plan import Plan, Status
+from dp_swing_ros.problem.problem import plan_of, Problem
+
+FIRST = 5.0          # [s] of random forces
+LEARNING = 0.25      # [s] between two times at which it learns
+LOUD = 0.6           # of the largest force, standard deviation of the random ones
+CORRELATION = 0.6    # of a random force with the one before
+HOME, BRAKE = 0.5, 0.15   # of the largest force, per metre off the middle and per metre a second
+END = 0.1            # [m] from the end of the track: what happens there is no motion of a pendulum
+GAP = 1.5            # periods without a state: beyond, it is not known what happened
+DRAWS = 5            # other models that the experience allows
+
+
+class Explorer:
+    """Random forces that keep the cart away from the ends of the track."""
+
+    def __init__(self, u_max: float, random: np.random.Generator) -> None:
+        """Take the largest force [N]."""
+        self.u_max, self.random, self.coloured = u_max, random, 0.0
+
+    def force(self, x: Array) -> float:
+        """Return the force [N] in a measured state (2n + 2,)."""
+        fresh = math.sqrt(1 - CORRELATION ** 2) * self.random.standard_normal()
+        self.coloured = CORRELATION * self.coloured + fresh
+        home = HOME * x[0] + BRAKE * x[len(x) // 2]
+        return self.u_max * min(max(LOUD * self.coloured - home, -1.0), 1.0)
+
+
+class Learner:
+    """The controller, for `simulate`."""
+
+    def __init__(self, values: Mapping[str, Any], first: float = FIRST) -> None:
+        """
+        Take the parameters of an mpc, of which those of the pendulum do not matter.
+
+        first [s] is how long forces are random. Raises ParameterError.
+        """
+        self.first, self.values = first, configuration.complete('mpc', values)
+        self.nominal = configuration.problem(self.values)
+        self.random = np.random.default_rng(self.values['seed'])
+        self.explorer = Explorer(self.nominal.u_max, self.random)
+        self.dynamics, self.prior = structured(self.nominal.physical.links)
+        self.model: LearnedModel | None = None
+        self.experience = list[tuple[Array, Array, float, float]]()   # x, x⁺, u, h
+        self.controller: RecedingHorizon | None = None
+        self.begin(self.nominal.dt)
+
+    def begin(self, period: float) -> None:
+        """Begin another trial, with a state every so often [s]."""
+        self.period = period
+        self.last: tuple[float, Array, float] | None = None   # time, state, force
+        if self.controller is not None:
+            self.controller.reset()
+
+    @property
+    def noise(self) -> Array:
+        """Return the standard deviations (n + 1,) of what is predicted; none before it is."""
+        return np.empty(0) if self.model is None else self.model.noise
+
+    @property
+    def duration(self) -> float:
+        """Return how long the experience is [s]."""
+        return sum(h for *_, h in self.experience)
+
+    def update(self, t: float, x: Array, delay: float = 0.0) -> Plan:
+        """Return the plan for a state measured at a time [s]; see RecedingHorizon.update."""
+        x = np.array(x, dtype=float)
+        if self.last is not None:
+            before, x_before, u = self.last
+            if 0 < t - before < GAP * self.period:
+                self.experience.append((x_before, to_turn_of(x, x_before), u, t - before))
+        if self.duration >= self.first - ROUNDING and self.is_due():
+            self.learn()
+        plan = self.explore(x) if self.controller is None else self.controller.update(t, x, delay)
+        self.last = t, x, plan.first_force(self.nominal.u_max)
+        return plan
+
+    def fallback(self, begins: float) -> Plan:
+        """Return a plan where no state came."""
+        self.last = None
+        if self.controller is None:
+            return self.explore(self.nominal.x_r)
+        return self.controller.fallback(begins)
+
+    def explore(self, x: Array) -> Plan:
+        """Return a plan of one random force."""
+        u = self.explorer.force(x)
+        return plan_of(self.nominal, np.array([x, x]), np.array([u]), Status.COMPLETE)
+
+    def is_due(self) -> bool:
+        """Return whether it is time to learn."""
+        return self.controller is None or (
+            len(self.experience) % max(round(LEARNING / self.period), 1) == 0)
+
+    def learn(self) -> None:
+        """Learn from all that was seen, and plan with that from now on."""
+        X, Y, U, h = map(np.array, zip(*self.experience))
+        seen = Experience(X, Y, U, h, np.zeros(len(U)))
+        limit = self.nominal.given[0].track_limit - END
+        seen = seen.chosen((np.abs(X[:, 0]) < limit) & (np.abs(Y[:, 0]) < limit))
+        try:
+            found = fitted(self.dynamics, seen, self.prior)
+            dynamics = self.dynamics.with_free(found.mean)
+            rates = np.abs(seen.variables[:, self.nominal.physical.links:])
+            self.model = LearnedModel(dynamics, found.draws(DRAWS, self.random), found.noise,
+                                      rates.max(axis=0), {'seconds': seen.duration})
+            problem = Problem.of(self.nominal.physical, *self.nominal.given, self.model)
+        except (FloatingPointError, np.linalg.LinAlgError, ParameterError):
+            return   # more experience will tell
+        self.dynamics = dynamics
+        given = configuration.controller(self.values)
+        informed = RecedingHorizon(problem, given.parameters, given.solver_parameters,
+                                   given.estimator_parameters)
+        if self.controller is None:
+            self.controller = informed
+        else:
+            self.controller.reconfigure(informed)

@@ -1,0 +1,73 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Trials of a learner, each from the plant's initial state, until it holds the pendulum."""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+import math
+from typing import Any
+
+import numpy as np
+
+from dp_swing_ros import configuration
+from dp_swing_ros.learning.learner import Learner
+from dp_swing_ros.pendulum.state import Array, deviation
+from dp_swing_ros.simulation.closed_loop import simulate
+from dp_swing_ros.simulation.plant import Plant
+
+PIECE = 0.5     # [s] between two looks whether it holds
+OUT = 0.2       # [rad] of the largest error of an angle: not held
+
+
+@dataclass(frozen=True)
+class Trial:
+    """
+    What came of a trial.
+
+    Shapes: experience (K,) [s] until each state, from the first trial on; deviation (K,) [rad] its
+    largest error of an angle.
+    """
+
+    number: int
+    experience: Array
+    deviation: Array
+    held: float          # [s] for how long it was within OUT at the end
+    noise: Array         # (n + 1,) standard deviations of what is predicted a period ahead
+
+
+def trials(learner: Learner, plant: Mapping[str, Any], trial: float, total: float, hold: float,
+           on_piece: Callable[[float, float], object] = lambda *_: None) -> Iterator[Trial]:
+    """
+    Yield trials of so long [s], until one holds at its end or there is so much experience [s].
+
+    One holds that was within OUT for the last time of `hold` [s]; where trials have no end, it
+    ends then. Each plant has the parameters that are given, and noise of its own. on_piece is told
+    the experience so far [s] and the last deviation [rad].
+    """
+    goal, seed = learner.nominal.x_r, int(plant.get('seed', 0))
+    number, held = 0, 0.0
+    while total - learner.duration >= PIECE and held < hold:
+        moved = configuration.plant({**plant, 'seed': seed + number})
+        number, before, off = number + 1, learner.duration, list[float]()
+        learner.begin(1 / moved.parameters.rate)
+        while moved.t < min(trial, total - before) - 1e-9:
+            off += piece(moved, learner, goal)
+            held = held_for(np.array(off), learner.period)
+            on_piece(before + moved.t, off[-1])
+            if math.isinf(trial) and held >= hold:
+                break
+        at = before + learner.period * np.arange(1, len(off) + 1)
+        yield Trial(number, at, np.array(off), held, learner.noise)
+
+
+def piece(plant: Plant, learner: Learner, goal: Array) -> list[float]:
+    """Let a learner act for a while; return the deviations [rad] of the states that follow."""
+    episode = simulate(plant, learner, PIECE)
+    found: list[float] = deviation(episode.X[1:], goal).tolist()
+    return found
+
+
+def held_for(off: Array, period: float) -> float:
+    """Return for how long [s] deviations (K,) have been within OUT at the end."""
+    beyond = np.flatnonzero(off > OUT)
+    return period * (len(off) - 1 - (beyond[-1] if len(beyond) else -1))

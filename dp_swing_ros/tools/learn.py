@@ -1,0 +1,98 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""`ros2 run dp_swing_ros learn`: from limits alone to a pendulum that is held."""
+
+import argparse
+from collections.abc import Sequence
+import math
+from pathlib import Path
+import time
+
+from tqdm import tqdm
+
+from dp_swing_ros import configuration, figures
+from dp_swing_ros.dynamics.files import LearnedModel
+from dp_swing_ros.learning.learner import FIRST, Learner
+from dp_swing_ros.learning.trials import OUT, Trial, trials
+from dp_swing_ros.parameters.files import locate
+from dp_swing_ros.solvers import SOLVERS
+from dp_swing_ros.tools.command_lines import (
+    dated, execute, FAILED, new_folder, OK, program, within)
+
+TOTAL, HOLD = 60.0, 2.0   # [s]
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Learn as the command line asks; return the exit code."""
+    parser = argparse.ArgumentParser(
+        prog=program('learn'),
+        description='Swing up and hold a simulated pendulum of which nothing is known but the '
+                    'limits of force and track: with random forces at first, then by planning '
+                    'with what was learned so far, from every transition. Leaves the learned '
+                    'model, which an mpc can plan with, and a picture; the exit code is 0 if the '
+                    'pendulum was held in the end.',
+        epilog=f'examples: {program("learn")} --solver mppi; then: ros2 run dp_swing_ros mpc '
+               '--ros-args -p dynamics:=learned -p model:=DIR/model.json')
+    parser.add_argument('--solver', choices=list(SOLVERS), default='ilqr')
+    parser.add_argument('--params', type=Path, metavar='FILE', action='append', default=[],
+                        help='YAML file with parameters of the plant, bodies and noises too, and '
+                             'of an mpc, whose own bodies do not matter')
+    parser.add_argument('--trial', type=within(float, 1.0), metavar='SECONDS',
+                        help='of a trial, after which the pendulum hangs again (default: it goes '
+                             'on without a break)')
+    parser.add_argument('--first', type=within(float, 0.5), default=FIRST, metavar='SECONDS',
+                        help='of random forces (default: %(default)g)')
+    parser.add_argument('--total', type=within(float, 1.0), default=TOTAL, metavar='SECONDS',
+                        help='of experience, at most (default: %(default)g)')
+    parser.add_argument('--hold', type=within(float, 0.5), default=HOLD, metavar='SECONDS',
+                        help=f'within {OUT:g} rad, until it counts as held (default: %(default)g)')
+    parser.add_argument('--seed', type=within(int, 0), default=0,
+                        help='of noises, random forces and solver (default: 0)')
+    parser.add_argument('--output', '-o', type=Path, metavar='DIR',
+                        help='folder to make (default: runs/learn_SOLVER_TIME)')
+    return execute(parser, _learn, argv)
+
+
+def _learn(arguments: argparse.Namespace) -> int:
+    values = configuration.read(map(locate, arguments.params))
+    plant = {**values['plant'], 'seed': arguments.seed}
+    learner = Learner({'estimator': 'none', **values['mpc'], 'solver': arguments.solver,
+                       'seed': arguments.seed}, arguments.first)
+    configuration.plant(plant)   # refused before a folder is made
+    folder = new_folder(arguments.output or Path('runs', dated(f'learn_{arguments.solver}')))
+    print(f'{arguments.solver}, {arguments.first:g} s of random forces first -> {folder}',
+          flush=True)
+    done, began = list[Trial](), time.monotonic()
+    with tqdm(total=arguments.total, leave=False, disable=None,
+              bar_format='{n:5.1f}/{total:g} s |{bar}| {desc}') as bar:
+        def show(experience: float, off: float) -> None:
+            bar.n = experience
+            bar.set_description_str(f'{off:.2f} rad off')
+
+        for trial in trials(learner, plant, arguments.trial or math.inf, arguments.total,
+                            arguments.hold, show):
+            done.append(trial)
+            bar.clear()
+            print(line(trial), flush=True)
+    held = bool(done) and done[-1].held >= arguments.hold
+    if learner.model is not None:
+        print(*write(learner.model, done, arguments.first, folder), sep='\n')
+    print(f'{"held" if held else "not held"} after {learner.duration:.1f} s of experience, '
+          f'{time.monotonic() - began:.1f} s of computing')
+    return OK if held else FAILED
+
+
+def line(trial: Trial) -> str:
+    """Return what came of a trial."""
+    noise = ', '.join(f'{each:.3g}' for each in trial.noise)
+    return (f'trial {trial.number}: {trial.experience[-1]:.1f} s of experience, '
+            f'{trial.deviation[-1]:.3f} rad off at the end, within {OUT:g} rad for '
+            f'{trial.held:.1f} s; speeds a period ahead are off by {noise or "?"} m/s, rad/s')
+
+
+def write(model: LearnedModel, done: Sequence[Trial], first: float, folder: Path) -> list[Path]:
+    """Write model and picture; return their files."""
+    files = [folder / 'model.json', folder / 'learning.png']
+    files[0].write_text(model.to_text(), encoding='utf-8')
+    figures.learning(done, first).savefig(files[1])
+    return files

@@ -1,0 +1,83 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""From limits alone to a pendulum that is held, in simulation."""
+
+import math
+
+from learned_dynamics import BODIES
+import numpy as np
+import pytest
+
+from dp_swing_ros import configuration
+from dp_swing_ros.evaluation.metrics import measure
+from dp_swing_ros.learning.learner import Explorer, Learner
+from dp_swing_ros.learning.trials import held_for, trials
+from dp_swing_ros.parameters import ParameterError
+from dp_swing_ros.simulation.closed_loop import simulate
+
+NOISY = {**BODIES, 'position_noise': 0.01, 'velocity_noise': 0.01}
+
+
+def learner(**values):
+    return Learner({'estimator': 'none', 'solver': 'mppi', **values}, 5.0)
+
+
+def test_it_is_held_within_some_seconds_of_experience_and_again_to_the_bit():
+    """Nothing of the bodies is told: those of the mpc are others."""
+    runs = [list(trials(learner(), NOISY, math.inf, 15.0, 2.0)) for _ in range(2)]
+    (trial,), (again,) = runs
+    assert trial.held >= 2.0 and trial.experience[-1] <= 15.0
+    assert np.all(trial.deviation[trial.experience < 5.0] > 0.5)   # random forces do not hold it
+    np.testing.assert_array_equal(trial.deviation, again.deviation)
+
+
+def test_trials_begin_hanging_and_end_with_one_that_holds():
+    found = list(trials(learner(seed=1), {**NOISY, 'seed': 1}, 5.0, 30.0, 1.0))
+    assert len(found) > 1
+    assert [trial.number for trial in found] == list(range(1, len(found) + 1))
+    assert all(trial.deviation[0] > 3.0 for trial in found)
+    assert [trial.held >= 1.0 for trial in found] == [False] * (len(found) - 1) + [True]
+    assert not len(found[0].noise) and np.all(found[-1].noise < 0.2)
+
+
+def test_it_ends_with_the_experience_that_is_allowed():
+    one = learner()
+    found = list(trials(one, NOISY, 2.0, 5.0, 1.0))
+    assert sum(trial.held >= 1.0 for trial in found) == 0
+    assert 4.5 < one.duration <= 5.0
+
+
+def test_what_is_learned_is_planned_with_by_an_mpc(tmp_path):
+    one = learner()
+    list(trials(one, NOISY, math.inf, 15.0, 2.0))
+    (tmp_path / 'model.json').write_text(one.model.to_text())
+    control = configuration.controller({
+        'dynamics': 'learned', 'model': str(tmp_path / 'model.json'), 'solver': 'ddp'})
+    assert measure(simulate(configuration.plant(BODIES), control, 8.0)).success
+
+
+@pytest.mark.parametrize('bodies', [{}, BODIES, {'cart_mass': 3.0, 'link1_mass': 1.0}])
+def test_random_forces_keep_off_the_ends_of_the_track(bodies):
+    explorer, plant = Explorer(20.0, np.random.default_rng(0)), configuration.plant(bodies)
+    places, forces = [], []
+    for _ in range(400):
+        forces.append(explorer.force(plant.measure().x))
+        plant.obey(forces[-1])
+        plant.begin_period(0.0)
+        plant.advance(0.05)
+        places.append(plant.x[0])
+    assert np.abs(places).max() < 2.3
+    assert np.abs(forces).max() <= 20.0 and np.std(forces) > 8.0
+
+
+def test_the_time_held_is_that_at_the_end():
+    assert held_for(np.array([0.1, 0.1, 0.5, 0.1, 0.1]), 0.05) == pytest.approx(0.1)
+    assert held_for(np.array([0.1, 0.5]), 0.05) == 0.0
+    assert held_for(np.array([0.1, 0.1]), 0.05) == pytest.approx(0.1)
+
+
+def test_what_cannot_be_is_refused():
+    with pytest.raises(ParameterError, match='force_limit'):
+        Learner({'force_limit': 0.0})
+    with pytest.raises(ParameterError, match='unknown parameter'):
+        Learner({'force': 0.0})
