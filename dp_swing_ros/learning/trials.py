@@ -11,6 +11,7 @@ import numpy as np
 
 from dp_swing_ros import configuration
 from dp_swing_ros.learning.learner import Learner
+from dp_swing_ros.pendulum.model import ROUNDING
 from dp_swing_ros.pendulum.state import Array, deviation
 from dp_swing_ros.simulation.closed_loop import simulate
 from dp_swing_ros.simulation.plant import Plant
@@ -50,7 +51,7 @@ def trials(learner: Learner, plant: Mapping[str, Any], trial: float, total: floa
         moved = configuration.plant({**plant, 'seed': seed + number})
         number, before, off = number + 1, learner.duration, list[float]()
         learner.begin(1 / moved.parameters.rate)
-        while moved.t < min(trial, total - before) - 1e-9:
+        while moved.t + PIECE <= min(trial, total - before) + ROUNDING:
             off += piece(moved, learner, goal)
             held = held_for(np.array(off), learner.period)
             on_piece(before + moved.t, off[-1])
