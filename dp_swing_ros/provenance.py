@@ -18,7 +18,7 @@ AFTERWARDS = ('__main__.py', 'bags/', 'console/', 'evaluation/campaign/manifest.
               'evaluation/campaign/report.py', 'evaluation/campaign/runner.py',
               'evaluation/campaign/summary.py', 'evaluation/comparison.py', 'evaluation/soak.py',
               'executables.py',
-              'figures/', 'identification/', 'messages/', 'nodes/',
+              'figures/', 'identification/', 'learning/', 'messages/', 'nodes/',
               'pendulum/geometry.py', 'pendulum/urdf.py', 'provenance.py', 'recovery/',
               'report/', 'rerun/', 'tables.py', 'tools/', 'topics.py')
 
