@@ -42,7 +42,7 @@ from dp_swing_ros.nodes.ros_parameters import refuse_unknown
 from dp_swing_ros.parameters import ParameterError
 
 POLL = 0.05  # [s] a signal is seen after this time at the latest
-DELIVERY = 0.3  # [s] at most for the last messages to arrive
+DELIVERY = 3.0  # [s] at most for messages to arrive where a subscription has stalled, or is dead
 TEARDOWN = 2  # [s] at most for the middleware's end
 
 CLOCK_MONOTONIC, SIGEV_THREAD = 1, 2  # of Linux

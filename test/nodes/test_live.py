@@ -176,7 +176,8 @@ def test_the_plant_s_changes_are_repeated_to_the_bit(peer, start_node, tmp_path,
     assert plant.wait() == 0
     assert (mpc.stop(), logger.stop()) == (0, 0)
     found = revisions_of(Bag(bag))['plant']
-    assert len(found) == len(changes) + 2
+    # on a busy machine the logger meets the plant when its first announcement is replaced already
+    assert [*found][-len(changes) - 1:] == list(range(1, len(changes) + 2))
     assert found[1].since == BEFORE < found[2].since < found[3].since
     assert verify.main([str(bag)]) == 0
     assert 'so the whole run, simulated again' in capsys.readouterr().out
