@@ -61,7 +61,7 @@ class LearnedModel:
             'largest': self.largest.tolist(), 'dynamics': numbers_of(self.dynamics),
             'draws': self.draws.tolist()}) + '\n'
 
-    @property
+    @functools.cached_property
     def fingerprint(self) -> str:
         """Return a digest of all its numbers."""
         return hashlib.sha256(self.to_text().encode()).hexdigest()[:16]

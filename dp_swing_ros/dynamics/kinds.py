@@ -22,11 +22,11 @@ import numpy as np
 
 from dp_swing_ros.dynamics.network import Network
 from dp_swing_ros.kernels.compilation import Constant
-from dp_swing_ros.kernels.symbols import cos, dot, fixed, flat, sin
+from dp_swing_ros.kernels.symbols import cos, dot, fixed, sin
 from dp_swing_ros.pendulum.equations import (
-    friction, generalised_force, inverse_inertia, mass_matrix, Matrix, Numbers, Parts, Pendulum,
-    solve)
-from dp_swing_ros.pendulum.points import by_variables, point_type
+    add_joint_friction, friction, generalised_force, inverse_inertia, mass_matrix, Matrix, Numbers,
+    Parts, Pendulum, solve)
+from dp_swing_ros.pendulum.points import by_variables, in_turn, point_type
 from dp_swing_ros.pendulum.state import Array
 
 
@@ -137,17 +137,15 @@ def harmonics(s: Numbers, c: Numbers) -> list[Harmonic]:
     """Return 1, the cosines and sines, and the products of those of each two angles."""
     n = len(s)
 
-    def slopes(**by: Any) -> list[Any]:
-        return [by.get(f'_{i}', 0.0) for i in range(n)]
-    found = [Harmonic(1.0, slopes())]
+    def slopes(by: dict[int, Any]) -> list[Any]:
+        return [by.get(i, 0.0) for i in range(n)]
+    found = [Harmonic(1.0, slopes({}))]
     for i in range(n):
-        found += [Harmonic(c[i], slopes(**{f'_{i}': -s[i]})),
-                  Harmonic(s[i], slopes(**{f'_{i}': c[i]}))]
+        found += [Harmonic(c[i], slopes({i: -s[i]})), Harmonic(s[i], slopes({i: c[i]}))]
     for i, j in combinations(range(n), 2):
         for f, f_slope in ((c[i], -s[i]), (s[i], c[i])):
             for g, g_slope in ((c[j], -s[j]), (s[j], c[j])):
-                found.append(Harmonic(f * g, slopes(
-                    **{f'_{i}': f_slope * g, f'_{j}': f * g_slope})))
+                found.append(Harmonic(f * g, slopes({i: f_slope * g, j: f * g_slope})))
     return found
 
 
@@ -211,10 +209,7 @@ class Structured(NamedTuple):
             down = dot([self.potential[k] for k in range(len(basis))], slopes)
             r = [r_i - w[m] * momentum for r_i, momentum in zip(r, momenta)]
             r[m + 1] = r[m + 1] + 0.5 * dot(speeds, momenta) - down
-            torque = friction(self, m + 1, w[m] - w[m - 1] if m > 0 else w[m])
-            r[m + 1] = r[m + 1] - torque
-            if m > 0:
-                r[m] = r[m] + torque
+            add_joint_friction(self, m, w, r)
         return r
 
     def accelerations(self, x: Numbers, u: Any) -> list[Any]:
@@ -291,18 +286,10 @@ class LearnedPoint(NamedTuple):
     @classmethod
     def read(cls, n: int, numbers: Sequence[Any]) -> 'LearnedPoint':
         """Return the point whose numbers these are, in order."""
-        rest = iter(numbers)
-
-        def some(count: int) -> list[Any]:
-            return [next(rest) for _ in range(count)]
+        some = in_turn(numbers)
         return cls(some(n), some(n), some(n + 2), some(n + 1),
                    [some(2 * n + 2) for _ in range(n + 1)],
                    [some(n + 1 - i) for i in range(n + 1)])
-
-    @classmethod
-    def kept(cls, n: int) -> int:
-        """Return how many numbers a point has."""
-        return len(flat(cls.read(n, range(10_000))))
 
     @staticmethod
     def curved_pairs(n: int) -> list[tuple[int, int]]:

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Experience: from each state, under a force, to the next."""
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -15,25 +14,19 @@ class Experience(NamedTuple):
     Transitions, in the order in which they were made.
 
     Shapes: X and Y (K, 2n + 2) the states before and after, on one turn; U (K,) [N] the mean
-    force meanwhile; h (K,) [s] how long it took; run (K,) which run each is of.
+    force meanwhile; h (K,) [s] how long it took.
     """
 
     X: Array
     Y: Array
     U: Array
     h: Array
-    run: Array
 
     @classmethod
-    def of_run(cls, t: Array, X: Array, U: Array, run: int = 0) -> 'Experience':
+    def of_run(cls, t: Array, X: Array, U: Array) -> 'Experience':
         """Take a run; shapes: t (K + 1,) [s], X (K + 1, 2n + 2), U (K,) [N]."""
         Y = np.array([to_turn_of(after, before) for before, after in zip(X, X[1:])])
-        return cls(X[:-1], Y.reshape(-1, X.shape[1]), U, np.diff(t), np.full(len(U), run))
-
-    @classmethod
-    def together(cls, parts: 'Sequence[Experience]') -> 'Experience':
-        """Return the experience of all."""
-        return cls(*map(np.concatenate, zip(*parts)))
+        return cls(X[:-1], Y.reshape(-1, X.shape[1]), U, np.diff(t))
 
     def chosen(self, which: Array) -> 'Experience':
         """Return some of the transitions; shapes: which (K,)."""

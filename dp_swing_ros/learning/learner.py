@@ -59,9 +59,9 @@ class Learner:
 
         first [s] is how long forces are random. Raises ParameterError.
         """
-        self.first, self.values = first, configuration.complete('mpc', values)
-        self.nominal = configuration.problem(self.values)
-        self.random = np.random.default_rng(self.values['seed'])
+        self.first, self.given = first, configuration.controller(values)
+        self.nominal = self.given.nominal
+        self.random = np.random.default_rng(self.given.parameters.seed)
         self.explorer = Explorer(self.nominal.u_max, self.random)
         self.dynamics, self.prior = structured(self.nominal.physical.links)
         self.model: LearnedModel | None = None
@@ -119,7 +119,7 @@ class Learner:
     def learn(self) -> None:
         """Learn from all that was seen, and plan with that from now on."""
         X, Y, U, h = map(np.array, zip(*self.experience))
-        seen = Experience(X, Y, U, h, np.zeros(len(U)))
+        seen = Experience(X, Y, U, h)
         limit = self.nominal.given[0].track_limit - END
         seen = seen.chosen((np.abs(X[:, 0]) < limit) & (np.abs(Y[:, 0]) < limit))
         try:
@@ -132,7 +132,7 @@ class Learner:
         except (FloatingPointError, np.linalg.LinAlgError, ParameterError):
             return   # more experience will tell
         self.dynamics = dynamics
-        given = configuration.controller(self.values)
+        given = self.given
         informed = RecedingHorizon(problem, given.parameters, given.solver_parameters,
                                    given.estimator_parameters)
         if self.controller is None:

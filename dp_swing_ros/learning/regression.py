@@ -19,9 +19,10 @@ from scipy.optimize import lsq_linear
 
 from dp_swing_ros.kernels import kernel
 from dp_swing_ros.learning.experience import Experience
-from dp_swing_ros.pendulum.drive import ROUNDING, with_step
+from dp_swing_ros.pendulum.drive import follow_commands
 from dp_swing_ros.pendulum.integrators import INTEGRATORS
-from dp_swing_ros.pendulum.model import Model, size, step
+from dp_swing_ros.pendulum.model import Model, size
+from dp_swing_ros.pendulum.parameters import DIRECT
 from dp_swing_ros.pendulum.state import Array
 
 ROUNDS = 60           # steps at most
@@ -67,20 +68,18 @@ def spread(e: Array) -> Array:
 
 
 @kernel
-def predict(model, X, U, h, out):
+def predict(model, drive, X, U, h, out):
     """
     Write the speeds after each transition.
 
     Shapes: X (K, 2n + 2), U and h (K,), out (K, n + 1).
     """
     n = size(model) // 2
-    x = np.empty(2 * n)
+    x, for_ever = np.empty(2 * n), np.full(1, np.inf)
     for k in range(len(U)):
         for i in range(2 * n):
             x[i] = X[k, i]
-        steps = int(np.ceil(h[k] / LONGEST_STEP - ROUNDING))
-        for _ in range(steps):
-            step(with_step(model, h[k] / steps), x, U[k], x)
+        follow_commands(model, drive, for_ever, U[k:k + 1], x, h[k])
         for i in range(n):
             out[k, i] = x[n + i]
 
@@ -88,7 +87,8 @@ def predict(model, X, U, h, out):
 def predicted(dynamics: Any, seen: Experience) -> Array:
     """Return the speeds after each transition (K, n + 1) as dynamics have them."""
     out = np.empty((len(seen.U), seen.X.shape[1] // 2))
-    predict(Model(dynamics, INTEGRATORS['rk4'], LONGEST_STEP), seen.X, seen.U, seen.h, out)
+    model = Model(dynamics, INTEGRATORS['rk4'], LONGEST_STEP)
+    predict(model, DIRECT, seen.X, seen.U, seen.h, out)
     return out
 
 

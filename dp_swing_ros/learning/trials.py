@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from dp_swing_ros import configuration
+from dp_swing_ros.evaluation.soak import OUT
 from dp_swing_ros.learning.learner import Learner
 from dp_swing_ros.pendulum.model import ROUNDING
 from dp_swing_ros.pendulum.state import Array, deviation
@@ -17,7 +18,6 @@ from dp_swing_ros.simulation.closed_loop import simulate
 from dp_swing_ros.simulation.plant import Plant
 
 PIECE = 0.5     # [s] between two looks whether it holds
-OUT = 0.2       # [rad] of the largest error of an angle: not held
 
 
 @dataclass(frozen=True)
@@ -42,8 +42,8 @@ def trials(learner: Learner, plant: Mapping[str, Any], trial: float, total: floa
     Yield trials of so long [s], until one holds at its end or there is so much experience [s].
 
     One holds that was within OUT for the last time of `hold` [s]; where trials have no end, it
-    ends then. Each plant has the parameters that are given, and noise of its own. on_piece is told
-    the experience so far [s] and the last deviation [rad].
+    ends then. Each plant has the parameters that are given, and noise of its own. on_piece is
+    called with the experience so far [s] and the last deviation [rad].
     """
     goal, seed = learner.nominal.x_r, int(plant.get('seed', 0))
     number, held = 0, 0.0

@@ -23,7 +23,7 @@ from dp_swing_ros.kernels import kernel
 from dp_swing_ros.kernels.symbols import called, dot, fixed, flat, gradient, total
 from dp_swing_ros.kernels.unrolling import unrolled
 from dp_swing_ros.pendulum.equations import Matrix, Numbers, Parts
-from dp_swing_ros.pendulum.model import Model, size, zeros
+from dp_swing_ros.pendulum.model import Dynamics, Model, size, zeros
 from dp_swing_ros.pendulum.points import point_type
 
 STEPS = 16     # side by side
@@ -53,6 +53,11 @@ def tangent(model: Model, stages: Sequence[tuple[Matrix, Any]], d: Numbers,
     return model.integrator.step(f, d[:-1], d[-1], model.h), Z
 
 
+def kept(p: Dynamics) -> int:
+    """Return how many numbers a point has."""
+    return len(flat(point_type(p).read(p.links, range(10_000))))
+
+
 @unrolled
 def point_lane(model, x, u, points, stage, i):
     """Write the point of a stage at the state x in lane i, and return the accelerations there."""
@@ -76,8 +81,8 @@ def expand_lane(model, z, points, i):
 @unrolled
 def shapes(model):
     """Return how many stages a step has, and how many numbers a point and M."""
-    kind, n = point_type(model.pendulum), model.pendulum.links
-    return model.integrator.stages, kind.kept(n), len(kind.curved_pairs(n))
+    p = model.pendulum
+    return model.integrator.stages, kept(p), len(point_type(p).curved_pairs(p.links))
 
 
 @kernel
@@ -132,8 +137,8 @@ def expand(model, X, U):
 
 def read_point(model: Model, points: Any, stage: int, i: Any) -> Any:
     """Return the point of a stage of the step in lane i."""
-    kind, n = point_type(model.pendulum), model.pendulum.links
-    return kind.read(n, [points[stage, row, i] for row in range(kind.kept(n))])
+    p = model.pendulum
+    return point_type(p).read(p.links, [points[stage, row, i] for row in range(kept(p))])
 
 
 @unrolled

@@ -112,16 +112,21 @@ def mass_matrix(p: Pendulum, s: Numbers, c: Numbers) -> Matrix:
     return D
 
 
+def add_joint_friction(p: Any, i: int, w: Numbers, r: list[Any]) -> None:
+    """Add to r what the friction of the joint below link i, from zero, does at the speeds w."""
+    torque = friction(p, i + 1, w[i] - w[i - 1] if i > 0 else w[i])
+    r[i + 1] = r[i + 1] - torque
+    if i > 0:
+        r[i] = r[i] + torque
+
+
 def generalised_force(p: Pendulum, s: Numbers, c: Numbers, w: Numbers, f: Any) -> list[Any]:
     """Return r = H f - C q̇ - G - joint friction for the speeds w of the links, (11)-(15)."""
     n, squares = len(p.a), [w_i * w_i for w_i in w]
     r = [f + total([p.a[i] * s[i] * squares[i] for i in range(n)]),
          *(p.g * (p.a[i] * s[i]) for i in range(n))]
     for i in range(n):
-        torque = friction(p, i + 1, w[i] - w[i - 1] if i > 0 else w[i])
-        r[i + 1] = r[i + 1] - torque
-        if i > 0:
-            r[i] = r[i] + torque
+        add_joint_friction(p, i, w, r)
         for j in range(i + 1, n):
             h = p.b[i][j - i] * (s[i] * c[j] - c[i] * s[j])
             r[i + 1], r[j + 1] = r[i + 1] - h * squares[j], r[j + 1] + h * squares[i]

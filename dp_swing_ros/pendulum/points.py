@@ -11,11 +11,11 @@ z = (θ1 … θn, θ̇1 … θ̇n, f) that they depend on, gives with μ = D ν
     e_j = ∂(D ν)/∂z_j
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import singledispatch
 from typing import Any, NamedTuple
 
-from dp_swing_ros.kernels.symbols import cos, dot, fixed, flat, gradient, sin
+from dp_swing_ros.kernels.symbols import cos, dot, fixed, gradient, sin
 from dp_swing_ros.pendulum.equations import (
     friction, generalised_force, inverse_inertia, mass_matrix, Matrix, Numbers, Parts, Pendulum,
     solve)
@@ -55,17 +55,9 @@ class Point(NamedTuple):
     @classmethod
     def read(cls, n: int, numbers: Sequence[Any]) -> 'Point':
         """Return the point whose numbers these are, in order."""
-        rest = iter(numbers)
-
-        def some(count: int) -> list[Any]:
-            return [next(rest) for _ in range(count)]
+        some = in_turn(numbers)
         return cls(some(n), some(n), some(n), some(n + 1), [some(2 * n + 1) for _ in range(n + 1)],
                    [some(n - i) for i in range(n)], some(2))
-
-    @classmethod
-    def kept(cls, n: int) -> int:
-        """Return how many numbers a point has."""
-        return len(flat(cls.read(n, range(10_000))))
 
     @staticmethod
     def curved_pairs(n: int) -> list[tuple[int, int]]:
@@ -102,6 +94,12 @@ class Point(NamedTuple):
 @point_type.register
 def _(dynamics: Pendulum) -> type[Point]:
     return Point
+
+
+def in_turn(numbers: Sequence[Any]) -> Callable[[int], list[Any]]:
+    """Return what returns the next so many of some numbers."""
+    rest = iter(numbers)
+    return lambda count: [next(rest) for _ in range(count)]
 
 
 def residuals(p: Pendulum, s: Numbers, c: Numbers, w: Numbers, f: Any, a: Numbers) -> list[Any]:

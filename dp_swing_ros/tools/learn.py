@@ -12,8 +12,9 @@ from tqdm import tqdm
 
 from dp_swing_ros import configuration, figures
 from dp_swing_ros.dynamics.files import LearnedModel
+from dp_swing_ros.evaluation.soak import OUT
 from dp_swing_ros.learning.learner import FIRST, Learner
-from dp_swing_ros.learning.trials import OUT, Trial, trials
+from dp_swing_ros.learning.trials import Trial, trials
 from dp_swing_ros.parameters.files import locate
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tools.command_lines import (

@@ -57,8 +57,7 @@ def test_a_last_layer_takes_up_what_the_equations_leave_out():
 
 def test_transitions_may_take_longer_than_a_step():
     seen = experience(4.0)
-    twice = Experience(seen.X[:-1:2], seen.Y[1::2], seen.U[:-1:2], 2 * seen.h[:-1:2],
-                       seen.run[:-1:2])
+    twice = Experience(seen.X[:-1:2], seen.Y[1::2], seen.U[:-1:2], 2 * seen.h[:-1:2])
     held = np.abs(np.diff(seen.U))[::2] < 1.0   # where the force was about the same
     truth = Pendulum.of(PendulumParameters(**BODIES))
     assert held.any()
