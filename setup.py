@@ -36,6 +36,7 @@ EXECUTABLES = [
     'parameters = dp_swing_ros.executables:parameters',
     'play = dp_swing_ros.executables:play',
     'soak = dp_swing_ros.executables:soak',
+    'train = dp_swing_ros.executables:train',
     'verify = dp_swing_ros.executables:verify',
 ]
 

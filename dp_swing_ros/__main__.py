@@ -22,6 +22,7 @@ TOOLS = {
     'learn': 'from limits alone to a pendulum that is held: its dynamics, learned',
     'parameters': 'all parameters of all nodes',
     'recover': 'a whole bag from a truncated or damaged one',
+    'train': 'dynamics learned from recorded motion, as a model that an mpc plans with',
     'verify': 'every recorded tick solved again, to the bit'}
 NODES = {
     'plant': 'integrates the pendulum, publishes its state, applies the force',

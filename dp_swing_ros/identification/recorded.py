@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dp_swing_ros.bags.episodes import (
-    configurations_of, CONTROLLER, links_of, PLANT, reports_of, samples_of)
+    completed, configurations_of, CONTROLLER, links_of, PLANT, reports_of, samples_of)
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.errors import BagError
 from dp_swing_ros.identification.segments import Motion
@@ -29,9 +29,14 @@ LOGGED = ('stamps cannot be used: states and commands count from when they were 
 
 
 class Recorded(NamedTuple):
-    """The motion in a bag, how its times were found, and what its controller took for granted."""
+    """
+    The motion in a bag, how its times were found, and what its controller took for granted.
+
+    V (K, n + 1) are the speeds, as measured or else as estimated; NaN where they are neither.
+    """
 
     motion: Motion
+    V: Array
     times: str
     physical: PendulumParameters
     drive: Drive
@@ -52,7 +57,7 @@ def recorded(bag: Bag, links: int | None = None) -> Recorded:
         raise BagError(f'{bag} has no commands on {FORCE_COMMAND.name}; record joint_states and '
                        'force_command together')
     times, log = clock_of(bag)
-    samples = samples_of(bag, as_sent=times == LOGGED)
+    samples = completed(samples_of(bag, as_sent=times == LOGGED), reports_of(bag))
     start = log.stamps[0] if times != LOGGED else log.sent[0]
     samples = [each for each in samples if np.all(np.isfinite(each.x[:len(each.x) // 2]))]
     if len(samples) < 2:
@@ -63,7 +68,7 @@ def recorded(bag: Bag, links: int | None = None) -> Recorded:
         raise BagError(f'{bag} has no finite command on {FORCE_COMMAND.name}; record a run under '
                        'control')
     order = np.argsort(sent, kind='stable')
-    Q = np.array([np.split(each.x, 2)[0] for each in samples])
+    Q, V = np.hsplit(np.array([each.x for each in samples]), 2)
     Q[:, 1:] = np.unwrap(Q[:, 1:], axis=0)
     values = configurations_of(bag)
     nominal = values[CONTROLLER].parameters if CONTROLLER in values else {}
@@ -72,7 +77,7 @@ def recorded(bag: Bag, links: int | None = None) -> Recorded:
                     pushes_in(bag, log) - start, bag.parse(group, LimitParameters,
                                                            nominal).track_limit)
     physical = bag.parse(group, PendulumParameters, {**nominal, 'links': links_of(bag)})
-    return Recorded(motion, times, physical,
+    return Recorded(motion, V, times, physical,
                     Drive.of(bag.parse(group, DriveParameters, nominal)))
 
 

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Experience: from each state, under a force, to the next."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -27,6 +28,11 @@ class Experience(NamedTuple):
         """Take a run; shapes: t (K + 1,) [s], X (K + 1, 2n + 2), U (K,) [N]."""
         Y = np.array([to_turn_of(after, before) for before, after in zip(X, X[1:])])
         return cls(X[:-1], Y.reshape(-1, X.shape[1]), U, np.diff(t))
+
+    @classmethod
+    def joined(cls, parts: 'Sequence[Experience]') -> 'Experience':
+        """Return the transitions of several, one after the other."""
+        return cls(*map(np.concatenate, zip(*parts)))
 
     def chosen(self, which: Array) -> 'Experience':
         """Return some of the transitions; shapes: which (K,)."""

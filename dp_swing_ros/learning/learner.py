@@ -16,7 +16,9 @@ import numpy as np
 from dp_swing_ros import configuration
 from dp_swing_ros.control.receding_horizon import RecedingHorizon
 from dp_swing_ros.dynamics.files import LearnedModel
+from dp_swing_ros.dynamics.kinds import Learned
 from dp_swing_ros.learning.experience import Experience
+from dp_swing_ros.learning.models import model_of
 from dp_swing_ros.learning.priors import structured
 from dp_swing_ros.learning.regression import fitted
 from dp_swing_ros.parameters import ParameterError
@@ -32,7 +34,6 @@ CORRELATION = 0.6    # of a random force with the one before
 HOME, BRAKE = 0.5, 0.15   # of the largest force, per metre off the middle and per metre a second
 END = 0.1            # [m] from the end of the track: what happens there is no motion of a pendulum
 GAP = 1.5            # periods without a state: beyond, it is not known what happened
-DRAWS = 5            # other models that the experience allows
 
 
 class Explorer:
@@ -63,6 +64,7 @@ class Learner:
         self.nominal = self.given.nominal
         self.random = np.random.default_rng(self.given.parameters.seed)
         self.explorer = Explorer(self.nominal.u_max, self.random)
+        self.dynamics: Learned
         self.dynamics, self.prior = structured(self.nominal.physical.links)
         self.model: LearnedModel | None = None
         self.experience = list[tuple[Array, Array, float, float]]()   # x, x⁺, u, h
@@ -124,14 +126,12 @@ class Learner:
         seen = seen.chosen((np.abs(X[:, 0]) < limit) & (np.abs(Y[:, 0]) < limit))
         try:
             found = fitted(self.dynamics, seen, self.prior)
-            dynamics = self.dynamics.with_free(found.mean)
-            rates = np.abs(seen.variables[:, self.nominal.physical.links:])
-            self.model = LearnedModel(dynamics, found.draws(DRAWS, self.random), found.noise,
-                                      rates.max(axis=0), {'seconds': seen.duration})
+            self.model = model_of(self.dynamics, found, seen, self.random,
+                                  {'seconds': seen.duration})
             problem = Problem.of(self.nominal.physical, *self.nominal.given, self.model)
         except (FloatingPointError, np.linalg.LinAlgError, ParameterError):
             return   # more experience will tell
-        self.dynamics = dynamics
+        self.dynamics = self.model.dynamics
         given = self.given
         informed = RecedingHorizon(problem, given.parameters, given.solver_parameters,
                                    given.estimator_parameters)

@@ -11,6 +11,7 @@ of the residuals are estimated in turns. Source: Bishop, Pattern Recognition and
 2006, 3.3 and 4.4 (Laplace).
 """
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -68,35 +69,48 @@ def spread(e: Array) -> Array:
 
 
 @kernel
-def predict(model, drive, X, U, h, out):
+def follow(model, drive, X, U, h, steps, out):
     """
-    Write the speeds after each transition.
+    Write the states after some transitions on end, from the state before each.
 
-    Shapes: X (K, 2n + 2), U and h (K,), out (K, n + 1).
+    Shapes: X (K, 2n + 2), U and h (K,), out (K - steps + 1, 2n + 2).
     """
-    n = size(model) // 2
-    x, for_ever = np.empty(2 * n), np.full(1, np.inf)
-    for k in range(len(U)):
-        for i in range(2 * n):
-            x[i] = X[k, i]
-        follow_commands(model, drive, for_ever, U[k:k + 1], x, h[k])
+    n = size(model)
+    x, for_ever = np.empty(n), np.full(1, np.inf)
+    for k in range(len(out)):
         for i in range(n):
-            out[k, i] = x[n + i]
+            x[i] = X[k, i]
+        for m in range(k, k + steps):
+            follow_commands(model, drive, for_ever, U[m:m + 1], x, h[m])
+        for i in range(n):
+            out[k, i] = x[i]
+
+
+def followed(dynamics: Any, seen: Experience, steps: int = 1) -> Array:
+    """
+    Return the states after so many transitions on end as dynamics have them.
+
+    Those are to follow one another. Shapes: -> (K - steps + 1, 2n + 2).
+    """
+    out = np.empty((max(len(seen.U) - steps + 1, 0), seen.X.shape[1]))
+    model = Model(dynamics, INTEGRATORS['rk4'], LONGEST_STEP)
+    follow(model, DIRECT, seen.X, seen.U, seen.h, steps, out)
+    return out
 
 
 def predicted(dynamics: Any, seen: Experience) -> Array:
     """Return the speeds after each transition (K, n + 1) as dynamics have them."""
-    out = np.empty((len(seen.U), seen.X.shape[1] // 2))
-    model = Model(dynamics, INTEGRATORS['rk4'], LONGEST_STEP)
-    predict(model, DIRECT, seen.X, seen.U, seen.h, out)
-    return out
+    speeds: Array = np.hsplit(followed(dynamics, seen), 2)[1]
+    return speeds
 
 
-def fitted(dynamics: Any, seen: Experience, prior: Prior) -> Posterior:
+def fitted(dynamics: Any, seen: Experience, prior: Prior,
+           on_round: Callable[[Any], object] = lambda _: None) -> Posterior:
     """
     Return what is believed of the free numbers of dynamics, from those that they have on.
 
-    Raises FloatingPointError where nothing finite is found.
+    on_round is called with the dynamics after each step. Raises FloatingPointError where nothing
+    finite is found.
     """
     half = seen.X.shape[1] // 2
     after = seen.Y[:, half:]
@@ -128,6 +142,7 @@ def fitted(dynamics: Any, seen: Experience, prior: Prior) -> Posterior:
         settled = change @ A @ change < SETTLED ** 2 * len(p)
         p, e, damping = trial, of_trial, damping / 10
         noise = spread(e)
+        on_round(dynamics.with_free(p))
         if settled:
             break
     A, _ = normal_equations(dynamics, seen, prior, noise, p, e)

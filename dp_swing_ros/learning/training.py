@@ -96,11 +96,11 @@ def initial(links: int, hidden: int, scales: Scales, seed: int) -> Network:
 
 
 def trained(dynamics: 'Residual | BlackBox', seen: Experience, held_out: Experience,
-            on_round: Callable[[float, float], object] = lambda *_: None) -> Any:
+            on_round: Callable[[Any], object] = lambda _: None) -> Any:
     """
     Return the dynamics with a network that is trained, from the one that they have on.
 
-    on_round is called with the mean losses of what is trained on and what is held out.
+    on_round is called with the dynamics after each round.
     """
     network, scales = dynamics.network, Scales.of(seen)
     of_inputs, of_outputs = (torch.tensor(each) for each in scales)
@@ -129,11 +129,11 @@ def trained(dynamics: 'Residual | BlackBox', seen: Experience, held_out: Experie
         optimiser.step(loss)
         with torch.no_grad():
             own, error = float(fit(batch)), float(fit(other))
-        on_round(own, error)
+        present = Network.of(network.widths.links, *(
+            each.detach().numpy() for each in layers()[1:]))
+        on_round(dynamics._replace(network=present))
         if error < best:
-            best, since = error, 0
-            kept = Network.of(network.widths.links, *(
-                each.detach().numpy() for each in layers()[1:]))
+            best, since, kept = error, 0, present
         else:
             since += 1
         if since >= PATIENCE or not np.isfinite(own):

@@ -1,0 +1,134 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""`ros2 run dp_swing_ros train BAG... -o MODEL`: learned dynamics from recorded motion."""
+
+import argparse
+from collections.abc import Sequence
+import dataclasses
+from pathlib import Path
+import time
+
+import numpy as np
+
+from dp_swing_ros import figures
+from dp_swing_ros.bags.reader import Bag
+from dp_swing_ros.dynamics.files import KINDS, LearnedModel
+from dp_swing_ros.dynamics.kinds import Learned
+from dp_swing_ros.errors import UserError
+from dp_swing_ros.identification.recorded import recorded
+from dp_swing_ros.learning.experience import Experience
+from dp_swing_ros.learning.models import learned, parted
+from dp_swing_ros.learning.quality import AHEAD, Errors, errors, rms
+from dp_swing_ros.learning.recorded import stretches
+from dp_swing_ros.pendulum.equations import Pendulum
+from dp_swing_ros.pendulum.state import joints, LINKS
+from dp_swing_ros.tables import aligned
+from dp_swing_ros.tools.command_lines import bag_parser, beside, execute, OK, progress, within
+
+HIDDEN = 16   # units of a network: twice as many take twice as long in every solve
+MANY = 512
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Train on the bags that the command line names; return the exit code."""
+    parser = bag_parser(
+        'train', 'Learn the dynamics of what moved in bags (joint_states and force_command), as a '
+        'model that an mpc can plan with. A fifth of the motion is held out, to judge by: the '
+        'errors of predictions, beside those of the equations with the parameters of the '
+        "recorded mpc, and a picture of them and of where the model's slopes can be trusted.",
+        nargs='+', help='folder of a bag with joint_states and force_command, or its .mcap file; '
+                        'several are of one pendulum')
+    parser.epilog = (
+        f'examples: {parser.prog} my_bag -o model.json; {parser.prog} bag1 bag2 --kind residual '
+        '-o model.json; then: ros2 run dp_swing_ros mpc --ros-args -p dynamics:=learned -p '
+        'model:=model.json')
+    parser.add_argument('-o', '--output', type=Path, metavar='MODEL',
+                        help='file to write, its picture beside it (default: BAG_KIND.json, '
+                             'beside the bag)')
+    parser.add_argument('--kind', choices=list(KINDS), default='structured',
+                        help='structured: a mass matrix, a potential and frictions; residual: the '
+                             'pendulum that the recorded mpc took for granted, and a network for '
+                             'what that lacks; black_box: a network alone (default: %(default)s)')
+    parser.add_argument('--hidden', type=within(int, 1, MANY), default=HIDDEN, metavar='N',
+                        help='units of a network (default: %(default)s)')
+    parser.add_argument('--seed', type=within(int, 0), default=0,
+                        help='of what is held out, and of a network (default: 0)')
+    parser.add_argument('--links', type=int, choices=LINKS,
+                        help='number of links (default: what the bag says)')
+    return execute(parser, _train, argv)
+
+
+def _train(arguments: argparse.Namespace) -> int:
+    bags = [Bag(path, arguments.partial, arguments.namespace) for path in arguments.bag]
+    found = [recorded(bag, arguments.links) for bag in bags]
+    known, began = found[0].physical, time.monotonic()
+    for bag, each in zip(bags, found):
+        if each.physical.links != known.links:
+            raise UserError(f'{bag} is of {each.physical.links} links, {bags[0]} of '
+                            f'{known.links}; train on one pendulum at a time')
+    parts = parted([stretch for each in found for stretch in stretches(each)], arguments.seed)
+    seen, held_out = map(Experience.joined, parts)
+    print(f'{arguments.kind}: {seen.duration:.1f} s to learn from, {held_out.duration:.1f} s held '
+          'out', flush=True)
+    course = list[tuple[float, float]]()
+    with progress(desc='rounds', unit='') as bar:
+        def on_round(dynamics: Learned) -> None:
+            course.append((rms(dynamics, seen), rms(dynamics, held_out)))
+            bar.set_postfix_str(f'off by {course[-1][0]:.3g}, held out {course[-1][1]:.3g}')
+            bar.update()
+        try:
+            model = learned(arguments.kind, known, parts, arguments.hidden, arguments.seed,
+                            on_round)
+        except (FloatingPointError, np.linalg.LinAlgError) as error:
+            raise UserError(f'nothing can be learned from these bags: {error}; record a minute '
+                            'that swings, is held and pushed') from None
+    own, analytic = (errors(dynamics, parts.held_out)
+                     for dynamics in (model.dynamics, Pendulum.of(known)))
+    model = dataclasses.replace(model, about={
+        **model.about, 'bags': [path.name for path in arguments.bag],
+        'errors': own.as_figures, 'errors of the equations': analytic.as_figures})
+    print(table(own, analytic), *remarks(own, analytic), sep='\n')
+    print(*dict.fromkeys(each.times for each in found), sep='\n')
+    output = arguments.output or Path(f'{beside(arguments.bag[0], arguments.kind)}.json')
+    print(*write(model, course, own, analytic, seen, output), sep='\n')
+    print(f'{time.monotonic() - began:.1f} s of computing')
+    return OK
+
+
+def table(own: Errors, analytic: Errors) -> str:
+    """Return a Markdown table of what predictions miss of what was held out."""
+    n = len(own.speeds) - 1
+    units = ['m/s', *['rad/s'] * n]
+    rows = [['held out', 'learned', 'equations', 'unit'],
+            *([f'speed of {joint}, one step, RMS', *map(_number, pair), unit]
+              for joint, unit, *pair in zip(joints(n), units, own.speeds, analytic.speeds))]
+    if len(own.ahead):
+        rows += [[f'an angle, {AHEAD} steps, {name}',
+                  *(_number(np.quantile(each.ahead, q)) for each in (own, analytic)), 'rad']
+                 for name, q in (('median', 0.5), ('95 %', 0.95))]
+    return aligned(rows, names=1)
+
+
+def _number(value: float) -> str:
+    return f'{value:.3g}'
+
+
+def remarks(own: Errors, analytic: Errors) -> list[str]:
+    """Return in words what is to be known before the model is used."""
+    found = []
+    if np.all(own.speeds > analytic.speeds):
+        found.append('warning: the equations with the parameters of the recorded mpc predict '
+                     'better; plan with them, or record more')
+    if not len(own.ahead):
+        found.append(f'no stretch that was held out has {AHEAD} transitions; record longer')
+    return found
+
+
+def write(model: LearnedModel, course: Sequence[tuple[float, float]], own: Errors,
+          analytic: Errors, seen: Experience, output: Path) -> list[Path]:
+    """Write model and picture; return their files."""
+    output.parent.mkdir(parents=True, exist_ok=True)
+    output.write_text(model.to_text(), encoding='utf-8')
+    picture = output.with_suffix('.png')
+    figures.training(model, course, own, analytic, seen).savefig(picture)
+    return [output, picture]

@@ -1,0 +1,94 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The command, from bags that real nodes recorded to an mpc that plans with what it left."""
+
+import json
+import subprocess
+
+import numpy as np
+from PIL import Image
+import pytest
+from real_bags import record, rewritten
+
+from dp_swing_ros import configuration
+from dp_swing_ros.dynamics.files import load
+from dp_swing_ros.pendulum.state import deviation
+from dp_swing_ros.simulation.closed_loop import simulate
+from dp_swing_ros.tools.train import main
+from dp_swing_ros.topics import FORCE_COMMAND, JOINT_STATES
+
+BODIES = {'cart_mass': 0.8, 'link2_mass': 0.6, 'link1_length': 0.7, 'cart_dry_friction': 1.0}
+
+
+@pytest.fixture(scope='module')
+def bag(tmp_path_factory):
+    """Return a swing-up of bodies that the mpc takes for others, and filters its way to."""
+    lines = ''.join(f'    {name}: {value}\n' for name, value in BODIES.items())
+    return record(tmp_path_factory.mktemp('bag'), '--lockstep', '--duration', '15',
+                  plant=f'{lines}    position_noise: 0.001\n    velocity_noise: 0.01\n')
+
+
+def test_the_process_leaves_a_model_that_holds_what_moved(bag, tmp_path):
+    output = tmp_path / 'new' / 'model.json'
+    run = subprocess.run(['ros2', 'run', 'dp_swing_ros', 'train', str(bag), '-o', str(output)],
+                         capture_output=True, text=True, timeout=280)
+    assert run.returncode == 0, run.stderr
+    assert run.stdout.startswith('structured: 1') and 'warning' not in run.stdout
+    with Image.open(output.with_suffix('.png')) as picture:
+        assert min(picture.size) > 600
+    found = load(str(output), 2)
+    assert found.about['bags'] == ['bag'] and len(found.about['experience']) == 16
+    own, equations = (np.array(found.about[name]['speeds'])
+                      for name in ('errors', 'errors of the equations'))
+    assert np.all(own < 0.9 * equations)   # it stands still for most of it
+    plant = configuration.plant(BODIES)
+    learned = configuration.controller({'dynamics': 'learned', 'model': str(output)})
+    episode = simulate(plant, learned, 8.0)
+    assert np.all(deviation(episode.X[-40:], learned.nominal.x_r) < 0.1)
+
+
+def test_a_residual_model_is_of_the_pendulum_that_the_mpc_took_for_granted(
+        bag, tmp_path, capsys):
+    assert main([str(bag), '--kind', 'residual', '--hidden', '8', '-o',
+                 str(tmp_path / 'model.json')]) == 0
+    assert 'residual: 1' in capsys.readouterr().out
+    pendulum = json.loads((tmp_path / 'model.json').read_text())['dynamics']['pendulum']
+    assert pendulum['m'] == pytest.approx(1.0 + 0.5 + 0.5)   # the defaults
+    found = load(str(tmp_path / 'model.json'), 2).about
+    assert found['errors']['speeds'] != found['errors of the equations']['speeds']
+
+
+def test_a_model_lies_beside_the_bag_where_nothing_else_is_said(bag, capsys):
+    assert main([str(bag), '--seed', '3']) == 0
+    assert str(bag.with_name('bag_structured.json')) in capsys.readouterr().out.splitlines()
+
+
+def test_positions_alone_are_no_experience_unless_an_estimate_has_the_speeds(
+        bag, tmp_path, capsys):
+    def still(message):
+        message.velocity = []
+        return message
+    # the mpc of the bag has estimated them, and they are in its diagnostics
+    assert main([str(rewritten(bag, tmp_path / 'a', JOINT_STATES, still)), '-o',
+                 str(tmp_path / 'model.json')]) == 0
+    capsys.readouterr()
+
+
+@pytest.mark.parametrize(('change', 'words'), [
+    (lambda message: None, 'no commands on'), (None, 'links; 3 were asked for')])
+def test_what_cannot_be_learned_from_is_refused(bag, tmp_path, capsys, change, words):
+    if change is None:
+        arguments = [str(bag), '--links', '3']
+    else:
+        arguments = [str(rewritten(bag, tmp_path / 'a', FORCE_COMMAND, change))]
+    assert main([*arguments, '-o', str(tmp_path / 'model.json')]) == 2
+    assert words in capsys.readouterr().err
+    assert not (tmp_path / 'model.json').exists()
+
+
+@pytest.mark.parametrize(('arguments', 'words'), [
+    (['--kind', 'none'], 'invalid choice'), (['--hidden', '0'], 'at least 1')])
+def test_misuse_is_refused(arguments, words, capsys):
+    with pytest.raises(SystemExit, match='2'):
+        main(['bag', *arguments])
+    assert words in capsys.readouterr().err
