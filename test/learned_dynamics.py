@@ -59,7 +59,8 @@ LEARNED = {
 
 def model_of(dynamics):
     """Return a model with dynamics, of which nothing else is known."""
-    return LearnedModel(dynamics, dynamics.free[None] * 1.01, np.full(3, 0.05),
+    other = dynamics.free * np.linspace(0.99, 1.01, len(dynamics.free))
+    return LearnedModel(dynamics, other[None], np.full(3, 0.05),
                         np.array([10.0, 12.0, 20.0, 3.0]), {'bags': ['none']})
 
 

@@ -31,12 +31,14 @@ from dp_swing_ros.control.message_filter import MessageFilter
 from dp_swing_ros.control.safety import braked, limited, SafetyParameters, violation
 from dp_swing_ros.control.sent_forces import SentForces, STEP
 from dp_swing_ros.control.starts import solved, StartParameters, Starts
+from dp_swing_ros.control.trust import Trust, trust
 from dp_swing_ros.estimators import ESTIMATORS
 from dp_swing_ros.estimators.estimator import Estimate, Estimator
 from dp_swing_ros.parameters import parameter, Parameters
 from dp_swing_ros.pendulum.model import hold
 from dp_swing_ros.pendulum.parameters import DIRECT, Drive
 from dp_swing_ros.pendulum.state import Array, hanging, is_upright, to_turn_of, upright
+from dp_swing_ros.problem.parameters import ANALYTIC, LEARNED
 from dp_swing_ros.problem.plan import candidates_of, Plan, stats_of_tick, Status
 from dp_swing_ros.problem.problem import (
     Bounds, plan_of, policy_rollout, Problem, regulator_rollout)
@@ -137,6 +139,7 @@ class RecedingHorizon:
         self.message_filter.reset()
         self.estimate: Estimate | None = None
         self.rejection = ''                 # why the last state was not believed
+        self.trust: Trust | None = None     # in a learned model, at the last state
         self.believed = -math.inf           # [s] when the force for the last believed state acts
         self.first = math.inf               # [s] time of the first measurement
         self.latest = -math.inf             # [s] time of the last measurement
@@ -288,6 +291,7 @@ class RecedingHorizon:
         if self.x is not None:
             x = to_turn_of(x, self.x)   # where an encoder wraps, the angle goes on
         measured = self.message_filter.with_velocities_measured(x)
+        predicted = self.predict_learned(t)
         self.estimate = self.estimator.update(t, measured, self.forces, time_noise)
         if self.estimate is not None:
             x = self.accept(self.estimate)
@@ -295,7 +299,25 @@ class RecedingHorizon:
             raise ValueError(f'the state is {x}, without velocities; estimator ekf does without')
         self.message_filter.believe(measured, x)
         self.t, self.x = t, x
+        self.choose_dynamics(measured, predicted)
         return x
+
+    def predict_learned(self, t: float) -> Array | None:
+        """Return the state at a time [s] by a learned model, if there is one, and a last state."""
+        if self.nominal.learned is None or self.x is None:
+            return None
+        return self.forces.predict(self.nominal.model, self.drive, self.x, self.t, t)[0]
+
+    def choose_dynamics(self, measured: Array, predicted: Array | None) -> None:
+        """Judge a learned model, if there is one, and plan with the equations where asked to."""
+        nominal = self.nominal
+        if nominal.learned is None or self.x is None:
+            return
+        self.trust = trust(nominal.learned, nominal.model, self.x, self.before(self.t)[0],
+                           measured, predicted)
+        known = not self.trust.warning or nominal.given[2].unseen == LEARNED
+        if known != (self.problem.learned is not None):
+            self.set_problem(driven_by(self.drive, nominal if known else nominal.analytic))
 
     def predict(self, x: Array, t: float, until: float) -> Array:
         """Return the state at a later time [s] under the commands already sent."""
@@ -417,10 +439,14 @@ class RecedingHorizon:
 
         Returns how long a tick takes from then on [s].
         """
-        twin = RecedingHorizon(self.nominal, self.parameters, self.solver_parameters,
+        nominal = self.nominal
+        if nominal.learned is not None and nominal.given[2].unseen == ANALYTIC:
+            RecedingHorizon(nominal.analytic, self.parameters, self.solver_parameters,
+                            drive=self.nominal_drive).warm_up()
+        twin = RecedingHorizon(nominal, self.parameters, self.solver_parameters,
                                drive=self.nominal_drive)
         twin.enabled = True
-        for x in starts_to_warm_up(self.nominal.physical.links):
+        for x in starts_to_warm_up(nominal.physical.links):
             twin.reset()
             for n in range(3):
                 began = time.perf_counter()

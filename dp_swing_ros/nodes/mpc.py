@@ -30,7 +30,7 @@ from dp_swing_ros.nodes.messages import to_point_cloud, to_stamped_force
 from dp_swing_ros.nodes.process import ProcessNode, run
 from dp_swing_ros.nodes.ros_parameters import announce, declare, given, let_change
 from dp_swing_ros.nodes.shadows import Shadows
-from dp_swing_ros.nodes.tick_figures import of_estimate, of_plan, tip_paths
+from dp_swing_ros.nodes.tick_figures import of_estimate, of_plan, of_trust, tip_paths
 from dp_swing_ros.nodes.timing import Clock, Latency, Timing, Watchdog
 from dp_swing_ros.parameters import group
 from dp_swing_ros.pendulum.sensors import HANGING, SensorParameters, Standstill
@@ -344,7 +344,8 @@ class MpcNode(ProcessNode):
         if plan.tries is not None:
             self.tries.publish(to_point_cloud(
                 stamp, tip_paths(plan.X[0], plan.tries, problem), plan.tries.weights))
-        stats, estimate = plan.stats, self.controller.estimate
+        stats, estimate, trust = plan.stats, self.controller.estimate, self.controller.trust
+        warning = '; '.join(filter(None, (warning, trust.warning if trust is not None else '')))
         self.late_total += late
         level = DiagnosticStatus.OK
         stopping = self.controller.stopping
@@ -367,7 +368,8 @@ class MpcNode(ProcessNode):
              # by the clock of its sender [ns]; tells which state it was where stamps stand still
              'sent': 0 if self.carried else self.last.sent,
              'clock': self.timing.clock.name.lower(),
-             **(of_estimate(estimate) if estimate is not None else {})})
+             **(of_estimate(estimate) if estimate is not None else {}),
+             **(of_trust(trust) if trust is not None else {})})
         self.shadows.follow(Tick(
             self.sent, nanoseconds(stamp), times.t, self.x, self.time_noise, times.delay,
             real_time, self.resets > self.shadowed_resets, self.controller.enabled,

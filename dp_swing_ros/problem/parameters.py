@@ -69,6 +69,11 @@ class PredictionParameters(Parameters):
         'rk4', 'how one step is predicted: the integrator, rk4 or euler; with dynamics learned, '
         'the file of the learned model, which rk4 integrates')
 
+    unseen: str = parameter(
+        LEARNED, 'with dynamics learned, what plans are made with where it moves a tenth faster '
+        'than all that the model was learned from: learned, all the same; analytic, the equations',
+        choices=lambda: [ANALYTIC, LEARNED])
+
     def __post_init__(self) -> None:
         """Check also what concerns two at once; raises ParameterError."""
         super().__post_init__()

@@ -7,6 +7,7 @@ The optimal control problem that every solver solves.
 """
 
 from dataclasses import dataclass
+import functools
 import math
 from typing import NamedTuple
 
@@ -105,6 +106,11 @@ class Problem:
     def x_r(self) -> Array:
         """Return the reference state (2n + 2,)."""
         return np.array(self.cost.x_r)
+
+    @functools.cached_property
+    def analytic(self) -> 'Problem':
+        """Return the same problem with the equations of the pendulum."""
+        return Problem.of(self.physical, *self.given)
 
     def with_physical(self, physical: PendulumParameters) -> 'Problem':
         """
