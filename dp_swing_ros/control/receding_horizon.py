@@ -177,6 +177,9 @@ class RecedingHorizon:
         if other.estimator_inputs != self.estimator_inputs:
             self.estimator, self.message_filter = other.estimator, other.message_filter
             self.estimate, self.drive, problem = None, other.drive, other.nominal
+        elif other.nominal.learned is not None:
+            other.estimator.go_on(self.estimator)
+            self.estimator, problem = other.estimator, other.nominal
         else:
             problem = other.nominal.with_physical(self.problem.physical)
         self.nominal, self.nominal_drive = other.nominal, other.nominal_drive
@@ -188,12 +191,11 @@ class RecedingHorizon:
 
     @property
     def estimator_inputs(self) -> tuple[object, ...]:
-        """Return what estimator and message filter are built from."""
+        """Return what estimator and message filter are built from, but for learned numbers."""
         limits, _, prediction = self.nominal.given
-        learned = self.nominal.learned
         return (self.parameters.estimator, self.estimator_parameters, self.nominal.physical,
                 self.nominal_drive, limits.track_limit, prediction.integrator,
-                learned and learned.fingerprint)
+                self.nominal.learned is not None)
 
     def update(self, t: float, x: Array, delay: float = 0.0, deadline: float = math.inf,
                time_noise: float = 0.0) -> Plan:

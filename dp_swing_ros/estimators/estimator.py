@@ -54,6 +54,9 @@ class Estimator(Protocol):
     def reset(self) -> None:
         """Forget all measurements."""
 
+    def go_on(self, before: Any) -> None:
+        """Believe what another one did, for which the dynamics were others and all else equal."""
+
     def update(self, t: float, x: Array, commands: Commands,
                time_noise: float = 0.0) -> Estimate | None:
         """
@@ -78,6 +81,9 @@ class Direct:
 
     def reset(self) -> None:
         """Forget nothing, for nothing is remembered."""
+
+    def go_on(self, before: Any) -> None:
+        """Believe nothing, as before."""
 
     def update(self, t: float, x: Array, commands: Commands,
                time_noise: float = 0.0) -> Estimate | None:

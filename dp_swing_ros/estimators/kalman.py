@@ -103,6 +103,11 @@ class ExtendedKalmanFilter:
         self.scales = np.ones(2)   # of the variances of positions and velocities, learned
         self.refused = self.in_a_row = 0
 
+    def go_on(self, before: 'ExtendedKalmanFilter') -> None:
+        """Believe what another one did; see Estimator.go_on."""
+        self.t, self.z, self.P, self.scales = before.t, before.z, before.P, before.scales
+        self.refused, self.in_a_row = before.refused, before.in_a_row
+
     def update(self, t: float, x: Array, commands: Commands,
                time_noise: float = 0.0) -> Estimate:
         """Take a measured state; see Estimator.update."""

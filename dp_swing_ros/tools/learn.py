@@ -57,8 +57,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _learn(arguments: argparse.Namespace) -> int:
     values = configuration.read(map(locate, arguments.params))
     plant = {**values['plant'], 'seed': arguments.seed}
-    learner = Learner({'estimator': 'none', **values['mpc'], 'solver': arguments.solver,
-                       'seed': arguments.seed}, arguments.first)
+    learner = Learner({**values['mpc'], 'solver': arguments.solver, 'seed': arguments.seed},
+                      arguments.first)
     configuration.plant(plant)   # refused before a folder is made
     folder = new_folder(arguments.output or Path('runs', dated(f'learn_{arguments.solver}')))
     print(f'{arguments.solver}, {arguments.first:g} s of random forces first -> {folder}',

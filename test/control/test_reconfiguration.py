@@ -4,10 +4,12 @@
 
 from itertools import pairwise
 
+from learned_dynamics import model_of, of_chain
 import numpy as np
 import pytest
 
 from dp_swing_ros import configuration
+from dp_swing_ros.pendulum.parameters import PendulumParameters
 from dp_swing_ros.pendulum.state import angles, errors, is_upright
 from dp_swing_ros.problem.plan import Status
 from dp_swing_ros.simulation.closed_loop import simulate
@@ -96,6 +98,23 @@ def test_what_is_learned_of_the_pendulum_is_kept():
     assert learned.link2_mass > (0.5 + 0.65) / 2   # nearer to what is than to what was told
     c.reconfigure(configuration.controller({'solver': 'ddp', 'horizon': 40}))
     assert c.problem.physical == learned
+
+
+def test_another_learned_model_changes_nothing_that_is_believed_of_the_state():
+    models = [model_of(of_chain(PendulumParameters(link2_mass=mass))).to_text()
+              for mass in (0.5, 0.55)]
+    runs = []
+    for then in models:
+        c = configuration.controller({'dynamics': 'learned', 'model': models[0]})
+        p = configuration.plant({'initial_state': LEANING.tolist(), 'force_bias': 2.0})
+        simulate(p, c, 2.0)
+        before = c.estimate
+        c.reconfigure(configuration.controller({'dynamics': 'learned', 'model': then}))
+        X, plans = go_on(c, p, 0.05)
+        assert np.abs(c.estimate.x - before.x).max() < 0.1
+        assert c.estimate.drive.bias == pytest.approx(2.0, abs=0.5)
+        runs.append(plans[0].U)
+    assert not np.array_equal(*runs)   # but with the other it plans
 
 
 def test_enabled_counts_where_it_changes_alone():
