@@ -23,6 +23,7 @@ import choices
 import compute
 import convergence
 import hard
+import learned
 import links
 import live
 import live_busy
@@ -145,6 +146,7 @@ PAGES = {
     'live_busy': of_script('live_busy', 63, *live_busy.FILES),
     'live_soak': of_script('live_soak', 61, *live_soak.FILES),
     'live': of_script('live', 0.1, *live.FILES),
+    'learned': of_script('learned', 35, *learned.FILES),
     'console': of_script('console', 25, 'console.py', 'chromium.py', 'live_rates.py',
                          'campaigns.py'),
     'durability': of_script('durability', 6, 'durability.py', 'numbered.py', 'readers.py'),

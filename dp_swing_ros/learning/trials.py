@@ -15,7 +15,6 @@ from dp_swing_ros.learning.learner import Learner
 from dp_swing_ros.pendulum.model import ROUNDING
 from dp_swing_ros.pendulum.state import Array, deviation
 from dp_swing_ros.simulation.closed_loop import simulate
-from dp_swing_ros.simulation.plant import Plant
 
 PIECE = 0.5     # [s] between two looks whether it holds
 
@@ -25,12 +24,13 @@ class Trial:
     """
     What came of a trial.
 
-    Shapes: experience (K,) [s] until each state, from the first trial on; deviation (K,) [rad] its
-    largest error of an angle.
+    Shapes: experience (K,) [s] until each state, from the first trial on; X (K, 2n + 2) the true
+    states; deviation (K,) [rad] the largest error of an angle.
     """
 
     number: int
     experience: Array
+    X: Array
     deviation: Array
     held: float          # [s] for how long it was within OUT at the end
     noise: Array         # (n + 1,) standard deviations of what is predicted a period ahead
@@ -49,23 +49,17 @@ def trials(learner: Learner, plant: Mapping[str, Any], trial: float, total: floa
     number, held = 0, 0.0
     while total - learner.duration >= PIECE and held < hold:
         moved = configuration.plant({**plant, 'seed': seed + number})
-        number, before, off = number + 1, learner.duration, list[float]()
+        number, before, states = number + 1, learner.duration, list[Array]()
         learner.begin(1 / moved.parameters.rate)
         while moved.t + PIECE <= min(trial, total - before) + ROUNDING:
-            off += piece(moved, learner, goal)
-            held = held_for(np.array(off), learner.period)
-            on_piece(before + moved.t, off[-1])
+            states += [*simulate(moved, learner, PIECE).X[1:]]
+            off = deviation(np.array(states), goal)
+            held = held_for(off, learner.period)
+            on_piece(before + moved.t, float(off[-1]))
             if math.isinf(trial) and held >= hold:
                 break
         at = before + learner.period * np.arange(1, len(off) + 1)
-        yield Trial(number, at, np.array(off), held, learner.noise)
-
-
-def piece(plant: Plant, learner: Learner, goal: Array) -> list[float]:
-    """Let a learner act for a while; return the deviations [rad] of the states that follow."""
-    episode = simulate(plant, learner, PIECE)
-    found: list[float] = deviation(episode.X[1:], goal).tolist()
-    return found
+        yield Trial(number, at, np.array(states), off, held, learner.noise)
 
 
 def held_for(off: Array, period: float) -> float:

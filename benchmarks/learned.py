@@ -1,0 +1,330 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Learned dynamics: how much experience holds a pendulum, who holds it by a log, what is predicted.
+
+Run by `make results`.
+"""
+
+import argparse
+from collections.abc import Sequence
+import math
+from pathlib import Path
+import time
+from typing import Any
+
+from campaigns import DURATION, METHODS
+from joblib import delayed, Parallel
+from matplotlib.figure import Figure
+import numpy as np
+import pandas as pd
+from stamp import folders, made, sources_with, store_table, TOP, verdict
+from tqdm import tqdm
+
+from dp_swing_ros import configuration
+from dp_swing_ros.evaluation.campaign.contestants import Contestant, play
+from dp_swing_ros.evaluation.campaign.report import (
+    difference, failures, number, probability, ratio, share)
+from dp_swing_ros.evaluation.campaign.rows import grouped, Row, solves, store
+from dp_swing_ros.evaluation.campaign.summary import common, duel, Failure, why
+from dp_swing_ros.evaluation.comparison import median, rate
+from dp_swing_ros.evaluation.scenarios import SCENARIOS
+from dp_swing_ros.evaluation.soak import OUT
+from dp_swing_ros.figures.style import legend, OWN, solver_name, styled
+from dp_swing_ros.identification.recorded import Recorded
+from dp_swing_ros.identification.segments import Motion
+from dp_swing_ros.learning.experience import Experience
+from dp_swing_ros.learning.learner import FIRST, Learner
+from dp_swing_ros.learning.models import learned, parted
+from dp_swing_ros.learning.quality import AHEAD, errors
+from dp_swing_ros.learning.recorded import stretches
+from dp_swing_ros.learning.trials import held_for, trials
+from dp_swing_ros.pendulum.equations import Pendulum
+from dp_swing_ros.pendulum.geometry import joint_positions
+from dp_swing_ros.pendulum.parameters import DIRECT, PendulumParameters
+from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.simulation.closed_loop import simulate
+from dp_swing_ros.tables import compact
+
+FILES = ('learned.py', 'campaigns.py')
+SEEDS, PREDICTED = 100, 8
+# as in its code: settings_cdp.m and dynamics_cdp.m
+BODIES = {'cart_mass': 0.5, 'link1_mass': 0.5, 'link2_mass': 0.5, 'link1_length': 0.6,
+          'link2_length': 0.6, 'cart_friction': 0.1}
+SET_UP = {**BODIES, 'position_noise': 0.01, 'velocity_noise': 0.01}
+TRIAL, TOTAL = 5.0, 30.0     # [s]
+HOLD = 1.0                   # [s] at the end of a trial
+TIP = 0.1                    # [m] from its place above the middle of the track
+LONG = 15.0                  # [s] of a run without a break
+AIM, STRETCH = 30.0, 15.0    # [s] of experience
+LOG = 60.0                   # [s] of random forces
+NOISES = {'position_noise': 1e-3, 'velocity_noise': 1e-2}
+HELD = {'hanging': 0.95, 'random': 0.9}
+SLOWEST = 0.025              # [s] p99 of the solves
+HIDDEN = 16
+
+
+def in_trials(solver: str, seed: int) -> list[dict[str, Any]]:
+    """Learn in trials until one ends with the tip in its place, too; return a row a trial."""
+    learner, began, rows = Learner({'solver': solver, 'seed': seed}), time.perf_counter(), []
+    for trial in trials(learner, {**SET_UP, 'seed': seed}, TRIAL, TOTAL, math.inf):
+        rows.append({'solver': solver, 'seed': seed, 'trial': trial.number,
+                     'experience': trial.experience[-1], 'held': trial.held,
+                     'tip': tip_for(trial.X), 'seconds': time.perf_counter() - began})
+        if all(max(row[measure] for row in rows) >= HOLD for measure in ('held', 'tip')):
+            break
+    return rows
+
+
+def tip_for(X: Array) -> float:
+    """Return for how long [s] the tip has been in its place at the end of states (K, 2n + 2)."""
+    lengths = PendulumParameters(**BODIES).lengths
+    off = joint_positions(X, lengths)[:, -1] - (0.0, sum(lengths))
+    beyond = np.flatnonzero(np.linalg.norm(off, axis=1) > TIP)
+    return float(len(X) - 1 - (beyond[-1] if len(beyond) else -1)) / 20
+
+
+def without_break(solver: str, seed: int) -> dict[str, Any]:
+    """Learn without a break; return from which experience on it was held to the end."""
+    learner, began = Learner({'solver': solver, 'seed': seed}), time.perf_counter()
+    trial, = trials(learner, {**SET_UP, 'seed': seed}, math.inf, LONG, math.inf)
+    held = held_for(trial.deviation, learner.period)
+    return {'solver': solver, 'seed': seed, 'since': LONG - held if held >= HOLD else math.nan,
+            'seconds': time.perf_counter() - began}
+
+
+def logged(plant: dict[str, Any], duration: float, seed: int) -> list[Experience]:
+    """Return what is measured of a plant under random forces."""
+    learner = Learner({'seed': seed}, math.inf)
+    simulate(configuration.plant({**plant, 'seed': seed}), learner, duration)
+    X, _, U, h = map(np.array, zip(*learner.experience))
+    t = np.append(0.0, np.cumsum(h[:-1]))
+    Q, V = np.hsplit(X, 2)
+    motion = Motion(t, Q, t, U, np.empty(0), learner.nominal.given[0].track_limit)
+    return stretches(Recorded(motion, V, '', PendulumParameters(), DIRECT))
+
+
+def by_log(seed: int, solvers: Sequence[str] = tuple(METHODS)) -> list[Row]:
+    """Learn from a log, and hold by it; and by the equations, which are those of the plant."""
+    model = learned('structured', PendulumParameters(), parted(logged(NOISES, LOG, seed), seed),
+                    HIDDEN, seed).to_text()
+    contestants = [
+        each for solver in solvers for each in (
+            Contestant(solver, solver, NOISES, {}),
+            Contestant(f'{solver}, learned', solver, NOISES,
+                       {'dynamics': 'learned', 'model': model}))]
+    return [play(contestant, case) for scenario in HELD for contestant in contestants
+            for case in SCENARIOS[scenario].cases(scenario, range(seed, seed + 1), None, DURATION)]
+
+
+def predictions(seed: int) -> list[dict[str, Any]]:
+    """Return what each model misses of another log of the same plant, a row a model."""
+    plant = {**BODIES, **NOISES}
+    of_log, other = logged(plant, LOG, seed), logged(plant, LOG / 2, seed + 1000)
+    parts, defaults = parted(of_log, seed), PendulumParameters()
+    short = parted([of_log[0].chosen(np.arange(round(10.0 / 0.05)))], seed)
+    tuned = configuration.controller({'seed': seed})
+    simulate(configuration.plant({**plant, 'seed': seed}), tuned, 10.0)
+    found = {
+        'the equations, told': Pendulum.of(PendulumParameters(**BODIES)),
+        'the equations with the defaults': Pendulum.of(defaults),
+        'these, after the estimator has seen 10 s': Pendulum.of(tuned.problem.physical),
+        'structured, 10 s': learned('structured', defaults, short, HIDDEN, seed).dynamics,
+        **{f'{kind.replace("_", " ")}, {LOG:g} s': learned(
+            kind, defaults, parts, HIDDEN, seed).dynamics
+            for kind in ('structured', 'residual', 'black_box')}}
+    rows = []
+    for name, dynamics in found.items():
+        speeds, ahead = errors(dynamics, other)
+        rows.append({'model': name, 'seed': seed, 'speed': float(np.sqrt(np.mean(speeds ** 2))),
+                     'median': float(np.median(ahead)), 'p95': float(np.quantile(ahead, 0.95))})
+    return rows
+
+
+def in_parallel(what: str, calls: Sequence[Any]) -> list[Any]:
+    """Return what calls return, in order, and show how far they are."""
+    found = Parallel(-1, return_as='generator', batch_size=1)(calls)
+    return list(tqdm(found, desc=what, total=len(calls), leave=False, disable=None))
+
+
+def by_experience(of_trials: pd.DataFrame, measure: str) -> dict[str, dict[float, list[bool]]]:
+    """Return whether some trial so far was held, by solver and experience, a seed each."""
+    found: dict[str, dict[float, list[bool]]] = {}
+    for solver, of in of_trials.groupby('solver', sort=False):
+        firsts = [rows.experience[rows[measure] >= HOLD].min() for _, rows in of.groupby('seed')]
+        ends = sorted(set(of.experience.round(6)))
+        found[solver] = {end: [first <= end + 1e-6 for first in firsts] for end in ends}
+    return found
+
+
+@styled
+def picture(of_trials: pd.DataFrame, breakless: pd.DataFrame) -> Figure:
+    """Draw experience against what was held, in trials and without a break."""
+    figure = Figure(figsize=(10.2, 3.8), layout='constrained')
+    ours, tip, whole = figure.subplots(1, 3, sharey=True)
+    for axes, measure, title in ((ours, 'held', f'a trial ends within {OUT:g} rad'),
+                                 (tip, 'tip', f'a trial ends with the tip within {TIP:g} m')):
+        for n, (solver, ends) in enumerate(by_experience(of_trials, measure).items()):
+            rates = [rate(held) for held in ends.values()]
+            shares = np.array([each.successes / each.runs for each in rates])
+            low, high = np.array([(each.low, each.high) for each in rates]).T
+            axes.errorbar(np.array(list(ends)) + 0.25 * (n - 1), shares,
+                          np.maximum([shares - low, high - shares], 0.0), color=OWN[solver],
+                          marker='o', markersize=3.5, capsize=2, label=solver_name(solver))
+        axes.set(title=title, xlabel='experience [s]')
+    for solver, of in breakless.groupby('solver', sort=False):
+        since = np.sort(of.since.fillna(np.inf))
+        whole.step([FIRST, *since, LONG], [0, *np.arange(1, len(since) + 1) / len(since),
+                                           np.isfinite(since).mean()],
+                   where='post', color=OWN[solver], label=solver_name(solver))
+    whole.set(title='without a break: held from here on', xlabel='experience [s]', xlim=(0, LONG))
+    ours.set(ylabel='share of the seeds', ylim=(-0.02, 1.02))
+    for axes in (ours, tip, whole):
+        axes.axvline(AIM if axes is not whole else STRETCH, color='#9aa5b1', linewidth=1)
+        axes.axvspan(0, FIRST, color='#f4f6f8')
+        axes.grid(True)
+    legend(whole)
+    figure.suptitle('From limits alone to a pendulum that is held')
+    return figure
+
+
+def page(of_trials: pd.DataFrame, breakless: pd.DataFrame, rows: Sequence[Row],
+         predicted: pd.DataFrame, made: str) -> str:
+    """Return the page as Markdown."""
+    return '\n'.join([
+        '# Learned dynamics\n', made,
+        'How each is learned, and what the kinds are: [learned dynamics](../learned_dynamics.md). '
+        'In brackets intervals of 95 %: of shares Wilson, else by the bootstrap. The rows: '
+        '[trials](learned_trials.csv.gz), [without a break](learned_long.csv.gz), '
+        '[by a log](learned.csv.gz), [predictions](learned_predictions.csv.gz).\n',
+        '## From limits alone\n', of_limits(of_trials, breakless),
+        '## By a log\n', of_log(rows), '## DDP against iLQR\n', of_duels(rows),
+        '## What is predicted\n', of_predictions(predicted)])
+
+
+def of_limits(of_trials: pd.DataFrame, breakless: pd.DataFrame) -> str:
+    """Return what became of experience."""
+    lines = []
+    for measure, name in (('held', f'all angles within {OUT:g} rad'),
+                          ('tip', f'the tip within {TIP:g} m of its place')):
+        for solver, ends in by_experience(of_trials, measure).items():
+            last = rate(ends[max(ends)])
+            lines.append((f'`{solver}`', name, *(str(sum(held)) for held in ends.values()),
+                          share(last), verdict(sum(ends[max(ends)]) >= 0.9 * last.runs)))
+    ends = sorted(set(of_trials.experience.round(6)))
+    long = []
+    for solver, of in breakless.groupby('solver', sort=False):
+        found = median(of.since.to_numpy())
+        long.append((f'`{solver}`', share(rate(of.since.notna().tolist())),
+                     f'{found.value:.1f} ({found.low:.1f} to {found.high:.1f})',
+                     f'{of.since.max():.1f}', share(rate((of.since <= STRETCH).tolist())),
+                     f'{of.seconds.median():.1f}'))
+    lasts = of_trials.groupby(['solver', 'seed'], sort=False).last().reset_index()
+    pace = {solver: (of.seconds / of.experience).median()
+            for solver, of in lasts.groupby('solver', sort=False)}
+    return '\n'.join([
+        "PILCO's set-up (Deisenroth and Rasmussen, ICML 2011; bodies, friction, noise and trials "
+        'as in its published code: three masses of 0.5 kg, links of 0.6 m, friction 0.1, noise '
+        f'0.01, trials of {TRIAL:g} s; at second hand it is said to need 60 to 90 s in 20 to 30 '
+        'trials): nothing is told but limits, 20 N and 2.4 m of track. The first '
+        f'{FIRST:g} s are random forces; then every transition counts. A trial is held if at its '
+        f'end it has been for {HOLD:g} s; a seed ends when it has held one by both. Seeds '
+        f'that had held a trial, of {of_trials.seed.nunique()}, after so much experience; the aim '
+        f'is 90 % within {AIM:g} s.\n',
+        '![Experience and what became of it](../figures/learned.png)\n',
+        compact([('solver', 'held', *(f'{end:.0f} s' for end in ends), 'in the end', ''), *lines]),
+        '', f'Without a break it is held for good after [s], of runs of {LONG:g} s:\n',
+        compact([('solver', 'held', 'median [s]', 'longest [s]', f'within {STRETCH:g} s',
+                  'computing [s]'), *long]), '',
+        'All computing, planning and learning, per second of experience in trials, median: '
+        + ', '.join(f'`{solver}` {each:.2f} s' for solver, each in pace.items()) + '.\n'])
+
+
+def of_log(rows: Sequence[Row]) -> str:
+    """Return who was held by what a log has told."""
+    lines = []
+    for (scenario, label), of in grouped(rows, lambda row: (
+            row.key.scenario, row.key.contestant)).items():
+        held = rate([row.metrics.success for row in of])
+        settled = median(np.array([row.metrics.settling_time for row in of
+                                   if row.metrics.success]))
+        p99 = float(np.quantile(solves(of), 0.99))
+        aim = '' if 'learned' not in label else verdict(
+            held.successes >= HELD[scenario] * held.runs and p99 <= SLOWEST)
+        lines.append((scenario, f'`{label}`', share(held), f'{settled.value:.2f} '
+                      f'({settled.low:.2f} to {settled.high:.2f})', number(p99, 1, 1e3), aim))
+    lost = [Failure(*row.key, why(row)) for row in rows if not row.metrics.success]
+    return '\n'.join([
+        f'Our own plant, with noise ({", ".join(f"`{a}` {b:g}" for a, b in NOISES.items())}): '
+        f'{LOG:g} s of random forces, a structured model of these, and an mpc with its defaults '
+        f'else; each seed has a log and a model of its own. Beside it the mpc that is told the '
+        f'equations. The aim is {100 * HELD["hanging"]:g} and {100 * HELD["random"]:g} % held, '
+        f'and a p99 of the solves of {1e3 * SLOWEST:g} ms at most (here with an episode on each '
+        'core).\n',
+        compact([('scenario', 'contestant', 'held', 'settling [s]', 'solve p99 [ms]', ''),
+                 *lines]), '', failures(lost), ''])
+
+
+def of_duels(rows: Sequence[Row]) -> str:
+    """Return how DDP and iLQR compare on the same seeds, learned and told."""
+    lines = []
+    for scenario, of in grouped(rows, lambda row: row.key.scenario).items():
+        by_label = grouped(of, lambda row: row.key.contestant)
+        for dynamics in ('', ', learned'):
+            names = [f'{solver}{dynamics}' for solver in ('ddp', 'ilqr')]
+            if not set(names) <= set(by_label):
+                continue
+            one = duel(scenario, *names, common(*(by_label[name] for name in names)))
+            lines.append((scenario, dynamics[2:] or 'told', str(one.cases), str(one.first_only),
+                          str(one.second_only), probability(one.p),
+                          difference(one.differences['settling_time']), ratio(one.cost)))
+    return '\n'.join([
+        'On the same seeds: what only the one held, settling times of what both held, DDP less '
+        'iLQR, and the ratio of the closed-loop costs.\n',
+        compact([('scenario', 'dynamics', 'cases', 'only DDP', 'only iLQR', 'p', 'settling [s]',
+                  'Σℓ, ratio'), *lines]), ''])
+
+
+def of_predictions(predicted: pd.DataFrame) -> str:
+    """Return what models miss."""
+    lines = []
+    for model, of in predicted.groupby('model', sort=False):
+        found = [median(of[name].to_numpy()) for name in ('speed', 'median', 'p95')]
+        lines.append((model, *(f'{each.value:.3g} ({each.low:.3g} to {each.high:.3g})'
+                               for each in found)))
+    return '\n'.join([
+        f"PILCO's bodies, sensors as by a log: what models miss of {LOG / 2:g} s of random forces "
+        'that they have not seen, from each measured state on; medians over '
+        f'{predicted.seed.nunique()} seeds. Networks have {HIDDEN} hidden units.\n',
+        compact([('model', 'speeds a step ahead, RMS [m/s, rad/s]',
+                  f'an angle {AHEAD} steps ahead, median [rad]', '95 % [rad]'), *lines]), ''])
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Learn, hold and predict, and write the page."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('--seeds', type=int, default=SEEDS)
+    parser.add_argument('--docs', type=Path, default=TOP / 'docs')
+    arguments = parser.parse_args(argv)
+    results, figures = folders(arguments.docs)
+    seeds = range(arguments.seeds)
+    runs = [(solver, seed) for seed in seeds for solver in METHODS]
+    of_trials = pd.DataFrame([row for rows in in_parallel(
+        'trials', [delayed(in_trials)(*run) for run in runs]) for row in rows])
+    breakless = pd.DataFrame(in_parallel(
+        'without a break', [delayed(without_break)(*run) for run in runs]))
+    rows = [row for of in in_parallel('by a log', [delayed(by_log)(seed) for seed in seeds])
+            for row in of]
+    predicted = pd.DataFrame([row for of in in_parallel(
+        'predictions', [delayed(predictions)(seed) for seed in seeds[:PREDICTED]]) for row in of])
+    for name, frame in (('trials', of_trials), ('long', breakless), ('predictions', predicted)):
+        store_table(frame, results / f'learned_{name}.csv.gz')
+    store(results / 'learned.csv.gz', rows)
+    picture(of_trials, breakless).savefig(figures / 'learned.png')
+    (results / 'learned.md').write_text(page(
+        of_trials, breakless, rows, predicted, made('learned', sources_with(*FILES))),
+        encoding='utf-8')
+
+
+if __name__ == '__main__':
+    main()
