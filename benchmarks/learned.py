@@ -106,8 +106,8 @@ def logged(plant: dict[str, Any], duration: float, seed: int) -> list[Experience
 
 def by_log(seed: int, solvers: Sequence[str] = tuple(METHODS)) -> list[Row]:
     """Learn from a log, and hold by it; and by the equations, which are those of the plant."""
-    model = learned('structured', PendulumParameters(), parted(logged(NOISES, LOG, seed), seed),
-                    HIDDEN, seed).to_text()
+    model = learned('structured', Pendulum.of(PendulumParameters()),
+                    parted(logged(NOISES, LOG, seed), seed), HIDDEN, seed).to_text()
     contestants = [
         each for solver in solvers for each in (
             Contestant(solver, solver, NOISES, {}),
@@ -121,13 +121,13 @@ def predictions(seed: int) -> list[dict[str, Any]]:
     """Return what each model misses of another log of the same plant, a row a model."""
     plant = {**BODIES, **NOISES}
     of_log, other = logged(plant, LOG, seed), logged(plant, LOG / 2, seed + 1000)
-    parts, defaults = parted(of_log, seed), PendulumParameters()
+    parts, defaults = parted(of_log, seed), Pendulum.of(PendulumParameters())
     short = parted([of_log[0].chosen(np.arange(round(10.0 / 0.05)))], seed)
     tuned = configuration.controller({'seed': seed})
     simulate(configuration.plant({**plant, 'seed': seed}), tuned, 10.0)
     found = {
         'the equations, told': Pendulum.of(PendulumParameters(**BODIES)),
-        'the equations with the defaults': Pendulum.of(defaults),
+        'the equations with the defaults': defaults,
         'these, after the estimator has seen 10 s': Pendulum.of(tuned.problem.physical),
         'structured, 10 s': learned('structured', defaults, short, HIDDEN, seed).dynamics,
         **{f'{kind.replace("_", " ")}, {LOG:g} s': learned(

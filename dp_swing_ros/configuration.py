@@ -148,10 +148,12 @@ def controller(values: Values) -> RecedingHorizon:
     values = complete('mpc', values)
     parameters = group(MpcParameters, values)
     solver, estimator = parameters.solver, parameters.estimator
-    return RecedingHorizon(_problem(values), parameters,
+    problem = _problem(values)
+    drive = Drive.of(group(DriveParameters, values))
+    return RecedingHorizon(problem, parameters,
                            group(SOLVERS[solver].Parameters, values, f'{solver}.'),
                            group(ESTIMATORS[estimator].Parameters, values, f'{estimator}.'),
-                           Drive.of(group(DriveParameters, values)))
+                           drive if problem.learned is None else problem.learned.drive)
 
 
 def default_cost(links: int) -> CostParameters:

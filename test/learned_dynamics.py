@@ -6,11 +6,11 @@ import numpy as np
 
 from dp_swing_ros import configuration
 from dp_swing_ros.dynamics.files import LearnedModel
-from dp_swing_ros.dynamics.kinds import BlackBox, links, pairs, Residual, Structured
+from dp_swing_ros.dynamics.kinds import BlackBox, Residual, Structured
 from dp_swing_ros.dynamics.network import Network
 from dp_swing_ros.learning.experience import Experience
 from dp_swing_ros.learning.regression import predicted
-from dp_swing_ros.pendulum.equations import CREEP, Pendulum
+from dp_swing_ros.pendulum.equations import Pendulum
 from dp_swing_ros.pendulum.parameters import PendulumParameters
 
 HIDDEN = 16
@@ -28,18 +28,8 @@ def network(n=2, size=1.0, hidden=HIDDEN, seed=0):
 
 
 def of_chain(physical):
-    """Return the structured dynamics that a chain of two links has."""
-    p = Pendulum.of(physical)
-    inertia, potential = np.zeros((6, 9)), np.zeros(9)
-    place = {pair: row for row, pair in enumerate(pairs(2))}
-    # 1, cos θ1, sin θ1, cos θ2, sin θ2, cos θ1 cos θ2, cos θ1 sin θ2, sin θ1 cos θ2, sin sin
-    inertia[place[0, 0], 0] = p.m
-    inertia[place[0, 1], 1], inertia[place[0, 2], 3] = p.a
-    inertia[place[1, 1], 0], inertia[place[2, 2], 0] = p.b[0][0], p.b[1][0]
-    inertia[place[1, 2], 5] = inertia[place[1, 2], 8] = p.b[0][1]
-    potential[1], potential[3] = p.g * p.a[0], p.g * p.a[1]
-    return Structured(links(2), inertia, potential, np.array(p.friction), np.array(p.dry),
-                      1 / CREEP)
+    """Return the structured dynamics that a chain has."""
+    return Structured.of(Pendulum.of(physical))
 
 
 def bent():

@@ -19,7 +19,9 @@ import numpy as np
 from dp_swing_ros.dynamics.kinds import BlackBox, harmonics, Learned, links, Residual, Structured
 from dp_swing_ros.dynamics.network import Network, widths
 from dp_swing_ros.parameters import ParameterError, SHOWN
+from dp_swing_ros.pendulum.drive import HISTORY
 from dp_swing_ros.pendulum.equations import Pendulum
+from dp_swing_ros.pendulum.parameters import DIRECT, Drive
 from dp_swing_ros.pendulum.state import Array, LINKS
 
 FORMAT = 'dp_swing_ros learned dynamics, 1'
@@ -32,6 +34,7 @@ class LearnedModel:
     """
     Dynamics, others that the same experience allows, and what it was.
 
+    The forces of the experience came by a drive that has a delay and a lag alone.
     Shapes: draws (M, P) the free numbers of the others; noise (n + 1,) [m/s, rad/s] standard
     deviations of the speeds after a transition from those predicted; largest (n + 2,) the largest
     rates (θ̇, u, ẋ) of the experience.
@@ -42,6 +45,7 @@ class LearnedModel:
     noise: Array
     largest: Array
     about: Mapping[str, Any]   # where it is from, and how good it is
+    drive: Drive = DIRECT
 
     @functools.cached_property
     def members(self) -> list[Learned]:
@@ -58,7 +62,8 @@ class LearnedModel:
         return json.dumps({
             'format': FORMAT, 'kind': self.kind, 'links': self.dynamics.links,
             'about': dict(self.about), 'noise': self.noise.tolist(),
-            'largest': self.largest.tolist(), 'dynamics': numbers_of(self.dynamics),
+            'largest': self.largest.tolist(), 'delay': self.drive.delay,
+            'time_constant': self.drive.time_constant, 'dynamics': numbers_of(self.dynamics),
             'draws': self.draws.tolist()}) + '\n'
 
     @functools.cached_property
@@ -105,9 +110,18 @@ def from_text(text: str) -> LearnedModel:
         return LearnedModel(
             dynamics, array(draws, len(draws), len(dynamics.free)),
             array(content['noise'], n + 1), array(content['largest'], n + 2),
-            dict(content['about']))
+            dict(content['about']), Drive(*(
+                time_of(content, name) for name in ('delay', 'time_constant'))))
     except (AttributeError, KeyError, TypeError) as error:
         raise ValueError(f'it is incomplete ({type(error).__name__}: {error})') from None
+
+
+def time_of(content: Mapping[str, Any], name: str) -> float:
+    """Return a time [s] of a drive; raises ValueError where it is none."""
+    found = float(array(content[name]))
+    if not 0 <= found <= HISTORY:
+        raise ValueError(f'{name} is {found:g} s; expected 0 to {HISTORY:g} s')
+    return found
 
 
 def _not_finite(text: str) -> float:

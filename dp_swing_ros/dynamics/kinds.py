@@ -3,7 +3,7 @@
 """
 Dynamics that are learned, of three kinds, each D(θ) a = r(θ, θ̇, u, ẋ).
 
-    residual      D and r of a known pendulum, and to r a network is added
+    residual      D and r of a known pendulum but for its frictions, and to r a network is added
     structured    D_ij and the potential V are trigonometric polynomials in the angles, and
                   r = H u - C q̇ - ∂V/∂q - friction follows by Lagrange:
                   (C q̇)_i = Σ_m Σ_j ∂D_ij/∂q_m q̇_m q̇_j - ½ Σ_jk ∂D_jk/∂q_i q̇_j q̇_k
@@ -60,16 +60,29 @@ class Residual(NamedTuple):
         return accelerations(self, x, u)
 
     @property
+    def frictions(self) -> int:
+        """Return how many of the free numbers are frictions, which come first."""
+        return 2 * (self.links + 1)
+
+    @property
     def free(self) -> Array:
-        """Return the numbers that are linear in the accelerations: the network's last layer."""
-        return self.network.last_layer
+        """Return the frictions of the pendulum, viscous and dry, and the network's last layer."""
+        p = self.pendulum
+        return np.concatenate((p.friction, p.dry, self.network.last_layer))
 
     def with_free(self, p: Array) -> 'Residual':
         """Return the same with other such numbers (P,)."""
-        return self._replace(network=self.network.with_last_layer(p))
+        friction, dry, last_layer = np.split(p, [self.links + 1, self.frictions])
+        return Residual(
+            self.pendulum._replace(friction=tuple(friction.tolist()), dry=tuple(dry.tolist())),
+            self.network.with_last_layer(last_layer))
+
+    def with_creep(self, creep: float) -> 'Residual':
+        """Return the same with dry friction that is whole from another speed on [m/s, rad/s]."""
+        return self._replace(pendulum=self.pendulum._replace(sharpness=1 / creep))
 
     def without_dry_friction(self) -> 'Residual':
-        """Return the same without the dry friction that is known."""
+        """Return the same without dry friction."""
         return self._replace(pendulum=self.pendulum.without_dry_friction())
 
 
@@ -105,9 +118,18 @@ class BlackBox(NamedTuple):
         """Return the numbers that are linear in the accelerations: the network's last layer."""
         return self.network.last_layer
 
+    @property
+    def frictions(self) -> int:
+        """Return that none of these is known to be a friction."""
+        return 0
+
     def with_free(self, p: Array) -> 'BlackBox':
         """Return the same with other such numbers (P,)."""
         return self._replace(network=self.network.with_last_layer(p))
+
+    def with_creep(self, creep: float) -> 'BlackBox':
+        """Return the same: what is dry in it is not told apart."""
+        return self
 
     def without_dry_friction(self) -> 'BlackBox':
         """Return the same: what is dry in it is not told apart."""
@@ -169,6 +191,24 @@ class Structured(NamedTuple):
     dry: Array
     sharpness: float
 
+    @classmethod
+    def of(cls, p: Pendulum) -> 'Structured':
+        """Return what a chain of rigid links is."""
+        n = p.links
+        place = {pair: row for row, pair in enumerate(pairs(n))}
+        count = len(harmonics([0.0] * n, [1.0] * n))
+        inertia, potential = np.zeros((len(place), count)), np.zeros(count)
+        inertia[place[0, 0], 0] = p.m
+        for i in range(n):
+            inertia[place[0, i + 1], 1 + 2 * i] = p.a[i]    # cos θ_i
+            inertia[place[i + 1, i + 1], 0] = p.b[i][0]
+            potential[1 + 2 * i] = p.g * p.a[i]
+        for number, (i, j) in enumerate(combinations(range(n), 2)):
+            first = 1 + 2 * n + 4 * number   # cos θ_i cos θ_j, …, sin θ_i sin θ_j
+            inertia[place[i + 1, j + 1], [first, first + 3]] = p.b[i][j - i]
+        return cls(links(n), inertia, potential, np.array(p.friction), np.array(p.dry),
+                   p.sharpness)
+
     @property
     def links(self) -> int:
         """Return the number of links, n."""
@@ -229,6 +269,10 @@ class Structured(NamedTuple):
         return self._replace(
             inertia=inertia.reshape(-1, count).copy(), potential=np.append(0.0, potential),
             friction=friction.copy(), dry=dry.copy())
+
+    def with_creep(self, creep: float) -> 'Structured':
+        """Return the same with dry friction that is whole from another speed on [m/s, rad/s]."""
+        return self._replace(sharpness=1 / creep)
 
     def without_dry_friction(self) -> 'Structured':
         """Return the same without dry friction."""

@@ -79,10 +79,9 @@ class ExtendedKalmanFilter:
 
     def __init__(self, problem: Problem, drive: Drive, parameters: KalmanParameters) -> None:
         """Take the nominal model and drive, and the noises."""
-        if problem.learned is not None:   # where experience has told all that is to be known
-            parameters = replace(parameters, body_error=0.0, gain_error=0.0, friction_error=0.0,
-                                 cart_dry_friction_error=0.0, joint_dry_friction_error=0.0,
-                                 delay_error=0.0, lag_error=0.0)
+        if problem.learned is not None:   # where experience has told all but the drive
+            parameters = replace(parameters, body_error=0.0, friction_error=0.0,
+                                 cart_dry_friction_error=0.0, joint_dry_friction_error=0.0)
         self.nominal, self.parameters = problem.physical, parameters
         self.model = problem.model._replace(h=LONGEST_STEP)
         if problem.learned is None:

@@ -126,8 +126,7 @@ class Learner:
         seen = seen.chosen((np.abs(X[:, 0]) < limit) & (np.abs(Y[:, 0]) < limit))
         try:
             found = fitted(self.dynamics, seen, self.prior)
-            self.model = model_of(self.dynamics, found, seen, self.random,
-                                  {'seconds': seen.duration})
+            self.model = model_of(self.dynamics, found, seen, self.given.parameters.seed)
             problem = Problem.of(self.nominal.physical, *self.nominal.given, self.model)
         except (FloatingPointError, np.linalg.LinAlgError, ParameterError):
             return   # more experience will tell

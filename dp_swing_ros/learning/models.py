@@ -3,25 +3,29 @@
 """From stretches of experience to a learned model of a kind."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 import hashlib
 from importlib import import_module
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from dp_swing_ros.dynamics.files import LearnedModel
-from dp_swing_ros.dynamics.kinds import BlackBox, Learned, Residual
+from dp_swing_ros.dynamics.kinds import BlackBox, Learned, Residual, Structured
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.learning import priors
 from dp_swing_ros.learning.experience import Experience
-from dp_swing_ros.learning.regression import fitted, Posterior
+from dp_swing_ros.learning.quality import misses, rms
+from dp_swing_ros.learning.regression import FINE, fitted, Posterior, Prior, spread
 from dp_swing_ros.pendulum.equations import Pendulum
-from dp_swing_ros.pendulum.parameters import PendulumParameters
+from dp_swing_ros.pendulum.parameters import DIRECT, Drive
 
 DRAWS = 5            # other models that the experience allows
 PIECE = 5.0          # [s] of experience that is held out, or not, as one
 PIECES = 5           # at least, of which one is held out
 FEWEST = 40          # transitions of which something can be learned
+
+OnRound = Callable[[Learned], object]
 
 
 class Parts(NamedTuple):
@@ -51,40 +55,62 @@ def parted(stretches: Sequence[Experience], seed: int) -> Parts:
                  [each for i, each in enumerate(pieces) if i in held_out])
 
 
-def learned(kind: str, physical: PendulumParameters, parts: Parts, hidden: int, seed: int,
-            on_round: Callable[[Learned], object] = lambda _: None) -> LearnedModel:
+def learned(kind: str, known: Pendulum, parts: Parts, hidden: int, seed: int,
+            on_round: OnRound = lambda _: None, drive: Drive = DIRECT) -> LearnedModel:
     """
-    Learn a model of a kind; a residual one of the pendulum that is known.
+    Learn a model of a kind, where a pendulum is known, about.
 
-    Networks have so many hidden units. on_round is called with the dynamics again and again.
-    Raises FloatingPointError where nothing finite is found.
+    A residual model is of that pendulum, with frictions of any size. Of structured ones, one is
+    about it and one about nothing, and that is returned which predicts better what was held out.
+    Networks have so many hidden units. drive is the one by which the experience has its forces.
+    on_round is called with the dynamics again and again. Raises FloatingPointError where nothing
+    finite is found.
     """
-    seen, n = Experience.joined(parts.seen), physical.links
-    dynamics: Any
     if kind == 'structured':
-        dynamics, prior = priors.structured(n)
+        found = min((_structured(*about, parts, seed, on_round)
+                     for about in (priors.structured(known.links), priors.known(known))),
+                    key=lambda model: rms(model.dynamics, Experience.joined(parts.held_out)))
     else:
-        try:   # torch takes seconds to load, and who needs no network may do without
-            training = import_module('dp_swing_ros.learning.training')
-        except ModuleNotFoundError as error:
-            raise UserError(f'a network is trained by torch, and there is none ({error}); install '
-                            'it: pip install "dp_swing_ros[torch]"') from None
-        network = training.initial(n, hidden, training.Scales.of(seen), seed)
-        untrained = BlackBox(network) if kind == 'black_box' else (
-            Residual(Pendulum.of(physical), network))
-        dynamics = training.trained(untrained, seen, Experience.joined(parts.held_out), on_round)
-        prior = priors.last_layer(dynamics.network)
-    found = fitted(dynamics, seen, prior, on_round)
-    return model_of(dynamics, found, seen, np.random.default_rng(seed), {
-        'seconds': seen.duration, 'experience': fingerprint(seen), 'seed': seed})
+        found = _of_network(kind, known, parts, hidden, seed, on_round)
+    return replace(found, drive=drive)
 
 
-def model_of(dynamics: Learned, found: Posterior, seen: Experience, random: np.random.Generator,
-             about: dict[str, Any]) -> LearnedModel:
-    """Return the model that a fit to some experience has found."""
+def _structured(untold: Structured, prior: Prior, parts: Parts, seed: int,
+                on_round: OnRound) -> LearnedModel:
+    seen = Experience.joined(parts.seen)
+    found = fitted(untold.with_creep(FINE.creep), seen, prior, FINE.step, on_round)
+    return model_of(untold, found, seen, seed)
+
+
+def _of_network(kind: str, known: Pendulum, parts: Parts, hidden: int, seed: int,
+                on_round: OnRound) -> LearnedModel:
+    try:   # torch takes seconds to load, and who needs no network may do without
+        training = import_module('dp_swing_ros.learning.training')
+    except ModuleNotFoundError as error:
+        raise UserError(f'a network is trained by torch, and there is none ({error}); install it: '
+                        'pip install "dp_swing_ros[torch]"') from None
+    seen, held_out = map(Experience.joined, parts)
+    network = training.initial(known.links, hidden, training.Scales.of(seen), seed)
+    untrained: Residual | BlackBox = BlackBox(network)
+    if kind == 'residual':   # what is dry is no smooth function, and no network's to learn
+        untrained = Residual(known, network)
+        frictions = fitted(untrained.with_creep(FINE.creep), seen, priors.frictions(untrained),
+                           FINE.step)
+        untrained = untrained.with_free(frictions.mean)
+    trained = training.trained(untrained, seen, held_out, on_round)
+    found = fitted(trained.with_creep(FINE.creep), seen, priors.last_layer(trained), FINE.step,
+                   on_round)
+    return model_of(trained, found, seen, seed)
+
+
+def model_of(dynamics: Learned, found: Posterior, seen: Experience, seed: int) -> LearnedModel:
+    """Return the model that a fit of the free numbers of dynamics to some experience has found."""
+    dynamics = dynamics.with_free(found.mean)
     n = dynamics.links
-    return LearnedModel(dynamics.with_free(found.mean), found.draws(DRAWS, random), found.noise,
-                        np.abs(seen.variables[:, n:]).max(axis=0), about)
+    return LearnedModel(
+        dynamics, found.draws(DRAWS, np.random.default_rng(seed)), spread(misses(dynamics, seen)),
+        np.abs(seen.variables[:, n:]).max(axis=0),
+        {'seconds': seen.duration, 'experience': fingerprint(seen), 'seed': seed})
 
 
 def fingerprint(seen: Experience) -> str:

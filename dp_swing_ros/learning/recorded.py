@@ -4,6 +4,8 @@
 
 import numpy as np
 
+from dp_swing_ros.bags.episodes import reports_of
+from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.identification.recorded import Recorded
 from dp_swing_ros.identification.segments import is_usable
@@ -39,6 +41,19 @@ def stretches(found: Recorded) -> list[Experience]:
     X = np.hstack((Q, V))
     return [Experience.of_run(t[begin:end + 1], X[begin:end + 1], forces[begin:end])
             for begin, end in edges.reshape(-1, 2)]
+
+
+def believed_drive(bag: Bag, nominal: Drive) -> Drive:
+    """
+    Return delay and lag of the drive as the recorded mpc had them in the end.
+
+    It has no other gain and no bias: dynamics that are learned make up for these.
+    """
+    for report in reversed(reports_of(bag)):
+        if 'motor_time_constant' in report.values:
+            return Drive(float(report.values['actuation_delay']),
+                         float(report.values['motor_time_constant']))
+    return Drive(nominal.delay, nominal.time_constant)
 
 
 def mean_forces(drive: Drive, sent: Array, commands: Array, t: Array) -> Array:

@@ -35,6 +35,17 @@ FLOOR = 1e-4          # [m/s, rad/s] standard deviation of a residual at least
 LONGEST_STEP = 0.025  # [s] of the integrator
 
 
+class Precision(NamedTuple):
+    """How sharp dry friction is, and in which steps it is integrated for that."""
+
+    creep: float   # [m/s, rad/s]
+    step: float    # [s]
+
+
+# where things stick and slip, what is smooth would pass for inertia and gravity
+FINE = Precision(0.02, 0.005)
+
+
 class Prior(NamedTuple):
     """What is believed before any experience; shapes: mean, deviations and lowest (P,)."""
 
@@ -86,37 +97,39 @@ def follow(model, drive, X, U, h, steps, out):
             out[k, i] = x[i]
 
 
-def followed(dynamics: Any, seen: Experience, steps: int = 1) -> Array:
+def followed(dynamics: Any, seen: Experience, steps: int = 1,
+             step: float = LONGEST_STEP) -> Array:
     """
-    Return the states after so many transitions on end as dynamics have them.
+    Return the states after so many transitions on end as dynamics have them, in steps [s].
 
     Those are to follow one another. Shapes: -> (K - steps + 1, 2n + 2).
     """
     out = np.empty((max(len(seen.U) - steps + 1, 0), seen.X.shape[1]))
-    model = Model(dynamics, INTEGRATORS['rk4'], LONGEST_STEP)
+    model = Model(dynamics, INTEGRATORS['rk4'], step)
     follow(model, DIRECT, seen.X, seen.U, seen.h, steps, out)
     return out
 
 
-def predicted(dynamics: Any, seen: Experience) -> Array:
-    """Return the speeds after each transition (K, n + 1) as dynamics have them."""
-    speeds: Array = np.hsplit(followed(dynamics, seen), 2)[1]
+def predicted(dynamics: Any, seen: Experience, step: float = LONGEST_STEP) -> Array:
+    """Return the speeds after each transition (K, n + 1) as dynamics have them, in steps [s]."""
+    speeds: Array = np.hsplit(followed(dynamics, seen, step=step), 2)[1]
     return speeds
 
 
 def fitted(dynamics: Any, seen: Experience, prior: Prior,
+           step: float = LONGEST_STEP,
            on_round: Callable[[Any], object] = lambda _: None) -> Posterior:
     """
     Return what is believed of the free numbers of dynamics, from those that they have on.
 
-    on_round is called with the dynamics after each step. Raises FloatingPointError where nothing
-    finite is found.
+    step is that of the integrator [s]. on_round is called with the dynamics after each step.
+    Raises FloatingPointError where nothing finite is found.
     """
     half = seen.X.shape[1] // 2
     after = seen.Y[:, half:]
 
     def residuals(p: Array) -> Array:
-        return after - predicted(dynamics.with_free(p), seen)
+        return after - predicted(dynamics.with_free(p), seen, step)
 
     def loss(e: Array, p: Array) -> float:
         found = np.sum((e / noise) ** 2) + np.sum(((p - prior.mean) / prior.deviations) ** 2)
@@ -128,7 +141,7 @@ def fitted(dynamics: Any, seen: Experience, prior: Prior,
         e = residuals(p)
     noise = spread(e)
     for _ in range(ROUNDS):
-        A, b = normal_equations(dynamics, seen, prior, noise, p, e)
+        A, b = normal_equations(dynamics, seen, prior, noise, p, e, step)
         before = loss(e, p)
         while damping < LARGEST_DAMPING:
             change = bounded_solution(A + damping * np.diag(np.diag(A)), b, prior.lowest - p)
@@ -145,21 +158,21 @@ def fitted(dynamics: Any, seen: Experience, prior: Prior,
         on_round(dynamics.with_free(p))
         if settled:
             break
-    A, _ = normal_equations(dynamics, seen, prior, noise, p, e)
+    A, _ = normal_equations(dynamics, seen, prior, noise, p, e, step)
     if not np.all(np.isfinite(A)):
         raise FloatingPointError('the fit of the dynamics is not finite')
     return Posterior(p, cho_solve(cho_factor(A), np.eye(len(p))), noise)
 
 
 def normal_equations(dynamics: Any, seen: Experience, prior: Prior, noise: Array, p: Array,
-                     e: Array) -> tuple[Array, Array]:
+                     e: Array, step: float) -> tuple[Array, Array]:
     """Return A = Jᵀ Σ⁻¹ J + Λ⁻¹ (P, P) and b (P,) of a step A δ = b at p (P,)."""
     J = np.empty((e.size, len(p)))
     base = seen.Y[:, -e.shape[1]:] - e
     for i, deviation in enumerate(prior.deviations):
         moved = p.copy()
         moved[i] += DIFFERENCE * deviation
-        J[:, i] = ((predicted(dynamics.with_free(moved), seen) - base)
+        J[:, i] = ((predicted(dynamics.with_free(moved), seen, step) - base)
                    / (DIFFERENCE * deviation * noise)).ravel()
     of_prior = prior.deviations ** -2
     return (J.T @ J + np.diag(of_prior),

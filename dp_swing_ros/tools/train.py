@@ -19,7 +19,7 @@ from dp_swing_ros.identification.recorded import recorded
 from dp_swing_ros.learning.experience import Experience
 from dp_swing_ros.learning.models import learned, parted
 from dp_swing_ros.learning.quality import AHEAD, Errors, errors, rms
-from dp_swing_ros.learning.recorded import stretches
+from dp_swing_ros.learning.recorded import believed_drive, stretches
 from dp_swing_ros.pendulum.equations import Pendulum
 from dp_swing_ros.pendulum.state import joints, LINKS
 from dp_swing_ros.tables import aligned
@@ -61,6 +61,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _train(arguments: argparse.Namespace) -> int:
     bags = [Bag(path, arguments.partial, arguments.namespace) for path in arguments.bag]
     found = [recorded(bag, arguments.links) for bag in bags]
+    drive = believed_drive(bags[-1], found[-1].drive)
+    found = [each._replace(drive=drive) for each in found]
     known, began = found[0].physical, time.monotonic()
     for bag, each in zip(bags, found):
         if each.physical.links != known.links:
@@ -77,8 +79,8 @@ def _train(arguments: argparse.Namespace) -> int:
             bar.set_postfix_str(f'off by {course[-1][0]:.3g}, held out {course[-1][1]:.3g}')
             bar.update()
         try:
-            model = learned(arguments.kind, known, parts, arguments.hidden, arguments.seed,
-                            on_round)
+            model = learned(arguments.kind, Pendulum.of(known), parts, arguments.hidden,
+                            arguments.seed, on_round, drive)
         except (FloatingPointError, np.linalg.LinAlgError) as error:
             raise UserError(f'nothing can be learned from these bags: {error}; record a minute '
                             'that swings, is held and pushed') from None
@@ -88,7 +90,8 @@ def _train(arguments: argparse.Namespace) -> int:
         **model.about, 'bags': [path.name for path in arguments.bag],
         'errors': own.as_figures, 'errors of the equations': analytic.as_figures})
     print(table(own, analytic), *remarks(own, analytic), sep='\n')
-    print(*dict.fromkeys(each.times for each in found), sep='\n')
+    print(f'drive: {1e3 * drive.delay:.1f} ms of delay, {1e3 * drive.time_constant:.1f} ms of lag',
+          *dict.fromkeys(each.times for each in found), sep='\n')
     output = arguments.output or Path(f'{beside(arguments.bag[0], arguments.kind)}.json')
     print(*write(model, course, own, analytic, seen, output), sep='\n')
     print(f'{time.monotonic() - began:.1f} s of computing')

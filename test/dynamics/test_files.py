@@ -48,6 +48,7 @@ def without(name):
     (changed(noise=[1.0, 'a', 2.0]), 'could not convert'),
     (changed(draws=[[1.0]]), r'\(1, 1\); expected finite ones, \(1, 68\)'),
     (changed(dynamics={}), 'incomplete'),
+    (changed(delay=-0.1), 'delay is -0.1 s; expected 0 to 0.5 s'),
     (without('largest'), 'incomplete'),
     (model_of(LEARNED['structured']()).to_text().replace('5.0', 'NaN', 1), 'no finite number'),
     (model_of(LEARNED['structured']()).to_text().replace('5.0', '1e999', 1), 'finite'),

@@ -2,11 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Models of each kind from some seconds of motion, and how good they are said to be."""
 
-from learned_dynamics import BODIES, experience, of_chain
+from learned_dynamics import BODIES, experience
 import numpy as np
 import pytest
 
 from dp_swing_ros.dynamics.files import load
+from dp_swing_ros.dynamics.kinds import Structured
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.learning.experience import Experience
 from dp_swing_ros.learning.models import learned, parted
@@ -14,7 +15,7 @@ from dp_swing_ros.learning.quality import AHEAD, doubt, errors
 from dp_swing_ros.pendulum.equations import Pendulum
 from dp_swing_ros.pendulum.parameters import PendulumParameters
 
-TRUE = PendulumParameters(**BODIES)   # but for what nobody has told
+TRUE = Pendulum.of(PendulumParameters(**BODIES))   # but for what nobody has told
 UNTOLD = {'cart_dry_friction': 2.0, 'joint1_friction': 0.1}
 
 
@@ -43,7 +44,7 @@ def test_a_model_of_each_kind_is_better_than_wrong_equations(kind):
     assert model.kind == kind and model.draws.shape == (5, len(model.dynamics.free))
     assert len(rounds) > 3 and isinstance(rounds[-1], type(model.dynamics))
     own, wrong = (np.linalg.norm(errors(each, parts.held_out).speeds)
-                  for each in (model.dynamics, Pendulum.of(TRUE)))
+                  for each in (model.dynamics, TRUE))
     assert own < (3.0 if kind == 'black_box' else 0.8) * wrong   # a network alone takes longer
     again = learned(kind, TRUE, parts, hidden=8, seed=0)
     assert again.to_text() == model.to_text() == load(model.to_text(), 2).to_text()
@@ -52,12 +53,12 @@ def test_a_model_of_each_kind_is_better_than_wrong_equations(kind):
 
 def test_errors_of_the_truth_are_those_of_the_integrator():
     seen = experience(5.0)
-    found = errors(of_chain(TRUE), [seen, seen.chosen(np.arange(AHEAD - 1))])
+    found = errors(Structured.of(TRUE), [seen, seen.chosen(np.arange(AHEAD - 1))])
     assert np.all(found.speeds < 1e-2)
     assert len(found.ahead) == len(seen.U) - AHEAD + 1
     assert np.median(found.ahead) < 0.1 and found.ahead.max() <= np.pi   # it is chaotic
     assert set(found.as_figures) == {'speeds', 'ahead_median', 'ahead_p95'}
-    assert set(errors(of_chain(TRUE), [seen.chosen(np.arange(5))]).as_figures) == {'speeds'}
+    assert set(errors(Structured.of(TRUE), [seen.chosen(np.arange(5))]).as_figures) == {'speeds'}
 
 
 def test_members_differ_more_where_nothing_was_seen():
