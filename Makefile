@@ -45,7 +45,7 @@ evaluate: setup  ## run a campaign of episodes without ROS (EVALUATE='...' for i
 	@$(WITH_ROS) && ros2 run dp_swing_ros evaluate $(EVALUATE)
 
 results: setup $(if $(filter benchmark hard optimum oracle,$(or $(PAGES),oracle)),$(VENV)/.peers)
-results: $(if $(filter rig,$(PAGES)),$(VENV)/.installed-rig)
+results: $(if $(filter rig learned_rigs,$(PAGES)),$(VENV)/.installed-rig)
 results: $(if $(filter console,$(PAGES)),$(VENV)/.installed-test)
 results: $(if $(filter suites,$(or $(PAGES),suites)),$(SUITES)/.installed)
 results:  ## every published figure anew, in five hours (PAGES='random robustness' for some)

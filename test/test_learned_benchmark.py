@@ -3,9 +3,11 @@
 """The page of learned dynamics, of few seeds."""
 
 import learned
+import learned_rigs
 import numpy as np
 import pandas as pd
 import pytest
+from rig import Rig
 
 from dp_swing_ros.pendulum.state import hanging, upright
 
@@ -27,6 +29,18 @@ def test_a_log_tells_enough_to_hold():
     assert all(row.metrics.success for row in rows)
     text = learned.of_log(rows)
     assert text.count('1 of 1') == 4 and 'Everything was held' in text
+
+
+def test_a_rig_is_held_by_what_its_swing_ups_have_taught():
+    pytest.importorskip('mujoco')
+    case, = Rig('rig_gain').cases(range(1))
+    rows = learned_rigs.played(case, ['structured'])
+    assert [row.key.contestant for row in rows] == [
+        'equations, estimator', 'equations alone', 'structured, 1 swing-up',
+        'structured, 5 swing-ups', 'told']
+    assert all(row.metrics.success for row in rows)
+    text = learned_rigs.page(rows, 'made\n')
+    assert text.count('1 of 1') == 5 and '| `rig_gain` | told | 1 of 1' in text
 
 
 def test_the_tip_is_in_its_place_within_a_tenth_of_a_metre():
