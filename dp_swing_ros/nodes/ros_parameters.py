@@ -24,7 +24,7 @@ from std_msgs.msg import String
 from dp_swing_ros.messages.configuration import Configuration
 from dp_swing_ros.nodes.connections import publish
 from dp_swing_ros.nodes.parameters import shown
-from dp_swing_ros.parameters import checked, expected, LARGEST, ParameterError, unknown
+from dp_swing_ros.parameters import checked, expected, LARGEST, ParameterError, SHOWN, unknown
 from dp_swing_ros.parameters.files import ANY_NODE, QOS_OVERRIDES, sections
 from dp_swing_ros.provenance import commit, machine, package_version, packages, sources
 from dp_swing_ros.topics import CONFIGURATION
@@ -84,12 +84,19 @@ def let_change(node: Node, fields: Mapping[str, dataclasses.Field], values: Mapp
             return SetParametersResult(successful=False, reason=str(error))
         for name, value in asked.items():
             if value != current[name]:
-                node.get_logger().info(f'{name} is {value} now; it was {current[name]}')
+                node.get_logger().info(f'{name} is {short(value)} now; it was '
+                                       f'{short(current[name])}')
         current.update(asked)
         return SetParametersResult(successful=True)
 
     node.add_pre_set_parameters_callback(with_numbers)
     node.add_on_set_parameters_callback(on_set)
+
+
+def short(value: Any) -> str:
+    """Return a value as text for a log; that of a learned model may be long."""
+    text = str(value)
+    return text if len(text) <= SHOWN else f'{text[:SHOWN]}...'
 
 
 def _numbers(field: dataclasses.Field, value: Any) -> Any:

@@ -3,10 +3,11 @@
 """`ros2 run dp_swing_ros learn`: from limits alone to a pendulum that is held."""
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 import math
 from pathlib import Path
 import time
+from typing import Any
 
 from tqdm import tqdm
 
@@ -21,6 +22,8 @@ from dp_swing_ros.tools.command_lines import (
     dated, execute, FAILED, new_folder, OK, program, within)
 
 TOTAL, HOLD = 60.0, 2.0   # [s]
+
+Show = Callable[[float, float], object]   # of the experience so far [s], and the deviation [rad]
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -38,9 +41,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument('--params', type=Path, metavar='FILE', action='append', default=[],
                         help='YAML file with parameters of the plant, bodies and noises too, and '
                              'of an mpc, whose own bodies do not matter')
-    parser.add_argument('--trial', type=within(float, 1.0), metavar='SECONDS',
+    breaks = parser.add_mutually_exclusive_group()
+    breaks.add_argument('--trial', type=within(float, 1.0), metavar='SECONDS',
                         help='of a trial, after which the pendulum hangs again (default: it goes '
                              'on without a break)')
+    breaks.add_argument('--live', action='store_true',
+                        help='what moves is no simulation but a plant that runs, ours or any; its '
+                             'forces come from this process and then from an mpc that it starts')
     parser.add_argument('--first', type=within(float, 0.5), default=FIRST, metavar='SECONDS',
                         help='of random forces (default: %(default)g)')
     parser.add_argument('--total', type=within(float, 1.0), default=TOTAL, metavar='SECONDS',
@@ -57,30 +64,51 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _learn(arguments: argparse.Namespace) -> int:
     values = configuration.read(map(locate, arguments.params))
     plant = {**values['plant'], 'seed': arguments.seed}
-    learner = Learner({**values['mpc'], 'solver': arguments.solver, 'seed': arguments.seed},
-                      arguments.first)
-    configuration.plant(plant)   # refused before a folder is made
+    mpc = {**values['mpc'], 'solver': arguments.solver, 'seed': arguments.seed}
+    configuration.controller(mpc)   # refused before a folder is made
+    configuration.plant(plant)
     folder = new_folder(arguments.output or Path('runs', dated(f'learn_{arguments.solver}')))
     print(f'{arguments.solver}, {arguments.first:g} s of random forces first -> {folder}',
           flush=True)
-    done, began = list[Trial](), time.monotonic()
+    began = time.monotonic()
     with tqdm(total=arguments.total, leave=False, disable=None,
               bar_format='{n:5.1f}/{total:g} s |{bar}| {desc}') as bar:
         def show(experience: float, off: float) -> None:
             bar.n = experience
             bar.set_description_str(f'{off:.2f} rad off')
-
-        for trial in trials(learner, plant, arguments.trial or math.inf, arguments.total,
-                            arguments.hold, show):
-            done.append(trial)
-            bar.clear()
-            print(line(trial), flush=True)
+        if arguments.live:
+            model, done = _live(arguments, mpc, folder, show)
+        else:
+            model, done = _simulated(arguments, mpc, plant, show)
     held = bool(done) and done[-1].held >= arguments.hold
-    if learner.model is not None:
-        print(*write(learner.model, done, arguments.first, folder), sep='\n')
-    print(f'{"held" if held else "not held"} after {learner.duration:.1f} s of experience, '
+    if model is not None:
+        print(*write(model, done, arguments.first, folder), sep='\n')
+    print(f'{"held" if held else "not held"} after '
+          f'{done[-1].experience[-1] if done else 0.0:.1f} s of experience, '
           f'{time.monotonic() - began:.1f} s of computing')
     return OK if held else FAILED
+
+
+def _simulated(arguments: argparse.Namespace, mpc: Mapping[str, Any], plant: Mapping[str, Any],
+               show: Show) -> tuple[LearnedModel | None, list[Trial]]:
+    learner, done = Learner(mpc, arguments.first), list[Trial]()
+    for trial in trials(learner, plant, arguments.trial or math.inf, arguments.total,
+                        arguments.hold, show):
+        done.append(trial)
+        tqdm.write(line(trial))
+    return learner.model, done
+
+
+def _live(arguments: argparse.Namespace, mpc: Mapping[str, Any], folder: Path,
+          show: Show) -> tuple[LearnedModel | None, list[Trial]]:
+    # ROS is slow to load, and the simulation does without
+    from dp_swing_ros.tools.live_learning import learning, LiveLearner
+    from dp_swing_ros.tools.tool_node import tool_node
+    with tool_node('learn') as node:
+        learner = LiveLearner(node, mpc)
+        trial = learning(learner, arguments, folder, show)
+    tqdm.write(line(trial))
+    return learner.model, [trial]
 
 
 def line(trial: Trial) -> str:

@@ -5,8 +5,12 @@
 from PIL import Image
 import pytest
 
+from dp_swing_ros.bags.episodes import revisions_of
+from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.dynamics.files import load
+from dp_swing_ros.tools import live_learning
 from dp_swing_ros.tools.learn import main
+from dp_swing_ros.topics import FORCE_COMMAND
 
 PLANT = ('/**:\n  ros__parameters: {cart_mass: 0.5, link1_length: 0.6, link2_length: 0.6}\n'
          'plant:\n  ros__parameters: {position_noise: 0.01, velocity_noise: 0.01}\n')
@@ -32,7 +36,52 @@ def test_what_is_not_held_is_said_and_what_was_learned_is_left(tmp_path, capsys)
     assert (tmp_path / 'learned' / 'model.json').exists()
 
 
+def test_a_plant_that_runs_is_held_by_an_mpc_whose_model_is_learned(
+        start_node, tmp_path, monkeypatch, capsys):
+    """In lockstep, so that a busy machine is fast enough."""
+    monkeypatch.chdir(tmp_path)
+    file, bag = tmp_path / 'plant.yaml', tmp_path / 'bag'
+    file.write_text(PLANT)
+    logger = start_node('logger', {'output': str(bag)})
+    logger.wait_for('recording to')
+    plant = start_node('plant', {'lockstep': True}, ['--params-file', str(file)])
+    plant.wait_for('waiting for a controller')
+    assert main(['--live', '--total', '40', '-o', 'learned']) == 0
+    out = capsys.readouterr().out
+    assert 'held after ' in out and 'not held' not in out
+    assert (plant.stop(), logger.stop()) == (0, 0)
+    model = load(str(tmp_path / 'learned' / 'model.json'), 2)
+    assert 5.0 < model.about['seconds'] < 40.0
+    # it was learned again, and the mpc planned with that too
+    models = {each.parameters['model'] for each in revisions_of(Bag(bag))['mpc'].values()}
+    assert len(models) > 1
+    log = (tmp_path / 'learned' / 'mpc.log').read_text()
+    assert 'model is {"format"' in log and max(map(len, log.splitlines())) < 1000
+    assert Bag(bag).of(FORCE_COMMAND)[-1].data == 0.0
+
+
+@pytest.mark.real_time
+def test_a_plant_in_real_time_is_held_too(start_node, tmp_path, capsys):
+    start_node('plant', {'link2_mass': 0.7}).wait_for('states a second')
+    assert main(['--live', '--total', '60', '-o', str(tmp_path / 'learned')]) == 0
+    assert 'held after ' in capsys.readouterr().out
+
+
+def test_where_nothing_runs_it_says_so(monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr(live_learning, 'SILENCE', 1.0)
+    assert main(['--live', '-o', str(tmp_path / 'learned')]) == 2
+    assert 'no state on joint_states for 1 s; start a plant' in capsys.readouterr().err
+
+
+def test_there_is_one_master(start_node, tmp_path, capsys):
+    start_node('mpc').wait_for('ready')
+    start_node('plant').wait_for('states a second')
+    assert main(['--live', '-o', str(tmp_path / 'learned')]) == 2
+    assert '/mpc on force_command, too; end it' in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(('arguments', 'words'), [
+    (['--live', '--trial', '5'], 'not allowed with'),
     (['--solver', 'none'], 'invalid choice'), (['--first', '0'], 'at least 0.5')])
 def test_misuse_is_refused(arguments, words, capsys):
     with pytest.raises(SystemExit, match='2'):

@@ -1,0 +1,233 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Learning over running nodes: whatever publishes states, and an mpc.
+
+A node of its own sends random forces first. Then an mpc plans with what was learned of them, and
+this node hears states and forces, learns from all of them, and sets the mpc's model.
+"""
+
+from argparse import Namespace
+from collections.abc import Callable, Mapping
+from pathlib import Path
+import time
+from typing import Any
+
+import numpy as np
+from rcl_interfaces.srv import SetParametersAtomically
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.task import Future
+from std_msgs.msg import Float64
+
+from dp_swing_ros import configuration
+from dp_swing_ros.dynamics.files import LearnedModel
+from dp_swing_ros.dynamics.kinds import Learned
+from dp_swing_ros.errors import UserError
+from dp_swing_ros.identification.recorded import APART, Recorded
+from dp_swing_ros.identification.segments import Motion
+from dp_swing_ros.learning.experience import Experience
+from dp_swing_ros.learning.learner import Explorer, LEARNING
+from dp_swing_ros.learning.models import model_of
+from dp_swing_ros.learning.priors import structured
+from dp_swing_ros.learning.recorded import stretches
+from dp_swing_ros.learning.regression import fitted
+from dp_swing_ros.learning.trials import held_for, Trial
+from dp_swing_ros.messages.fields import BILLION, seconds, to_state
+from dp_swing_ros.nodes.connections import owners, publish, QUEUE, subscribe
+from dp_swing_ros.parameters import group
+from dp_swing_ros.parameters.files import locate
+from dp_swing_ros.pendulum.model import ROUNDING
+from dp_swing_ros.pendulum.parameters import DIRECT
+from dp_swing_ros.pendulum.sensors import SensorParameters
+from dp_swing_ros.pendulum.state import Array, deviation
+from dp_swing_ros.problem.parameters import ANALYTIC, LEARNED
+from dp_swing_ros.tools.processes import Crew
+from dp_swing_ros.topics import FORCE_COMMAND, FORCE_COMMAND_STAMPED, JOINT_STATES
+
+MPC = 'mpc'
+POLL = 0.05      # [s]
+MEETING = 1.0    # [s] for nodes to find each other
+SILENCE = 10.0   # [s] without a state, after which nobody seems to send any
+LONGEST = 0.5    # [s] between two states; beyond, it is no experience
+
+
+class LiveLearner:
+    """Hears states and forces, sends random ones until it has learned, and keeps a model."""
+
+    def __init__(self, node: Node, values: Mapping[str, Any]) -> None:
+        """Take a node, and the parameters of the mpc; raises ParameterError."""
+        self.node, values = node, configuration.complete(MPC, values)
+        self.problem = configuration.problem({**values, 'dynamics': ANALYTIC, 'model': 'rk4'})
+        self.links, self.sensors = values['links'], group(SensorParameters, values)
+        self.seed: int = values['seed']
+        self.explorer = Explorer(self.problem.u_max, np.random.default_rng(self.seed))
+        self.dynamics: Learned
+        self.dynamics, self.prior = structured(self.links)
+        self.model: LearnedModel | None = None
+        self.explores = self.acts = False   # itself, and the mpc
+        self.t, self.X = list[float](), list[Array]()             # of the states [s]
+        self.at = list[float]()                                   # [s] of experience until each
+        self.sent, self.commands = list[float](), list[float]()   # of the forces [s], [N]
+        self.learned = 0.0                                        # [s] of experience
+        self.is_simulated = False                                 # the time of the stamps
+        self.answer: Future | None = None
+        self.newest: tuple[Any, Mapping[str, int]] | None = None   # state, and what came with it
+        fitted(self.dynamics, some(self.links), self.prior)       # compiles
+        self.forces = publish(node, FORCE_COMMAND)
+        self.client = node.create_client(SetParametersAtomically,
+                                         f'{MPC}/set_parameters_atomically')
+        subscribe(node, FORCE_COMMAND_STAMPED, self.on_force, depth=QUEUE)
+        subscribe(node, JOINT_STATES, self.on_state, depth=QUEUE, sensor=True)
+        self.executor = SingleThreadedExecutor(context=node.context)
+        self.executor.add_node(node)
+        self.heard = time.monotonic()
+
+    def on_state(self, message: Any, info: Mapping[str, int]) -> None:
+        """Keep a state that is followed by a force; at first a random one answers it."""
+        self.heard, self.newest = time.monotonic(), (message, info)
+        t = seconds(message.header.stamp)
+        if not (self.explores or self.acts) or self.t and t < self.t[-1]:
+            return
+        if self.t and t == self.t[-1]:   # in lockstep, one again that nobody has answered
+            if self.explores:
+                self.forces.publish(Float64(data=self.commands[-1]))
+            return
+        x = to_state(message, self.links, self.sensors)
+        if not np.all(np.isfinite(x)):
+            raise UserError(f'the state is {x}; to learn while it runs takes positions and '
+                            'speeds that are measured')
+        passed = t - self.t[-1] if self.t else 0.0
+        self.at.append(self.duration + (passed if passed < LONGEST else 0.0))
+        self.t.append(t)
+        self.X.append(x)
+        # a stamp may be of simulated time: then a force counts from the state that it answers
+        self.is_simulated = abs(info['source_timestamp'] / BILLION - t) > APART
+        if self.explores:
+            force = self.explorer.force(x)
+            self.forces.publish(Float64(data=force))
+            self.keep(t, time.time(), force)
+
+    def on_force(self, message: Any, info: Mapping[str, int]) -> None:
+        """Keep a force of the mpc."""
+        self.acts = True
+        self.keep(seconds(message.header.stamp), info['source_timestamp'] / BILLION,
+                  message.effort[0])
+
+    def keep(self, answered: float, sent: float, force: float) -> None:
+        """Keep a force [N] that was sent at a time [s] and answers the state of another."""
+        self.sent.append(answered if self.is_simulated else sent)
+        self.commands.append(force)
+
+    def listen(self, duration: float) -> None:
+        """Take what comes for a time [s]; raises UserError where no states do."""
+        end = time.monotonic() + duration
+        while (left := end - time.monotonic()) > 0:
+            self.executor.spin_once(timeout_sec=left)
+        if time.monotonic() - self.heard > SILENCE:
+            raise UserError(f'no state on {JOINT_STATES.name} for {SILENCE:g} s; start a plant, '
+                            'in the same ROS domain')
+
+    def explore(self) -> None:
+        """Send random forces from now on, in answer to the last state, too."""
+        self.explores = True
+        if self.newest is not None:   # a plant in lockstep waits
+            self.on_state(*self.newest)
+
+    def masters(self) -> set[str]:
+        """Return the nodes that send forces, too."""
+        return owners(self.node, FORCE_COMMAND) - {self.node.get_fully_qualified_name()}
+
+    @property
+    def duration(self) -> float:
+        """Return how long the experience is [s]."""
+        return self.at[-1] if self.at else 0.0
+
+    def experience(self) -> Experience:
+        """Return what there is to learn from; raises UserError where there is nothing."""
+        order = np.argsort(self.sent, kind='stable')
+        Q, V = np.hsplit(np.array(self.X), 2)
+        Q[:, 1:] = np.unwrap(Q[:, 1:], axis=0)
+        motion = Motion(np.array(self.t), Q, np.array(self.sent)[order],
+                        np.array(self.commands)[order], np.empty(0),
+                        self.problem.given[0].track_limit)
+        return Experience.joined(stretches(Recorded(
+            motion, V, '', self.problem.physical, DIRECT)))
+
+    def learn(self) -> bool:
+        """Learn from all that was heard, if that is due; return whether there is a new model."""
+        if self.duration - self.learned < LEARNING - ROUNDING:
+            return False
+        self.learned, seen = self.duration, self.experience()
+        try:
+            found = fitted(self.dynamics, seen, self.prior)
+            self.model = model_of(self.dynamics, found, seen, self.seed)
+        except (FloatingPointError, np.linalg.LinAlgError):
+            return False   # more experience will tell
+        self.dynamics = self.model.dynamics
+        return True
+
+    def hand_over(self) -> None:
+        """Set the model of the mpc, unless that is still at the one before."""
+        if self.answer is not None:
+            if not self.answer.done():
+                return
+            result = self.answer.result().result
+            if not result.successful:
+                raise UserError(f'the mpc refused a model: {result.reason}')
+        if self.model is not None and self.client.service_is_ready():
+            self.answer = self.client.call_async(SetParametersAtomically.Request(parameters=[
+                Parameter('model', value=self.model.to_text()).to_parameter_msg()]))
+
+    def so_far(self) -> Trial:
+        """Return what came of all experience so far, of two states at least."""
+        X = np.array(self.X)
+        off = deviation(X, self.problem.x_r)
+        period = float(np.median(np.diff(self.t)))
+        return Trial(1, np.array(self.at), X, off, held_for(off, period),
+                     np.empty(0) if self.model is None else self.model.noise)
+
+
+def some(links: int) -> Experience:
+    """Return a little experience, of nothing."""
+    X = np.random.default_rng(0).normal(size=(20, 2 * links + 2))
+    return Experience(X, X, np.zeros(20), np.full(20, 0.05))
+
+
+def learning(learner: LiveLearner, arguments: Namespace, folder: Path,
+             show: Callable[[float, float], object]) -> Trial:
+    """
+    Learn as the arguments of `learn` ask, until it is held; return what came of it.
+
+    Raises UserError where somebody else sends forces, or where nobody sends states.
+    """
+    learner.listen(MEETING)
+    if others := learner.masters():
+        raise UserError(f'{" and ".join(sorted(others))} on {FORCE_COMMAND.name}, too; end it, '
+                        'for there is to be one master')
+    learner.explore()
+    while learner.duration < arguments.first:
+        learner.listen(POLL)
+        if learner.t:
+            show(learner.duration, float(deviation(learner.X[-1], learner.problem.x_r)))
+    learner.explores = False
+    if not learner.learn():
+        raise UserError('the random forces say too little of what they move; give it more of '
+                        'them (--first)')
+    assert learner.model is not None
+    first = folder / 'first_model.json'
+    first.write_text(learner.model.to_text(), encoding='utf-8')
+    with Crew() as crew:
+        mpc = crew.start(MPC, {'dynamics': LEARNED, 'model': str(first.resolve()),
+                               'solver': arguments.solver, 'seed': arguments.seed},
+                         folder / 'mpc.log', map(locate, arguments.params))
+        trial = learner.so_far()
+        while trial.held < arguments.hold and learner.duration < arguments.total:
+            learner.listen(POLL)
+            mpc.check()
+            if learner.acts and learner.learn():
+                learner.hand_over()
+            trial = learner.so_far()
+            show(learner.duration, float(trial.deviation[-1]))
+    return trial
