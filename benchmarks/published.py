@@ -141,7 +141,7 @@ PAGES = {
     'paper': of_script('paper', 7, 'paper.py', sources=lambda: seeded.sources('paper')),
     'real_time': of_script('real_time', 9, 'real_time.py', 'campaigns.py'),
     'foreign': of_script('foreign', 26, 'foreign.py', 'foreign_plant.py'),
-    'live_changes': of_script('live_changes', 14, *live_changes.FILES),
+    'live_changes': of_script('live_changes', 16, *live_changes.FILES),
     'live_faults': of_script('live_faults', 34, *live_faults.FILES),
     'live_rates': of_script('live_rates', 48, *live_rates.FILES),
     'live_busy': of_script('live_busy', 63, *live_busy.FILES),

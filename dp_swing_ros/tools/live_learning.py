@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 from rcl_interfaces.srv import SetParametersAtomically
+from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -48,6 +49,7 @@ from dp_swing_ros.topics import FORCE_COMMAND, FORCE_COMMAND_STAMPED, JOINT_STAT
 
 MPC = 'mpc'
 POLL = 0.05      # [s]
+DELIVERY = 0.3   # [s] at most for a last force to arrive
 MEETING = 1.0    # [s] for nodes to find each other
 SILENCE = 10.0   # [s] without a state, after which nobody seems to send any
 LONGEST = 0.5    # [s] between two states; beyond, it is no experience
@@ -135,6 +137,12 @@ class LiveLearner:
         if self.newest is not None:   # a plant in lockstep waits
             self.on_state(*self.newest)
 
+    def rest(self) -> None:
+        """End the random forces, with zero."""
+        self.explores = False
+        self.forces.publish(Float64(data=0.0))
+        self.forces.wait_for_all_acked(Duration(seconds=DELIVERY))
+
     def masters(self) -> set[str]:
         """Return the nodes that send forces, too."""
         return owners(self.node, FORCE_COMMAND) - {self.node.get_fully_qualified_name()}
@@ -207,11 +215,13 @@ def learning(learner: LiveLearner, arguments: Namespace, folder: Path,
         raise UserError(f'{" and ".join(sorted(others))} on {FORCE_COMMAND.name}, too; end it, '
                         'for there is to be one master')
     learner.explore()
-    while learner.duration < arguments.first:
-        learner.listen(POLL)
-        if learner.t:
-            show(learner.duration, float(deviation(learner.X[-1], learner.problem.x_r)))
-    learner.explores = False
+    try:
+        while learner.duration < arguments.first:
+            learner.listen(POLL)
+            if learner.t:
+                show(learner.duration, float(deviation(learner.X[-1], learner.problem.x_r)))
+    finally:
+        learner.rest()
     if not learner.learn():
         raise UserError('the random forces say too little of what they move; give it more of '
                         'them (--first)')
