@@ -29,6 +29,7 @@ REPORT_PERIOD = 1.0  # [s] between two diagnostics
 PATIENCE = 2.0       # [s] at most for subscriptions to be found before the first state
 NEWCOMER_PERIOD = 0.1  # [s] between two looks for a controller that joins a lockstep
 MEETING = 0.3        # [s] until it hears what is sent to it: discovery goes one way at a time
+CATCHING_UP = 3.0  # [s] at most for the others to hear all, at the end of a lockstep
 REAL_TIME = 'real time cannot be stopped; start the plant with lockstep:=true'
 
 
@@ -51,6 +52,8 @@ class PlantNode(ProcessNode):
         self.plant = configuration.plant(self.values)
         self.parameters = self.plant.parameters
         self.period = 1 / self.parameters.rate
+        if self.parameters.lockstep:   # which may be far ahead of who only listens
+            self.delivery = CATCHING_UP
         self.revision, self.since = 0, 0   # how often the parameters have changed, and when [ns]
         self.resets = 0
         self.ticks: Timer | None = None

@@ -42,7 +42,7 @@ from dp_swing_ros.nodes.ros_parameters import refuse_unknown
 from dp_swing_ros.parameters import ParameterError
 
 POLL = 0.05  # [s] a signal is seen after this time at the latest
-DELIVERY = 3.0  # [s] at most for messages to arrive where a subscription has stalled, or is dead
+DELIVERY = 0.3  # [s] at most for the last messages to arrive
 TEARDOWN = 2  # [s] at most for the middleware's end
 
 CLOCK_MONOTONIC, SIGEV_THREAD = 1, 2  # of Linux
@@ -55,6 +55,7 @@ class ProcessNode(Node):
 
     done: bool = False
     linger: float = 0.0  # [s] callbacks go on for this time after the end
+    delivery: float = DELIVERY     # [s] at most for its last messages, where it ends by itself
     thread_priority: int = 0       # once it is prepared: see SchedulingParameters
     lane: FastLane | None = None   # for what comes often, if anything does
 
@@ -204,7 +205,7 @@ def _live(node: ProcessNode, signals: _Signals) -> None:
     finally:
         node.close()
         # A publisher takes messages with it that nobody has confirmed yet, as the last command.
-        limit = time.monotonic() + DELIVERY
+        limit = time.monotonic() + (node.delivery if node.done else DELIVERY)
         for publisher in node.publishers:
             publisher.wait_for_all_acked(Duration(seconds=max(0.0, limit - time.monotonic())))
 
