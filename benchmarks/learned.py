@@ -28,20 +28,18 @@ from dp_swing_ros.evaluation.campaign.report import (
 from dp_swing_ros.evaluation.campaign.rows import grouped, Row, solves, store
 from dp_swing_ros.evaluation.campaign.summary import common, duel, Failure, why
 from dp_swing_ros.evaluation.comparison import median, rate
-from dp_swing_ros.evaluation.scenarios import SCENARIOS
+from dp_swing_ros.evaluation.scenarios import PERIOD, SCENARIOS
 from dp_swing_ros.evaluation.soak import OUT
 from dp_swing_ros.figures.style import legend, OWN, solver_name, styled
-from dp_swing_ros.identification.recorded import Recorded
-from dp_swing_ros.identification.segments import Motion
 from dp_swing_ros.learning.experience import Experience
 from dp_swing_ros.learning.learner import FIRST, Learner
 from dp_swing_ros.learning.models import learned, parted
 from dp_swing_ros.learning.quality import AHEAD, errors
-from dp_swing_ros.learning.recorded import stretches
+from dp_swing_ros.learning.recorded import stretches_of
 from dp_swing_ros.learning.trials import held_for, trials
 from dp_swing_ros.pendulum.equations import Pendulum
 from dp_swing_ros.pendulum.geometry import joint_positions
-from dp_swing_ros.pendulum.parameters import DIRECT, PendulumParameters
+from dp_swing_ros.pendulum.parameters import PendulumParameters
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.simulation.closed_loop import simulate
 from dp_swing_ros.tables import compact
@@ -80,8 +78,7 @@ def tip_for(X: Array) -> float:
     """Return for how long [s] the tip has been in its place at the end of states (K, 2n + 2)."""
     lengths = PendulumParameters(**BODIES).lengths
     off = joint_positions(X, lengths)[:, -1] - (0.0, sum(lengths))
-    beyond = np.flatnonzero(np.linalg.norm(off, axis=1) > TIP)
-    return float(len(X) - 1 - (beyond[-1] if len(beyond) else -1)) / 20
+    return held_for(np.linalg.norm(off, axis=1), PERIOD, TIP)
 
 
 def without_break(solver: str, seed: int) -> dict[str, Any]:
@@ -99,9 +96,7 @@ def logged(plant: dict[str, Any], duration: float, seed: int) -> list[Experience
     simulate(configuration.plant({**plant, 'seed': seed}), learner, duration)
     X, _, U, h = map(np.array, zip(*learner.experience))
     t = np.append(0.0, np.cumsum(h[:-1]))
-    Q, V = np.hsplit(X, 2)
-    motion = Motion(t, Q, t, U, np.empty(0), learner.nominal.given[0].track_limit)
-    return stretches(Recorded(motion, V, '', PendulumParameters(), DIRECT))
+    return stretches_of(t, X, t, U, learner.nominal.given[0].track_limit)
 
 
 def by_log(seed: int, solvers: Sequence[str] = tuple(METHODS)) -> list[Row]:

@@ -26,11 +26,9 @@ from dp_swing_ros.evaluation.campaign.rows import grouped, Row, store
 from dp_swing_ros.evaluation.campaign.summary import common, duel
 from dp_swing_ros.evaluation.comparison import median, rate
 from dp_swing_ros.evaluation.scenarios import Case
-from dp_swing_ros.identification.recorded import Recorded
-from dp_swing_ros.identification.segments import Motion
 from dp_swing_ros.learning.experience import Experience
 from dp_swing_ros.learning.models import learned, parted
-from dp_swing_ros.learning.recorded import stretches
+from dp_swing_ros.learning.recorded import stretches_of
 from dp_swing_ros.pendulum.equations import Pendulum
 from dp_swing_ros.pendulum.parameters import Drive, PendulumParameters
 from dp_swing_ros.pendulum.state import Array
@@ -71,12 +69,8 @@ class Watched:
 
     def experience(self, drive: Drive) -> list[Experience]:
         """Return what there is to learn from, by a drive."""
-        Q, V = np.hsplit(np.array(self.X), 2)
-        t = np.array(self.t)
-        Q[:, 1:] = np.unwrap(Q[:, 1:], axis=0)
-        limit = self.controller.nominal.given[0].track_limit
-        return stretches(Recorded(Motion(t, Q, t, np.array(self.U), np.empty(0), limit), V, '',
-                                  self.controller.nominal.physical, drive))
+        t, X, U = map(np.array, (self.t, self.X, self.U))
+        return stretches_of(t, X, t, U, self.controller.nominal.given[0].track_limit, drive)
 
 
 def swing_up(case: Case, seed: int) -> Watched:

@@ -301,7 +301,7 @@ class RecedingHorizon:
             raise ValueError(f'the state is {x}, without velocities; estimator ekf does without')
         self.message_filter.believe(measured, x)
         self.t, self.x = t, x
-        self.choose_dynamics(measured, predicted)
+        self.choose_dynamics(x, measured, predicted)
         return x
 
     def predict_learned(self, t: float) -> Array | None:
@@ -310,12 +310,12 @@ class RecedingHorizon:
             return None
         return self.forces.predict(self.nominal.model, self.drive, self.x, self.t, t)[0]
 
-    def choose_dynamics(self, measured: Array, predicted: Array | None) -> None:
+    def choose_dynamics(self, x: Array, measured: Array, predicted: Array | None) -> None:
         """Judge a learned model, if there is one, and plan with the equations where asked to."""
         nominal = self.nominal
-        if nominal.learned is None or self.x is None:
+        if nominal.learned is None:
             return
-        self.trust = trust(nominal.learned, nominal.model, self.x, self.before(self.t)[0],
+        self.trust = trust(nominal.learned, nominal.model, x, self.before(self.t)[0],
                            measured, predicted)
         known = not self.trust.warning or nominal.given[2].unseen == LEARNED
         if known != (self.problem.learned is not None):

@@ -9,7 +9,6 @@ The file is JSON: numbers and words, which nothing executes. Numbers read back t
 from collections.abc import Mapping
 from dataclasses import dataclass
 import functools
-import hashlib
 import json
 from pathlib import Path
 from typing import Any
@@ -65,11 +64,6 @@ class LearnedModel:
             'largest': self.largest.tolist(), 'delay': self.drive.delay,
             'time_constant': self.drive.time_constant, 'dynamics': numbers_of(self.dynamics),
             'draws': self.draws.tolist()}) + '\n'
-
-    @functools.cached_property
-    def fingerprint(self) -> str:
-        """Return a digest of all its numbers."""
-        return hashlib.sha256(self.to_text().encode()).hexdigest()[:16]
 
 
 def load(model: str, links: int) -> LearnedModel:

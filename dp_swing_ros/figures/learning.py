@@ -15,9 +15,9 @@ from dp_swing_ros.evaluation.soak import OUT
 from dp_swing_ros.figures.style import (
     FAINT, formulas, in_numbers, INK, legend, PALETTE, PAPER, styled)
 from dp_swing_ros.learning.experience import Experience
-from dp_swing_ros.learning.quality import AHEAD, doubt, Errors
+from dp_swing_ros.learning.quality import AHEAD, disagreement, Errors
 from dp_swing_ros.learning.trials import Trial
-from dp_swing_ros.pendulum.state import Array, hanging
+from dp_swing_ros.pendulum.state import Array, hanging, to_turn_of
 
 TRUSTED = 0.1        # of the slopes, by which the members of a model may differ
 GRID = 41            # points along a map of that
@@ -91,22 +91,15 @@ def _map(axes: Axes, model: LearnedModel, seen: Experience, where: list[int],
     grids = np.meshgrid(*along) if len(where) > 1 else [np.tile(along[0], (2, 1))]
     X = np.tile(centre, (grids[0].size, 1))
     X[:, where] = np.column_stack([grid.ravel() for grid in grids])
-    off = doubt(model, X, np.zeros(len(X))).reshape(grids[0].shape)
+    off = disagreement(model, X, np.zeros(len(X))).reshape(grids[0].shape)
     low, high = (along[1][0], along[1][-1]) if len(where) > 1 else (0.0, 1.0)
     shown = axes.imshow(off, origin='lower', aspect='auto', cmap='cividis_r',
                         norm=LogNorm(1e-3, 1.0, clip=True),
                         extent=(along[0][0], along[0][-1], low, high))
     if len(where) > 1:
         axes.contour(*along, off, [TRUSTED], colors=INK, linewidths=1.2)
-        points = _about(seen.X[::max(len(seen.X) // SHOWN, 1)], n)
+        points = to_turn_of(seen.X[::max(len(seen.X) // SHOWN, 1)], centre)
         axes.plot(*points[:, where].T, '.', color='white', markersize=1.2, alpha=0.6)
         axes.set(ylabel=names[where[1]], ylim=(low, high))
     axes.set(xlabel=names[where[0]], xlim=(along[0][0], along[0][-1]))
     return shown
-
-
-def _about(X: Array, links: int) -> Array:
-    """Return states (K, 2n + 2) with their angles on the turn of hanging."""
-    found = X.copy()
-    found[:, 1:links + 1] %= 2 * np.pi
-    return found

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The motion in a bag: when each state was measured and each command sent, by one clock."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -9,9 +10,9 @@ import numpy as np
 from dp_swing_ros.bags.episodes import (
     completed, configurations_of, CONTROLLER, links_of, PLANT, reports_of, samples_of)
 from dp_swing_ros.bags.reader import Bag
-from dp_swing_ros.errors import BagError
+from dp_swing_ros.errors import BagError, UserError
 from dp_swing_ros.identification.segments import Motion
-from dp_swing_ros.messages.fields import BILLION, nanoseconds
+from dp_swing_ros.messages.fields import BILLION, nanoseconds, Report
 from dp_swing_ros.parameters import group
 from dp_swing_ros.pendulum.parameters import (
     Drive, DriveParameters, LimitParameters, PendulumParameters)
@@ -33,6 +34,7 @@ class Recorded(NamedTuple):
     The motion in a bag, how its times were found, and what its controller took for granted.
 
     V (K, n + 1) are the speeds, as measured or else as estimated; NaN where they are neither.
+    believed is the drive as the controller had it in the end, but for gain and bias.
     """
 
     motion: Motion
@@ -40,6 +42,7 @@ class Recorded(NamedTuple):
     times: str
     physical: PendulumParameters
     drive: Drive
+    believed: Drive
 
 
 class Log(NamedTuple):
@@ -56,14 +59,14 @@ def recorded(bag: Bag, links: int | None = None) -> Recorded:
     if not bag.has(FORCE_COMMAND):
         raise BagError(f'{bag} has no commands on {FORCE_COMMAND.name}; record joint_states and '
                        'force_command together')
-    times, log = clock_of(bag)
-    samples = completed(samples_of(bag, as_sent=times == LOGGED), reports_of(bag))
+    (times, log), reports = clock_of(bag), reports_of(bag)
+    samples = completed(samples_of(bag, as_sent=times == LOGGED), reports)
     start = log.stamps[0] if times != LOGGED else log.sent[0]
     samples = [each for each in samples if np.all(np.isfinite(each.x[:len(each.x) // 2]))]
     if len(samples) < 2:
         raise BagError(f'{bag} has {len(samples)} states with finite positions; expected some '
                        'half minute of them')
-    sent, commands = commands_in(bag, times, log)
+    sent, commands = commands_in(bag, times, log, reports)
     if not len(sent):
         raise BagError(f'{bag} has no finite command on {FORCE_COMMAND.name}; record a run under '
                        'control')
@@ -77,8 +80,28 @@ def recorded(bag: Bag, links: int | None = None) -> Recorded:
                     pushes_in(bag, log) - start, bag.parse(group, LimitParameters,
                                                            nominal).track_limit)
     physical = bag.parse(group, PendulumParameters, {**nominal, 'links': links_of(bag)})
-    return Recorded(motion, V, times, physical,
-                    Drive.of(bag.parse(group, DriveParameters, nominal)))
+    drive = Drive.of(bag.parse(group, DriveParameters, nominal))
+    return Recorded(motion, V, times, physical, drive, believed_drive(reports, drive))
+
+
+def recorded_of_one(bags: Sequence[Bag], links: int | None = None) -> list[Recorded]:
+    """Return the motions in bags of one pendulum; raises BagError, and UserError for several."""
+    found = [recorded(bag, links) for bag in bags]
+    first = found[0].physical.links
+    for bag, each in zip(bags, found):
+        if each.physical.links != first:
+            raise UserError(f'{bag} is of {each.physical.links} links, {bags[0]} of {first}; take '
+                            'one rig at a time')
+    return found
+
+
+def believed_drive(reports: Sequence[Report], nominal: Drive) -> Drive:
+    """Return delay and lag as the last report has them that has any, else nominal ones."""
+    for report in reversed(reports):
+        if 'motor_time_constant' in report.values:
+            return Drive(float(report.values['actuation_delay']),
+                         float(report.values['motor_time_constant']))
+    return Drive(nominal.delay, nominal.time_constant)
 
 
 def clock_of(bag: Bag) -> tuple[str, Log]:
@@ -106,9 +129,10 @@ def on_stamps(log: Log, times: Array) -> Array:
     return on_line
 
 
-def commands_in(bag: Bag, times: str, log: Log) -> tuple[Array, Array]:
+def commands_in(bag: Bag, times: str, log: Log,
+                reports: Sequence[Report]) -> tuple[Array, Array]:
     """Return when finite commands were sent, by the clock of the motion [s], and which [N]."""
-    reports = [each for each in reports_of(bag) if {'delay', 'force'} <= each.values.keys()]
+    reports = [each for each in reports if {'delay', 'force'} <= each.values.keys()]
     if times == LOCKSTEP and reports:
         found = [(each.stamp / BILLION + float(each.values['delay']), float(each.values['force']))
                  for each in reports]

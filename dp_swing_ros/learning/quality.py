@@ -62,7 +62,7 @@ def rms(dynamics: Any, seen: Experience) -> float:
     return float(np.sqrt(np.mean(misses(dynamics, seen) ** 2)))
 
 
-def doubt(model: LearnedModel, X: Array, U: Array) -> Array:
+def disagreement(model: LearnedModel, X: Array, U: Array) -> Array:
     """
     Return how far the members of a model disagree on the slopes of a step, as a share of them.
 

@@ -4,31 +4,42 @@
 
 import numpy as np
 
-from dp_swing_ros.bags.episodes import reports_of
-from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.errors import UserError
-from dp_swing_ros.identification.recorded import Recorded
-from dp_swing_ros.identification.segments import is_usable
+from dp_swing_ros.identification.segments import is_usable, Motion
 from dp_swing_ros.learning.experience import Experience
 from dp_swing_ros.pendulum.drive import lagged
-from dp_swing_ros.pendulum.parameters import Drive
+from dp_swing_ros.pendulum.parameters import DIRECT, Drive
 from dp_swing_ros.pendulum.state import Array
 
 TRANSITION = 0.05   # [s] about; of states that come faster some are left out
 JUMP = 0.2          # [m, rad] off what the speeds say: a reset, not a motion
 
 
-def stretches(found: Recorded) -> list[Experience]:
+def stretches_of(t: Array, X: Array, sent: Array, commands: Array, track_limit: float,
+                 drive: Drive = DIRECT) -> list[Experience]:
+    """
+    Return the stretches of what was measured and sent, by one clock [s], without pushes.
+
+    Angles may jump by whole turns, and forces be in any order. Shapes: t (K,), X (K, 2n + 2), sent
+    and commands (M,). Raises UserError as `stretches`.
+    """
+    order = np.argsort(sent, kind='stable')
+    Q, V = np.hsplit(X, 2)
+    Q[:, 1:] = np.unwrap(Q[:, 1:], axis=0)
+    return stretches(Motion(t, Q, sent[order], commands[order], np.empty(0), track_limit), V,
+                     drive)
+
+
+def stretches(motion: Motion, speeds: Array, drive: Drive) -> list[Experience]:
     """
     Return the stretches of a motion of which all is known, in each one transition after the other.
 
-    Raises UserError where there is none.
+    Shapes: speeds (K, n + 1). Raises UserError where there is none.
     """
-    motion = found.motion
     period = float(np.median(np.diff(motion.t)))
     every = max(round(TRANSITION / period), 1)
-    t, Q, V = (each[::every] for each in (motion.t, motion.Q, found.V))
-    forces = mean_forces(found.drive, motion.sent, motion.commands, t)
+    t, Q, V = (each[::every] for each in (motion.t, motion.Q, speeds))
+    forces = mean_forces(drive, motion.sent, motion.commands, t)
     off = Q[:-1] + np.diff(t)[:, None] * (V[:-1] + V[1:]) / 2 - Q[1:]
     usable = [bool(np.all(np.abs(off[k]) < JUMP))    # nor where speeds are not known
               and is_usable(motion, t[k:k + 2], Q[k:k + 2], every * period)
@@ -41,19 +52,6 @@ def stretches(found: Recorded) -> list[Experience]:
     X = np.hstack((Q, V))
     return [Experience.of_run(t[begin:end + 1], X[begin:end + 1], forces[begin:end])
             for begin, end in edges.reshape(-1, 2)]
-
-
-def believed_drive(bag: Bag, nominal: Drive) -> Drive:
-    """
-    Return delay and lag of the drive as the recorded mpc had them in the end.
-
-    It has no other gain and no bias: dynamics that are learned make up for these.
-    """
-    for report in reversed(reports_of(bag)):
-        if 'motor_time_constant' in report.values:
-            return Drive(float(report.values['actuation_delay']),
-                         float(report.values['motor_time_constant']))
-    return Drive(nominal.delay, nominal.time_constant)
 
 
 def mean_forces(drive: Drive, sent: Array, commands: Array, t: Array) -> Array:

@@ -62,7 +62,7 @@ def trials(learner: Learner, plant: Mapping[str, Any], trial: float, total: floa
         yield Trial(number, at, np.array(states), off, held, learner.noise)
 
 
-def held_for(off: Array, period: float) -> float:
-    """Return for how long [s] deviations (K,) have been within OUT at the end."""
-    beyond = np.flatnonzero(off > OUT)
+def held_for(off: Array, period: float, limit: float = OUT) -> float:
+    """Return for how long [s] deviations (K,) have been within a limit at the end."""
+    beyond = np.flatnonzero(off > limit)
     return period * (len(off) - 1 - (beyond[-1] if len(beyond) else -1))

@@ -9,9 +9,8 @@ from pathlib import Path
 from dp_swing_ros import figures
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.configuration import declared, NODES
-from dp_swing_ros.errors import UserError
 from dp_swing_ros.identification.identify import Identified, identify
-from dp_swing_ros.identification.recorded import Recorded, recorded
+from dp_swing_ros.identification.recorded import Recorded, recorded_of_one
 from dp_swing_ros.parameters import checked, unknown
 from dp_swing_ros.pendulum.state import joints, LINKS
 from dp_swing_ros.tables import aligned
@@ -57,12 +56,8 @@ def given(text: str) -> tuple[str, float]:
 
 def _identify(arguments: argparse.Namespace) -> int:
     bags = [Bag(path, arguments.partial, arguments.namespace) for path in arguments.bag]
-    found = [recorded(bag, arguments.links) for bag in bags]
+    found = recorded_of_one(bags, arguments.links)
     first, known = found[0], dict(arguments.known)
-    for bag, each in zip(bags, found):
-        if each.physical.links != first.physical.links:
-            raise UserError(f'{bag} is of {each.physical.links} links, {bags[0]} of '
-                            f'{first.physical.links}; identify one rig at a time')
     check(known, first.physical.links)
     with progress(desc='predictions', unit='') as bar:
         identified = identify([each.motion for each in found], first.physical, first.drive, known,

@@ -26,13 +26,12 @@ from dp_swing_ros import configuration
 from dp_swing_ros.dynamics.files import LearnedModel
 from dp_swing_ros.dynamics.kinds import Learned
 from dp_swing_ros.errors import UserError
-from dp_swing_ros.identification.recorded import APART, Recorded
-from dp_swing_ros.identification.segments import Motion
+from dp_swing_ros.identification.recorded import APART
 from dp_swing_ros.learning.experience import Experience
 from dp_swing_ros.learning.learner import Explorer, LEARNING
 from dp_swing_ros.learning.models import model_of
 from dp_swing_ros.learning.priors import structured
-from dp_swing_ros.learning.recorded import stretches
+from dp_swing_ros.learning.recorded import stretches_of
 from dp_swing_ros.learning.regression import fitted
 from dp_swing_ros.learning.trials import held_for, Trial
 from dp_swing_ros.messages.fields import BILLION, seconds, to_state
@@ -40,7 +39,6 @@ from dp_swing_ros.nodes.connections import owners, publish, QUEUE, subscribe
 from dp_swing_ros.parameters import group
 from dp_swing_ros.parameters.files import locate
 from dp_swing_ros.pendulum.model import ROUNDING
-from dp_swing_ros.pendulum.parameters import DIRECT
 from dp_swing_ros.pendulum.sensors import SensorParameters
 from dp_swing_ros.pendulum.state import Array, deviation
 from dp_swing_ros.problem.parameters import ANALYTIC, LEARNED
@@ -154,29 +152,24 @@ class LiveLearner:
 
     def experience(self) -> Experience:
         """Return what there is to learn from; raises UserError where there is nothing."""
-        order = np.argsort(self.sent, kind='stable')
-        Q, V = np.hsplit(np.array(self.X), 2)
-        Q[:, 1:] = np.unwrap(Q[:, 1:], axis=0)
-        motion = Motion(np.array(self.t), Q, np.array(self.sent)[order],
-                        np.array(self.commands)[order], np.empty(0),
-                        self.problem.given[0].track_limit)
-        return Experience.joined(stretches(Recorded(
-            motion, V, '', self.problem.physical, DIRECT)))
+        t, X, sent, commands = map(np.array, (self.t, self.X, self.sent, self.commands))
+        return Experience.joined(stretches_of(t, X, sent, commands,
+                                              self.problem.given[0].track_limit))
 
-    def learn(self) -> bool:
-        """Learn from all that was heard, if that is due; return whether there is a new model."""
+    def learn(self) -> LearnedModel | None:
+        """Return a new model of all that was heard, if that is due."""
         if self.duration - self.learned < LEARNING - ROUNDING:
-            return False
+            return None
         self.learned, seen = self.duration, self.experience()
         try:
             found = fitted(self.dynamics, seen, self.prior)
             self.model = model_of(self.dynamics, found, seen, self.seed)
         except (FloatingPointError, np.linalg.LinAlgError):
-            return False   # more experience will tell
+            return None   # more experience will tell
         self.dynamics = self.model.dynamics
-        return True
+        return self.model
 
-    def hand_over(self) -> None:
+    def hand_over(self, model: LearnedModel) -> None:
         """Set the model of the mpc, unless that is still at the one before."""
         if self.answer is not None:
             if not self.answer.done():
@@ -184,9 +177,9 @@ class LiveLearner:
             result = self.answer.result().result
             if not result.successful:
                 raise UserError(f'the mpc refused a model: {result.reason}')
-        if self.model is not None and self.client.service_is_ready():
+        if self.client.service_is_ready():
             self.answer = self.client.call_async(SetParametersAtomically.Request(parameters=[
-                Parameter('model', value=self.model.to_text()).to_parameter_msg()]))
+                Parameter('model', value=model.to_text()).to_parameter_msg()]))
 
     def so_far(self) -> Trial:
         """Return what came of all experience so far, of two states at least."""
@@ -222,12 +215,12 @@ def learning(learner: LiveLearner, arguments: Namespace, folder: Path,
                 show(learner.duration, float(deviation(learner.X[-1], learner.problem.x_r)))
     finally:
         learner.rest()
-    if not learner.learn():
+    model = learner.learn()
+    if model is None:
         raise UserError('the random forces say too little of what they move; give it more of '
                         'them (--first)')
-    assert learner.model is not None
     first = folder / 'first_model.json'
-    first.write_text(learner.model.to_text(), encoding='utf-8')
+    first.write_text(model.to_text(), encoding='utf-8')
     with Crew() as crew:
         mpc = crew.start(MPC, {'dynamics': LEARNED, 'model': str(first.resolve()),
                                'solver': arguments.solver, 'seed': arguments.seed},
@@ -236,8 +229,8 @@ def learning(learner: LiveLearner, arguments: Namespace, folder: Path,
         while trial.held < arguments.hold and learner.duration < arguments.total:
             learner.listen(POLL)
             mpc.check()
-            if learner.acts and learner.learn():
-                learner.hand_over()
+            if learner.acts and (model := learner.learn()):
+                learner.hand_over(model)
             trial = learner.so_far()
             show(learner.duration, float(trial.deviation[-1]))
     return trial

@@ -15,11 +15,11 @@ from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.dynamics.files import KINDS, LearnedModel
 from dp_swing_ros.dynamics.kinds import Learned
 from dp_swing_ros.errors import UserError
-from dp_swing_ros.identification.recorded import recorded
+from dp_swing_ros.identification.recorded import recorded_of_one
 from dp_swing_ros.learning.experience import Experience
 from dp_swing_ros.learning.models import learned, parted
 from dp_swing_ros.learning.quality import AHEAD, Errors, errors, rms
-from dp_swing_ros.learning.recorded import believed_drive, stretches
+from dp_swing_ros.learning.recorded import stretches
 from dp_swing_ros.pendulum.equations import Pendulum
 from dp_swing_ros.pendulum.state import joints, LINKS
 from dp_swing_ros.tables import aligned
@@ -60,15 +60,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _train(arguments: argparse.Namespace) -> int:
     bags = [Bag(path, arguments.partial, arguments.namespace) for path in arguments.bag]
-    found = [recorded(bag, arguments.links) for bag in bags]
-    drive = believed_drive(bags[-1], found[-1].drive)
-    found = [each._replace(drive=drive) for each in found]
-    known, began = found[0].physical, time.monotonic()
-    for bag, each in zip(bags, found):
-        if each.physical.links != known.links:
-            raise UserError(f'{bag} is of {each.physical.links} links, {bags[0]} of '
-                            f'{known.links}; train on one pendulum at a time')
-    parts = parted([stretch for each in found for stretch in stretches(each)], arguments.seed)
+    found = recorded_of_one(bags, arguments.links)
+    # dynamics that are learned make up for gain and bias of the drive
+    known, drive, began = Pendulum.of(found[0].physical), found[-1].believed, time.monotonic()
+    parts = parted([stretch for each in found
+                    for stretch in stretches(each.motion, each.V, drive)], arguments.seed)
     seen, held_out = map(Experience.joined, parts)
     print(f'{arguments.kind}: {seen.duration:.1f} s to learn from, {held_out.duration:.1f} s held '
           'out', flush=True)
@@ -79,13 +75,13 @@ def _train(arguments: argparse.Namespace) -> int:
             bar.set_postfix_str(f'off by {course[-1][0]:.3g}, held out {course[-1][1]:.3g}')
             bar.update()
         try:
-            model = learned(arguments.kind, Pendulum.of(known), parts, arguments.hidden,
+            model = learned(arguments.kind, known, parts, arguments.hidden,
                             arguments.seed, on_round, drive)
         except (FloatingPointError, np.linalg.LinAlgError) as error:
             raise UserError(f'nothing can be learned from these bags: {error}; record a minute '
                             'that swings, is held and pushed') from None
     own, analytic = (errors(dynamics, parts.held_out)
-                     for dynamics in (model.dynamics, Pendulum.of(known)))
+                     for dynamics in (model.dynamics, known))
     model = dataclasses.replace(model, about={
         **model.about, 'bags': [path.name for path in arguments.bag],
         'errors': own.as_figures, 'errors of the equations': analytic.as_figures})

@@ -11,7 +11,7 @@ from dp_swing_ros.dynamics.kinds import Structured
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.learning.experience import Experience
 from dp_swing_ros.learning.models import learned, parted
-from dp_swing_ros.learning.quality import AHEAD, doubt, errors
+from dp_swing_ros.learning.quality import AHEAD, disagreement, errors
 from dp_swing_ros.pendulum.equations import Pendulum
 from dp_swing_ros.pendulum.parameters import PendulumParameters
 
@@ -66,5 +66,5 @@ def test_members_differ_more_where_nothing_was_seen():
     calm = whole.chosen(np.abs(whole.X[:, 4:]).max(axis=1) < 4.0)
     model = learned('structured', TRUE, parted([calm], seed=0), hidden=1, seed=0)
     X = np.array([[0.0, np.pi, np.pi, 0.0, 0.0, 0.0], [0.0, 0.0, np.pi / 2, 0.0, 8.0, 8.0]])
-    near, far = doubt(model, X, np.zeros(2))
+    near, far = disagreement(model, X, np.zeros(2))
     assert 0 < 3 * near < far

@@ -6,62 +6,69 @@ import numpy as np
 import pytest
 
 from dp_swing_ros.errors import UserError
-from dp_swing_ros.identification.recorded import Recorded
 from dp_swing_ros.identification.segments import Motion
-from dp_swing_ros.learning.recorded import mean_forces, stretches
-from dp_swing_ros.pendulum.parameters import DIRECT, Drive, PendulumParameters
+from dp_swing_ros.learning.recorded import mean_forces, stretches, stretches_of
+from dp_swing_ros.pendulum.parameters import DIRECT, Drive
 
 PERIOD = 0.05
 
 
 def recording(count=100, period=PERIOD, pushes=(), track_limit=2.4):
-    """Return a motion in which all goes to and fro, under a command a period."""
+    """Return a motion in which all goes to and fro, under a command a period, and its speeds."""
     t = 3.0 + period * np.arange(count)
     phase = np.outer(t, [1.0, 2.0, 3.0])
     motion = Motion(t, 0.5 * np.sin(phase), t.copy(), np.cos(7 * t), np.array(pushes), track_limit)
-    return Recorded(motion, 0.5 * np.cos(phase) * [1.0, 2.0, 3.0], 'none', PendulumParameters(),
-                    DIRECT)
+    return motion, 0.5 * np.cos(phase) * [1.0, 2.0, 3.0]
 
 
 def test_a_whole_motion_is_one_stretch():
-    found = recording()
-    stretch, = stretches(found)
+    motion, speeds = recording()
+    stretch, = stretches(motion, speeds, DIRECT)
     assert len(stretch.U) == 99
     np.testing.assert_allclose(stretch.h, PERIOD)
-    np.testing.assert_allclose(stretch.U, found.motion.commands[:-1])
-    np.testing.assert_array_equal(stretch.X[:, :3], found.motion.Q[:-1])
-    np.testing.assert_array_equal(stretch.Y[:, 3:], found.V[1:])
+    np.testing.assert_allclose(stretch.U, motion.commands[:-1])
+    np.testing.assert_array_equal(stretch.X[:, :3], motion.Q[:-1])
+    np.testing.assert_array_equal(stretch.Y[:, 3:], speeds[1:])
+
+
+def test_what_was_heard_live_is_the_same_stretch():
+    """Angles may be on any turn, and forces in any order."""
+    motion, speeds = recording()
+    turned = motion.Q + np.where(np.arange(100) > 50, 2 * np.pi, 0.0)[:, None] * [0, 1, 1]
+    order = np.random.default_rng(0).permutation(100)
+    found, = stretches_of(motion.t, np.hstack((turned, speeds)), motion.sent[order],
+                          motion.commands[order], motion.track_limit)
+    for one, other in zip(found, stretches(motion, speeds, DIRECT)[0]):
+        np.testing.assert_allclose(one, other, atol=1e-12)
 
 
 def test_states_that_come_faster_are_thinned():
-    stretch, = stretches(recording(count=1000, period=0.005))
+    stretch, = stretches(*recording(count=1000, period=0.005), DIRECT)
     np.testing.assert_allclose(stretch.h, PERIOD)
     assert len(stretch.U) == 99
 
 
-def broken(found, what):
+def broken(motion, speeds, what):
     """Return a motion of which something about state 50 is not known, or no motion."""
-    motion, V = found.motion, found.V.copy()
+    after = np.arange(100) > 50
     if what == 'a gap':
-        return found._replace(motion=motion._replace(t=motion.t + np.where(
-            np.arange(100) > 50, 0.5, 0.0), sent=motion.sent + np.where(
-                np.arange(100) > 50, 0.5, 0.0)))
+        late = np.where(after, 0.5, 0.0)
+        return motion._replace(t=motion.t + late, sent=motion.sent + late), speeds
     if what == 'a reset':
-        return found._replace(motion=motion._replace(Q=motion.Q + np.where(
-            np.arange(100) > 50, 1.0, 0.0)[:, None]))
+        return motion._replace(Q=motion.Q + np.where(after, 1.0, 0.0)[:, None]), speeds
     if what == 'no commands':
         kept = np.abs(np.arange(100) - 50) > 5
-        return found._replace(motion=motion._replace(
-            sent=motion.sent[kept], commands=motion.commands[kept]))
+        return motion._replace(sent=motion.sent[kept], commands=motion.commands[kept]), speeds
     if what == 'no speed':
-        V[50, 1] = np.nan
-        return found._replace(V=V)
-    return found._replace(motion=motion._replace(pushes=motion.t[50:51]))
+        speeds = speeds.copy()
+        speeds[50, 1] = np.nan
+        return motion, speeds
+    return motion._replace(pushes=motion.t[50:51]), speeds
 
 
 @pytest.mark.parametrize('what', ['a gap', 'a reset', 'no commands', 'no speed', 'a push'])
 def test_what_is_not_known_parts_stretches(what):
-    found = stretches(broken(recording(), what))
+    found = stretches(*broken(*recording(), what), DIRECT)
     assert len(found) == 2
     assert 80 < sum(len(each.U) for each in found) < 99
     for each in found:   # in each, one follows the other
@@ -70,7 +77,7 @@ def test_what_is_not_known_parts_stretches(what):
 
 def test_nothing_to_use_is_said():
     with pytest.raises(UserError, match='nothing can be used'):
-        stretches(recording(track_limit=0.1)._replace(V=np.full((100, 3), np.nan)))
+        stretches(recording(track_limit=0.1)[0], np.full((100, 3), np.nan), DIRECT)
 
 
 def test_the_mean_force_is_that_of_delay_lag_gain_and_bias():
