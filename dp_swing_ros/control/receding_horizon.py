@@ -217,6 +217,8 @@ class RecedingHorizon:
         if believed is None or not self.acts(begins):
             return self.zero_force(begins)
         x_0, rests = self.when_it_acts(believed, begins), self.rests(begins)
+        if not np.all(np.isfinite(x_0)):   # where a learned model is wild
+            return self.fallback(begins, believed)
         known = time.perf_counter()
         if self.stopping:
             return self.brake(x_0, begins)

@@ -16,12 +16,10 @@ import numpy as np
 from dp_swing_ros import configuration
 from dp_swing_ros.control.receding_horizon import RecedingHorizon
 from dp_swing_ros.dynamics.files import LearnedModel
-from dp_swing_ros.dynamics.kinds import Learned
 from dp_swing_ros.learning.experience import Experience
-from dp_swing_ros.learning.models import model_of
-from dp_swing_ros.learning.priors import structured
-from dp_swing_ros.learning.regression import fitted
+from dp_swing_ros.learning.models import HIDDEN, Online
 from dp_swing_ros.parameters import ParameterError
+from dp_swing_ros.pendulum.equations import Pendulum
 from dp_swing_ros.pendulum.model import ROUNDING
 from dp_swing_ros.pendulum.state import Array, to_turn_of
 from dp_swing_ros.problem.plan import Plan, Status
@@ -54,18 +52,20 @@ class Explorer:
 class Learner:
     """The controller, for `simulate`."""
 
-    def __init__(self, values: Mapping[str, Any], first: float = FIRST) -> None:
+    def __init__(self, values: Mapping[str, Any], first: float = FIRST, kind: str = 'structured',
+                 hidden: int = HIDDEN) -> None:
         """
-        Take the parameters of an mpc, of which those of the pendulum do not matter.
+        Take the parameters of an mpc; those of the pendulum matter to a residual model alone.
 
-        first [s] is how long forces are random. Raises ParameterError.
+        first [s] is how long forces are random; kind and hidden are as in `models.learned`.
+        Raises ParameterError.
         """
         self.first, self.given = first, configuration.controller(values)
         self.nominal = self.given.nominal
         self.random = np.random.default_rng(self.given.parameters.seed)
         self.explorer = Explorer(self.nominal.u_max, self.random)
-        self.dynamics: Learned
-        self.dynamics, self.prior = structured(self.nominal.physical.links)
+        self.online = Online(kind, Pendulum.of(self.nominal.physical),
+                             self.given.parameters.seed, hidden)
         self.model: LearnedModel | None = None
         self.experience = list[tuple[Array, Array, float, float]]()   # x, x⁺, u, h
         self.controller: RecedingHorizon | None = None
@@ -125,13 +125,11 @@ class Learner:
         limit = self.nominal.given[0].track_limit - END
         seen = seen.chosen((np.abs(X[:, 0]) < limit) & (np.abs(Y[:, 0]) < limit))
         try:
-            found = fitted(self.dynamics, seen, self.prior)
-            self.model = model_of(self.dynamics, found, seen, self.given.parameters.seed)
-            problem = Problem.of(self.nominal.physical, *self.nominal.given, self.model)
+            model = self.online.model(seen)
+            problem = Problem.of(self.nominal.physical, *self.nominal.given, model)
         except (FloatingPointError, np.linalg.LinAlgError, ParameterError):
             return   # more experience will tell
-        self.dynamics = self.model.dynamics
-        given = self.given
+        self.model, given = model, self.given
         informed = RecedingHorizon(problem, given.parameters, given.solver_parameters,
                                    given.estimator_parameters)
         if self.controller is None:

@@ -1,11 +1,12 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""From stretches of experience to a learned model of a kind."""
+"""From experience to a learned model of a kind: from all of it, or while there is more and more."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 import hashlib
 from importlib import import_module
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -24,6 +25,8 @@ DRAWS = 5            # other models that the experience allows
 PIECE = 5.0          # [s] of experience that is held out, or not, as one
 PIECES = 5           # at least, of which one is held out
 FEWEST = 40          # transitions of which something can be learned
+HIDDEN = 16          # units of a network: twice as many take twice as long in every solve
+TRAINED = 5.0        # [s] more experience, for which hidden units are trained again
 
 OnRound = Callable[[Learned], object]
 
@@ -84,6 +87,15 @@ def _structured(untold: Structured, prior: Prior, parts: Parts, seed: int,
 
 def _of_network(kind: str, known: Pendulum, parts: Parts, hidden: int, seed: int,
                 on_round: OnRound) -> LearnedModel:
+    trained, seen = _trained(kind, known, parts, hidden, seed, on_round), Experience.joined(
+        parts.seen)
+    found = fitted(trained.with_creep(FINE.creep), seen, priors.last_layer(trained), FINE.step,
+                   on_round)
+    return model_of(trained, found, seen, seed)
+
+
+def _trained(kind: str, known: Pendulum, parts: Parts, hidden: int, seed: int,
+             on_round: OnRound = lambda _: None) -> Residual | BlackBox:
     try:   # torch takes seconds to load, and who needs no network may do without
         training = import_module('dp_swing_ros.learning.training')
     except ModuleNotFoundError as error:
@@ -97,10 +109,35 @@ def _of_network(kind: str, known: Pendulum, parts: Parts, hidden: int, seed: int
         frictions = fitted(untrained.with_creep(FINE.creep), seen, priors.frictions(untrained),
                            FINE.step)
         untrained = untrained.with_free(frictions.mean)
-    trained = training.trained(untrained, seen, held_out, on_round)
-    found = fitted(trained.with_creep(FINE.creep), seen, priors.last_layer(trained), FINE.step,
-                   on_round)
-    return model_of(trained, found, seen, seed)
+    found: Residual | BlackBox = training.trained(untrained, seen, held_out, on_round)
+    return found
+
+
+class Online:
+    """A model of a kind, fitted again and again while there is more and more experience."""
+
+    def __init__(self, kind: str, known: Pendulum, seed: int, hidden: int = HIDDEN) -> None:
+        """Take what `learned` takes; a structured model begins with nothing."""
+        self.kind, self.known, self.seed, self.hidden = kind, known, seed, hidden
+        self.trained = -math.inf   # [s] of experience that the hidden units are of
+        self.dynamics: Learned
+        self.dynamics, self.prior = priors.structured(known.links)
+
+    def model(self, seen: Experience) -> LearnedModel:
+        """
+        Return what all experience so far says.
+
+        A network's last layer is fitted each time, its hidden units now and then. Raises
+        UserError for too little, and where nothing finite is found FloatingPointError or
+        LinAlgError.
+        """
+        if self.kind != 'structured' and seen.duration >= self.trained + TRAINED:
+            self.dynamics = _trained(self.kind, self.known, parted([seen], self.seed),
+                                     self.hidden, self.seed)
+            self.prior, self.trained = priors.last_layer(self.dynamics), seen.duration
+        found = model_of(self.dynamics, fitted(self.dynamics, seen, self.prior), seen, self.seed)
+        self.dynamics = found.dynamics
+        return found
 
 
 def model_of(dynamics: Learned, found: Posterior, seen: Experience, seed: int) -> LearnedModel:

@@ -48,6 +48,10 @@ class CostParameters(Parameters):
     speed_weight: float = parameter(
         1e5, 'weight of the squared excess of a speed over nine tenths of its limit',
         unit='s^2/m^2', minimum=0.0)
+    disagreement_weight: float = parameter(
+        0.0, 'with dynamics learned: weight of the squares by which the members of the model '
+        'differ from it in a step, in standard deviations of its predictions in training',
+        minimum=0.0)
 
     @property
     def x_r(self) -> Array:

@@ -23,6 +23,7 @@ from dp_swing_ros.pendulum.model import Model, size, step
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.pendulum.state import angles, Array, is_at_rest, SIZES
 from dp_swing_ros.problem.cost import ANGLE_ERRORS, Cost, is_periodic, trajectory_cost
+from dp_swing_ros.problem.disagreement import Disagreement
 from dp_swing_ros.problem.parameters import CostParameters, PredictionParameters
 from dp_swing_ros.problem.plan import Plan, SolverStats, Status
 
@@ -88,7 +89,8 @@ class Problem:
             S=cost.state_weights, R=cost.force_weight, P=np.ascontiguousarray(P),
             x_r=tuple(cost.x_r.tolist()), angle_error=ANGLE_ERRORS[cost.angle_error],
             x_soft=limits.track_limit - cost.track_margin, w=cost.track_weight,
-            v_soft=FAST * cost.cart_speed_limit, w_v=cost.speed_weight),
+            v_soft=FAST * cost.cart_speed_limit, w_v=cost.speed_weight,
+            disagreement=Disagreement.of(learned, cost.disagreement_weight, prediction.step)),
             prediction.horizon, Bounds(-limits.force_limit, limits.force_limit), lqr, physical,
             (limits, cost, prediction), learned)
 

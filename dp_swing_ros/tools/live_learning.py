@@ -24,20 +24,18 @@ from std_msgs.msg import Float64
 
 from dp_swing_ros import configuration
 from dp_swing_ros.dynamics.files import LearnedModel
-from dp_swing_ros.dynamics.kinds import Learned
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.identification.recorded import APART
 from dp_swing_ros.learning.experience import Experience
 from dp_swing_ros.learning.learner import Explorer, LEARNING
-from dp_swing_ros.learning.models import model_of
-from dp_swing_ros.learning.priors import structured
+from dp_swing_ros.learning.models import FEWEST, HIDDEN, Online
 from dp_swing_ros.learning.recorded import stretches_of
-from dp_swing_ros.learning.regression import fitted
 from dp_swing_ros.learning.trials import held_for, Trial
 from dp_swing_ros.messages.fields import BILLION, seconds, to_state
 from dp_swing_ros.nodes.connections import owners, publish, QUEUE, subscribe
 from dp_swing_ros.parameters import group
 from dp_swing_ros.parameters.files import locate
+from dp_swing_ros.pendulum.equations import Pendulum
 from dp_swing_ros.pendulum.model import ROUNDING
 from dp_swing_ros.pendulum.sensors import SensorParameters
 from dp_swing_ros.pendulum.state import Array, deviation
@@ -56,15 +54,17 @@ LONGEST = 0.5    # [s] between two states; beyond, it is no experience
 class LiveLearner:
     """Hears states and forces, sends random ones until it has learned, and keeps a model."""
 
-    def __init__(self, node: Node, values: Mapping[str, Any]) -> None:
-        """Take a node, and the parameters of the mpc; raises ParameterError."""
+    def __init__(self, node: Node, values: Mapping[str, Any], kind: str = 'structured',
+                 hidden: int = HIDDEN) -> None:
+        """Take a node, the parameters of the mpc, and what Learner does; raises ParameterError."""
         self.node, values = node, configuration.complete(MPC, values)
         self.problem = configuration.problem({**values, 'dynamics': ANALYTIC, 'model': 'rk4'})
         self.links, self.sensors = values['links'], group(SensorParameters, values)
-        self.seed: int = values['seed']
-        self.explorer = Explorer(self.problem.u_max, np.random.default_rng(self.seed))
-        self.dynamics: Learned
-        self.dynamics, self.prior = structured(self.links)
+        seed: int = values['seed']
+        self.explorer = Explorer(self.problem.u_max, np.random.default_rng(seed))
+        about = kind, Pendulum.of(self.problem.physical), seed, hidden
+        self.online = Online(*about)
+        Online(*about).model(some(self.links))   # compiles
         self.model: LearnedModel | None = None
         self.explores = self.acts = False   # itself, and the mpc
         self.t, self.X = list[float](), list[Array]()             # of the states [s]
@@ -74,7 +74,6 @@ class LiveLearner:
         self.is_simulated = False                                 # the time of the stamps
         self.answer: Future | None = None
         self.newest: tuple[Any, Mapping[str, int]] | None = None   # state, and what came with it
-        fitted(self.dynamics, some(self.links), self.prior)       # compiles
         self.forces = publish(node, FORCE_COMMAND)
         self.client = node.create_client(SetParametersAtomically,
                                          f'{MPC}/set_parameters_atomically')
@@ -162,11 +161,9 @@ class LiveLearner:
             return None
         self.learned, seen = self.duration, self.experience()
         try:
-            found = fitted(self.dynamics, seen, self.prior)
-            self.model = model_of(self.dynamics, found, seen, self.seed)
+            self.model = self.online.model(seen)
         except (FloatingPointError, np.linalg.LinAlgError):
             return None   # more experience will tell
-        self.dynamics = self.model.dynamics
         return self.model
 
     def hand_over(self, model: LearnedModel) -> None:
@@ -192,8 +189,8 @@ class LiveLearner:
 
 def some(links: int) -> Experience:
     """Return a little experience, of nothing."""
-    X = np.random.default_rng(0).normal(size=(20, 2 * links + 2))
-    return Experience(X, X, np.zeros(20), np.full(20, 0.05))
+    X = np.random.default_rng(0).normal(size=(FEWEST, 2 * links + 2))
+    return Experience(X, X, np.zeros(FEWEST), np.full(FEWEST, 0.05))
 
 
 def learning(learner: LiveLearner, arguments: Namespace, folder: Path,

@@ -17,7 +17,7 @@ from dp_swing_ros.dynamics.kinds import Learned
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.identification.recorded import recorded_of_one
 from dp_swing_ros.learning.experience import Experience
-from dp_swing_ros.learning.models import learned, parted
+from dp_swing_ros.learning.models import HIDDEN, learned, parted
 from dp_swing_ros.learning.quality import AHEAD, Errors, errors, rms
 from dp_swing_ros.learning.recorded import stretches
 from dp_swing_ros.pendulum.equations import Pendulum
@@ -25,8 +25,7 @@ from dp_swing_ros.pendulum.state import joints, LINKS
 from dp_swing_ros.tables import aligned
 from dp_swing_ros.tools.command_lines import bag_parser, beside, execute, OK, progress, within
 
-HIDDEN = 16   # units of a network: twice as many take twice as long in every solve
-MANY = 512
+MANY = 512   # hidden units
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -45,17 +44,22 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument('-o', '--output', type=Path, metavar='MODEL',
                         help='file to write, its picture beside it (default: BAG_KIND.json, '
                              'beside the bag)')
-    parser.add_argument('--kind', choices=list(KINDS), default='structured',
-                        help='structured: a mass matrix, a potential and frictions; residual: the '
-                             'pendulum that the recorded mpc took for granted, and a network for '
-                             'what that lacks; black_box: a network alone (default: %(default)s)')
-    parser.add_argument('--hidden', type=within(int, 1, MANY), default=HIDDEN, metavar='N',
-                        help='units of a network (default: %(default)s)')
+    add_kind(parser)
     parser.add_argument('--seed', type=within(int, 0), default=0,
                         help='of what is held out, and of a network (default: 0)')
     parser.add_argument('--links', type=int, choices=LINKS,
                         help='number of links (default: what the bag says)')
     return execute(parser, _train, argv)
+
+
+def add_kind(parser: argparse.ArgumentParser) -> None:
+    """Add to the parser of what learns dynamics which they are to be."""
+    parser.add_argument('--kind', choices=list(KINDS), default='structured',
+                        help='structured: a mass matrix, a potential and frictions; residual: the '
+                             'pendulum that the mpc takes for granted, and a network for what '
+                             'that lacks; black_box: a network alone (default: %(default)s)')
+    parser.add_argument('--hidden', type=within(int, 1, MANY), default=HIDDEN, metavar='N',
+                        help='units of a network (default: %(default)s)')
 
 
 def _train(arguments: argparse.Namespace) -> int:

@@ -4,12 +4,14 @@
 
 import math
 
+import dataclasses
+
 from learned_dynamics import model_of, of_chain
 import numpy as np
 import pytest
 
 from dp_swing_ros import configuration
-from dp_swing_ros.pendulum.parameters import PendulumParameters
+from dp_swing_ros.pendulum.parameters import Drive, PendulumParameters
 from dp_swing_ros.simulation.closed_loop import simulate
 
 SLOW = np.array([0.1, 3.0, 3.1, 0.2, 1.0, -2.0])
@@ -82,3 +84,20 @@ def test_what_a_reset_forgets(model):
     c.reset()
     assert c.trust is None
     np.testing.assert_array_equal(c.update(0.0, SLOW).U, first.U)
+
+
+def test_where_a_learned_model_is_wild_a_tick_has_a_finite_force():
+    """It is right about upright, and where its second link hangs that weighs less than nothing."""
+    chain = of_chain(PendulumParameters())
+    inertia = chain.inertia.copy()
+    inertia[5, [0, 3]] = np.array((0.75, 0.25)) * chain.inertia[5, 0]   # of D_22: 1 and cos θ_2
+    wild = dataclasses.replace(model_of(chain._replace(inertia=inertia)), drive=Drive(0.05, 0.05))
+    c = controller(wild.to_text())
+    hanging = np.array([0.0, np.pi, np.pi, 0.0, 0.0, 9.0])
+    for n, x in enumerate((np.zeros(6), hanging, hanging)):
+        with np.errstate(all='ignore'):
+            plan = c.update(0.05 * n, x)
+            ahead = c.when_it_acts(x, 0.05 * n)
+        assert np.isfinite(ahead).all() == (n == 0)
+        assert np.all(np.isfinite(plan.U)) and np.abs(plan.U).max() <= 20.0
+        assert (plan.stats.status.name in ('ZERO', 'LAST_POLICY', 'REGULATOR')) == (n > 0)
