@@ -1,6 +1,6 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""From experience to a learned model of a kind: from all of it, or while there is more and more."""
+"""From experience to a learned model of a kind, once or while there is more and more of it."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace

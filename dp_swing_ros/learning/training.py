@@ -28,7 +28,7 @@ ROUNDS = 60          # of the optimiser, at most
 INNER = 20           # of its steps in a round
 PATIENCE = 8         # rounds without a better error on what is held out
 DECAY = 1e-4
-NOISE = 2e-3         # [s] standard deviation of a residual, per acceleration of the experience
+NOISE = 2e-2         # [s] standard deviation of a residual, per acceleration of the experience
 
 
 class Layers(NamedTuple):

@@ -2,9 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a tick shows of a learned model, and what becomes of the plan."""
 
-import math
-
 import dataclasses
+import math
 
 from learned_dynamics import model_of, of_chain
 import numpy as np
