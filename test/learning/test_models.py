@@ -10,7 +10,7 @@ from dp_swing_ros.dynamics.files import load
 from dp_swing_ros.dynamics.kinds import Structured
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.learning.experience import Experience
-from dp_swing_ros.learning.models import learned, parted
+from dp_swing_ros.learning.models import learned, Online, parted
 from dp_swing_ros.learning.quality import AHEAD, disagreement, errors
 from dp_swing_ros.pendulum.equations import Pendulum
 from dp_swing_ros.pendulum.parameters import PendulumParameters
@@ -49,6 +49,21 @@ def test_a_model_of_each_kind_is_better_than_wrong_equations(kind):
     again = learned(kind, TRUE, parts, hidden=8, seed=0)
     assert again.to_text() == model.to_text() == load(model.to_text(), 2).to_text()
     assert model.about['seconds'] == pytest.approx(30.0)
+
+
+@pytest.mark.parametrize('kind', ['residual', 'black_box'])
+def test_while_it_runs_hidden_units_are_trained_now_and_then_and_the_last_layer_always(kind):
+    whole = experience(13.0, **UNTOLD)
+    so_far = [whole.chosen(np.arange(count)) for count in (130, 180, 240)]   # 6.5, 9, 12 s
+    online = Online(kind, TRUE, seed=0, hidden=4)
+    models = [online.model(seen) for seen in so_far]
+    W = [model.dynamics.network.W for model in models]
+    assert np.array_equal(W[0], W[1]) and not np.array_equal(W[1], W[2])
+    assert not np.array_equal(models[0].dynamics.free, models[1].dynamics.free)
+    assert [model.kind for model in models] == [kind] * 3
+    again = Online(kind, TRUE, seed=0, hidden=4)
+    assert [again.model(seen).to_text() for seen in so_far] == [
+        model.to_text() for model in models]
 
 
 def test_errors_of_the_truth_are_those_of_the_integrator():
