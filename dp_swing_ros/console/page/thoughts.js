@@ -7,7 +7,8 @@ import {element, find, number, short, solverName, words} from './dom.js';
 import {wrapped} from './geometry.js';
 import {Plot} from './plots.js';
 
-const TERMS = ['angles', 'position', 'velocities', 'force', 'limits', 'terminal'];
+const TERMS = ['angles', 'position', 'velocities', 'force', 'limits', 'terminal',
+  'disagreement'];
 const PHASES = ['estimate', 'starts', 'rollout', 'derivatives', 'backward', 'line_search', 'noise',
   'rollouts', 'update', 'descents'];
 const SHADES = ['c1', 'c2', 'c3', 'c5', 'c6', 'c4', 'c7'];

@@ -12,12 +12,14 @@ import numpy as np
 
 from dp_swing_ros import configuration
 from dp_swing_ros.control.receding_horizon import starts_to_warm_up
+from dp_swing_ros.dynamics.files import load
 from dp_swing_ros.evaluation.baselines import BASELINES
 from dp_swing_ros.evaluation.campaign.rows import ERROR, Key, Row, UNKNOWN
 from dp_swing_ros.evaluation.metrics import measure, outcome, TIME_LIMIT
 from dp_swing_ros.evaluation.scenarios import Case, PERIOD
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.parameters.files import value_of
+from dp_swing_ros.problem.parameters import LEARNED
 from dp_swing_ros.simulation.closed_loop import Controller, simulate
 from dp_swing_ros.simulation.episode import Episode
 from dp_swing_ros.solvers import SOLVERS
@@ -61,6 +63,9 @@ def parse(text: str) -> Contestant:
     given = [part.split('=', 1) for part in parts if '=' in part]
     values = configuration.read(files)
     mpc = {**values['mpc'], **{name: value_of(value) for name, value in given}}
+    if mpc.get('dynamics') == LEARNED:   # its file may be another when a campaign goes on
+        complete = configuration.complete('mpc', mpc)
+        mpc['model'] = load(complete['model'], complete['links']).to_text()
     shown = '+'.join(part if '=' in part else Path(part).stem for part in parts)
     label = match['label'] or match['name'] + (f':{shown}' if shown else '')
     return Contestant(label, match['name'], values['plant'], mpc)

@@ -2,11 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 from pathlib import Path
 
+from learned_dynamics import model_of, of_chain
 import pytest
 
+from dp_swing_ros.dynamics.files import from_text
 from dp_swing_ros.evaluation.baselines import Nothing
 from dp_swing_ros.evaluation.campaign.contestants import parse, parse_all
 from dp_swing_ros.parameters import ParameterError
+from dp_swing_ros.pendulum.parameters import PendulumParameters
 
 CONFIG = Path(__file__).parents[3] / 'config'
 
@@ -42,6 +45,21 @@ def test_a_baseline_is_built_on_the_same_problem():
     controller = parse('nothing:step=0.1').prepare()(0)
     assert isinstance(controller, Nothing)
     assert controller.problem.dt == 0.1
+
+
+def test_a_learned_model_is_what_its_file_was_when_the_contestant_was_read(tmp_path):
+    """So a campaign that goes on after another training plays nothing else under its name."""
+    file, values = tmp_path / 'model.json', tmp_path / 'learned.yaml'
+    file.write_text(model_of(of_chain(PendulumParameters(link2_mass=0.8))).to_text())
+    values.write_text(f'mpc:\n  ros__parameters: {{dynamics: learned, model: {file}}}\n')
+    contestant = parse(f'ilqr:{values}')
+    other = model_of(of_chain(PendulumParameters())).to_text()
+    file.write_text(other)
+    found = contestant.prepare()(0).problem.learned.dynamics.inertia
+    assert found[5, 0] == pytest.approx(1.6 * from_text(other).dynamics.inertia[5, 0])
+    assert parse(f'ddp:dynamics=learned+model={file}').mpc['model'] == other
+    with pytest.raises(ParameterError, match='none.json.*No such file'):
+        parse('ilqr:dynamics=learned+model=none.json')
 
 
 @pytest.mark.parametrize('text, words', [
