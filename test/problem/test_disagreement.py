@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 import torch
 
+from dp_swing_ros import configuration
 from dp_swing_ros.control.trust import trust
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
+from dp_swing_ros.pendulum.state import hanging
 from dp_swing_ros.problem.cost import (
     running, running_cost, running_derivatives, terms, trajectory_cost)
 from dp_swing_ros.problem.disagreement import add, AGREED, Disagreement
@@ -120,3 +122,22 @@ def test_where_nothing_is_to_be_paid_the_cost_is_what_it_was():
                           CostParameters(disagreement_weight=weight), PredictionParameters(),
                           model).cost
         assert cost.disagreement is AGREED
+
+
+@pytest.mark.parametrize('solver', ['ilqr', 'ddp', 'mppi'])
+def test_plans_that_pay_keep_to_where_members_agree(solver):
+    """Here on what a force does, for inertia and gravity go together."""
+    chain = of_chain(PendulumParameters(links=1))
+    draws = np.array([chain.free * factor for factor in (0.8, 0.9, 1.25)])
+    text = dataclasses.replace(model_of(chain), draws=draws, noise=np.full(2, 0.05),
+                               largest=np.full(3, 20.0)).to_text()
+    disagreed = {}
+    for weight in (0.0, 50.0):
+        c = configuration.controller({'links': 1, 'solver': solver, 'dynamics': 'learned',
+                                      'model': text, 'disagreement_weight': weight})
+        plan = c.solver.solve(hanging(1), None, np.inf)
+        assert plan.usable
+        cost = c.problem.cost._replace(disagreement=Disagreement.of(
+            c.problem.learned, 1.0, STEP))
+        disagreed[weight] = terms(cost, plan.X, plan.U).disagreement
+    assert 0 < disagreed[50.0] < 0.8 * disagreed[0.0]
