@@ -236,6 +236,8 @@ def test_a_recording_verifies(page, nodes, ears):
     page.find('#record').click()
     page.await_text('#record', 'Stop')
     ears.spin(5.0)
+    seconds = re.search(r'Stop \((\d+) s\)', page.text('#record'))[1]
+    assert 3 <= int(seconds) <= 20   # the logger took a while to start
     page.find('#record').click()
     assert wait_until(lambda: page.all('#recordings a'), 60)
     link = page.find('#recordings li').text.split()[0]

@@ -267,7 +267,12 @@ def test_a_recording_comes_out_again_and_has_a_report(live, tmp_path, capsys):
 
 def test_a_recording_is_whole_even_where_the_console_is_killed(live, tmp_path):
     page = live()
-    assert page.ask('record', on=True)['ok']
+    page.send('record', on=True, id='begins')
+    with Page(port_of(page.node)) as other:   # meanwhile, somebody else may not end it
+        refused = other.ask('record', on=False)
+    assert not refused['ok'] and 'still starting' in refused['text'], refused
+    page.until(lambda page: page.newest.get('answer', {}).get('id') == 'begins')
+    assert page.newest['answer']['ok']
     folder = Path(page.until(lambda page: page.newest['recording']['folder']))
     frames(page, 20)
     page.node.signal(signal.SIGKILL)

@@ -143,7 +143,7 @@ export class Actions {
   }
 
   onRecording({folder, since, finished}) {
-    this.recording = folder ? {folder, began: performance.now() - 1000 * (since ?? 0)} : null;
+    this.recording = folder ? {folder, since} : null;   // [s] of the wall clock
     find('#record').setAttribute('aria-pressed', String(Boolean(folder)));
     this.tellRecording();
     find('#recordings').hidden = finished.length === 0;
@@ -156,8 +156,8 @@ export class Actions {
   tellRecording() {
     const label = find('#record span');
     if (!this.recording) { label.textContent = 'Record'; return; }
-    const seconds = Math.round((performance.now() - this.recording.began) / 1000);
-    label.textContent = `Stop (${seconds} s)`;
+    const seconds = Date.now() / 1000 - this.recording.since;   // of two clocks, maybe
+    label.textContent = `Stop (${Math.max(Math.round(seconds), 0)} s)`;
   }
 
   onKey(event) {

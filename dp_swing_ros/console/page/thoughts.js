@@ -7,8 +7,7 @@ import {element, find, number, short, solverName, words} from './dom.js';
 import {wrapped} from './geometry.js';
 import {Plot} from './plots.js';
 
-const TERMS = ['angles', 'position', 'velocities', 'force', 'limits', 'terminal',
-  'disagreement'];
+const TERMS = ['angles', 'position', 'velocities', 'force', 'limits', 'terminal'];
 const PHASES = ['estimate', 'starts', 'rollout', 'derivatives', 'backward', 'line_search', 'noise',
   'rollouts', 'update', 'descents'];
 const SHADES = ['c1', 'c2', 'c3', 'c5', 'c6', 'c4', 'c7'];
@@ -17,6 +16,8 @@ const DRAWN = 33;      // [ms] between drawings
 const WRITTEN = 250;   // [ms] between the numbers in words
 const TICKS = [[-Math.PI, '−π'], [0, '0'], [Math.PI, 'π']];
 
+const costs = terms => terms.map((term, n) => ({
+  name: term, colour: () => colours[SHADES[n]], of: ({tick}) => tick?.[`cost_${term}`]}));
 const millis = name => ({tick}) => Number.isFinite(tick?.[name]) ? 1000 * tick[name] : null;
 
 export class Thoughts {
@@ -56,8 +57,7 @@ export class Thoughts {
       series: [{name: 'x', colour: line('ink'), of: ({x}) => x[0], ahead: plan => plan.X.map(x => x[0])}]});
     this.cost = new Plot({
       title: 'Cost of the plan', unit: 'by term', stack: true, least: 0.1,
-      series: TERMS.map((term, n) => ({
-        name: term, colour: line(SHADES[n]), of: ({tick}) => tick?.[`cost_${term}`]}))});
+      series: costs(TERMS)});
     this.time = new Plot({
       title: 'Solve time', unit: 'ms, deadline dashed', stack: true, least: 4,
       levels: [{of: () => 1000 * (this.parameters.mpc?.time_limit?.value ?? 0.8 * period),
@@ -90,6 +90,8 @@ export class Thoughts {
                                        of: millis(`${phase}_time`)})),
         {name: 'latency', colour: () => colours.ink, over: true, of: millis('latency')}];
     }
+    if (tick?.cost_disagreement > 0 && this.cost.series.length === TERMS.length)
+      this.cost.series = costs([...TERMS, 'disagreement']);   // of a learned model
     const names = Object.keys(shadows ?? {});
     if (names.join() === this.shadows.join()) return;
     this.shadows = names;
