@@ -24,6 +24,7 @@ import compute
 import convergence
 import hard
 import learned
+import learned_kinds
 import learned_rigs
 import links
 import live
@@ -148,6 +149,7 @@ PAGES = {
     'live_soak': of_script('live_soak', 61, *live_soak.FILES),
     'live': of_script('live', 0.1, *live.FILES),
     'learned': of_script('learned', 35, *learned.FILES),
+    'learned_kinds': of_script('learned_kinds', 30, *learned_kinds.FILES),
     'learned_rigs': of_script('learned_rigs', 45, *learned_rigs.FILES),
     'console': of_script('console', 25, 'console.py', 'chromium.py', 'live_rates.py',
                          'campaigns.py'),

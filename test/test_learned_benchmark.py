@@ -3,6 +3,7 @@
 """The page of learned dynamics, of few seeds."""
 
 import learned
+import learned_kinds
 import learned_rigs
 import numpy as np
 import pandas as pd
@@ -64,3 +65,16 @@ def test_the_page_counts_seeds(monkeypatch):
     assert '| `ddp` | the tip within 0.1 m of its place | 0 | 0 | 0 | 0 of 2' in text
     assert '| `ilqr` | 1 of 2' in text and '| one | 0.1 ' in text
     assert len(learned.picture(of_trials, breakless).axes) == 3
+
+
+def test_each_kind_has_a_curve():
+    row = learned_kinds.without_break(learned_kinds.Way('residual', 1.0), 'ilqr', 0, duration=6.0,
+                                      hidden=2)
+    assert row['way'] == 'residual, disagreement_weight 1' and np.isnan(row['since'])
+    assert 0 <= row['up'] <= 1
+    found = pd.DataFrame([row, {**row, 'seed': 1, 'since': 5.5},
+                          {**row, 'way': 'black box', 'solver': 'ddp'}])
+    text = learned_kinds.page(found, 'made\n')
+    assert '| residual, disagreement_weight 1 | `ilqr` | 1 of 2' in text
+    assert '| black box | `ddp` | 0 of 1' in text
+    assert len(learned_kinds.picture(found).axes) == 2

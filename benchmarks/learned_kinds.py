@@ -1,0 +1,136 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+From limits alone with each kind of learned dynamics, and what it does to pay for disagreement.
+
+Run by `make results`.
+"""
+
+import argparse
+from collections.abc import Mapping, Sequence
+import math
+from pathlib import Path
+import time
+from typing import Any, NamedTuple
+
+from campaigns import METHODS
+from joblib import delayed
+from learned import HOLD, in_parallel, SET_UP
+from matplotlib.figure import Figure
+import numpy as np
+import pandas as pd
+from stamp import folders, made, sources_with, store_table, TOP
+
+from dp_swing_ros.evaluation.campaign.report import share
+from dp_swing_ros.evaluation.comparison import median, rate
+from dp_swing_ros.evaluation.soak import OUT
+from dp_swing_ros.figures.style import legend, OWN, solver_name, styled
+from dp_swing_ros.learning.learner import FIRST, Learner
+from dp_swing_ros.learning.trials import held_for, trials
+from dp_swing_ros.tables import compact
+
+FILES = ('learned_kinds.py', 'learned.py', 'campaigns.py')
+SEEDS = 10
+LONG = 30.0    # [s] of a run without a break
+HIDDEN = 16
+
+
+class Way(NamedTuple):
+    """A kind of dynamics, and what it costs that members disagree."""
+
+    kind: str
+    weight: float = 0.0
+
+    def __str__(self) -> str:
+        paid = f', disagreement_weight {self.weight:g}' if self.weight else ''
+        return self.kind.replace('_', ' ') + paid
+
+
+WAYS = (Way('structured'), Way('structured', 1.0), Way('residual'), Way('residual', 1.0),
+        Way('black_box'), Way('black_box', 1.0))
+
+
+def without_break(way: Way, solver: str, seed: int, plant: Mapping[str, Any] = SET_UP,
+                  duration: float = LONG, hidden: int = HIDDEN) -> dict[str, Any]:
+    """Learn without a break; return from which experience on it was held to the end."""
+    began = time.perf_counter()
+    learner = Learner({'solver': solver, 'seed': seed, 'disagreement_weight': way.weight},
+                      kind=way.kind, hidden=hidden)
+    trial, = trials(learner, {**plant, 'seed': seed}, math.inf, duration, math.inf)
+    held = held_for(trial.deviation, learner.period)
+    return {'way': str(way), 'solver': solver, 'seed': seed,
+            'since': duration - held if held >= HOLD else math.nan,
+            'up': float(np.mean(trial.deviation[trial.experience > FIRST] < OUT)),
+            'seconds': time.perf_counter() - began}
+
+
+@styled
+def picture(found: pd.DataFrame) -> Figure:
+    """Draw which share of the seeds is held for good after some experience, a panel a way."""
+    figure = Figure(figsize=(10.2, 5.6), layout='constrained')
+    names = list(found.way.unique())
+    panels = figure.subplots(2, -(-len(names) // 2), sharex=True, sharey=True, squeeze=False)
+    for axes, name in zip(panels.T.flat, names):
+        for solver, of in found[found.way == name].groupby('solver', sort=False):
+            since = np.sort(of.since.fillna(np.inf))
+            axes.step([0, *since, LONG],
+                      [0, *np.arange(1, len(since) + 1) / len(since), np.isfinite(since).mean()],
+                      where='post', color=OWN[solver], label=solver_name(solver))
+        axes.axvspan(0, FIRST, color='#f4f6f8')
+        axes.grid(True)
+        axes.set(title=name, xlim=(0, LONG), ylim=(-0.02, 1.02))
+    for axes in panels[-1]:
+        axes.set(xlabel='experience [s]')
+    for axes in panels[:, 0]:
+        axes.set(ylabel='share held from here on')
+    legend(panels[0, 0])
+    figure.suptitle('Without a break, from limits alone, by the kind of dynamics')
+    return figure
+
+
+def page(found: pd.DataFrame, made: str) -> str:
+    """Return the page as Markdown."""
+    lines = []
+    for (way, solver), of in found.groupby(['way', 'solver'], sort=False):
+        since = median(of.since.to_numpy())
+        lines.append((
+            way, f'`{solver}`', share(rate(of.since.notna().tolist())),
+            f'{since.value:.1f} ({since.low:.1f} to {since.high:.1f})' if of.since.notna().any()
+            else '-', f'{100 * of.up.median():.0f}', f'{of.seconds.median() / LONG:.2f}'))
+    return '\n'.join([
+        '# Kinds of learned dynamics\n', made,
+        "PILCO's set-up as on the page of [learned dynamics](learned.md), without a break: "
+        f'nothing is told but limits, forces are random for {FIRST:g} s, and every transition '
+        'counts. A residual model is about the bodies of our own plant, which are not those. '
+        f'Networks have {HIDDEN} hidden units. Held is who was within {OUT:g} rad for the last '
+        f'{HOLD:g} s of {LONG:g} s; then since when [s], the share of the time after the random '
+        'forces that it was upright, and all computing, planning and learning, per second of '
+        'experience (medians). In brackets intervals of 95 %, Wilson and by the bootstrap. The '
+        'rows: '
+        '[learned_kinds.csv.gz](learned_kinds.csv.gz).\n',
+        '![Experience and the share of seeds that it holds](../figures/learned_kinds.png)\n',
+        compact([('dynamics', 'solver', 'held', 'since [s]', 'upright [%]', 'computing [s/s]'),
+                 *lines]), ''])
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Learn in all ways, and write the page."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('--seeds', type=int, default=SEEDS)
+    parser.add_argument('--docs', type=Path, default=TOP / 'docs')
+    arguments = parser.parse_args(argv)
+    results, figures = folders(arguments.docs)
+    rows = in_parallel('kinds', [
+        delayed(without_break)(way, solver, seed)
+        for seed in range(arguments.seeds) for way in WAYS for solver in METHODS])
+    found = pd.DataFrame(rows)
+    ways = list(map(str, WAYS))
+    found = found.sort_values('way', key=lambda of: of.map(ways.index), kind='stable')
+    store_table(found, results / 'learned_kinds.csv.gz')
+    picture(found).savefig(figures / 'learned_kinds.png')
+    (results / 'learned_kinds.md').write_text(page(
+        found, made('learned_kinds', sources_with(*FILES))), encoding='utf-8')
+
+
+if __name__ == '__main__':
+    main()
