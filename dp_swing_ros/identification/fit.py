@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
+from dp_swing_ros.errors import UserError
 from dp_swing_ros.identification.segments import Segments
 from dp_swing_ros.identification.shooting import shoot, SMALL
 from dp_swing_ros.identification.unknowns import Parametrisation
@@ -200,11 +201,15 @@ class Fit:
         """
         Leave out segments that nothing explains: a push by hand, a reset, an obstacle.
 
-        Returns whether there are any.
+        Returns whether there are any. Raises UserError where that is all of a motion.
         """
         rms = [np.sqrt(np.mean(self.white(each) ** 2, axis=1)) for each in self.differences()]
         usual = np.median(np.concatenate(rms))
         kept = [each < ODD * usual for each in rms]
+        for number, which in enumerate(kept, 1):
+            if not np.any(which):
+                raise UserError(f'motion {number} of {len(kept)} fits no parameters that explain '
+                                'the others; expected motions of one rig, by one clock')
         self.motions = [motion.chosen(which) for motion, which in zip(self.motions, kept)]
         self.states = [states[which] for states, which in zip(self.states, kept)]
         return not all(map(np.all, kept))

@@ -3,7 +3,7 @@
 """What the command lines share: names, arguments, progress bars, signals and exit codes."""
 
 import argparse
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 import contextlib
 from datetime import datetime
 import functools
@@ -45,6 +45,13 @@ def bag_parser(tool: str, description: str, **bag: Any) -> argparse.ArgumentPars
                         help='of several pendulums in a bag, that whose topics lie in this '
                              'namespace, such as /second (/ for the one in none)')
     return parser
+
+
+def print_incomplete(bags: Iterable[Any]) -> None:
+    """Print what is missing in each of some bags where anything is."""
+    for bag in bags:
+        if bag.incomplete:
+            print(f'{bag}: {bag.incomplete}')
 
 
 def within(kind: type, low: float, high: float = math.inf) -> Callable[[str], Any]:

@@ -14,7 +14,8 @@ from dp_swing_ros.identification.recorded import Recorded, recorded_of_one
 from dp_swing_ros.parameters import checked, unknown
 from dp_swing_ros.pendulum.state import joints, LINKS
 from dp_swing_ros.tables import aligned
-from dp_swing_ros.tools.command_lines import bag_parser, beside, execute, OK, progress
+from dp_swing_ros.tools.command_lines import (
+    bag_parser, beside, execute, OK, print_incomplete, progress)
 
 NOTHING = 1e-7   # a value below is none
 
@@ -63,9 +64,7 @@ def _identify(arguments: argparse.Namespace) -> int:
         identified = identify([each.motion for each in found], first.physical, first.drive, known,
                               on_step=bar.update)
     print(table(identified), report(identified, found), sep='\n\n', end='\n\n')
-    for bag in bags:
-        if bag.incomplete:
-            print(f'{bag}: {bag.incomplete}')
+    print_incomplete(bags)
     output = arguments.output or Path(f'{beside(arguments.bag[0], "rig")}.yaml')
     output.parent.mkdir(parents=True, exist_ok=True)
     output.write_text(parameter_file(identified, first.physical.links, arguments.bag),

@@ -23,7 +23,8 @@ from dp_swing_ros.learning.recorded import stretches
 from dp_swing_ros.pendulum.equations import Pendulum
 from dp_swing_ros.pendulum.state import joints, LINKS
 from dp_swing_ros.tables import aligned
-from dp_swing_ros.tools.command_lines import bag_parser, beside, execute, OK, progress, within
+from dp_swing_ros.tools.command_lines import (
+    bag_parser, beside, execute, OK, print_incomplete, progress, within)
 
 MANY = 512   # hidden units
 
@@ -92,6 +93,7 @@ def _train(arguments: argparse.Namespace) -> int:
     print(table(own, analytic), *remarks(own, analytic), sep='\n')
     print(f'drive: {1e3 * drive.delay:.1f} ms of delay, {1e3 * drive.time_constant:.1f} ms of lag',
           *dict.fromkeys(each.times for each in found), sep='\n')
+    print_incomplete(bags)
     output = arguments.output or Path(f'{beside(arguments.bag[0], arguments.kind)}.json')
     print(*write(model, course, own, analytic, seen, output), sep='\n')
     print(f'{time.monotonic() - began:.1f} s of computing')

@@ -129,6 +129,13 @@ def test_a_push_that_nobody_knows_of_is_left_out():
     assert found.values['link1_mass'] == pytest.approx(0.5, rel=5e-3)
 
 
+def test_a_motion_of_which_nothing_fits_the_others_is_refused():
+    other = swung(rig(2), seed=1, duration=2.0)
+    with pytest.raises(UserError, match='motion 2 of 2 fits no parameters'):
+        identify([swung(rig(2)), other._replace(Q=np.cumsum(other.Q, axis=0))],
+                 PendulumParameters())
+
+
 def changed(**fields):
     """Return what changes a motion."""
     return lambda motion: motion._replace(**{

@@ -11,6 +11,7 @@ import pytest
 from real_bags import record, rewritten
 
 from dp_swing_ros import configuration
+from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.dynamics.files import load
 from dp_swing_ros.pendulum.state import deviation
 from dp_swing_ros.simulation.closed_loop import simulate
@@ -61,6 +62,14 @@ def test_a_residual_model_is_of_the_pendulum_that_the_mpc_took_for_granted(
 def test_a_model_lies_beside_the_bag_where_nothing_else_is_said(bag, capsys):
     assert main([str(bag), '--seed', '3']) == 0
     assert str(bag.with_name('bag_structured.json')) in capsys.readouterr().out.splitlines()
+
+
+def test_what_a_killed_logger_left_is_learned_from_and_what_is_missing_is_said(
+        bag, tmp_path, capsys):
+    cut, whole = tmp_path / 'cut.mcap', (bag / 'bag_0.mcap').read_bytes()
+    cut.write_bytes(whole[:len(whole) * 2 // 3])
+    assert main([str(cut), '--partial', '-o', str(tmp_path / 'model.json')]) == 0
+    assert Bag(cut, True).incomplete in capsys.readouterr().out
 
 
 def test_positions_alone_are_no_experience_unless_an_estimate_has_the_speeds(
