@@ -30,7 +30,7 @@ from dp_swing_ros.evaluation.campaign.summary import common, duel, Failure, why
 from dp_swing_ros.evaluation.comparison import median, rate
 from dp_swing_ros.evaluation.scenarios import PERIOD, SCENARIOS
 from dp_swing_ros.evaluation.soak import OUT
-from dp_swing_ros.figures.style import legend, OWN, solver_name, styled
+from dp_swing_ros.figures.style import OWN, solver_name, styled
 from dp_swing_ros.learning.experience import Experience
 from dp_swing_ros.learning.learner import FIRST, Learner
 from dp_swing_ros.learning.models import learned, parted
@@ -178,7 +178,7 @@ def picture(of_trials: pd.DataFrame, breakless: pd.DataFrame) -> Figure:
         axes.axvline(AIM if axes is not whole else STRETCH, color='#9aa5b1', linewidth=1)
         axes.axvspan(0, FIRST, color='#f4f6f8')
         axes.grid(True)
-    legend(whole)
+    whole.legend(loc='center left', fontsize='small')
     figure.suptitle('From limits alone to a pendulum that is held')
     return figure
 

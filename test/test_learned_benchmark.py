@@ -72,6 +72,8 @@ def test_each_kind_has_a_curve():
                                       hidden=2)
     assert row['way'] == 'residual, disagreement_weight 1' and np.isnan(row['since'])
     assert 0 <= row['up'] <= 1
+    told = learned_kinds.without_break(learned_kinds.EQUATIONS, 'ilqr', 0, duration=8.0)
+    assert 0.5 < told['since'] < 7.0
     found = pd.DataFrame([row, {**row, 'seed': 1, 'since': 5.5},
                           {**row, 'way': 'black box', 'solver': 'ddp'}])
     text = learned_kinds.page(found, 'made\n')
