@@ -81,7 +81,7 @@ def verify(bag: Bag, progress: Callable[[list[Tick]], Iterable[Tick]]) -> Verifi
     differences += [Difference('forces', f'a force at {command.time} ns', f'{command.force!r} N '
                                f'on {FORCE_COMMAND.name}, which no tick sent')
                     for command in pairing.surplus]
-    again = plant_again(bag, record)
+    again = plant_again(bag, record, bool(pairing.surplus))
     lacking = {FORCE_COMMAND: pairing.missing}
     if bag.has(PLAN):
         lacking[PLAN] = [tick for tick in record.ticks if tick.number not in plans]
@@ -164,11 +164,12 @@ class PlantAgain(NamedTuple):
     beyond: list[str]              # what could not be compared
 
 
-def plant_again(bag: Bag, record: Record) -> PlantAgain:
+def plant_again(bag: Bag, record: Record, has_others: bool) -> PlantAgain:
     """
     Compare a plant with the recorded one; raises BagError and ParameterError.
 
-    In lockstep it is known which force acts when, and noise and losses come from seeds.
+    In lockstep it is known which force acts when, and noise and losses come from seeds; but not
+    where the bag has others than the mpc's, and with these it began.
     """
     if PLANT not in configurations_of(bag):
         return PlantAgain(0, [], [
@@ -192,9 +193,12 @@ def plant_again(bag: Bag, record: Record) -> PlantAgain:
     if bag.has(DISTURBANCE):
         return PlantAgain(0, differences, [
             f'states and efforts, which depend on when each {DISTURBANCE.name} arrived'])
-    states, others = _of_states(bag, plant, record, [
+    if has_others and samples_of(bag)[0].stamp not in {tick.stamp for tick in record.ticks}:
+        return PlantAgain(0, differences, [
+            'states and efforts, which began under forces that no tick sent'])
+    states, found = _of_states(bag, plant, record, [
         each for each in revisions if each.revision > 0 and each.since != BEFORE])
-    return PlantAgain(states, differences + others, [])
+    return PlantAgain(states, differences + found, [])
 
 
 def _of_states(bag: Bag, plant: Plant, record: Record,

@@ -8,7 +8,7 @@ import pytest
 from dp_swing_ros.bags.episodes import revisions_of
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.dynamics.files import load
-from dp_swing_ros.tools import live_learning
+from dp_swing_ros.tools import live_learning, verify
 from dp_swing_ros.tools.learn import main
 from dp_swing_ros.topics import FORCE_COMMAND
 
@@ -58,6 +58,10 @@ def test_a_plant_that_runs_is_held_by_an_mpc_whose_model_is_learned(
     forces = [message.data for message in Bag(bag).of(FORCE_COMMAND)]
     # those of each master end with zero, and none is beyond the limit
     assert forces[-1] == 0.0 and 0.0 in forces[:-1] and max(map(abs, forces)) <= 20.0
+    assert verify.main([str(bag)]) == 1   # the random forces are of no tick; all ticks repeat
+    out = capsys.readouterr().out
+    assert 'forces on force_command are of no tick' in out and 'ticks of ilqr in' not in out
+    assert 'not checked: states and efforts, which began under forces that no tick sent' in out
     log = (tmp_path / 'learned' / 'mpc.log').read_text()
     assert 'model is {"format"' in log and max(map(len, log.splitlines())) < 1000
 
