@@ -10,6 +10,11 @@ import pandas as pd
 import pytest
 from rig import Rig
 
+from dp_swing_ros.learning.experience import Experience
+from dp_swing_ros.learning.models import parted
+from dp_swing_ros.learning.priors import structured
+from dp_swing_ros.learning.regression import FINE, fitted
+from dp_swing_ros.pendulum.parameters import Drive
 from dp_swing_ros.pendulum.state import hanging, upright
 
 
@@ -42,6 +47,20 @@ def test_a_rig_is_held_by_what_its_swing_ups_have_taught():
     assert all(row.metrics.success for row in rows)
     text = learned_rigs.page(rows, 'made\n')
     assert text.count('1 of 1') == 5 and '| `rig_gain` | told | 1 of 1' in text
+
+
+def test_a_fit_that_passes_by_dynamics_that_are_singular_ends_well():
+    """As of this swing-up, of which some slopes are beyond all numbers on the way."""
+    pytest.importorskip('mujoco')
+    case, = Rig('rig_lag', 0.05).cases(range(9, 10))
+    run = learned_rigs.swing_up(case, learned_rigs.OTHER + 9)
+    drive = run.controller.drive
+    parts = parted(run.experience(Drive(drive.delay, drive.time_constant)), 9)
+    dynamics, prior = structured(2)
+    seen = Experience.joined(parts.seen)
+    with np.errstate(all='ignore'):
+        found = fitted(dynamics.with_creep(FINE.creep), seen, prior, FINE.step)
+    assert np.all(np.isfinite(found.covariance)) and np.all(found.noise < 1.0)
 
 
 def test_the_tip_is_in_its_place_within_a_tenth_of_a_metre():

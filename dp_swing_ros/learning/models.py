@@ -26,6 +26,7 @@ PIECE = 5.0          # [s] of experience that is held out, or not, as one
 PIECES = 5           # at least, of which one is held out
 FEWEST = 40          # transitions of which something can be learned
 HIDDEN = 16          # units of a network: twice as many take twice as long in every solve
+MOST = 2400          # transitions that hidden units are trained by: two minutes
 TRAINED = 5.0        # [s] more experience, for which hidden units are trained again
 
 OnRound = Callable[[Learned], object]
@@ -70,9 +71,10 @@ def learned(kind: str, known: Pendulum, parts: Parts, hidden: int, seed: int,
     finite is found.
     """
     if kind == 'structured':
+        held_out = Experience.joined(parts.held_out)
         found = min((_structured(*about, parts, seed, on_round)
                      for about in (priors.structured(known.links), priors.known(known))),
-                    key=lambda model: rms(model.dynamics, Experience.joined(parts.held_out)))
+                    key=lambda model: np.nan_to_num(rms(model.dynamics, held_out), nan=np.inf))
     else:
         found = _of_network(kind, known, parts, hidden, seed, on_round)
     return replace(found, drive=drive)
@@ -102,6 +104,7 @@ def _trained(kind: str, known: Pendulum, parts: Parts, hidden: int, seed: int,
         raise UserError(f'a network is trained by torch, and there is none ({error}); install it: '
                         'pip install "dp_swing_ros[torch]"') from None
     seen, held_out = map(Experience.joined, parts)
+    seen = seen.chosen(np.unique(np.linspace(0, len(seen.U) - 1, MOST).round().astype(int)))
     network = training.initial(known.links, hidden, training.Scales.of(seen), seed)
     untrained: Residual | BlackBox = BlackBox(network)
     if kind == 'residual':   # what is dry is no smooth function, and no network's to learn

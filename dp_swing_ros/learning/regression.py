@@ -32,6 +32,7 @@ DIFFERENCE = 1e-6     # of a free number, in its deviations before any experienc
 SETTLED = 1e-3        # change of all numbers, in standard deviations, at which it ends
 DAMPING, LARGEST_DAMPING = 1e-2, 1e8   # of a step, at first, and where it ends
 FLOOR = 1e-4          # [m/s, rad/s] standard deviation of a residual at least
+WILD = 1e8            # deviations of a residual, per deviation of a number before any experience
 LONGEST_STEP = 0.025  # [s] of the integrator
 
 
@@ -166,7 +167,12 @@ def fitted(dynamics: Any, seen: Experience, prior: Prior,
 
 def normal_equations(dynamics: Any, seen: Experience, prior: Prior, noise: Array, p: Array,
                      e: Array, step: float) -> tuple[Array, Array]:
-    """Return A = Jᵀ Σ⁻¹ J + Λ⁻¹ (P, P) and b (P,) of a step A δ = b at p (P,)."""
+    """
+    Return A = Jᵀ Σ⁻¹ J + Λ⁻¹ (P, P) and b (P,) of a step A δ = b at p (P,).
+
+    What a transition says of a number is left out where the slope is WILD: the dynamics are
+    nearly singular there.
+    """
     J = np.empty((e.size, len(p)))
     base = seen.Y[:, -e.shape[1]:] - e
     for i, deviation in enumerate(prior.deviations):
@@ -174,6 +180,7 @@ def normal_equations(dynamics: Any, seen: Experience, prior: Prior, noise: Array
         moved[i] += DIFFERENCE * deviation
         J[:, i] = ((predicted(dynamics.with_free(moved), seen, step) - base)
                    / (DIFFERENCE * deviation * noise)).ravel()
+    J[~(np.abs(J * prior.deviations) < WILD)] = 0.0   # infinite or not a number, too
     of_prior = prior.deviations ** -2
     return (J.T @ J + np.diag(of_prior),
             J.T @ (e / noise).ravel() + of_prior * (prior.mean - p))
