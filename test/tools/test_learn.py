@@ -38,13 +38,13 @@ def test_what_is_not_held_is_said_and_what_was_learned_is_left(tmp_path, capsys)
 
 def test_a_plant_that_runs_is_held_by_an_mpc_whose_model_is_learned(
         start_node, tmp_path, monkeypatch, capsys):
-    """In lockstep, so that a busy machine is fast enough."""
+    """In lockstep, so that a busy machine is fast enough; and no faster than it can learn."""
     monkeypatch.chdir(tmp_path)
     file, bag = tmp_path / 'plant.yaml', tmp_path / 'bag'
     file.write_text(PLANT)
     logger = start_node('logger', {'output': str(bag)})
     logger.wait_for('recording to')
-    plant = start_node('plant', {'lockstep': True}, ['--params-file', str(file)])
+    plant = start_node('plant', {'lockstep': True, 'pace': 1.0}, ['--params-file', str(file)])
     plant.wait_for('waiting for a controller')
     assert main(['--live', '--total', '40', '-o', 'learned']) == 0
     out = capsys.readouterr().out
