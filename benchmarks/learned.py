@@ -6,19 +6,18 @@ Learned dynamics: how much experience holds a pendulum, who holds it by a log, w
 Run by `make results`.
 """
 
-import argparse
 from collections.abc import Sequence
 import math
-from pathlib import Path
 import time
 from typing import Any
 
 from campaigns import DURATION, METHODS
 from joblib import delayed, Parallel
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 import numpy as np
 import pandas as pd
-from stamp import folders, made, sources_with, store_table, TOP, verdict
+from stamp import asked, made, sources_with, store_table, verdict
 from tqdm import tqdm
 
 from dp_swing_ros import configuration
@@ -33,7 +32,7 @@ from dp_swing_ros.evaluation.soak import OUT
 from dp_swing_ros.figures.style import OWN, solver_name, styled
 from dp_swing_ros.learning.experience import Experience
 from dp_swing_ros.learning.learner import FIRST, Learner
-from dp_swing_ros.learning.models import learned, parted
+from dp_swing_ros.learning.models import HIDDEN, learned, parted
 from dp_swing_ros.learning.quality import AHEAD, errors
 from dp_swing_ros.learning.recorded import stretches_of
 from dp_swing_ros.learning.trials import held_for, trials
@@ -59,7 +58,6 @@ LOG = 60.0                   # [s] of random forces
 NOISES = {'position_noise': 1e-3, 'velocity_noise': 1e-2}
 HELD = {'hanging': 0.95, 'random': 0.9}
 SLOWEST = 0.025              # [s] p99 of the solves
-HIDDEN = 16
 
 
 def in_trials(solver: str, seed: int) -> list[dict[str, Any]]:
@@ -85,9 +83,14 @@ def without_break(solver: str, seed: int) -> dict[str, Any]:
     """Learn without a break; return from which experience on it was held to the end."""
     learner, began = Learner({'solver': solver, 'seed': seed}), time.perf_counter()
     trial, = trials(learner, {**SET_UP, 'seed': seed}, math.inf, LONG, math.inf)
-    held = held_for(trial.deviation, learner.period)
-    return {'solver': solver, 'seed': seed, 'since': LONG - held if held >= HOLD else math.nan,
+    return {'solver': solver, 'seed': seed, 'since': held_since(trial.deviation, LONG),
             'seconds': time.perf_counter() - began}
+
+
+def held_since(off: Array, duration: float) -> float:
+    """Return from when on [s] deviations (K,) are small to the end; not a number for too late."""
+    held = held_for(off, PERIOD)
+    return duration - held if held >= HOLD else math.nan
 
 
 def logged(plant: dict[str, Any], duration: float, seed: int) -> list[Experience]:
@@ -152,6 +155,15 @@ def by_experience(of_trials: pd.DataFrame, measure: str) -> dict[str, dict[float
     return found
 
 
+def draw_since(axes: Axes, breakless: pd.DataFrame, begin: float, end: float) -> None:
+    """Draw which share of the seeds is held from then on, between two times [s], by solver."""
+    for solver, of in breakless.groupby('solver', sort=False):
+        since = np.sort(of.since.fillna(np.inf))
+        axes.step([begin, *since, end], [0, *np.arange(1, len(since) + 1) / len(since),
+                                         np.isfinite(since).mean()],
+                  where='post', color=OWN[solver], label=solver_name(solver))
+
+
 @styled
 def picture(of_trials: pd.DataFrame, breakless: pd.DataFrame) -> Figure:
     """Draw experience against what was held, in trials and without a break."""
@@ -167,11 +179,7 @@ def picture(of_trials: pd.DataFrame, breakless: pd.DataFrame) -> Figure:
                           np.maximum([shares - low, high - shares], 0.0), color=OWN[solver],
                           marker='o', markersize=3.5, capsize=2, label=solver_name(solver))
         axes.set(title=title, xlabel='experience [s]')
-    for solver, of in breakless.groupby('solver', sort=False):
-        since = np.sort(of.since.fillna(np.inf))
-        whole.step([FIRST, *since, LONG], [0, *np.arange(1, len(since) + 1) / len(since),
-                                           np.isfinite(since).mean()],
-                   where='post', color=OWN[solver], label=solver_name(solver))
+    draw_since(whole, breakless, FIRST, LONG)
     whole.set(title='without a break: held from here on', xlabel='experience [s]', xlim=(0, LONG))
     ours.set(ylabel='share of the seeds', ylim=(-0.02, 1.02))
     for axes in (ours, tip, whole):
@@ -297,12 +305,8 @@ def of_predictions(predicted: pd.DataFrame) -> str:
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Learn, hold and predict, and write the page."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--seeds', type=int, default=SEEDS)
-    parser.add_argument('--docs', type=Path, default=TOP / 'docs')
-    arguments = parser.parse_args(argv)
-    results, figures = folders(arguments.docs)
-    seeds = range(arguments.seeds)
+    count, results, figures = asked(__doc__, argv, SEEDS)
+    seeds = range(count)
     runs = [(solver, seed) for seed in seeds for solver in METHODS]
     of_trials = pd.DataFrame([row for rows in in_parallel(
         'trials', [delayed(in_trials)(*run) for run in runs]) for row in rows])

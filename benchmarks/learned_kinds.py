@@ -6,29 +6,28 @@ From limits alone with each kind of learned dynamics, beside equations with wron
 Run by `make results`.
 """
 
-import argparse
 from collections.abc import Mapping, Sequence
 import math
-from pathlib import Path
 import time
 from typing import Any, NamedTuple
 
 from campaigns import METHODS
 from joblib import delayed
-from learned import HOLD, in_parallel, SET_UP
+from learned import draw_since, held_since, HOLD, in_parallel, SET_UP
 from matplotlib.figure import Figure
 import numpy as np
 import pandas as pd
-from stamp import folders, made, sources_with, store_table, TOP
+from stamp import asked, made, sources_with, store_table
 
 from dp_swing_ros import configuration
 from dp_swing_ros.evaluation.campaign.report import share
 from dp_swing_ros.evaluation.comparison import median, rate
 from dp_swing_ros.evaluation.scenarios import PERIOD
 from dp_swing_ros.evaluation.soak import OUT
-from dp_swing_ros.figures.style import OWN, solver_name, styled
+from dp_swing_ros.figures.style import styled
 from dp_swing_ros.learning.learner import FIRST, Learner
-from dp_swing_ros.learning.trials import held_for, trials
+from dp_swing_ros.learning.models import HIDDEN
+from dp_swing_ros.learning.trials import trials
 from dp_swing_ros.pendulum.state import deviation, upright
 from dp_swing_ros.simulation.closed_loop import simulate
 from dp_swing_ros.tables import compact
@@ -36,7 +35,6 @@ from dp_swing_ros.tables import compact
 FILES = ('learned_kinds.py', 'learned.py', 'campaigns.py')
 SEEDS = 10
 LONG = 30.0    # [s] of a run without a break
-HIDDEN = 16
 
 
 class Way(NamedTuple):
@@ -59,17 +57,15 @@ def without_break(way: Way, solver: str, seed: int, plant: Mapping[str, Any] = S
                   duration: float = LONG, hidden: int = HIDDEN) -> dict[str, Any]:
     """Learn without a break; return from which experience on it was held to the end."""
     began, first = time.perf_counter(), 0.0 if way == EQUATIONS else FIRST
-    mpc, plant = {'solver': solver, 'seed': seed, 'disagreement_weight': way.weight}, {
-        **plant, 'seed': seed}
+    mpc = {'solver': solver, 'seed': seed, 'disagreement_weight': way.weight}
+    plant = {**plant, 'seed': seed}
     if way == EQUATIONS:
         off = deviation(simulate(configuration.plant(plant), configuration.controller(mpc),
                                  duration).X[1:], upright())
     else:
         off = next(trials(Learner(mpc, kind=way.kind, hidden=hidden), plant, math.inf, duration,
                           math.inf)).deviation
-    held = held_for(off, PERIOD)
-    return {'way': str(way), 'solver': solver, 'seed': seed,
-            'since': duration - held if held >= HOLD else math.nan,
+    return {'way': str(way), 'solver': solver, 'seed': seed, 'since': held_since(off, duration),
             'up': float(np.mean(off[round(first / PERIOD):] < OUT)),
             'seconds': time.perf_counter() - began}
 
@@ -81,11 +77,7 @@ def picture(found: pd.DataFrame) -> Figure:
     names = list(found.way.unique())
     panels = figure.subplots(2, -(-len(names) // 2), sharex=True, sharey=True, squeeze=False)
     for axes, name in zip(panels.T.flat, names):
-        for solver, of in found[found.way == name].groupby('solver', sort=False):
-            since = np.sort(of.since.fillna(np.inf))
-            axes.step([0, *since, LONG],
-                      [0, *np.arange(1, len(since) + 1) / len(since), np.isfinite(since).mean()],
-                      where='post', color=OWN[solver], label=solver_name(solver))
+        draw_since(axes, found[found.way == name], 0.0, LONG)
         axes.axvspan(0, 0 if name == str(EQUATIONS) else FIRST, color='#f4f6f8')
         axes.grid(True)
         axes.set(title=name, xlim=(0, LONG), ylim=(-0.02, 1.02))
@@ -113,13 +105,11 @@ def page(found: pd.DataFrame, made: str) -> str:
         f'nothing is told but limits, forces are random for {FIRST:g} s, and every transition '
         'counts. A residual model is about the bodies of our own plant, which are not those; the '
         'equations, of that structure, begin with the same and have an estimator, and no random '
-        'forces. '
-        f'Networks have {HIDDEN} hidden units. Held is who was within {OUT:g} rad for the last '
-        f'{HOLD:g} s of {LONG:g} s; then since when [s], the share of the time after the random '
-        'forces that it was upright, and all computing, planning and learning, per second of '
-        'experience (medians). In brackets intervals of 95 %, Wilson and by the bootstrap. The '
-        'rows: '
-        '[learned_kinds.csv.gz](learned_kinds.csv.gz).\n',
+        f'forces. Networks have {HIDDEN} hidden units. Held is who was within {OUT:g} rad for the '
+        f'last {HOLD:g} s of {LONG:g} s; then since when [s], the share of the time after the '
+        'random forces that it was upright, and all computing, planning and learning, per second '
+        'of experience (medians). In brackets intervals of 95 %, Wilson and by the bootstrap. The '
+        'rows: [learned_kinds.csv.gz](learned_kinds.csv.gz).\n',
         '![Experience and the share of seeds that it holds](../figures/learned_kinds.png)\n',
         compact([('dynamics', 'solver', 'held', 'since [s]', 'upright [%]', 'computing [s/s]'),
                  *lines]), ''])
@@ -127,14 +117,10 @@ def page(found: pd.DataFrame, made: str) -> str:
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Learn in all ways, and write the page."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--seeds', type=int, default=SEEDS)
-    parser.add_argument('--docs', type=Path, default=TOP / 'docs')
-    arguments = parser.parse_args(argv)
-    results, figures = folders(arguments.docs)
+    seeds, results, figures = asked(__doc__, argv, SEEDS)
     rows = in_parallel('kinds', [
         delayed(without_break)(way, solver, seed)
-        for seed in range(arguments.seeds) for way in WAYS for solver in METHODS])
+        for seed in range(seeds) for way in WAYS for solver in METHODS])
     found = pd.DataFrame(rows)
     ways = list(map(str, WAYS))
     found = found.sort_values('way', key=lambda of: of.map(ways.index), kind='stable')

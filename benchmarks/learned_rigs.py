@@ -6,9 +6,7 @@ Who holds rigs of other make: the equations with an estimator, or what swing-ups
 Run by `make results`.
 """
 
-import argparse
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 from campaigns import DURATION
@@ -16,7 +14,7 @@ from joblib import delayed
 from learned import in_parallel
 import numpy as np
 from rig import Rig, told
-from stamp import folders, made, sources_with, TOP
+from stamp import asked, made, sources_with
 
 from dp_swing_ros import configuration, provenance
 from dp_swing_ros.control.receding_horizon import RecedingHorizon
@@ -141,14 +139,10 @@ def page(rows: Sequence[Row], made: str) -> str:
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Play all rigs, and write the page."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--seeds', type=int, default=SEEDS)
-    parser.add_argument('--docs', type=Path, default=TOP / 'docs')
-    arguments = parser.parse_args(argv)
-    results, _ = folders(arguments.docs)
+    seeds, results, _ = asked(__doc__, argv, SEEDS)
     calls: list[Any] = [
         delayed(played)(case, ('structured', 'residual')[:1 + (case.seed < OF_RESIDUAL)])
-        for rig in RIGS for case in rig.cases(range(arguments.seeds))]
+        for rig in RIGS for case in rig.cases(range(seeds))]
     rows = [row for of in in_parallel('rigs', calls) for row in of]
     store(results / 'learned_rigs.csv.gz', rows)
     (results / 'learned_rigs.md').write_text(page(rows, made(

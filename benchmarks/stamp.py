@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where a stored page comes from: the sentence that names it, what it says, and its table."""
 
-from collections.abc import Iterable
+import argparse
+from collections.abc import Iterable, Sequence
 from datetime import date
 import hashlib
 from pathlib import Path
@@ -72,6 +73,16 @@ def folders(docs: Path) -> tuple[Path, Path]:
     for folder in (results, figures):
         folder.mkdir(parents=True, exist_ok=True)
     return results, figures
+
+
+def asked(description: str | None, argv: Sequence[str] | None,
+          seeds: int) -> tuple[int, Path, Path]:
+    """Return what a command line asks for: how many seeds, and the folders of `folders`."""
+    parser = argparse.ArgumentParser(description=description)
+    parser.add_argument('--seeds', type=int, default=seeds)
+    parser.add_argument('--docs', type=Path, default=TOP / 'docs')
+    arguments = parser.parse_args(argv)
+    return (arguments.seeds, *folders(arguments.docs))
 
 
 def verdict(is_met: bool) -> str:

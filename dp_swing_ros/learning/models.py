@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dp_swing_ros.dynamics.files import LearnedModel
-from dp_swing_ros.dynamics.kinds import BlackBox, Learned, Residual, Structured
+from dp_swing_ros.dynamics.kinds import BlackBox, Learned, Residual
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.learning import priors
 from dp_swing_ros.learning.experience import Experience
@@ -70,34 +70,25 @@ def learned(kind: str, known: Pendulum, parts: Parts, hidden: int, seed: int,
     on_round is called with the dynamics again and again. Raises FloatingPointError where nothing
     finite is found.
     """
-    if kind == 'structured':
-        held_out = Experience.joined(parts.held_out)
-        found = min((_structured(*about, parts, seed, on_round)
-                     for about in (priors.structured(known.links), priors.known(known))),
-                    key=lambda model: np.nan_to_num(rms(model.dynamics, held_out), nan=np.inf))
-    else:
-        found = _of_network(kind, known, parts, hidden, seed, on_round)
+    held_out = Experience.joined(parts.held_out)
+    begun: list[tuple[Learned, Prior]] = [
+        priors.structured(known.links), priors.known(known)] if kind == 'structured' else [
+        _trained(kind, known, parts, hidden, seed, on_round)]
+    found = min((_fitted_finely(*each, parts, seed, on_round) for each in begun),
+                key=lambda model: np.nan_to_num(rms(model.dynamics, held_out), nan=np.inf))
     return replace(found, drive=drive)
 
 
-def _structured(untold: Structured, prior: Prior, parts: Parts, seed: int,
-                on_round: OnRound) -> LearnedModel:
+def _fitted_finely(dynamics: Learned, prior: Prior, parts: Parts, seed: int,
+                   on_round: OnRound) -> LearnedModel:
     seen = Experience.joined(parts.seen)
-    found = fitted(untold.with_creep(FINE.creep), seen, prior, FINE.step, on_round)
-    return model_of(untold, found, seen, seed)
-
-
-def _of_network(kind: str, known: Pendulum, parts: Parts, hidden: int, seed: int,
-                on_round: OnRound) -> LearnedModel:
-    trained, seen = _trained(kind, known, parts, hidden, seed, on_round), Experience.joined(
-        parts.seen)
-    found = fitted(trained.with_creep(FINE.creep), seen, priors.last_layer(trained), FINE.step,
-                   on_round)
-    return model_of(trained, found, seen, seed)
+    found = fitted(dynamics.with_creep(FINE.creep), seen, prior, FINE.step, on_round)
+    return model_of(dynamics, found, seen, seed)
 
 
 def _trained(kind: str, known: Pendulum, parts: Parts, hidden: int, seed: int,
-             on_round: OnRound = lambda _: None) -> Residual | BlackBox:
+             on_round: OnRound = lambda _: None) -> tuple[Residual | BlackBox, Prior]:
+    """Return dynamics with a network that is trained, and the prior of what is to be fitted."""
     try:   # torch takes seconds to load, and who needs no network may do without
         training = import_module('dp_swing_ros.learning.training')
     except ModuleNotFoundError as error:
@@ -113,7 +104,7 @@ def _trained(kind: str, known: Pendulum, parts: Parts, hidden: int, seed: int,
                            FINE.step)
         untrained = untrained.with_free(frictions.mean)
     found: Residual | BlackBox = training.trained(untrained, seen, held_out, on_round)
-    return found
+    return found, priors.last_layer(found)
 
 
 class Online:
@@ -135,9 +126,9 @@ class Online:
         LinAlgError.
         """
         if self.kind != 'structured' and seen.duration >= self.trained + TRAINED:
-            self.dynamics = _trained(self.kind, self.known, parted([seen], self.seed),
-                                     self.hidden, self.seed)
-            self.prior, self.trained = priors.last_layer(self.dynamics), seen.duration
+            self.dynamics, self.prior = _trained(
+                self.kind, self.known, parted([seen], self.seed), self.hidden, self.seed)
+            self.trained = seen.duration
         found = model_of(self.dynamics, fitted(self.dynamics, seen, self.prior), seen, self.seed)
         self.dynamics = found.dynamics
         return found

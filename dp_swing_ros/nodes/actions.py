@@ -240,9 +240,9 @@ class Actions:
 
     def do_record(self, client: Client, request: Request) -> None:
         """Start a logger, or end it."""
-        if self.starting is not None and not request['on']:
-            raise RequestError('the logger is still starting; stop it when it records')
         if not request['on']:
+            if self.starting is not None:
+                raise RequestError('the logger is still starting; stop it when it records')
             client.answer(request, True, f'recorded to {self.recorder.stop()}')
             return
         self.recorder.start([self.node.resolve_topic_name(topic.name) for topic in TOPICS])

@@ -9,9 +9,9 @@ The cost of a trajectory, and its derivatives.
 
 and d is what the members of a learned model disagree on, where that is to cost something: see
 disagreement.py. Source: the paper, (16)-(21); it has no ½. There e(x) = x - x_r, P = 1000 S and
-b = d = 0. The tuned
-default measures the error δ of an angle by the chord e = 2 sin(δ/2): e² = 2 (1 - cos δ) is δ² near
-the goal, has no jump at a whole turn, and its Gauss-Newton Hessian stays positive semi-definite.
+b = d = 0. The tuned default measures the error δ of an angle by the chord e = 2 sin(δ/2):
+e² = 2 (1 - cos δ) is δ² near the goal, has no jump at a whole turn, and its Gauss-Newton Hessian
+stays positive semi-definite.
 The chord itself changes its sign from turn to turn, and with it P's products of an angle and a
 velocity: P is right on the goal's own turn, which is for the receding horizon to choose.
 """

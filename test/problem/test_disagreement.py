@@ -80,14 +80,14 @@ def test_its_derivatives_are_those_of_finite_differences(kind, plain, rng):
     cost = paying(plain, model)
     X, U = some(rng)
     of_steps = running_derivatives(cost, X, U, None)
+
+    def off(z):
+        own, *others = (np.array(each.accelerations(z[:6], z[6]))
+                        for each in (model.dynamics, *model.members))
+        return np.concatenate([
+            (other - own) * np.sqrt(cost.disagreement.weights) for other in others])
     for t, (x, u) in enumerate(zip(X, U)):
         z = np.append(x, u)
-
-        def off(z):   # noqa: B023
-            own, *others = (np.array(each.accelerations(z[:6], z[6]))
-                            for each in (model.dynamics, *model.members))
-            return np.concatenate([
-                (other - own) * np.sqrt(cost.disagreement.weights) for other in others])
         J = np.array([(off(z + h) - off(z - h)) / 2e-6 for h in 1e-6 * np.eye(7)]).T
         Q_z, Q_zz = np.zeros(8), np.zeros((7, 8))
         add(cost.disagreement, of_steps[0, 12:], t, Q_z, Q_zz)
