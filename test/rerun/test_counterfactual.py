@@ -2,13 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """A solver that takes over its own recorded run does what it did."""
 
-from contextlib import closing
+from contextlib import closing, contextmanager, nullcontext
 
 import numpy as np
 from peer import Peer
 import pytest
 from real_bags import record
 from std_msgs.msg import Float64
+from std_srvs.srv import SetBool
 
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.rerun.counterfactual import counterfactual, plant_at, Run, shadow
@@ -76,10 +77,12 @@ def test_whoever_takes_over_is_pushed_as_the_recorded_one_was(start_node, tmp_pa
         states = peer.record(JOINT_STATES)
         start_node('plant', {'start': 'up_up', **mode})
         pushes = peer.publisher(DISTURBANCE)
+        assert peer.until(lambda: pushes.get_subscription_count() == 2)   # plant and logger
         for state, *forces in ((20, 6.0), (21, 6.0), (40, -4.0, 200.0, -5.0), (50, 200.0), (60,)):
             assert peer.until(lambda state=state: len(states) > state)
-            for force in forces:   # those of one period add up, but for 200 N, which are refused
-                pushes.publish(Float64(data=force))
+            with paused(peer) if mode else nullcontext():   # so that they act from one state on
+                for force in forces:   # those of one period add up, but for 200 N, refused
+                    pushes.publish(Float64(data=force))
     logger.stop()
     run = Run(Bag(tmp_path / 'bag'))
     one = taken_over(run, 0.5, ['ilqr'], 2.0)
@@ -93,6 +96,16 @@ def test_whoever_takes_over_is_pushed_as_the_recorded_one_was(start_node, tmp_pa
         moved, off = recorded.X[window, 0], again.X[window, 0] - recorded.X[window, 0]
         assert np.abs(off).max() < 0.5 * np.abs(moved).max()
         assert run.latency(0.0) == np.median([tick.delay for tick in run.record.ticks]) > 0.0
+
+
+@contextmanager
+def paused(peer):
+    """Hold a plant in lockstep, until what is sent to it has long arrived."""
+    assert peer.call(SetBool, 'plant/pause', data=True).success
+    peer.spin(0.1)
+    yield
+    peer.spin(0.3)
+    assert peer.call(SetBool, 'plant/pause', data=False).success
 
 
 def test_the_past_is_what_was_recorded(runs):
