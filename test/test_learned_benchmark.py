@@ -23,7 +23,7 @@ def test_experience_in_trials_and_without_a_break():
     assert [row['trial'] for row in rows] == list(range(1, len(rows) + 1))
     assert rows[0]['held'] == 0.0 and max(row['held'] for row in rows) >= learned.HOLD
     assert rows[0]['experience'] == pytest.approx(learned.TRIAL)
-    one = learned.without_break('ilqr', 0)
+    one = learned.without_break('our own', 'ilqr', 0)
     assert learned.FIRST < one['since'] < learned.LONG
 
 
@@ -73,17 +73,19 @@ def test_the_tip_is_in_its_place_within_a_tenth_of_a_metre():
 def test_the_page_counts_seeds(monkeypatch):
     of_trials = pd.DataFrame([
         {'solver': solver, 'seed': seed, 'trial': trial, 'experience': 5.0 * trial,
-         'held': float(trial > 1 + seed), 'tip': 0.0, 'seconds': 1.0 * trial}
+         'held': float(trial > 1 + seed + (solver == 'ddp')), 'tip': 0.0, 'seconds': 1.0 * trial}
         for solver in ('ilqr', 'ddp') for seed in range(2) for trial in (1, 2, 3)])
-    breakless = pd.DataFrame([{'solver': 'ilqr', 'seed': seed, 'since': since, 'seconds': 1.0}
-                              for seed, since in enumerate((8.0, np.nan))])
+    breakless = pd.DataFrame([
+        {'bodies': bodies, 'solver': 'ilqr', 'seed': seed, 'since': since, 'seconds': 1.0}
+        for bodies in learned.PLANTS for seed, since in enumerate((8.0, np.nan))])
     predicted = pd.DataFrame([{'model': 'one', 'seed': seed, 'speed': 0.1, 'median': 0.2,
                                'p95': 1.0} for seed in range(2)])
     text = learned.page(of_trials, breakless, [], predicted, 'made\n')
     assert '| `ilqr` | all angles within 0.2 rad | 0 | 1 | 2 | 2 of 2' in text
     assert '| `ddp` | the tip within 0.1 m of its place | 0 | 0 | 0 | 0 of 2' in text
-    assert '| `ilqr` | 1 of 2' in text and '| one | 0.1 ' in text
-    assert len(learned.picture(of_trials, breakless).axes) == 3
+    assert '| all angles | 10 s | 0 | 1 | 1.000 |' in text
+    assert '| our own | `ilqr` | 1 of 2' in text and '| one | 0.1 ' in text
+    assert len(learned.picture(of_trials, breakless).axes) == 4
 
 
 def test_each_kind_has_a_curve():
