@@ -8,7 +8,7 @@ import {element, short} from './dom.js';
 
 const PAST = 10, AHEAD = 1.5;    // [s] that are seen
 const LEFT = 44, RIGHT = 6, TOP = 6, BOTTOM = 16;  // [px] of the frame
-const EASE = 0.15;               // share of the way that the scale goes to the new one at a drawing
+const EASE = 0.4;                // share of the way that the scale goes to the new one at a drawing
 
 /** Return a round number that is not less. */
 function roundUp(value) {
@@ -31,6 +31,7 @@ export class Plot {
       element('figcaption', {}, element('b', {textContent: title}),
               element('small', {textContent: unit}), this.legend, this.value), this.canvas);
     this.top = least;
+    this.drawn = 0;   // [ms] when
     this.visible = true;
     new IntersectionObserver(([entry]) => { this.visible = entry.isIntersecting; })
       .observe(this.figure);
@@ -48,7 +49,9 @@ export class Plot {
     }));
   }
 
-  draw(frames, now, plan) {
+  /** Draw frames up to a time [s] that is now, and a plan; at a time [ms] of the page. */
+  draw(at, frames, now, plan) {
+    this.drawn = at;
     if (!this.visible) return;
     this.name();
     const {pen, width, height} = fit(this.canvas);

@@ -12,7 +12,7 @@ const PHASES = ['estimate', 'starts', 'rollout', 'derivatives', 'backward', 'lin
   'rollouts', 'update', 'descents'];
 const SHADES = ['c1', 'c2', 'c3', 'c5', 'c6', 'c4', 'c7'];
 const LEVELS = ['ok', 'warning', 'error', 'stale'], SIGNS = ['✓', '!', '✕', '…'];
-const DRAWN = 33;      // [ms] between drawings
+const DRAWN = 90;      // [ms] at least between drawings of a plot
 const WRITTEN = 250;   // [ms] between the numbers in words
 const TICKS = [[-Math.PI, '−π'], [0, '0'], [Math.PI, 'π']];
 
@@ -21,7 +21,7 @@ const costs = terms => terms.map((term, n) => ({
 const millis = name => ({tick}) => Number.isFinite(tick?.[name]) ? 1000 * tick[name] : null;
 
 export class Thoughts {
-  drawn = 0;
+  turn = 0;              // the plot that is next
   written = 0;
   shadows = [];
   phases = '';
@@ -102,11 +102,14 @@ export class Thoughts {
   }
 
   draw(now) {
-    if (!this.hello || now - this.drawn < DRAWN || find('#thoughts').hidden) return;
-    this.drawn = now;
     const frame = this.stream.newest;
-    if (!frame) return;
-    for (const plot of this.plots) plot.draw(this.stream.frames, this.stream.shown, frame.plan);
+    if (!this.hello || !frame || find('#thoughts').hidden) return;
+    const shown = this.plots.filter(({figure}) => !figure.hidden);
+    const plot = shown[this.turn % shown.length];   // one at a time: an mpc may need the core
+    if (now - plot.drawn >= DRAWN) {
+      this.turn += 1;
+      plot.draw(now, this.stream.frames, this.stream.shown, frame.plan);
+    }
     if (now - this.written < WRITTEN) return;
     this.written = now;
     this.write(frame);
