@@ -28,7 +28,8 @@ from dp_swing_ros.kernels.unrolling import unrolled
 from dp_swing_ros.pendulum.derivatives import blocks, load, STEPS
 from dp_swing_ros.pendulum.equations import Numbers
 from dp_swing_ros.pendulum.state import Array
-from dp_swing_ros.problem.disagreement import AGREED, Disagreement, expansion, numbers_in, squared
+from dp_swing_ros.problem.disagreement import (
+    AGREED, Disagreement, disagreement, expansion, numbers_in)
 
 
 class AngleError(Constant):
@@ -122,7 +123,7 @@ def squared_errors(cost: Cost, x: Numbers) -> list[Any]:
 def running_cost(cost: Cost, x: Numbers, u: Any) -> Any:
     """Return ℓ(x, u)."""
     return (dot(cost.S, squared_errors(cost, x)) + cost.R * u * u + barrier(cost, x)
-            + squared(cost.disagreement, x, u))
+            + disagreement(cost.disagreement, x, u))
 
 
 def terminal_cost(cost: Cost, x: Numbers) -> Any:
@@ -168,7 +169,7 @@ def running_terms(cost, x, u):
     weighted = [weight * square for weight, square in zip(cost.S, squared_errors(cost, x))]
     half = len(cost.S) // 2
     return (weighted[0], total(weighted[1:half]), total(weighted[half:]), cost.R * u * u,
-            barrier(cost, x), squared(cost.disagreement, x, u))
+            barrier(cost, x), disagreement(cost.disagreement, x, u))
 
 
 @kernel
@@ -224,7 +225,7 @@ def running_derivatives(cost, X, U, hessian):
 
     ℓ_xx is Gauss-Newton's and a share `hessian` of what that leaves out, the curvature of the
     errors: with None it is Gauss-Newton's, with 1 exact. Those of step t are
-    [t // STEPS, :, t % STEPS], ℓ_x first, and after ℓ_xx what `disagreement.add` adds.
+    [t // STEPS, :, t % STEPS], ℓ_x first, and after ℓ_xx what `disagreement.add_expansion` adds.
     Shapes: X (T or more, 2n + 2), U (T,) -> (blocks, rows, STEPS).
     """
     derivatives = np.empty((blocks(U), rows(cost), STEPS))

@@ -48,7 +48,7 @@ class Disagreement(NamedTuple):
 AGREED = Disagreement()
 
 
-def squared(of: Disagreement, x: Numbers, u: Any) -> Any:
+def disagreement(of: Disagreement, x: Numbers, u: Any) -> Any:
     """Return d(x, u)."""
     if not of.members:
         return 0.0
@@ -66,7 +66,7 @@ def accelerations_and_slopes(dynamics, x, u):
 
 
 def expansion(of: Disagreement, x: Numbers, u: Any) -> list[Any]:
-    """Return the gradient of d, and the upper triangle of Gauss-Newton's Hessian; see `add`."""
+    """Return what `add_expansion` adds: d_z, and the upper triangle of Gauss-Newton's d_zz."""
     if not of.members:
         return []
     n, z = len(of.weights), range(2 * len(of.weights))
@@ -88,7 +88,7 @@ def numbers_in(of: Disagreement) -> int:
 
 
 @unrolled
-def add(of, numbers, i, Q_z, Q_zz):
+def add_expansion(of, numbers, i, Q_z, Q_zz):
     """
     Add the expansion in lane i to gradient and Hessian by (x, u).
 

@@ -15,7 +15,7 @@ from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.pendulum.state import hanging
 from dp_swing_ros.problem.cost import (
     running, running_cost, running_derivatives, terms, trajectory_cost)
-from dp_swing_ros.problem.disagreement import add, AGREED, Disagreement
+from dp_swing_ros.problem.disagreement import add_expansion, AGREED, Disagreement
 from dp_swing_ros.problem.parameters import CostParameters, PredictionParameters
 from dp_swing_ros.problem.problem import Problem
 
@@ -90,7 +90,7 @@ def test_its_derivatives_are_those_of_finite_differences(kind, plain, rng):
         z = np.append(x, u)
         J = np.array([(off(z + h) - off(z - h)) / 2e-6 for h in 1e-6 * np.eye(7)]).T
         Q_z, Q_zz = np.zeros(8), np.zeros((7, 8))
-        add(cost.disagreement, of_steps[0, 12:], t, Q_z, Q_zz)
+        add_expansion(cost.disagreement, of_steps[0, 12:], t, Q_z, Q_zz)
         scale = np.abs(2 * J.T @ J).max()
         np.testing.assert_allclose(Q_z[:7], 2 * J.T @ off(z), rtol=1e-5, atol=1e-6 * scale)
         np.testing.assert_allclose(Q_zz[:, :7], 2 * J.T @ J, rtol=1e-5, atol=1e-6 * scale)
