@@ -72,20 +72,24 @@ def without_break(way: Way, solver: str, seed: int, plant: Mapping[str, Any] = S
 
 @styled
 def picture(found: pd.DataFrame) -> Figure:
-    """Draw which share of the seeds is held for good after some experience, a panel a way."""
+    """Draw who is held for good after some experience: a column a kind, below it who pays."""
     figure = Figure(figsize=(10.2, 5.6), layout='constrained')
-    names = list(found.way.unique())
-    panels = figure.subplots(2, -(-len(names) // 2), sharex=True, sharey=True, squeeze=False)
-    for axes, name in zip(panels.T.flat, names):
+    ways = {name: name.split(', ') for name in found.way.unique()}
+    kinds = list(dict.fromkeys(kind for kind, *_ in ways.values()))
+    panels = figure.subplots(2, len(kinds), sharex=True, sharey=True, squeeze=False)
+    for axes in panels.flat:
+        axes.set_axis_off()
+    for name, (kind, *paid) in ways.items():
+        axes = panels[len(paid), kinds.index(kind)]
+        axes.set_axis_on()
         draw_since(axes, found[found.way == name], 0.0, LONG)
         axes.axvspan(0, 0 if name == str(EQUATIONS) else FIRST, color='#f4f6f8')
         axes.grid(True)
-        axes.set(title=name, xlim=(0, LONG), ylim=(-0.02, 1.02))
-    for axes in panels[-1]:
-        axes.set(xlabel='experience [s]')
-    for axes in panels[:, 0]:
-        axes.set(ylabel='share held from here on')
-    panels[0, 0].legend(loc='center left', fontsize='small')
+        axes.set(title='\n'.join((kind, *paid)), xlim=(0, LONG), ylim=(-0.02, 1.02),
+                 xlabel='experience [s]')
+        axes.tick_params(labelbottom=True, labelleft=True)
+    panels[0, 0].set(ylabel='share held from here on')
+    panels[0, 0].legend(loc='lower right', fontsize='small')
     figure.suptitle('Without a break, from limits alone, by the kind of dynamics')
     return figure
 
@@ -95,10 +99,11 @@ def page(found: pd.DataFrame, made: str) -> str:
     lines = []
     for (way, solver), of in found.groupby(['way', 'solver'], sort=False):
         since = median(of.since.to_numpy())
+        bounds = f' ({since.low:.1f} to {since.high:.1f})' if since.runs > 1 else ''
         lines.append((
             way, f'`{solver}`', share(rate(of.since.notna().tolist())),
-            f'{since.value:.1f} ({since.low:.1f} to {since.high:.1f})' if of.since.notna().any()
-            else '-', f'{100 * of.up.median():.0f}', f'{of.seconds.median() / LONG:.2f}'))
+            f'{since.value:.1f}{bounds}' if since.runs else '-',
+            f'{100 * of.up.median():.0f}', f'{of.seconds.median() / LONG:.2f}'))
     return '\n'.join([
         '# Kinds of learned dynamics\n', made,
         "PILCO's set-up as on the page of [learned dynamics](learned.md), without a break: "
