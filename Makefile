@@ -48,7 +48,7 @@ results: setup $(if $(filter benchmark hard optimum oracle,$(or $(PAGES),oracle)
 results: $(if $(filter rig learned_rigs,$(PAGES)),$(VENV)/.installed-rig)
 results: $(if $(filter console,$(PAGES)),$(VENV)/.installed-test)
 results: $(if $(filter suites,$(or $(PAGES),suites)),$(SUITES)/.installed)
-results:  ## every published figure anew, in five hours (PAGES='random robustness' for some)
+results:  ## every published figure anew, in eleven hours (PAGES='random robustness' for some)
 	@$(WITH_ROS) && python benchmarks/published.py $(PAGES) $(RESULTS)
 
 test: setup $(VENV)/.installed-test  ## all tests, linters and type checks (PYTEST='...' for arguments of pytest)
