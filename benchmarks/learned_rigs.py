@@ -10,11 +10,11 @@ from collections.abc import Sequence
 from typing import Any
 
 from campaigns import DURATION
-from joblib import delayed
+from joblib import delayed, Memory
 from learned import in_parallel
 import numpy as np
 from rig import Rig, told
-from stamp import asked, made, sources_with
+from stamp import asked, made, sources_with, TOP
 
 from dp_swing_ros import configuration, provenance
 from dp_swing_ros.control.receding_horizon import RecedingHorizon
@@ -28,7 +28,7 @@ from dp_swing_ros.learning.experience import Experience
 from dp_swing_ros.learning.models import learned, parted
 from dp_swing_ros.learning.recorded import stretches_of
 from dp_swing_ros.pendulum.equations import Pendulum
-from dp_swing_ros.pendulum.parameters import Drive, PendulumParameters
+from dp_swing_ros.pendulum.parameters import Drive
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.problem.plan import Plan
 from dp_swing_ros.simulation.closed_loop import simulate
@@ -86,11 +86,11 @@ def contestants(case: Case, kinds: Sequence[str]) -> list[Contestant]:
     runs = [swing_up(case, OTHER + number * SEEDS + case.seed) for number in range(max(RUNS))]
     for kind in kinds:
         for count in RUNS:
-            believed = runs[count - 1].controller.drive
-            drive = Drive(believed.delay, believed.time_constant)
+            last = runs[count - 1].controller   # what it believes in the end, as `train` has it
+            known = Pendulum.of(last.problem.physical)
+            drive = Drive(last.drive.delay, last.drive.time_constant)
             seen = [stretch for run in runs[:count] for stretch in run.experience(drive)]
-            model = learned(kind, Pendulum.of(PendulumParameters()), parted(seen, case.seed),
-                            HIDDEN, case.seed, drive=drive)
+            model = learned(kind, known, parted(seen, case.seed), HIDDEN, case.seed, drive=drive)
             found.append(Contestant(label(kind, count), SOLVER, {},
                                     {'dynamics': 'learned', 'model': model.to_text()}))
     return [*found, Contestant(ORACLE, SOLVER, {}, told(ORACLE, SOLVER, case).mpc)]
@@ -140,13 +140,16 @@ def page(rows: Sequence[Row], made: str) -> str:
 def main(argv: Sequence[str] | None = None) -> None:
     """Play all rigs, and write the page."""
     seeds, results, _ = asked(__doc__, argv, SEEDS)
+    sources = sources_with(*FILES)
+    kept = Memory(TOP / 'runs' / f'played_learned_rigs_{sources}', verbose=0)   # to go on with
+    play_kept = delayed(kept.cache(played))
     calls: list[Any] = [
-        delayed(played)(case, ('structured', 'residual')[:1 + (case.seed < OF_RESIDUAL)])
+        play_kept(case, ('structured', 'residual')[:1 + (case.seed < OF_RESIDUAL)])
         for rig in RIGS for case in rig.cases(range(seeds))]
     rows = [row for of in in_parallel('rigs', calls) for row in of]
     store(results / 'learned_rigs.csv.gz', rows)
     (results / 'learned_rigs.md').write_text(page(rows, made(
-        'learned_rigs', sources_with(*FILES), (*provenance.COMPUTING, 'mujoco'))),
+        'learned_rigs', sources, (*provenance.COMPUTING, 'mujoco'))),
         encoding='utf-8')
 
 

@@ -3,7 +3,8 @@
 """The motion in a bag: when each state was measured and each command sent, by one clock."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -34,7 +35,7 @@ class Recorded(NamedTuple):
     The motion in a bag, how its times were found, and what its controller took for granted.
 
     V (K, n + 1) are the speeds, as measured or else as estimated; NaN where they are neither.
-    believed is the drive as the controller had it in the end, but for gain and bias.
+    believed are pendulum and drive as the controller had them in the end, but for gain and bias.
     """
 
     motion: Motion
@@ -42,7 +43,7 @@ class Recorded(NamedTuple):
     times: str
     physical: PendulumParameters
     drive: Drive
-    believed: Drive
+    believed: tuple[PendulumParameters, Drive]
 
 
 class Log(NamedTuple):
@@ -81,7 +82,7 @@ def recorded(bag: Bag, links: int | None = None) -> Recorded:
                                                            nominal).track_limit)
     physical = bag.parse(group, PendulumParameters, {**nominal, 'links': links_of(bag)})
     drive = Drive.of(bag.parse(group, DriveParameters, nominal))
-    return Recorded(motion, V, times, physical, drive, believed_drive(reports, drive))
+    return Recorded(motion, V, times, physical, drive, believed(reports, physical, drive))
 
 
 def recorded_of_one(bags: Sequence[Bag], links: int | None = None) -> list[Recorded]:
@@ -95,13 +96,17 @@ def recorded_of_one(bags: Sequence[Bag], links: int | None = None) -> list[Recor
     return found
 
 
-def believed_drive(reports: Sequence[Report], nominal: Drive) -> Drive:
-    """Return delay and lag as the last report has them that has any, else nominal ones."""
+def believed(reports: Sequence[Report], physical: PendulumParameters,
+             drive: Drive) -> tuple[PendulumParameters, Drive]:
+    """Return pendulum, delay and lag as the last report has them that has any, else nominal."""
     for report in reversed(reports):
-        if 'motor_time_constant' in report.values:
-            return Drive(float(report.values['actuation_delay']),
-                         float(report.values['motor_time_constant']))
-    return Drive(nominal.delay, nominal.time_constant)
+        found = report.values
+        if 'motor_time_constant' in found:
+            known: dict[str, Any] = {
+                name: float(found[name]) for name in vars(physical) if name in found}
+            return replace(physical, **known), Drive(
+                float(found['actuation_delay']), float(found['motor_time_constant']))
+    return physical, Drive(drive.delay, drive.time_constant)
 
 
 def clock_of(bag: Bag) -> tuple[str, Log]:

@@ -44,17 +44,18 @@ def test_the_process_leaves_a_model_that_holds_what_moved(bag, tmp_path):
     assert np.all(own < 0.9 * equations)   # it stands still for most of it
     plant = configuration.plant(BODIES)
     learned = configuration.controller({'dynamics': 'learned', 'model': str(output)})
-    episode = simulate(plant, learned, 8.0)
+    episode = simulate(plant, learned, 10.0)
     assert np.all(deviation(episode.X[-40:], learned.nominal.x_r) < 0.1)
 
 
-def test_a_residual_model_is_of_the_pendulum_that_the_mpc_took_for_granted(
+def test_a_residual_model_is_of_the_pendulum_as_the_mpc_had_it_in_the_end(
         bag, tmp_path, capsys):
     assert main([str(bag), '--kind', 'residual', '--hidden', '8', '-o',
                  str(tmp_path / 'model.json')]) == 0
     assert 'residual: 1' in capsys.readouterr().out
     pendulum = json.loads((tmp_path / 'model.json').read_text())['dynamics']['pendulum']
-    assert pendulum['m'] == pytest.approx(1.0 + 0.5 + 0.5)   # the defaults
+    assert pendulum['m'] == pytest.approx(0.8 + 0.5 + 0.6, rel=0.1)
+    assert pendulum['m'] != pytest.approx(1.0 + 0.5 + 0.5, abs=0.02)   # the defaults
     found = load(str(tmp_path / 'model.json'), 2).about
     assert found['errors']['speeds'] != found['errors of the equations']['speeds']
 
