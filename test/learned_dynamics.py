@@ -13,7 +13,7 @@ from dp_swing_ros.learning.regression import predicted
 from dp_swing_ros.pendulum.equations import Pendulum
 from dp_swing_ros.pendulum.parameters import PendulumParameters
 
-HIDDEN = 16
+HIDDEN = 6
 BODIES = {'cart_mass': 0.5, 'link1_mass': 0.5, 'link2_mass': 0.5, 'link1_length': 0.6,
           'link2_length': 0.6, 'cart_friction': 0.1}
 
