@@ -23,7 +23,7 @@ from tqdm import tqdm
 from dp_swing_ros import configuration
 from dp_swing_ros.evaluation.campaign.contestants import Contestant, play
 from dp_swing_ros.evaluation.campaign.report import (
-    difference, failures, number, probability, ratio, share)
+    difference, failures, interval, number, probability, ratio, share)
 from dp_swing_ros.evaluation.campaign.rows import grouped, Row, solves, store
 from dp_swing_ros.evaluation.campaign.summary import common, duel, Failure, why
 from dp_swing_ros.evaluation.comparison import median, rate, sign_test
@@ -227,14 +227,11 @@ def of_limits(of_trials: pd.DataFrame, breakless: pd.DataFrame) -> str:
             last = rate(ends[max(ends)])
             lines.append((f'`{solver}`', name, *(str(sum(held)) for held in ends.values()),
                           share(last), verdict(sum(ends[max(ends)]) >= 0.9 * last.runs)))
-    ends = sorted(set(of_trials.experience.round(6)))
     long = []
     for (bodies, solver), of in breakless.groupby(['bodies', 'solver'], sort=False):
-        found = median(of.since.to_numpy())
         long.append((bodies, f'`{solver}`', share(rate(of.since.notna().tolist())),
-                     f'{found.value:.1f} ({found.low:.1f} to {found.high:.1f})',
-                     f'{of.since.max():.1f}', share(rate((of.since <= STRETCH).tolist())),
-                     f'{of.seconds.median():.1f}'))
+                     interval(median(of.since.to_numpy()), '.1f'), f'{of.since.max():.1f}',
+                     share(rate((of.since <= STRETCH).tolist())), f'{of.seconds.median():.1f}'))
     lasts = of_trials.groupby(['solver', 'seed'], sort=False).last().reset_index()
     pace = {solver: (of.seconds / of.experience).median()
             for solver, of in lasts.groupby('solver', sort=False)}
@@ -275,8 +272,8 @@ def of_log(rows: Sequence[Row]) -> str:
         p99 = float(np.quantile(solves(of), 0.99))
         aim = '' if 'learned' not in label else verdict(
             held.successes >= HELD[scenario] * held.runs and p99 <= SLOWEST)
-        lines.append((scenario, f'`{label}`', share(held), f'{settled.value:.2f} '
-                      f'({settled.low:.2f} to {settled.high:.2f})', number(p99, 1, 1e3), aim))
+        lines.append((scenario, f'`{label}`', share(held), interval(settled, '.2f'),
+                      number(p99, 1, 1e3), aim))
     lost = [Failure(*row.key, why(row)) for row in rows if not row.metrics.success]
     return '\n'.join([
         f'Our own plant, with {named(NOISES)}: '
@@ -328,9 +325,8 @@ def of_predictions(predicted: pd.DataFrame) -> str:
     """Return what models miss."""
     lines = []
     for model, of in predicted.groupby('model', sort=False):
-        found = [median(of[name].to_numpy()) for name in ('speed', 'median', 'p95')]
-        lines.append((model, *(f'{each.value:.3g} ({each.low:.3g} to {each.high:.3g})'
-                               for each in found)))
+        lines.append((model, *(interval(median(of[name].to_numpy()), '.3g')
+                               for name in ('speed', 'median', 'p95'))))
     return '\n'.join([
         f"PILCO's bodies, sensors as by a log: what models miss of {LOG / 2:g} s of random forces "
         'that they have not seen, from each measured state on; medians over '

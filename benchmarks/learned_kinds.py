@@ -20,7 +20,7 @@ import pandas as pd
 from stamp import asked, made, sources_with, store_table
 
 from dp_swing_ros import configuration
-from dp_swing_ros.evaluation.campaign.report import share
+from dp_swing_ros.evaluation.campaign.report import interval, share
 from dp_swing_ros.evaluation.comparison import median, rate
 from dp_swing_ros.evaluation.scenarios import PERIOD
 from dp_swing_ros.evaluation.soak import OUT
@@ -74,18 +74,18 @@ def without_break(way: Way, solver: str, seed: int, plant: Mapping[str, Any] = S
 def picture(found: pd.DataFrame) -> Figure:
     """Draw who is held for good after some experience: a column a kind, below it who pays."""
     figure = Figure(figsize=(10.2, 5.6), layout='constrained')
-    ways = {name: name.split(', ') for name in found.way.unique()}
-    kinds = list(dict.fromkeys(kind for kind, *_ in ways.values()))
+    ways = [way for way in WAYS if str(way) in set(found.way)]
+    kinds = list(dict.fromkeys(way.kind for way in ways))
     panels = figure.subplots(2, len(kinds), sharex=True, sharey=True, squeeze=False)
     for axes in panels.flat:
         axes.set_axis_off()
-    for name, (kind, *paid) in ways.items():
-        axes = panels[len(paid), kinds.index(kind)]
+    for way in ways:
+        axes = panels[int(way.weight > 0), kinds.index(way.kind)]
         axes.set_axis_on()
-        draw_since(axes, found[found.way == name], 0.0, LONG)
-        axes.axvspan(0, 0 if name == str(EQUATIONS) else FIRST, color='#f4f6f8')
+        draw_since(axes, found[found.way == str(way)], 0.0, LONG)
+        axes.axvspan(0, 0 if way == EQUATIONS else FIRST, color='#f4f6f8')
         axes.grid(True)
-        axes.set(title='\n'.join((kind, *paid)), xlim=(0, LONG), ylim=(-0.02, 1.02),
+        axes.set(title=str(way).replace(', ', '\n'), xlim=(0, LONG), ylim=(-0.02, 1.02),
                  xlabel='experience [s]')
         axes.tick_params(labelbottom=True, labelleft=True)
     panels[0, 0].set(ylabel='share held from here on')
@@ -98,11 +98,9 @@ def page(found: pd.DataFrame, made: str) -> str:
     """Return the page as Markdown."""
     lines = []
     for (way, solver), of in found.groupby(['way', 'solver'], sort=False):
-        since = median(of.since.to_numpy())
-        bounds = f' ({since.low:.1f} to {since.high:.1f})' if since.runs > 1 else ''
         lines.append((
             way, f'`{solver}`', share(rate(of.since.notna().tolist())),
-            f'{since.value:.1f}{bounds}' if since.runs else '-',
+            interval(median(of.since.to_numpy()), '.1f'),
             f'{100 * of.up.median():.0f}', f'{of.seconds.median() / LONG:.2f}'))
     return '\n'.join([
         '# Kinds of learned dynamics\n', made,

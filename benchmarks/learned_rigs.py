@@ -14,12 +14,12 @@ from joblib import delayed, Memory
 from learned import in_parallel
 import numpy as np
 from rig import Rig, told
-from stamp import asked, made, sources_with, TOP
+from stamp import asked, made, sources_with
 
 from dp_swing_ros import configuration, provenance
 from dp_swing_ros.control.receding_horizon import RecedingHorizon
 from dp_swing_ros.evaluation.campaign.contestants import Contestant, play
-from dp_swing_ros.evaluation.campaign.report import difference, probability, share
+from dp_swing_ros.evaluation.campaign.report import difference, interval, probability, share
 from dp_swing_ros.evaluation.campaign.rows import grouped, Row, store
 from dp_swing_ros.evaluation.campaign.summary import common, duel
 from dp_swing_ros.evaluation.comparison import median, rate
@@ -116,7 +116,7 @@ def page(rows: Sequence[Row], made: str) -> str:
             settled = median(np.array([row.metrics.settling_time for row in of
                                        if row.metrics.success]))
             line = [str(rig), name, share(rate([row.metrics.success for row in of])),
-                    f'{settled.value:.2f} ({settled.low:.2f} to {settled.high:.2f})']
+                    interval(settled, '.2f')]
             if name != ESTIMATING:
                 one = duel(rig.scenario, name, ESTIMATING, common(of, by_label[ESTIMATING]))
                 line += [str(one.first_only), str(one.second_only), probability(one.p),
@@ -141,7 +141,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Play all rigs, and write the page."""
     seeds, results, _ = asked(__doc__, argv, SEEDS)
     sources = sources_with(*FILES)
-    kept = Memory(TOP / 'runs' / f'played_learned_rigs_{sources}', verbose=0)   # to go on with
+    # to go on with; beside what `make results` keeps of this page, and forgets with it
+    kept = Memory(results.parents[1] / f'played_{sources}', verbose=0)
     play_kept = delayed(kept.cache(played))
     calls: list[Any] = [
         play_kept(case, ('structured', 'residual')[:1 + (case.seed < OF_RESIDUAL)])

@@ -58,7 +58,7 @@ def add_kind(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--kind', choices=list(KINDS), default='structured',
                         help='structured: a mass matrix, a potential and frictions; residual: the '
                              'pendulum as the mpc has it, and a network for what that lacks; '
-                             ' black_box: a network alone (default: %(default)s)')
+                             'black_box: a network alone (default: %(default)s)')
     parser.add_argument('--hidden', type=within(int, 1, MANY), default=HIDDEN, metavar='N',
                         help='units of a network (default: %(default)s)')
 

@@ -21,7 +21,6 @@ const costs = terms => terms.map((term, n) => ({
 const millis = name => ({tick}) => Number.isFinite(tick?.[name]) ? 1000 * tick[name] : null;
 
 export class Thoughts {
-  turn = 0;              // the plot that is next
   written = 0;
   shadows = [];
   phases = '';
@@ -104,10 +103,10 @@ export class Thoughts {
   draw(now) {
     const frame = this.stream.newest;
     if (!this.hello || !frame || find('#thoughts').hidden) return;
-    const shown = this.plots.filter(({figure}) => !figure.hidden);
-    const plot = shown[this.turn % shown.length];   // one at a time: an mpc may need the core
+    // one at a time, which waits longest: an mpc may need the core
+    const plot = this.plots.filter(({figure}) => !figure.hidden)
+      .reduce((first, other) => other.drawn < first.drawn ? other : first);
     if (now - plot.drawn >= DRAWN) {
-      this.turn += 1;
       plot.draw(now, this.stream.frames, this.stream.shown, frame.plan);
     }
     if (now - this.written < WRITTEN) return;

@@ -9,7 +9,8 @@ import math
 from dp_swing_ros.evaluation.campaign.rows import grouped
 from dp_swing_ros.evaluation.campaign.summary import (
     CRITERIA, DROP, Duel, Failure, Level, NEAR_GOAL, Standing, Summary)
-from dp_swing_ros.evaluation.comparison import Paired, Rate, Ratio, SAME_COST, SAME_HELD
+from dp_swing_ros.evaluation.comparison import (
+    Median, Paired, Rate, Ratio, SAME_COST, SAME_HELD)
 from dp_swing_ros.evaluation.scenarios import PROFILE, SCENARIOS
 from dp_swing_ros.tables import compact
 
@@ -181,7 +182,14 @@ def verdict(p: float) -> str:
 
 def ratio(of: Ratio) -> str:
     """Return a paired ratio for a cell."""
-    return '-' if math.isnan(of.low) else f'{of.value:.3f} ({of.low:.3f} to {of.high:.3f})'
+    return '-' if math.isnan(of.low) else interval(of, '.3f')
+
+
+def interval(of: Median | Ratio, form: str) -> str:
+    """Return a figure and its interval for a cell; of one run there is none."""
+    if math.isnan(of.low):
+        return '-' if math.isnan(of.value) else f'{of.value:{form}}'
+    return f'{of.value:{form}} ({of.low:{form}} to {of.high:{form}})'
 
 
 def failures(found: Sequence[Failure]) -> str:
