@@ -3,6 +3,9 @@
 """
 Who holds rigs of other make: the equations with an estimator, or what swing-ups have taught.
 
+Of some rigs the equations lack nothing: what is wrong are numbers, and their estimator finds them.
+Of the others, of uneven.py, they lack the structure.
+
 Run by `make results`.
 """
 
@@ -12,9 +15,11 @@ from typing import Any
 from campaigns import DURATION
 from joblib import delayed, Memory
 from learned import in_parallel
+from matplotlib.figure import Figure
 import numpy as np
 from rig import Rig, told
 from stamp import asked, made, sources_with
+from uneven import ADDED, Along, Beside, engines, exact, UnevenRig
 
 from dp_swing_ros import configuration, provenance
 from dp_swing_ros.control.receding_horizon import RecedingHorizon
@@ -22,8 +27,9 @@ from dp_swing_ros.evaluation.campaign.contestants import Contestant, play
 from dp_swing_ros.evaluation.campaign.report import difference, interval, probability, share
 from dp_swing_ros.evaluation.campaign.rows import grouped, Row, store
 from dp_swing_ros.evaluation.campaign.summary import common, duel
-from dp_swing_ros.evaluation.comparison import median, rate
+from dp_swing_ros.evaluation.comparison import Median, median, rate
 from dp_swing_ros.evaluation.scenarios import Case
+from dp_swing_ros.figures.style import as_share, FAINT, INK, name_lines, PALETTE, PAPER, styled
 from dp_swing_ros.learning.experience import Experience
 from dp_swing_ros.learning.models import learned, parted
 from dp_swing_ros.learning.recorded import stretches_of
@@ -34,14 +40,17 @@ from dp_swing_ros.problem.plan import Plan
 from dp_swing_ros.simulation.closed_loop import simulate
 from dp_swing_ros.tables import compact
 
-FILES = ('learned_rigs.py', 'learned.py', 'rig.py', 'campaigns.py')
+FILES = ('learned_rigs.py', 'uneven.py', 'learned.py', 'rig.py', 'campaigns.py')
 RIGS = (Rig('rig_cart', 4.0), Rig('rig_joints', 0.05), Rig('rig_lag', 0.05), Rig('rig_gain'),
-        Rig('rig_all'))
+        Rig('rig_all'), UnevenRig('beside'), UnevenRig('along'))
 SEEDS, OF_RESIDUAL = 100, 34
 SOLVER = 'ilqr'
 RUNS = (1, 5)       # of which is learned
 OTHER = 1000        # seeds further are those of the runs that are learned from
 HIDDEN = 8
+# as the contestants come; those that learned the same have one colour
+LOOKS = ((INK, 'o'), (FAINT, 'o'), (PALETTE[0], 's'), (PALETTE[0], 'D'), (PALETTE[1], 's'),
+         (PALETTE[1], 'D'), (PALETTE[2], '^'))
 ESTIMATING, ALONE, ORACLE = 'equations, estimator', 'equations alone', 'told'
 
 
@@ -93,7 +102,9 @@ def contestants(case: Case, kinds: Sequence[str]) -> list[Contestant]:
             model = learned(kind, known, parted(seen, case.seed), HIDDEN, case.seed, drive=drive)
             found.append(Contestant(label(kind, count), SOLVER, {},
                                     {'dynamics': 'learned', 'model': model.to_text()}))
-    return [*found, Contestant(ORACLE, SOLVER, {}, told(ORACLE, SOLVER, case).mpc)]
+    truth = {'dynamics': 'learned', 'model': exact(case).to_text()} \
+        if case.plant['engine'] in ADDED else told(ORACLE, SOLVER, case).mpc
+    return [*found, Contestant(ORACLE, SOLVER, {}, truth)]
 
 
 def label(kind: str, runs: int) -> str:
@@ -103,20 +114,63 @@ def label(kind: str, runs: int) -> str:
 
 def played(case: Case, kinds: Sequence[str]) -> list[Row]:
     """Return a row for each contestant on a rig."""
-    with np.errstate(all='ignore'):
+    with np.errstate(all='ignore'), engines():
         return [play(contestant, case) for contestant in contestants(case, kinds)]
 
 
-def page(rows: Sequence[Row], made: str) -> str:
-    """Return the page from all rows."""
+Groups = dict[Rig, dict[str, list[Row]]]
+
+
+def by_rig(rows: Sequence[Row]) -> Groups:
+    """Return the rows by rig, and then by contestant."""
+    return {rig: grouped(of_rig, lambda row: row.key.contestant) for rig, of_rig in grouped(
+        rows, lambda row: Rig(row.key.scenario, row.key.level)).items()}
+
+
+def settling(rows: Sequence[Row]) -> Median:
+    """Return the median settling time [s] of what was held."""
+    return median(np.array([row.metrics.settling_time for row in rows if row.metrics.success]))
+
+
+@styled
+def picture(groups: Groups) -> Figure:
+    """Draw what each holds of each rig, and when it has settled, with intervals."""
+    names = list(dict.fromkeys(name for of_rig in groups.values() for name in of_rig))
+    looks = {name: {'color': colour, 'marker': marker, 'linewidth': 1.4, 'markersize': 4.7,
+                    'markevery': [1]} for name, (colour, marker) in zip(names, LOOKS)}
+    pitch = len(names) + 1
+    figure = Figure(figsize=(8.4, 1.3 + 0.15 * pitch * len(groups)), layout='constrained')
+    held, settled = figure.subplots(1, 2, sharey=True)
+    for n, of_rig in enumerate(groups.values()):
+        if n % 2 == 0:
+            for axes in (held, settled):
+                axes.axhspan(n * pitch - 1, (n + 1) * pitch - 1, color=PAPER, zorder=0)
+        for name, rows in of_rig.items():
+            y = [n * pitch + names.index(name)] * 3
+            found, took = rate([row.metrics.success for row in rows]), settling(rows)
+            held.plot([found.low, found.successes / found.runs, found.high], y, **looks[name],
+                      clip_on=False)
+            settled.plot([took.low, took.value, took.high], y, **looks[name])
+    held.set_yticks(pitch * np.arange(len(groups)) + (len(names) - 1) / 2,
+                    [str(rig).strip('`').replace('`,', ',\n') for rig in groups])
+    held.set(ylim=(pitch * len(groups) - 1, -1), xlabel='held')
+    for axes in (held, settled):
+        axes.tick_params('y', length=0)
+        axes.grid(True, axis='x')
+    as_share(held, 'x')
+    settled.set(xlim=(0, None), xlabel='median settling time [s]')
+    name_lines(figure, looks, entry=2.0)
+    figure.suptitle('What swing-ups teach of a rig')
+    return figure
+
+
+def page(groups: Groups, made: str) -> str:
+    """Return the page."""
     lines = []
-    for rig, of_rig in grouped(rows, lambda row: Rig(row.key.scenario, row.key.level)).items():
-        by_label = grouped(of_rig, lambda row: row.key.contestant)
+    for rig, by_label in groups.items():
         for name, of in by_label.items():
-            settled = median(np.array([row.metrics.settling_time for row in of
-                                       if row.metrics.success]))
             line = [str(rig), name, share(rate([row.metrics.success for row in of])),
-                    interval(settled, '.2f')]
+                    interval(settling(of), '.2f')]
             if name != ESTIMATING:
                 one = duel(rig.scenario, name, ESTIMATING, common(of, by_label[ESTIMATING]))
                 line += [str(one.first_only), str(one.second_only), probability(one.p),
@@ -124,22 +178,28 @@ def page(rows: Sequence[Row], made: str) -> str:
             lines.append((*line, *[''] * (8 - len(line))))
     return '\n'.join([
         '# Learned dynamics on rigs of other make\n', made,
-        f'{DURATION:g} s from nearly hanging of the scenarios `rig_*` of [evaluate]'
-        f'(../evaluation.md#scenarios): MuJoCo moves the pendulum, `{SOLVER}` controls it, and '
-        'what is wrong is told to nobody. First the mpc with its defaults, whose estimator learns '
-        'parameters as it goes, and the same without an estimator; then [learned dynamics]'
-        '(../learned_dynamics.md) of one swing-up by the first of these, on the same rig with '
+        f'{DURATION:g} s from nearly hanging, moved by MuJoCo, controlled by `{SOLVER}`, and what '
+        'is wrong is told to nobody. First the rigs of [evaluate](../evaluation.md#scenarios), '
+        'where the equations of the mpc lack nothing: what is wrong are numbers, all of which its '
+        'estimator seeks. Then two that are chains of links as well, but no rods with their mass '
+        f'about the middle: of `rig_beside` each centre of mass lies {100 * Beside.beside:g} cm '
+        f'beside the line of the joints, of `rig_along` at {100 * Along.along:g} % of the length. '
+        'No masses and lengths make the equations those.\n',
+        'Each rig meets the mpc with its defaults, whose estimator learns parameters as it goes, '
+        'and the same without an estimator; then [learned dynamics](../learned_dynamics.md) of '
+        f'one run of {DURATION:g} s by the first of these, held or not, on the same rig with '
         f'another seed, and of {max(RUNS)}; last, one that is told all. Each seed has models of '
         'its own. Beside each stands how it compares with the first on the same seeds. In '
-        'brackets the 95 % interval, by Wilson of what is held, by the bootstrap of a median. The '
-        'rows: [learned_rigs.csv.gz](learned_rigs.csv.gz).\n',
+        'brackets the 95 % interval, by Wilson of what is held, by the bootstrap of a median of '
+        'what was held. The rows: [learned_rigs.csv.gz](learned_rigs.csv.gz).\n',
+        '![What each holds of each rig, and how soon](../figures/learned_rigs.png)\n',
         compact([('rig', 'mpc', 'held', 'median settling [s]', 'only it held',
                   'only the first held', 'p', 'settling less than the first [s]'), *lines]), ''])
 
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Play all rigs, and write the page."""
-    seeds, results, _ = asked(__doc__, argv, SEEDS)
+    seeds, results, figures = asked(__doc__, argv, SEEDS)
     sources = sources_with(*FILES)
     # to go on with; beside what `make results` keeps of this page, and forgets with it
     kept = Memory(results.parents[1] / f'played_{sources}', verbose=0)
@@ -149,9 +209,10 @@ def main(argv: Sequence[str] | None = None) -> None:
         for rig in RIGS for case in rig.cases(range(seeds))]
     rows = [row for of in in_parallel('rigs', calls) for row in of]
     store(results / 'learned_rigs.csv.gz', rows)
-    (results / 'learned_rigs.md').write_text(page(rows, made(
-        'learned_rigs', sources, (*provenance.COMPUTING, 'mujoco'))),
-        encoding='utf-8')
+    groups = by_rig(rows)
+    picture(groups).savefig(figures / 'learned_rigs.png')
+    (results / 'learned_rigs.md').write_text(page(groups, made(
+        'learned_rigs', sources, (*provenance.COMPUTING, 'mujoco'))), encoding='utf-8')
 
 
 if __name__ == '__main__':

@@ -150,7 +150,7 @@ PAGES = {
     'live': of_script('live', 0.1, *live.FILES),
     'learned': of_script('learned', 45, *learned.FILES),
     'learned_kinds': of_script('learned_kinds', 55, *learned_kinds.FILES),
-    'learned_rigs': of_script('learned_rigs', 55, *learned_rigs.FILES),
+    'learned_rigs': of_script('learned_rigs', 75, *learned_rigs.FILES),
     'console': of_script('console', 25, 'console.py', 'chromium.py', 'live_rates.py',
                          'campaigns.py'),
     'durability': of_script('durability', 6, 'durability.py', 'numbered.py', 'readers.py'),

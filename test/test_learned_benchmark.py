@@ -9,13 +9,17 @@ import numpy as np
 import pandas as pd
 import pytest
 from rig import Rig
+import uneven
 
+from dp_swing_ros import configuration
 from dp_swing_ros.learning.experience import Experience
 from dp_swing_ros.learning.models import parted
 from dp_swing_ros.learning.priors import structured
 from dp_swing_ros.learning.regression import FINE, fitted
-from dp_swing_ros.pendulum.parameters import Drive
+from dp_swing_ros.pendulum.equations import Pendulum
+from dp_swing_ros.pendulum.parameters import Drive, PendulumParameters
 from dp_swing_ros.pendulum.state import hanging, upright
+from dp_swing_ros.simulation.engines import ENGINES, Motor
 
 
 def test_experience_in_trials_and_without_a_break():
@@ -45,8 +49,29 @@ def test_a_rig_is_held_by_what_its_swing_ups_have_taught():
         'equations, estimator', 'equations alone', 'structured, 1 swing-up',
         'structured, 5 swing-ups', 'told']
     assert all(row.metrics.success for row in rows)
-    text = learned_rigs.page(rows, 'made\n')
+    groups = learned_rigs.by_rig(rows)
+    text = learned_rigs.page(groups, 'made\n')
     assert text.count('1 of 1') == 5 and '| `rig_gain` | told | 1 of 1' in text
+    assert len(learned_rigs.picture(groups).axes) == 2
+
+
+@pytest.mark.parametrize('name', uneven.ADDED)
+def test_a_rig_with_uneven_links_is_what_its_exact_model_says(name):
+    """And no pendulum with its mass in the middle."""
+    pytest.importorskip('mujoco')
+    with uneven.engines():
+        case, = uneven.UnevenRig(name).cases(range(1))
+        engine, told = configuration.plant(case.plant).engine, uneven.exact(case).dynamics
+        h, u, x = 1e-5, 3.0, np.array([0.2, 1.0, -2.0, 0.5, 2.0, -1.0])
+        moved = x.copy()
+        engine.advance(moved, Motor(1.0, 0.0, 20.0, 1.0), 0.0, u, 0.0, h, 1)
+        a = (moved - x)[3:] / h
+        np.testing.assert_allclose(told.accelerations(x, u), a, atol=1e-3)
+        even = Pendulum.of(PendulumParameters()).accelerations(x, u)
+        assert np.abs(a - even).max() > 0.1   # a hundred times what is the engine's step
+    rows = learned_rigs.played(case, ())
+    assert [row.metrics.success for row in rows if row.key.contestant == 'told'] == [True]
+    assert name not in ENGINES   # they are none of the product
 
 
 def test_a_fit_that_passes_by_dynamics_that_are_singular_ends_well():
