@@ -21,7 +21,8 @@ from dp_swing_ros.pendulum.sensors import default_sensors, SensorParameters
 from dp_swing_ros.pendulum.state import Array, joints, LINKS, links_of as links_of_state
 from dp_swing_ros.pendulum.urdf import from_urdf
 from dp_swing_ros.simulation.episode import Episode, Ticks
-from dp_swing_ros.topics import CONFIGURATION, DIAGNOSTICS, JOINT_STATES, ROBOT_DESCRIPTION
+from dp_swing_ros.topics import (
+    CONFIGURATION, DIAGNOSTICS, DISTURBANCE, JOINT_STATES, ROBOT_DESCRIPTION)
 
 FEW = 3   # states of one stamp; more tell that a driver gives all the same
 CONTROLLER, PLANT = 'mpc', 'plant'  # nodes; the first reports its ticks in the diagnostics
@@ -192,16 +193,37 @@ def description_of(bag: Bag) -> tuple[PendulumParameters, LimitParameters]:
 
 def reports_of(bag: Bag) -> list[Report]:
     """Return the controller's reports on its ticks, in order; nothing where there was none."""
-    if not bag.has(DIAGNOSTICS):
-        return []
-    driven = f'/{bag.entries_of(JOINT_STATES)[0].topic.lstrip("/")}'
-    reports = list(filter(None, (bag.parse(from_diagnostics, message, CONTROLLER, driven)
-                                 for message in bag.of(DIAGNOSTICS))))
+    reports = _reports(bag, CONTROLLER)
     answers = [report for report in reports if report.values.get('sent')]
     if stand_still(report.stamp for report in answers):
         reports = [report._replace(stamp=int(report.values.get('sent') or report.stamp))
                    for report in reports]
     return sorted(reports, key=lambda report: report.stamp)
+
+
+def pushes_of(bag: Bag) -> dict[int, float]:
+    """
+    Return the pushes that the plant took [N], by the times that their periods began at [ns].
+
+    Raises BagError where somebody pushed, and the plant does not say when that acted.
+    """
+    if not bag.has(DISTURBANCE):
+        return {}
+    reports = _reports(bag, PLANT)
+    if not any('push' in report.values for report in reports):
+        raise BagError(f'{bag} has {DISTURBANCE.name}, but its {PLANT} does not say through which '
+                       'period each push acted; record it anew, with /diagnostics')
+    return bag.parse(lambda: {report.stamp: float(report.values['push'])
+                              for report in reports if report.values.get('push')})
+
+
+def _reports(bag: Bag, node: str) -> list[Report]:
+    """Return the status of the plant, or of the controller, again and again as it came."""
+    if not bag.has(DIAGNOSTICS):
+        return []
+    driven = f'/{bag.entries_of(JOINT_STATES)[0].topic.lstrip("/")}'
+    return list(filter(None, (bag.parse(from_diagnostics, message, node, driven)
+                              for message in bag.of(DIAGNOSTICS))))
 
 
 def stand_still(stamps: Iterable[int]) -> bool:

@@ -269,29 +269,30 @@ class PlantNode(ProcessNode):
             self.sent = to_joint_state(self.stamp(measured.t), measured.x, self.plant.mean_force)
             self.sent_at = time.monotonic()
             self.states.publish(self.sent)
-        if self.plant.t - self.reported >= REPORT_PERIOD:
-            self.report()
+        push, self.push = self.push, 0.0
+        if push or self.plant.t - self.reported >= REPORT_PERIOD:
+            self.report(push)
         if self.parameters.duration and self.plant.t >= self.parameters.duration - 1e-9:
             self.done = True
         self.waiting = measured is not None and not self.done
         self.pace.begin(self.lasts)
         if self.parameters.lockstep and measured is None:
             self.unanswerable.trigger()   # and not at once, so that a signal can end it
-        self.plant.begin_period(self.push)
-        self.push = 0.0
+        self.plant.begin_period(push)
 
     def stamp(self, t: float) -> Time:
         """Return a time of the plant [s] as a stamp."""
         return to_stamp(self.epoch + round(t * 1e9))
 
-    def report(self) -> None:
-        """Publish what the plant counts."""
+    def report(self, push: float = 0.0) -> None:
+        """Publish what the plant counts, and the push through the period that begins [N]."""
         self.reported = self.plant.t
         self.diagnostics.publish(
             self.stamp(self.plant.t), *self.verdict(),
-            {'time': self.plant.t, 'commands': self.commands, 'refused': self.refused,
-             'refused_disturbances': self.refused_pushes, 'skipped_ticks': self.skipped,
-             'lost_commands': self.lost_commands, 'lost_states': self.lost_states,
+            {'time': self.plant.t, 'push': push, 'commands': self.commands,
+             'refused': self.refused, 'refused_disturbances': self.refused_pushes,
+             'skipped_ticks': self.skipped, 'lost_commands': self.lost_commands,
+             'lost_states': self.lost_states,
              'paused': self.pace.paused})
         self.reported_refusals = self.refused + self.refused_pushes
 

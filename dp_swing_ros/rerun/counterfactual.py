@@ -10,8 +10,7 @@ in steps of the prediction; what comes after the window counts for nothing, ther
 cost.
 """
 
-from bisect import bisect_left
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from copy import copy
 import math
 from typing import NamedTuple
@@ -19,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dp_swing_ros import configuration
-from dp_swing_ros.bags.episodes import CONTROLLER, PLANT, Sample, samples_of
+from dp_swing_ros.bags.episodes import CONTROLLER, PLANT, pushes_of, Sample, samples_of
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.control.receding_horizon import MpcParameters, RecedingHorizon
 from dp_swing_ros.errors import UserError
@@ -32,7 +31,7 @@ from dp_swing_ros.problem.plan import Plan
 from dp_swing_ros.rerun.answers import answer, respond, Tick
 from dp_swing_ros.rerun.ticks import configuration_of, own, record_of
 from dp_swing_ros.simulation.plant import Plant
-from dp_swing_ros.topics import CONFIGURATION, DISTURBANCE, JOINT_STATES
+from dp_swing_ros.topics import CONFIGURATION, JOINT_STATES
 
 
 class ScoredTrajectory(NamedTuple):
@@ -66,7 +65,7 @@ class Run:
         # when which state was sent [ns], and the plant's parameters that counted from then on
         self.sent = {nanoseconds(bag.decoded(entry).header.stamp): entry.time
                      for entry in bag.entries_of(JOINT_STATES)}
-        self.pushes = _pushes(bag, self.sent)
+        self.pushes = pushes_of(bag)
         self.plants = [(entry.time, own(found)) for entry in bag.entries_of(CONFIGURATION)
                        if (found := from_text(bag.decoded(entry).data)).node.endswith(
                            f'/{PLANT}')]
@@ -147,13 +146,10 @@ class Run:
         usual = float(np.median([tick.delay for tick in self.record.ticks]))
         return min(max(usual - age, 0.0), self.period / BILLION)
 
-    def push(self, stamp: int, limit: float) -> float:
-        """Return the recorded push [N] through the period that began about at a stamp [ns]."""
-        push = 0.0
-        for since, more in self.pushes:   # of which the plant refused each that was too much
-            if abs(since - stamp) < self.period / 2 and abs(push + more) <= limit:
-                push += more
-        return push
+    def push(self, begin: int) -> float:
+        """Return the recorded push [N] through the period that began about at a time [ns]."""
+        return math.fsum(push for since, push in self.pushes.items()
+                         if abs(since - begin) < self.period / 2)
 
     def scored(self, solver: str, samples: Sequence[Sample]) -> ScoredTrajectory:
         """Return the trajectory of states with its cost and its settling time."""
@@ -228,8 +224,7 @@ def take_over(run: Run, tick: Tick, solver: str, end: int) -> list[Sample]:
     epoch = arrival if tick.real_time else 0
     for n in range(before + 1, before + count + 1):
         now = epoch + round(n * period * BILLION)
-        plant.begin_period(run.push(tick.stamp + round((n - 1 - before) * period * BILLION),
-                                    plant.parameters.disturbance_limit))
+        plant.begin_period(run.push(epoch + round((n - 1) * period * BILLION)))
         if late:
             plant.advance(late)
         if plan is not None:
@@ -264,18 +259,6 @@ def shadow(run: Run, until: Tick, solver: str) -> tuple[RecedingHorizon, Plan]:
         if tick.number < until.number:
             controller.forces.replace_last(tick.force)
     return controller, plan
-
-
-def _pushes(bag: Bag, sent: Mapping[int, int]) -> list[tuple[int, float]]:
-    """Return pushes [N], each with the stamp of the state from which on it acted: the next one."""
-    entries = bag.entries_of(DISTURBANCE) if bag.has(DISTURBANCE) else []
-    times = sorted((time, stamp) for stamp, time in sent.items())
-    found = []
-    for entry in entries:
-        n = bisect_left(times, (entry.time, 0))
-        if n < len(times):
-            found.append((times[n][1], float(bag.decoded(entry).data)))
-    return found
 
 
 def plant_at(run: Run, tick: Tick) -> Plant:

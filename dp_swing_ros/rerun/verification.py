@@ -17,9 +17,11 @@ import numpy as np
 
 from dp_swing_ros import configuration, provenance
 from dp_swing_ros.bags.episodes import (
-    configurations_of, CONTROLLER, description_of, FEW, PLANT, revisions_of, Sample, samples_of)
+    configurations_of, CONTROLLER, description_of, FEW, PLANT, pushes_of, revisions_of, Sample,
+    samples_of)
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.control.receding_horizon import RecedingHorizon
+from dp_swing_ros.errors import BagError
 from dp_swing_ros.messages.configuration import BEFORE, Configuration
 from dp_swing_ros.messages.fields import BILLION, from_trajectory, nanoseconds, Trajectory
 from dp_swing_ros.pendulum.state import links_of, symbols, units
@@ -29,7 +31,7 @@ from dp_swing_ros.rerun.answers import answer, Tick
 from dp_swing_ros.rerun.ticks import (
     commands_of, configuration_of, own, paired, Record, record_of)
 from dp_swing_ros.simulation.plant import Plant
-from dp_swing_ros.topics import DISTURBANCE, FORCE_COMMAND, PLAN, ROBOT_DESCRIPTION, Topic
+from dp_swing_ros.topics import FORCE_COMMAND, PLAN, ROBOT_DESCRIPTION, Topic
 
 SHOWN = 5  # numbers of ticks in a sentence
 
@@ -190,24 +192,25 @@ def plant_again(bag: Bag, record: Record, has_others: bool) -> PlantAgain:
     if record.begins_later:
         return PlantAgain(0, differences, [
             'states and efforts, for the bag begins while the plant moves'])
-    if bag.has(DISTURBANCE):
-        return PlantAgain(0, differences, [
-            f'states and efforts, which depend on when each {DISTURBANCE.name} arrived'])
+    try:
+        pushes = pushes_of(bag)
+    except BagError as error:
+        return PlantAgain(0, differences, [f'states and efforts: {error}'])
     if has_others and samples_of(bag)[0].stamp not in {tick.stamp for tick in record.ticks}:
         return PlantAgain(0, differences, [
             'states and efforts, which began under forces that no tick sent'])
-    states, found = _of_states(bag, plant, record, [
+    states, found = _of_states(bag, plant, record, pushes, [
         each for each in revisions if each.revision > 0 and each.since != BEFORE])
     return PlantAgain(states, differences + found, [])
 
 
-def _of_states(bag: Bag, plant: Plant, record: Record,
+def _of_states(bag: Bag, plant: Plant, record: Record, pushes: Mapping[int, float],
                changes: Sequence[Configuration]) -> tuple[int, list[Difference]]:
     """Return how many recorded states the plant has too, and how some differ."""
     samples = samples_of(bag)
     forces = {tick.stamp: tick.force for tick in record.ticks if tick.x is not None}
     again = {sample.stamp: sample for sample in published(
-        plant, forces, samples[-1].stamp, changes)}
+        plant, forces, samples[-1].stamp, pushes, changes)}
     differences = []
     for sample in samples:
         text = ''
@@ -221,13 +224,14 @@ def _of_states(bag: Bag, plant: Plant, record: Record,
     return sum(sample.stamp in again for sample in samples), differences
 
 
-def published(plant: Plant, forces: Mapping[int, float], end: int,
+def published(plant: Plant, forces: Mapping[int, float], end: int, pushes: Mapping[int, float],
               changes: Sequence[Configuration] = ()) -> Iterator[Sample]:
     """
     Yield the states that a plant in lockstep publishes, up to a time [ns].
 
     forces are those [N] that answered the states, by their stamps [ns]; where one is not known,
-    nothing is known of what follows. changes of its parameters count since their times.
+    nothing is known of what follows. pushes are those [N] through the periods that began at times
+    [ns]. changes of its parameters count since their times.
     """
     while plant.t - plant.parameters.delay <= end / BILLION + 0.5 / plant.parameters.rate:
         measured = plant.measure()
@@ -236,7 +240,7 @@ def published(plant: Plant, forces: Mapping[int, float], end: int,
             yield Sample(stamp, measured.x, plant.mean_force)
             if stamp not in forces:
                 return
-        plant.begin_period(0.0)
+        plant.begin_period(pushes.get(round(plant.t * BILLION), 0.0))
         for change in changes:
             if change.since == round(plant.t * BILLION):
                 plant.reconfigure(configuration.plant(own(change)))

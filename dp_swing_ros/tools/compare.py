@@ -13,7 +13,6 @@ from dp_swing_ros.rerun.counterfactual import Counterfactual, counterfactual, Ru
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tables import aligned
 from dp_swing_ros.tools.command_lines import bag_parser, beside, execute, OK, progress, within
-from dp_swing_ros.topics import DISTURBANCE
 
 AT = 0.5         # [s] the pendulum moves, and everything is still open
 SHORTEST = 1e-3  # [s]
@@ -59,9 +58,8 @@ def _compare(arguments: argparse.Namespace) -> int:
     print(text)
     if bag.incomplete:
         print(bag.incomplete)
-    if bag.has(DISTURBANCE):
-        print(f'note: everyone is pushed as was recorded ({len(bag.of(DISTURBANCE))} on '
-              f'{DISTURBANCE.name}), to a period')
+    if run.pushes:
+        print(f'note: everyone is pushed as was recorded; periods with a push: {len(run.pushes)}')
     path = (arguments.output or beside(arguments.bag, 'analysis')) / name
     path.parent.mkdir(parents=True, exist_ok=True)
     figures.mark(figure, bag.incomplete)

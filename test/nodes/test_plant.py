@@ -434,10 +434,13 @@ def test_a_push_beyond_all_bounds_is_refused(peer, start_node, pushes):
     p.begin_period(accepted)
     p.advance(0.05)
     np.testing.assert_array_equal(to_state(states[2]), p.x)
-    then, later = [r for r in (from_diagnostics(r, 'plant') for r in reports) if r][-2:]
+    found = [r for r in (from_diagnostics(r, 'plant') for r in reports) if r]
+    then, *_, later = [each for each in found if each.values['refused_disturbances']]
     assert (then.level, later.level) == (DiagnosticStatus.WARN[0], DiagnosticStatus.OK[0])
     for report in (then, later):
         assert report.values['refused_disturbances'] == max(len(pushes) - 1, 1)
+    assert {each.stamp: each.values['push'] for each in found if each.values['push']} == (
+        {50_000_000: accepted} if accepted else {})
 
 
 def test_a_state_that_is_not_finite_is_an_error_in_the_diagnostics(peer, start_node):

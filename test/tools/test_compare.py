@@ -1,6 +1,7 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
+from diagnostic_msgs.msg import KeyValue
 import numpy as np
 from PIL import Image
 import pytest
@@ -111,11 +112,17 @@ def test_solvers_that_others_register_are_in_table_and_picture(bag, more_solvers
 
 
 def test_pushes_are_told_of(bag, tmp_path, capsys):
-    pushed = rewritten(bag, tmp_path / 'bag', CONFIGURATION, lambda message: message,
-                       {DISTURBANCE: Float64(data=5.0)})
-    code, out, _ = compared(capsys, pushed, '--solvers', 'ilqr', '--duration', '0.2')
-    assert code == 0
-    assert 'note: everyone is pushed as was recorded (1 on disturbance), to a period' in out
+    for push, what in ((KeyValue(key='push', value='5.0'), 'everyone is pushed as was recorded'),
+                       (KeyValue(key='age', value='0.0'), 'does not say through which period')):
+        def said(message, push=push):
+            if message.status[0].name == 'plant':
+                message.status[0].values = [push]
+            return message
+        pushed = rewritten(bag, tmp_path / push.key, DIAGNOSTICS, said,
+                           {DISTURBANCE: Float64(data=5.0)})
+        code, out, error = compared(capsys, pushed, '--solvers', 'ilqr', '--duration', '0.2')
+        assert code == (0 if push.key == 'push' else 2)
+        assert what in out + error
 
 
 def drop(_):
