@@ -95,7 +95,7 @@ def test_the_tip_is_in_its_place_within_a_tenth_of_a_metre():
     assert learned.tip_for(X) == 0.0
 
 
-def test_the_page_counts_seeds(monkeypatch):
+def test_the_page_counts_seeds():
     of_trials = pd.DataFrame([
         {'solver': solver, 'seed': seed, 'trial': trial, 'experience': 5.0 * trial,
          'held': float(trial > 1 + seed + (solver == 'ddp')), 'tip': 0.0, 'seconds': 1.0 * trial}
