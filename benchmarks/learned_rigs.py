@@ -17,7 +17,7 @@ from joblib import delayed, Memory
 from learned import in_parallel
 from matplotlib.figure import Figure
 import numpy as np
-from rig import Rig, told
+from rig import Rig, settling, told
 from stamp import asked, made, sources_with
 from uneven import ADDED, Along, Beside, engines, exact, UnevenRig
 
@@ -27,7 +27,7 @@ from dp_swing_ros.evaluation.campaign.contestants import Contestant, play
 from dp_swing_ros.evaluation.campaign.report import difference, interval, probability, share
 from dp_swing_ros.evaluation.campaign.rows import grouped, Row, store
 from dp_swing_ros.evaluation.campaign.summary import common, duel
-from dp_swing_ros.evaluation.comparison import Median, median, rate
+from dp_swing_ros.evaluation.comparison import rate
 from dp_swing_ros.evaluation.scenarios import Case
 from dp_swing_ros.figures.style import as_share, FAINT, INK, name_lines, PALETTE, PAPER, styled
 from dp_swing_ros.learning.experience import Experience
@@ -125,11 +125,6 @@ def by_rig(rows: Sequence[Row]) -> Groups:
     """Return the rows by rig, and then by contestant."""
     return {rig: grouped(of_rig, lambda row: row.key.contestant) for rig, of_rig in grouped(
         rows, lambda row: Rig(row.key.scenario, row.key.level)).items()}
-
-
-def settling(rows: Sequence[Row]) -> Median:
-    """Return the median settling time [s] of what was held."""
-    return median(np.array([row.metrics.settling_time for row in rows if row.metrics.success]))
 
 
 @styled
