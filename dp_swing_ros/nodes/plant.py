@@ -292,8 +292,7 @@ class PlantNode(ProcessNode):
             {'time': self.plant.t, 'push': push, 'commands': self.commands,
              'refused': self.refused, 'refused_disturbances': self.refused_pushes,
              'skipped_ticks': self.skipped, 'lost_commands': self.lost_commands,
-             'lost_states': self.lost_states,
-             'paused': self.pace.paused})
+             'lost_states': self.lost_states, 'paused': self.pace.paused})
         self.reported_refusals = self.refused + self.refused_pushes
 
     def verdict(self) -> tuple[bytes, str]:

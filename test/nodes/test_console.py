@@ -158,7 +158,8 @@ def test_a_pull_is_a_force_in_its_direction_that_is_bounded_and_ends(live, peer)
         peer.spin(0.1)
         forces = [message.data for message in pushes]
         assert 6 <= len(forces) <= 20   # one a state, however often it is asked for
-        assert all(force * to > 0 for force in forces[:2])   # with the third it may be there
+        # where 10 N pull, the cart may be there before the third
+        assert all(force * to > 0 for force in forces[:3 if abs(to) > 1 else 2])
         assert abs(forces[0]) == pytest.approx(30.0 if abs(to) > 1 else 10.0, abs=1.5)
         assert max(map(abs, forces)) <= 30.0
         peer.spin(0.5)

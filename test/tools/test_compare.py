@@ -111,18 +111,30 @@ def test_solvers_that_others_register_are_in_table_and_picture(bag, more_solvers
     assert len(set(colours)) == len(named)
 
 
-def test_pushes_are_told_of(bag, tmp_path, capsys):
-    for push, what in ((KeyValue(key='push', value='5.0'), 'everyone is pushed as was recorded'),
-                       (KeyValue(key='age', value='0.0'), 'does not say through which period')):
-        def said(message, push=push):
-            if message.status[0].name == 'plant':
-                message.status[0].values = [push]
-            return message
-        pushed = rewritten(bag, tmp_path / push.key, DIAGNOSTICS, said,
-                           {DISTURBANCE: Float64(data=5.0)})
-        code, out, error = compared(capsys, pushed, '--solvers', 'ilqr', '--duration', '0.2')
-        assert code == (0 if push.key == 'push' else 2)
-        assert what in out + error
+@pytest.fixture(params=['push', 'age'])
+def pushed(request, bag, tmp_path):
+    """Return a bag with a push, a value of each report of its plant, and how many there are."""
+    reports = []
+
+    def change(message):
+        if message.status[0].name == 'plant':
+            message.status[0].values = [KeyValue(key=request.param, value='5.0')]
+            reports.append(message)
+        return message
+    more = {DISTURBANCE: Float64(data=5.0)}
+    return (rewritten(bag, tmp_path / 'bag', DIAGNOSTICS, change, more), request.param,
+            len(reports))
+
+
+def test_pushes_act_in_the_periods_that_the_plant_says(pushed, capsys):
+    folder, value, count = pushed
+    code, out, error = compared(capsys, folder, '--solvers', 'ilqr', '--duration', '0.2')
+    if value == 'push':
+        assert code == 0
+        assert f'everyone is pushed as was recorded; periods with a push: {count}\n' in out
+    else:   # as bags from before
+        assert code == 2
+        assert 'does not say through which period each push acted; record it anew' in error
 
 
 def drop(_):
