@@ -5,10 +5,16 @@
 from hashlib import sha256
 import hmac
 import ipaddress
+import os
+from pathlib import Path
 import secrets
-from urllib.parse import quote, urlsplit
+from urllib.parse import urlsplit
+
+from dp_swing_ros.errors import UserError
+from dp_swing_ros.parameters.console import TOKEN_VARIABLE
 
 LOCAL = ('127.0.0.1', 'localhost', '[::1]')
+LONGEST = 1000   # [characters] of a token
 
 
 class Access:
@@ -28,8 +34,10 @@ class Access:
         self.token = token or ('' if self.local else secrets.token_urlsafe(24))
         host = LOCAL[0] if self.everywhere else bound
         self.cookie = sha256(self.token.encode()).hexdigest()   # what a browser keeps instead
+        # whoever has given a token knows it; the log need not
         self.address = f'http://{host}:{port}/' + (
-            f'?token={quote(self.token, safe="")}' if self.token else '')
+            ' with ?token= and the token that was given' if token else
+            f'?token={self.token}' if self.token else '')
 
     def is_ours(self, host: str) -> bool:
         """Return whether a host with its port is this server."""
@@ -39,7 +47,7 @@ class Access:
         return name.lower() in self.hosts or self.everywhere and is_number(name.strip('[]'))
 
     def is_own_origin(self, origin: str) -> bool:
-        """Return whether an Origin is of a page of this server."""
+        """Return whether an Origin is of a page of this server; raises ValueError for none."""
         parts = urlsplit(origin)
         return parts.scheme in ('http', 'https') and self.is_ours(parts.netloc)
 
@@ -48,6 +56,30 @@ class Access:
         return not self.token or any(
             hmac.compare_digest(given.encode(), right.encode())
             for given, right in ((token, self.token), (cookie, self.cookie)))
+
+
+def given_token(token: str, file: str) -> str:
+    """
+    Return a token as it is given: itself, in a file, or in the environment; empty where it is not.
+
+    Raises UserError where the file cannot be read, or what is given is no token.
+    """
+    where = 'parameter token' if token else 'token_file' if file else TOKEN_VARIABLE
+    found = token or (_content(Path(file).expanduser()) if file
+                      else os.environ.get(TOKEN_VARIABLE, ''))
+    if len(found) > LONGEST or not found.isprintable() or file and not found:
+        raise UserError(f'{where} has no token; expected 1 to {LONGEST} characters in one line')
+    return found
+
+
+def _content(file: Path) -> str:
+    try:
+        if not file.is_file():   # a pipe might never end
+            raise UserError(f'token_file {str(file)!r} is no regular file; give one')
+        with file.open(encoding='utf-8', errors='surrogateescape') as text:
+            return text.read(LONGEST + 2).strip()
+    except (OSError, ValueError) as error:
+        raise UserError(f'cannot read token_file {str(file)!r}: {error}') from None
 
 
 def is_local(address: str) -> bool:

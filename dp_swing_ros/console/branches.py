@@ -12,7 +12,7 @@ from typing import Any
 
 from dp_swing_ros.console.client import Client
 from dp_swing_ros.console.requests import Request, RequestError
-from dp_swing_ros.errors import UserError
+from dp_swing_ros.errors import one_line
 
 AT_ONCE = 2     # in all
 LINE = 1 << 24  # [bytes] of what a process says, at most
@@ -62,8 +62,8 @@ class Branches:
             try:
                 bag = await asyncio.to_thread(make_bag, Path(folder, 'bag'))
                 await _run(bag, (request['at'], request['duration'], origin), send)
-            except UserError as error:
-                send({'progress': 1.0, 'courses': None, 'text': str(error)})
+            except Exception as error:  # noqa: B902
+                send({'progress': 1.0, 'courses': None, 'text': one_line(error)})
 
 
 async def _run(bag: Path, times: tuple[float, ...],

@@ -3,6 +3,8 @@
 """
 A page that is open, as the server sees it.
 
+What it sends is checked once, in `on_message`; whatever then fails ends in `attempt`.
+
 Whoever is slow to read is sent fewer frames: one at most is on its way, and only the newest waits.
 What else it is sent is bounded; beyond that it is closed.
 """
@@ -18,6 +20,7 @@ from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from dp_swing_ros.console.handlers import Guarded
 from dp_swing_ros.console.requests import check, LOOKS, parse, Request, RequestError
+from dp_swing_ros.errors import one_line
 
 CLIENTS = 32            # at most
 BACKLOG = 4 << 20       # [bytes] that may wait for a client beside frames
@@ -85,20 +88,36 @@ class Client(Guarded, WebSocketHandler):
 
     def on_message(self, message: str | bytes) -> None:
         """Do what it asks for; what is no request at all ends it."""
-        request: Request = {}
         try:
             request = parse(message)
-            check(request)
-            if self.host.read_only and request['do'] not in LOOKS:
-                raise RequestError('this console is read-only')
-            self.host.ask(self, request)
         except RequestError as error:
-            if not self.complained:   # once for each client, however many there are
-                self.host.log(f'{self.request.remote_ip}: {error}')
-            self.complained = True
+            self.complain(str(error))
+            self.close(1007, 'not a request')
+            return
+        self.attempt(request, lambda: self._ask(check(request)))
+
+    def _ask(self, request: Request) -> None:
+        if self.host.read_only and request['do'] not in LOOKS:
+            raise RequestError('this console is read-only')
+        self.host.ask(self, request)
+
+    def attempt(self, request: Request, act: Callable[[], None]) -> None:
+        """Act for a request; whatever goes wrong is told who sent it, and harms nobody else."""
+        try:
+            act()
+        except RequestError as error:
+            self.complain(str(error))
             self.answer(request, False, str(error))
-            if not request:
-                self.close(1007, 'not a request')
+        except Exception as error:  # noqa: B902
+            text = f'{request["do"]} failed: {type(error).__name__}: {one_line(error)}'
+            self.host.log(f'{self.request.remote_ip}: {text}')
+            self.answer(request, False, text)
+
+    def complain(self, text: str) -> None:
+        """Say in the log what was refused, once for each client however much there is."""
+        if not self.complained:
+            self.host.log(f'{self.request.remote_ip}: {text}')
+        self.complained = True
 
     def answer(self, request: Request, ok: bool, text: str) -> None:
         """Answer a request, if it wants an answer."""

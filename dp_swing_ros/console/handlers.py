@@ -8,6 +8,7 @@ from typing import Any
 from tornado.web import HTTPError, RequestHandler, StaticFileHandler
 
 from dp_swing_ros.console.access import Access
+from dp_swing_ros.errors import one_line
 
 PAGE_POLICY = ("default-src 'self'; connect-src 'self' ws://{host} wss://{host}; "   # for Safari
                "frame-ancestors 'none'; base-uri 'none'")
@@ -56,6 +57,17 @@ class Guarded(RequestHandler):
         """End a request with a reason; raises HTTPError."""
         self.why = why
         raise HTTPError(status)
+
+    def send_error(self, status_code: int = 500, **details: Any) -> None:
+        """Answer what nobody can make sense of, or open, as the mistake of whoever asks."""
+        error = details.get('exc_info', (None, None))[1]
+        if isinstance(error, (OSError, ValueError)):   # such as a NUL in the path
+            status_code = 404 if isinstance(error, OSError) else 400
+            self.why = one_line(error)
+        super().send_error(status_code, **details)
+
+    def log_exception(self, *error: Any) -> None:
+        """Say nothing: `_log_refusal` of the server has a line for each answer."""
 
     def write_error(self, status_code: int, **_: Any) -> None:
         """Say why in plain text."""

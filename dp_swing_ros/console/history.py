@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from dp_swing_ros.bags.metadata import Recorded
 from dp_swing_ros.bags.writer import BagWriter
-from dp_swing_ros.console.scene import number, numbers, Scene
+from dp_swing_ros.console.scene import keep, number, numbers, Scene
 from dp_swing_ros.messages.definitions import schema
 from dp_swing_ros.topics import (
     CONFIGURATION, DIAGNOSTICS, DISTURBANCE, JOINT_STATES, ROBOT_DESCRIPTION, Topic)
@@ -48,7 +48,7 @@ class History:
         """Begin with nothing."""
         self.rows = deque[Row]()
         self._entries = deque[Entry]()
-        self._standing: dict[tuple[str, str], Entry] = {}   # which are older
+        self._standing: dict[str, Entry] = {}   # which are older
         self._size = 0   # [bytes]
 
     def keep(self, entry: Entry) -> None:
@@ -62,7 +62,7 @@ class History:
         entry = self._entries.popleft()
         self._size -= len(entry.data)
         if entry.whose:
-            self._standing[entry.topic.name, entry.whose] = entry
+            keep(self._standing, f'{entry.topic.name} {entry.whose}', entry)
 
     def keep_state(self, scene: Scene) -> None:
         """Keep the newest state; where time goes back, another run has begun."""

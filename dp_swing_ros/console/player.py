@@ -72,7 +72,7 @@ class Tape:
         """Let a scene hear what came at a moment, of some topics or of all."""
         for topic, entry in moment.entries:
             if not topics or topic in topics:
-                with suppress(BagError):   # a damaged message
+                with suppress(BagError, ValueError):   # damaged, or of another robot
                     scene.hear(topic, self.bag.decoded(entry))
 
     def scene_at(self, index: int) -> Scene:

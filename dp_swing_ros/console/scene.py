@@ -5,12 +5,13 @@
 from collections.abc import Callable
 from contextlib import suppress
 import math
-from typing import Any
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from dp_swing_ros.bags.episodes import CONTROLLER, PLANT
-from dp_swing_ros.messages.configuration import Configuration, from_text
+from dp_swing_ros.errors import one_line
+from dp_swing_ros.messages.configuration import Configuration, from_text, is_of_plant
 from dp_swing_ros.messages.fields import (
     from_diagnostics, from_trajectory, links_in, nanoseconds, Report, seconds, to_force, to_state)
 from dp_swing_ros.parameters import group, ParameterError
@@ -26,31 +27,44 @@ SHADOW = f'{CONTROLLER}: shadow '    # how the name of a shadow's status begins
 CART = (0.44, 0.22)   # [m] as it is drawn
 LASTS = 2 * 10 ** 9   # [ns] what the mpc says is shown, where nothing newer comes
 POINTS = 60           # of a plan or a path at most
+PATHS, STEPS = 2000, 10_000   # at most that are looked at, of somebody's
+MOST = 500            # statuses of all nodes that are kept
 DIGITS = 4            # after the point: a tenth of a millimetre
 HEARD = (JOINT_STATES, FORCE_COMMAND, DISTURBANCE, PLAN, TRIES, DIAGNOSTICS, ROBOT_DESCRIPTION,
          CONFIGURATION)
+
+
+Kept = TypeVar('Kept')
+
+
+class Shown(NamedTuple):
+    """What is shown of a message with a stamp [ns]."""
+
+    stamp: int
+    content: dict[str, Any] | None
 
 
 class Scene:
     """
     The newest of everything; `hear` takes messages, the rest makes what the page is sent.
 
-    Messages that are none of this pendulum leave it as it is.
+    Messages are checked and taken apart as they are heard: what is shown of them cannot fail.
     """
 
     def __init__(self, joint_states: str = '/joint_states') -> None:
         """Take the full name of the topic of the states, by which statuses are told apart."""
         self.joint_states = joint_states
         self.physical, self.limits = PendulumParameters(), LimitParameters()
-        self.configurations: dict[str, Configuration] = {}   # by the last part of the name
+        self.configurations: dict[str, Configuration] = {}   # of plant and mpc
+        self.announced: Configuration | None = None          # the newest, of any node
         self.statuses: dict[str, tuple[int, str]] = {}       # level and message by name
         self.shadows: dict[str, Report] = {}                 # by solver
         self.x: Array | None = None
         self.stamp = 0            # [ns]
         self.u = self.force = math.nan   # [N]
         self.push = self.coming_push = 0.0   # [N] that acts now, and in the next period
-        self.plan: Any = None     # messages, which are taken apart where they are shown
-        self.tries: Any = None
+        self.plan: Shown | None = None
+        self.tries: Shown | None = None
         self.tick: Report | None = None
         self.paused = False
         self._hear: dict[str, Callable[[Any], None]] = {
@@ -61,15 +75,25 @@ class Scene:
             CONFIGURATION.name: self._on_configuration}
 
     def hear(self, topic: Topic, message: Any) -> None:
-        """Take a message of one of the topics HEARD."""
-        with suppress(AttributeError, LookupError, TypeError, ValueError):   # of another robot
+        """
+        Take a message of one of the topics HEARD.
+
+        Raises ValueError where it is none of this pendulum, and leaves all as it is.
+        """
+        try:
             self._hear[topic.name](message)
+        except Exception as error:  # noqa: B902
+            # what others send is wrong in as many ways as it has fields
+            raise ValueError(f'a message on {topic.name} is none of this pendulum: '
+                             f'{one_line(error)}') from None
 
     def _on_state(self, message: Any) -> None:
         sensors = self.sensors(links_in(message))
         x = to_state(message, len(sensors.joint_names) - 1, sensors)
-        self.stamp, self.x = nanoseconds(message.header.stamp), x
-        self.u = to_force(message, sensors.joint_names[0])
+        u = to_force(message, sensors.joint_names[0])
+        if self.x is None or len(self.x) != len(x):
+            self.plan = None   # of another pendulum
+        self.stamp, self.x, self.u = nanoseconds(message.header.stamp), x, u
         self.push, self.coming_push = self.coming_push, 0.0
 
     def _on_force(self, message: Any) -> None:
@@ -79,31 +103,35 @@ class Scene:
         self.coming_push += message.data
 
     def _on_plan(self, message: Any) -> None:
-        self.plan = message
+        found = plan(message)
+        if self.x is None or len(self.x) != len(found['X'][0]):
+            raise ValueError('a plan of another state')
+        self.plan = Shown(nanoseconds(message.header.stamp), found)
 
     def _on_tries(self, message: Any) -> None:
-        self.tries = message
+        self.tries = Shown(nanoseconds(message.header.stamp), tries(message))
 
     def _on_description(self, message: Any) -> None:
         self.physical, self.limits = from_urdf(message.data)
 
     def _on_configuration(self, message: Any) -> None:
-        found = from_text(message.data)
-        self.configurations[found.node.rsplit('/', 1)[-1]] = found
-        if PLANT not in self.configurations and CONTROLLER in self.configurations:
-            values = self.configurations[CONTROLLER].parameters   # of a rig without a description
-            self.physical = group(PendulumParameters, values)
-            self.limits = group(LimitParameters, values)
+        found = self.announced = from_text(message.data)
+        name = found.node.rsplit('/', 1)[-1]
+        if name == CONTROLLER and PLANT not in self.configurations:   # a rig has no description
+            physical = group(PendulumParameters, found.parameters)
+            self.physical, self.limits = physical, group(LimitParameters, found.parameters)
+        if name == (PLANT if is_of_plant(found) else CONTROLLER):
+            self.configurations[name] = found
 
     def _on_diagnostics(self, message: Any) -> None:
         for status in message.status:
             level = status.level[0] if isinstance(status.level, bytes) else status.level
-            self.statuses[status.name] = level, status.message
+            keep(self.statuses, status.name, (level, status.message))
             solver = status.name.rsplit('/', 1)[-1].removeprefix(SHADOW)
             if solver != status.name.rsplit('/', 1)[-1]:
                 report = from_diagnostics(message, SHADOW + solver, self.joint_states)
                 if report is not None:
-                    self.shadows[solver] = report
+                    keep(self.shadows, solver, report)
         self.tick = from_diagnostics(message, CONTROLLER, self.joint_states) or self.tick
         plant = from_diagnostics(message, PLANT, self.joint_states)
         if plant is not None:
@@ -138,10 +166,11 @@ class Scene:
 
     def about(self) -> dict[str, Any]:
         """Return the pendulum, for `hello`."""
+        margin = exact(self.value(CONTROLLER, 'track_margin', None))
         return {
             'links': self.physical.links, 'lengths': list(self.physical.lengths), 'cart': CART,
             'limits': {'track': number(self.limits.track_limit),
-                       'margin': self.value(CONTROLLER, 'track_margin', None),
+                       'margin': margin if is_figure(margin) else None,
                        'force': number(self.limits.force_limit),
                        'disturbance': self.value(PLANT, 'disturbance_limit', None)},
             'period': self.period, 'lockstep': bool(self.value(PLANT, 'lockstep', False))}
@@ -151,17 +180,17 @@ class Scene:
         if self.x is None:
             return None
         values = self.tick.values if self.tick and self._counts(self.tick.stamp) else {}
-        plan_, tries_ = (each if each and self._counts(nanoseconds(each.header.stamp)) else None
+        plan_, tries_ = (each.content if each and self._counts(each.stamp) else None
                          for each in (self.plan, self.tries))
         estimate = [values.get(f'estimate_{joint}_{kind}') for kind in ('position', 'velocity')
                     for joint in joints(len(self.x) // 2 - 1)]
         return {
             'kind': 'frame', 't': self.t, 'x': numbers(self.x), 'u': number(self.u),
             'force': number(self.force), 'push': number(self.push),
-            'estimate': None if None in estimate else numbers(np.array(estimate)),
-            'plan': plan(plan_), 'tries': tries(tries_),
+            'estimate': numbers(np.array(estimate)) if all(map(is_figure, estimate)) else None,
+            'plan': plan_ and {**plan_}, 'tries': tries_,
             'tick': {name: number(value) for name, value in values.items()} or None,
-            'shadows': {solver: shadow(each.values) for solver, each in self.shadows.items()
+            'shadows': {solver: shadow(each.values) for solver, each in [*self.shadows.items()]
                         if self._counts(each.stamp)},
             'paused': self.paused}
 
@@ -174,6 +203,19 @@ class Scene:
         return {'kind': 'status', 'statuses': [
             {'name': name, 'level': level, 'message': message}
             for name, (level, message) in sorted(self.statuses.items())]}
+
+
+def keep(found: dict[str, Kept], name: str, value: Kept) -> None:
+    """Keep a value by its name, and the newest MOST."""
+    found.pop(name, None)
+    found[name] = value
+    if len(found) > MOST:
+        del found[next(iter(found))]
+
+
+def is_figure(value: Any) -> bool:
+    """Return whether what somebody says is a number."""
+    return isinstance(value, (int, float))
 
 
 def number(value: Any) -> Any:
@@ -201,10 +243,10 @@ def numbers(values: Array, digits: int = DIGITS) -> Any:
             float(each) for each in rounded]
 
 
-def plan(message: Any) -> dict[str, Any] | None:
-    """Return a plan, thinned to POINTS."""
-    if message is None or len(message.points) < 2:
-        return None
+def plan(message: Any) -> dict[str, Any]:
+    """Return a plan, thinned to POINTS; raises ValueError, and what else foreign ones lead to."""
+    if not 2 <= len(message.points) <= STEPS:
+        raise ValueError(f'a plan of {len(message.points)} points; expected 2 to {STEPS}')
     found = from_trajectory(message)
     step = math.ceil(len(found.t) / POINTS)
     return {'t': seconds(message.header.stamp), 'dt': float(found.t[1]) * step,
@@ -212,9 +254,11 @@ def plan(message: Any) -> dict[str, Any] | None:
 
 
 def tries(message: Any) -> dict[str, Any] | None:
-    """Return the paths of the tip [m] with their weights, thinned to POINTS a path."""
-    if message is None or not message.width * message.height:
+    """Return the paths of the tip [m] with their weights, thinned to POINTS a path, or None."""
+    if not message.width * message.height:
         return None
+    if message.height > PATHS:
+        raise ValueError(f'{message.height} paths; expected {PATHS} at most')
     kind = '>f4' if message.is_bigendian else '<f4'
     cloud = np.frombuffer(bytes(message.data), kind).reshape(message.height, message.width, -1)
     step = math.ceil(message.width / POINTS)

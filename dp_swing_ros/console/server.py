@@ -4,6 +4,7 @@
 
 import asyncio
 from collections.abc import Callable
+from functools import partial
 import json
 import os
 from pathlib import Path
@@ -18,8 +19,8 @@ from dp_swing_ros.console.access import Access
 from dp_swing_ros.console.branches import Branches, MakeBag
 from dp_swing_ros.console.client import Client
 from dp_swing_ros.console.handlers import Nothing, Page, Recordings
-from dp_swing_ros.console.requests import Request, RequestError
-from dp_swing_ros.errors import UserError
+from dp_swing_ros.console.requests import Request
+from dp_swing_ros.errors import one_line, UserError
 
 PAGE = Path(__file__).parent / 'page'
 FRAME_PERIOD = 1 / 60   # [s] at least between two frames
@@ -95,8 +96,14 @@ class Server:
 
     def run(self) -> None:
         """Serve until `stop`."""
+        self._loop.set_exception_handler(self._on_error)
         self._loop.run_until_complete(self._serve())
         self._loop.close()
+
+    def _on_error(self, _: object, context: dict[str, Any]) -> None:
+        error = context.get('exception')
+        self.log(f'the server goes on after {context["message"]}'
+                 + (f': {type(error).__name__}: {one_line(error)}' if error else ''))
 
     async def _serve(self) -> None:
         server = HTTPServer(
@@ -175,12 +182,8 @@ class Server:
     def branch(self, client: Client, request: Request, make_bag: MakeBag,
                origin: float = 0.0) -> None:
         """Let all solvers take over in a bag that is made first; from any thread."""
-        def begin() -> None:
-            try:
-                self._branches.begin(client, request, make_bag, origin)
-            except RequestError as error:
-                client.answer(request, False, str(error))
-        self.call(begin)
+        self.call(client.attempt, request, partial(
+            self._branches.begin, client, request, make_bag, origin))
 
     def farewell(self, client: Client) -> None:
         """Forget a client."""

@@ -6,9 +6,20 @@ from typing import Any, NamedTuple
 
 import yaml
 
+from dp_swing_ros.parameters import group, Parameters
+from dp_swing_ros.parameters.console import SECRETS
 from dp_swing_ros.parameters.files import parse, YamlError
+from dp_swing_ros.pendulum.parameters import (
+    DriveParameters, LimitParameters, PendulumParameters, RhythmParameters)
+from dp_swing_ros.pendulum.sensors import SensorParameters
 
 BEFORE = -1   # [ns] where a plant has not begun
+NODES = 2000  # of YAML in a text: so many values, names and lists
+OF_PLANT = 'lockstep'   # which only a plant has
+# what others rely on where a node announces the first parameter of a group, so that it is checked
+RELIED_ON: dict[str, tuple[type[Parameters], ...]] = {
+    OF_PLANT: (RhythmParameters,), 'joint_names': (SensorParameters,),
+    'links': (PendulumParameters, LimitParameters, DriveParameters)}
 
 
 class Configuration(NamedTuple):
@@ -32,13 +43,18 @@ class Configuration(NamedTuple):
 
 def is_of_plant(configuration: Configuration) -> bool:
     """Return whether it is a plant's, whose stamps are of one clock or another."""
-    return 'lockstep' in configuration.parameters
+    return OF_PLANT in configuration.parameters
 
 
 def from_text(text: str) -> Configuration:
-    """Read what `to_text` wrote; raises ValueError where the text is something else."""
+    """
+    Read what `to_text` wrote, but for secrets, which older bags hold.
+
+    What others rely on is checked as what users give is. Raises ValueError where the text is
+    something else.
+    """
     try:
-        content = parse(text)
+        content = parse(text, nodes=NODES)
     except YamlError as error:
         raise ValueError(f'a configuration is not YAML: {error}') from None
     counts = Configuration._field_defaults   # which older ones do not have
@@ -50,4 +66,18 @@ def from_text(text: str) -> Configuration:
             isinstance(content.get(field), kind) for field, kind in kinds.items()):
         raise ValueError(f'a configuration is {text[:80]!r}; expected YAML with '
                          f'{", ".join(Configuration._fields)}')
+    content['parameters'] = _checked(content['parameters'])
     return Configuration(**{field: content[field] for field in kinds})
+
+
+def _checked(parameters: dict[Any, Any]) -> dict[str, Any]:
+    for name, value in parameters.items():
+        if not isinstance(name, str) or not all(
+                isinstance(each, (int, float, str))   # and so true and false
+                for each in (value if isinstance(value, list) else [value])):
+            raise ValueError(f'a configuration has {repr(name)[:80]} as {repr(value)[:80]}; '
+                             'expected what a parameter of ROS may be')
+    for kind in (kind for sign, kinds in RELIED_ON.items() if sign in parameters
+                 for kind in kinds):
+        group(kind, parameters)
+    return {name: value for name, value in parameters.items() if name not in SECRETS}

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from dp_swing_ros.parameters import LARGEST
 from dp_swing_ros.pendulum.sensors import SensorParameters
 from dp_swing_ros.pendulum.state import Array, joints, LINKS
 
@@ -125,7 +126,9 @@ def from_diagnostics(message: Any, name: str, hardware: str = '') -> Report | No
 def _value(text: str) -> float | int | str:
     for kind in (int, float):
         try:
-            return kind(text)
+            value = kind(text)
         except ValueError:
             continue
+        if kind is float or abs(value) <= LARGEST:   # longer ones are numbers, not counts
+            return value
     return text

@@ -3,6 +3,7 @@
 """What a page asks for, done through topics, services and parameters alone."""
 
 from collections.abc import Callable, Mapping
+from functools import partial
 import math
 from pathlib import Path
 import time
@@ -23,9 +24,9 @@ from dp_swing_ros.console.requests import Request, RequestError
 from dp_swing_ros.console.scene import Scene
 from dp_swing_ros.console.server import Server
 from dp_swing_ros.nodes.connections import publish
-from dp_swing_ros.nodes.parameters import ConsoleParameters
 from dp_swing_ros.nodes.partners import Partner
 from dp_swing_ros.nodes.process import ProcessNode
+from dp_swing_ros.parameters.console import ConsoleParameters
 from dp_swing_ros.topics import DISTURBANCE, TOPICS
 
 SERVICES = {'plant/reset': Trigger, 'mpc/reset': Trigger, 'mpc/enable': SetBool,
@@ -56,10 +57,8 @@ class Actions:
 
     def obey(self, client: Client, request: Request) -> None:
         """Do what a page asks for."""
-        try:
-            getattr(self, f'do_{request["do"]}', self.do_not)(client, request)
-        except RequestError as error:
-            client.answer(request, False, str(error))
+        act = getattr(self, f'do_{request["do"]}', self.do_not)
+        client.attempt(request, partial(act, client, request))
 
     def do_not(self, client: Client, request: Request) -> None:
         """Refuse what is for bags."""
@@ -124,7 +123,7 @@ class Actions:
     def do_reference(self, client: Client, request: Request) -> None:
         """Choose a place for the cart."""
         found = self.partner(CONTROLLER).described.get('reference')
-        if found is None:
+        if found is None or found['type'] != 'double[]':
             raise RequestError('the mpc has no reference')
         self.set_all(client, request, {CONTROLLER: {
             'reference': [float(request['x']), *found['value'][1:]]}})

@@ -5,9 +5,11 @@
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
+import math
 import time
 from typing import Any, NamedTuple
 
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.duration import Duration
 from rclpy.exceptions import InvalidParameterException, InvalidParameterTypeException
 from rclpy.node import Node
@@ -32,6 +34,7 @@ QUIET = 40          # looks without another subscription: all have been found
 ENDLESS = 9e9       # [s]; the middleware has no infinity
 DEADLINE = 0.25     # [s] between two messages of a watched topic, while states come as often
 LOOK_PERIOD = 0.02  # [s] between two looks for subscriptions
+SPARING, AT_ONCE = 0.1, 10   # [s] between messages that cannot be urgent, after so many at once
 LEASE = 0.5         # [s] after which a publisher of a watched topic that is silent is dead
 POLICIES = ('reliability', 'durability', 'deadline', 'liveliness', 'liveliness_lease_duration')
 OVERRIDABLE = QoSOverridingOptions([
@@ -54,9 +57,12 @@ def publish(node: Node, topic: Topic) -> Publisher:
 
 
 def subscribe(node: Node, topic: Topic, callback: Callable[..., None],
-              depth: int = DEPTH, sensor: bool = False, raw: bool = False) -> Subscription:
+              depth: int = DEPTH, sensor: bool = False, raw: bool = False,
+              sparing: bool = False) -> Subscription:
     """
     Make a reliable subscription; a sensor's is best effort, so that every publisher is heard.
+
+    A sparing one takes a message once in a while, however many come.
 
     That of a latched topic hears also what was sent before it was made. The callback may take a
     second argument, the information that comes with a message; if `raw`, the message is its bytes.
@@ -66,7 +72,27 @@ def subscribe(node: Node, topic: Topic, callback: Callable[..., None],
         return node.create_subscription(
             message_class(topic.type), topic.name, callback,
             profile(depth, reliable=not sensor, kept=topic.latched),
+            callback_group=Sparing() if sparing else None,
             qos_overriding_options=OVERRIDABLE, raw=raw)
+
+
+class Sparing(MutuallyExclusiveCallbackGroup):
+    """Calls back so often at most; of what comes meanwhile the newest wait in the middleware."""
+
+    def __init__(self) -> None:
+        """Begin with all the calls that may come at once."""
+        super().__init__()
+        self.spent = -math.inf   # [s] of time.monotonic() until which the calls so far suffice
+
+    def can_execute(self, entity: Any) -> bool:
+        """Return whether it is time for another."""
+        return time.monotonic() >= self.spent - SPARING * (AT_ONCE - 1) \
+            and bool(super().can_execute(entity))
+
+    def beginning_execution(self, entity: Any) -> bool:
+        """Count a call."""
+        self.spent = max(self.spent, time.monotonic()) + SPARING
+        return bool(super().beginning_execution(entity))
 
 
 @contextmanager

@@ -10,7 +10,6 @@ that of the node.
 
 from collections import deque
 from collections.abc import Callable
-from contextlib import suppress
 from functools import partial
 import os
 from pathlib import Path
@@ -20,18 +19,20 @@ from rcl_interfaces.msg import ParameterEvent
 from rclpy.serialization import deserialize_message
 
 from dp_swing_ros.bags.episodes import CONTROLLER, PLANT
+from dp_swing_ros.console.access import given_token
 from dp_swing_ros.console.client import Client
 from dp_swing_ros.console.history import Entry, History, KEPT
 from dp_swing_ros.console.requests import Request, RequestError
 from dp_swing_ros.console.scene import HEARD, Scene
 from dp_swing_ros.console.server import Options, Server
-from dp_swing_ros.messages.configuration import from_text
+from dp_swing_ros.errors import one_line
 from dp_swing_ros.nodes.actions import Actions, DEFAULTS
 from dp_swing_ros.nodes.connections import message_class, owners, subscribe
-from dp_swing_ros.nodes.parameters import ConsoleParameters, named
+from dp_swing_ros.nodes.parameters import named
 from dp_swing_ros.nodes.partners import Partner
 from dp_swing_ros.nodes.process import ProcessNode, run
 from dp_swing_ros.nodes.ros_parameters import declare, let_change
+from dp_swing_ros.parameters.console import ConsoleParameters
 from dp_swing_ros.pendulum.parameters import GIVEN
 from dp_swing_ros.provenance import package_version
 from dp_swing_ros.topics import (
@@ -49,6 +50,8 @@ SIGNS = {PLANT: JOINT_STATES, CONTROLLER: PLAN, 'faults': FAULTS_JOINT_STATES}
 class ConsoleNode(ProcessNode):
     """The node: hears what the page shows, and is the `Source` of its server."""
 
+    lasting = True
+
     def __init__(self) -> None:
         """Read the parameters, and bind to the address."""
         super().__init__('console')
@@ -59,16 +62,19 @@ class ConsoleNode(ProcessNode):
         self.scene = Scene(self.resolve_topic_name(JOINT_STATES.name))
         self.partners: dict[str, Partner] = {}   # plant, mpc, faults
         self.known: dict[str, Partner] = {}      # by name, also those that are gone
+        self.complained = set[Topic]()   # of which something was none of this pendulum
         self.calls = deque[Callable[[], None]]()
         self.called = self.create_guard_condition(self.on_calls)
         self.server = Server(Options(
-            parameters.address, parameters.port, parameters.token, parameters.read_only,
+            parameters.address, parameters.port,
+            given_token(parameters.token, parameters.token_file), parameters.read_only,
             Path(parameters.recordings).expanduser()), self, self.get_logger().warning)
         self.history = History()
         self.actions = Actions(
             self, self.server, self.scene, self.history, self.partners, parameters)
         for topic in HEARD:
-            subscribe(self, topic, partial(self.hear, topic), sensor=topic in SENSORS, raw=True)
+            subscribe(self, topic, partial(self.hear, topic), sensor=topic in SENSORS, raw=True,
+                      sparing=topic is CONFIGURATION)
         self.create_subscription(ParameterEvent, '/parameter_events', self.on_parameters, 100)
         self.every(LOOK_PERIOD, self.look)
         self.every(POLL_PERIOD, self.poll)
@@ -78,7 +84,8 @@ class ConsoleNode(ProcessNode):
         os.nice(NICE)
         self.look()
         self.server.start()
-        self.get_logger().info(f'the page is at {self.server.access.address}')
+        # not by the logger, whose words are published, as a token that was made is a secret
+        print(f'the page is at {self.server.access.address}', flush=True)
 
     def close(self) -> None:
         """End the server, and what it started."""
@@ -91,25 +98,30 @@ class ConsoleNode(ProcessNode):
 
     def hear(self, topic: Topic, data: bytes, info: dict[str, int]) -> None:
         """Take a message; the page is shown each state, and what comes after it a little later."""
-        message = deserialize_message(data, message_class(topic.type))
         before = self.scene.stamp
-        self.scene.hear(topic, message)
+        try:
+            message = deserialize_message(data, message_class(topic.type))
+            self.scene.hear(topic, message)
+        except (RuntimeError, ValueError) as error:
+            if topic not in self.complained:   # once, however many come
+                self.get_logger().warning(f'{one_line(error)}; going on without it')
+            self.complained.add(topic)
+            return
         if topic is JOINT_STATES and self.scene.stamp != before:
             self.history.keep_state(self.scene)
             self.actions.on_state()
         self.server.poke(trailing=topic is not JOINT_STATES)
         if topic in KEPT:
-            self.keep(topic, data, message, info)
+            self.keep(topic, data, info)
 
-    def keep(self, topic: Topic, data: bytes, message: Any, info: dict[str, int]) -> None:
+    def keep(self, topic: Topic, data: bytes, info: dict[str, int]) -> None:
         """Keep a message of the last minute."""
         whose = topic.name if topic.latched else ''
-        if topic is CONFIGURATION:
-            with suppress(ValueError):
-                found = from_text(message.data)
-                whose = found.node
-                if found.revision == found.resets == 0:   # it was started again
-                    self.history.forget()
+        found = self.scene.announced
+        if topic is CONFIGURATION and found is not None:
+            whose = found.node
+            if found.revision == found.resets == 0:   # it was started again
+                self.history.forget()
         self.history.keep(Entry(self.scene.t, topic, whose, data, info['received_timestamp'],
                                 info['source_timestamp']))
 

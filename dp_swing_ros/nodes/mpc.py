@@ -98,7 +98,7 @@ class MpcNode(ProcessNode):
         self.x: Array | None = None   # that the last tick was given
         self.serve('mpc/reset', self.on_reset)
         self.serve_switch('mpc/enable', self.on_enable)
-        subscribe(self, CONFIGURATION, self.on_configuration)
+        subscribe(self, CONFIGURATION, self.on_configuration, sparing=True)
         self.watchdog = Watchdog(self, values['step'], self.on_silence)
         self.sent = 0    # forces
         self.answered = Time()   # the stamp of the last state
@@ -176,7 +176,7 @@ class MpcNode(ProcessNode):
             configured = from_text(message.data)
             self.timing.learn(configured)
         except (TypeError, ValueError) as error:
-            self.get_logger().warning(f'{error}; going on without it')
+            self.get_logger().warning(f'{error}; going on without it', throttle_duration_sec=10.0)
             return
         before = self.configured.get(configured.node)
         self.configured[configured.node] = configured.resets

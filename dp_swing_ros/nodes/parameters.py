@@ -12,6 +12,7 @@ import math
 from typing import Any
 
 from dp_swing_ros.parameters import expected, parameter, Parameters
+from dp_swing_ros.parameters.console import ConsoleParameters
 from dp_swing_ros.tables import compact
 from dp_swing_ros.topics import TOPICS
 
@@ -94,31 +95,12 @@ class FaultsParameters(Parameters):
     seed: int = parameter(0, 'seed of all faults', minimum=0, live=False)
 
 
-@dataclasses.dataclass(frozen=True)
-class ConsoleParameters(Parameters):
-    """Where the page is served, to whom, and how it pulls."""
-
-    address: str = parameter(
-        '127.0.0.1', 'address to serve the page at; any but one of this machine alone asks for a '
-        'token', live=False)
-    port: int = parameter(8080, 'port to serve the page at (0: any that is free)', minimum=0,
-                          maximum=65535, live=False)
-    token: str = parameter(
-        '', 'what the address must be opened with; empty: made, where one is needed', live=False)
-    read_only: bool = parameter(False, 'let pages look, and change nothing', live=False)
-    recordings: str = parameter(
-        'runs', 'folder in which recordings are made, and of which pages may see all', live=False)
-    pull_stiffness: float = parameter(
-        100.0, 'of the spring by which a page pulls at cart or link', unit='N/m', minimum=0.0)
-    pull_limit: float = parameter(
-        30.0, 'largest force of pulls and pushes, either way', unit='N', minimum=0.0)
-
-
 def table(fields: Mapping[str, dataclasses.Field]) -> str:
     """Return the Markdown table of parameters by their full names."""
     return compact([('parameter', 'default', 'unit', 'range', 'description'), *(
         (f'`{name}`', f'`{shown(field.default)}`', field.metadata['unit'], expected(field),
-         field.metadata['description'] + ('' if field.metadata['live'] else '; stays'))
+         field.metadata['description'] + ('' if field.metadata['live'] else '; stays')
+         + ('; never shown' if field.metadata['secret'] else ''))
         for name, field in fields.items())]) + '\n'
 
 

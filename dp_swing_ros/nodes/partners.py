@@ -16,7 +16,7 @@ from rclpy.task import Future
 
 from dp_swing_ros.console.requests import RequestError
 from dp_swing_ros.console.scene import exact
-from dp_swing_ros.parameters import LARGEST, ParameterError
+from dp_swing_ros.parameters import LARGEST
 from dp_swing_ros.parameters.files import is_of_rclpy, value_of
 
 TYPES = {
@@ -27,6 +27,7 @@ TYPES = {
     ParameterType.PARAMETER_DOUBLE_ARRAY: 'double[]',
     ParameterType.PARAMETER_STRING_ARRAY: 'string[]'}
 PATIENCE = 2.0   # [s] for an answer
+LONGEST = 2000   # [characters] of a description that is looked at
 INFINITE = ('inf', '-inf')   # which JSON has no number for
 NUMBERS = {kind: number for number, kind in TYPES.items()}
 KINDS: dict[str, type | tuple[type, ...]] = {
@@ -69,7 +70,7 @@ class Partner:
             self.look()
             return
         for each in event.changed_parameters:
-            if each.name in self.described:
+            if each.name in self.described and each.value.type in TYPES:
                 self.described[each.name]['value'] = exact(
                     parameter_value_to_python(each.value))
         self.changed()
@@ -112,7 +113,8 @@ class Partner:
                 self.described = {
                     name: described(name, descriptor, parameter_value_to_python(value))
                     for name, descriptor, value in zip(
-                        names, descriptors.result().descriptors, values.result().values)}
+                        names, descriptors.result().descriptors, values.result().values)
+                    if value.type in TYPES or not value.type}
                 self._known = True
                 self.changed()
             self._client.get_parameters(names, on_values)
@@ -141,7 +143,7 @@ class Partner:
 
 def described(name: str, descriptor: ParameterDescriptor, value: Any) -> dict[str, Any]:
     """Return all that is known of a parameter, for the page."""
-    about = ABOUT.fullmatch(descriptor.description)
+    about = ABOUT.fullmatch(descriptor.description[:LONGEST])
     assert about is not None   # it matches any text
     kind = TYPES.get(descriptor.type, 'string')
     choices = CHOICES.fullmatch(descriptor.additional_constraints)
@@ -159,7 +161,7 @@ def bounds(descriptor: ParameterDescriptor) -> tuple[float | None, ...]:
         low, high = float(each.from_value), float(each.to_value)
         return (low if low > -LARGEST else None, high if high < LARGEST else None)
     found = [bound.search(descriptor.additional_constraints) for bound in (LEAST, MOST)]
-    return tuple(float(each[1]) if each else None for each in found)
+    return tuple(default(each[1], 'double') if each else None for each in found)
 
 
 def default(text: str | None, kind: str) -> Any:
@@ -171,6 +173,6 @@ def default(text: str | None, kind: str) -> Any:
         return [default(each, kind[:-2]) for each in inner.split(', ')] if inner else []
     try:
         value = value_of(text) if kind != 'string' else text
-    except ParameterError:
+        return exact(float(value) if kind == 'double' else value)
+    except (TypeError, ValueError):   # it is no default, whatever it looks like
         return None
-    return exact(float(value) if kind == 'double' else value)

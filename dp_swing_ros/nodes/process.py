@@ -35,7 +35,7 @@ from rclpy.timer import Timer
 from rclpy.utilities import remove_ros_args
 from std_srvs.srv import SetBool, Trigger
 
-from dp_swing_ros.errors import UserError
+from dp_swing_ros.errors import one_line, UserError
 from dp_swing_ros.executables import on_signals_to_node
 from dp_swing_ros.nodes.fast_lane import FastLane
 from dp_swing_ros.nodes.ros_parameters import refuse_unknown
@@ -58,6 +58,7 @@ class ProcessNode(Node):
     delivery: float = DELIVERY     # [s] at most for its last messages, where it ends by itself
     thread_priority: int = 0       # once it is prepared: see SchedulingParameters
     lane: FastLane | None = None   # for what comes often, if anything does
+    lasting: bool = False   # it goes on where a callback fails, with a line in the log
 
     def prepare(self) -> None:
         """Do long work before the first message; a signal interrupts it."""
@@ -196,7 +197,13 @@ def _live(node: ProcessNode, signals: _Signals) -> None:
             while not is_over():
                 # in the gap between two messages that come often, whose next is not to wait
                 hurries = node.lane is not None and node.lane.is_busy
-                executor.spin_once(timeout_sec=0.0 if hurries else POLL)
+                try:
+                    executor.spin_once(timeout_sec=0.0 if hurries else POLL)
+                except Exception as error:  # noqa: B902
+                    if not node.lasting:
+                        raise
+                    node.get_logger().error(f'{type(error).__name__}: {one_line(error)}; going on',
+                                            throttle_duration_sec=1.0)
                 if node.lane is not None:
                     node.lane.serve(is_over)
             end = time.monotonic() + node.linger

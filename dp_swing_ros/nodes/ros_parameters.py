@@ -50,7 +50,9 @@ def declare(node: Node, fields: Mapping[str, dataclasses.Field],
     for name, field in fields.items():
         values[name] = checked(field, asked.get(name, field.default), name)
         # The override is left aside: it is in the value already, there in its declared type.
-        node.declare_parameter(name, _listed(values[name]), _descriptor(field, live),
+        # Whoever asks is not told a secret.
+        told = field.default if field.metadata['secret'] else values[name]
+        node.declare_parameter(name, _listed(told), _descriptor(field, live),
                                ignore_override=True)
     refuse_unknown(node, of_topics=False)
     announce(node, {})

@@ -25,7 +25,7 @@ Group = TypeVar('Group', bound='Parameters')
 def parameter(default: Any, description: str, *, unit: str = '', minimum: float | None = None,
               maximum: float | None = None, choices: Callable[[], list[str]] | None = None,
               size: Mapping[int, int] | None = None, finite: bool = True, links: int = 1,
-              live: bool = True) -> Any:
+              live: bool = True, secret: bool = False) -> Any:
     """
     Declare one parameter as a dataclass field.
 
@@ -33,13 +33,14 @@ def parameter(default: Any, description: str, *, unit: str = '', minimum: float 
     when needed, so that a registry may be filled after the class is made; `size` is the length
     of a list by the number of links; `finite=False` allows infinity (NaN never passes); the
     parameter is one of pendulums with so many `links` or more; one that is not `live` stays as it
-    is while a node runs, also where others may change.
+    is while a node runs, also where others may change; a `secret` is never shown to others.
     """
     return dataclasses.field(default=default, metadata={
         'description': description, 'unit': unit,
         'minimum': -math.inf if minimum is None else minimum,
         'maximum': math.inf if maximum is None else maximum,
-        'choices': choices, 'size': size, 'finite': finite, 'links': links, 'live': live})
+        'choices': choices, 'size': size, 'finite': finite, 'links': links,
+        'live': live and not secret, 'secret': secret})
 
 
 class ParameterError(ValueError):
@@ -77,7 +78,8 @@ def checked(field: dataclasses.Field, value: Any, name: str = '') -> Any:
     about, listed = field.metadata, isinstance(default, tuple)
 
     def refuse(expected: str) -> ParameterError:
-        return ParameterError(f'parameter {name or field.name!r} is {repr(value)[:SHOWN]}; '
+        found = '(a secret)' if about['secret'] else repr(value)[:SHOWN]
+        return ParameterError(f'parameter {name or field.name!r} is {found}; '
                               f'expected {expected} ({about["description"]})')
 
     if listed:

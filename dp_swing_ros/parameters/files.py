@@ -17,7 +17,7 @@ from dp_swing_ros.errors import one_line
 from dp_swing_ros.parameters import ParameterError
 
 SIZE = 1 << 20   # [bytes] of a text
-SCALAR = 1 << 16  # [characters] of a scalar: numbers of base 60 take the square of their length
+SCALAR = 1 << 16  # [characters] of a scalar
 NODES = 50_000   # that a text may begin
 DEPTH = 32       # of nested nodes
 BITS = 64        # of a whole number
@@ -35,10 +35,22 @@ class YamlError(ValueError):
 
 
 class PlainLoader(getattr(yaml, 'CSafeLoader', yaml.SafeLoader)):  # type: ignore[misc]
-    """Constructs plain data; whole numbers are those that ROS has."""
+    """
+    Constructs plain data; whole numbers are those that ROS has, and 1:30 is a text, as there.
 
-    def construct_yaml_int(self, node: yaml.ScalarNode) -> int:
+    Numbers of base 60 would take the square of their length to read.
+    """
+
+    def construct_yaml_float(self, node: yaml.ScalarNode) -> float | str:
+        """Return a number, or the text that is of base 60."""
+        number: float | str = node.value if ':' in node.value else \
+            super().construct_yaml_float(node)
+        return number
+
+    def construct_yaml_int(self, node: yaml.ScalarNode) -> int | str:
         """Return a whole number; raises ConstructorError where no message could hold it."""
+        if ':' in node.value:
+            return str(node.value)
         number: int = super().construct_yaml_int(node)
         if number.bit_length() > BITS:
             raise yaml.constructor.ConstructorError(
@@ -46,17 +58,19 @@ class PlainLoader(getattr(yaml, 'CSafeLoader', yaml.SafeLoader)):  # type: ignor
         return number
 
 
-PlainLoader.add_constructor('tag:yaml.org,2002:int', PlainLoader.construct_yaml_int)
+for _kind in ('int', 'float'):
+    PlainLoader.add_constructor(f'tag:yaml.org,2002:{_kind}',
+                                getattr(PlainLoader, f'construct_yaml_{_kind}'))
 
 
-def parse(text: str | bytes, loader: type[PlainLoader] = PlainLoader) -> Any:
+def parse(text: str | bytes, loader: type[PlainLoader] = PlainLoader, nodes: int = NODES) -> Any:
     """
-    Return the content of a text of YAML.
+    Return the content of a text of YAML, which may have so many nodes.
 
     Raises YamlError, before anything is constructed where the text is beyond the bounds.
     """
     try:
-        _check(text, loader)
+        _check(text, loader, nodes)
         return yaml.load(text, loader)
     except Exception as error:  # noqa: B902
         # A text such as '!!int ""' fails within the types that YAML knows.
@@ -69,7 +83,7 @@ def parse_file(path: Path, loader: type[PlainLoader] = PlainLoader) -> Any:
         return parse(file.read(SIZE + 1), loader)
 
 
-def _check(text: str | bytes, loader: type[PlainLoader]) -> None:
+def _check(text: str | bytes, loader: type[PlainLoader], most: int) -> None:
     """Go through the events of a text, which take no memory; raises YamlError at a bound."""
     if len(text) > SIZE:
         raise YamlError(f'it is longer than {SIZE} bytes')
@@ -81,7 +95,7 @@ def _check(text: str | bytes, loader: type[PlainLoader]) -> None:
         depth += isinstance(event, yaml.CollectionStartEvent)
         depth -= isinstance(event, yaml.CollectionEndEvent)
         size = len(event.value) if isinstance(event, yaml.ScalarEvent) else 0
-        for found, limit, what in ((nodes, NODES, 'nodes'), (depth, DEPTH, 'levels'),
+        for found, limit, what in ((nodes, most, 'nodes'), (depth, DEPTH, 'levels'),
                                    (size, SCALAR, 'characters in one value')):
             if found > limit:
                 raise YamlError(f'it has more than {limit} {what}')

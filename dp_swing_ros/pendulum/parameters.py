@@ -119,6 +119,21 @@ class DriveParameters(Parameters):
         unit='N')
 
 
+@dataclasses.dataclass(frozen=True)
+class RhythmParameters(Parameters):
+    """What a plant announces that others rely on: when its states come, and what it takes."""
+
+    rate: float = parameter(20.0, 'states published per second', unit='Hz', minimum=1.0,
+                            maximum=1000.0)
+    lockstep: bool = parameter(
+        False, 'wait for one force after each state instead of running in real time', live=False)
+    delay: float = parameter(0.0, 'age of a measurement when it is published', unit='s',
+                             minimum=0.0, maximum=1.0)
+    disturbance_limit: float = parameter(
+        100.0, 'a disturbance is refused where those of a period would exceed this', unit='N',
+        minimum=0.0)
+
+
 class Drive(NamedTuple):
     """The numbers of a drive; the default is none, F = u."""
 

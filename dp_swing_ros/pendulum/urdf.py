@@ -65,6 +65,8 @@ def from_urdf(text: str) -> tuple[PendulumParameters, LimitParameters]:
         length = number(f'{link}/visual/geometry/cylinder', 'length')
         mass = number(f'{link}/inertial/mass', 'value')
         inertia = number(f'{link}/inertial/inertia', 'ixx')
+        if not _across(mass, length):
+            raise ValueError(f'the robot description has a link{i} without length or mass')
         values.update({f'link{i}_length': length, f'link{i}_mass': mass,
                        f'link{i}_inertia_factor': round(inertia / _across(mass, length), DIGITS),
                        f'joint{i}_friction': number(f'joint[@name="joint{i}"]/dynamics',

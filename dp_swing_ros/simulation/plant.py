@@ -15,11 +15,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dp_swing_ros.parameters import parameter, ParameterError, Parameters
+from dp_swing_ros.parameters import parameter, ParameterError
 from dp_swing_ros.pendulum.integrators import INTEGRATORS
 from dp_swing_ros.pendulum.model import ROUNDING, steps_in
 from dp_swing_ros.pendulum.parameters import (
-    at_equilibrium, DriveParameters, EQUILIBRIA, GIVEN, LimitParameters, PendulumParameters)
+    at_equilibrium, DriveParameters, EQUILIBRIA, GIVEN, LimitParameters, PendulumParameters,
+    RhythmParameters)
 from dp_swing_ros.pendulum.state import Array, from_joints, hanging, SIZES, to_joints
 from dp_swing_ros.simulation.engines import ENGINES, Motor
 from dp_swing_ros.streams import Stream, stream
@@ -30,11 +31,9 @@ PULLEY = 0.2   # [m] of the cart's way in a turn of its encoder
 
 
 @dataclasses.dataclass(frozen=True)
-class PlantParameters(Parameters):
+class PlantParameters(RhythmParameters):
     """The plant beside the pendulum and its limits: schedule, start, integrator, disturbances."""
 
-    rate: float = parameter(20.0, 'states published per second', unit='Hz', minimum=1.0,
-                            maximum=1000.0)
     start: str = parameter(
         GIVEN, 'equilibrium to start in, link 1 first, whose angles stand for those of the '
         'initial state (given: the initial state as it is)', choices=lambda: EQUILIBRIA)
@@ -57,8 +56,6 @@ class PlantParameters(Parameters):
     velocities: str = parameter(
         'exact', 'measured velocities: exact, but for their noise; differenced: what measured '
         'positions differ by from state to state; none', choices=lambda: list(VELOCITIES))
-    lockstep: bool = parameter(
-        False, 'wait for one force after each state instead of running in real time', live=False)
     pace: float = parameter(
         0.0, 'simulated seconds in a second, at most (0: as fast as the controller; in lockstep '
         'only)', minimum=0.0, maximum=100.0)
@@ -77,8 +74,6 @@ class PlantParameters(Parameters):
     actuator_response: float = parameter(
         1.0, 'share k of the way to the commanded force that the actuator goes in a physics step; '
         'above 1 it overshoots', minimum=1e-3, maximum=2.0)
-    delay: float = parameter(0.0, 'age of a measurement when it is published', unit='s',
-                             minimum=0.0, maximum=1.0)
     command_jitter: float = parameter(
         0.0, 'a command acts late by a time drawn from 0 to this', unit='s', minimum=0.0,
         maximum=1.0)
@@ -86,9 +81,6 @@ class PlantParameters(Parameters):
         0.0, 'probability that a command is lost', minimum=0.0, maximum=1.0)
     state_loss: float = parameter(
         0.0, 'probability that a state is lost', minimum=0.0, maximum=1.0)
-    disturbance_limit: float = parameter(
-        100.0, 'a disturbance is refused where those of a period would exceed this', unit='N',
-        minimum=0.0)
     seed: int = parameter(0, 'seed of all noises, losses and latenesses', minimum=0)
 
     def __post_init__(self) -> None:

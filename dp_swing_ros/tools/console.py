@@ -8,9 +8,10 @@ import sys
 from threading import Event
 
 from dp_swing_ros.bags.reader import Bag
+from dp_swing_ros.console.access import given_token
 from dp_swing_ros.console.player import Player
 from dp_swing_ros.console.server import Options, Server
-from dp_swing_ros.nodes.parameters import ConsoleParameters
+from dp_swing_ros.parameters.console import ConsoleParameters, TOKEN_VARIABLE
 from dp_swing_ros.tools.command_lines import bag_parser, execute, OK, within
 
 DEFAULTS = ConsoleParameters()
@@ -28,8 +29,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument('--port', type=within(int, 0, 65535), default=DEFAULTS.port,
                         help='to serve the page at (default: %(default)s; 0: any that is free)')
     parser.add_argument('--token', default=DEFAULTS.token,
-                        help='what the address must be opened with (default: made, where one is '
-                             'needed)')
+                        help='what the address must be opened with (default: that of --token-file '
+                             f'or of the environment variable {TOKEN_VARIABLE}, else made, where '
+                             'one is needed)')
+    parser.add_argument('--token-file', default=DEFAULTS.token_file, metavar='FILE',
+                        help='file with the token')
     return execute(parser, _play, argv)
 
 
@@ -37,8 +41,9 @@ def _play(arguments: argparse.Namespace) -> int:
     bag = Bag(arguments.bag, arguments.partial, arguments.namespace)
     player = Player(bag)
     # of recordings there are none here
-    server = Server(Options(arguments.address, arguments.port, arguments.token, False, None),
-                    player, lambda line: print(line, file=sys.stderr, flush=True))
+    token = given_token(arguments.token, arguments.token_file)
+    server = Server(Options(arguments.address, arguments.port, token, False, None), player,
+                    lambda line: print(line, file=sys.stderr, flush=True))
     player.publish(server)
     server.start()
     print(f'the page is at {server.access.address}', flush=True)

@@ -11,7 +11,7 @@ import sys
 import time
 import webbrowser
 
-from dp_swing_ros.nodes.parameters import ConsoleParameters
+from dp_swing_ros.parameters.console import ConsoleParameters
 from dp_swing_ros.parameters.files import locate
 from dp_swing_ros.pendulum.state import LINKS
 from dp_swing_ros.solvers import SOLVERS

@@ -5,7 +5,6 @@
 import signal
 import subprocess
 import sys
-import time
 
 from pages import Page, port_of
 import pytest
@@ -33,9 +32,7 @@ def test_a_bag_is_played_and_stops_at_its_end(page):
     assert hello['nodes'] == {'plant': '/plant', 'mpc': '/mpc'}
     assert not page.newest['frame']['paused']
     assert page.ask('play', on=True, rate=5.0)['ok']
-    began = time.monotonic()
     page.until(lambda page: page.newest['frame']['paused'])
-    assert 0.5 < time.monotonic() - began < 3.0
     assert page.newest['frame']['t'] == pytest.approx(5.0)
     assert page.ask('play', on=True, rate=1.0)['ok']   # from the beginning
     page.until(lambda page: page.newest['frame']['t'] < 0.5)

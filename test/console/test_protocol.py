@@ -5,7 +5,6 @@
 import json
 import re
 import socket
-import time
 
 from conftest import wait_until
 from pages import deaf, get, memory, Page, port_of, token_of
@@ -31,6 +30,15 @@ def refused(port, **options):
     with pytest.raises(InvalidStatus) as error:
         Page(port, **options)
     return error.value.response.status_code
+
+
+def opens(port):
+    """Return whether there is room for a page."""
+    try:
+        with Page(port) as page:
+            return page.receive()['kind'] == 'hello'
+    except InvalidStatus:
+        return False
 
 
 def lines_of(node, text):
@@ -72,6 +80,8 @@ def test_the_socket_is_for_this_origin_alone(console):
                    f'http://127.0.0.1.evil.example:{node.port}', f'ftp://127.0.0.1:{node.port}'):
         assert refused(node.port, origin=origin) == 403
     assert counted(node, 'is not this console', 5)   # one line each
+    for origin in ('http://[', 'http://[::1'):
+        assert refused(node.port, origin=origin) == 400
     with Page(node.port, origin=f'http://localhost:{node.port}') as page:
         assert page.receive()['kind'] == 'hello'
     with socket.create_connection(('127.0.0.1', node.port)) as stream:   # a name made to lead here
@@ -82,6 +92,7 @@ def test_the_socket_is_for_this_origin_alone(console):
 
 def test_a_token_is_asked_for_and_kept_in_a_cookie(console):
     node = console(token='of the test')
+    assert 'of the test' not in node.output()
     for path in ('/', '/?token=wrong', '/static/index.html', '/recordings/x', '/?token='):
         answer, body = get(node.port, path)
         assert answer.status == 403
@@ -113,7 +124,9 @@ def test_a_port_that_is_taken_ends_it_with_one_line(console, start_node):
 
 
 MALFORMED = ('no JSON', '[1, 2]', '{"do": 5}', '"pull"', '[' * 60_000,
-             '{"do": "push", "force": NaN}', '9' * 60_000, b'\x00\xff', '')
+             '{"do": "push", "force": NaN}', '9' * 60_000, b'\x00\xff', '',
+             '{"do": "step", "id": 1e400}', '{"do": "step", "id": "\\ud800"}',
+             f'{{"do": "step", "id": {2 ** 63}}}', f'{{"do": "step", "id": {"[" * 900}')
 
 
 def test_what_is_no_request_ends_the_socket_and_nothing_else(console):
@@ -145,7 +158,10 @@ def test_what_is_no_request_ends_the_socket_and_nothing_else(console):
     ({'do': 'set', 'node': 'mpc', 'parameters': {}}, 'there is no mpc'),
     ({'do': 'set', 'node': '../..', 'parameters': {}}, 'there is no'),
     ({'do': 'reset', 'node': 'mpc'}, 'nobody offers mpc/reset'),
-    ({'do': 'seek', 'at': 1}, 'this one is live')], ids=lambda value: str(value)[:40])
+    ({'do': 'seek', 'at': 1}, 'this one is live'),
+    ({'do': 'reset', 'node': '\ud800'}, 'reset needs node: a text'),
+    ({'do': 'set', 'node': 'plant', 'parameters': {'rate': 2 ** 63}}, 'parameters: an object')],
+    ids=lambda value: str(value)[:40])
 def test_a_request_that_cannot_be_obeyed_is_answered_in_words(console, request_, words):
     node = console()
     with Page(node.port) as page:
@@ -185,9 +201,7 @@ def test_of_a_hundred_pages_as_many_as_there_is_room_for_are_open(console):
     assert (len(pages), turned_away) == (32, 68)
     assert counted(node, '32 pages are open already', 68)
     pages.pop().socket.close()
-    time.sleep(0.3)
-    with Page(node.port) as page:
-        assert page.receive()['kind'] == 'hello'
+    assert wait_until(lambda: opens(node.port))
     for page in pages:
         page.socket.close()
 
@@ -222,7 +236,11 @@ def test_recordings_are_served_and_nothing_beside_them(console, tmp_path):
     assert (answer.status, body) == (200, b'the report')
     assert answer.getheader('Content-Security-Policy').startswith('sandbox')
     for path in ('../secret', '%2e%2e/secret', '..%2fsecret', 'one/../../secret', 'one/link',
-                 'one', '/etc/passwd', '%00'):
+                 'one', '/etc/passwd', 'x' * 5000):
         answer, body = get(node.port, f'/recordings/{path}')
         assert answer.status >= 400, path
         assert b'not for you' not in body
+    for path in ('/recordings/%00', '/recordings/one/%00/report.html', '/static/%00',
+                 '/static/index.html%00', '/recordings/%ff', '/?token=%ff', '/static/%ed%a0%80'):
+        assert get(node.port, path)[0].status == 400, path
+    assert 'Traceback' not in node.output()

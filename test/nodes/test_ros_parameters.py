@@ -13,10 +13,12 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
 from dp_swing_ros import configuration
+from dp_swing_ros.messages.configuration import Configuration
 from dp_swing_ros.nodes import ros_parameters
 from dp_swing_ros.nodes.parameters import named, table
 from dp_swing_ros.nodes.ros_parameters import declare
 from dp_swing_ros.parameters import parameter, ParameterError, Parameters
+from dp_swing_ros.parameters.console import ConsoleParameters
 from dp_swing_ros.pendulum.state import joints, LINKS
 
 
@@ -67,6 +69,26 @@ def test_defaults(make_node):
     node = make_node()
     assert declare_example(node) == Example()
     assert node.get_parameter('weights').value == [1.0, 2.0, 3.0, 4.0]
+
+
+def test_a_secret_is_for_its_node_alone(make_node, monkeypatch, capfd):
+    told, fields = [], named(ConsoleParameters)
+    monkeypatch.setattr(Configuration, 'to_text', lambda self: told.append(self) or '')
+    node = make_node(*given('token:=xyzzy', 'port:=1234'))
+    values = declare(node, fields, live=True)
+    assert (values['token'], node.get_parameter('token').value) == ('xyzzy', '')
+    assert [each.parameters['port'] for each in told] == [1234]
+    assert 'xyzzy' not in repr(told)
+    ros_parameters.let_change(node, fields, values, lambda _: None)
+    assert not node.set_parameters([Parameter('token', value='plugh')])[0].successful
+    output = ''.join(capfd.readouterr())
+    assert 'xyzzy' not in output and 'plugh' not in output
+
+
+def test_a_secret_that_is_none_is_not_told_either(make_node):
+    with pytest.raises(ParameterError, match='a secret') as error:
+        declare(make_node(*given('token:=12345')), named(ConsoleParameters))
+    assert '12345' not in str(error.value)
 
 
 def test_values_of_every_type(make_node):

@@ -22,6 +22,13 @@ def test_what_is_within_the_bounds_is_read(text, value, tmp_path):
     assert value is None or parse(text) == value
 
 
+@pytest.mark.parametrize('tag', ['', '!!int ', '!!float '])
+def test_numbers_of_base_60_are_texts(tag):
+    text = ':'.join(['1'] + ['59'] * 15_000)   # as numbers they take a while, of their square
+    assert parse(f'[{tag}"{text}", {text}, {text}.5, 1:30]' if tag else
+                 f'[{text}, {text}, {text}.5, 1:30]') == [text, text, f'{text}.5', '1:30']
+
+
 @pytest.mark.parametrize('text, words', [
     ('[' * 33 + ']' * 33, '32 levels'), (f'[{"1," * 50_000}]', '50000 nodes'),
     ('a' * ((1 << 16) + 1), '65536 characters in one value'), (str(2 ** 64), '65 bits'),

@@ -1,0 +1,42 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+import os
+
+import pytest
+
+from dp_swing_ros.console.access import Access, given_token
+from dp_swing_ros.errors import UserError
+from dp_swing_ros.parameters.console import TOKEN_VARIABLE
+
+
+def test_a_token_is_taken_from_the_first_place_that_has_one(tmp_path, monkeypatch):
+    monkeypatch.delenv(TOKEN_VARIABLE, raising=False)
+    assert given_token('', '') == ''
+    monkeypatch.setenv(TOKEN_VARIABLE, 'of the environment')
+    file = tmp_path / 'token'
+    file.write_text('of the file\n')
+    assert given_token('', '') == 'of the environment'
+    assert given_token('', str(file)) == 'of the file'
+    assert given_token('itself', str(file)) == 'itself'
+
+
+def test_what_is_no_token_is_refused_in_one_line(tmp_path, monkeypatch):
+    fifo, empty, binary, long = (tmp_path / name for name in ('fifo', 'empty', 'binary', 'long'))
+    os.mkfifo(fifo)
+    empty.write_text('\n')
+    binary.write_bytes(b'\xff\xfe')
+    long.write_text('x' * 2000)
+    for file in (fifo, empty, binary, long, tmp_path, tmp_path / 'none', '/dev/zero'):
+        with pytest.raises(UserError, match='token_file') as error:
+            given_token('', str(file))
+        assert '\n' not in str(error.value)
+    monkeypatch.setenv(TOKEN_VARIABLE, 'two\nlines')
+    with pytest.raises(UserError, match=TOKEN_VARIABLE):
+        given_token('', '')
+
+
+def test_a_given_token_is_not_in_the_address_that_is_printed():
+    assert 'abc' not in Access('0.0.0.0', 8080, 'abc').address
+    made = Access('0.0.0.0', 8080, '')
+    assert made.token in made.address
+    assert 'token' not in Access('127.0.0.1', 8080, '').address
