@@ -11,10 +11,17 @@ import time
 from conftest import starting, wait_until
 from pages import deaf, get, memory, Page, port_of
 import pytest
+from rcl_interfaces.msg import Parameter, ParameterEvent, ParameterValue
+from rcl_interfaces.srv import GetParameters
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import String
+from trajectory_msgs.msg import JointTrajectory
 
 from dp_swing_ros.bags.reader import Bag
+from dp_swing_ros.messages.configuration import Configuration, from_text
 from dp_swing_ros.tools import verify
-from dp_swing_ros.topics import DISTURBANCE, JOINT_STATES
+from dp_swing_ros.topics import (
+    CONFIGURATION, DISTURBANCE, JOINT_STATES, PLAN, ROBOT_DESCRIPTION, Topic, TRIES)
 
 pytestmark = pytest.mark.real_time   # states come in time on a machine that is not busy
 
@@ -294,6 +301,52 @@ def test_without_plant_and_mpc_there_is_a_page_and_they_may_come_and_go(start_no
         assert page.newest['parameters plant']['parameters'] == []
     assert node.stop() == 0
     assert wait_until(lambda: 'Traceback' not in node.output())
+
+
+def test_nothing_that_other_nodes_send_ends_it_or_keeps_frames_from_a_page(start_node, peer):
+    node = start_node('console', {'port': 0})
+    start_node('plant', UPRIGHT)
+    senders = [(peer.publisher(topic), message) for topic, message in (
+        (CONFIGURATION, String(data='node: /plant\nrate: 0.0')),
+        (CONFIGURATION, String(data=Configuration(
+            '/plant', {'lockstep': False, 'rate': 0.0}, '', '', '', '', {}).to_text())),
+        (TRIES, PointCloud2(height=2, width=2 ** 31)), (PLAN, JointTrajectory()),
+        (ROBOT_DESCRIPTION, String(data='<robot/>')),
+        (Topic('/parameter_events', 'rcl_interfaces/msg/ParameterEvent'), ParameterEvent(
+            node='/plant', changed_parameters=[Parameter(
+                name='rate', value=ParameterValue(type=99))])))]
+    with Page(port_of(node)) as page:
+        page.until(lambda page: page.value('plant', 'rate') and 'frame' in page.newest)
+        for _ in range(3):
+            for publisher, message in senders:
+                publisher.publish(message)
+            peer.spin(0.1)
+            t = page.newest['frame']['t']
+            page.until(lambda page: page.newest['frame']['t'] > t)
+        assert peer.until(lambda: all(
+            node.output().count(f'a message on {topic.name} is none') == 1
+            for topic in (CONFIGURATION, TRIES, PLAN, ROBOT_DESCRIPTION)))
+        assert page.value('plant', 'rate')['value'] == 20.0
+        assert page.newest['hello']['period'] == 0.05
+    assert 'Traceback' not in node.output()
+
+
+def test_a_given_token_is_told_to_nobody(start_node, peer, tmp_path):
+    (tmp_path / 'token').write_text('xyzzy')
+    heard = [peer.record(topic) for topic in (
+        CONFIGURATION, Topic('/rosout', 'rcl_interfaces/msg/Log'),
+        Topic('/parameter_events', 'rcl_interfaces/msg/ParameterEvent'))]
+    node = start_node('console', {'port': 0, 'token': 'xyzzy'})
+    other = start_node('console', {'port': 0, 'token_file': str(tmp_path / 'token')},
+                       ['-r', '__node:=other'])
+    for each in (node, other):
+        assert get(port_of(each), '/')[0].status == 403
+        assert get(port_of(each), '/?token=xyzzy')[0].status == 200
+        assert 'xyzzy' not in each.output()
+    assert peer.until(lambda: {'/console', '/other'} <= {
+        from_text(message.data).node for message in heard[0]})
+    told = peer.call(GetParameters, '/console/get_parameters', names=['token', 'token_file'])
+    assert 'xyzzy' not in repr((heard, told))
 
 
 def test_a_page_that_does_not_read_keeps_nothing_from_others_and_takes_no_memory(live):
