@@ -197,24 +197,29 @@ def _live(node: ProcessNode, signals: _Signals) -> None:
             while not is_over():
                 # in the gap between two messages that come often, whose next is not to wait
                 hurries = node.lane is not None and node.lane.is_busy
-                try:
-                    executor.spin_once(timeout_sec=0.0 if hurries else POLL)
-                except Exception as error:  # noqa: B902
-                    if not node.lasting:
-                        raise
-                    node.get_logger().error(f'{type(error).__name__}: {one_line(error)}; going on',
-                                            throttle_duration_sec=1.0)
+                _call_back(node, executor, 0.0 if hurries else POLL)
                 if node.lane is not None:
                     node.lane.serve(is_over)
             end = time.monotonic() + node.linger
             while (rest := end - time.monotonic()) > 0:
-                executor.spin_once(timeout_sec=rest)
+                _call_back(node, executor, rest)
     finally:
         node.close()
         # A publisher takes messages with it that nobody has confirmed yet, as the last command.
         limit = time.monotonic() + (node.delivery if node.done else DELIVERY)
         for publisher in node.publishers:
             publisher.wait_for_all_acked(Duration(seconds=max(0.0, limit - time.monotonic())))
+
+
+def _call_back(node: ProcessNode, executor: SingleThreadedExecutor, patience: float) -> None:
+    """Call back once, after a time [s] at most."""
+    try:
+        executor.spin_once(timeout_sec=patience)
+    except Exception as error:  # noqa: B902
+        if not node.lasting:
+            raise
+        node.get_logger().error(f'{type(error).__name__}: {one_line(error)}; going on',
+                                throttle_duration_sec=1.0)
 
 
 def _prioritise(priority: int) -> None:

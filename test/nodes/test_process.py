@@ -44,6 +44,7 @@ class ExampleNode(ProcessNode):
     def __init__(self):
         super().__init__('example')
         self.mode = declare(self, named(Example))['mode']
+        self.lasting = self.mode == 'lasting'
         self.create_timer(0.01, self.tick)
         self.ticks = 0
 
@@ -61,7 +62,8 @@ class ExampleNode(ProcessNode):
         self.done = self.mode == 'done'
         if self.mode == 'user':
             raise UserError('the disk\\nis full')
-        if self.mode == 'bug':
+        if self.mode in ('bug', 'lasting'):
+            self.done = self.ticks > 5
             raise RuntimeError('oops')
         if self.mode == 'busy':
             time.sleep(0.3)
@@ -159,6 +161,13 @@ def test_bug_is_a_traceback(start):
     code, out, errors = end(start(*mode('bug')))
     assert (code, out) == (1, 'prepare\nready\nclosed\n')
     assert errors.startswith('Traceback') and errors.endswith('RuntimeError: oops\n')
+
+
+def test_a_node_that_lasts_goes_on_with_a_line_where_a_callback_fails(start):
+    code, out, errors = end(start(*mode('lasting')))
+    assert (code, out) == (0, 'prepare\nready\nclosed\n')
+    assert 'RuntimeError: oops; going on' in errors
+    assert 'Traceback' not in errors
 
 
 @pytest.mark.parametrize('arguments, text', [
