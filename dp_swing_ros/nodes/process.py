@@ -26,7 +26,7 @@ import rclpy
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.guard_condition import GuardCondition
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
@@ -211,7 +211,7 @@ def _live(node: ProcessNode, signals: _Signals) -> None:
             publisher.wait_for_all_acked(Duration(seconds=max(0.0, limit - time.monotonic())))
 
 
-def _call_back(node: ProcessNode, executor: SingleThreadedExecutor, patience: float) -> None:
+def _call_back(node: ProcessNode, executor: Executor, patience: float) -> None:
     """Call back once, after a time [s] at most."""
     try:
         executor.spin_once(timeout_sec=patience)
