@@ -19,9 +19,10 @@ INSTALL = $(BIN)/python -m pip install --no-input -c constraints.txt $(addprefix
 IN_PARALLEL := pytest -n auto --dist loadfile --no-loadscope-reorder
 FAIL = { echo "make: $(1)" >&2; exit 1; }
 
-# A sourced ROS installation, or another checkout's, would shadow the wheels.
+# A sourced ROS installation, or another checkout's, would shadow the wheels, which have Fast DDS
+# alone. What else the environment tells ROS, as ROS_DOMAIN_ID, is respected.
 unexport AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH PYTHONPATH \
-	_ROS_WHEELS_BOOTSTRAP_COMPLETE
+	RMW_IMPLEMENTATION RCL_ASSERT_RMW_ID_MATCHES _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)

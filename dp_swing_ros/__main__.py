@@ -11,7 +11,8 @@ from collections.abc import Sequence
 from importlib import import_module
 import sys
 
-from dp_swing_ros.executables import end_quietly, plays_bag
+from dp_swing_ros import environment
+from dp_swing_ros.executables import end_quietly, MISUSED, plays_bag
 
 TOOLS = {
     'analyse': "a bag's table, figures and report, from the bag alone",
@@ -38,7 +39,6 @@ BY_COLCON = {
     'play': 'plant, mpc and a page in the browser on them',
     'soak': 'runs plant and mpc for long in real time: latency, memory, falls'}
 COMMANDS = TOOLS | NODES | BY_COLCON
-MISUSED = 2
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -52,6 +52,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     is_node = name in NODES and not (name == 'console' and plays_bag(rest))
     if argv is None and not is_node:
         end_quietly()   # while it loads
+    if (is_node or name in BY_COLCON) and (error := environment.misused()):
+        return _misused(error)
     try:
         module = import_module(f'dp_swing_ros.{"nodes" if is_node else "tools"}.{name}')
     except ModuleNotFoundError as error:

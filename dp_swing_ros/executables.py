@@ -15,8 +15,10 @@ import signal
 import sys
 from typing import Any
 
+from dp_swing_ros import environment
+
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-INTERRUPTED = 130   # exit code of a tool
+MISUSED, INTERRUPTED = 2, 130   # exit codes; the latter of a tool
 
 
 def on_signals(handler: Callable[..., Any],
@@ -46,13 +48,26 @@ def _node(name: str) -> int:
         print(*import_module('dp_swing_ros.nodes.help').lines(name), sep='\n')
         return 0
     print(f'{name}: loading', flush=True)
-    code: int = import_module(f'dp_swing_ros.nodes.{name}').main()
-    return code
+    return _in_ros('nodes', name)
 
 
 def _tool(name: str) -> int:
     end_quietly()
     code: int = import_module(f'dp_swing_ros.tools.{name}').main()
+    return code
+
+
+def _tool_in_ros(name: str) -> int:
+    end_quietly()
+    return _in_ros('tools', name)
+
+
+def _in_ros(package: str, name: str) -> int:
+    """Run what imports ROS, which may end the process then and there."""
+    if error := environment.misused():
+        print(f'{name}: error: {error}', file=sys.stderr)
+        return MISUSED
+    code: int = import_module(f'dp_swing_ros.{package}.{name}').main()
     return code
 
 
@@ -75,14 +90,14 @@ replay = partial(_node, 'replay')
 faults = partial(_node, 'faults')
 analyse = partial(_tool, 'analyse')
 compare = partial(_tool, 'compare')
-demo = partial(_tool, 'demo')
+demo = partial(_tool_in_ros, 'demo')
 evaluate = partial(_tool, 'evaluate')
 export = partial(_tool, 'export')
 identify = partial(_tool, 'identify')
 learn = partial(_tool, 'learn')
 parameters = partial(_tool, 'parameters')
 recover = partial(_tool, 'recover')
-play = partial(_tool, 'play')
-soak = partial(_tool, 'soak')
+play = partial(_tool_in_ros, 'play')
+soak = partial(_tool_in_ros, 'soak')
 train = partial(_tool, 'train')
 verify = partial(_tool, 'verify')

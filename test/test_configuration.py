@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from dp_swing_ros import configuration
+from dp_swing_ros.evaluation.campaign import contestants
 from dp_swing_ros.evaluation.metrics import measure
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.parameters.files import value_of
@@ -154,10 +155,22 @@ def test_a_file_that_is_not_there_is_named(tmp_path):
 
 
 @pytest.mark.parametrize('text, value', [
-    ('3', 3), ('1e-4', 1e-4), ('[1.0, 2]', [1.0, 2]), ('true', True), ('lqr', 'lqr')])
-def test_texts_are_values_as_ros_reads_them(text, value):
+    ('3', 3), ('1e-4', 1e-4), ('1.0e4', 1e4), ('.inf', math.inf), ('[1.0, 2.0]', [1.0, 2.0]),
+    ('true', True), ('lqr', 'lqr')])
+def test_texts_are_values_as_ros_reads_them(text, value, tmp_path):
     assert value_of(text) == value
     assert type(value_of(text)) is type(value)
+    path = written(tmp_path, f'mpc:\n  ros__parameters:\n    horizon: {text}\n')
+    assert configuration.read([path])['mpc'] == {'horizon': value}
+
+
+@pytest.mark.parametrize('text', ['[1.0, 2]', '', '[a, 1]'])
+def test_what_ros_would_refuse_is_refused(text, tmp_path):
+    path = written(tmp_path, f'mpc:\n  ros__parameters:\n    a:\n      b: {text}\n')
+    with pytest.raises(ParameterError, match="parameter file .*: parameter 'a.b' is"):
+        configuration.read([path])
+    with pytest.raises(ParameterError, match="parameter 'horizon' is"):
+        contestants.parse(f'ilqr:horizon={text}')
 
 
 @pytest.fixture(scope='module')

@@ -112,7 +112,10 @@ def named(group: type[Parameters], prefix: str = '') -> dict[str, dataclasses.Fi
 def shown(value: Any) -> str:
     """Return the value of a parameter as it is given on the command line."""
     if isinstance(value, tuple):
-        return f'[{", ".join(shown(element) for element in value)}]'
+        # ROS wants a point in each number of a list, if it is in one
+        texts = (str(each) if isinstance(each, float) and math.isfinite(each) else shown(each)
+                 for each in value)
+        return f'[{", ".join(texts)}]'
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, float) and math.isinf(value):

@@ -23,9 +23,11 @@ import traceback
 from typing import Any
 
 import rclpy
+from rclpy._rclpy_pybind11 import RCLError
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
+from rclpy.exceptions import InvalidParameterTypeException
 from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.guard_condition import GuardCondition
 from rclpy.node import Node
@@ -35,10 +37,11 @@ from rclpy.timer import Timer
 from rclpy.utilities import remove_ros_args
 from std_srvs.srv import SetBool, Trigger
 
+from dp_swing_ros import environment
 from dp_swing_ros.errors import one_line, UserError
 from dp_swing_ros.executables import on_signals_to_node
 from dp_swing_ros.nodes.fast_lane import FastLane
-from dp_swing_ros.nodes.ros_parameters import refuse_unknown
+from dp_swing_ros.nodes.ros_parameters import check_given, refuse_unknown
 from dp_swing_ros.parameters import ParameterError
 
 POLL = 0.05  # [s] a signal is seen after this time at the latest
@@ -151,7 +154,8 @@ def run(make_node: Callable[[], ProcessNode], args: list[str] | None = None) -> 
     node, code = None, OK
     try:
         _initialise(args)
-        node = make_node()
+        with _errors_of_ros():
+            node = make_node()
         _live(node, signals)
     except (ParameterError, UserError) as error:   # what the user can put right
         # rcl appends where in its own source it failed
@@ -175,12 +179,25 @@ def _initialise(args: list[str]) -> None:
         os.environ['ROS_LOG_DIR'] = str(Path(tempfile.gettempdir(), f'ros_log_{os.getuid()}'))
     try:
         surplus = remove_ros_args(args)[1:]
-        if surplus:
-            raise UserError(f'unknown argument {surplus[0]!r}; '
-                            'parameters are given as: --ros-args -p name:=value')
-        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:
+        check_given(args)
         raise UserError(f'{type(error).__name__}: {error}') from None
+    if surplus:
+        raise UserError(f'unknown argument {surplus[0]!r}; '
+                        'parameters are given as: --ros-args -p name:=value')
+    with _errors_of_ros():
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+
+
+@contextmanager
+def _errors_of_ros() -> Iterator[None]:
+    """Raise what ROS finds wrong with what it was given as an error of the user."""
+    try:
+        yield
+    except InvalidParameterTypeException as error:   # of a parameter that rclpy itself declares
+        raise ParameterError(error) from None
+    except RCLError as error:
+        raise UserError(f'{error}; {environment.variables()}') from None
 
 
 def _live(node: ProcessNode, signals: _Signals) -> None:

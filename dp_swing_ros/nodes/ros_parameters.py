@@ -17,6 +17,7 @@ from typing import Any
 
 from rcl_interfaces.msg import (
     FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult)
+from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_msgs.msg import String
@@ -25,9 +26,12 @@ from dp_swing_ros.messages.configuration import Configuration
 from dp_swing_ros.nodes.connections import publish
 from dp_swing_ros.nodes.parameters import shown
 from dp_swing_ros.parameters import checked, expected, LARGEST, ParameterError, SHOWN, unknown
-from dp_swing_ros.parameters.files import ANY_NODE, QOS_OVERRIDES, sections
+from dp_swing_ros.parameters.files import ANY_NODE, QOS_OVERRIDES, sections, value_of
 from dp_swing_ros.provenance import commit, machine, package_version, packages, sources
 from dp_swing_ros.topics import CONFIGURATION
+
+RULE, FILE = ('-p', '--param'), '--params-file'   # options of ROS
+TYPES = {bool: 'BOOL', int: 'INTEGER', float: 'DOUBLE', str: 'STRING'}
 
 
 def given(node: Node) -> dict[str, Any]:
@@ -68,18 +72,28 @@ def let_change(node: Node, fields: Mapping[str, dataclasses.Field], values: Mapp
     ParameterError, nothing changes, and whoever asked is told why.
     """
     current = dict(values)
+    stays = {name for name, field in fields.items() if not field.metadata['live']}
 
-    def with_numbers(parameters: list[Parameter]) -> list[Parameter]:
-        """Let whole numbers do for numbers, which the types of ROS keep apart."""
-        # an empty list would not show of what it is one
-        return [Parameter(each.name, value=_numbers(fields[each.name], each.value))
-                if each.name in fields and _listed(each.value) != [] else each
-                for each in parameters]
+    def as_declared(parameters: list[Parameter]) -> list[Parameter]:
+        try:
+            for each in parameters:
+                if not node.has_parameter(each.name):
+                    raise unknown(each.name, node.get_name(), fields)
+            found = [_as_declared(fields[each.name], each) if each.name in fields else each
+                     for each in parameters]
+            kept = [each for each in found if each.name not in stays
+                    or checked(fields[each.name], each.value, each.name) != current[each.name]]
+            if fixed := [each.name for each in kept if each.name in stays]:
+                raise ParameterError(f'read-only while the node runs: {", ".join(fixed)}; nothing '
+                                     'is changed. Leave them out, or start the node anew')
+        except ParameterError as error:
+            raise _Refused(str(error)) from None
+        return kept or found
 
     def on_set(parameters: list[Parameter]) -> SetParametersResult:
+        asked = {each.name: checked(fields[each.name], each.value, each.name)
+                 for each in parameters if each.name in fields}
         try:
-            asked = {each.name: checked(fields[each.name], each.value, each.name)
-                     for each in parameters if each.name in fields}
             if {**current, **asked} != current:
                 change({**current, **asked})
         except ParameterError as error:
@@ -91,7 +105,7 @@ def let_change(node: Node, fields: Mapping[str, dataclasses.Field], values: Mapp
         current.update(asked)
         return SetParametersResult(successful=True)
 
-    node.add_pre_set_parameters_callback(with_numbers)
+    node.add_pre_set_parameters_callback(as_declared)
     node.add_on_set_parameters_callback(on_set)
 
 
@@ -101,16 +115,35 @@ def short(value: Any) -> str:
     return text if len(text) <= SHOWN else f'{text[:SHOWN]}...'
 
 
-def _numbers(field: dataclasses.Field, value: Any) -> Any:
+class _Refused(ParameterNotDeclaredException):
+    """What rclpy answers a request with before it looks at the types, which it would not name."""
+
+    def __init__(self, reason: str) -> None:
+        super().__init__([])
+        self.reason = reason
+
+    def __str__(self) -> str:
+        return self.reason
+
+
+def _as_declared(field: dataclasses.Field, asked: Parameter) -> Parameter:
+    """
+    Let do for numbers what people write for them, which the types of ROS keep apart.
+
+    They are whole numbers, and texts: YAML 1.1 takes 1e4 for one, and so does `ros2 param set`.
+    Raises ParameterError.
+    """
+    value = _listed(asked.value)
     default: Any = field.default
-    if isinstance(default, tuple):
-        return value if not isinstance(default[0], float) or isinstance(value, str) \
-            else [_whole_as_number(each) for each in value or ()]
-    return _whole_as_number(value) if isinstance(default, float) else value
-
-
-def _whole_as_number(value: Any) -> Any:
-    return float(value) if type(value) is int else value
+    listed = isinstance(default, tuple)
+    kind = type(default[0] if listed else default)
+    if isinstance(value, str) and (listed or kind is not str):
+        value = value_of(value, asked.name)
+    elif isinstance(value, list) and listed and kind is not str:
+        value = [value_of(each, asked.name) if isinstance(each, str) else each for each in value]
+    value = _listed(checked(field, value, asked.name))
+    # an empty list would not show of what it is one
+    return Parameter(asked.name, getattr(Parameter.Type, TYPES[kind] + '_ARRAY' * listed), value)
 
 
 def announce(node: Node, found: Mapping[str, Any], revision: int = 0, since: int = 0,
@@ -143,12 +176,20 @@ def refuse_unknown(node: Node, of_topics: bool) -> None:
                 each for each in known if each.startswith(QOS_OVERRIDES) == of_topics))
 
 
+def check_given(arguments: list[str]) -> None:
+    """Raise ParameterError for what ROS cannot take of a command line, which it names itself."""
+    for option, value in pairwise(arguments):
+        if option in RULE and ':=' in value:
+            value_of(value.split(':=', 1)[1], _named(value))
+        elif option == FILE:
+            sections(Path(value))
+
+
 def _for_any_node(arguments: list[str], node: str) -> set[str]:
     """Return the names that parameter files give to any node (/**), and nothing to this one."""
     options = list(pairwise(arguments))
-    shared, own = set[str](), {value.split(':=')[0].rsplit(':', 1)[-1]
-                               for option, value in options if option in ('-p', '--param')}
-    for path in (value for option, value in options if option == '--params-file'):
+    shared, own = set[str](), {_named(value) for option, value in options if option in RULE}
+    for path in (value for option, value in options if option == FILE):
         for pattern, values in sections(Path(path)):
             name = pattern.rsplit('/', 1)[-1]
             if name in ANY_NODE:
@@ -156,6 +197,11 @@ def _for_any_node(arguments: list[str], node: str) -> set[str]:
             elif name == node:
                 own |= set(values)
     return shared - own
+
+
+def _named(rule: str) -> str:
+    """Return the name of a parameter in [NODE:]NAME:=VALUE."""
+    return rule.split(':=')[0].rsplit(':', 1)[-1]
 
 
 def _listed(value: Any) -> Any:

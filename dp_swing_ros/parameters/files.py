@@ -7,6 +7,7 @@ Aliases are refused, as they expand beyond any memory.
 """
 
 from collections.abc import Iterable, Mapping
+import ctypes
 from pathlib import Path
 import re
 from typing import Any
@@ -14,7 +15,7 @@ from typing import Any
 import yaml
 
 from dp_swing_ros.errors import one_line
-from dp_swing_ros.parameters import ParameterError
+from dp_swing_ros.parameters import ParameterError, SHOWN
 
 SIZE = 1 << 20   # [bytes] of a text
 SCALAR = 1 << 16  # [characters] of a scalar
@@ -106,20 +107,64 @@ def is_of_rclpy(name: str) -> bool:
     return name in OF_EVERY_NODE or name.startswith(QOS_OVERRIDES)
 
 
+C = ctypes.CDLL(None, use_errno=True)
+C.strtol.restype, C.strtod.restype = ctypes.c_long, ctypes.c_double
+TRUE, FALSE = ([form for word in words.split() for form in (word, word.title(), word.upper())]
+               for words in ('y yes true on', 'n no false off'))
+WITH_POINT = [sign + word for word in ('.inf', '.Inf', '.INF') for sign in ('', '+', '-')] + [
+    '.nan', '.NaN', '.NAN']
+
+
 class _Loader(PlainLoader):
-    """YAML as rcl reads it: 1e-4 is a number too, though YAML 1.1 wants 1.0e-4."""
+    """YAML as rcl reads it, which looks at the text of a value alone."""
+
+    yaml_implicit_resolvers: dict[str, Any] = {}
+
+    def construct_value(self, node: yaml.ScalarNode) -> bool | int | float | str | None:
+        """Return the value of a scalar, None where there is none."""
+        if node.style in ('"', "'"):
+            return str(node.value)
+        return _value(node.value) if node.value else None
 
 
-_Loader.add_implicit_resolver('tag:yaml.org,2002:float', re.compile(r'[-+]?\d+[eE][-+]?\d+$'),
-                              list('-+0123456789'))
+_Loader.add_constructor('tag:yaml.org,2002:str', _Loader.construct_value)
 
 
-def value_of(text: str) -> Any:
+def _value(text: str) -> bool | int | float | str:
+    """Return what a text stands for without quotes. Source: rcl_yaml_param_parser, get_value."""
+    if text in TRUE or text in FALSE:
+        return text in TRUE
+    data = text.replace('.', '', 1).encode() if text in WITH_POINT else text.encode()
+    end = ctypes.c_char_p()
+    for convert, base in ((C.strtol, (0,)), (C.strtod, ())):
+        ctypes.set_errno(0)
+        value: int | float = convert(data, ctypes.byref(end), *base)
+        if not ctypes.get_errno() and not end.value:
+            return value
+    return text
+
+
+def value_of(text: str, name: str = '') -> Any:
     """Return the value of a parameter given as text, as ROS does; raises ParameterError."""
     try:
-        return parse(text, _Loader)
+        return _as_ros(parse(text, _Loader), name)
     except YamlError as error:
-        raise ParameterError(f'{text[:80]!r} is not the value of a parameter: {error}') from None
+        raise ParameterError(f'{text[:SHOWN]!r} is not the value of a parameter {name}: {error}'
+                             ) from None
+
+
+def _as_ros(value: Any, name: str) -> Any:
+    """Return the value of a parameter; raises ParameterError where ROS would refuse it."""
+    elements = value if isinstance(value, list) else [value]
+    kinds = {type(element) for element in elements}
+    if kinds & {type(None), dict}:
+        remedy = 'expected a value; an empty text is ""'
+    elif len(kinds) > 1:
+        remedy = 'ROS wants the values of a list alike' + (
+            f': [{", ".join(map(repr, map(float, value)))}]' if kinds == {int, float} else '')
+    else:
+        return value
+    raise ParameterError(f'parameter {name!r} is {repr(value)[:SHOWN]}; {remedy}')
 
 
 def locate(path: Path) -> Path:
@@ -140,7 +185,23 @@ def sections(path: Path) -> list[tuple[str, dict[str, Any]]]:
     if not found or not all(isinstance(values, dict) for _, values in found):
         raise ParameterError(f'{path} is not a ROS parameter file; expected '
                              '`/**/mpc:` with `ros__parameters:` below, as in config/paper.yaml')
-    return [(pattern, dict(_flat(values))) for pattern, values in found]
+    try:
+        return [(pattern, dict(_flat(values))) for pattern, values in found]
+    except ParameterError as error:
+        raise ParameterError(f'the parameter file {path}: {error}') from None
+
+
+def for_node(found: Iterable[tuple[str, dict[str, Any]]], node: str,
+             known: Iterable[str]) -> dict[str, Any]:
+    """Return what sections have for a node; of those for any (/**) what it knows is its own."""
+    asked: dict[str, Any] = {}
+    for pattern, values in found:
+        levels = ({'**': '(/[^/]+)*', '*': '/[^/]+'}.get(level, f'/{re.escape(level)}')
+                  for level in pattern.strip('/').split('/'))
+        if re.fullmatch(''.join(levels), f'/{node.strip("/")}'):
+            asked |= {name: values[name] for name in values
+                      if name in known or not pattern.endswith(ANY_NODE)}
+    return asked
 
 
 def _sections(content: Any, pattern: str = '') -> Iterable[tuple[str, Any]]:
@@ -161,4 +222,4 @@ def _flat(values: Mapping[str, Any], prefix: str = '') -> Iterable[tuple[str, An
         if isinstance(value, dict):
             yield from _flat(value, f'{prefix}{name}.')
         else:
-            yield f'{prefix}{name}', value
+            yield f'{prefix}{name}', _as_ros(value, f'{prefix}{name}')

@@ -11,8 +11,9 @@ from typing import Any
 
 from tqdm import tqdm
 
-from dp_swing_ros import configuration, figures
+from dp_swing_ros import configuration, environment, figures
 from dp_swing_ros.dynamics.files import LearnedModel
+from dp_swing_ros.errors import UserError
 from dp_swing_ros.evaluation.soak import OUT
 from dp_swing_ros.learning.learner import FIRST, Learner
 from dp_swing_ros.learning.trials import Trial, trials
@@ -104,6 +105,8 @@ def _simulated(arguments: argparse.Namespace, mpc: Mapping[str, Any], plant: Map
 
 def _live(arguments: argparse.Namespace, mpc: Mapping[str, Any], folder: Path,
           show: Show) -> tuple[LearnedModel | None, list[Trial]]:
+    if error := environment.misused():
+        raise UserError(error)
     # ROS is slow to load, and the simulation does without
     from dp_swing_ros.tools.live_learning import learning, LiveLearner
     from dp_swing_ros.tools.tool_node import tool_node

@@ -124,7 +124,8 @@ def test_parameters_change_and_what_is_refused_says_why_in_the_words_of_the_node
             assert one.value('mpc', 'horizon')['value'] == 25
         page.until(lambda page: page.newest['frame']['tick']['solver'] == 'ddp')
         for parameters, words in (
-                ({'horizon': 0}, 'horizon out of range'), ({'horizon': 2.5}, 'expected integer'),
+                ({'horizon': 0}, "'horizon' is 0; expected at least 1"),
+                ({'horizon': 2.5}, 'expected integer'),
                 ({'solver': 'best'}, 'expected one of'), ({'nonsense': 1}, 'no parameter'),
                 ({'force_weight': 'x'}, 'expected double'), ({'links': 3}, 'read-only')):
             answer = page.ask('set', node='mpc', parameters=parameters)

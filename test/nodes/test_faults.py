@@ -184,8 +184,10 @@ def test_nan_comes_and_goes_in_states_alone(peer, start_node):
 
 def test_changes_that_are_refused_say_why(peer, start_node):
     between = Between(peer, start_node)
-    for wrong, words in (({'state_loss': 1.5}, 'range'), ({'command_delay': math.nan}, 'range'),
-                         ({'command_nan': 0.1}, 'undeclared'), ({'seed': 3}, 'read-only')):
+    for wrong, words in (({'state_loss': 1.5}, "'state_loss' is 1.5; expected at least 0"),
+                         ({'command_delay': math.nan}, 'a finite number'),
+                         ({'command_nan': 0.1}, "unknown parameter 'command_nan'"),
+                         ({'seed': 3}, 'read-only')):
         assert words in put(peer, 'faults', **{'command_loss': 1.0, **wrong})
     between.send_forces(5)
     assert between.commands(5) == [0, 1, 2, 3, 4]

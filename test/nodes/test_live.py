@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parameters of a running mpc: changed by a stranger, between ticks, and repeated from the bag."""
 
+from functools import partial
 import math
+from pathlib import Path
 import subprocess
 
 from builtin_interfaces.msg import Time
@@ -23,6 +25,8 @@ from dp_swing_ros.pendulum.sensors import SensorParameters
 from dp_swing_ros.pendulum.state import angles, errors
 from dp_swing_ros.tools import verify
 from dp_swing_ros.topics import CONFIGURATION, DIAGNOSTICS, JOINT_STATES
+
+CHECKOUT = Path(__file__).parents[2]
 
 
 def put(peer, node='mpc', **values):
@@ -58,13 +62,15 @@ def test_a_change_counts_from_the_next_tick_on(peer, start_node):
 
 
 REFUSED = [
-    ({'force_weight': -1.0}, 'range'), ({'solver': 'lqr'}, 'expected one of ddp, ilqr'),
+    ({'force_weight': -1.0}, "'force_weight' is -1.0; expected at least"),
+    ({'solver': 'lqr'}, 'expected one of ddp, ilqr'),
     ({'state_weights': [1.0]}, 'a list of 6 numbers'), ({'links': 3}, 'read-only'),
-    ({'force_limit': 0.0}, 'the controller needs a force'), ({'horizon': 30.5}, 'type'),
+    ({'force_limit': 0.0}, 'the controller needs a force'), ({'horizon': 30.5}, 'a whole number'),
     ({'reference': [0.0, 1.0, 0.0, 0.0, 0.0, 0.0]}, 'expected an equilibrium'),
-    ({'goal': 'up'}, 'expected one of given, down_down'), ({'smaples': 3}, 'undeclared'),
-    ({'force_weight': math.nan}, 'range'),
-    ({'initial_force': math.nan}, 'initial_force'), ({'force_weight': None}, 'undeclared')]
+    ({'goal': 'up'}, 'expected one of given, down_down'),
+    ({'smaples': 3}, "unknown parameter 'smaples'"),
+    ({'force_weight': math.nan}, 'a finite number'),
+    ({'initial_force': math.nan}, 'initial_force'), ({'force_weight': None}, 'a number')]
 
 
 def test_changes_that_are_refused_say_why_and_change_nothing(peer, start_node):
@@ -91,14 +97,37 @@ def test_a_whole_number_will_do_for_a_number(peer, start_node):
     assert np.abs(from_trajectory(talk.plans[-1]).U).max() == pytest.approx(10.0)
 
 
+def ros2_param(*command):
+    """Return exit code and output of `ros2 param`, or of what stands in for it."""
+    done = subprocess.run([command[0], 'param', *command[1:]], capture_output=True, text=True,
+                          timeout=60)
+    return done.returncode, done.stdout + done.stderr
+
+
+def test_a_file_is_loaded_as_a_whole_or_not_at_all(peer, start_node, tmp_path):
+    """By the stand-in; sections of other nodes are theirs, as the plant's rate."""
+    Conversation(peer, start_node)
+    param = partial(ros2_param, str(CHECKOUT / 'scripts' / 'ros2'))
+    assert param('set', '/mpc', 'force_weight', '1.e-2') == (0, 'Set parameter successful\n')
+    code, text = param('load', '/mpc', str(CHECKOUT / 'config' / 'paper.yaml'))
+    assert code == 0, text
+    assert (value(peer, 'force_limit'), value(peer, 'track_limit')) == (math.inf, math.inf)
+    assert (value(peer, 'force_weight'), value(peer, 'mppi.largest_noise')) == (0.01, 5.0)
+    file = tmp_path / 'both.yaml'
+    file.write_text('plant:\n  ros__parameters: {rate: 50.0}\n'
+                    '/**/mpc:\n  ros__parameters: {horizon: 20, links: 3, seed: 7}\n')
+    code, text = param('load', '/mpc', str(file))
+    assert code == 1 and 'read-only while the node runs: links' in text
+    assert (text.count('\n'), value(peer, 'horizon')) == (1, 30)
+    file.write_text('mpc:\n  ros__parameters: {state_weights: [1, 2.0]}\n')
+    code, text = param('load', '/mpc', str(file))
+    assert code == 2 and "'state_weights' is [1, 2.0]; ROS wants" in text
+
+
 def test_the_command_line_changes_it(peer, start_node, tmp_path):
     """`ros2 param`, of ros2cli or what stands in for it."""
     talk = Conversation(peer, start_node)
-
-    def param(*arguments):
-        done = subprocess.run(['ros2', 'param', *arguments], capture_output=True, text=True,
-                              timeout=60)
-        return done.returncode, done.stdout + done.stderr
+    param = partial(ros2_param, 'ros2')
     file = tmp_path / 'weights.yaml'
     file.write_text('/mpc:\n  ros__parameters:\n    horizon: 20\n    force_weight: 0.5\n')
     assert param('set', '/mpc', 'solver', 'ddp') == (0, 'Set parameter successful\n')

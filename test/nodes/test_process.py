@@ -173,9 +173,11 @@ def test_a_node_that_lasts_goes_on_with_a_line_where_a_callback_fails(start):
 @pytest.mark.parametrize('arguments, text', [
     (['--ros-args', '-p', 'rate:=0.5'], "parameter 'rate' is 0.5; expected at least 1 Hz"),
     (['--ros-args', '-p', 'rat:=5.0'], "unknown parameter 'rat' of the node 'example'; did you"),
-    (['--ros-args', '-p', 'rate:='], "Couldn't parse parameter override rule: '-p rate:='"),
-    (['--ros-args', '-p', 'rate:=[1, 2.0]'], 'Sequence should be of same type'),
-    (['--ros-args', '--params-file', 'none.yaml'], 'Error opening YAML file'),
+    (['--ros-args', '-p', 'rate:='], "parameter 'rate' is None; expected a value"),
+    (['--ros-args', '-p', 'rate:=[1, 2.0]'], "'rate' is [1, 2.0]; ROS wants the values of a list "
+     'alike: [1.0, 2.0]'),
+    (['--ros-args', '--params-file', 'none.yaml'], 'cannot read the parameter file none.yaml'),
+    (['--ros-args', '-p', 'use_sim_time:=1'], "'use_sim_time' to '1'"),
     (['--ros-args', 'rate:=5.0'], "UnknownROSArgsError: ['rate:=5.0']"),
     (['rate:=5.0'], "unknown argument 'rate:=5.0'; parameters are given as: --ros-args -p"),
 ])
@@ -184,6 +186,16 @@ def test_misuse_is_one_line(start, arguments, text):
     assert (code, out) == (2, '')
     assert errors.startswith('example: error: ') and text in errors
     assert errors.count('\n') == 1 and '/src/' not in errors
+
+
+@pytest.mark.parametrize('name, value', [
+    ('ROS_STATIC_PEERS', 'junk,,::'), ('ROS_LOG_DIR', '/dev/null/log')])
+def test_an_environment_that_only_ros_can_judge_is_named(start, name, value):
+    code, out, errors = end(start(**{name: value}))
+    assert (code, out) == (2, '')
+    line = errors.splitlines()[-1]
+    assert line.startswith('example: error: ') and f'{name}={value}' in line
+    assert 'Traceback' not in errors
 
 
 def test_no_home(start, tmp_path):

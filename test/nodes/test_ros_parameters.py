@@ -1,25 +1,31 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-from contextlib import nullcontext
+import contextlib
 import dataclasses
 import math
 import sys
 
 import pytest
+from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.srv import SetParametersAtomically
 import rclpy
 from rclpy.node import Node
-from rclpy.parameter import Parameter
+from rclpy.parameter import get_parameter_value, Parameter
 from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import remove_ros_args
 
 from dp_swing_ros import configuration
 from dp_swing_ros.messages.configuration import Configuration
 from dp_swing_ros.nodes import ros_parameters
-from dp_swing_ros.nodes.parameters import named, table
-from dp_swing_ros.nodes.ros_parameters import declare
+from dp_swing_ros.nodes.parameters import named, shown, table
+from dp_swing_ros.nodes.ros_parameters import check_given, declare, let_change
 from dp_swing_ros.parameters import parameter, ParameterError, Parameters
 from dp_swing_ros.parameters.console import ConsoleParameters
+from dp_swing_ros.parameters.files import value_of
 from dp_swing_ros.pendulum.state import joints, LINKS
+
+SCALARS = (bool, int, float, str)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -32,6 +38,7 @@ class Example(Parameters):
     names: tuple[str, ...] = parameter(('a', 'b'), 'names')
     kind: str = parameter('rk4', 'the kind', choices=lambda: ['rk4', 'euler'])
     fast: bool = parameter(False, 'in a hurry')
+    fixed: int = parameter(3, 'a number of links', live=False)
 
 
 @pytest.fixture
@@ -106,6 +113,54 @@ def test_whole_numbers_will_do_for_numbers(make_node):
     assert node.get_parameter('rate').type_ is Parameter.Type.DOUBLE
 
 
+TEXTS = [
+    *'1 -1 +1 1. .5 +.001 1e4 1.e4 1.0e4 1E4 1e+4 .inf inf -.inf +.inf Inf nan .NaN 010 0x10 0b1 '
+    '1_000 1:30 9223372036854775807 9223372036854775808 1e400 1e-400 true Yes Y n off On oN null '
+    '~ "1" 2020-01-01 = << [1,2] [1.0,2.0] [1,2.0] [1.0,2] [inf,.inf,1.0] [true,yes] [true,1] [a,b] '
+    '[a,"1"] [a,1] [] 0x1p3 1e 08 -0.0 1d . - --1 \u0661 \xe9'
+    .split(), '{a: 1}', '', '""', 'a b', ' 1', '1 #2', '| \n 3']
+
+
+def test_our_own_reading_is_that_of_ros():
+    """What tools take of a command line or file is what a node takes; for the same they refuse."""
+    for text in TEXTS:
+        with contextlib.ExitStack() as stack:
+            stack.callback(rclpy.try_shutdown)
+            try:
+                rclpy.init(args=['--ros-args', '-p', f'a:={text}'],
+                           signal_handler_options=SignalHandlerOptions.NO)
+                node = Node('example')
+                stack.callback(node.destroy_node)
+                found = ros_parameters.given(node)['a']
+            except RuntimeError:
+                with pytest.raises(ParameterError):
+                    value_of(text)
+                continue
+        ours = value_of(text)
+        assert repr(ours) == repr(found if isinstance(found, SCALARS) else list(found)), text
+
+
+@pytest.mark.parametrize('rule, words', [
+    ('a.weights:=[0, 3.14, 1, 2]',
+     "parameter 'a.weights' is [0, 3.14, 1, 2]; ROS wants the values of a list alike: "
+     '[0.0, 3.14, 1.0, 2.0]'),
+    ('node:a:=[x, 1]', "parameter 'a' is ['x', 1]; ROS wants the values of a list alike"),
+    ('a:=', "parameter 'a' is None; expected a value"),
+    ('a:={b: 1}', "parameter 'a' is {'b': 1}; expected a value")])
+def test_what_ros_cannot_read_is_named_with_a_remedy(tmp_path, rule, words):
+    name, value = rule.rsplit(':', 2)[-2], rule.split(':=')[1]
+    file = tmp_path / 'a.yaml'
+    file.write_text(f'/**/plant:\n  ros__parameters:\n    {name}: {value}\n')
+    for arguments in (['-p', rule], ['--params-file', str(file)]):
+        if value.startswith('{') and '-p' not in arguments:
+            continue   # in a file it is a:b
+        with pytest.raises(RuntimeError):
+            remove_ros_args(['plant', '--ros-args', *arguments])
+        with pytest.raises(ParameterError) as error:
+            check_given(['plant', '--ros-args', *arguments])
+        assert words in str(error.value)
+
+
 def test_prefix_file_and_empty_list(make_node, tmp_path):
     file = tmp_path / 'example.yaml'
     file.write_text('example:\n  ros__parameters:\n'
@@ -150,7 +205,7 @@ def test_unknown_name_is_refused_with_the_choices(make_node):
         declare_example(node)
     assert str(caught.value).startswith(
         "unknown parameter 'smaples' of the node 'example'; did you mean 'samples'? available: "
-        'bound, fast, kind, names, rate, samples')
+        'bound, fast, fixed, kind, names, rate, samples')
 
 
 def test_parameters_of_other_nodes_are_not_meant(make_node):
@@ -168,7 +223,7 @@ def test_unknown_names_for_any_node_are_for_others_unless_told_to_this_one(
     arguments = ['--params-file', str(file), *more]
     monkeypatch.setattr(sys, 'argv', ['example', '--ros-args', *arguments])
     node = make_node(*arguments)
-    with pytest.raises(ParameterError) if refused else nullcontext():
+    with pytest.raises(ParameterError) if refused else contextlib.nullcontext():
         declare_example(node)
 
 
@@ -193,6 +248,67 @@ def test_values_do_not_change_at_run_time(make_node):
     result = node.set_parameters([Parameter('rate', value=5.0)])[0]
     assert not result.successful
     assert node.get_parameter('rate').value == 20.0
+
+
+@pytest.fixture
+def ask(make_node):
+    """Return what asks a node for changes as `ros2 param` does, and returns why it refuses."""
+    node, fields = make_node(), named(Example)
+    let_change(node, fields, declare(node, fields, live=True), lambda values: Example(**values))
+    client = node.create_client(SetParametersAtomically, 'example/set_parameters_atomically')
+
+    def ask(**values):
+        future = client.call_async(SetParametersAtomically.Request(parameters=[
+            ParameterMessage(name=name, value=get_parameter_value(text))
+            for name, text in values.items()]))
+        rclpy.spin_until_future_complete(node, future, timeout_sec=30)
+        return future.result().result.reason
+    yield node, ask
+
+
+def test_a_running_node_takes_numbers_as_people_write_them(ask):
+    node, change = ask
+    for name, text, value in [
+            ('rate', '1e1', 10.0), ('rate', '1.e1', 10.0), ('rate', '3', 3.0),
+            ('bound', 'inf', math.inf), ('bound', '-.inf', -math.inf), ('bound', '+.001', 0.001),
+            ('bound', '1.0e4', 1e4), ('samples', '0x10', 16), ('fast', 'y', True),
+            ('weights', '[1, 2, 3, 4]', [1.0, 2.0, 3.0, 4.0]), ('names', '[]', []),
+            ('weights', '[1e0, 2.e0, 3e0, 4e0]', [1.0, 2.0, 3.0, 4.0])]:
+        assert change(**{name: text}) == '', text
+        found = node.get_parameter(name).value
+        assert (found if isinstance(found, SCALARS) else list(found)) == value
+
+
+@pytest.mark.parametrize('name, text, words', [
+    ('rate', 'inf', 'a finite number'), ('rate', 'x', 'expected a number'),
+    ('rate', '5e3', 'at most 1000 Hz'), ('samples', '1e1', 'expected a whole number'),
+    ('weights', '[1, 2.0, 3, 4]', 'alike: [1.0, 2.0, 3.0, 4.0]'), ('weights', '7', 'of 4 numbers'),
+    ('kind', '5', 'expected a text'), ('smaples', '5', "did you mean 'samples'"),
+    ('fixed', '4', 'read-only while the node runs: fixed')])
+def test_a_running_node_refuses_in_words_and_changes_nothing(ask, name, text, words):
+    node, change = ask
+    why = change(bound='5.0', **{name: text})
+    assert words in why and name in why
+    assert node.get_parameter('bound').value == 1.0
+
+
+def test_what_stays_may_be_said_again(ask):
+    node, change = ask
+    assert change(fixed='3', bound='5.0') == ''
+    assert node.get_parameter('bound').value == 5.0
+
+
+@pytest.mark.parametrize('kind', configuration.NODES)
+@pytest.mark.parametrize('links', LINKS)
+def test_shown_defaults_can_be_pasted(make_node, kind, links):
+    fields = configuration.declared(kind, links)
+    rules = [f'links:={links}', *(f'{name}:={shown(field.default)}'
+                                  for name, field in fields.items()
+                                  if isinstance(field.default, tuple))]
+    values = declare_pendulum(make_node(*given(*rules)), kind)
+    for name, value in values.items():
+        if isinstance(value, tuple):   # an empty text stands for an empty list
+            assert value == tuple(each for each in fields[name].default if each != '')
 
 
 @pytest.mark.parametrize('links', LINKS)
@@ -227,8 +343,9 @@ def test_table():
         '| `mppi.rate` | `20` | Hz | at least 1, at most 1000 | states per second |',
         '| `mppi.bound` | `1` |  |  | a bound |',
         '| `mppi.samples` | `5` |  | at least 1 | number of samples |',
-        '| `mppi.weights` | `[1, 2, 3, 4]` |  | 2 numbers and 2 a link, each at least 0 | '
+        '| `mppi.weights` | `[1.0, 2.0, 3.0, 4.0]` |  | 2 numbers and 2 a link, each at least 0 | '
         'weights |',
         '| `mppi.names` | `[a, b]` |  |  | names |',
         '| `mppi.kind` | `rk4` |  | one of rk4, euler | the kind |',
-        '| `mppi.fast` | `false` |  |  | in a hurry |']
+        '| `mppi.fast` | `false` |  |  | in a hurry |',
+        '| `mppi.fixed` | `3` |  |  | a number of links; stays |']

@@ -4,7 +4,7 @@
 
 import pytest
 
-from dp_swing_ros.parameters.files import parse, parse_file, YamlError
+from dp_swing_ros.parameters.files import for_node, parse, parse_file, YamlError
 
 
 def comment(size):
@@ -40,3 +40,14 @@ def test_what_is_beyond_the_bounds_is_one_line(text, words, tmp_path):
         with pytest.raises(YamlError, match=words) as error:
             read(source)
         assert len(str(error.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize('pattern, node, taken', [
+    ('/**/mpc', '/mpc', 'ab'), ('/**/mpc', '/left/arm/mpc', 'ab'), ('mpc', '/mpc', 'ab'),
+    ('/*/mpc', '/left/mpc', 'ab'), ('/*/mpc', '/mpc', ''), ('/mpc', '/left/mpc', ''),
+    ('/left/mpc', '/left/mpc', 'ab'), ('/**/plant', '/mpc', ''), ('/**/pc', '/mpc', ''),
+    ('/**', '/mpc', 'a'), ('/left/**', '/left/mpc', 'a'), ('/left/*', '/mpc', '')])
+def test_a_node_takes_its_sections(pattern, node, taken):
+    """Of those for any node what it has."""
+    found = for_node([(pattern, {'a': 1, 'b': 2})], node, ['a', 'c'])
+    assert ''.join(found) == taken

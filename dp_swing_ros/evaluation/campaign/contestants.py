@@ -62,7 +62,7 @@ def parse(text: str) -> Contestant:
     files = [Path(part) for part in parts if '=' not in part]
     given = [part.split('=', 1) for part in parts if '=' in part]
     values = configuration.read(files)
-    mpc = {**values['mpc'], **{name: value_of(value) for name, value in given}}
+    mpc = {**values['mpc'], **{name: value_of(value, name) for name, value in given}}
     if mpc.get('dynamics') == LEARNED:   # its file may be another when a campaign goes on
         complete = configuration.complete('mpc', mpc)
         mpc['model'] = load(complete['model'], complete['links']).to_text()
