@@ -116,8 +116,8 @@ def test_whole_numbers_will_do_for_numbers(make_node):
 TEXTS = [
     *'1 -1 +1 1. .5 +.001 1e4 1.e4 1.0e4 1E4 1e+4 .inf inf -.inf +.inf Inf nan .NaN 010 0x10 0b1 '
     '1_000 1:30 9223372036854775807 9223372036854775808 1e400 1e-400 true Yes Y n off On oN null '
-    '~ "1" 2020-01-01 = << [1,2] [1.0,2.0] [1,2.0] [1.0,2] [inf,.inf,1.0] [true,yes] [true,1] [a,b] '
-    '[a,"1"] [a,1] [] 0x1p3 1e 08 -0.0 1d . - --1 \u0661 \xe9'
+    '~ "1" 2020-01-01 = << [1,2] [1.0,2.0] [1,2.0] [1.0,2] [inf,.inf,1.0] [true,yes] [true,1] '
+    '[a,b] [a,"1"] [a,1] [] 0x1p3 1e 08 -0.0 1d . - --1 \u0661 \xe9'
     .split(), '{a: 1}', '', '""', 'a b', ' 1', '1 #2', '| \n 3']
 
 
