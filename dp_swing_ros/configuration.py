@@ -21,18 +21,20 @@ from dp_swing_ros.parameters import (
     checked, fields_of, group, ParameterError, Parameters, unknown)
 from dp_swing_ros.parameters.files import ANY_NODE, is_of_rclpy, locate, sections
 from dp_swing_ros.parameters.scheduling import SchedulingParameters
+from dp_swing_ros.pendulum.integrators import INTEGRATORS
 from dp_swing_ros.pendulum.parameters import (
     Drive, DriveParameters, LimitParameters, PendulumParameters)
 from dp_swing_ros.pendulum.sensors import default_sensors, SensorParameters
 from dp_swing_ros.pendulum.state import DEFAULT_LINKS, hanging, LINKS, upright
 from dp_swing_ros.problem.parameters import CostParameters, LEARNED, PredictionParameters
-from dp_swing_ros.problem.problem import Problem
+from dp_swing_ros.problem.problem import growth, Problem
 from dp_swing_ros.simulation.plant import Plant, PlantParameters
 from dp_swing_ros.solvers import SOLVERS
 
 Values = Mapping[str, Any]               # by the full name of the parameter
 
 NODES = ('plant', 'mpc')
+GROWTH = 1.001   # of what hangs at rest, in a step of a plan: more than rounding
 
 
 def _states_and_joints(links: int) -> dict[str, Any]:
@@ -135,8 +137,16 @@ def cost(values: Values) -> CostParameters:
 def _problem(values: Values) -> Problem:
     physical, prediction = group(PendulumParameters, values), group(PredictionParameters, values)
     learned = load(prediction.model, physical.links) if prediction.dynamics == LEARNED else None
-    return Problem.of(physical, group(LimitParameters, values), group(CostParameters, values),
-                      prediction, learned)
+    problem = Problem.of(physical, group(LimitParameters, values), group(CostParameters, values),
+                         prediction, learned)
+    # Euler's steps grow always
+    if learned is None and prediction.integrator is INTEGRATORS['rk4'] and (
+            growth(problem.model) > GROWTH):
+        raise ParameterError(
+            f"parameter 'step' is {prediction.step:g}; expected a shorter one: with these masses, "
+            'lengths and frictions what swings while it hangs grows in each step by a factor of '
+            f'{growth(problem.model):.3g}')
+    return problem
 
 
 def controller(values: Values) -> RecedingHorizon:

@@ -21,6 +21,7 @@ the reason, the force is zero.
 """
 
 from collections.abc import Callable, Iterable
+import contextlib
 from dataclasses import dataclass, replace
 import math
 import time
@@ -34,10 +35,11 @@ from dp_swing_ros.control.starts import solved, StartParameters, Starts
 from dp_swing_ros.control.trust import Trust, trust
 from dp_swing_ros.estimators import ESTIMATORS
 from dp_swing_ros.estimators.estimator import Estimate, Estimator
-from dp_swing_ros.parameters import parameter, Parameters
+from dp_swing_ros.parameters import parameter, ParameterError, Parameters
 from dp_swing_ros.pendulum.model import hold
 from dp_swing_ros.pendulum.parameters import DIRECT, Drive
-from dp_swing_ros.pendulum.state import Array, hanging, is_upright, to_turn_of, upright
+from dp_swing_ros.pendulum.state import (
+    Array, hanging, is_state, is_upright, to_turn_of, upright)
 from dp_swing_ros.problem.parameters import ANALYTIC, LEARNED
 from dp_swing_ros.problem.plan import candidates_of, Plan, stats_of_tick, Status
 from dp_swing_ros.problem.problem import (
@@ -279,8 +281,7 @@ class RecedingHorizon:
         """Take a measurement; return the newest believed state, None before one."""
         x = np.array(x, dtype=float)   # a copy: what is remembered is not the caller's
         size = len(self.nominal.cost.S)
-        if (x.shape != (size,) or np.any(np.isinf(x))
-                or np.any(np.isnan(x[:size // 2]))):   # velocities may be missing
+        if x.shape != (size,) or not is_state(x):
             raise ValueError(f'the state is {x}; expected {size} finite numbers')
         if t < self.latest and t <= max(self.first, self.latest - OVERTAKEN):
             self.reset()
@@ -350,8 +351,9 @@ class RecedingHorizon:
         self.drive = estimate.drive
         problem = self.problem
         if self.estimator.has_moved(problem.physical):
-            problem = self.nominal.with_physical(
-                replace(self.nominal.physical, **estimate.physical))
+            with contextlib.suppress(ParameterError):   # of what no pendulum can be held with
+                problem = self.nominal.with_physical(
+                    replace(self.nominal.physical, **estimate.physical))
         problem = driven_by(self.drive, problem)
         if problem is not self.problem:
             self.set_problem(problem)

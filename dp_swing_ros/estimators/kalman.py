@@ -122,7 +122,8 @@ class ExtendedKalmanFilter:
             squares = self.corrected(x, rate, time_noise, known, variance)
             if push == usual:
                 scales = self.adapted(x, squares)
-            distance = math.sqrt(sum(squares))
+            # rounding may leave P without its sign: then nothing is believed
+            distance = math.sqrt(sum(squares)) if sum(squares) >= 0 else math.nan
             if distance <= gate:
                 self.scales = scales
                 constrain(self.unknowns.lowest, self.unknowns.highest, known, variance)

@@ -149,6 +149,11 @@ def wrapped(x: Array) -> Array:
     return shifted
 
 
+def is_state(x: Array) -> bool:
+    """Return whether x (2n + 2,) can be measured: finite, but for velocities that are NaN."""
+    return bool(np.all(np.isfinite(x[:len(x) // 2])) and not np.any(np.isinf(x)))
+
+
 def is_upright(x: Array, angle: float = 0.1, speed: float = 1.0) -> Array:
     """
     Return whether all angles [rad] and all speeds [m/s, rad/s] are within the bounds.

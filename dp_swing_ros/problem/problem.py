@@ -21,7 +21,7 @@ from dp_swing_ros.pendulum.derivatives import linearisation
 from dp_swing_ros.pendulum.equations import Pendulum
 from dp_swing_ros.pendulum.model import Model, size, step
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
-from dp_swing_ros.pendulum.state import angles, Array, is_at_rest, SIZES
+from dp_swing_ros.pendulum.state import angles, Array, hanging, is_at_rest, SIZES
 from dp_swing_ros.problem.cost import ANGLE_ERRORS, Cost, is_periodic, trajectory_cost
 from dp_swing_ros.problem.disagreement import Disagreement
 from dp_swing_ros.problem.parameters import CostParameters, PredictionParameters
@@ -79,6 +79,10 @@ class Problem:
         dynamics = Pendulum.of(physical) if learned is None else learned.dynamics
         model = Model(dynamics, prediction.integrator, prediction.step)
         lqr = regulator(model, cost)
+        x = float(cost.x_r[0])
+        if abs(x) > limits.track_limit or not math.isfinite(x * x):
+            raise ParameterError(f'parameter reference has the cart at {x:g} m; expected a place '
+                                 f'on the track, at most {limits.track_limit:g} m from its centre')
         if not is_at_rest(cost.x_r):
             raise ParameterError(
                 f'parameter reference is {tuple(cost.x_r.tolist())}; expected an equilibrium: '
@@ -166,9 +170,15 @@ def regulator(model: Model, cost: CostParameters) -> LQR:
     if radius > SLOWEST:
         raise ParameterError(
             f'parameters reference {tuple(x_r.tolist())} and state_weights '
-            f'{cost.state_weights} give no regulator that comes to rest; expected an equilibrium '
-            'and a positive weight on the position of the cart')
+            f'{cost.state_weights} give no regulator that comes to rest; expected an equilibrium, '
+            'a positive weight on the position of the cart, and gravity')
     return LQR((P + P.T) / 2, K[0])
+
+
+def growth(model: Model) -> float:
+    """Return the factor by which a motion about hanging at rest grows in a step of the model."""
+    A, _ = linearisation(without_dry_friction(model), hanging(size(model) // 2 - 1), 0.0)
+    return float(np.abs(np.linalg.eigvals(A)).max()) if np.all(np.isfinite(A)) else math.inf
 
 
 @kernel

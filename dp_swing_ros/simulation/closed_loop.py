@@ -7,7 +7,7 @@ from typing import Callable, Protocol
 
 import numpy as np
 
-from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.pendulum.state import Array, is_state
 from dp_swing_ros.problem.plan import Plan
 from dp_swing_ros.simulation.episode import Episode, Ticks
 from dp_swing_ros.simulation.plant import Plant
@@ -75,7 +75,7 @@ def answer(plant: Plant, controller: Controller) -> Plan | None:
     if not plant.is_seen():
         return None
     # the nodes publish the time in whole nanoseconds, and this is to be their run to the bit
-    if measured is None:
+    if measured is None or not is_state(measured.x):   # the mpc does not believe it, either
         return controller.fallback(plant.t)
     return controller.update(round(measured.t * 1e9) / 1e9, measured.x, plant.parameters.delay)
 
