@@ -31,10 +31,10 @@ from dp_swing_ros.nodes.process import ProcessNode, run
 from dp_swing_ros.nodes.ros_parameters import announce, declare, given, let_change
 from dp_swing_ros.nodes.shadows import Shadows
 from dp_swing_ros.nodes.tick_figures import of_estimate, of_plan, of_trust, tip_paths
-from dp_swing_ros.nodes.timing import Clock, Latency, Timing, Watchdog
+from dp_swing_ros.nodes.timing import Arrival, Clock, Latency, Timing, Watchdog
 from dp_swing_ros.parameters import group
 from dp_swing_ros.pendulum.sensors import HANGING, SensorParameters, Standstill
-from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.pendulum.state import Array, errors, is_upright
 from dp_swing_ros.problem.plan import Plan, Status
 from dp_swing_ros.rerun.answers import Tick
 from dp_swing_ros.topics import (
@@ -99,6 +99,7 @@ class MpcNode(ProcessNode):
         self.serve('mpc/reset', self.on_reset)
         self.serve_switch('mpc/enable', self.on_enable)
         subscribe(self, CONFIGURATION, self.on_configuration, sparing=True)
+        self.arrival = Arrival()
         self.watchdog = Watchdog(self, values['step'], self.on_silence)
         self.sent = 0    # forces
         self.answered = Time()   # the stamp of the last state
@@ -345,7 +346,13 @@ class MpcNode(ProcessNode):
             self.tries.publish(to_point_cloud(
                 stamp, tip_paths(plan.X[0], plan.tries, problem), plan.tries.weights))
         stats, estimate, trust = plan.stats, self.controller.estimate, self.controller.trust
-        warning = '; '.join(filter(None, (warning, trust.warning if trust is not None else '')))
+        # what is disabled is not expected to arrive
+        arrives = not self.controller.enabled or is_upright(errors(plan.X[-1], problem.x_r))
+        astray = self.arrival.warning(times.t, bool(arrives), problem.horizon * problem.dt)
+        if astray:
+            self.get_logger().warning(astray, throttle_duration_sec=10.0)
+        warning = '; '.join(filter(None, (
+            warning, trust.warning if trust is not None else '', astray)))
         self.late_total += late
         level = DiagnosticStatus.OK
         stopping = self.controller.stopping

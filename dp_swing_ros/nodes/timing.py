@@ -27,6 +27,7 @@ TICKS, LONGER = 20, 1     # of the last ticks, so many may take longer than the 
 WINDOW = 5.0       # [s] in which the state that came fastest gives the offset of the clocks
 SPARE = 0.025      # [s] at least, beyond a period, to a first silence; one every period follows
 PATIENCE = 0.5     # periods, where that is longer
+HORIZONS = 3       # without a plan that comes to the goal
 PERIODS = 9        # that are remembered; some of them may be those of losses
 
 
@@ -223,3 +224,18 @@ class Watchdog:
     def stop(self) -> None:
         """Bark no more until it is fed."""
         self.timer.cancel()
+
+
+class Arrival:
+    """Whether plans come to the goal, or have not for so long that they may never."""
+
+    def __init__(self) -> None:
+        self.t = math.inf   # [s] of the last plan that did, or of the first
+
+    def warning(self, t: float, arrives: bool, horizon: float) -> str:
+        """Return what is wrong, if anything, after a tick at a time t; horizon as t [s]."""
+        if arrives or t < self.t:
+            self.t = t
+        return '' if t - self.t <= HORIZONS * horizon else (
+            f'no plan has come to the goal for {t - self.t:.1f} s, that is {HORIZONS} horizons; '
+            "expected a longer 'horizon', or a goal that can be reached")
