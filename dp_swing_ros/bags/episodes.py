@@ -10,11 +10,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from dp_swing_ros.bags.mcap_reader import Entry
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.errors import BagError
-from dp_swing_ros.messages.configuration import Configuration, from_text
+from dp_swing_ros.messages.configuration import (
+    Configuration, CONTROLLER, from_text, PLANT, role_of)
 from dp_swing_ros.messages.fields import (
-    BILLION, from_diagnostics, links_in, nanoseconds, Report, to_force, to_state)
+    BILLION, from_diagnostics, links_in, nanoseconds, Report, to_force, to_measured, to_state)
+from dp_swing_ros.messages.states import by_publisher, FEW, Kind, kind_of, States
 from dp_swing_ros.parameters import group
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.pendulum.sensors import default_sensors, SensorParameters
@@ -24,8 +27,6 @@ from dp_swing_ros.simulation.episode import Episode, Ticks
 from dp_swing_ros.topics import (
     CONFIGURATION, DIAGNOSTICS, DISTURBANCE, JOINT_STATES, ROBOT_DESCRIPTION)
 
-FEW = 3   # states of one stamp; more tell that a driver gives all the same
-CONTROLLER, PLANT = 'mpc', 'plant'  # nodes; the first reports its ticks in the diagnostics
 
 
 class Sample(NamedTuple):
@@ -74,12 +75,12 @@ def samples_of(bag: Bag, as_sent: bool = False) -> list[Sample]:
     If `as_sent`, and where the stamps of a driver stand still, they are the times of sending.
     """
     samples: dict[int, Sample] = {}
-    entries, links = bag.entries_of(JOINT_STATES), links_of(bag)
-    sensors = sensors_of(bag, links)
-    found = [bag.parse(_sample, bag.decoded(entry), links, sensors) for entry in entries]
+    links = links_of(bag)
+    sensors, entries = sensors_of(bag, links), states_in(bag)
+    found = [bag.parse(_sample, message, links, sensors) for _, message in entries]
     if as_sent or stand_still(sample.stamp for sample in found):
         found = [sample._replace(stamp=entry.time)
-                 for entry, sample in zip(entries, found)]
+                 for (entry, _), sample in zip(entries, found)]
     for sample in found:
         before = samples.setdefault(sample.stamp, sample)
         if not np.array_equal(before.x, sample.x, equal_nan=True):
@@ -88,6 +89,25 @@ def samples_of(bag: Bag, as_sent: bool = False) -> list[Sample]:
     if len(samples) < 2:
         raise BagError(f'{bag} has {len(samples)} states; at least 2 make a run')
     return [samples[stamp] for stamp in sorted(samples)]
+
+
+def states_in(bag: Bag) -> list[tuple[Entry, Any]]:
+    """
+    Return the states on their topic, as an mpc picks them live; raises as `read_episode`.
+
+    Those of other robots are left out, and of a second publisher, and one that is there twice.
+    """
+    wanted = sensors_of(bag, links_of(bag)).joint_names
+    messages = [(entry, bag.decoded(entry)) for entry in bag.entries_of(JOINT_STATES)]
+    found = [(entry, message) for entry, message in messages
+             if kind_of(message.name, wanted) is Kind.STATE]
+    if not found:
+        bag.parse(to_measured, messages[0][1], wanted)   # says what is missing
+    states = States(wanted)
+    publishers = by_publisher([entry.sequence for entry, _ in found], [
+        bag.parse(to_measured, message, wanted)[:len(wanted)] for _, message in found])
+    return [(entry, message) for (entry, message), publisher in zip(found, publishers)
+            if states.picks(message, publisher, entry.sequence, entry.received / BILLION)]
 
 
 def completed(samples: list[Sample], reports: list[Report]) -> list[Sample]:
@@ -122,7 +142,9 @@ def links_of(bag: Bag) -> int:
     for message in bag.any_of(ROBOT_DESCRIPTION)[-1:]:
         with suppress(AttributeError, TypeError, ValueError):  # of another robot
             return from_urdf(message.data)[0].links
-    return bag.parse(links_in, bag.decoded(bag.entries_of(JOINT_STATES)[0]))
+    messages = bag.of(JOINT_STATES)
+    return bag.parse(links_in, next((message for message in messages if kind_of(
+        message.name, joints(links_in(message))) is Kind.STATE), messages[0]))
 
 
 def sensors_of(bag: Bag, links: int) -> SensorParameters:
@@ -152,7 +174,7 @@ def _checked_links(links: Any) -> int:
 
 def configurations_of(bag: Bag) -> dict[str, Configuration]:
     """
-    Return what the nodes of a bag ran with, by the last part of their names: plant, mpc, logger.
+    Return what the nodes of a bag ran with, by their roles: plant, mpc, logger.
 
     Of a node that was started again it is the last start, before any change. Raises BagError.
     """
@@ -163,16 +185,16 @@ def revisions_of(bag: Bag) -> dict[str, dict[int, Configuration]]:
     """
     Return what the nodes of a bag ran with, one change after the other; raises BagError.
 
-    By the last part of their names, and by the number of the change.
+    By their roles, and by the number of the change.
     """
-    found: dict[str, dict[int, Configuration]] = {}
+    found: dict[str, dict[str, dict[int, Configuration]]] = {}   # by role and name
     for message in bag.any_of(CONFIGURATION):
         each = bag.parse(lambda message: from_text(message.data), message)
-        revisions = found.setdefault(each.node.rsplit('/', 1)[-1], {})
+        revisions = found.setdefault(role_of(each), {}).setdefault(each.node, {})
         if each.revision == 0:   # it was started again, or says it once more
             revisions.clear()
         revisions[each.revision] = each
-    return found
+    return {role: nodes[bag.chosen(role, list(nodes))] for role, nodes in found.items()}
 
 
 def description_of(bag: Bag) -> tuple[PendulumParameters, LimitParameters]:
@@ -193,7 +215,7 @@ def description_of(bag: Bag) -> tuple[PendulumParameters, LimitParameters]:
 
 def reports_of(bag: Bag) -> list[Report]:
     """Return the controller's reports on its ticks, in order; nothing where there was none."""
-    reports = _reports(bag, CONTROLLER)
+    reports = _reports(bag, CONTROLLER, 'solver')
     answers = [report for report in reports if report.values.get('sent')]
     if stand_still(report.stamp for report in answers):
         reports = [report._replace(stamp=int(report.values.get('sent') or report.stamp))
@@ -209,7 +231,7 @@ def pushes_of(bag: Bag) -> dict[int, float]:
     """
     if not bag.has(DISTURBANCE):
         return {}
-    reports = _reports(bag, PLANT)
+    reports = _reports(bag, PLANT, 'lost_commands')
     if not any('push' in report.values for report in reports):
         raise BagError(f'{bag} has {DISTURBANCE.name}, but its {PLANT} does not say through which '
                        'period each push acted; record it anew, with /diagnostics')
@@ -217,13 +239,25 @@ def pushes_of(bag: Bag) -> dict[int, float]:
                               for report in reports if report.values.get('push')})
 
 
-def _reports(bag: Bag, node: str) -> list[Report]:
-    """Return the status of the plant, or of the controller, again and again as it came."""
+def _reports(bag: Bag, role: str, sign: str) -> list[Report]:
+    """
+    Return the status of the plant, or of the controller, again and again as it came.
+
+    Where it has not announced itself, it is known by its name, or by a figure that is its sign.
+    """
     if not bag.has(DIAGNOSTICS):
         return []
     driven = f'/{bag.entries_of(JOINT_STATES)[0].topic.lstrip("/")}'
-    return list(filter(None, (bag.parse(from_diagnostics, message, node, driven)
-                              for message in bag.of(DIAGNOSTICS))))
+    configurations, messages = configurations_of(bag), bag.of(DIAGNOSTICS)
+    if role in configurations:
+        name = configurations[role].node.lstrip('/')
+    else:
+        names = {status.name for message in messages for status in message.status
+                 if status.hardware_id == driven and ':' not in status.name
+                 and sign in {pair.key for pair in status.values}}
+        name = bag.chosen(role, sorted(names)) if names else role
+    return list(filter(None, (bag.parse(from_diagnostics, message, name, driven)
+                              for message in messages)))
 
 
 def stand_still(stamps: Iterable[int]) -> bool:

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reads the messages of a bag, topic by topic; needs no ROS."""
 
+from collections.abc import Sequence
 from pathlib import Path
 import re
 import shlex
@@ -23,13 +24,16 @@ class Bag:
     """The messages in a bag of one pendulum."""
 
     def __init__(self, path: Path | str, partial: bool = False,
-                 namespace: str | None = None) -> None:
+                 namespace: str | None = None, nodes: Sequence[str] = ()) -> None:
         """
         Read the folder of a bag, or its MCAP file; arguments and errors as of `read_episode`.
+
+        Of several nodes that do the same, `nodes` names those that count.
 
         `incomplete` says how many messages are there of how many, and is empty where all are.
         """
         self.path, self.partial, self.namespace = Path(path), partial, namespace
+        self.nodes = tuple(node.lstrip('/') for node in nodes)
         files, self.about = files_of(self.path), described(self.path)
         missing = self.about.missing(files)
         self._cut = bool(missing)
@@ -115,6 +119,14 @@ class Bag:
             return names
         chosen = f'/{self.namespace.strip("/")}'
         return [name for name in names if _namespace(name, topic) == chosen]
+
+    def chosen(self, role: str, names: Sequence[str]) -> str:
+        """Return which node of some is to play a role; raises BagError where nobody said."""
+        found = [name for name in names if name.lstrip('/') in self.nodes] or names
+        if len(found) > 1:
+            raise BagError(f'{self} has {len(found)} nodes that are a {role}: {", ".join(found)}; '
+                           f'choose one with --node, as in --node {found[0]}')
+        return found[0]
 
     def _found(self) -> str:
         return f'it holds messages of {", ".join(self.topics) or "no topic"}'

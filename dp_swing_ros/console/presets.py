@@ -5,7 +5,7 @@
 from pathlib import Path
 from typing import Any
 
-from dp_swing_ros.bags.episodes import CONTROLLER, PLANT
+from dp_swing_ros.messages.configuration import CONTROLLER, PLANT
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.parameters.files import ANY_NODE, HOMES, sections
 

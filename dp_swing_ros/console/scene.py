@@ -9,9 +9,9 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from dp_swing_ros.bags.episodes import CONTROLLER, PLANT
 from dp_swing_ros.errors import one_line
-from dp_swing_ros.messages.configuration import Configuration, from_text, is_of_plant
+from dp_swing_ros.messages.configuration import (
+    Configuration, CONTROLLER, from_text, PLANT, role_of)
 from dp_swing_ros.messages.fields import (
     from_diagnostics, from_trajectory, links_in, nanoseconds, Report, seconds, to_force, to_state)
 from dp_swing_ros.parameters import group, ParameterError
@@ -23,7 +23,7 @@ from dp_swing_ros.topics import (
     CONFIGURATION, DIAGNOSTICS, DISTURBANCE, FORCE_COMMAND, JOINT_STATES, PLAN,
     ROBOT_DESCRIPTION, Topic, TRIES)
 
-SHADOW = f'{CONTROLLER}: shadow '    # how the name of a shadow's status begins
+SHADOW = ': shadow '    # between the names of a controller and of the solver of its shadow
 CART = (0.44, 0.22)   # [m] as it is drawn
 LASTS = 2 * 10 ** 9   # [ns] what the mpc says is shown, where nothing newer comes
 POINTS = 60           # of a plan or a path at most
@@ -55,7 +55,7 @@ class Scene:
         """Take the full name of the topic of the states, by which statuses are told apart."""
         self.joint_states = joint_states
         self.physical, self.limits = PendulumParameters(), LimitParameters()
-        self.configurations: dict[str, Configuration] = {}   # of plant and mpc
+        self.configurations: dict[str, Configuration] = {}   # of plant and mpc, by role
         self.announced: Configuration | None = None          # the newest, of any node
         self.statuses: dict[str, tuple[int, str]] = {}       # level and message by name
         self.shadows: dict[str, Report] = {}                 # by solver
@@ -116,26 +116,33 @@ class Scene:
 
     def _on_configuration(self, message: Any) -> None:
         found = self.announced = from_text(message.data)
-        name = found.node.rsplit('/', 1)[-1]
-        if name == CONTROLLER and PLANT not in self.configurations:   # a rig has no description
+        role = role_of(found)
+        if role == CONTROLLER and PLANT not in self.configurations:   # a rig has no description
             physical = group(PendulumParameters, found.parameters)
             self.physical, self.limits = physical, group(LimitParameters, found.parameters)
-        if name == (PLANT if is_of_plant(found) else CONTROLLER):
-            self.configurations[name] = found
+        if role in (CONTROLLER, PLANT):
+            self.configurations[role] = found
 
     def _on_diagnostics(self, message: Any) -> None:
         for status in message.status:
             level = status.level[0] if isinstance(status.level, bytes) else status.level
             keep(self.statuses, status.name, (level, status.message))
-            solver = status.name.rsplit('/', 1)[-1].removeprefix(SHADOW)
-            if solver != status.name.rsplit('/', 1)[-1]:
-                report = from_diagnostics(message, SHADOW + solver, self.joint_states)
+            _, _, solver = status.name.partition(SHADOW)
+            if solver:
+                report = from_diagnostics(message, self.node(CONTROLLER) + SHADOW + solver,
+                                          self.joint_states)
                 if report is not None:
                     keep(self.shadows, solver, report)
-        self.tick = from_diagnostics(message, CONTROLLER, self.joint_states) or self.tick
-        plant = from_diagnostics(message, PLANT, self.joint_states)
+        self.tick = from_diagnostics(
+            message, self.node(CONTROLLER), self.joint_states) or self.tick
+        plant = from_diagnostics(message, self.node(PLANT), self.joint_states)
         if plant is not None:
             self.paused = bool(plant.values.get('paused', False))
+
+    def node(self, role: str) -> str:
+        """Return the name of the node of a role in the statuses."""
+        found = self.configurations.get(role)
+        return found.node.lstrip('/') if found else role
 
     def sensors(self, links: int) -> SensorParameters:
         """Return how the sensors of a pendulum are read, of so many links if nobody says."""

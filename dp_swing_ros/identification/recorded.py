@@ -9,17 +9,18 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dp_swing_ros.bags.episodes import (
-    completed, configurations_of, CONTROLLER, links_of, PLANT, reports_of, samples_of)
+    completed, configurations_of, links_of, reports_of, samples_of, states_in)
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.errors import BagError, UserError
 from dp_swing_ros.identification.segments import Motion
+from dp_swing_ros.messages.configuration import CONTROLLER, PLANT
 from dp_swing_ros.messages.fields import BILLION, nanoseconds, Report
 from dp_swing_ros.parameters import group
 from dp_swing_ros.pendulum.parameters import (
     Drive, DriveParameters, LimitParameters, PendulumParameters)
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.rerun.ticks import commands_of
-from dp_swing_ros.topics import DISTURBANCE, FORCE_COMMAND, JOINT_STATES
+from dp_swing_ros.topics import DISTURBANCE, FORCE_COMMAND
 
 APART = 1.0    # [s] between stamps and the times of sending, beyond which their clocks differ
 LOOSE = 0.02   # [s] by which two clocks may differ from a straight line
@@ -111,10 +112,9 @@ def believed(reports: Sequence[Report], physical: PendulumParameters,
 
 def clock_of(bag: Bag) -> tuple[str, Log]:
     """Return how times of stamps and of sending go together."""
-    entries = bag.entries_of(JOINT_STATES)
-    log = Log(np.array([entry.time for entry in entries]) / BILLION,
-              np.array([nanoseconds(bag.decoded(entry).header.stamp) for entry in entries])
-              / BILLION)
+    states = states_in(bag)
+    log = Log(np.array([entry.time for entry, _ in states]) / BILLION,
+              np.array([nanoseconds(message.header.stamp) for _, message in states]) / BILLION)
     plant = configurations_of(bag).get(PLANT)
     if plant is not None and plant.parameters.get('lockstep'):
         return LOCKSTEP, log

@@ -15,6 +15,8 @@ from dp_swing_ros.pendulum.sensors import SensorParameters
 
 BEFORE = -1   # [ns] where a plant has not begun
 NODES = 2000  # of YAML in a text: so many values, names and lists
+CONTROLLER, PLANT = 'mpc', 'plant'   # roles of nodes, whose names they are by default
+CONTROLLER_PARAMETERS = {'horizon', 'solver'}   # by which one is known
 OF_PLANT = 'lockstep'   # which only a plant has
 # what others rely on where a node announces the first parameter of a group, so that it is checked
 RELIED_ON: dict[str, tuple[type[Parameters], ...]] = {
@@ -39,6 +41,19 @@ class Configuration(NamedTuple):
     def to_text(self) -> str:
         """Return it as YAML; numbers read back the same."""
         return yaml.safe_dump(self._asdict(), sort_keys=False, allow_unicode=True)
+
+
+def role_of(configuration: Configuration) -> str:
+    """
+    Return what a node is by what it announced: plant, or mpc, however it is called.
+
+    Of all others it is the last part of the name.
+    """
+    if is_of_plant(configuration):
+        return PLANT
+    if CONTROLLER_PARAMETERS <= configuration.parameters.keys():
+        return CONTROLLER
+    return configuration.node.rsplit('/', 1)[-1]
 
 
 def is_of_plant(configuration: Configuration) -> bool:

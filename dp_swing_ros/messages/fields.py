@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from dp_swing_ros.messages.states import Kind, kind_of, missing
 from dp_swing_ros.parameters import LARGEST
 from dp_swing_ros.pendulum.sensors import SensorParameters
 from dp_swing_ros.pendulum.state import Array, joints, LINKS
@@ -71,11 +72,8 @@ def to_measured(message: Any, wanted: Sequence[str]) -> Array:
     none. Raises ValueError if a joint or a position is missing, or some of the velocities.
     """
     names = list(message.name)
-    missing = [joint for joint in wanted if joint not in names]
-    if missing:
-        raise ValueError(f'JointState has no {", ".join(missing)}; it names {names}; expected '
-                         f'[{", ".join(wanted)}]: set joint_names of the mpc, or start plant and '
-                         'mpc with the same links')
+    if kind_of(names, wanted) is not Kind.STATE:
+        raise ValueError(missing(names, wanted))
     velocity = message.velocity if len(message.velocity) else [math.nan] * len(names)
     for field, numbers in (('position', message.position), ('velocity', velocity)):
         if len(numbers) != len(names):
@@ -115,8 +113,9 @@ def from_diagnostics(message: Any, name: str, hardware: str = '') -> Report | No
     """
     for status in message.status:
         driven = hardware and status.hardware_id
-        if driven == hardware and name == status.name.rsplit('/', 1)[-1] \
-                or not driven and name == status.name:
+        last = status.name.rsplit('/', 1)[-1]
+        if driven == hardware and name in (status.name, last) \
+                or not driven and status.name in (name, name.rsplit('/', 1)[-1]):
             level = status.level[0] if isinstance(status.level, bytes) else status.level
             return Report(nanoseconds(message.header.stamp), level, status.message,
                           {pair.key: _value(pair.value) for pair in status.values})

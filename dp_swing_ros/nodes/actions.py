@@ -14,7 +14,6 @@ from rclpy.task import Future
 from std_msgs.msg import Float64
 from std_srvs.srv import SetBool, Trigger
 
-from dp_swing_ros.bags.episodes import CONTROLLER, PLANT
 from dp_swing_ros.console.client import Client
 from dp_swing_ros.console.history import answer, History, KEPT, write
 from dp_swing_ros.console.presets import presets
@@ -23,6 +22,7 @@ from dp_swing_ros.console.recorder import LOGGER, Recorder
 from dp_swing_ros.console.requests import Request, RequestError
 from dp_swing_ros.console.scene import Scene
 from dp_swing_ros.console.server import Server
+from dp_swing_ros.messages.configuration import CONTROLLER, PLANT
 from dp_swing_ros.nodes.connections import publish
 from dp_swing_ros.nodes.partners import Partner
 from dp_swing_ros.nodes.process import ProcessNode

@@ -183,6 +183,12 @@ def owners(node: Node, topic: Topic) -> set[str]:
     return set(map(owner, node.get_publishers_info_by_topic(node.resolve_topic_name(topic.name))))
 
 
+def sender_of(node: Node, topic: Topic, gid: bytes) -> str:
+    """Return the full name of the node whose publisher of a topic has a GID."""
+    return next((owner(each) for each in node.get_publishers_info_by_topic(
+        node.resolve_topic_name(topic.name)) if bytes(each.endpoint_gid) == gid), 'a publisher')
+
+
 def owner(endpoint: TopicEndpointInfo) -> str:
     """Return the full name of the node that an endpoint is of."""
     return f'{endpoint.node_namespace.rstrip("/")}/{endpoint.node_name}'

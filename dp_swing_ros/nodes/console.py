@@ -18,7 +18,6 @@ from typing import Any
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.serialization import deserialize_message
 
-from dp_swing_ros.bags.episodes import CONTROLLER, PLANT
 from dp_swing_ros.console.access import given_token
 from dp_swing_ros.console.client import Client
 from dp_swing_ros.console.history import Entry, History, KEPT
@@ -26,6 +25,7 @@ from dp_swing_ros.console.requests import Request, RequestError
 from dp_swing_ros.console.scene import HEARD, Scene
 from dp_swing_ros.console.server import Options, Server
 from dp_swing_ros.errors import one_line
+from dp_swing_ros.messages.configuration import CONTROLLER, PLANT
 from dp_swing_ros.nodes.actions import Actions, DEFAULTS
 from dp_swing_ros.nodes.connections import message_class, owners, subscribe
 from dp_swing_ros.nodes.parameters import named

@@ -13,6 +13,7 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
 
+from dp_swing_ros.messages.states import States
 from dp_swing_ros.nodes.cdr import to_diagnostics
 from dp_swing_ros.nodes.connections import mismatch, owner, POLICIES, publish
 from dp_swing_ros.nodes.process import ProcessNode
@@ -25,9 +26,9 @@ SINGLE = (JOINT_STATES, FORCE_COMMAND)  # one publisher each, or nobody knows wh
 class Diagnostics:
     """Publishes the status of a node, and once a second that of its topics while it is not OK."""
 
-    def __init__(self, node: ProcessNode) -> None:
-        """Take the node whose status it is."""
-        self.node = node
+    def __init__(self, node: ProcessNode, states: States | None = None) -> None:
+        """Take the node whose status it is, and which states it hears, if it does."""
+        self.node, self.states = node, states
         self.name = node.get_fully_qualified_name().lstrip('/')
         self.hardware = node.resolve_topic_name(JOINT_STATES.name)
         self.publisher = publish(node, DIAGNOSTICS)
@@ -44,10 +45,12 @@ class Diagnostics:
 
     def on_look(self) -> None:
         """Publish what is wrong with the topics, and once that nothing is any more."""
-        errors, warnings = list(incompatible(self.node)), list(rivals(self.node))
+        errors, warnings = list(incompatible(self.node)), list(rivals(self.node, self.states))
         for error in filter(lambda each: each not in self.logged, errors):
             self.node.get_logger().error(error)
         self.logged = set(errors)
+        if self.states is not None and self.states.refusal:
+            errors.append(self.states.refusal)
         if not (errors or warnings or self.faulty):
             return
         self.faulty = bool(errors or warnings)
@@ -58,13 +61,23 @@ class Diagnostics:
                      {'incompatible': len(errors), 'rivals': len(warnings)}, 'topics')
 
 
-def rivals(node: Node) -> Iterator[str]:
-    """Yield each topic that has more publishers than the one it is for, and who they are."""
+def rivals(node: Node, states: States | None = None) -> Iterator[str]:
+    """
+    Yield each topic that has more publishers than the one it is for, and who they are.
+
+    Robots share the topic of the states: whoever hears it knows who sends those of others.
+    """
     for topic in SINGLE:
         name = node.resolve_topic_name(topic.name)
-        if node.count_publishers(name) > 1:
-            owners = sorted(map(owner, node.get_publishers_info_by_topic(name)))
-            yield f'{name} has {len(owners)} publishers, {", ".join(owners)}; expected one'
+        if node.count_publishers(name) < 2 or topic is JOINT_STATES and states is None:
+            continue
+        found = {bytes(each.endpoint_gid): owner(each)
+                 for each in node.get_publishers_info_by_topic(name)
+                 if topic is not JOINT_STATES or bytes(each.endpoint_gid) not in states.others}
+        if len(found) > 1:
+            obeyed = found.get(states.obeyed) if states and topic is JOINT_STATES else None
+            yield (f'{name} has {len(found)} publishers, {", ".join(sorted(found.values()))}; '
+                   f'expected one{f"; {obeyed}, heard first, is obeyed" if obeyed else ""}')
 
 
 def incompatible(node: Node) -> Iterator[str]:

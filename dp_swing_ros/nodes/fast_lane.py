@@ -16,6 +16,8 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
+from dp_swing_ros.nodes.taking import arguments
+
 OFTEN = 0.02   # [s] at most between messages that come often
 TURN = 0.02    # [s] for these, then it is the turn of all else
 
@@ -73,9 +75,6 @@ class FastLane:
             self.is_busy = time.monotonic() - self.came < OFTEN
 
     def _take(self) -> None:
-        subscription = self.subscription
-        with subscription.handle:
-            taken = subscription.handle.take_message(subscription.msg_type, subscription.raw)
+        taken = arguments(self.subscription)
         if taken is not None:
-            kind = subscription._callback_type
-            subscription.callback(*taken[:1 if kind is kind.MessageOnly else 2])
+            self.subscription.callback(*taken)

@@ -9,6 +9,7 @@ zero.
 
 from functools import partial
 import gc
+from itertools import chain, islice
 import math
 import time
 from typing import Any, NamedTuple
@@ -23,13 +24,15 @@ from dp_swing_ros.control.receding_horizon import MpcParameters
 from dp_swing_ros.messages.configuration import from_text, is_of_plant
 from dp_swing_ros.messages.fields import BILLION, nanoseconds, seconds, to_measured, to_state
 from dp_swing_ros.nodes.cdr import to_trajectory
-from dp_swing_ros.nodes.connections import is_heard, owners, publish, subscribe
+from dp_swing_ros.messages.states import States
+from dp_swing_ros.nodes.connections import is_heard, owners, publish, sender_of, subscribe
 from dp_swing_ros.nodes.diagnostics import Diagnostics
 from dp_swing_ros.nodes.loading import Loader
 from dp_swing_ros.nodes.messages import to_point_cloud, to_stamped_force
 from dp_swing_ros.nodes.process import ProcessNode, run
 from dp_swing_ros.nodes.ros_parameters import announce, declare, given, let_change
 from dp_swing_ros.nodes.shadows import Shadows
+from dp_swing_ros.nodes.taking import take
 from dp_swing_ros.nodes.tick_figures import of_estimate, of_plan, of_trust, tip_paths
 from dp_swing_ros.nodes.timing import Clock, GoalProgress, Latency, Timing, Watchdog
 from dp_swing_ros.parameters import group
@@ -44,6 +47,7 @@ MEETING = 2.0        # [s] at most, to learn who sends the states, and for them 
 MEETING_POLL = 0.02  # [s]
 SMOOTHING = 0.1      # share of the newest tick in the mean pace
 SLOW_START = 1.0     # [s] a warm-up longer than this was a compilation
+QUEUE = 100          # messages of all robots, while a solve goes on
 ENDING = 1.0         # [s] at most, beyond the time of a controlled stop
 PACES = (0.01, 100.0)  # slowest and fastest of a simulated clock, in seconds a second
 
@@ -93,7 +97,9 @@ class MpcNode(ProcessNode):
         self.forces = publish(self, FORCE_COMMAND)
         self.stamped_forces = publish(self, FORCE_COMMAND_STAMPED)
         self.plans, self.tries = publish(self, PLAN), publish(self, TRIES)
-        self.diagnostics = Diagnostics(self)
+        self.states = States(self.sensors.joint_names, self.get_logger().warning,
+                             partial(sender_of, self, JOINT_STATES))
+        self.diagnostics = Diagnostics(self, self.states)
         self.shadows = Shadows(self, self.diagnostics)
         self.x: Array | None = None   # that the last tick was given
         self.serve('mpc/reset', self.on_reset)
@@ -140,9 +146,8 @@ class MpcNode(ProcessNode):
         gc.collect()
         gc.freeze()   # else the collector looks through all modules in a first tick, for 25 ms
         done = 'compiled' if taken > SLOW_START else 'loaded'
-        # Of several states, the newest. A plant in lockstep sends an unanswered one again.
-        self.hurry(subscribe(self, JOINT_STATES, self.on_state, depth=1, sensor=True),
-                   self.watchdog.timer)
+        self.heard = subscribe(self, JOINT_STATES, self.on_message, depth=QUEUE, sensor=True)
+        self.hurry(self.heard, self.watchdog.timer)
         self.get_logger().info(f'{done} in {taken:.1f} s; ready')
 
     def on_change(self, values: dict[str, Any]) -> None:
@@ -187,10 +192,22 @@ class MpcNode(ProcessNode):
         if before is not None and (begins or configured.resets != before):
             self.on_reset()
 
-    def on_state(self, message: JointState, info: dict[str, int]) -> None:
-        """Answer a state; the first as soon as its clock is known and the force will be heard."""
+    def on_message(self, message: JointState, info: dict[str, Any]) -> None:
+        """Take all that came on the topic of the states: of several, the newest is answered."""
         if self.lane is not None:
             self.lane.note()
+        newest, others = None, iter(partial(take, self.heard), None)
+        for message, info in chain([(message, info)], islice(others, QUEUE)):
+            if self.states.picks(message, info['publisher_gid'],
+                                 info['publication_sequence_number'], time.monotonic(),
+                                 asked_again=self.timing.clock is Clock.LOCKSTEP):
+                newest = message, {**info, 'publication_sequence_number': self.states.number}
+        if newest is not None:
+            self.on_state(*newest)
+            self.states.rest(time.monotonic())
+
+    def on_state(self, message: JointState, info: dict[str, int]) -> None:
+        """Answer a state; the first as soon as its clock is known and the force will be heard."""
         if self.met:
             self.answer(message, info)
             return

@@ -28,7 +28,6 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
 from rclpy.exceptions import InvalidParameterTypeException
-from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.guard_condition import GuardCondition
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
@@ -42,6 +41,7 @@ from dp_swing_ros.errors import one_line, UserError
 from dp_swing_ros.executables import on_signals_to_node
 from dp_swing_ros.nodes.fast_lane import FastLane
 from dp_swing_ros.nodes.ros_parameters import check_given, refuse_unknown
+from dp_swing_ros.nodes.taking import Executor
 from dp_swing_ros.parameters import ParameterError
 
 POLL = 0.05  # [s] a signal is seen after this time at the latest
@@ -209,7 +209,7 @@ def _live(node: ProcessNode, signals: _Signals) -> None:
             refuse_unknown(node, of_topics=True)   # which have all been made
             if node.thread_priority:
                 _prioritise(node.thread_priority)
-        with SingleThreadedExecutor() as executor:
+        with Executor() as executor:
             executor.add_node(node)
             while not is_over():
                 # in the gap between two messages that come often, whose next is not to wait

@@ -35,13 +35,13 @@ class Recording(NamedTuple):
 
 
 def recording(path: Path | str, partial: bool = False,
-              namespace: str | None = None) -> Recording:
+              namespace: str | None = None, nodes: Sequence[str] = ()) -> Recording:
     """
     Read all that a bag has of its run, given its folder or its MCAP file; see read_episode.
 
     Raises BagError as `read_episode`, and where metadata.yaml is damaged.
     """
-    bag = Bag(path, partial, namespace)
+    bag = Bag(path, partial, namespace, nodes)
     episode = episode_of(bag)
     described = bag.any_of(ROBOT_DESCRIPTION)
     received = [entry.received for entry in bag.entries]

@@ -18,12 +18,12 @@ from typing import NamedTuple
 import numpy as np
 
 from dp_swing_ros import configuration
-from dp_swing_ros.bags.episodes import CONTROLLER, PLANT, pushes_of, Sample, samples_of
+from dp_swing_ros.bags.episodes import pushes_of, Sample, samples_of, states_in
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.control.receding_horizon import MpcParameters, RecedingHorizon
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.evaluation.metrics import settling_time
-from dp_swing_ros.messages.configuration import from_text
+from dp_swing_ros.messages.configuration import CONTROLLER, from_text, PLANT
 from dp_swing_ros.messages.fields import BILLION, nanoseconds
 from dp_swing_ros.pendulum.state import Array, errors
 from dp_swing_ros.problem.cost import running
@@ -31,7 +31,7 @@ from dp_swing_ros.problem.plan import Plan
 from dp_swing_ros.rerun.answers import answer, respond, Tick
 from dp_swing_ros.rerun.ticks import configuration_of, own, record_of
 from dp_swing_ros.simulation.plant import Plant
-from dp_swing_ros.topics import CONFIGURATION, JOINT_STATES
+from dp_swing_ros.topics import CONFIGURATION
 
 
 class ScoredTrajectory(NamedTuple):
@@ -60,21 +60,21 @@ class Run:
         """
         self.bag = bag
         self.mpc = configuration_of(bag, CONTROLLER).parameters
-        self.plant = configuration_of(bag, PLANT).parameters
+        plant = configuration_of(bag, PLANT)
+        self.plant = plant.parameters
         self.record, self.samples = record_of(bag, anywhere=True), samples_of(bag)
         # when which state was sent [ns], and the plant's parameters that counted from then on
-        self.sent = {nanoseconds(bag.decoded(entry).header.stamp): entry.time
-                     for entry in bag.entries_of(JOINT_STATES)}
+        self.sent = {nanoseconds(message.header.stamp): entry.time
+                     for entry, message in states_in(bag)}
         self.pushes = pushes_of(bag)
         self.plants = [(entry.time, own(found)) for entry in bag.entries_of(CONFIGURATION)
-                       if (found := from_text(bag.decoded(entry).data)).node.endswith(
-                           f'/{PLANT}')]
+                       if (found := from_text(bag.decoded(entry).data)).node == plant.node]
         self.start, self.end = self.samples[0].stamp, self.samples[-1].stamp
         self.problem = configuration.problem(self.mpc)
         self.solver = str(self.mpc.get('solver', MpcParameters.solver))
-        plant = configuration.plant(self.plant)
-        self.limits = plant.limits
-        self.period = BILLION / plant.parameters.rate   # [ns]
+        simulated = configuration.plant(self.plant)
+        self.limits = simulated.limits
+        self.period = BILLION / simulated.parameters.rate   # [ns]
 
     def as_of(self, tick: Tick) -> 'Run':
         """Return the run with the parameters that controller and plant had at a tick."""

@@ -7,11 +7,10 @@ from difflib import SequenceMatcher
 from itertools import dropwhile, pairwise, takewhile
 from typing import Any, NamedTuple
 
-from dp_swing_ros.bags.episodes import (
-    configurations_of, CONTROLLER, reports_of, revisions_of, samples_of)
+from dp_swing_ros.bags.episodes import configurations_of, reports_of, revisions_of, samples_of
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.errors import BagError
-from dp_swing_ros.messages.configuration import Configuration
+from dp_swing_ros.messages.configuration import Configuration, CONTROLLER
 from dp_swing_ros.messages.fields import BILLION, Report
 from dp_swing_ros.parameters.files import is_of_rclpy
 from dp_swing_ros.rerun.answers import Tick

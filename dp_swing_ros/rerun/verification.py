@@ -17,13 +17,13 @@ import numpy as np
 
 from dp_swing_ros import configuration, provenance
 from dp_swing_ros.bags.episodes import (
-    configurations_of, CONTROLLER, description_of, FEW, PLANT, pushes_of, revisions_of, Sample,
-    samples_of)
+    configurations_of, description_of, pushes_of, revisions_of, Sample, samples_of)
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.control.receding_horizon import RecedingHorizon
 from dp_swing_ros.errors import BagError
-from dp_swing_ros.messages.configuration import BEFORE, Configuration
+from dp_swing_ros.messages.configuration import BEFORE, Configuration, CONTROLLER, PLANT
 from dp_swing_ros.messages.fields import BILLION, from_trajectory, nanoseconds, Trajectory
+from dp_swing_ros.messages.states import FEW
 from dp_swing_ros.pendulum.state import links_of, symbols, units
 from dp_swing_ros.pendulum.urdf import from_urdf, urdf
 from dp_swing_ros.problem.plan import Plan

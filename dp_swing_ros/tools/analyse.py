@@ -37,7 +37,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _analyse(arguments: argparse.Namespace) -> int:
     bags = arguments.bag
-    runs = named([recording(bag, arguments.partial, arguments.namespace) for bag in bags])
+    runs = named([recording(bag, arguments.partial, arguments.namespace, arguments.node)
+                  for bag in bags])
     print(table({name: measure(run.episode) for name, run in runs.items()}), end='\n\n')
     notice = _incomplete(runs)
     if notice:

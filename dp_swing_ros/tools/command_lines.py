@@ -44,6 +44,9 @@ def bag_parser(tool: str, description: str, **bag: Any) -> argparse.ArgumentPars
     parser.add_argument('--namespace', metavar='NAME',
                         help='of several pendulums in a bag, that whose topics lie in this '
                              'namespace, such as /second (/ for the one in none)')
+    parser.add_argument('--node', action='append', default=[], metavar='NAME',
+                        help='of several controllers or plants in a bag, the one of this name, '
+                             'such as /left_controller; may be given once for each')
     return parser
 
 

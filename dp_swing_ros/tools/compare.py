@@ -43,7 +43,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _compare(arguments: argparse.Namespace) -> int:
-    bag = Bag(arguments.bag, arguments.partial, arguments.namespace)
+    bag = Bag(arguments.bag, arguments.partial, arguments.namespace, arguments.node)
     run, duration = Run(bag), arguments.duration
     solvers = list(dict.fromkeys(arguments.solvers))
     ticks = [run.tick_at(arguments.at, duration)] if arguments.every is None \

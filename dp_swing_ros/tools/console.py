@@ -38,7 +38,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _play(arguments: argparse.Namespace) -> int:
-    bag = Bag(arguments.bag, arguments.partial, arguments.namespace)
+    bag = Bag(arguments.bag, arguments.partial, arguments.namespace, arguments.node)
     player = Player(bag)
     # of recordings there are none here
     token = given_token(arguments.token, arguments.token_file)

@@ -34,7 +34,7 @@ def _export(arguments: argparse.Namespace) -> int:
     # here: pandas takes half a second, which --help should not wait for
     from dp_swing_ros.bags.tables import plans_of, states_of
     output = _output_for(arguments.bag, arguments.output, arguments.format)
-    bag = Bag(arguments.bag, arguments.partial, arguments.namespace)
+    bag = Bag(arguments.bag, arguments.partial, arguments.namespace, arguments.node)
     tables = {output: states_of(bag, arguments.whole_turns),
               output.with_stem(f'{output.stem}_plans'): plans_of(bag, arguments.whole_turns)}
     output.parent.mkdir(parents=True, exist_ok=True)

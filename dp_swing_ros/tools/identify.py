@@ -56,7 +56,8 @@ def given(text: str) -> tuple[str, float]:
 
 
 def _identify(arguments: argparse.Namespace) -> int:
-    bags = [Bag(path, arguments.partial, arguments.namespace) for path in arguments.bag]
+    bags = [Bag(path, arguments.partial, arguments.namespace, arguments.node)
+            for path in arguments.bag]
     found = recorded_of_one(bags, arguments.links)
     first, known = found[0], dict(arguments.known)
     check(known, first.physical.links)

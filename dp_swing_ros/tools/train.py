@@ -64,7 +64,8 @@ def add_kind(parser: argparse.ArgumentParser) -> None:
 
 
 def _train(arguments: argparse.Namespace) -> int:
-    bags = [Bag(path, arguments.partial, arguments.namespace) for path in arguments.bag]
+    bags = [Bag(path, arguments.partial, arguments.namespace, arguments.node)
+            for path in arguments.bag]
     found = recorded_of_one(bags, arguments.links)
     # dynamics that are learned make up for gain and bias of the drive
     (physical, drive), began = found[-1].believed, time.monotonic()

@@ -25,7 +25,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _verify(arguments: argparse.Namespace) -> int:
-    found = verify(Bag(arguments.bag, arguments.partial, arguments.namespace),
+    found = verify(Bag(arguments.bag, arguments.partial, arguments.namespace, arguments.node),
                    lambda ticks: progress(ticks, desc='ticks'))
     ticks = f'{found.ticks} ticks of {found.solver} in ' \
         f'{"real time" if found.real_time else "lockstep"}'
