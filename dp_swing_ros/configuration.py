@@ -187,10 +187,14 @@ def read(paths: Iterable[Path]) -> dict[str, dict[str, Any]]:
                 for node in NODES:
                     names = declared(node, max(LINKS)).keys() & values
                     found[node].update({key: values[key] for key in names})
-            elif name in NODES:
-                found[name].update({key: value for key, value in values.items()
-                                    if not is_of_rclpy(key)})
-            else:
+                continue
+            own = {key: value for key, value in values.items() if not is_of_rclpy(key)}
+            # a node may be called otherwise: then what it is given tells what it is
+            roles = [name] if name in NODES else [
+                node for node in NODES if own.keys() <= declared(node, max(LINKS)).keys()]
+            if len(roles) != 1:
                 raise ParameterError(f'{path} has parameters for {pattern!r}; expected nodes '
-                                     f'called {" or ".join(NODES)}')
+                                     f'called {" or ".join(NODES)}, or such that one of them '
+                                     'alone has')
+            found[roles[0]].update(own)
     return found

@@ -9,10 +9,12 @@ import subprocess
 from rclpy.serialization import deserialize_message, serialize_message
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin, Writer
+from sensor_msgs.msg import JointState
 
 from dp_swing_ros.bags.metadata import Recorded
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.bags.writer import BagWriter
+from dp_swing_ros.messages.configuration import from_text
 from dp_swing_ros.messages.definitions import schema
 from dp_swing_ros.nodes.connections import message_class
 from dp_swing_ros.topics import TOPICS
@@ -50,24 +52,24 @@ def rewritten(bag, folder, topic, change, more=None):
             return [entry]
         message = change(deserialize_message(entry.data, message_class(topic.type)))
         return [] if message is None else [entry._replace(data=serialize_message(message))]
-    return _again(bag, folder, changed, [(name, data, last.received, last.sent)
-                                         for name, data in more.items()])
+    return again(bag, folder, changed, [(name, data, last.received, last.sent)
+                                        for name, data in more.items()])
 
 
 def repeated(bag, folder, topic, number):
     """Write a bag again, one message of a topic twice with all that it says of itself."""
-    return _again(bag, folder, lambda entry: [entry] * (
+    return again(bag, folder, lambda entry: [entry] * (
         1 + (entry.topic == f'/{topic.name}' and entry.sequence == number)))
 
 
 def stalled(bag, folder, span):
     """Write a bag again as a logger does that has a turn every span [ns]: topic by topic."""
     order = sorted({entry.topic for entry in Bag(bag).entries})
-    return _again(bag, folder, lambda entry: [entry._replace(
+    return again(bag, folder, lambda entry: [entry._replace(
         received=(entry.received // span + 1) * span + order.index(entry.topic))])
 
 
-def _again(bag, folder, change, more=()):
+def again(bag, folder, change, more=()):
     """Write a bag again, of each message what change returns, and more with other topics."""
     types = {f'/{one.name.lstrip("/")}': one.type for one in TOPICS}
     writer, entries = BagWriter(folder), Bag(bag).entries
@@ -131,3 +133,38 @@ def with_value(key, value):
                 pair.value = value
         return message
     return change
+
+
+def renamed(bag, folder, names):
+    """Write a bag again as if its nodes had other names, given by those that they have."""
+    types = {'/configuration': 'std_msgs/msg/String',
+             '/diagnostics': 'diagnostic_msgs/msg/DiagnosticArray'}
+
+    def changed(entry):
+        if entry.topic not in types:
+            return [entry]
+        message = deserialize_message(entry.data, message_class(types[entry.topic]))
+        if entry.topic == '/configuration':
+            found = from_text(message.data)
+            name = names.get(found.node.strip('/'), found.node.strip('/'))
+            message.data = found._replace(node=f'/{name}').to_text()
+        else:
+            for status in message.status:
+                status.name = names.get(status.name, status.name)
+        return [entry._replace(data=serialize_message(message))]
+    return again(bag, folder, changed)
+
+
+def shared(bag, folder, message, count=1, stamped=True):
+    """Write a bag again with states of another publisher, so many after each of ours."""
+    numbers = iter(range(1, 1_000_000))
+
+    def changed(entry):
+        if entry.topic != '/joint_states':
+            return [entry]
+        if stamped:
+            message.header.stamp = deserialize_message(entry.data, JointState).header.stamp
+            message.header.stamp.nanosec += 1
+        return [entry, *(entry._replace(data=serialize_message(message), sequence=next(numbers))
+                         for _ in range(count))]
+    return again(bag, folder, changed)

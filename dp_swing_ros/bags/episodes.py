@@ -28,7 +28,6 @@ from dp_swing_ros.topics import (
     CONFIGURATION, DIAGNOSTICS, DISTURBANCE, JOINT_STATES, ROBOT_DESCRIPTION)
 
 
-
 class Sample(NamedTuple):
     """A state as it was published."""
 
@@ -194,6 +193,10 @@ def revisions_of(bag: Bag) -> dict[str, dict[int, Configuration]]:
         if each.revision == 0:   # it was started again, or says it once more
             revisions.clear()
         revisions[each.revision] = each
+    names = {name for nodes in found.values() for name in nodes}
+    if bag.nodes - names:
+        raise BagError(f'{bag} has no node {", ".join(bag.nodes - names)}, but '
+                       f'{", ".join(sorted(names)) or "none that says what it is"}')
     return {role: nodes[bag.chosen(role, list(nodes))] for role, nodes in found.items()}
 
 

@@ -33,7 +33,7 @@ class Bag:
         `incomplete` says how many messages are there of how many, and is empty where all are.
         """
         self.path, self.partial, self.namespace = Path(path), partial, namespace
-        self.nodes = tuple(node.lstrip('/') for node in nodes)
+        self.nodes = {f'/{node.lstrip("/")}' for node in nodes}
         files, self.about = files_of(self.path), described(self.path)
         missing = self.about.missing(files)
         self._cut = bool(missing)
@@ -122,10 +122,10 @@ class Bag:
 
     def chosen(self, role: str, names: Sequence[str]) -> str:
         """Return which node of some is to play a role; raises BagError where nobody said."""
-        found = [name for name in names if name.lstrip('/') in self.nodes] or names
+        found = [name for name in names if f'/{name.lstrip("/")}' in self.nodes] or names
         if len(found) > 1:
-            raise BagError(f'{self} has {len(found)} nodes that are a {role}: {", ".join(found)}; '
-                           f'choose one with --node, as in --node {found[0]}')
+            raise BagError(f'{self} has {len(found)} nodes of the kind {role}: '
+                           f'{", ".join(found)}; choose one with --node, as in --node {found[0]}')
         return found[0]
 
     def _found(self) -> str:

@@ -131,7 +131,7 @@ class States:
         return 0 < self._repeats < FEW and (stamp.sec, stamp.nanosec) != (0, 0)
 
 
-def by_publisher(numbers: Sequence[int], positions: Sequence[Sequence[float]]) -> list[bytes]:
+def by_publisher(numbers: Sequence[int], positions: Iterable[Any]) -> list[bytes]:
     """
     Return who sent states of these sequence numbers and positions, as a bag does not say.
 

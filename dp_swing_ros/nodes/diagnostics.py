@@ -67,17 +67,18 @@ def rivals(node: Node, states: States | None = None) -> Iterator[str]:
 
     Robots share the topic of the states: whoever hears it knows who sends those of others.
     """
-    for topic in SINGLE:
+    for topic in SINGLE if states is not None else SINGLE[1:]:
         name = node.resolve_topic_name(topic.name)
-        if node.count_publishers(name) < 2 or topic is JOINT_STATES and states is None:
+        if node.count_publishers(name) < 2:
             continue
-        found = {bytes(each.endpoint_gid): owner(each)
-                 for each in node.get_publishers_info_by_topic(name)
-                 if topic is not JOINT_STATES or bytes(each.endpoint_gid) not in states.others}
+        others, obeyed = (states.others, states.obeyed) if states is not None \
+            and topic is JOINT_STATES else (set[bytes](), b'')
+        found = {gid: owner(each) for each in node.get_publishers_info_by_topic(name)
+                 if (gid := bytes(each.endpoint_gid)) not in others}
         if len(found) > 1:
-            obeyed = found.get(states.obeyed) if states and topic is JOINT_STATES else None
+            words = f'; {found[obeyed]}, heard first, is obeyed' if obeyed in found else ''
             yield (f'{name} has {len(found)} publishers, {", ".join(sorted(found.values()))}; '
-                   f'expected one{f"; {obeyed}, heard first, is obeyed" if obeyed else ""}')
+                   f'expected one{words}')
 
 
 def incompatible(node: Node) -> Iterator[str]:

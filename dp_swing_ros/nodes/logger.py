@@ -22,6 +22,7 @@ from dp_swing_ros.nodes.connections import described, message_class, request_for
 from dp_swing_ros.nodes.parameters import LoggerParameters, named
 from dp_swing_ros.nodes.process import ProcessNode, run
 from dp_swing_ros.nodes.ros_parameters import declare
+from dp_swing_ros.nodes.taking import take
 from dp_swing_ros.parameters import ParameterError
 
 LOOK_PERIOD = 0.05   # [s] between looks for new publishers
@@ -34,29 +35,19 @@ class Recording:
     """
     A topic that is being recorded; messages are lost where their numbers have gaps.
 
-    Each publisher counts its messages, but a message does not say whose it is. So a number
-    belongs to the publisher whose last one is closest below it: exact for one publisher, an
-    estimate for several. What was sent before the first message that came is not counted.
+    Each publisher counts its messages. What was sent before the first that came is not counted.
     """
 
     subscription: Subscription
-    publishers: int
     came: int = 0
     lost: int = 0
-    last: list[int] = dataclasses.field(default_factory=list)   # number of each publisher
+    last: dict[bytes, int] = dataclasses.field(default_factory=dict)   # number of each publisher
 
-    def count(self, number: int) -> None:
+    def count(self, publisher: bytes, number: int) -> None:
         """Count the message of this number."""
         self.came += 1
-        if number - 1 in self.last:
-            gap = 0
-        elif len(self.last) < self.publishers or number <= min(self.last):
-            self.last.append(number)  # the first of a publisher
-            return
-        else:
-            gap = number - 1 - max(last for last in self.last if last < number)
-        self.last[self.last.index(number - 1 - gap)] = number
-        self.lost += gap
+        self.lost += max(number - self.last.get(publisher, number) - 1, 0)
+        self.last[publisher] = number
 
 
 class LoggerNode(ProcessNode):
@@ -137,11 +128,10 @@ class LoggerNode(ProcessNode):
             return
         self._bag.add(recorded)
         self._recordings[name] = Recording(
-            self._subscribe(name, kind, request_for(offered)), len(publishers))
+            self._subscribe(name, kind, request_for(offered)))
 
     def _meet(self, name: str, recording: Recording,
               publishers: list[TopicEndpointInfo]) -> None:
-        recording.publishers = len(publishers)
         # A subscription never hears a publisher that offers less than it asks for.
         before = recording.subscription.qos_profile
         request = request_for([before, *(each.qos_profile for each in publishers)])
@@ -163,16 +153,13 @@ class LoggerNode(ProcessNode):
         self._take(name, recording, time.monotonic() + TURN)
 
     def _take(self, name: str, recording: Recording, limit: float) -> None:
-        subscription = recording.subscription
-        with subscription.handle:
-            while time.monotonic() < limit and (
-                    taken := subscription.handle.take_message(subscription.msg_type, True)):
-                self._write(name, recording, *taken)
+        while time.monotonic() < limit and (taken := take(recording.subscription)):
+            self._write(name, recording, *taken)
 
     def _write(self, name: str, recording: Recording, data: bytes, info: dict[str, Any]) -> None:
         number = info['publication_sequence_number']
         self._bag.write(name, data, info['received_timestamp'], info['source_timestamp'], number)
-        recording.count(number)
+        recording.count(info['publisher_gid'], number)
         if time.monotonic() >= self._flush_due:  # under load the timers may wait for long
             self._flush()
 

@@ -23,8 +23,8 @@ from dp_swing_ros import configuration
 from dp_swing_ros.control.receding_horizon import MpcParameters
 from dp_swing_ros.messages.configuration import from_text, is_of_plant
 from dp_swing_ros.messages.fields import BILLION, nanoseconds, seconds, to_measured, to_state
-from dp_swing_ros.nodes.cdr import to_trajectory
 from dp_swing_ros.messages.states import States
+from dp_swing_ros.nodes.cdr import to_trajectory
 from dp_swing_ros.nodes.connections import is_heard, owners, publish, sender_of, subscribe
 from dp_swing_ros.nodes.diagnostics import Diagnostics
 from dp_swing_ros.nodes.loading import Loader

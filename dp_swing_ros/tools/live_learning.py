@@ -9,6 +9,7 @@ this node hears states and forces, learns from all of them, and sets the mpc's m
 
 from argparse import Namespace
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 import time
 from typing import Any
@@ -16,7 +17,6 @@ from typing import Any
 import numpy as np
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.duration import Duration
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.task import Future
@@ -32,7 +32,9 @@ from dp_swing_ros.learning.models import FEWEST, HIDDEN, Online
 from dp_swing_ros.learning.recorded import stretches_of
 from dp_swing_ros.learning.trials import held_for, Trial
 from dp_swing_ros.messages.fields import BILLION, seconds, to_state
-from dp_swing_ros.nodes.connections import owners, publish, QUEUE, subscribe
+from dp_swing_ros.messages.states import States
+from dp_swing_ros.nodes.connections import owners, publish, QUEUE, sender_of, subscribe
+from dp_swing_ros.nodes.taking import Executor
 from dp_swing_ros.parameters import group
 from dp_swing_ros.parameters.files import locate
 from dp_swing_ros.pendulum.equations import Pendulum
@@ -74,14 +76,22 @@ class LiveLearner:
         self.is_simulated = False                                 # the time of the stamps
         self.answer: Future | None = None
         self.newest: tuple[Any, Mapping[str, int]] | None = None   # state, and what came with it
+        self.states = States(self.sensors.joint_names, node.get_logger().warning,
+                             partial(sender_of, node, JOINT_STATES))
         self.forces = publish(node, FORCE_COMMAND)
         self.client = node.create_client(SetParametersAtomically,
                                          f'{MPC}/set_parameters_atomically')
         subscribe(node, FORCE_COMMAND_STAMPED, self.on_force, depth=QUEUE)
-        subscribe(node, JOINT_STATES, self.on_state, depth=QUEUE, sensor=True)
-        self.executor = SingleThreadedExecutor(context=node.context)
+        subscribe(node, JOINT_STATES, self.on_message, depth=QUEUE, sensor=True)
+        self.executor = Executor(context=node.context)
         self.executor.add_node(node)
         self.heard = time.monotonic()
+
+    def on_message(self, message: Any, info: Mapping[str, Any]) -> None:
+        """Take a message on the topic of the states."""
+        if self.states.picks(message, info['publisher_gid'], info['publication_sequence_number'],
+                             time.monotonic(), asked_again=True):
+            self.on_state(message, info)
 
     def on_state(self, message: Any, info: Mapping[str, int]) -> None:
         """Keep a state that is followed by a force; at first a random one answers it."""

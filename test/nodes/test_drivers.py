@@ -11,6 +11,7 @@ import time
 
 from diagnostic_msgs.msg import DiagnosticStatus
 import numpy as np
+from peer import Peer
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
@@ -346,3 +347,76 @@ def test_in_lockstep_nobody_sees_it_hang_still(peer, start_node):
     node.wait_for('ready')
     start_node('plant', {'lockstep': True})
     node.wait_for('in lockstep nobody sees the pendulum hang still; set zero to given')
+
+
+@pytest.mark.parametrize('rate', [20, 100])
+def test_a_gripper_on_the_same_topic_changes_nothing(peer, start_node, rate):
+    node = start_node('mpc', {'clock': 'stamps'})
+    node.wait_for('ready')
+    driver = Driver(peer)
+    gripper = peer.node.create_publisher(JointState, 'joint_states', 10)
+    peer.node.create_timer(1 / rate, lambda: gripper.publish(JointState(
+        name=['left_finger', 'right_finger'], position=[0.0, 0.0])))
+    driver.meet()
+    stamps = []
+    driver.stream(30, lambda now: stamps.append(now) or now)
+    assert peer.until(lambda: driver.ticks() and driver.ticks()[-1].stamp == stamps[-1])
+    ticks = driver.ticks()
+    assert len({each.stamp for each in ticks}) == len(ticks)
+    assert len(ticks) + ticks[-1].values['missed_total'] <= 30
+    assert not any('joint' in each.message for each in ticks)
+    assert node.output().count('names none of [cart, joint1, joint2]') == 1
+    # a look at the topics may come before it is heard
+    assert driver.topics() is None or driver.topics().level == DiagnosticStatus.OK[0]
+
+
+def test_a_second_publisher_of_our_joints_is_named_and_the_first_is_obeyed(peer, start_node):
+    """As joint_state_publisher, whose joints are all zero."""
+    node = start_node('mpc', {'clock': 'stamps'})
+    node.wait_for('ready')
+    driver, other = Driver(peer), Peer('joint_state_publisher')
+    driver.meet()
+    driver.stream(5, lambda now: now)
+    zeros = other.publisher(JOINT_STATES)
+    assert peer.until(lambda: peer.node.count_publishers('joint_states') == 2)
+    for _ in range(30):
+        driver.send(time.time_ns())
+        zeros.publish(to_joint_state(to_stamp(time.time_ns()), np.zeros(6), 0.0))
+        peer.spin(PERIOD)
+    words = '/joint_state_publisher publishes states, too; /peer was heard first, and is obeyed'
+    node.wait_for(words)
+    assert node.output().count(words) == 1
+    assert peer.until(lambda: driver.topics() and driver.topics().message == (
+        '/joint_states has 2 publishers, /joint_state_publisher, /peer; expected one; /peer, '
+        'heard first, is obeyed'))
+    assert driver.topics().level == DiagnosticStatus.WARN[0]
+    assert all(abs(each.values['estimate_cart_position']) > 0.09 for each in driver.ticks())
+    other.close()
+
+
+def test_states_that_come_twice_are_answered_once(peer, start_node):
+    """As through two bridges."""
+    start_node('mpc', {'clock': 'stamps'}).wait_for('ready')
+    driver = Driver(peer)
+    driver.meet()
+    for n in range(20):
+        state = to_joint_state(to_stamp(time.time_ns()), LEANING * (1 + 1e-3 * n), 0.0)
+        driver.states.publish(state)
+        driver.states.publish(state)
+        peer.spin(PERIOD)
+    assert peer.until(lambda: len(driver.ticks()) >= 15)
+    assert len({nanoseconds(each.header.stamp) for each in driver.stamped}) >= 15
+    assert not any('stood still' in each.message for each in driver.ticks())
+    assert not any(each.values['missed_total'] > 5 for each in driver.ticks())
+
+
+def test_bytes_that_are_no_state_end_nothing(peer, start_node):
+    node = start_node('mpc', {'clock': 'lockstep'})
+    node.wait_for('ready')
+    driver = Driver(peer)
+    driver.meet()
+    for data in (b'', b'\x00\x01\x00\x00', b'\x00\x01\x00\x00' + b'\xff' * 40):
+        driver.states.publish(data)
+    driver.send(0)
+    assert peer.until(lambda: driver.forces)
+    assert node.popen.poll() is None
