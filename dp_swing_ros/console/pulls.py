@@ -48,9 +48,9 @@ class Pulls:
         self._hands.pop(hand, None)
 
     def force(self, now: float, x: Array, lengths: Sequence[float], stiffness: float,
-              limit: float) -> float:
+              limit: float, kick: float = 0.0) -> float:
         """
-        Return the sum of all, each within a limit [N], in a state x (2n + 2,).
+        Return the sum of all and a kick [N], each and all within a limit, in a state x (2n + 2,).
 
         The links are of such lengths [m].
         """
@@ -58,8 +58,8 @@ class Pulls:
                        if now < until}
         q, v = np.hsplit(x, 2)
         places = joint_positions(np.concatenate((q + AHEAD * np.nan_to_num(v), v)), lengths)
-        return sum(bounded(force_of(pull, places, stiffness), limit)
-                   for pull, _ in self._hands.values())
+        forces = [kick, *(force_of(pull, places, stiffness) for pull, _ in self._hands.values())]
+        return bounded(sum(bounded(each, limit) for each in forces), limit)
 
 
 def bounded(force: float, limit: float) -> float:

@@ -77,13 +77,13 @@ class Actions:
             return
         limit = min(self.parameters.pull_limit,
                     self.scene.value(PLANT, 'disturbance_limit', math.inf))
-        force = bounded(self.kick, limit) + self.pulls.force(
+        force = self.pulls.force(
             time.monotonic(), self.scene.x, self.scene.physical.lengths,
-            self.parameters.pull_stiffness, limit)
+            self.parameters.pull_stiffness, limit, self.kick)
         self.kick = 0.0
         if force:
             self.pushed = True
-            self.disturbances.publish(Float64(data=bounded(force, limit)))
+            self.disturbances.publish(Float64(data=force))
 
     def do_pull(self, client: Client, request: Request) -> None:
         """Pull by a spring."""

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from dp_swing_ros.control.safety import braked, limited, violation
+from dp_swing_ros.control.sent_forces import SentForces
 from dp_swing_ros.pendulum.model import step
 from dp_swing_ros.pendulum.parameters import LimitParameters
 from dp_swing_ros.pendulum.state import hanging, is_upright, upright
@@ -47,6 +48,23 @@ def test_a_plan_knows_its_first_force():
     assert np.allclose(x, plan.X[1])
     again = limited(c.problem, plan, Bounds(plan.U[0], plan.U[0]))
     assert again is plan
+
+
+def test_after_a_gap_a_command_changes_by_no_more_than_in_a_step():
+    c = controller(force_rate_limit=100.0)
+    t, sent = np.array([0.0, 0.05, 0.23]), []   # a gap that the last plan covers
+    for each in t:
+        sent.append(c.update(each, hanging() + 0.01 * each).first_force(20.0))
+    assert abs(sent[2] - sent[1]) == pytest.approx(100.0 * c.problem.dt)
+
+
+def test_a_command_is_measured_by_the_one_before_not_by_one_that_it_replaces():
+    forces = SentForces()
+    for begins, command in ((0.0, 1.0), (0.05, 2.0)):
+        forces.add(begins, command)
+    assert forces.last(0.05) == (1.0, 0.0)
+    assert forces.last(0.06) == (2.0, 0.05)
+    assert forces.last(0.0) == (0.0, 0.0)   # what was before is not known
 
 
 def test_zero_is_sent_at_once():

@@ -105,6 +105,26 @@ def test_gains_are_the_paper_s(problem, trajectory, tensor, mu):
     assert slope < 0
 
 
+@pytest.mark.parametrize('mu', [0.0, 1.0, 1e3])
+def test_a_regularised_gain_follows_a_dearer_state(problem, trajectory, mu):
+    """At the last step K = -(2 R + Bᵀ (P + μ I) B)⁻¹ Bᵀ (P + μ I) A, by finite differences."""
+    X, U = trajectory
+    k, K = empty_policy(X)
+    assert pass_back(problem, X, U, UNBOUNDED, mu, None, k, K)[0]
+    n, h = X.shape[1], 1e-6
+    V_x, V = np.empty(n), np.empty((n, n))
+    terminal_derivatives(problem.cost, X[-1], None, V_x, V)
+    V = np.triu(V) + np.triu(V, 1).T + mu * np.eye(n)   # its upper triangle counts
+
+    def f(z):
+        return rollout(problem.model, z[:n], z[n:])[1]
+    z = np.append(X[-2], U[-1])
+    F = np.column_stack([(f(z + dz) - f(z - dz)) / (2 * h) for dz in h * np.eye(n + 1)])
+    A, B = F[:, :n], F[:, n]
+    expected = -(B @ V @ A) / (2 * problem.cost.R + B @ V @ B)
+    np.testing.assert_allclose(K[-1], expected, rtol=1e-4, atol=1e-6)
+
+
 def test_gains_about_a_path_with_gaps(problem, trajectory, rng):
     X, U = trajectory
     (k, K), gaps = empty_policy(X), rng.normal(0.0, 1e-6, (N, X.shape[1]))
