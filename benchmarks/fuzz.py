@@ -11,9 +11,11 @@ found can be repeated alone, by --only.
 
 import argparse
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from itertools import count
 import os
 from pathlib import Path
+import socket
 import sys
 import tempfile
 import time
@@ -133,6 +135,20 @@ class Fuzzer:
             yield min(self.spent, key=self.spent.__getitem__)
 
 
+def isolate() -> socket.socket:
+    """Keep to this machine and, unless one is given, a ROS domain of our own; return its lock."""
+    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    os.environ.setdefault('FASTRTPS_DEFAULT_PROFILES_FILE', str(
+        Path(__file__).parents[1] / 'config' / 'fast_discovery.xml'))
+    lock = socket.socket(socket.AF_UNIX)
+    for domain in range(70, 102) if 'ROS_DOMAIN_ID' not in os.environ else ():
+        with suppress(OSError):
+            lock.bind(f'\0dp_swing_ros_domain_{domain}')   # as the tests do
+            os.environ['ROS_DOMAIN_ID'] = str(domain)
+            break
+    return lock
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Attack for a time, and say what was found."""
     parser = argparse.ArgumentParser(description=__doc__,
@@ -143,10 +159,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument('--entries', nargs='+', default=[], help='default: all')
     parser.add_argument('--only', metavar='ENTRY:NUMBER', help='one attack alone')
     arguments = parser.parse_args(argv)
-    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    lock = isolate()
     only = arguments.only.split(':') if arguments.only else None
     with tempfile.TemporaryDirectory(prefix='fuzz_') as folder:
-        os.environ['ROS_LOG_DIR'] = folder
+        os.environ.setdefault('ROS_LOG_DIR', folder)
         entries = [only[0]] if only else arguments.entries
         target = Target(Path(folder), alone=entries == ['files'])
         fuzzer = Fuzzer(target, arguments.seed, entries)
@@ -156,6 +172,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             for name in fuzzer.turns(arguments.seconds):
                 fuzzer.attack(name, fuzzer.done[name])
         fuzzer.found += target.end()
+    lock.close()
     print(*(f'{name}: {number} attacks, {fuzzer.spent[name]:.0f} s'
             for name, number in fuzzer.done.items()), f'{len(fuzzer.found)} found', sep='\n')
     return 1 if fuzzer.found else 0

@@ -41,18 +41,20 @@ TOPICS = {'joint_states': JointState, 'force_command': Float64, 'disturbance': F
 SERVICES = {'plant/reset': Trigger, 'mpc/reset': Trigger, 'mpc/enable': SetBool,
             'plant/pause': SetBool, 'plant/step': Trigger}
 # how a page asks, and the values of JSON that fields get in turn
-REQUESTS = {
+REQUESTS: dict[str, dict[str, Any]] = {
     'pull': {'body': 0, 'along': 0.5, 'to': [0, 1]}, 'hold': {'force': 1}, 'push': {'force': 1},
     'release': {}, 'set': {'node': 'mpc', 'parameters': {'horizon': 30}},
     'preset': {'name': 'x'}, 'goal': {'name': 'up_up'}, 'reference': {'x': 0},
     'reset': {'node': 'mpc'}, 'enable': {'on': True}, 'pause': {'on': False}, 'step': {},
-    'pace': {'pace': 1}, 'record': {'on': False}, 'history': {}, 'branch': {'at': 1, 'duration': 1},
-    'seek': {'at': 1}, 'play': {'on': True, 'rate': 1}, 'do_not': {}, '__init__': {}}
+    'pace': {'pace': 1}, 'record': {'on': False}, 'history': {},
+    'branch': {'at': 1, 'duration': 1}, 'seek': {'at': 1}, 'play': {'on': True, 'rate': 1},
+    'do_not': {}, '__init__': {}}
 VALUES = ('1e400', '-1e400', r'"\ud800"', r'{"\udfff": 1}', '9' * 30, '1' + '0' * 400, '-5',
           '18446744073709551616', '9223372036854775808', '1e308', '5e-324', '0.5', 'NaN',
           'Infinity', 'null', '[]', '{}', '""', '"x"', r'"\u0000"', '[[0, 1], {}]',
-          '[1e400, 0]', '[1e308, -1e308]', '{"horizon": 1e400}', '{"force_limit": 1%s}' % ('0' * 400),
-          r'{"solver": "\ud800"}', '{"seed": 36893488147419103232}', '[' * 5000 + ']' * 5000,
+          '[1e400, 0]', '[1e308, -1e308]', '{"horizon": 1e400}',
+          '{"force_limit": 1%s}' % ('0' * 400), r'{"solver": "\ud800"}',
+          '{"seed": 36893488147419103232}', '[' * 5000 + ']' * 5000,
           '{"goal": {"a": [1]}}', '{"reference": [1e308, 0, 0, 0, 0, 0]}', '{"reference": [[]]}',
           '{"shadow": [1, "x", null]}', '"%s"' % ('x' * 60_000))
 MALFORMED = ('', '{', '[]', '3', '{"do": 3}', '{"do": []}', '[' * 60_000, '"' * 1000, b'\xff\0',
@@ -186,8 +188,9 @@ def configuration(node: str, name: str, value: Any) -> Callable[[Any], String]:
 
 def announcements() -> Entry:
     """Return announcements of others on `configuration`."""
-    wrong = (0.0, -1.0, 'abc', math.nan, math.inf, 1e308, None, [], {}, [1, 'x'], 10 ** 400, True,
-             'x' * 100_000, 0)
+    wrong: Sequence[Any] = (
+        0.0, -1.0, 'abc', math.nan, math.inf, 1e308, None, [], {}, [1, 'x'], 10 ** 400, True,
+        'x' * 100_000, 0)
     names = {'/plant': ('rate', 'lockstep', 'links', 'disturbance_limit', 'link1_length',
                         'force_limit', 'track_limit', 'node', 'revision', 'resets', 'since',
                         'parameters', 'packages', 'version'),
@@ -245,11 +248,13 @@ def shown() -> Entry:
         (0, 0, 0, 0), (1, 1, 16, 0), (5, 5, 16, 399), (2 ** 32 - 1, 2 ** 32 - 1, 16, 16),
         (1, 1, 0, 4), (3, 1, 4, 12), (1, 3, 16, 47), (2, 2, 2 ** 31, 64), (7, 11, 16, 1232))]
     clouds += [PointCloud2(width=2, height=2, point_step=16, data=b'\xff' * 64, is_bigendian=True)]
-    statuses = [DiagnosticArray(status=[DiagnosticStatus(
-        level=level, name=name, message=text, values=[
-            KeyValue(key=key, value=value) for key in ('cost', 'estimate_cart_position', 'paused',
-                                                       'solver', '', 'joint_states', 'revision')])])
-        for name in ('mpc', 'plant', 'mpc: shadow ddp', '/', '') for value in ('nan', '1' * 5000)
+    keys = ('cost', 'estimate_cart_position', 'paused', 'solver', '', 'joint_states', 'revision')
+    statuses = [
+        DiagnosticArray(status=[DiagnosticStatus(
+            level=level, name=name, message=text,
+            values=[KeyValue(key=key, value=value) for key in keys])])
+        for name in ('mpc', 'plant', 'mpc: shadow ddp', '/', '')
+        for value in ('nan', '1' * 5000, 'x', '[1')
         for level, text in ((b'\xff', '\0'), (b'\0', 'x' * 10_000))]
     descriptions = [String(data=text) for text in (
         '', '<', '<robot/>', '<robot name="x">' * 3000, '<robot><link name="cart"/></robot>',
@@ -389,7 +394,7 @@ def page() -> Entry:
             for value in VALUES:
                 parts = {each: json.dumps(right) for each, right in fields.items()} | {name: value}
                 yield f'{do} {name}: {value:.40}', '{%s}' % ', '.join(
-                    f'"{each}": {part}' for each, part in parts.items() if each != 'do' or do != '')
+                    f'"{each}": {part}' for each, part in parts.items())
 
     def talk(target: Any, several: Sequence[str | bytes]) -> None:
         target.page_sends(several)

@@ -19,10 +19,10 @@ import time
 from typing import Any
 
 from builtin_interfaces.msg import Time
-from rcl_interfaces.srv import (
-    DescribeParameters, GetParameters, ListParameters, SetParameters, SetParametersAtomically)
-from rcl_interfaces.msg import Parameter
 import numpy as np
+from rcl_interfaces.msg import Parameter
+from rcl_interfaces.srv import (
+    DescribeParameters, GetParameters, ListParameters, SetParametersAtomically)
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -32,7 +32,6 @@ from std_msgs.msg import Float64, Float64MultiArray, String
 from std_srvs.srv import SetBool, Trigger
 from websockets.exceptions import WebSocketException
 from websockets.sync.client import connect
-import yaml
 
 PR_SET_PDEATHSIG = 1   # of Linux
 NODES = ('mpc', 'plant', 'console', 'logger', 'faults', 'echo', 'relay')
@@ -161,7 +160,7 @@ class Target:
         self.node.create_subscription(Float64, 'force_command', self._on_force, MANY)
         self.node.create_subscription(Float64MultiArray, 'force_controller/commands',
                                       lambda message: self.relayed.extend(message.data), MANY)
-        self.clock, self.offset, self.pages = self.node.create_publisher(Clock, '/clock', 10), 0.0, 0
+        self.clock, self.offset = self.node.create_publisher(Clock, '/clock', 10), 0.0
         self.socket: Any = None
         self.over = Event()
         self.threads = [Thread(target=work, daemon=True) for work in (self._spin, self._tick)]
@@ -188,7 +187,8 @@ class Target:
         executor = SingleThreadedExecutor(context=self.context)
         executor.add_node(self.node)
         while not self.over.is_set():
-            executor.spin_once(timeout_sec=0.1)
+            with suppress(RuntimeError):   # bytes that are no message come here, too
+                executor.spin_once(timeout_sec=0.1)
 
     def _tick(self) -> None:
         while not self.over.wait(0.01):
@@ -293,7 +293,7 @@ class Target:
         since = self.loop.state.header.stamp.sec
         try:
             with connect(f'ws://127.0.0.1:{self.port}/socket', max_size=None, close_timeout=0.2,
-                         open_timeout=PATIENCE) as page:
+                         open_timeout=PATIENCE, ping_interval=None) as page:
                 end = time.monotonic() + PATIENCE
                 while time.monotonic() < end:
                     message = json.loads(page.recv(PATIENCE))
@@ -311,7 +311,8 @@ class Target:
             if process.popen.poll() is not None:
                 self.start(name)
         for node in ('plant', 'mpc'):
-            self.publisher('configuration', String).publish(String(data=self.announced['/' + node]))
+            announced = String(data=self.announced[f'/{node}'])
+            self.publisher('configuration', String).publish(announced)
         self.call(SetBool, 'mpc/enable', data=True)
 
     def revive(self) -> None:
@@ -393,7 +394,7 @@ class Target:
             with suppress(OSError, TimeoutError, WebSocketException, UnicodeError):
                 if self.socket is None:
                     self.socket = connect(f'ws://127.0.0.1:{self.port}/socket', max_size=None,
-                                          close_timeout=0.2)
+                                          close_timeout=0.2, ping_interval=None)
                 self.socket.send(text)
                 with suppress(TimeoutError):
                     while True:
