@@ -77,8 +77,8 @@ class Process:
             time.sleep(0.05)
 
     def signal(self, number: int) -> None:
-        """Send a signal to it and what it started."""
-        with suppress(ProcessLookupError):
+        """Send a signal to it and what it started, while its number is not another's."""
+        if self.popen.poll() is None:
             os.killpg(self.popen.pid, number)
 
     def text(self) -> str:
@@ -107,7 +107,7 @@ class Process:
         except subprocess.TimeoutExpired:
             return None
         finally:
-            self.signal(signal.SIGKILL)
+            self.signal(signal.SIGKILL)   # if it still runs
             self.popen.wait()
 
 
