@@ -166,12 +166,14 @@ def main(argv: Sequence[str] | None = None) -> int:
         entries = [only[0]] if only else arguments.entries
         target = Target(Path(folder), alone=entries == ['files'])
         fuzzer = Fuzzer(target, arguments.seed, entries)
-        if only:
-            fuzzer.attack(only[0], int(only[1]))
-        else:
-            for name in fuzzer.turns(arguments.seconds):
-                fuzzer.attack(name, fuzzer.done[name])
-        fuzzer.found += target.end()
+        try:
+            if only:
+                fuzzer.attack(only[0], int(only[1]))
+            else:
+                for name in fuzzer.turns(arguments.seconds):
+                    fuzzer.attack(name, fuzzer.done[name])
+        finally:
+            fuzzer.found += target.end()
     lock.close()
     print(*(f'{name}: {number} attacks, {fuzzer.spent[name]:.0f} s'
             for name, number in fuzzer.done.items()), f'{len(fuzzer.found)} found', sep='\n')

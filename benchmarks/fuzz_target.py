@@ -290,14 +290,15 @@ class Target:
 
     def page_complaint(self) -> str:
         """Return what is wrong with what a fresh page gets."""
-        since = self.loop.state.header.stamp.sec
+        stamp = self.loop.state.header.stamp
+        since = stamp.sec + 1e-9 * stamp.nanosec
         try:
             with connect(f'ws://127.0.0.1:{self.port}/socket', max_size=None, close_timeout=0.2,
                          open_timeout=PATIENCE, ping_interval=None) as page:
                 end = time.monotonic() + PATIENCE
                 while time.monotonic() < end:
                     message = json.loads(page.recv(PATIENCE))
-                    if message['kind'] == 'frame' and since <= message['t'] < since + 3600:
+                    if message['kind'] == 'frame' and since < message['t'] < since + 60.0:
                         return ''
         except (OSError, TimeoutError, WebSocketException) as error:
             time.sleep(2.0)   # if it is ending, it tells why
