@@ -375,7 +375,8 @@ def parameters(described: dict[tuple[str, str], Any], folder: Path) -> Entry:
     bounds = [[change(node, name, [limits.from_value], 0.5)] for (node, name), of in
               described.items() for limits in of.floating_point_range
               if node in ('plant', 'mpc') and re.search('mass|length|inertia|step|rate', name)]
-    several = [[change(*key, wanted[key], 0.0) for key in names[n:n + 8]]
+    # of all that each may be set to, both bounds and some of the rest
+    several = [[change(*key, wanted[key][:2] + wanted[key][2::4], 0.0) for key in names[n:n + 8]]
                for n in range(0, len(names), 8)]
 
     def draw(rng: Rng) -> list[Step]:
