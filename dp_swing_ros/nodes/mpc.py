@@ -34,7 +34,7 @@ from dp_swing_ros.nodes.ros_parameters import announce, declare, given, let_chan
 from dp_swing_ros.nodes.shadows import Shadows
 from dp_swing_ros.nodes.taking import take
 from dp_swing_ros.nodes.tick_figures import of_estimate, of_plan, of_trust, tip_paths
-from dp_swing_ros.nodes.timing import Clock, GoalProgress, Latency, Timing, Watchdog
+from dp_swing_ros.nodes.timing import Clock, GoalWatch, Latency, Timing, Watchdog
 from dp_swing_ros.parameters import group
 from dp_swing_ros.pendulum.sensors import HANGING, SensorParameters, Standstill
 from dp_swing_ros.pendulum.state import Array, errors, is_upright
@@ -125,7 +125,7 @@ class MpcNode(ProcessNode):
         self.carried = 0        # periods since the last state
         self.late_total = self.missed_total = 0   # ticks, and states that others overtook
         self.fresh = True       # the next plan is a first one
-        self.goal_progress = GoalProgress()
+        self.goal_watch = GoalWatch()
         self.last = Arrival(math.nan, math.nan, math.nan, 0, 0)
 
     def prepare(self) -> None:
@@ -365,7 +365,7 @@ class MpcNode(ProcessNode):
         stats, estimate, trust = plan.stats, self.controller.estimate, self.controller.trust
         # what is disabled is not expected to arrive
         arrives = not self.controller.enabled or is_upright(errors(plan.X[-1], problem.x_r))
-        astray = self.goal_progress.warning(times.t, bool(arrives), problem.horizon * problem.dt)
+        astray = self.goal_watch.warning(times.t, bool(arrives), problem.horizon * problem.dt)
         if astray:
             self.get_logger().warning(astray, throttle_duration_sec=10.0)
         warning = '; '.join(filter(None, (

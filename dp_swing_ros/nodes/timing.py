@@ -226,7 +226,7 @@ class Watchdog:
         self.timer.cancel()
 
 
-class GoalProgress:
+class GoalWatch:
     """Whether plans come to the goal, or have not for so long that they may never."""
 
     def __init__(self) -> None:

@@ -5,7 +5,7 @@
 import pytest
 
 from dp_swing_ros import configuration
-from dp_swing_ros.nodes.timing import GoalProgress
+from dp_swing_ros.nodes.timing import GoalWatch
 from dp_swing_ros.pendulum.state import errors, is_upright
 from dp_swing_ros.simulation.closed_loop import simulate
 
@@ -14,21 +14,21 @@ from dp_swing_ros.simulation.closed_loop import simulate
     ('up_down', 30, True), ('up_down', 40, False), ('up_up', 30, False), ('down_up', 30, False)])
 def test_a_goal_that_no_plan_comes_to_is_told(goal, horizon, warns):
     """From hanging; once there, it is not told again."""
-    progress, told = GoalProgress(), []
+    arrival, told = GoalWatch(), []
     controller = configuration.controller({'goal': goal, 'horizon': horizon})
     problem = controller.problem
 
     def on_tick(t, plan):
-        told.append(progress.warning(t, is_upright(errors(plan.X[-1], problem.x_r)),
+        told.append(arrival.warning(t, is_upright(errors(plan.X[-1], problem.x_r)),
                                     problem.horizon * problem.dt))
     simulate(configuration.plant({}), controller, 6.0, on_tick=on_tick)
     assert any(told) is warns and bool(told[-1]) is warns
     assert not warns or 'expected a longer' in told[-1]
 
 
-def test_progress_begins_anew_where_time_does():
-    progress = GoalProgress()
-    assert not progress.warning(10.0, False, 1.0) and not progress.warning(13.0, False, 1.0)
-    assert progress.warning(13.1, False, 1.0) and progress.warning(19.0, False, 1.0)
-    assert not progress.warning(1.0, False, 1.0) and not progress.warning(4.0, False, 1.0)
-    assert progress.warning(5.0, False, 1.0) and not progress.warning(5.1, True, 1.0)
+def test_arrival_begins_anew_where_time_does():
+    arrival = GoalWatch()
+    assert not arrival.warning(10.0, False, 1.0) and not arrival.warning(13.0, False, 1.0)
+    assert arrival.warning(13.1, False, 1.0) and arrival.warning(19.0, False, 1.0)
+    assert not arrival.warning(1.0, False, 1.0) and not arrival.warning(4.0, False, 1.0)
+    assert arrival.warning(5.0, False, 1.0) and not arrival.warning(5.1, True, 1.0)
