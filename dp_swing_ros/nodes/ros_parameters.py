@@ -54,9 +54,7 @@ def declare(node: Node, fields: Mapping[str, dataclasses.Field],
     for name, field in fields.items():
         values[name] = checked(field, asked.get(name, field.default), name)
         # The override is left aside: it is in the value already, there in its declared type.
-        # Whoever asks is not told a secret.
-        told = field.default if field.metadata['secret'] else values[name]
-        node.declare_parameter(name, _listed(told), _descriptor(field, live),
+        node.declare_parameter(name, _listed(_told(field, values[name])), _descriptor(field, live),
                                ignore_override=True)
     refuse_unknown(node, of_topics=False)
     announce(node, {})
@@ -71,7 +69,7 @@ def let_change(node: Node, fields: Mapping[str, dataclasses.Field], values: Mapp
     `change` is given the values of all parameters as they are to be; where it raises
     ParameterError, nothing changes, and whoever asked is told why.
     """
-    current = dict(values)
+    current = {name: _told(fields[name], value) for name, value in values.items()}
     stays = {name for name, field in fields.items() if not field.metadata['live']}
 
     def as_declared(parameters: list[Parameter]) -> list[Parameter]:
@@ -107,6 +105,11 @@ def let_change(node: Node, fields: Mapping[str, dataclasses.Field], values: Mapp
 
     node.add_pre_set_parameters_callback(as_declared)
     node.add_on_set_parameters_callback(on_set)
+
+
+def _told(field: dataclasses.Field, value: Any) -> Any:
+    """Return what others are told that a parameter is."""
+    return field.default if field.metadata['secret'] else value
 
 
 def short(value: Any) -> str:
