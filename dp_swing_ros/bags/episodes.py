@@ -197,7 +197,7 @@ def revisions_of(bag: Bag) -> dict[str, dict[int, Configuration]]:
     if bag.nodes - names:
         raise BagError(f'{bag} has no node {", ".join(bag.nodes - names)}, but '
                        f'{", ".join(sorted(names)) or "none that says what it is"}')
-    return {role: nodes[bag.chosen(role, list(nodes))] for role, nodes in found.items()}
+    return {role: nodes[bag.chosen(role, sorted(nodes))] for role, nodes in found.items()}
 
 
 def description_of(bag: Bag) -> tuple[PendulumParameters, LimitParameters]:
