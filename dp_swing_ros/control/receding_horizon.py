@@ -40,6 +40,7 @@ from dp_swing_ros.pendulum.model import hold
 from dp_swing_ros.pendulum.parameters import DIRECT, Drive
 from dp_swing_ros.pendulum.state import (
     Array, hanging, is_state, is_upright, to_turn_of, upright)
+from dp_swing_ros.problem.cost import terms
 from dp_swing_ros.problem.parameters import ANALYTIC, LEARNED
 from dp_swing_ros.problem.plan import candidates_of, Plan, stats_of_tick, Status
 from dp_swing_ros.problem.problem import (
@@ -52,6 +53,7 @@ RESOLUTION = 1e-6  # [s] of times since 1970, as they are held
 OVERTAKEN = 0.5  # [s] a state older than the last by more than this is none that was overtaken
 EARLY = 0.2      # of a solve's period, by which the states' period may fall short of it
 NEARLY = 0.01    # of the limit of the force, by which bounds may be off
+WARMING = 1.0    # [s] at most of a tick that warms up
 LEANING = 0.2    # [rad] of link 1, so far that the regulator would drop it
 
 
@@ -439,11 +441,12 @@ class RecedingHorizon:
         return not_kept(plan.X[:1]) or (not_kept(plan.X) and not_kept(
             braked(self.problem, plan.X[1], plan.U[0], change).X))
 
-    def warm_up(self) -> float:
+    def warm_up(self, most: float = math.inf) -> float:
         """
-        Compile all that a tick needs, on a copy of the controller.
+        Compile all that a tick and its report need, on a copy of the controller.
 
-        Returns how long a tick takes from then on [s].
+        Returns how long a tick takes from then on [s], as soon as it is known to be more than
+        `most`.
         """
         nominal = self.nominal
         if nominal.learned is not None and nominal.given[2].unseen == ANALYTIC:
@@ -452,16 +455,21 @@ class RecedingHorizon:
         twin = RecedingHorizon(nominal, self.parameters, self.solver_parameters,
                                drive=self.nominal_drive)
         twin.enabled = True
-        for x in starts_to_warm_up(nominal.physical.links):
+        taken = list[float]()
+        # twice, for compiling takes longer than a tick may
+        for x in starts_to_warm_up(nominal.physical.links) * 2:
             twin.reset()
-            for n in range(3):
-                began = time.perf_counter()
+            for limit in (WARMING, WARMING, min(self.parameters.time_limit, WARMING)):
+                n, began = len(taken), time.perf_counter()
                 # a state that stands still would be refused, and the estimator left out
-                twin.update(n * self.problem.dt, x + 1e-3 * n, delay=1e-3)
-                tick_time = time.perf_counter() - began
-        twin.fallback(3 * self.problem.dt)
+                plan = twin.update(n * self.problem.dt, x + 1e-3 * n, 1e-3, began + limit)
+                taken.append(time.perf_counter() - began)
+            if min(taken[1:]) > most:   # the first may compile or load
+                return min(taken[1:])
+        twin.fallback(len(taken) * self.problem.dt)
         braked(self.problem, self.problem.x_r, 0.0, math.inf)
-        return tick_time
+        terms(self.problem.cost, plan.X - plan.turns, plan.U)
+        return min(taken[-1], taken[-7])
 
 
 def driven_by(drive: Drive, problem: Problem) -> Problem:

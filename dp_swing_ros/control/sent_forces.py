@@ -10,6 +10,7 @@ from dp_swing_ros.pendulum.parameters import Drive
 from dp_swing_ros.pendulum.state import Array
 
 REMEMBERED = 1.0   # [s]
+LONGEST = 10.0     # [s] of a prediction; more only passes where a clock is set
 STEP = 0.01        # [s] longest of a prediction
 
 
@@ -50,7 +51,7 @@ class SentForces:
     def predict(self, model: Model, drive: Drive, x: Array, t: float,
                 until: float) -> tuple[Array, float]:
         """Return state and force of the motor [N] at a later time [s]; shapes: x (2n + 2,)."""
-        x = x.copy()
+        x, duration = x.copy(), min(until - t, LONGEST)
         f = follow_commands(model._replace(h=STEP), drive, *self.since(t, HISTORY), x,
-                            until - t)
+                            duration)
         return x, f
