@@ -11,6 +11,6 @@ class BagError(UserError):
     """A bag cannot be written or read."""
 
 
-def one_line(error: Exception) -> str:
+def one_line(error: BaseException) -> str:
     """Return the text of an error, in one line and not too long."""
     return ' '.join(str(error).split())[:300] or type(error).__name__

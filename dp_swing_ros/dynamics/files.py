@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 import functools
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -17,14 +18,17 @@ import numpy as np
 
 from dp_swing_ros.dynamics.kinds import BlackBox, harmonics, Learned, links, Residual, Structured
 from dp_swing_ros.dynamics.network import Network, widths
+from dp_swing_ros.errors import one_line
 from dp_swing_ros.parameters import ParameterError, SHOWN
+from dp_swing_ros.parameters.files import SCALAR
 from dp_swing_ros.pendulum.drive import HISTORY
 from dp_swing_ros.pendulum.equations import Pendulum
 from dp_swing_ros.pendulum.parameters import DIRECT, Drive
 from dp_swing_ros.pendulum.state import Array, LINKS
 
 FORMAT = 'dp_swing_ros learned dynamics, 1'
-LARGEST_FILE = 1 << 22   # [bytes]
+LARGEST_FILE = SCALAR    # [bytes]; a configuration, which holds it, can hold no more
+DEPTH = 8                # of nested lists and objects
 KINDS = {'residual': Residual, 'structured': Structured, 'black_box': BlackBox}
 
 
@@ -72,28 +76,36 @@ def load(model: str, links: int) -> LearnedModel:
 
     Raises ParameterError, which says what is wrong with it.
     """
-    is_text = model.startswith('{')
-
-    def refuse(why: str) -> ParameterError:
-        return ParameterError(f"parameter 'model' is {model[:SHOWN]!r}: {why}; expected, with "
-                              'dynamics learned, a file that `ros2 run dp_swing_ros train` wrote')
     try:
-        path = Path(model).expanduser()
-        if not is_text and path.stat().st_size > LARGEST_FILE:
-            raise refuse(f'it has more than {LARGEST_FILE} bytes')
-        found = from_text(model if is_text else path.read_text(encoding='utf-8'))
-    except OSError as error:
-        raise refuse(error.strerror or 'it cannot be read') from None
-    except ValueError as error:   # of Unicode, of JSON, and of its content
-        raise refuse(str(error)) from None
-    if found.dynamics.links != links:
-        raise refuse(f'it is of {found.dynamics.links} links, and links is {links}')
+        found = from_text(model if model.startswith('{') else text_of(Path(model).expanduser()))
+        if found.dynamics.links != links:
+            raise ValueError(f'it is of {found.dynamics.links} links, and links is {links}')
+    except Exception as error:  # noqa: B902
+        why = isinstance(error, OSError) and error.strerror or one_line(error)
+        raise ParameterError(
+            f"parameter 'model' is {model[:SHOWN]!r}: {why}; expected, with dynamics learned, a "
+            'file that `ros2 run dp_swing_ros train` wrote') from None
     return found
+
+
+def text_of(path: Path) -> str:
+    """Return the text of a regular file, not too long; raises OSError or ValueError."""
+    if not (path.is_file() or path.is_dir()) and path.exists():
+        raise ValueError('it is no regular file')
+    # should it be a pipe by now, nobody waits for who writes into it
+    with open(path, 'rb', opener=lambda path, flags: os.open(path, flags | os.O_NONBLOCK)) as file:
+        return file.read(LARGEST_FILE + 1).decode()
 
 
 def from_text(text: str) -> LearnedModel:
     """Read the text of a file; raises ValueError."""
-    content = json.loads(text, parse_constant=_not_finite)
+    if len(text) > LARGEST_FILE:
+        raise ValueError(f'it has more than {LARGEST_FILE} bytes')
+    try:
+        content = json.loads(text, parse_constant=_not_finite)
+        check_depth(content, DEPTH)
+    except RecursionError:
+        raise ValueError(f'it nests deeper than {DEPTH} levels') from None
     if not isinstance(content, dict) or content.get('format') != FORMAT:
         raise ValueError(f'its format is not {FORMAT!r}')
     try:
@@ -106,8 +118,18 @@ def from_text(text: str) -> LearnedModel:
             array(content['noise'], n + 1), array(content['largest'], n + 2),
             dict(content['about']), Drive(*(
                 time_of(content, name) for name in ('delay', 'time_constant'))))
-    except (AttributeError, KeyError, TypeError) as error:
+    except (AttributeError, KeyError, OverflowError, TypeError) as error:
         raise ValueError(f'it is incomplete ({type(error).__name__}: {error})') from None
+
+
+def check_depth(content: Any, most: int) -> None:
+    """Raise RecursionError where lists and objects are nested deeper than so many levels."""
+    below = content.values() if isinstance(content, dict) else content
+    if isinstance(content, (dict, list)):
+        if most == 0:
+            raise RecursionError
+        for each in below:
+            check_depth(each, most - 1)
 
 
 def time_of(content: Mapping[str, Any], name: str) -> float:

@@ -13,6 +13,9 @@ from dp_swing_ros.pendulum.parameters import (
     DriveParameters, LimitParameters, PendulumParameters, RhythmParameters)
 from dp_swing_ros.pendulum.sensors import SensorParameters
 
+# in Python alone a model takes a tick or two
+Dumper = getattr(yaml, 'CSafeDumper', yaml.SafeDumper)
+
 BEFORE = -1   # [ns] where a plant has not begun
 NODES = 2000  # of YAML in a text: so many values, names and lists
 CONTROLLER, PLANT = 'mpc', 'plant'   # roles of nodes, whose names they are by default
@@ -40,7 +43,7 @@ class Configuration(NamedTuple):
 
     def to_text(self) -> str:
         """Return it as YAML; numbers read back the same."""
-        return yaml.safe_dump(self._asdict(), sort_keys=False, allow_unicode=True)
+        return str(yaml.dump(self._asdict(), Dumper=Dumper, sort_keys=False, allow_unicode=True))
 
 
 def role_of(configuration: Configuration) -> str:

@@ -3,12 +3,13 @@
 """The file of a learned model: the same again to the bit, and every mistake in it is told."""
 
 import json
+import os
 
 from learned_dynamics import LEARNED, model_of
 import numpy as np
 import pytest
 
-from dp_swing_ros.dynamics.files import from_text, LARGEST_FILE, load
+from dp_swing_ros.dynamics.files import DEPTH, from_text, LARGEST_FILE, load
 from dp_swing_ros.parameters import ParameterError
 
 
@@ -75,3 +76,17 @@ def test_a_file_that_does_not_fit_or_is_none_is_refused(tmp_path):
     (tmp_path / 'large').write_bytes(bytes(LARGEST_FILE + 1))
     with pytest.raises(ParameterError, match='bytes'):
         load(str(tmp_path / 'large'), 2)
+
+
+def test_what_is_no_file_or_nests_without_end_is_refused_in_one_line(tmp_path):
+    """A device that never ends, a pipe that nobody writes into, and what a parser cannot hold."""
+    os.mkfifo(tmp_path / 'pipe')
+    (tmp_path / 'nested').write_text('[' * 25_000)
+    nested = changed(about={'a': json.loads('[' * DEPTH + ']' * DEPTH)})
+    for model, words in (('/dev/zero', 'no regular file'), (str(tmp_path / 'pipe'), 'no regular'),
+                         (str(tmp_path / 'nested'), 'nests deeper'), (nested, 'nests deeper'),
+                         ('{"a":' * 5_000, 'nests deeper'), ('{"a"' + ' ' * LARGEST_FILE, 'bytes'),
+                         (changed(delay=10 ** 400), 'incomplete'), ('\0', 'null')):
+        with pytest.raises(ParameterError, match=words) as refusal:
+            load(model, 2)
+        assert '\n' not in str(refusal.value)
