@@ -135,13 +135,12 @@ def listeners(node: Node, publisher: Publisher, partners: Topic) -> set[bytes]:
             if owner(each) in wanted}
 
 
-def is_heard(node: Node, publisher: Publisher, partners: Topic) -> bool:
+def is_heard(node: Node, publisher: Publisher, wanted: set[str]) -> bool:
     """
-    Return whether all nodes that publish another topic, of which there are some, hear a publisher.
+    Return whether all nodes of these names, of which there are some, hear a publisher.
 
     Until then a message may be lost to them: discovery goes one way at a time.
     """
-    wanted = owners(node, partners)
     own = node.get_fully_qualified_name()
     senders = [each for each in node.get_publishers_info_by_topic(publisher.topic_name)
                if owner(each) == own]

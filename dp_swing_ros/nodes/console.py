@@ -50,8 +50,6 @@ SIGNS = {PLANT: JOINT_STATES, CONTROLLER: PLAN, 'faults': FAULTS_JOINT_STATES}
 class ConsoleNode(ProcessNode):
     """The node: hears what the page shows, and is the `Source` of its server."""
 
-    lasting = True
-
     def __init__(self) -> None:
         """Read the parameters, and bind to the address."""
         super().__init__('console')

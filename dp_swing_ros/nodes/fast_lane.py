@@ -26,13 +26,15 @@ class FastLane:
     """Calls back for one subscription, and for what must not wait meanwhile; in one thread."""
 
     def __init__(self, context: Context, subscription: Subscription,
-                 *others: Timer | GuardCondition) -> None:
-        """Take what one node has made."""
+                 *others: Subscription | Timer | GuardCondition) -> None:
+        """Take what one node has made; with simulated time, /clock is among the others."""
         self.subscription = subscription
+        self.subscriptions = [
+            *(each for each in others if isinstance(each, Subscription)), subscription]
         self.timers = [each for each in others if isinstance(each, Timer)]
         self.guards = [each for each in others if isinstance(each, GuardCondition)]
         self.wait_set = rclpy_implementation.WaitSet(
-            1, len(self.guards), len(self.timers), 0, 0, 0, context.handle)
+            len(self.subscriptions), len(self.guards), len(self.timers), 0, 0, 0, context.handle)
         self.came = -OFTEN      # [s] of time.monotonic()
         self.is_busy = False
 
@@ -49,18 +51,21 @@ class FastLane:
         """
         end = time.monotonic() + TURN
         while self.is_busy and not is_over() and time.monotonic() < end:
-            self._serve_once()
+            self.serve_once()
 
-    def _serve_once(self) -> None:
+    def serve_once(self) -> None:
+        """Wait for a message, a timer or a guard condition, but not for long, and call back."""
         wait_set = self.wait_set
         wait_set.clear_entities()
-        wait_set.add_subscription(self.subscription.handle)
+        for subscription in self.subscriptions:
+            wait_set.add_subscription(subscription.handle)
         for timer in self.timers:
             wait_set.add_timer(timer.handle)
         for guard in self.guards:
             wait_set.add_guard_condition(guard.handle)
         wait_set.wait(round(OFTEN * 1e9))
-        is_there = wait_set.is_ready('subscription', 0)
+        came = [each for n, each in enumerate(self.subscriptions)
+                if wait_set.is_ready('subscription', n)]
         timers = [each for n, each in enumerate(self.timers) if wait_set.is_ready('timer', n)]
         guards = [each for n, each in enumerate(self.guards)
                   if wait_set.is_ready('guard_condition', n)]
@@ -69,12 +74,13 @@ class FastLane:
             timer.callback()
         for guard in guards:
             guard.callback()
-        if is_there:
-            self._take()
-        else:   # a timer that is set anew ends the wait too
+        for subscription in came:
+            self._take(subscription)
+        if self.subscription not in came:   # a timer that is set anew ends the wait too
             self.is_busy = time.monotonic() - self.came < OFTEN
 
-    def _take(self) -> None:
-        taken = arguments(self.subscription)
+    @staticmethod
+    def _take(subscription: Subscription) -> None:
+        taken = arguments(subscription)
         if taken is not None:
-            self.subscription.callback(*taken)
+            subscription.callback(*taken)

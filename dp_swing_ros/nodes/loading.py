@@ -8,7 +8,7 @@ up the ticks, for compilers hold Python's interpreter lock. So a process compile
 the disk yet, and the thread then loads it from there.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 import json
 import os
 import subprocess
@@ -17,11 +17,14 @@ from threading import Lock, Thread
 from typing import Any, NamedTuple
 
 from dp_swing_ros.control.receding_horizon import RecedingHorizon
+from dp_swing_ros.errors import one_line
+from dp_swing_ros.parameters import ParameterError
 
 COMPILE = ('import json, sys; from dp_swing_ros import configuration; '
            'configuration.controller(json.loads(sys.stdin.read())).warm_up()')
 NICENESS = 10     # of the process that compiles
-SWITCHING = 5e-4  # [s] after which the thread that loads lets the ticks go on
+COMPILING = 300.0  # [s] that it has at most
+SLOWEST = 0.5     # [s] of a tick beyond its time limit; a machine that is busy needs some
 
 
 class Loaded(NamedTuple):
@@ -29,15 +32,16 @@ class Loaded(NamedTuple):
 
     controller: RecedingHorizon
     values: dict[str, Any]
+    error: str = ''    # why it cannot be used, if it cannot
 
 
 class Loader:
     """Loads the newest controller that was asked for; one that was overtaken is dropped."""
 
-    def __init__(self, running: RecedingHorizon, on_error: Callable[[str], None]) -> None:
-        """Take the controller that is loaded already, and what to call where a thread fails."""
+    def __init__(self, running: RecedingHorizon, slowest: float = SLOWEST) -> None:
+        """Take the controller that is loaded already, and how late a tick may be [s]."""
         self.kinds = {kind_of(running)}   # of controllers that have been loaded
-        self.on_error = on_error
+        self.slowest = slowest
         self.lock = Lock()
         self.asked: Loaded | None = None
         self.ready: Loaded | None = None
@@ -48,18 +52,19 @@ class Loader:
         with self.lock:
             self.asked, self.ready = Loaded(controller, dict(values)), None
             if self.thread is None:
-                sys.setswitchinterval(SWITCHING)
                 self.thread = Thread(target=self.run, daemon=True)
                 self.thread.start()
 
     def wait(self) -> None:
-        """Wait until all is loaded."""
+        """Wait until all is loaded; raises ParameterError where it cannot be used."""
         thread = self.thread
         if thread is not None:
             thread.join()
+        if self.ready is not None and self.ready.error:
+            raise ParameterError(self.ready.error)
 
     def take(self) -> Loaded | None:
-        """Return a controller that has become ready, once."""
+        """Return a controller that has become ready, or why it cannot be used; once."""
         if self.ready is None:
             return None
         with self.lock:
@@ -76,9 +81,8 @@ class Loader:
                 loading, self.asked = self.asked, None
             try:
                 self.prepare(loading)
-            except Exception as error:  # noqa: B902
-                self.on_error(f'the new parameters cannot be used: {error}')
-                continue
+            except BaseException as error:  # noqa: B902
+                loading = loading._replace(error=one_line(error))
             with self.lock:
                 if self.asked is None:
                     self.ready = loading
@@ -88,10 +92,14 @@ class Loader:
         kind = kind_of(loading.controller)
         if kind not in self.kinds:
             subprocess.run([sys.executable, '-c', COMPILE], input=json.dumps(loading.values),
-                           text=True, check=False, stdout=subprocess.DEVNULL,
+                           text=True, check=False, stdout=subprocess.DEVNULL, timeout=COMPILING,
                            stderr=subprocess.DEVNULL, preexec_fn=lambda: os.nice(NICENESS))
             self.kinds.add(kind)
-        loading.controller.warm_up()
+        limit = loading.controller.parameters.time_limit
+        taken = loading.controller.warm_up(limit + self.slowest)
+        if taken > limit + self.slowest:
+            raise ParameterError(f'a tick takes {taken:.2g} s, and time_limit is {limit:g} s; '
+                                 'expected fewer samples or a shorter horizon')
 
 
 def kind_of(controller: RecedingHorizon) -> tuple[Any, ...]:
@@ -101,4 +109,5 @@ def kind_of(controller: RecedingHorizon) -> tuple[Any, ...]:
     switches = {name: value for name, value in vars(controller.solver_parameters).items()
                 if isinstance(value, (bool, str))}
     return (parameters.solver, *switches.items(), parameters.estimator, cost.angle_error,
+            parameters.shown_tries > 0,
             model.integrator, model.pendulum.kind)

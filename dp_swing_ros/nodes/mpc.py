@@ -7,6 +7,7 @@ Where states stop coming in real time, the last plan is followed for a while; th
 zero.
 """
 
+from collections.abc import Callable
 from functools import partial
 import gc
 from itertools import chain, islice
@@ -16,6 +17,8 @@ from typing import Any, NamedTuple
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.clock import JumpThreshold
+from rclpy.duration import Duration
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, String
 
@@ -27,14 +30,15 @@ from dp_swing_ros.messages.states import States
 from dp_swing_ros.nodes.cdr import to_trajectory
 from dp_swing_ros.nodes.connections import is_heard, owners, publish, sender_of, subscribe
 from dp_swing_ros.nodes.diagnostics import Diagnostics
-from dp_swing_ros.nodes.loading import Loader
+from dp_swing_ros.nodes.loading import Loader, SLOWEST
 from dp_swing_ros.nodes.messages import to_point_cloud, to_stamped_force
-from dp_swing_ros.nodes.process import ProcessNode, run
+from dp_swing_ros.nodes.process import failure, ProcessNode, run
 from dp_swing_ros.nodes.ros_parameters import announce, declare, given, let_change
 from dp_swing_ros.nodes.shadows import Shadows
 from dp_swing_ros.nodes.taking import take
 from dp_swing_ros.nodes.tick_figures import of_estimate, of_plan, of_trust, tip_paths
-from dp_swing_ros.nodes.timing import Clock, GoalWatch, Latency, Timing, Watchdog
+from dp_swing_ros.nodes.timing import (
+    Clock, GoalWatch, Latency, Measured, Setbacks, Timing, Watchdog)
 from dp_swing_ros.parameters import group
 from dp_swing_ros.pendulum.sensors import HANGING, SensorParameters, Standstill
 from dp_swing_ros.pendulum.state import Array, errors, is_upright
@@ -76,7 +80,7 @@ class MpcNode(ProcessNode):
     The node. It listens only once everything is compiled, and sends one force a state.
 
     In lockstep there is no latency to make up for and no deadline, so that the result does not
-    depend on the machine.
+    depend on the machine. What fails in a tick costs its force, which is zero then.
     """
 
     def __init__(self) -> None:
@@ -91,7 +95,7 @@ class MpcNode(ProcessNode):
         self.sensors = group(SensorParameters, values)
         self.standstill = Standstill() if self.sensors.zero == HANGING else None
         self.timing = Timing(self.parameters.clock)
-        self.values = values     # at the start
+        self.values = values     # that it runs with
         self.revision = 0        # how often the parameters have changed
         self.found: dict[str, Any] = {}   # instead of those that were given
         self.forces = publish(self, FORCE_COMMAND)
@@ -110,6 +114,11 @@ class MpcNode(ProcessNode):
         self.answered = Time()   # the stamp of the last state
         self.resets = self.shadowed_resets = 0
         self.configured = dict[str, int]()   # resets of the nodes that have announced themselves
+        self.plants = set[str]()      # the names of those that are plants of ours
+        self.setbacks = Setbacks()    # of simulated time
+        self.jumps = self.get_clock().create_jump_callback(
+            JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1)),
+            post_callback=lambda _: self.setbacks.times.append(time.perf_counter()))
         self.ends_by = math.inf   # [s] of time.monotonic(), from a signal on
         self.waiting: tuple[JointState, dict[str, int]] | None = None   # until they met
         self.met = False
@@ -136,12 +145,12 @@ class MpcNode(ProcessNode):
         self.controller = configuration.controller(self.values)   # compiles, at the first start
         self.tick_time = self.controller.warm_up()
         self.forget()
-        self.loader = Loader(self.controller, self.get_logger().error)
+        self.loader = Loader(self.controller)
         if self.controller.nominal.learned is not None:
             self.note_learned()
             announce(self, self.found, self.revision)
         self.shadows.configure(self.values, wait=True)
-        let_change(self, self.fields, self.values, self.on_change)
+        self.put_back = let_change(self, self.fields, self.values, self.on_change)
         taken = time.perf_counter() - began
         gc.collect()
         gc.freeze()   # else the collector looks through all modules in a first tick, for 25 ms
@@ -152,16 +161,27 @@ class MpcNode(ProcessNode):
 
     def on_change(self, values: dict[str, Any]) -> None:
         """Check other parameters, which count from a next tick on; raises ParameterError."""
-        self.loader.load(configuration.controller(values), values)
-        if self.timing.clock is Clock.LOCKSTEP:   # where time waits
+        waits = self.timing.clock is Clock.LOCKSTEP   # time
+        self.loader.slowest = math.inf if waits else SLOWEST
+        controller = self.made_aside(partial(configuration.controller, values), waits=waits)
+        self.loader.load(controller, values)
+        if waits:
             self.loader.wait()
 
     def reconfigure(self) -> None:
-        """Go on with other parameters, if such are ready."""
+        """Go on with other parameters, if such are ready, or put the last ones back."""
         loaded = self.loader.take()
         if loaded is None:
             return
+        if loaded.error:
+            text = f'the new parameters cannot be used: {loaded.error}; going on with the last'
+            self.get_logger().error(text)
+            self.diagnostics.publish(self.answered, DiagnosticStatus.ERROR, text, {},
+                                     part='parameters')
+            self.put_back(self.values)
+            return
         self.controller.reconfigure(loaded.controller)
+        self.values = loaded.values
         self.parameters = self.controller.parameters
         self.solver, self.u_max = self.parameters.solver, loaded.values['force_limit']
         self.shadows.configure(loaded.values)
@@ -184,6 +204,8 @@ class MpcNode(ProcessNode):
         except (TypeError, ValueError) as error:
             self.get_logger().warning(f'{error}; going on without it', throttle_duration_sec=10.0)
             return
+        if is_of_plant(configured):
+            self.plants.add(configured.node)
         before = self.configured.get(configured.node)
         self.configured[configured.node] = configured.resets
         # a plan from before leads from where the pendulum is no more; a plant that begins again
@@ -209,7 +231,7 @@ class MpcNode(ProcessNode):
     def on_state(self, message: JointState, info: dict[str, int]) -> None:
         """Answer a state; the first as soon as its clock is known and the force will be heard."""
         if self.met:
-            self.answer(message, info)
+            self.surely(partial(self.answer, message, info))
             return
         if self.waiting is None:
             self.met_by = time.monotonic() + MEETING
@@ -223,18 +245,33 @@ class MpcNode(ProcessNode):
                 self.can_answer() or time.monotonic() > self.met_by):
             self.destroy_timer(self.meeting)
             self.met = True
-            self.answer(*self.waiting)
+            self.surely(partial(self.answer, *self.waiting))
 
     def can_answer(self) -> bool:
-        """Return whether the clocks are known and, in lockstep, the forces are heard."""
+        """Return whether the clocks are known and a plant hears the forces."""
         if self.get_clock().now().nanoseconds == 0:   # a simulated one that was not heard yet
             return False
         announcers = owners(self, JOINT_STATES) & owners(self, CONFIGURATION)
         if self.timing.given is None and not announcers <= self.configured.keys():
             return False
         # a plant in lockstep would wait forever for a force that it did not hear
-        return self.timing.clock is not Clock.LOCKSTEP or is_heard(
-            self, self.forces, JOINT_STATES)
+        lockstep = self.timing.clock is Clock.LOCKSTEP
+        wanted = owners(self, JOINT_STATES) if lockstep else announcers & self.plants
+        return not (lockstep or wanted) or is_heard(self, self.forces, wanted)
+
+    def surely(self, tick: Callable[[], None]) -> None:
+        """Do a tick; where it fails without a force, that is zero, and the next is a first one."""
+        sent = self.sent
+        try:
+            tick()
+        except Exception as error:  # noqa: B902
+            self.on_failure(error)
+            if self.sent == sent:
+                self.command(0.0)
+                self.sent += 1
+                self.on_reset()
+            self.diagnostics.publish(self.answered, DiagnosticStatus.ERROR, failure(error), {},
+                                     part='failure')
 
     def answer(self, message: JointState, info: dict[str, int]) -> None:
         """Send a force for a state, and report how that came about."""
@@ -274,9 +311,16 @@ class MpcNode(ProcessNode):
         taken = (sent_at - began) * self.pace
         if real_time:
             self.watchdog.feed(period)
-        self.report(message.header.stamp, plan, complaint, measured.complaint, force, late,
+        self.report(message.header.stamp, plan, complaint, self.warning(measured), force, late,
                     real_time, Times(measured.t, measured.age, delay, measured.age + taken))
         self.latency.reports.append(time.perf_counter() - sent_at)
+
+    def warning(self, measured: Measured) -> str:
+        """Return what is wrong with the stamp of a state, or with the clock of this node."""
+        setbacks = self.setbacks.complaint(time.perf_counter())
+        if setbacks:
+            self.get_logger().warning(setbacks, throttle_duration_sec=5.0)
+        return '; '.join(filter(None, (measured.complaint, setbacks)))
 
     def found_zero(self, standstill: Standstill, t: float, message: JointState) -> bool:
         """Take a state measured at a time [s]; return whether it tells the sensors' zero."""
@@ -310,7 +354,7 @@ class MpcNode(ProcessNode):
 
     def on_silence(self) -> None:
         """Follow the last plan without a state that should have come, for a while."""
-        self.go_on(f'no state in {self.carried + 1} periods')
+        self.surely(partial(self.go_on, f'no state in {self.carried + 1} periods'))
 
     def go_on(self, complaint: str) -> None:
         """Send a force that answers no state."""

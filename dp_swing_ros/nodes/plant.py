@@ -16,19 +16,23 @@ from std_msgs.msg import Float64, String
 from dp_swing_ros import configuration
 from dp_swing_ros.messages.configuration import BEFORE
 from dp_swing_ros.nodes.connections import (
-    Audience, is_heard, listeners, LOOK_PERIOD, publish, subscribe)
+    Audience, is_heard, listeners, LOOK_PERIOD, owners, publish, subscribe)
 from dp_swing_ros.nodes.diagnostics import Diagnostics
 from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
 from dp_swing_ros.nodes.pace import Pace
 from dp_swing_ros.nodes.process import ProcessNode, run
 from dp_swing_ros.nodes.ros_parameters import announce, declare, given, let_change
+from dp_swing_ros.nodes.timing import Stopwatch
 from dp_swing_ros.pendulum.urdf import urdf
+from dp_swing_ros.simulation.plant import Plant
 from dp_swing_ros.topics import DISTURBANCE, FORCE_COMMAND, JOINT_STATES, ROBOT_DESCRIPTION
 
 REPORT_PERIOD = 1.0  # [s] between two diagnostics
 PATIENCE = 2.0       # [s] at most for subscriptions to be found before the first state
+LONGER = 2.0         # [s] more for a controller that is there, but does not listen yet
 NEWCOMER_PERIOD = 0.1  # [s] between two looks for a controller that joins a lockstep
 MEETING = 0.3        # [s] until it hears what is sent to it: discovery goes one way at a time
+COMPILING = 60.0     # [s] at most for another integrator, while the present one goes on
 CATCHING_UP = 3.0  # [s] at most for the others to hear all, at the end of a lockstep
 REAL_TIME = 'real time cannot be stopped; start the plant with lockstep:=true'
 
@@ -78,7 +82,7 @@ class PlantNode(ProcessNode):
 
     def prepare(self) -> None:
         """Compile the integrator, then look for those who are to hear the first state."""
-        configuration.plant(self.values).advance(self.period)
+        ready(self.values)
         let_change(self, self.fields, self.values, self.on_change)
         self.forces = subscribe(self, FORCE_COMMAND, self.on_force)
         lockstep = self.parameters.lockstep
@@ -97,7 +101,8 @@ class PlantNode(ProcessNode):
 
     def on_change(self, values: dict[str, Any]) -> None:
         """Go on with other parameters from now on; raises ParameterError."""
-        changed = configuration.plant(values)
+        changed = self.made_aside(
+            partial(ready, values), COMPILING, waits=self.parameters.lockstep)
         if not self.parameters.lockstep and self.begun:
             self.advance_to(self.elapsed())
         before = self.plant.physical, self.plant.limits
@@ -123,7 +128,7 @@ class PlantNode(ProcessNode):
 
     def start(self) -> None:
         """Let the plant's time begin now."""
-        self.began = self.newest = self.clock.now().nanoseconds
+        self.watch = Stopwatch(self.clock.now().nanoseconds)
         self.epoch = 0 if self.parameters.lockstep else self.get_clock().now().nanoseconds
         self.timed_out = False       # and warned
         self.reported = -math.inf
@@ -135,10 +140,12 @@ class PlantNode(ProcessNode):
         if not self.audience.complete() or self.clock.now().nanoseconds == 0:
             return   # a simulated clock is zero until its first message
         if not self.parameters.lockstep:
+            if not self.is_met() and time.monotonic() < self.audience.give_up + LONGER:
+                return
             self.start()
             self.ticks = self.create_timer(self.period, self.on_tick, clock=self.clock)
             self.hurry(self.forces, self.ticks)
-        elif is_heard(self, self.states, FORCE_COMMAND):
+        elif is_heard(self, self.states, owners(self, FORCE_COMMAND)):
             self.start()
             self.hurry(self.forces, self.unanswerable, self.pace.timer)
             self.joined = dict.fromkeys(listeners(self, self.states, FORCE_COMMAND), -math.inf)
@@ -147,6 +154,12 @@ class PlantNode(ProcessNode):
             return
         self.destroy_timer(self.search)
         self.publish_state()
+
+    def is_met(self) -> bool:
+        """Return whether every controller that is there hears the states, and is heard."""
+        controllers = owners(self, FORCE_COMMAND)
+        return not controllers or is_heard(self, self.states, controllers) and (
+            self.forces.get_publisher_count() >= len(controllers))
 
     def on_newcomers(self) -> None:
         """Send a state again that a controller joined after, or whose answer was overlooked."""
@@ -164,13 +177,14 @@ class PlantNode(ProcessNode):
         return self.period / self.parameters.pace if self.parameters.pace else 0.0
 
     def elapsed(self) -> float:
-        """Return the time since the start [s]; where the clock jumps back, it does not."""
-        now = self.clock.now().nanoseconds
-        if now < self.newest:
-            self.began += now - self.newest
-            self.epoch += now - self.newest
-        self.newest = now
-        return (now - self.began) / 1e9
+        """Return the time since the start [s], which goes on where it was if the clock jumps."""
+        before = self.watch.jumped
+        elapsed = self.watch.elapsed(self.clock.now().nanoseconds)
+        if self.watch.jumped != before:
+            self.get_logger().warning(
+                f'the clock jumped by {(self.watch.jumped - before) / 1e9:+.6g} s; the pendulum '
+                'goes on from where it was', throttle_duration_sec=5.0)
+        return elapsed
 
     def on_tick(self) -> None:
         """Publish the state of now; a tick that came late is not made up for."""
@@ -282,7 +296,7 @@ class PlantNode(ProcessNode):
 
     def stamp(self, t: float) -> Time:
         """Return a time of the plant [s] as a stamp."""
-        return to_stamp(self.epoch + round(t * 1e9))
+        return to_stamp(self.epoch + self.watch.jumped + round(t * 1e9))
 
     def report(self, push: float = 0.0) -> None:
         """Publish what the plant counts, and the push through the period that begins [N]."""
@@ -304,6 +318,12 @@ class PlantNode(ProcessNode):
         if self.refused + self.refused_pushes > self.reported_refusals:
             return DiagnosticStatus.WARN, 'refused a force or a disturbance'
         return DiagnosticStatus.OK, 'paused' if self.pace.paused else 'obeys the force'
+
+
+def ready(values: dict[str, Any]) -> Plant:
+    """Return a plant whose integrator is compiled; raises ParameterError."""
+    configuration.plant(values).advance(1 / values['rate'])
+    return configuration.plant(values)
 
 
 main = partial(run, PlantNode)

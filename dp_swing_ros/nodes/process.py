@@ -8,8 +8,10 @@ or finish a file. Here a signal only ends the loop; `close` then runs with every
 """
 
 from collections.abc import Callable, Iterator
+from concurrent import futures
 from contextlib import contextmanager
 import ctypes
+from functools import partial
 import os
 from pathlib import Path
 import re
@@ -20,7 +22,7 @@ import tempfile
 import threading
 import time
 import traceback
-from typing import Any
+from typing import Any, TypeVar
 
 import rclpy
 from rclpy._rclpy_pybind11 import RCLError
@@ -42,8 +44,11 @@ from dp_swing_ros.executables import on_signals_to_node
 from dp_swing_ros.nodes.fast_lane import FastLane
 from dp_swing_ros.nodes.ros_parameters import check_given, refuse_unknown
 from dp_swing_ros.nodes.taking import Executor
-from dp_swing_ros.parameters import ParameterError
+from dp_swing_ros.parameters import ParameterError, SHOWN
 
+CLOCK = '/clock'
+AWAY = 2.0   # [s] at most for what is made aside
+SWITCHING = 5e-4  # [s] after which a thread that makes something lets the ticks go on
 POLL = 0.05  # [s] a signal is seen after this time at the latest
 DELIVERY = 0.3  # [s] at most for the last messages to arrive
 TEARDOWN = 2  # [s] at most for the middleware's end
@@ -51,6 +56,8 @@ TEARDOWN = 2  # [s] at most for the middleware's end
 CLOCK_MONOTONIC, SIGEV_THREAD = 1, 2  # of Linux
 OK, FAILED, MISUSED = 0, 1, 2  # exit codes
 STEADY = Clock(clock_type=ClockType.STEADY_TIME)
+
+Made = TypeVar('Made')
 
 
 class ProcessNode(Node):
@@ -60,8 +67,8 @@ class ProcessNode(Node):
     linger: float = 0.0  # [s] callbacks go on for this time after the end
     delivery: float = DELIVERY     # [s] at most for its last messages, where it ends by itself
     thread_priority: int = 0       # once it is prepared: see SchedulingParameters
-    lane: FastLane | None = None   # for what comes often, if anything does
-    lasting: bool = False   # it goes on where a callback fails, with a line in the log
+    lane: FastLane | None = None   # for what must not wait, if anything does
+    aside: futures.Future[Any] | None = None   # what a thread makes
 
     def prepare(self) -> None:
         """Do long work before the first message; a signal interrupts it."""
@@ -79,9 +86,44 @@ class ProcessNode(Node):
         return self.get_clock() if self.get_parameter('use_sim_time').value else STEADY
 
     def hurry(self, subscription: Subscription, *others: Timer | GuardCondition) -> None:
-        """Take what comes often past the executor, but for simulated time, which only it hears."""
-        if self.pace_clock is STEADY:
-            self.lane = FastLane(self.context, subscription, *others)
+        """Take what must not wait past the executor, where it comes often or that is held up."""
+        clock = [each for each in self.subscriptions if each.topic_name == CLOCK]
+        self.lane = FastLane(self.context, subscription, *clock, *others)
+
+    def made_aside(self, make: Callable[[], Made], patience: float = AWAY,
+                   waits: bool = False) -> Made:
+        """
+        Return what is made in a thread while what must not wait is served, unless time `waits`.
+
+        Raises what `make` raises, or ParameterError where it takes longer than a time [s].
+        """
+        if self.aside is not None and not self.aside.done():
+            raise ParameterError('what was asked for before is still being made; try again later')
+        sys.setswitchinterval(SWITCHING)
+        made: futures.Future[Made] = futures.Future()
+        self.aside, end = made, time.monotonic() + patience
+        threading.Thread(target=_fulfil, args=(made, make), daemon=True).start()
+        while not made.done() and time.monotonic() < end:
+            if self.lane is None or waits:
+                futures.wait([made], patience)
+            else:
+                self.call_back(self.lane.serve_once)
+        if not made.done():
+            raise ParameterError(f'what was asked for is not there after {patience:g} s')
+        return made.result()
+
+    def call_back(self, spin: Callable[[], None]) -> None:
+        """Let callbacks come; one that fails, but for what the user can put right, ends nothing."""
+        try:
+            spin()
+        except UserError:
+            raise
+        except Exception as error:  # noqa: B902
+            self.on_failure(error)
+
+    def on_failure(self, error: Exception) -> None:
+        """Say that a callback failed, and go on."""
+        self.get_logger().error(f'{failure(error)}; going on', throttle_duration_sec=1.0)
 
     def every(self, period: float, callback: Callable[[], None]) -> Timer:
         """Call back once in a period [s] of the steady clock."""
@@ -90,16 +132,38 @@ class ProcessNode(Node):
     def serve(self, name: str, act: Callable[[], tuple[bool, str]]) -> None:
         """Offer a service that answers with success and message of what it does."""
         def answer(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-            response.success, response.message = act()
+            response.success, response.message = self.answer_of(act)
             return response
         self.create_service(Trigger, name, answer)
 
     def serve_switch(self, name: str, act: Callable[[bool], tuple[bool, str]]) -> None:
         """Offer a service that is asked for true or false, and answers as those of `serve`."""
         def answer(request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-            response.success, response.message = act(request.data)
+            response.success, response.message = self.answer_of(partial(act, request.data))
             return response
         self.create_service(SetBool, name, answer)
+
+    def answer_of(self, act: Callable[[], tuple[bool, str]]) -> tuple[bool, str]:
+        """Return success and message of what a service does, also where it fails."""
+        try:
+            return act()
+        except Exception as error:  # noqa: B902
+            self.on_failure(error)
+            return False, failure(error)
+
+
+def failure(error: Exception) -> str:
+    """Return in one line what failed, and where."""
+    place = traceback.extract_tb(error.__traceback__)[-1:]
+    where = ''.join(f' ({Path(each.filename).name}, line {each.lineno})' for each in place)
+    return f'{type(error).__name__}: {one_line(error)[:SHOWN]}{where}'
+
+
+def _fulfil(made: 'futures.Future[Made]', make: Callable[[], Made]) -> None:
+    try:
+        made.set_result(make())
+    except BaseException as error:  # noqa: B902
+        made.set_exception(error)
 
 
 class _Interrupt(BaseException):
@@ -162,7 +226,7 @@ def run(make_node: Callable[[], ProcessNode], args: list[str] | None = None) -> 
         text = re.sub(r', at /\S+:\d+', '', ' '.join(str(error).split()))
         print(f'{Path(args[0]).name}: error: {text}', file=sys.stderr)
         code = MISUSED
-    except Exception:
+    except BaseException:   # a library may even ask for the exit
         traceback.print_exc()
         code = FAILED
     sys.stdout.flush()
@@ -212,14 +276,10 @@ def _live(node: ProcessNode, signals: _Signals) -> None:
         with Executor() as executor:
             executor.add_node(node)
             while not is_over():
-                # in the gap between two messages that come often, whose next is not to wait
-                hurries = node.lane is not None and node.lane.is_busy
-                _call_back(node, executor, 0.0 if hurries else POLL)
-                if node.lane is not None:
-                    node.lane.serve(is_over)
+                node.call_back(partial(_spin, node, executor, is_over))
             end = time.monotonic() + node.linger
             while (rest := end - time.monotonic()) > 0:
-                _call_back(node, executor, rest)
+                node.call_back(partial(executor.spin_once, rest))
     finally:
         node.close()
         # A publisher takes messages with it that nobody has confirmed yet, as the last command.
@@ -228,15 +288,12 @@ def _live(node: ProcessNode, signals: _Signals) -> None:
             publisher.wait_for_all_acked(Duration(seconds=max(0.0, limit - time.monotonic())))
 
 
-def _call_back(node: ProcessNode, executor: Executor, patience: float) -> None:
-    """Call back once, after a time [s] at most."""
-    try:
-        executor.spin_once(timeout_sec=patience)
-    except Exception as error:  # noqa: B902
-        if not node.lasting:
-            raise
-        node.get_logger().error(f'{type(error).__name__}: {one_line(error)}; going on',
-                                throttle_duration_sec=1.0)
+def _spin(node: ProcessNode, executor: Executor, is_over: Callable[[], bool]) -> None:
+    # in the gap between two messages that come often, whose next is not to wait
+    hurries = node.lane is not None and node.lane.is_busy
+    executor.spin_once(timeout_sec=0.0 if hurries else POLL)
+    if node.lane is not None:
+        node.lane.serve(is_over)
 
 
 def _prioritise(priority: int) -> None:

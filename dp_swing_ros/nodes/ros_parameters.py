@@ -22,6 +22,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_msgs.msg import String
 
+from dp_swing_ros.errors import one_line
 from dp_swing_ros.messages.configuration import Configuration
 from dp_swing_ros.nodes.connections import publish
 from dp_swing_ros.nodes.parameters import shown
@@ -62,12 +63,13 @@ def declare(node: Node, fields: Mapping[str, dataclasses.Field],
 
 
 def let_change(node: Node, fields: Mapping[str, dataclasses.Field], values: Mapping[str, Any],
-               change: Callable[[dict[str, Any]], None]) -> None:
+               change: Callable[[dict[str, Any]], None]) -> Callable[[Mapping[str, Any]], None]:
     """
     Let parameters of a node change while it runs, all of one request or none.
 
-    `change` is given the values of all parameters as they are to be; where it raises
-    ParameterError, nothing changes, and whoever asked is told why.
+    `change` is given the values of all parameters as they are to be; where it raises anything,
+    nothing changes, and whoever asked is told why. Returns what puts back the values of before,
+    where a change turns out later not to work.
     """
     current = {name: _told(fields[name], value) for name, value in values.items()}
     stays = {name for name, field in fields.items() if not field.metadata['live']}
@@ -88,6 +90,12 @@ def let_change(node: Node, fields: Mapping[str, dataclasses.Field], values: Mapp
             raise _Refused(str(error)) from None
         return kept or found
 
+    def put_back(before: Mapping[str, Any]) -> None:
+        undone = {name: value for name, value in before.items() if value != current[name]}
+        current.update(undone)   # so that nothing is asked to change
+        node.set_parameters([Parameter(name, value=_listed(value))
+                             for name, value in undone.items()])
+
     def on_set(parameters: list[Parameter]) -> SetParametersResult:
         asked = {each.name: checked(fields[each.name], each.value, each.name)
                  for each in parameters if each.name in fields}
@@ -96,6 +104,9 @@ def let_change(node: Node, fields: Mapping[str, dataclasses.Field], values: Mapp
                 change({**current, **asked})
         except ParameterError as error:
             return SetParametersResult(successful=False, reason=str(error))
+        except BaseException as error:  # noqa: B902
+            return SetParametersResult(successful=False, reason=(
+                f'refused: {type(error).__name__}: {one_line(error)}'))
         for name, value in asked.items():
             if value != current[name]:
                 node.get_logger().info(f'{name} is {short(value)} now; it was '
@@ -105,6 +116,7 @@ def let_change(node: Node, fields: Mapping[str, dataclasses.Field], values: Mapp
 
     node.add_pre_set_parameters_callback(as_declared)
     node.add_on_set_parameters_callback(on_set)
+    return put_back
 
 
 def _told(field: dataclasses.Field, value: Any) -> Any:

@@ -3,6 +3,7 @@
 """The shadows of an mpc: other solvers that answer its ticks, and what they report."""
 
 from collections.abc import Mapping
+from threading import Thread
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -26,7 +27,7 @@ class Shadows:
         """Follow an mpc of these parameters; with `wait`, until all shadows are ready."""
         wanted = [solver for solver in values['shadow'] if solver]
         for solver in set(self.shadows) - set(wanted):
-            self.shadows.pop(solver).close()
+            Thread(target=self.shadows.pop(solver).close).start()   # which may wait for it
         for solver in wanted:
             if solver in self.shadows:
                 self.shadows[solver].change(dict(values))

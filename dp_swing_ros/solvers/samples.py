@@ -28,6 +28,7 @@ from dp_swing_ros.problem.problem import Problem, Rollout
 from dp_swing_ros.solvers.noise import fill, LANES, state_from
 
 F = np.float32
+MEMORY = 1 << 30   # [bytes] of all samples at most
 
 
 @dataclass(frozen=True)
@@ -227,7 +228,12 @@ def samples_of(problem: Problem, parameters: SamplingParameters, solver: str) ->
 
     Raises ParameterError where that is none of this machine, or torch is missing.
     """
-    name = f'{solver}.device'
+    name, size = f'{solver}.device', 4 * parameters.samples * problem.horizon
+    if size > MEMORY:
+        raise ParameterError(
+            f'parameter {solver}.samples is {parameters.samples}, which over a horizon of '
+            f'{problem.horizon} steps take {size / 1e9:.2g} GB; expected {MEMORY / 1e9:.2g} GB '
+            'at most')
     given = problem, parameters.sigma, parameters.noise_correlation
     if parameters.device == 'cpu':
         return Samples(*given, parameters.threads)

@@ -4,7 +4,9 @@
 
 from functools import partial
 import math
+import os
 from pathlib import Path
+import signal
 import subprocess
 
 from builtin_interfaces.msg import Time
@@ -24,7 +26,7 @@ from dp_swing_ros.messages.fields import from_diagnostics, from_trajectory, to_s
 from dp_swing_ros.pendulum.sensors import SensorParameters
 from dp_swing_ros.pendulum.state import angles, errors
 from dp_swing_ros.tools import verify
-from dp_swing_ros.topics import CONFIGURATION, DIAGNOSTICS, JOINT_STATES
+from dp_swing_ros.topics import CONFIGURATION, DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES
 
 CHECKOUT = Path(__file__).parents[2]
 
@@ -84,6 +86,31 @@ def test_changes_that_are_refused_say_why_and_change_nothing(peer, start_node):
         talk.send(LEANING + 1e-3 * talk.n)
         assert talk.report().values['revision'] == 0
     assert {name: value(peer, name) for name in names} == before
+
+
+def test_no_parameter_ends_or_holds_up_what_drives(peer, start_node, tmp_path):
+    """Files that never end, pipes, what no parser or memory holds, values of another kind."""
+    os.mkfifo(tmp_path / 'pipe')
+    states, forces = peer.record(JOINT_STATES), peer.record(FORCE_COMMAND)
+    mpc = start_node('mpc')
+    mpc.wait_for('ready')
+    start_node('plant')
+    assert peer.until(lambda: len(forces) > 3)
+    big = {'mppi.samples': 1_000_000, 'horizon': 1000}
+    for wrong, words in (
+            ({'model': '/dev/zero'}, 'no regular file'),
+            ({'model': str(tmp_path / 'pipe')}, 'no regular file'),
+            ({'model': '{"a":' + '[' * 25_000}, 'nests deeper'),
+            ({'state_weights': 5}, 'type'), ({'solver': 'mppi', **big}, 'GB')):
+        learned = {'dynamics': 'learned'} if 'model' in wrong else {}
+        why = put(peer, **wrong, **learned)
+        assert words in why and '\n' not in why
+        before = len(forces)
+        assert peer.until(lambda: len(forces) > before + 2)
+    assert len(forces) > 0.8 * len(states)
+    mpc.signal(signal.SIGINT)
+    assert mpc.wait() == 0 and 'Traceback' not in mpc.output()
+    assert peer.until(lambda: forces[-1].data == 0.0)
 
 
 def test_a_whole_number_will_do_for_a_number(peer, start_node):

@@ -20,7 +20,8 @@ from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
 from dp_swing_ros.pendulum.model import rollout
 from dp_swing_ros.pendulum.state import hanging, joints, upright
 from dp_swing_ros.solvers import SOLVERS
-from dp_swing_ros.topics import DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES, PLAN
+from dp_swing_ros.topics import (
+    DIAGNOSTICS, FORCE_COMMAND, FORCE_COMMAND_STAMPED, JOINT_STATES, PLAN)
 
 LEANING = np.array([0.1, 0.02, -0.01, 0.0, 0.05, 0.0])
 
@@ -363,3 +364,26 @@ def test_a_signal_while_it_compiles_ends_it(start_node, tmp_path):
     node = start_node('mpc', environment={'XDG_CACHE_HOME': str(tmp_path)})
     node.wait_for('preparing the solver')
     assert node.stop(timeout=60) == 0
+
+
+def test_the_first_force_answers_the_first_state(peer, start_node):
+    """A start is over when each hears the other."""
+    states, forces = peer.record(JOINT_STATES), peer.record(FORCE_COMMAND_STAMPED)
+    start_node('mpc').wait_for('ready')
+    plant = start_node('plant', {'duration': 1.0})
+    assert plant.wait() == 0
+    assert peer.until(lambda: len(states) >= 20 and len(forces) >= 20)
+    assert forces[0].header.stamp == states[0].header.stamp
+    assert 'no force' not in plant.output()
+
+
+def test_a_clock_that_jumps_to_and_fro_is_told_of(peer, start_node):
+    talk = Conversation(peer, start_node, {'use_sim_time': True})
+    clock = peer.node.create_publisher(Clock, '/clock', 10)
+    assert peer.until(lambda: clock.get_subscription_count() > 0)
+    for n in range(8):
+        clock.publish(Clock(clock=to_stamp(10 ** 9 * (20 + n - 10 * (n % 2)))))
+        peer.spin(0.1)
+    talk.send(LEANING)
+    assert 'the clock jumped back' in talk.report().message
+    talk.node.wait_for('expected a single publisher of /clock')

@@ -117,6 +117,25 @@ def test_a_reset_goes_back_to_the_start(peer, start_node):
     assert min(np.abs(x - [0.5, 1.0, 0, 0, 0, 0]).max() for x in returned) < 1e-9
 
 
+def test_a_simulated_clock_that_jumps_ahead_is_told_of_and_nothing_else(peer, start_node):
+    """Not followed for an hour of integration, nor for as long as since 1970."""
+    states = peer.record(JOINT_STATES)
+    node = start_node('plant', {'use_sim_time': True, 'start': 'down_up'})
+    node.wait_for('as /clock goes')
+    clock, now = peer.node.create_publisher(Clock, '/clock', 10), 1.0
+    for jump in (0.0, 1e6, 1.7e9):
+        now += jump
+        before = len(states)
+        for _ in range(200):
+            now += 0.01
+            clock.publish(Clock(clock=to_stamp(round(now * 1e9))))
+            peer.spin(0.01)
+        assert peer.until(lambda: len(states) > before + 5), node.output()
+        assert seconds(states[-1].header.stamp) == pytest.approx(now, abs=1.0)
+    node.wait_for('the clock jumped by +1e+06 s; the pendulum goes on from where it was')
+    assert node.stop() == 0
+
+
 def test_a_force_from_before_a_reset_is_not_obeyed_in_lockstep(peer, start_node):
     states = peer.record(JOINT_STATES)
     start_node('plant', {'lockstep': True}).wait_for('waiting for a controller')

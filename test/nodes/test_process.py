@@ -44,7 +44,6 @@ class ExampleNode(ProcessNode):
     def __init__(self):
         super().__init__('example')
         self.mode = declare(self, named(Example))['mode']
-        self.lasting = self.mode == 'lasting'
         self.create_timer(0.01, self.tick)
         self.ticks = 0
 
@@ -52,6 +51,8 @@ class ExampleNode(ProcessNode):
         print('prepare', flush=True)
         if self.mode == 'prepare':
             time.sleep(60)
+        if self.mode == 'bug':
+            raise RuntimeError('oops')
         if self.mode == 'destructor':
             Dying()
             time.sleep(60)
@@ -59,14 +60,26 @@ class ExampleNode(ProcessNode):
 
     def tick(self):
         self.ticks += 1
-        self.done = self.mode == 'done'
+        self.done = self.mode in ('aside', 'done') or (
+            self.mode == 'goes on' and self.ticks > 3)
+        if self.mode == 'exit':
+            sys.exit(0)
+        if self.mode == 'aside' and self.ticks == 1:
+            self.try_aside()
         if self.mode == 'user':
             raise UserError('the disk\\nis full')
-        if self.mode in ('bug', 'lasting'):
-            self.done = self.ticks > 5
+        if self.mode == 'goes on':
             raise RuntimeError('oops')
         if self.mode == 'busy':
             time.sleep(0.3)
+
+    def try_aside(self):
+        print(self.made_aside(lambda: 'made'))
+        for make in (lambda: 1 / 0, lambda: sys.exit(3), lambda: time.sleep(60), lambda: 1):
+            try:
+                self.made_aside(make, 0.2)
+            except BaseException as error:
+                print(f'{type(error).__name__}: {error}', flush=True)
 
     def close(self):
         if self.mode == 'slow':
@@ -159,15 +172,31 @@ def test_user_error_is_one_line(start):
 
 def test_bug_is_a_traceback(start):
     code, out, errors = end(start(*mode('bug')))
-    assert (code, out) == (1, 'prepare\nready\nclosed\n')
+    assert (code, out) == (1, 'prepare\nclosed\n')
     assert errors.startswith('Traceback') and errors.endswith('RuntimeError: oops\n')
 
 
-def test_a_node_that_lasts_goes_on_with_a_line_where_a_callback_fails(start):
-    code, out, errors = end(start(*mode('lasting')))
+def test_a_library_that_asks_for_the_exit_ends_it_in_order(start):
+    code, out, errors = end(start(*mode('exit')))
+    assert (code, out) == (1, 'prepare\nready\nclosed\n')
+    assert errors.endswith('SystemExit: 0\n')
+
+
+def test_a_node_goes_on_where_a_callback_fails_and_says_in_one_line_what_failed(start):
+    code, out, errors = end(start(*mode("'goes on'")))
     assert (code, out) == (0, 'prepare\nready\nclosed\n')
-    assert 'RuntimeError: oops; going on' in errors
-    assert 'Traceback' not in errors
+    line, = errors.splitlines()   # in a second
+    assert 'RuntimeError: oops (example, line' in line and line.endswith('; going on')
+
+
+def test_what_is_made_aside_ends_or_holds_up_nothing(start):
+    code, out, errors = end(start(*mode('aside')))
+    assert (code, errors) == (0, '')
+    assert out.splitlines()[2:] == [
+        'made', 'ZeroDivisionError: division by zero', 'SystemExit: 3',
+        'ParameterError: what was asked for is not there after 0.2 s',
+        'ParameterError: what was asked for before is still being made; try again later',
+        'closed']
 
 
 @pytest.mark.parametrize('arguments, text', [

@@ -349,3 +349,29 @@ def test_table():
         '| `mppi.kind` | `rk4` |  | one of rk4, euler | the kind |',
         '| `mppi.fast` | `false` |  |  | in a hurry |',
         '| `mppi.fixed` | `3` |  |  | a number of links; stays |']
+        '| `mppi.fast` | `false` |  |  | in a hurry |']
+
+
+def test_whatever_a_change_raises_refuses_it_and_what_fails_later_is_put_back(make_node):
+    node, fields, asked = make_node(), named(Example), []
+    before = declare(node, fields, live=True)
+
+    def change(values):
+        asked.append(values)
+        if values['samples'] > 5:
+            raise (RecursionError, MemoryError, SystemExit)[values['samples'] - 6]('too much')
+    put_back = let_change(node, fields, before, change)
+    for samples, name in ((6, 'RecursionError'), (7, 'MemoryError'), (8, 'SystemExit')):
+        result, = node.set_parameters([Parameter('samples', value=samples)])
+        assert (result.successful, result.reason) == (False, f'refused: {name}: too much')
+    result, = node.set_parameters([Parameter('weights', value=3)])   # and no list
+    assert not result.successful
+    result = node.set_parameters_atomically(
+        [Parameter('samples', value=4), Parameter('rate', value=5.0)])
+    assert result.successful and asked[-1]['rate'] == 5.0
+    count = len(asked)
+    put_back(before)
+    assert [node.get_parameter(name).value for name in ('samples', 'rate')] == [5, 20.0]
+    assert len(asked) == count
+    assert node.set_parameters([Parameter('samples', value=4)])[0].successful
+    assert asked[-1] == {**before, 'samples': 4}

@@ -1,0 +1,54 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What cannot be loaded is told, whatever is wrong with it, and the next one is loaded."""
+
+import math
+
+import pytest
+
+from dp_swing_ros import configuration
+from dp_swing_ros.control.receding_horizon import RecedingHorizon
+from dp_swing_ros.nodes.loading import Loaded, Loader
+from dp_swing_ros.parameters import ParameterError
+
+SLOW = -math.inf   # of which every tick is late
+
+
+class Broken(RecedingHorizon):
+    """One whose library asks for the exit."""
+
+    def warm_up(self, most=math.inf):
+        """Ask for it."""
+        raise SystemExit('no license')
+
+
+def load(loader, controller):
+    """Load a controller; return what is taken."""
+    loader.load(controller, {})
+    if loader.thread is not None:
+        loader.thread.join()
+    return loader.take()
+
+
+def test_what_cannot_be_loaded_is_told_and_the_next_is_loaded():
+    good = configuration.controller({})
+    broken = Broken(good.nominal, good.parameters, good.solver_parameters)
+    loader = Loader(good, math.inf)   # however busy the machine is
+    assert load(loader, broken) == Loaded(broken, {}, 'no license')
+    assert load(loader, good) == Loaded(good, {}, '')
+    loader.load(broken, {})
+    with pytest.raises(ParameterError, match='no license'):
+        loader.wait()
+
+
+def test_one_whose_ticks_would_be_late_whatever_the_deadline_is_refused():
+    good = configuration.controller({})
+    assert 'time_limit is 0.04 s; expected fewer' in load(Loader(good, SLOW), good).error
+
+
+@pytest.mark.parametrize('solver', ['mppi', 'sampled_ilqr'])
+def test_samples_beyond_the_memory_are_refused(solver):
+    with pytest.raises(ParameterError, match=f'{solver}.samples is 1000000, which over a horizon '
+                                             'of 1000 steps take 4 GB; expected 1.1 GB at most'):
+        configuration.controller({'solver': solver, f'{solver}.samples': 1_000_000,
+                                  'horizon': 1000})
