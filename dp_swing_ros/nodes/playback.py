@@ -3,7 +3,7 @@
 """What of a bag is played, and when; needs no ROS."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from typing import NamedTuple
 
 from dp_swing_ros.bags.mcap_reader import Entry
@@ -22,14 +22,14 @@ class Scheduled(NamedTuple):
     entry: Entry
 
 
-def excerpt(bag: Bag, p: ReplayParameters) -> list[Scheduled]:
+def excerpt(bag: Bag, p: ReplayParameters, own: Set[str] = frozenset()) -> list[Scheduled]:
     """
     Return the messages of a bag that are to be played, as they were sent or as they were received.
 
     A logger that was kept waiting receives what was sent over a while all at once, so the time of
     sending is the closer to what the nodes saw; it is of each sender's own clock, though. What
-    was sent before the recording began is played at its beginning. Raises BagError if there is no
-    such topic, or nothing to play.
+    was sent before the recording began is played at its beginning. Topics that replay makes of its
+    own are left out. Raises BagError if there is no such topic, or nothing to play.
     """
     if not bag.entries:
         raise BagError(f'{bag} holds no message; record a run with the logger')
@@ -51,7 +51,8 @@ def excerpt(bag: Bag, p: ReplayParameters) -> list[Scheduled]:
     begin = first + round(p.start_offset * BILLION)
     end = begin + round(p.playback_duration * BILLION) if p.playback_duration > 0 else last
     found = [message for message in messages
-             if begin <= message.time <= end and (not names or message.entry.topic in names)]
+             if begin <= message.time <= end and message.entry.topic not in own
+             and (not names or message.entry.topic in names)]
     if not found:
         raise BagError(f'{bag} lasts {(last - first) / BILLION:.3f} s and has '
                        f'nothing to play from {p.start_offset:g} s on; '

@@ -20,7 +20,7 @@ from dp_swing_ros.nodes.connections import (
 from dp_swing_ros.nodes.messages import to_stamp
 from dp_swing_ros.nodes.parameters import named, ReplayParameters
 from dp_swing_ros.nodes.playback import excerpt, LATE, Playback, Scheduled
-from dp_swing_ros.nodes.process import ProcessNode, run, STEADY
+from dp_swing_ros.nodes.process import CLOCK, ProcessNode, run, STEADY
 from dp_swing_ros.nodes.ros_parameters import declare
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.topics import FORCE_COMMAND, JOINT_STATES, Topic
@@ -48,7 +48,11 @@ class ReplayNode(ProcessNode):
         """Read the bag and offer what it holds; then look for subscribers."""
         p = self.parameters
         bag = Bag(Path(p.bag).expanduser(), p.partial)
-        messages = excerpt(bag, p)
+        own = {CLOCK} & set(bag.topics) if p.clock > 0 else set[str]()
+        messages = excerpt(bag, p, own)
+        if own:
+            self.get_logger().warning(f'{CLOCK} of the bag is left out: by the parameter clock '
+                                      'there is another; expected a clock of 0 to play it')
         span = messages[-1].time - messages[0].time
         if p.loop and span == 0:
             raise BagError(f'{bag} has messages of one moment alone to play; a loop needs two')
@@ -72,7 +76,7 @@ class ReplayNode(ProcessNode):
         """Offer the services and the clock, and look for subscribers."""
         self.timer = self.create_timer(1.0, self.on_due, clock=STEADY, autostart=False)
         if self.parameters.clock > 0:
-            self.clocks = self.create_publisher(ClockMessage, '/clock', 10)
+            self.clocks = self.create_publisher(ClockMessage, CLOCK, 10)
             self.every(1 / self.parameters.clock, lambda: self.publish_time(
                 self.playback.at(time.monotonic_ns())))
         self.serve('replay/pause', lambda: self.set_paused(True))

@@ -42,6 +42,12 @@ def test_part_of_a_bag(bag, selection, expected):
     assert numbers(schedule(bag, **selection)) == expected
 
 
+def test_topics_that_replay_makes_itself_are_left_out(bag):
+    assert numbers(excerpt(bag, ReplayParameters(), {'/a'})) == [1, 3]
+    with pytest.raises(BagError, match='nothing to play'):
+        excerpt(bag, ReplayParameters(topics=['/a']), {'/a'})
+
+
 @pytest.mark.parametrize('selection, reason', [
     ({'topics': ['/a', '/c', 'd']}, 'nothing on /c, /d; it holds messages of /a, /b'),
     ({'start_offset': 1.1}, 'lasts 1.000 s and has nothing to play from 1.1 s on'),

@@ -169,6 +169,19 @@ def test_clock_tells_the_time_of_every_message(peer, replay, tmp_path):
     assert len(set(times)) > 20
 
 
+def test_the_clock_of_a_bag_gives_way_to_that_of_replay(peer, replay, tmp_path):
+    times = []
+    peer.node.create_subscription(
+        Clock, '/clock', lambda message: times.append(nanoseconds(message.clock)), 100)
+    hear(peer, '/a')
+    node = replay(write_bag(tmp_path / 'bag', [*MESSAGES, *(
+        (n / 10, '/clock', n) for n in range(7))]), clock=50.0)
+    assert node.wait() == 0
+    peer.spin(0.2)
+    assert times == sorted(times) and times[0] >= START
+    assert '/clock of the bag is left out' in node.output()
+
+
 def test_late_subscriber_gets_what_was_latched(peer, replay, tmp_path):
     messages = [(0.0, '/latched', 5), (0.1, '/latched', 6), (30.0, '/latched', 7)]
     node = replay(write_bag(tmp_path / 'bag', messages, LATCHED), wait=0.0)
