@@ -113,7 +113,7 @@ class ProcessNode(Node):
         return made.result()
 
     def call_back(self, spin: Callable[[], None]) -> None:
-        """Let callbacks come; one that fails, but for what the user can put right, ends nothing."""
+        """Let callbacks come; one that fails ends nothing, but for what the user can put right."""
         try:
             spin()
         except UserError:

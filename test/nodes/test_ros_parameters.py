@@ -349,7 +349,6 @@ def test_table():
         '| `mppi.kind` | `rk4` |  | one of rk4, euler | the kind |',
         '| `mppi.fast` | `false` |  |  | in a hurry |',
         '| `mppi.fixed` | `3` |  |  | a number of links; stays |']
-        '| `mppi.fast` | `false` |  |  | in a hurry |']
 
 
 def test_whatever_a_change_raises_refuses_it_and_what_fails_later_is_put_back(make_node):
