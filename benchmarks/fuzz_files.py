@@ -133,11 +133,15 @@ def tool_on(tool: str, damage: str, seed: int) -> Step:
 
 def recorded(folder: Path) -> Path:
     """Return a sound bag, which is recorded at first."""
-    bag = folder / 'sound' / 'bag'
-    if not bag.exists():
-        subprocess.run(['ros2', 'run', 'dp_swing_ros', 'demo', '--lockstep', '--no-figures',
-                        '--duration', '3', '--output', bag.parent], capture_output=True)
-    return bag
+    made = folder / 'sound'
+    while not made.exists():
+        trial = folder / f'trial_{time.monotonic_ns()}'
+        done = subprocess.run(
+            ['ros2', 'run', 'dp_swing_ros', 'demo', '--lockstep', '--no-figures', '--duration',
+             '3', '--output', trial], capture_output=True)
+        if done.returncode in (0, 1):   # on a busy machine nodes may not come up in time
+            trial.rename(made)
+    return made / 'bag'
 
 
 def start(node: str, content: bytes | str, *parameters: str) -> Step:
