@@ -262,8 +262,12 @@ def shown() -> Entry:
                                   for n in range(20)) + ']><robot>&e20;</robot>')]
     made = {'mpc/plan': plans, 'mpc/tries': clouds, '/diagnostics': statuses,
             'robot_description': descriptions}
-    known = [[step(f'{topic} number {n}', send, topic, current(message)
-                   if hasattr(message, 'header') else message)
+
+    def show(target: Any, topic: str, message: Any) -> None:
+        target.page_sends(['{"do": "history"}'])   # frames are made where a page is open
+        send(target, topic, message, 5, 40.0)
+    known = [[step(f'{topic} number {n}', show, topic, current(message)
+                   if hasattr(message, 'header') and topic != '/diagnostics' else message)
               for n, message in enumerate(messages)] for topic, messages in made.items()]
 
     def draw(rng: Rng) -> list[Step]:
@@ -272,8 +276,8 @@ def shown() -> Entry:
             point_step=int(rng.integers(30)), data=rng.bytes(int(rng.integers(5000))))
         plan = JointTrajectory(points=[point(*map(float, rng.choice(FLOATS, rng.integers(5))))
                                        for _ in range(int(rng.integers(5)))])
-        return [step('a cloud', send, 'mpc/tries', current(cloud), 5),
-                step('a plan', send, 'mpc/plan', current(plan), 5)]
+        return [step('a cloud', show, 'mpc/tries', current(cloud)),
+                step('a plan', show, 'mpc/plan', current(plan))]
     return Entry(known, draw)
 
 
