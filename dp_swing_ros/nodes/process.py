@@ -273,7 +273,7 @@ def _live(node: ProcessNode, signals: _Signals) -> None:
             refuse_unknown(node, of_topics=True)   # which have all been made
             if node.thread_priority:
                 _prioritise(node.thread_priority)
-        with Executor() as executor:
+        with (executor := Executor()):   # whose own `with` tells another type
             executor.add_node(node)
             while not is_over():
                 node.call_back(partial(_spin, node, executor, is_over))

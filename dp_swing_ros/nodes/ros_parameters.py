@@ -88,6 +88,8 @@ def let_change(node: Node, fields: Mapping[str, dataclasses.Field], values: Mapp
                                      'is changed. Leave them out, or start the node anew')
         except ParameterError as error:
             raise _Refused(str(error)) from None
+        except Exception as error:  # noqa: B902
+            raise _Refused(f'refused: {type(error).__name__}: {one_line(error)}') from None
         return kept or found
 
     def put_back(before: Mapping[str, Any]) -> None:
