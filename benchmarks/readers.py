@@ -22,7 +22,7 @@ Verdicts = dict[str, bool]      # by reader: it reads the bag, and finds the sam
 def read(bag: Path) -> tuple[Numbers, Verdicts]:
     """Return the numbers in a bag of one file, and which other readers get them, too."""
     numbers: Numbers = {}
-    content = Bag(bag)
+    content = Bag(bag, topics=[''])
     for entry in content.entries:
         numbers.setdefault(entry.topic, []).append(round(content.decoded(entry).data))
     readers = {'rosbags': agrees(rosbags_numbers, bag, numbers),

@@ -5,6 +5,8 @@
 from importlib import import_module
 import multiprocessing
 import os
+from pathlib import Path
+import re
 import resource
 import sys
 
@@ -18,10 +20,14 @@ FORKS.set_forkserver_preload([f'dp_swing_ros.{module}' for module in (
     'tools.recover', 'tools.verify', 'nodes.replay')])
 
 
-def called(module, arguments, folder):
-    """Call the main function of a module within the limits; return code and what it printed."""
+def called(module, arguments, folder, room=None):
+    """
+    Call the main function of a module within the limits; return code and what it printed.
+
+    With room [bytes], it may take no more than this beside what it has; maps of files are free.
+    """
     output = folder / 'output.txt'
-    process = FORKS.Process(target=call, args=(module, arguments, folder, output))
+    process = FORKS.Process(target=call, args=(module, arguments, folder, output, room))
     process.start()
     process.join(PATIENCE)
     process.kill()
@@ -31,12 +37,16 @@ def called(module, arguments, folder):
     return process.exitcode, shown
 
 
-def call(module, arguments, folder, output):
+def call(module, arguments, folder, output, room):
     """Limit this process, and call the main function in it."""
     os.chdir(folder)
     with output.open('wb') as file:
         for stream in (sys.stdout, sys.stderr):
             os.dup2(file.fileno(), stream.fileno())
     resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS))
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    if room is None:
+        resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    else:
+        has = re.search(r'VmData:\s+(\d+) kB', Path('/proc/self/status').read_text())
+        resource.setrlimit(resource.RLIMIT_DATA, (1024 * int(has[1]) + room,) * 2)
     sys.exit(import_module(f'dp_swing_ros.{module}').main(arguments))

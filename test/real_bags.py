@@ -51,7 +51,7 @@ def rewritten(bag, folder, topic, change, more=None):
         if entry.topic != f'/{topic.name.lstrip("/")}':
             return [entry]
         message = change(deserialize_message(entry.data, message_class(topic.type)))
-        return [] if message is None else [entry._replace(data=serialize_message(message))]
+        return [] if message is None else [entry._replace(stored=serialize_message(message))]
     return again(bag, folder, changed, [(name, data, last.received, last.sent)
                                         for name, data in more.items()])
 

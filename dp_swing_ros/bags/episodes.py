@@ -27,6 +27,9 @@ from dp_swing_ros.simulation.episode import Episode, Ticks
 from dp_swing_ros.topics import (
     CONFIGURATION, DIAGNOSTICS, DISTURBANCE, JOINT_STATES, ROBOT_DESCRIPTION)
 
+LARGEST = 1e100   # [m, rad, m/s, rad/s] of a run; what has diverged further cannot be drawn
+LONGEST = 1e6     # [s] of a run
+
 
 class Sample(NamedTuple):
     """A state as it was published."""
@@ -57,6 +60,7 @@ def episode_of(bag: Bag) -> Episode:
     if physical.links != links_of_state(samples[0].x):
         raise BagError(f'{bag} has states of {links_of_state(samples[0].x)} links, but a robot '
                        f'description of {physical.links}; record a run with the logger')
+    check_run(bag, samples)
     return Episode(
         t=np.array([sample.stamp - start for sample in samples]) / BILLION,
         X=np.array([sample.x for sample in samples]),
@@ -65,6 +69,16 @@ def episode_of(bag: Bag) -> Episode:
         solver=str(reports[-1].values.get('solver', '')) if reports else '',
         physical=physical, limits=limits, incomplete=bag.incomplete,
         goal=goal_of(bag, physical.links))
+
+
+def check_run(bag: Bag, samples: list[Sample]) -> None:
+    """Raise BagError where times or states are those of no run, so that none can be repeated."""
+    duration = (samples[-1].stamp - samples[0].stamp) / BILLION
+    largest = max(float(np.max(np.abs(each.x), initial=0.0, where=np.isfinite(each.x)))
+                  for each in samples)
+    if duration > LONGEST or largest > LARGEST:
+        raise BagError(f'{bag} has states over {duration:.3g} s of up to {largest:.3g}; expected '
+                       f'a run of at most {LONGEST:g} s and {LARGEST:g} m, rad, m/s or rad/s')
 
 
 def samples_of(bag: Bag, as_sent: bool = False) -> list[Sample]:

@@ -9,10 +9,12 @@ from typing import Any, NamedTuple
 
 import yaml
 
+from dp_swing_ros.errors import BagError
 from dp_swing_ros.parameters.files import parse_file
 
 METADATA = 'metadata.yaml'
 VERSION = 9
+AS_IT_IS = 'surrogateescape'  # how a definition that is no text is kept as one
 RECOVERED = 'recovered_of'  # in custom_data: of how many messages a bag is what was left
 
 
@@ -24,6 +26,8 @@ class Recorded(NamedTuple):
     definition: str  # of the type and all that it is made of
     type_hash: str
     qos: list[dict[str, Any]]  # one profile per publisher, in rosbag2's words
+    encoding: str = 'cdr'                 # of the messages
+    definition_encoding: str = 'ros2msg'  # nothing where there is no definition, nor a type
 
 
 class Contents(NamedTuple):
@@ -58,7 +62,7 @@ def metadata(topics: Iterable[Recorded], files: Sequence[Contents],
         **_extent(first, last, sum(file.messages for file in files)),
         'topics_with_message_count': [
             {'topic_metadata': {'name': topic.name, 'type': topic.type,
-                                'serialization_format': 'cdr',
+                                'serialization_format': topic.encoding,
                                 'offered_qos_profiles': topic.qos,
                                 'type_description_hash': topic.type_hash},
              'message_count': sum(file.counts.get(topic.name, 0) for file in files)}
@@ -93,6 +97,7 @@ class Described(NamedTuple):
     messages: int | None = None     # None where it does not say
     files: Sequence[str] = ()       # of the folder; none of a file
     custom: Mapping[str, str] = MappingProxyType({})
+    compressed: bool = False        # each message by itself, with zstd
     malformed: bool = False         # it is there, but not what rosbag2 writes
 
     def recorded(self, count: int, damaged: bool) -> str:
@@ -111,7 +116,11 @@ class Described(NamedTuple):
 
 
 def described(path: Path) -> Described:
-    """Return what metadata.yaml says of a bag's folder, or of its file; nothing without one."""
+    """
+    Return what metadata.yaml says of a bag's folder, or of its file; nothing without one.
+
+    Raises BagError for messages that are compressed with anything but zstd.
+    """
     file = (path if path.is_dir() else path.parent) / METADATA
     if not file.is_file():
         return Described()
@@ -121,8 +130,13 @@ def described(path: Path) -> Described:
         names = [str(name) for name in about['relative_file_paths']]
         custom = about.get('custom_data') or {}
         count = (about if path.is_dir() else files.get(path.name, {})).get('message_count')
+        mode, form = (str(about.get(f'compression_{each}') or '') for each in ('mode', 'format'))
+        compressed = mode.upper() == 'MESSAGE'
+        if compressed and form != 'zstd':
+            raise BagError(f'the messages of {str(path)!r} are compressed with {form[:40]!r}; '
+                           'expected zstd: `ros2 bag convert` makes a bag without compression')
         return Described(None if count is None else int(count), names if path.is_dir() else (),
-                         {str(key): str(value) for key, value in custom.items()})
+                         {str(key): str(value) for key, value in custom.items()}, compressed)
     except (AttributeError, KeyError, OSError, TypeError, ValueError):
         return Described(malformed=True)
 

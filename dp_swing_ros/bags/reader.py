@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reads the messages of a bag, topic by topic; needs no ROS."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 import re
 import shlex
@@ -10,13 +10,16 @@ from typing import Any, Callable, TypeVar
 
 from mcap.writer import MCAP0_MAGIC as MAGIC
 
-from dp_swing_ros.bags.mcap_reader import ChannelInfo, contents, DamagedFile, Entry, read
+from dp_swing_ros.bags.mcap_reader import (
+    ChannelInfo, compressed_file, contents, DamagedFile, Data, Entry, read, UnreadableType,
+    Wanted)
 from dp_swing_ros.bags.metadata import described, incomplete
 from dp_swing_ros.errors import BagError, one_line
-from dp_swing_ros.topics import JOINT_STATES, Topic
+from dp_swing_ros.topics import JOINT_STATES, Topic, TOPICS
 
 R = TypeVar('R')
 SQLITE = b'SQLite format 3\0'
+OURS = tuple(f'/{topic.name.lstrip("/")}' for topic in TOPICS)  # ends of names
 NAMED = 10  # files that an error names at most
 
 
@@ -24,11 +27,13 @@ class Bag:
     """The messages in a bag of one pendulum."""
 
     def __init__(self, path: Path | str, partial: bool = False,
-                 namespace: str | None = None, nodes: Sequence[str] = ()) -> None:
+                 namespace: str | None = None, nodes: Sequence[str] = (),
+                 topics: Iterable[str] = OURS) -> None:
         """
         Read the folder of a bag, or its MCAP file; arguments and errors as of `read_episode`.
 
-        Of several nodes that do the same, `nodes` names those that count.
+        Of several nodes that do the same, `nodes` names those that count. Only of topics whose
+        names end as some of `topics` do there is more than the times.
 
         `incomplete` says how many messages are there of how many, and is empty where all are.
         """
@@ -40,6 +45,7 @@ class Bag:
         if missing and not partial:
             raise BagError(f'{self} lacks {", ".join(missing)}, which its metadata.yaml names; '
                            'put the file there or ask for what is there (partial)')
+        self._wanted = Wanted(tuple(topics), self.about.compressed)
         self.entries = [entry for file in files for entry in self._read(file)]
         self.channels: dict[str, ChannelInfo] = {}  # by topic
         for entry in self.entries:
@@ -55,24 +61,27 @@ class Bag:
         return f'the bag {str(self.path)!r}'
 
     def _read(self, file: Path) -> list[Entry]:
-        data = contents(file)
-        if not data.startswith(MAGIC):
-            if data.startswith(SQLITE):
-                raise BagError(f'{str(file)!r} is of sqlite3; {conversion(file.parent)}')
-            raise BagError(f'{str(file)!r} is no MCAP file; if it was one, {self._remedy()} '
-                           'of what is left')
-        try:
-            return read(data)
-        except DamagedFile as error:
-            # not above: a whole bag is read without what goes through damaged ones
-            from dp_swing_ros.recovery.scan import beginning_of
-            entries, damage = beginning_of(data)
-            if damage is None or not damage.is_cut:
-                where = error if damage is None else (
-                    f'after {len(entries)} messages, at byte {damage.begin}: '
-                    f'{damage.reason.value}')
-                raise BagError(f'{str(file)!r} is damaged {where}; {self._remedy()} of what is '
-                               'left') from None
+        with contents(file) as data:
+            if data[:len(MAGIC)] != MAGIC:
+                if data[:len(SQLITE)] == SQLITE:
+                    raise BagError(f'{str(file)!r} is of sqlite3; {conversion(file.parent)}')
+                raise BagError(f'{str(file)!r} is no MCAP file; if it was one, {self._remedy()} '
+                               'of what is left')
+            try:
+                return read(data, self._wanted)
+            except DamagedFile as error:
+                return self._beginning(file, data, error)
+
+    def _beginning(self, file: Path, data: Data, error: DamagedFile) -> list[Entry]:
+        """Return the messages of a file whose logger was killed, if these are wanted."""
+        # not above: a whole bag is read without what goes through damaged ones
+        from dp_swing_ros.recovery.scan import beginning_of
+        entries, damage = beginning_of(data, self._wanted)
+        if damage is None or not damage.is_cut:
+            where = error if damage is None else (
+                f'after {len(entries)} messages, at byte {damage.begin}: '
+                f'{damage.reason.value}')
+            raise BagError(f'{str(file)!r} is damaged {where}; {self._remedy()} of what is left')
         if not self.partial:
             raise BagError(f'{str(file)!r} has {len(entries)} messages but no end, as if its '
                            f'logger was killed; ask for what is there (partial), or '
@@ -138,6 +147,9 @@ class Bag:
                            'expected cdr messages with a ros2msg definition')
         try:
             return entry.channel.decode(entry.data)
+        except UnreadableType as error:
+            raise BagError(f'{self} has {entry.topic} as {entry.channel.type}, which cannot be '
+                           f'read: {one_line(error)}; record it anew') from None
         except Exception as error:  # noqa: B902
             # A wrong body or definition fails in as many ways as there are kinds of fields.
             raise BagError(f'{self} has a message on {entry.topic}, received at {entry.received} '
@@ -174,6 +186,9 @@ def files_of(path: Path) -> list[Path]:
     except OSError as error:
         raise BagError(f'cannot read {str(path)!r}: {error.strerror}') from None
     files = sorted((path / name for name in names if name.endswith('.mcap')), key=_in_order)
+    for name in names:
+        if name.endswith('.mcap.zstd') and name.removesuffix('.zstd') not in names:
+            raise compressed_file(path / name)
     if not files:
         found = ', '.join([*names[:NAMED], *(['...'] if len(names) > NAMED else [])]) or 'nothing'
         raise BagError(f'{str(path)!r} is no bag with an MCAP file, it holds {found}; '

@@ -21,7 +21,8 @@ from mcap.exceptions import McapError
 from mcap.records import DataEnd, Footer
 from mcap.writer import CompressionType, MCAP0_MAGIC, Writer
 
-from dp_swing_ros.bags.metadata import Contents, METADATA, metadata, Recorded, to_yaml
+from dp_swing_ros.bags.metadata import (
+    AS_IT_IS, Contents, METADATA, metadata, Recorded, to_yaml)
 from dp_swing_ros.errors import BagError
 from dp_swing_ros.provenance import package_version
 
@@ -71,7 +72,7 @@ class McapFile:
         """Begin the file with these topics; leave none if that fails."""
         self.contents = Contents(path.name, {}, 0, 0)
         self._storage = storage
-        self._schemas: dict[str, int] = {}   # by type
+        self._schemas: dict[tuple[str, str, bytes], int] = {}   # by type and definition
         self._channels: dict[str, int] = {}  # by topic
         self._summary_size = self._largest = 0  # [bytes] at most, of the summary and a flush
         self._finished = False
@@ -109,12 +110,12 @@ class McapFile:
 
     def add(self, topic: Recorded) -> None:
         """Add a topic, before its first message."""
-        if topic.type not in self._schemas:
-            self._schemas[topic.type] = self._writer.register_schema(
-                topic.type, 'ros2msg', topic.definition.encode())
+        schema = (topic.type, topic.definition_encoding, topic.definition.encode(errors=AS_IT_IS))
+        if schema not in self._schemas:
+            self._schemas[schema] = self._writer.register_schema(*schema) if any(schema) else 0
         about = {'offered_qos_profiles': to_yaml(topic.qos), 'topic_type_hash': topic.type_hash}
         self._channels[topic.name] = self._writer.register_channel(
-            topic.name, 'cdr', self._schemas[topic.type], about)
+            topic.name, topic.encoding, self._schemas[schema], about)
         self._summary_size += TOPIC_SIZE + len(topic.definition) + len(str(about))
 
     def write(self, name: str, data: bytes, received: int, sent: int, sequence: int) -> None:

@@ -12,7 +12,7 @@ from dp_swing_ros.bags.episodes import (
     completed, configurations_of, links_of, reports_of, samples_of, states_in)
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.errors import BagError, UserError
-from dp_swing_ros.identification.segments import Motion
+from dp_swing_ros.identification.segments import check_sizes, check_span, Motion, period_of
 from dp_swing_ros.messages.configuration import CONTROLLER, PLANT
 from dp_swing_ros.messages.fields import BILLION, nanoseconds, Report
 from dp_swing_ros.parameters import group
@@ -55,7 +55,23 @@ class Log(NamedTuple):
 
 
 def recorded(bag: Bag, links: int | None = None) -> Recorded:
-    """Return the motion in a bag, of so many links if it is said; raises BagError."""
+    """
+    Return the motion in a bag, of so many links if it is said.
+
+    Raises BagError, also where its times and numbers are those of no motion.
+    """
+    try:
+        found = _recorded(bag, links)
+        period_of(found.motion.t)
+        check_sizes(found.motion.Q, found.V, found.motion.commands)
+    except BagError:
+        raise
+    except UserError as error:
+        raise BagError(f'{bag} has no motion to learn from: {error}') from None
+    return found
+
+
+def _recorded(bag: Bag, links: int | None) -> Recorded:
     if links not in (None, links_of(bag)):
         raise BagError(f'{bag} is of {links_of(bag)} links; {links} were asked for (--links)')
     if not bag.has(FORCE_COMMAND):
@@ -79,8 +95,8 @@ def recorded(bag: Bag, links: int | None = None) -> Recorded:
     nominal = values[CONTROLLER].parameters if CONTROLLER in values else {}
     t = np.array([each.stamp / BILLION for each in samples])
     motion = Motion(t - start, Q, sent[order] - start, commands[order],
-                    pushes_in(bag, log) - start, bag.parse(group, LimitParameters,
-                                                           nominal).track_limit)
+                    pushes_in(bag, times, log) - start,
+                    bag.parse(group, LimitParameters, nominal).track_limit)
     physical = bag.parse(group, PendulumParameters, {**nominal, 'links': links_of(bag)})
     drive = Drive.of(bag.parse(group, DriveParameters, nominal))
     return Recorded(motion, V, times, physical, drive, believed(reports, physical, drive))
@@ -127,7 +143,12 @@ def clock_of(bag: Bag) -> tuple[str, Log]:
 
 
 def on_stamps(log: Log, times: Array) -> Array:
-    """Return times of sending [s] by the clock of the stamps, as a straight line has it."""
+    """
+    Return times of sending [s] by the clock of the stamps, as a straight line has it.
+
+    Raises UserError where there is no such line.
+    """
+    check_span(log.sent)
     middle = log.sent.mean()
     pace, at_middle = np.polyfit(log.sent - middle, log.stamps, 1)
     on_line: Array = at_middle + pace * (times - middle)
@@ -151,7 +172,8 @@ def commands_in(bag: Bag, times: str, log: Log,
     return sent, commands
 
 
-def pushes_in(bag: Bag, log: Log) -> Array:
-    """Return about when disturbances were sent, by the clock of the stamps [s]."""
+def pushes_in(bag: Bag, times: str, log: Log) -> Array:
+    """Return about when disturbances were sent, by the clock of the motion [s]."""
     entries = bag.entries_of(DISTURBANCE) if bag.has(DISTURBANCE) else []
-    return on_stamps(log, np.array([entry.time for entry in entries]) / BILLION)
+    sent = np.array([entry.time for entry in entries]) / BILLION
+    return on_stamps(log, sent) if entries and times != LOGGED else sent

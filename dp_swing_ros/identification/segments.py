@@ -16,6 +16,9 @@ BEGINNING = 0.15      # [s] whose motion gives the speeds at the beginning
 END = 0.05            # [m] from the end of the track
 SILENCE = 0.21        # [s] without a command, after which a drive may have let go
 LOST = 3              # periods without a sample: beyond, a turn may have been missed
+PERIODS = 1e-4, 1.0   # [s] between samples that a motion may have, about
+LONGEST = 1e5         # [s] of a motion
+LARGEST = 1e6         # [m, rad, m/s, rad/s, N] that anything in it may be
 SWING = 0.3           # [rad] that the links must go at least, all in all
 
 
@@ -65,7 +68,7 @@ def segments_of(motion: Motion, duration: float = DURATION) -> Segments:
 
     No two segments share a sample: the noise of one would count twice.
     """
-    period = float(np.median(np.diff(motion.t)))
+    period = period_of(motion.t)
     size = max(round(duration / period), FEWEST)
     count = len(motion.t) // size
     t = motion.t[:count * size].reshape(count, size)
@@ -79,6 +82,31 @@ def segments_of(motion: Motion, duration: float = DURATION) -> Segments:
     return Segments(t, Q, np.array([beginning(*each) for each in zip(t, Q)]),
                     np.searchsorted(sent, t - HISTORY, 'right') - 1,
                     np.searchsorted(sent, after), sent, commands)
+
+
+def period_of(t: Array) -> float:
+    """Return the period of samples at times in order [s]; raises UserError as `check_span`."""
+    check_span(t)
+    period, (shortest, longest) = float(np.median(np.diff(t))), PERIODS
+    if not shortest <= period <= longest or np.any(np.diff(t) < 0):
+        raise UserError(f'there are {period:.3g} s between states; expected {shortest:g} to '
+                        f'{longest:g} s, one after the other: check their stamps')
+    return period
+
+
+def check_span(t: Array) -> None:
+    """Raise UserError where times [s] are not those of one recording."""
+    if not 0 < np.ptp(t) <= LONGEST:
+        raise UserError(f'there are {len(t)} states over {np.ptp(t):.3g} s; expected a recording '
+                        f'of at most {LONGEST:g} s: check their stamps and the times of the bag')
+
+
+def check_sizes(*arrays: Array) -> None:
+    """Raise UserError where anything that was measured or commanded is none of a pendulum."""
+    largest = max(np.max(np.abs(each), initial=0.0, where=~np.isnan(each)) for each in arrays)
+    if largest > LARGEST:
+        raise UserError(f'there is a position, speed or force of {largest:.3g}; expected at most '
+                        f'{LARGEST:g} m, rad, m/s, rad/s or N')
 
 
 def is_usable(motion: Motion, t: Array, Q: Array, period: float) -> bool:

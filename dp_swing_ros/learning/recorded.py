@@ -5,7 +5,7 @@
 import numpy as np
 
 from dp_swing_ros.errors import UserError
-from dp_swing_ros.identification.segments import is_usable, Motion
+from dp_swing_ros.identification.segments import is_usable, Motion, period_of
 from dp_swing_ros.learning.experience import Experience
 from dp_swing_ros.pendulum.drive import lagged
 from dp_swing_ros.pendulum.parameters import DIRECT, Drive
@@ -36,7 +36,7 @@ def stretches(motion: Motion, speeds: Array, drive: Drive) -> list[Experience]:
 
     Shapes: speeds (K, n + 1). Raises UserError where there is none.
     """
-    period = float(np.median(np.diff(motion.t)))
+    period = period_of(motion.t)
     every = max(round(TRANSITION / period), 1)
     t, Q, V = (each[::every] for each in (motion.t, motion.Q, speeds))
     forces = mean_forces(drive, motion.sent, motion.commands, t)

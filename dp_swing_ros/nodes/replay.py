@@ -47,7 +47,7 @@ class ReplayNode(ProcessNode):
     def prepare(self) -> None:
         """Read the bag and offer what it holds; then look for subscribers."""
         p = self.parameters
-        bag = Bag(Path(p.bag).expanduser(), p.partial)
+        bag = Bag(Path(p.bag).expanduser(), p.partial, topics=list(filter(None, p.topics)) or [''])
         own = {CLOCK} & set(bag.topics) if p.clock > 0 else set[str]()
         messages = excerpt(bag, p, own)
         if own:
@@ -121,14 +121,15 @@ class ReplayNode(ProcessNode):
         self.publish_time(message.time)
         entry = message.entry
         try:
-            self.outputs[entry.topic].publish(entry.data)
-        except RuntimeError:    # rclpy's RCLError; the middleware takes the bytes apart
+            data = entry.data
+            self.outputs[entry.topic].publish(data)
+        except (RuntimeError, ValueError):   # rclpy's RCLError; the middleware takes it apart
             raise BagError(
                 f'{self.parameters.bag!r} has a message on {entry.topic}, received at '
                 f'{entry.received} ns, that is no {entry.channel.type}; `ros2 run dp_swing_ros '
                 'recover` makes a bag without it') from None
         if entry.topic in self.last_forces:
-            self.last_forces[entry.topic] = entry.data
+            self.last_forces[entry.topic] = data
         self.done = self.playback.done
 
     def publish_time(self, now: int) -> None:

@@ -7,6 +7,7 @@ Source: the MCAP specification, "Records". All numbers are little-endian; a reco
 the length of its body (8 bytes) and the body.
 """
 
+from collections.abc import Iterator
 from io import BytesIO
 import struct
 from typing import Any, NamedTuple
@@ -18,7 +19,7 @@ from mcap.exceptions import EndOfFile
 from mcap.opcode import Opcode
 from mcap.writer import MCAP0_MAGIC as MAGIC
 
-from dp_swing_ros.bags.mcap_reader import STREAMS, unpack
+from dp_swing_ros.bags.mcap_reader import Data, LARGEST, STREAMS, unpack
 
 HEAD = struct.Struct('<BQ')  # opcode, length
 CHUNK = struct.Struct('<QQQII')  # its first and last time, size, checksum; length of a text
@@ -55,7 +56,7 @@ class Record(NamedTuple):
         return isinstance(self.content, ChunkHead) and self.content.end != self.end
 
 
-def record_at(data: bytes, place: int, exact: bool = False) -> Record | None:
+def record_at(data: Data, place: int, exact: bool = False) -> Record | None:
     """
     Return the record at a place, of a chunk also one that the file is too short for.
 
@@ -68,7 +69,7 @@ def record_at(data: bytes, place: int, exact: bool = False) -> Record | None:
     content: records.McapRecord | ChunkHead | None = None
     if opcode == Opcode.CHUNK:
         content = _chunk_head(data, begin)
-    elif opcode in KINDS and end <= len(data):
+    elif opcode in KINDS and end <= min(len(data), begin + LARGEST):
         content = _content(opcode, data[begin:end], exact)
     is_private = PRIVATE <= opcode and end <= len(data)
     return Record(opcode, place, end, content) if content or is_private else None
@@ -89,7 +90,7 @@ def _content(opcode: int, body: bytes, exact: bool) -> records.McapRecord | None
         not exact or stream.count == len(body)) else None
 
 
-def _chunk_head(data: bytes, place: int) -> ChunkHead | None:
+def _chunk_head(data: Data, place: int) -> ChunkHead | None:
     # A chunk says its size twice, which makes it known among anything else.
     begin = place + CHUNK.size
     if begin + 16 > len(data):
@@ -103,37 +104,36 @@ def _chunk_head(data: bytes, place: int) -> ChunkHead | None:
                      begin + int.from_bytes(data[begin - 8:begin], 'little'))
 
 
-def walk(content: bytes) -> list[Record]:
-    """Return the records of an unpacked chunk up to the first that cannot be in one."""
-    found: list[Record] = []
+def walk(content: bytes) -> Iterator[Record]:
+    """Yield the records of an unpacked chunk up to the first that cannot be in one."""
     place = 0
     while (record := record_at(content, place)) is not None:
         if record.content is not None and not isinstance(record.content, OF_MESSAGES):
             break
-        found.append(record)
+        yield record
         place = record.end
-    return found
 
 
-def index_fits(data: bytes) -> bool:
+def index_fits(data: Data) -> bool:
     """Return whether a program that reads a whole file by its indexes finds its messages."""
     place = summary = len(MAGIC)   # where the summary begins
     chunks = set[tuple[int, int]]()
-    messages = list[tuple[int, records.Message]]()  # of the last chunk, with their places
+    messages = list[tuple[int, int, int]]()  # of the last chunk: time, place, channel
     while (record := record_at(data, place)) is not None:
         content, place = record.content, record.end
         if isinstance(content, ChunkHead):
             chunks.add((record.begin, record.end - record.begin))
             inside = unpack(data[content.begin:content.end], content.compression, content.size, 0)
-            messages = [(each.begin, each.content) for each in walk(inside.content)
+            messages = [(each.content.log_time, each.begin, each.content.channel_id)
+                        for each in walk(inside.content)
                         if isinstance(each.content, records.Message)]
-            times = [message.log_time for _, message in messages]
+            times = [time for time, _, _ in messages]
             if times and (content.first, content.last) != (min(times), max(times)):
                 return False
         elif isinstance(content, records.MessageIndex):
             if sorted(content.records) != sorted(
-                    (message.log_time, begin) for begin, message in messages
-                    if message.channel_id == content.channel_id):
+                    (time, begin) for time, begin, channel in messages
+                    if channel == content.channel_id):
                 return False
         elif isinstance(content, records.ChunkIndex):
             if (content.chunk_start_offset, content.chunk_length) not in chunks:

@@ -16,12 +16,14 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Message, Schema, Statistics
 from mcap.writer import MCAP0_MAGIC as MAGIC
 
-from dp_swing_ros.bags.mcap_reader import Entry, Messages, unpack, Unpacked
+from dp_swing_ros.bags.mcap_reader import (
+    Data, Entry, LARGEST, Mapped, Messages, unpack, Unpacked, Wanted)
 from dp_swing_ros.recovery.records import (
     ChunkHead, HEAD, KINDS, OF_MESSAGES, Record, record_at, walk)
 
 CANDIDATE = re.compile(rb'(?=[\x01-\x0f].{4}\0{4}|\x89MCAP0\r\n)', re.DOTALL)
 PATIENCE = 64  # times the size of the file is looked at in vain; a forged file ends there
+ZEROS = bytes(1 << 20)  # a power cut leaves GiB of them, or a file that is mostly holes
 COST = 64      # [bytes] to look for a record in vain costs as much as to read so many
 
 
@@ -63,7 +65,7 @@ class Found(NamedTuple):
 class Scan:
     """The contents of a file in their order; ask for it once."""
 
-    def __init__(self, data: bytes) -> None:
+    def __init__(self, data: Data) -> None:
         self._data, self._size = data, len(data)
         self._patience = PATIENCE * self._size
         self._last: int | None = None  # opcode
@@ -79,7 +81,7 @@ class Scan:
 
     def _step(self) -> Iterator[Found | Damage]:
         """Yield what is here, and go on to where the next can be."""
-        if self._data.startswith(MAGIC, self.place):
+        if self._begins(self.place):
             end, follows = self.place + len(MAGIC), self._last == Opcode.FOOTER
             if self.place > 0 and not follows:
                 yield self._damage(end, Reason.SECOND_FILE)
@@ -134,12 +136,13 @@ class Scan:
         # Of a chunk that was cut short the beginning is good. Of one with other bytes it is not:
         # unpacking goes on past them, and may fail much later or never.
         short = not fits or limit < record.end
-        inner = walk(content.content if content.verified or short and not content.complete
-                     else b'')
-        verified = content.verified and head.checksum != 0
-        yield from (Found(each.content, verified) for each in inner
-                    if isinstance(each.content, OF_MESSAGES))
-        if reason is None and _end_of(inner) < len(content.content):
+        usable = content.verified or short and not content.complete
+        verified, end = content.verified and head.checksum != 0, 0
+        for each in walk(content.content if usable else b''):
+            end = each.end
+            if isinstance(each.content, OF_MESSAGES):
+                yield Found(each.content, verified)
+        if reason is None and end < len(content.content):
             reason = Reason.NO_RECORD
         if reason is not None:
             yield self._damage(limit, reason)
@@ -147,33 +150,42 @@ class Scan:
 
     def _unpacked(self, head: ChunkHead, limit: int) -> Unpacked:
         self._patience -= limit - head.begin
+        if min(head.end, limit) - head.begin > LARGEST:
+            return Unpacked(b'', False, False)
         return unpack(self._data[head.begin:min(head.end, limit)], head.compression, head.size,
                       head.checksum)
 
     def _inside(self, record: Record, head: ChunkHead) -> int:
         # What lies unpacked in a chunk looks like records of the file, as far as it is whole.
-        if head.compression or head.end - head.begin > self._patience:
+        if head.compression or head.end - head.begin > min(self._patience, LARGEST):
             return record.begin + 1
         self._patience -= head.end - head.begin
-        return head.begin + _end_of(walk(self._data[head.begin:head.end]))
+        return head.begin + max((each.end for each in walk(self._data[head.begin:head.end])),
+                                default=0)
+
+    def _begins(self, place: int) -> bool:
+        """Return whether a file begins or ends here."""
+        return self._data[place:place + len(MAGIC)] == MAGIC
 
     def _follows(self, place: int) -> bool:
         """Return whether the file ends here, or goes on with a record."""
-        if place == self._size or self._data.startswith(MAGIC, place):
+        if place == self._size or self._begins(place):
             return True
         record = record_at(self._data, place)
         return record is not None and not record.is_odd
 
     def _next(self, place: int) -> int:
         """Return the next place where a record plausibly is, or the end."""
-        for match in CANDIDATE.finditer(self._data, place):
+        place = self._after_zeros(place)
+        # not finditer, which would hold on to the map of a file
+        while (match := CANDIDATE.search(self._data, place)) is not None:
             begin = match.start()
-            if self._data.startswith(MAGIC, begin):
+            if self._begins(begin):
                 return begin
             if self._patience < 0:
                 break
             self._patience -= COST
-            record = record_at(self._data, begin, exact=True)
+            place, record = begin + 1, record_at(self._data, begin, exact=True)
             if record is None or record.is_odd:
                 continue
             if record.opcode == Opcode.CHUNK or self._follows(record.end):
@@ -181,28 +193,35 @@ class Scan:
             self._patience -= record.end - begin
         return self._size
 
+    def _after_zeros(self, place: int) -> int:
+        """Return a place after which there is something else than zeros soon, or the end."""
+        while place < self._size:
+            place = self._data.after_hole(place) if isinstance(self._data, Mapped) else place
+            block = self._data[place:place + len(ZEROS)]
+            if block != ZEROS[:len(block)]:
+                break
+            place += len(block)
+        return place
+
     def _why(self, end: int) -> Reason:
         # A killed process leaves half a record, a power cut zeros.
-        rest = self._data[self.place:end] if end == self._size else b''
-        if rest and (MAGIC.startswith(rest) or not rest.strip(b'\0')
-                     or rest[0] in (*KINDS, Opcode.CHUNK) and (
-                         len(rest) < HEAD.size
-                         or HEAD.unpack_from(rest)[1] > len(rest) - HEAD.size)):
+        if end < self._size or end == self.place:
+            return Reason.NO_RECORD
+        left, head = end - self.place, self._data[self.place:self.place + HEAD.size]
+        if MAGIC.startswith(head) or self._after_zeros(self.place) == end \
+                or head[0] in (*KINDS, Opcode.CHUNK) and (
+                    left < HEAD.size or HEAD.unpack(head)[1] > left - HEAD.size):
             return Reason.CUT
         return Reason.NO_RECORD
 
 
-def _end_of(records: list[Record]) -> int:
-    return records[-1].end if records else 0
-
-
-def beginning_of(data: bytes) -> tuple[list[Entry], Damage | None]:
+def beginning_of(data: Data, wanted: Wanted) -> tuple[list[Entry], Damage | None]:
     """
     Return the messages of a file up to the first damage: all that a killed logger left.
 
     Without damage all can be read, or nothing says whose a message is.
     """
-    messages = Messages()
+    messages = Messages(wanted)
     with suppress(ValueError):   # of a channel: the reader has said so already
         for item in Scan(data):
             if isinstance(item, Damage):

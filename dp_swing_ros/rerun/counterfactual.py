@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dp_swing_ros import configuration
-from dp_swing_ros.bags.episodes import pushes_of, Sample, samples_of, states_in
+from dp_swing_ros.bags.episodes import check_run, pushes_of, Sample, samples_of, states_in
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.control.receding_horizon import MpcParameters, RecedingHorizon
 from dp_swing_ros.errors import UserError
@@ -63,6 +63,7 @@ class Run:
         plant = configuration_of(bag, PLANT)
         self.plant = plant.parameters
         self.record, self.samples = record_of(bag, anywhere=True), samples_of(bag)
+        check_run(bag, self.samples)
         # when which state was sent [ns], and the plant's parameters that counted from then on
         self.sent = {nanoseconds(message.header.stamp): entry.time
                      for entry, message in states_in(bag)}

@@ -155,6 +155,10 @@ def execute(parser: argparse.ArgumentParser, work: Callable[[argparse.Namespace]
     except failures + (UserError, ParameterError, OSError) as error:
         print(f'{tool}: error: {error}', file=sys.stderr)
         return FAILED if isinstance(error, failures) else MISUSED
+    except MemoryError:
+        print(f'{tool}: error: this takes more memory than there is; give less at once',
+              file=sys.stderr)
+        return MISUSED
     except KeyboardInterrupt as interrupt:
         print('; '.join([f'{tool}: interrupted', *interrupt.args]), file=sys.stderr)
         return INTERRUPTED

@@ -36,7 +36,8 @@ def _recover(arguments: argparse.Namespace) -> int:
         raise KeyboardInterrupt(f'{output} holds a part, if it is there') from None
     if found.whole:
         print(f'{bag} {"has nothing to repair" if found.incomplete else "is whole"}: '
-              f'{len(found.entries)} messages; nothing was written')
+              f'{found.saved} messages; nothing was written')
+        print(*_unjudged(found), sep='\n', end='\n' if found.unjudged else '')
     else:
         print(_report(found, bag, output))
     if found.incomplete:
@@ -50,18 +51,24 @@ def _report(found: Recovery, bag: Path, output: Path) -> str:
     losses = found.losses()
     if len(losses) > LINES:
         losses[LINES:] = [f'and {len(losses) - LINES} more like these']
-    start = min(entry.received for entry in found.entries)
+    start = min(account.first for account in found.accounts.values())
     date = datetime.fromtimestamp(start / BILLION, timezone.utc)
     topics = aligned([('topic', 'saved', 'first [s]', 'last [s]', 'lost'), *(
         (name, str(account.saved), f'{(account.first - start) / BILLION:.3f}',
          f'{(account.last - start) / BILLION:.3f}',
          '-' if account.missing is None else str(account.missing))
-        for name, account in sorted(found.accounts().items()))], names=1)
-    lines = [f'{bag} is damaged; saved {len(found.entries)} messages{counted}: {output}', '',
+        for name, account in sorted(found.accounts.items()))], names=1)
+    lines = [f'{bag} is damaged; saved {found.saved} messages{counted}: {output}', '',
              topics, '',
              f'time 0 is {date:%Y-%m-%d %H:%M:%S} UTC; lost: numbers skipped where one publisher '
              'counts', '', 'damaged:', *(f'  {loss}' for loss in losses)]
+    lines += ['', *_unjudged(found)] if found.unjudged else []
     if found.unverified:
         lines += ['', f'{found.unverified} messages were saved that no checksum verifies, as '
                   'those of a chunk without its end; their numbers may be wrong']
     return '\n'.join(lines)
+
+
+def _unjudged(found: Recovery) -> list[str]:
+    """Return which messages are kept though nobody can say whether they are of their type."""
+    return [f'kept unjudged: {count} messages {doubt}' for doubt, count in found.unjudged.items()]

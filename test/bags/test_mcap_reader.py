@@ -74,7 +74,7 @@ def test_a_checksum_that_is_wrong_is_damage(compression):
 
 
 def test_a_second_channel_of_a_number_is_damage():
-    inside = b''.join(struct.pack('<BQHHI', 4, 15 + len(name), 1, 0, len(name)) + name
+    inside = b''.join(struct.pack('<BQHHI', 4, 19 + len(name), 1, 0, len(name)) + name
                       + struct.pack('<II', 3, 0)[:4] + b'cdr' + bytes(4)
                       for name in (b'/a', b'/b'))
     with pytest.raises(DamagedFile, match='after 0 messages, then has a second channel 1'):
@@ -87,7 +87,7 @@ def test_a_chunk_takes_no_more_memory_than_it_says(data, compression, tmp_path):
     (tmp_path / 'bomb').write_bytes(MAGIC + chunk(data, 1000, compression))
     code = ('import resource, sys\nfrom dp_swing_ros.bags.mcap_reader import *\n'
             'from pathlib import Path\nbefore = resource.getrusage(0).ru_maxrss\n'
-            f'try: read(contents(Path({str(tmp_path / "bomb")!r})))\n'
+            f'try:\n with contents(Path({str(tmp_path / "bomb")!r})) as data: read(data)\n'
             'except DamagedFile: pass\n'
             'sys.exit(resource.getrusage(0).ru_maxrss - before > 1 << 15)')
     assert subprocess.run([sys.executable, '-c', code]).returncode == 0
