@@ -18,7 +18,7 @@ MESSAGES = [(0.0, '/a', 0), (0.1, '/b', 1), (0.25, '/a', 2), (0.25, '/b', 3), (1
 
 @pytest.fixture
 def bag(tmp_path):
-    return Bag(write_bag(tmp_path / 'bag', MESSAGES))
+    return Bag(write_bag(tmp_path / 'bag', MESSAGES), topics=[''])
 
 
 def schedule(bag, **selection):
@@ -64,7 +64,8 @@ def test_bag_without_messages_is_refused(tmp_path):
 
 def test_order_of_sending_and_of_receipt(tmp_path):
     bag = Bag(write_bag(tmp_path / 'bag', [
-        (-60.0, '/latched', 1, 0.0), (0.30, '/b', 3, 0.41), (0.10, '/a', 2, 0.40)]))
+        (-60.0, '/latched', 1, 0.0), (0.30, '/b', 3, 0.41), (0.10, '/a', 2, 0.40)]),
+              topics=[''])
     sent, received = schedule(bag), schedule(bag, message_order='received')
     assert numbers(sent) == [1, 2, 3]  # what was sent long before begins with the recording
     assert [message.time - START for message in sent] == [0, SECOND // 10, 3 * SECOND // 10]
@@ -75,7 +76,8 @@ def test_order_of_sending_and_of_receipt(tmp_path):
 
 def test_unknown_time_of_sending_is_that_of_receipt(tmp_path):
     unknown = -START / SECOND
-    bag = Bag(write_bag(tmp_path / 'bag', [(0.0, '/a', 0), (unknown, '/a', 1, 0.5)]))
+    bag = Bag(write_bag(tmp_path / 'bag', [(0.0, '/a', 0), (unknown, '/a', 1, 0.5)]),
+              topics=[''])
     assert [message.time - START for message in schedule(bag)] == [0, SECOND // 2]
 
 
