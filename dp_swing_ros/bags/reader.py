@@ -148,8 +148,9 @@ class Bag:
         try:
             return entry.channel.decode(entry.data)
         except UnreadableType as error:
-            raise BagError(f'{self} has a message on {entry.topic} that is no {entry.channel.type} '
-                           f'as far as can be read: {one_line(error)}; record it anew') from None
+            raise BagError(
+                f'{self} has a message on {entry.topic} that is no {entry.channel.type} as far as '
+                f'can be read: {one_line(error)}; record it anew') from None
         except Exception as error:  # noqa: B902
             # A wrong body or definition fails in as many ways as there are kinds of fields.
             raise BagError(f'{self} has a message on {entry.topic}, received at {entry.received} '
