@@ -151,7 +151,7 @@ def renamed(bag, folder, names):
         else:
             for status in message.status:
                 status.name = names.get(status.name, status.name)
-        return [entry._replace(data=serialize_message(message))]
+        return [entry._replace(stored=serialize_message(message))]
     return again(bag, folder, changed)
 
 
@@ -165,6 +165,6 @@ def shared(bag, folder, message, count=1, stamped=True):
         if stamped:
             message.header.stamp = deserialize_message(entry.data, JointState).header.stamp
             message.header.stamp.nanosec += 1
-        return [entry, *(entry._replace(data=serialize_message(message), sequence=next(numbers))
+        return [entry, *(entry._replace(stored=serialize_message(message), sequence=next(numbers))
                          for _ in range(count))]
     return again(bag, folder, changed)
