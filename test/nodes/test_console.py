@@ -23,8 +23,6 @@ from dp_swing_ros.tools import verify
 from dp_swing_ros.topics import (
     CONFIGURATION, DISTURBANCE, JOINT_STATES, PLAN, ROBOT_DESCRIPTION, Topic, TRIES)
 
-pytestmark = pytest.mark.real_time   # states come in time on a machine that is not busy
-
 UPRIGHT = {'initial_state': [0.0] * 6}
 
 
