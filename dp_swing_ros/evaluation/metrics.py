@@ -124,7 +124,9 @@ def measure(episode: Episode, time_limit: float = TIME_LIMIT) -> Metrics:
         p99_latency=quantile(ticks.latency, 0.99),
         late_ticks=int(np.count_nonzero(ticks.late)),
         deadline_misses=int(np.count_nonzero(ticks.solve_time > time_limit)),
-        stand_ins=sum(status in WITHOUT_SOLVE for status in ticks.status),
+        # a plant that has ended leaves its controller in silence, which is none of the run
+        stand_ins=sum(status in WITHOUT_SOLVE for at, status in zip(ticks.t, ticks.status)
+                      if at <= max(t[-1:], default=-math.inf)),
         ticks=len(ticks.t),
         states=len(t),
         duration=float(t[-1] - t[0]) if t.size else math.nan)
