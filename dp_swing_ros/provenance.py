@@ -14,12 +14,13 @@ import subprocess
 PACKAGE = Path(__file__).parent
 COMPUTING = ('numpy', 'numba', 'scipy')
 # what no episode depends on
-AFTERWARDS = ('__main__.py', 'bags/', 'console/', 'evaluation/campaign/manifest.py',
+AFTERWARDS = ('__main__.py', 'bags/', 'console/', 'environment.py',
+              'evaluation/campaign/manifest.py',
               'evaluation/campaign/report.py', 'evaluation/campaign/runner.py',
               'evaluation/campaign/summary.py', 'evaluation/comparison.py', 'evaluation/soak.py',
               'executables.py',
               'figures/', 'identification/', 'learning/', 'messages/', 'nodes/',
-              'pendulum/geometry.py', 'pendulum/urdf.py', 'provenance.py', 'recovery/',
+              'parameters/console.py', 'pendulum/geometry.py', 'pendulum/urdf.py', 'provenance.py', 'recovery/',
               'report/', 'rerun/', 'tables.py', 'tools/', 'topics.py')
 
 

@@ -3,6 +3,7 @@
 """The relay: hands the force on to a controller of ros2_control, and lets it go in silence."""
 
 from functools import partial
+import math
 
 from std_msgs.msg import Float64, Float64MultiArray
 
@@ -29,7 +30,11 @@ class RelayNode(ProcessNode):
         self.get_logger().info(f'ready, for {self.commands.topic_name}')
 
     def on_force(self, message: Float64) -> None:
-        """Hand a force on."""
+        """Hand a force on, if it is one; what is none is as good as silence."""
+        if not math.isfinite(message.data):
+            self.get_logger().error(f'refused a force of {message.data}; expected a finite '
+                                    'number [N]', once=True)
+            return
         self.watchdog.reset()
         self.send(message.data)
 

@@ -60,7 +60,9 @@ def test_configuration_does_not_unfold(tmp_path, text):
     raw = SimpleNamespace(to_text=lambda: text)
     bag = write_bag(first(swing_up(), 20), tmp_path / 'bag', [raw])
     code, shown = run('verify', bag)
-    assert code == 2 and 'a configuration is not YAML' in shown, shown
+    # a number of base 60, which would take the square of its length, is a text
+    wrong = 'expected YAML with node' if ':59' in text else 'a configuration is not YAML'
+    assert code == 2 and wrong in shown, shown
 
 
 @pytest.mark.parametrize('text', [ALIASES, DEEP[:50_000]], ids=['aliases', 'deep'])
@@ -86,7 +88,8 @@ def test_parameter_files_do_not_unfold(tmp_path, text):
     (tmp_path / 'file.yaml').write_text(text)
     code, shown = called('tools.evaluate', ['--contestants', f'ilqr:{tmp_path / "file.yaml"}',
                                             '--seeds', '1'], tmp_path)
-    assert code == 2 and 'is not YAML' in shown, shown
+    # what is beyond any number is a text, as ROS has it
+    assert code == 2 and ("'seed'" if 'seed' in text else 'is not YAML') in shown, shown
 
 
 @pytest.mark.parametrize('arguments, text', [
@@ -94,7 +97,7 @@ def test_parameter_files_do_not_unfold(tmp_path, text):
     (['--seeds', '9' * 400], 'are not up to 100000 seeds'),
     (['--seeds', f'{"9" * 400}:1{"0" * 400}'], 'are not up to 100000 seeds'),
     (['--levels', '99999999999'], 'is not a whole number of at least 1 and at most 10000'),
-    (['--contestants', f'ilqr:seed={"9" * 400}'], 'a whole number of 1329 bits')])
+    (['--contestants', f'ilqr:seed={"9" * 400}'], 'expected a whole number')])
 def test_numbers_of_a_campaign_are_bounded(tmp_path, arguments, text):
     code, shown = called('tools.evaluate', arguments, tmp_path)
     assert code == 2 and text in shown, shown

@@ -75,5 +75,5 @@ def test_a_description_of_another_robot_decides_nothing(tmp_path):
 
 def test_another_number_of_links_is_one_line(tmp_path):
     text = told('plant', {'links': 4}).to_text()
-    with pytest.raises(BagError, match='links is 4; expected one of 1, 2, 3'):
+    with pytest.raises(BagError, match="'links' is 4; expected at least 1, at most 3"):
         samples_of(write(tmp_path / 'bag', THREE, [(CONFIGURATION, text)]))

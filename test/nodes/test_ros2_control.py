@@ -6,6 +6,7 @@ The files for ros2_control, and the relay, beside what does as ros2_control woul
 ros2_control itself is not at hand here: what is known of it is from its documentation and source.
 """
 
+import math
 from pathlib import Path
 import signal
 import time
@@ -151,6 +152,16 @@ def test_the_relay_hands_on_and_lets_go(peer, relayed):
     assert peer.until(lambda: commands[-1][1] == 0.0)
     assert DEADLINE - 0.05 < commands[-1][0] - last < 2 * DEADLINE
     assert [force for _, force in commands if force] == list(range(1, 11))
+
+
+def test_the_relay_hands_no_force_on_that_is_none(peer, relayed):
+    node, forces, commands = relayed
+    for force in (math.nan, math.inf, -math.inf, 3.0):
+        forces.publish(Float64(data=force))
+        peer.spin(0.05)
+    assert peer.until(lambda: 3.0 in [force for _, force in commands])
+    assert {force for _, force in commands} <= {0.0, 3.0}
+    assert 'expected a finite number' in node.output()
 
 
 def test_the_last_command_of_the_relay_is_zero(peer, relayed):

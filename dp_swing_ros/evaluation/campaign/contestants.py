@@ -63,8 +63,9 @@ def parse(text: str) -> Contestant:
     given = [part.split('=', 1) for part in parts if '=' in part]
     values = configuration.read(files)
     mpc = {**values['mpc'], **{name: value_of(value, name) for name, value in given}}
-    if mpc.get('dynamics') == LEARNED:   # its file may be another when a campaign goes on
-        complete = configuration.complete('mpc', mpc)
+    complete = configuration.complete('mpc', mpc)   # before hundreds of episodes find it out
+    configuration.complete('plant', values['plant'])
+    if complete['dynamics'] == LEARNED:   # its file may be another when a campaign goes on
         mpc['model'] = load(complete['model'], complete['links']).to_text()
     shown = '+'.join(part if '=' in part else Path(part).stem for part in parts)
     label = match['label'] or match['name'] + (f':{shown}' if shown else '')
