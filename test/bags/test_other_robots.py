@@ -55,7 +55,7 @@ def test_states_that_came_twice_are_one(lockstep_bag, expected, tmp_path):
 
 def test_a_bag_of_another_robot_alone_is_refused(lockstep_bag, tmp_path):
     def others(entry):
-        return [entry._replace(data=data)] if entry.topic == '/joint_states' else [entry]
+        return [entry._replace(stored=data)] if entry.topic == '/joint_states' else [entry]
     data = serialize_message(JointState(name=GRIPPER, position=[0.0, 0.0]))
     with pytest.raises(BagError, match='JointState has no cart, joint1, joint2; it names'):
         samples_of(Bag(again(lockstep_bag, tmp_path / 'bag', others)))

@@ -105,7 +105,7 @@ def test_only_what_is_missing_is_run(alone, tmp_path, monkeypatch):
 def test_a_contestant_that_cannot_be_made_ends_it_before_it_begins(tmp_path):
     with pytest.raises(ParameterError, match='horison'):
         play(tmp_path, contestants=('ilqr:horison=3',))
-    assert read(tmp_path / 'episodes.csv') == []
+    assert not any(tmp_path.iterdir())
 
 
 def test_an_episode_that_raises_is_shown_and_the_rest_goes_on(tmp_path, capsys):
