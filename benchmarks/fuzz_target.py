@@ -130,7 +130,7 @@ class Loop:
 
     def _on_force(self, message: JointState) -> None:
         stamp = message.header.stamp.sec * 10 ** 9 + message.header.stamp.nanosec
-        if stamp in self.states or stamp in self.strange:   # else an attacker may have sent it
+        if list(message.name) == ['cart']:   # else an attacker has sent it
             self.answers.append((time.monotonic(), stamp, message.effort[0]))
 
     def answered(self, since: float) -> bool:

@@ -107,13 +107,16 @@ class Plan:
         """Return the plan in steps of another duration [s], as `shifted` interpolates it."""
         if dt == self.dt:
             return self
-        steps = [self.shifted(n * dt) for n in range(int(self.duration / dt + 1e-6))]
-        if not steps:
-            return replace(self, X=self.X[:1], U=self.U[:0], K=self.K[:0], dt=dt)
-        last = self.shifted(len(steps) * dt)
-        return replace(self, dt=dt, X=np.array([each.X[0] for each in (*steps, last)]),
-                       U=np.array([each.U[0] for each in steps]),
-                       K=np.array([each.K[0] for each in steps]))
+        places = [max(round(n * dt / self.dt, 6), 0.0)
+                  for n in range(int(self.duration / dt + 1e-6) + 1)]
+        t, last = np.array(places, dtype=int), len(self.U)   # all at once: they may be thousands
+        weight = np.where(t < last, places - t, 0.0)[:, None]
+        X = between(self.X[t], self.X[np.minimum(t + 1, last)], weight, self.dt)
+        t, weight = t[:-1], weight[:-1]
+        following = np.minimum(t + 1, last - 1)
+        U = (1 - weight[:, 0]) * self.U[t] + weight[:, 0] * self.U[following]
+        K = (1 - weight) * self.K[t] + weight * self.K[following]
+        return replace(self, X=X, U=U, K=K, dt=dt)
 
     def shifted(self, elapsed: float) -> 'Plan':
         """

@@ -84,3 +84,17 @@ def test_past_its_end_nothing_is_left(plan):
 
 def test_every_status_says_what_it_means():
     assert all(len(status.value.split()) > 3 for status in Status)
+
+
+@pytest.mark.parametrize('dt', [0.0003, 0.02, 0.03, 0.04, 0.05, 0.07, 0.1, 0.9, 3.0])
+def test_a_resampled_plan_is_what_is_left_of_it_step_by_step(rng, dt):
+    plan = Plan(rng.normal(size=(31, 6)), rng.normal(size=30), rng.normal(size=(30, 6)), 0.05,
+                STATS)
+    found = plan.resampled(dt)
+    assert len(found.U) == len(found.X) - 1 == int(1.5 / dt + 1e-6)
+    for n in range(len(found.U)):
+        left = plan.shifted(n * dt)
+        np.testing.assert_array_equal(found.X[n], left.X[0])
+        np.testing.assert_array_equal(found.K[n], left.K[0])
+        assert found.U[n] == left.U[0]
+    np.testing.assert_array_equal(found.X[-1], plan.shifted(len(found.U) * dt).X[0])
