@@ -12,7 +12,6 @@ found can be repeated alone, by --only.
 import argparse
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from itertools import count
 import os
 from pathlib import Path
 import socket
@@ -123,10 +122,10 @@ class Fuzzer:
         self.found.append(line)
         print(f'{time.monotonic() - self.began:.0f} s: {line}', flush=True)
 
-    def turns(self, seconds: float) -> Iterator[str]:
-        """Yield the entry whose turn it is: all that is known, then by time spent."""
+    def turns(self, seconds: float, known: int) -> Iterator[str]:
+        """Yield the entry whose turn it is: what is known, up to a number, then by time spent."""
         end = time.monotonic() + seconds
-        for number in count():
+        for number in range(known):
             left = [name for name, entry in self.entries.items() if number < len(entry.known)]
             if not left:
                 break
@@ -155,6 +154,8 @@ def main(argv: Sequence[str] | None = None) -> int:
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('--seconds', type=float, default=0.0,
                         help='at least (default: what is known, once)')
+    parser.add_argument('--known', type=int, default=sys.maxsize,
+                        help='at most so many attacks of what is known, of each entry')
     parser.add_argument('--seed', type=int, default=0)
     parser.add_argument('--entries', nargs='+', default=[], help='default: all')
     parser.add_argument('--only', metavar='ENTRY:NUMBER', help='one attack alone')
@@ -170,7 +171,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             if only:
                 fuzzer.attack(only[0], int(only[1]))
             else:
-                for name in fuzzer.turns(arguments.seconds):
+                for name in fuzzer.turns(arguments.seconds, arguments.known):
                     fuzzer.attack(name, fuzzer.done[name])
         finally:
             fuzzer.found += target.end()

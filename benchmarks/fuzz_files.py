@@ -3,7 +3,9 @@
 """Bags, models and parameter files of strangers, for all that reads them."""
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 import json
+import os
 from pathlib import Path
 import re
 import shutil
@@ -46,10 +48,12 @@ def watch(port: int) -> None:
     """Look at a recorded run as a page does."""
     with connect(f'ws://127.0.0.1:{port}/socket', max_size=None, close_timeout=0.2,
                  ping_interval=None) as page:
-        for request in ({'do': 'play', 'on': True, 'rate': 1}, {'do': 'seek', 'at': 1.0, 'id': 1}):
+        for request in ({'do': 'play', 'on': True, 'rate': 1}, {'do': 'seek', 'at': 1.0}):
             page.send(json.dumps(request))
-        while json.loads(page.recv(PATIENCE))['kind'] != 'answer':
-            pass
+        end = time.monotonic() + PATIENCE   # what cannot be shown has no frames, and is up
+        with suppress(TimeoutError):
+            while time.monotonic() < end and json.loads(page.recv(1.0))['kind'] != 'frame':
+                pass
 
 
 def of_topic(items: Items, name: str) -> list[Message]:
@@ -138,7 +142,8 @@ def recorded(folder: Path) -> Path:
         trial = folder / f'trial_{time.monotonic_ns()}'
         done = subprocess.run(
             ['ros2', 'run', 'dp_swing_ros', 'demo', '--lockstep', '--no-figures', '--duration',
-             '3', '--output', trial], capture_output=True)
+             '3', '--output', trial], capture_output=True,
+            env={**os.environ, 'ROS_DOMAIN_ID': ''})   # one of its own
         if done.returncode in (0, 1):   # on a busy machine nodes may not come up in time
             trial.rename(made)
     return made / 'bag'

@@ -251,7 +251,8 @@ class Target:
         answers = self.call_many(kind, name, [kind.Request(**fields)])
         return answers[0].result() if answers and answers[0].done() else None
 
-    def call_many(self, kind: Any, name: str, requests: Sequence[Any]) -> list[Any]:
+    def call_many(self, kind: Any, name: str, requests: Sequence[Any],
+                  patience: float = PATIENCE) -> list[Any]:
         """Call a service so often at once; return the futures, once all are done if they will."""
         if name not in self.clients:
             self.clients[name] = self.node.create_client(kind, name)
@@ -259,7 +260,7 @@ class Target:
         if not self.await_(client.service_is_ready):
             return []
         futures = [client.call_async(request) for request in requests]
-        self.await_(lambda: all(each.done() for each in futures))
+        self.await_(lambda: all(each.done() for each in futures), patience)
         return futures
 
     def complaints(self) -> list[str]:

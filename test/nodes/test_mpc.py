@@ -9,6 +9,8 @@ import time
 from diagnostic_msgs.msg import DiagnosticStatus
 import numpy as np
 import pytest
+import rclpy
+from rclpy.signals import SignalHandlerOptions
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
@@ -17,6 +19,7 @@ from std_srvs.srv import Trigger
 from dp_swing_ros import configuration
 from dp_swing_ros.messages.fields import from_diagnostics, from_trajectory, seconds
 from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
+from dp_swing_ros.nodes.mpc import MpcNode
 from dp_swing_ros.pendulum.model import rollout
 from dp_swing_ros.pendulum.state import hanging, joints, upright
 from dp_swing_ros.solvers import SOLVERS
@@ -386,3 +389,30 @@ def test_a_clock_that_jumps_to_and_fro_is_told_of(peer, start_node):
     talk.send(LEANING)
     assert 'the clock jumped back' in talk.report().message
     talk.node.wait_for('expected a single publisher of /clock')
+
+
+@pytest.fixture
+def mpc():
+    """Return an mpc in this process that has prepared itself."""
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    node = MpcNode()
+    node.prepare()
+    yield node
+    node.close()
+    node.destroy_node()
+    rclpy.try_shutdown()
+
+
+def test_a_tick_that_fails_costs_its_force_which_is_zero(mpc, peer):
+    forces, reports = peer.record(FORCE_COMMAND), peer.record(DIAGNOSTICS)
+    assert peer.until(lambda: mpc.forces.get_subscription_count()
+                      and mpc.diagnostics.publisher.get_subscription_count())
+
+    def fail():
+        raise ArithmeticError('there is no plan')
+    mpc.surely(fail)
+    assert peer.until(lambda: forces and reports)
+    assert [force.data for force in forces] == [0.0]
+    assert mpc.resets == 1   # the next tick is a first one
+    status, = reports[-1].status
+    assert status.name == 'mpc: failure' and 'there is no plan' in status.message
