@@ -53,7 +53,8 @@ results:  ## every published figure anew, in eleven hours (PAGES='random robustn
 	@$(WITH_ROS) && python benchmarks/published.py $(PAGES) $(RESULTS)
 
 test: setup $(VENV)/.installed-test  ## all tests, linters and type checks (PYTEST='...' for arguments of pytest)
-	@$(WITH_ROS) && $(IN_PARALLEL) $(if $(PYTEST),$(PYTEST),-m 'not real_time')
+	@$(WITH_ROS) && $(if $(PYTEST),$(IN_PARALLEL) $(PYTEST),failed=; \
+	  $(IN_PARALLEL) -m 'not real_time and not alone' || failed=1; pytest -m alone || failed=1; [ -z "$$failed" ])
 
 real-time: setup $(VENV)/.installed-test  ## what control in real time comes to, on a machine that is not busy
 	@$(WITH_ROS) && pytest -m real_time

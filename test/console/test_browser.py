@@ -18,7 +18,7 @@ from selenium.webdriver import ActionChains, Keys
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
-pytestmark = [pytest.mark.skipif(
+pytestmark = [pytest.mark.alone, pytest.mark.skipif(
     not (CHROMIUM and DRIVER),
     reason='chromium or chromedriver is not on the PATH (Debian: chromium, chromium-driver)')]
 
