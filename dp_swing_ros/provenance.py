@@ -20,7 +20,8 @@ AFTERWARDS = ('__main__.py', 'bags/', 'console/', 'environment.py',
               'evaluation/campaign/summary.py', 'evaluation/comparison.py', 'evaluation/soak.py',
               'executables.py',
               'figures/', 'identification/', 'learning/', 'messages/', 'nodes/',
-              'parameters/console.py', 'pendulum/geometry.py', 'pendulum/urdf.py', 'provenance.py', 'recovery/',
+              'parameters/console.py', 'pendulum/geometry.py', 'pendulum/urdf.py', 'provenance.py',
+              'recovery/',
               'report/', 'rerun/', 'tables.py', 'tools/', 'topics.py')
 
 
