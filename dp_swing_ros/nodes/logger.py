@@ -35,18 +35,23 @@ class Recording:
     """
     A topic that is being recorded; messages are lost where their numbers have gaps.
 
-    Each publisher counts its messages. What was sent before the first that came is not counted.
+    Each publisher counts its messages. Those before the first that came are early ones: sent
+    before the subscription and the publisher had found each other, or the logger was started.
     """
 
     subscription: Subscription
     came: int = 0
     lost: int = 0
+    early: int = 0
     last: dict[bytes, int] = dataclasses.field(default_factory=dict)   # number of each publisher
 
     def count(self, publisher: bytes, number: int) -> None:
         """Count the message of this number."""
         self.came += 1
-        self.lost += max(number - self.last.get(publisher, number) - 1, 0)
+        if publisher in self.last:
+            self.lost += max(number - self.last[publisher] - 1, 0)
+        else:
+            self.early += number - 1
         self.last[publisher] = number
 
 
@@ -97,7 +102,8 @@ class LoggerNode(ProcessNode):
         if name not in self._recordings:
             return '0 written, nobody published it'
         recording = self._recordings[name]
-        return f'{recording.came} written, {recording.lost} lost'
+        early = f', {recording.early} sent before they could be heard' if recording.early else ''
+        return f'{recording.came} written, {recording.lost} lost{early}'
 
     def _resolved(self, name: str) -> str:
         try:

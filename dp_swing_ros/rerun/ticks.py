@@ -10,11 +10,11 @@ from typing import Any, NamedTuple
 from dp_swing_ros.bags.episodes import configurations_of, reports_of, revisions_of, samples_of
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.errors import BagError
-from dp_swing_ros.messages.configuration import Configuration, CONTROLLER
+from dp_swing_ros.messages.configuration import Configuration, CONTROLLER, PLANT
 from dp_swing_ros.messages.fields import BILLION, Report
 from dp_swing_ros.parameters.files import is_of_rclpy
 from dp_swing_ros.rerun.answers import Tick
-from dp_swing_ros.topics import FORCE_COMMAND
+from dp_swing_ros.topics import FORCE_COMMAND, JOINT_STATES
 
 AGREEING = 3  # forces in a row that are the same, where two sequences meet again
 NEEDED = ('force', 'cost', 'status', 'real_time', 'delay', 'solves', 'carried', 'resets', 'number')
@@ -101,7 +101,8 @@ def _record(bag: Bag, reports: list[Report], anywhere: bool) -> Record:
         if number != first + len(ticks):
             return Record(ticks, f'tick {first + len(ticks)} is missing (the next is {number})')
         if not carried and report.stamp not in states:
-            return Record(ticks, f'the state of tick {number} is missing ({report.stamp} ns)')
+            return Record(ticks, f'the state of tick {number} is missing ({report.stamp} ns)'
+                          + ('' if ticks else _early(bag)))
         values: dict[str, Any] = report.values
         before, revision = revision, int(values.get('revision', revision))
         if revision != before and revision not in revisions:
@@ -118,6 +119,16 @@ def _record(bag: Bag, reports: list[Report], anywhere: bool) -> Record:
             own(revisions[revision]) if revision != before else None))
         resets = int(values['resets'])
     return Record(ticks, '')
+
+
+def _early(bag: Bag) -> str:
+    """Return why the first states are not in a bag, where their publisher's numbers tell."""
+    first = bag.entries_of(JOINT_STATES)[0]
+    if first.sequence < 2:
+        return ''
+    return (f': {first.sequence - 1} were sent on {first.topic} before the logger could hear '
+            f'them, as happens on a busy machine; a {PLANT} with `-p qos_overrides.{first.topic}'
+            '.publisher.durability:=transient_local` keeps them for it')
 
 
 class Command(NamedTuple):

@@ -21,6 +21,7 @@ def test_one_publisher_is_exact():
     result = tally((b'one', number) for number in numbers)
     assert result.came == 500
     assert result.lost == numbers[-1] - numbers[0] + 1 - 500
+    assert result.early == numbers[0] - 1
 
 
 @pytest.mark.parametrize('seed', range(5))

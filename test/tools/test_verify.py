@@ -192,6 +192,16 @@ def test_a_missing_state_is_a_gap(bags, tmp_path, capsys):
     assert 'the state of tick 6 is missing (250000000 ns)' in error
 
 
+def test_states_that_the_logger_heard_too_late_are_said_to_be_that(bags, tmp_path, capsys):
+    """As when two plants start at once on a busy machine, and discovery takes seconds."""
+    bag = rewritten(bags['ilqr'], tmp_path / 'bag', JOINT_STATES, lambda message: (
+        None if message.header.stamp.nanosec < 250_000_000 else message))
+    code, _, error = verified(bag, capsys)
+    assert code == 2
+    assert 'the state of tick 1 is missing (0 ns): 5 were sent on /joint_states before' in error
+    assert 'qos_overrides./joint_states.publisher.durability:=transient_local' in error
+
+
 def changed_once(number, change):
     """Return what changes one message of a topic."""
     count = iter(range(1, 1000))
