@@ -18,7 +18,7 @@ from dp_swing_ros.control.receding_horizon import MpcParameters, RecedingHorizon
 from dp_swing_ros.dynamics.files import load
 from dp_swing_ros.estimators import ESTIMATORS
 from dp_swing_ros.parameters import (
-    checked, fields_of, group, ParameterError, Parameters, unknown)
+    complete as completed, fields_of, group, ParameterError, Parameters)
 from dp_swing_ros.parameters.files import ANY_NODE, is_of_rclpy, locate, sections
 from dp_swing_ros.parameters.scheduling import SchedulingParameters
 from dp_swing_ros.pendulum.integrators import INTEGRATORS
@@ -102,11 +102,7 @@ def complete(node: str, values: Values) -> dict[str, Any]:
 
     Raises ParameterError, also for names that the node lacks with so many links.
     """
-    fields = declared_for(node, values)
-    for name in sorted(set(values) - set(fields)):
-        raise unknown(name, node, fields)
-    return {name: checked(field, values.get(name, field.default), name)
-            for name, field in fields.items()}
+    return completed(declared_for(node, values), values, node)
 
 
 def plant(values: Values) -> Plant:

@@ -9,6 +9,7 @@ Whatever is wrong with what the user gave ends in a ParameterError.
 from array import array
 from collections.abc import Callable, Mapping
 import dataclasses
+from functools import partial
 from itertools import pairwise
 import math
 from pathlib import Path
@@ -27,7 +28,7 @@ from dp_swing_ros.messages.configuration import Configuration
 from dp_swing_ros.nodes.connections import publish
 from dp_swing_ros.nodes.parameters import shown
 from dp_swing_ros.parameters import checked, expected, LARGEST, ParameterError, SHOWN, unknown
-from dp_swing_ros.parameters.files import ANY_NODE, QOS_OVERRIDES, sections, value_of
+from dp_swing_ros.parameters.files import ANY_NODE, for_node, QOS_OVERRIDES, sections, value_of
 from dp_swing_ros.provenance import commit, machine, package_version, packages, sources
 from dp_swing_ros.topics import CONFIGURATION
 
@@ -58,6 +59,9 @@ def declare(node: Node, fields: Mapping[str, dataclasses.Field],
         node.declare_parameter(name, _listed(_told(field, values[name])), _descriptor(field, live),
                                ignore_override=True)
     refuse_unknown(node, of_topics=False)
+    _warn_of_files(node)
+    # rclpy's own words do not name what is unknown
+    node.add_pre_set_parameters_callback(partial(_known, node))
     announce(node, {})
     return values
 
@@ -75,10 +79,8 @@ def let_change(node: Node, fields: Mapping[str, dataclasses.Field], values: Mapp
     stays = {name for name, field in fields.items() if not field.metadata['live']}
 
     def as_declared(parameters: list[Parameter]) -> list[Parameter]:
+        _known(node, parameters)
         try:
-            for each in parameters:
-                if not node.has_parameter(each.name):
-                    raise unknown(each.name, node.get_name(), fields)
             found = [_as_declared(fields[each.name], each) if each.name in fields else each
                      for each in parameters]
             kept = [each for each in found if each.name not in stays
@@ -116,6 +118,7 @@ def let_change(node: Node, fields: Mapping[str, dataclasses.Field], values: Mapp
         current.update(asked)
         return SetParametersResult(successful=True)
 
+    node._pre_set_parameters_callbacks.clear()   # rclpy sets what each of them returns
     node.add_pre_set_parameters_callback(as_declared)
     node.add_on_set_parameters_callback(on_set)
     return put_back
@@ -141,6 +144,15 @@ class _Refused(ParameterNotDeclaredException):
 
     def __str__(self) -> str:
         return self.reason
+
+
+def _known(node: Node, parameters: list[Parameter]) -> list[Parameter]:
+    """Return parameters that are to be set; refuse such that a node has not."""
+    for each in parameters:
+        if not node.has_parameter(each.name):
+            raise _Refused(str(unknown(each.name, node.get_name(),
+                                       node.list_parameters([], 0).names)))
+    return parameters
 
 
 def _as_declared(field: dataclasses.Field, asked: Parameter) -> Parameter:
@@ -193,20 +205,35 @@ def refuse_unknown(node: Node, of_topics: bool) -> None:
                 each for each in known if each.startswith(QOS_OVERRIDES) == of_topics))
 
 
+def _warn_of_files(node: Node) -> None:
+    """Warn of parameter files that hold nothing for a node, which may be called otherwise."""
+    known = node.list_parameters([], 0).names
+    for path in _files(sys.argv):
+        found = sections(Path(path))
+        if not for_node(found, node.get_fully_qualified_name(), known):
+            node.get_logger().warning(f'{path} holds nothing for {node.get_fully_qualified_name()}'
+                                      f', but for {", ".join(dict(found))}')
+
+
 def check_given(arguments: list[str]) -> None:
     """Raise ParameterError for what ROS cannot take of a command line, which it names itself."""
     for option, value in pairwise(arguments):
         if option in RULE and ':=' in value:
             value_of(value.split(':=', 1)[1], _named(value))
-        elif option == FILE:
-            sections(Path(value))
+    for path in _files(arguments):
+        sections(Path(path))
+
+
+def _files(arguments: list[str]) -> list[str]:
+    """Return the parameter files that a command line names."""
+    return [value for option, value in pairwise(arguments) if option == FILE]
 
 
 def _for_any_node(arguments: list[str], node: str) -> set[str]:
     """Return the names that parameter files give to any node (/**), and nothing to this one."""
-    options = list(pairwise(arguments))
-    shared, own = set[str](), {_named(value) for option, value in options if option in RULE}
-    for path in (value for option, value in options if option == FILE):
+    shared, own = set[str](), {
+        _named(value) for option, value in pairwise(arguments) if option in RULE}
+    for path in _files(arguments):
         for pattern, values in sections(Path(path)):
             name = pattern.rsplit('/', 1)[-1]
             if name in ANY_NODE:

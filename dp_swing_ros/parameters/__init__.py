@@ -143,11 +143,22 @@ def _sequence(value: Any, kind: type, sizes: list[int],
 
 def unknown(name: str, node: str, known: Iterable[str]) -> ParameterError:
     """Return the error for a parameter that a node does not have, with the closest it has."""
-    names = sorted(known)
-    close = difflib.get_close_matches(name, names, n=1)
-    hint = f'did you mean {close[0]!r}? ' if close else ''
-    return ParameterError(f'unknown parameter {name!r} of the node {node!r}; '
-                          f'{hint}available: {", ".join(names)}')
+    return ParameterError(f'unknown parameter {name!r} of the node {node!r}; {near(name, known)}')
+
+
+def near(name: str, known: Iterable[str]) -> str:
+    """Return the question whether the closest of some names was meant; where none is, all."""
+    close = difflib.get_close_matches(name, names := sorted(known), n=1)
+    return f'did you mean {close[0]!r}?' if close else f'available: {", ".join(names)}'
+
+
+def complete(fields: Mapping[str, dataclasses.Field], values: Mapping[str, Any],
+             node: str) -> dict[str, Any]:
+    """Return the value of each parameter of a node, checked, where some are given, or raise."""
+    for name in sorted(set(values) - set(fields)):
+        raise unknown(name, node, fields)
+    return {name: checked(field, values.get(name, field.default), name)
+            for name, field in fields.items()}
 
 
 def registry(group: str, **own: Any) -> dict[str, Any]:

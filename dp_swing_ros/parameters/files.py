@@ -26,6 +26,7 @@ BITS = 64        # of a whole number
 OF_EVERY_NODE = ('use_sim_time', 'start_type_description_service')  # rclpy's own
 QOS_OVERRIDES = 'qos_overrides.'  # how rclpy's parameters of a topic begin
 ANY_NODE = ('**', '*')            # ends of a pattern that are no name of a node
+VALUES = 'ros__parameters'        # the key below which they are
 PACKAGE = Path(__file__).parents[1]
 # where config/ lies: beside the package in a checkout, below share/ where it is installed
 HOMES = [PACKAGE.parent, *(folder / 'share' / PACKAGE.name for folder in PACKAGE.parents[:4])]
@@ -73,6 +74,10 @@ def parse(text: str | bytes, loader: type[PlainLoader] = PlainLoader, nodes: int
     try:
         _check(text, loader, nodes)
         return yaml.load(text, loader)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark
+        words = ' '.join(filter(None, (error.context, error.problem)))
+        raise YamlError(f'line {mark.line + 1}: {words}' if mark else words) from None
     except Exception as error:  # noqa: B902
         # A text such as '!!int ""' fails within the types that YAML knows.
         raise YamlError(one_line(error)) from None
@@ -115,8 +120,14 @@ WITH_POINT = [sign + word for word in ('.inf', '.Inf', '.INF') for sign in ('', 
     '.nan', '.NaN', '.NAN']
 
 
+class Key(str):
+    """A key of a mapping, which knows its line."""
+
+    line = 0
+
+
 class _Loader(PlainLoader):
-    """YAML as rcl reads it, which looks at the text of a value alone."""
+    """YAML as rcl reads it, which looks at the text of a key or a value alone."""
 
     yaml_implicit_resolvers: dict[str, Any] = {}
 
@@ -125,6 +136,15 @@ class _Loader(PlainLoader):
         if node.style in ('"', "'"):
             return str(node.value)
         return _value(node.value) if node.value else None
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Key, Any]:
+        """Return a mapping by texts that know their lines."""
+        found = {}
+        for each, value in node.value:
+            key = Key(each.value)
+            key.line = each.start_mark.line + 1
+            found[key] = self.construct_object(value, deep)
+        return found
 
 
 _Loader.add_constructor('tag:yaml.org,2002:str', _Loader.construct_value)
@@ -173,53 +193,71 @@ def locate(path: Path) -> Path:
     return next((place for place in places if place.is_file()), path)
 
 
-def sections(path: Path) -> list[tuple[str, dict[str, Any]]]:
+def sections(path: Path) -> list[tuple[Key, dict[str, Any]]]:
     """Return the node patterns of a parameter file, each with its values; or ParameterError."""
     try:
         content = parse_file(path, _Loader)
     except OSError as error:
-        raise ParameterError(f'cannot read the parameter file {path}: {error}') from None
+        raise ParameterError(f'cannot read the parameter file {path}: {error.strerror}') from None
     except YamlError as error:
         raise ParameterError(f'the parameter file {path} is not YAML: {error}') from None
-    found = list(_sections(content))
-    if not found or not all(isinstance(values, dict) for _, values in found):
-        raise ParameterError(f'{path} is not a ROS parameter file; expected '
-                             '`/**/mpc:` with `ros__parameters:` below, as in config/paper.yaml')
     try:
-        return [(pattern, dict(_flat(values))) for pattern, values in found]
+        return [(pattern, dict(_flat(values))) for pattern, values in _sections(content)]
     except ParameterError as error:
         raise ParameterError(f'the parameter file {path}: {error}') from None
 
 
-def for_node(found: Iterable[tuple[str, dict[str, Any]]], node: str,
+def is_for(pattern: str, node: str) -> bool:
+    """Return whether a section of a parameter file is for a node of a full name."""
+    levels = ({'**': '(/[^/]+)*', '*': '/[^/]+'}.get(level, f'/{re.escape(level)}')
+              for level in pattern.strip('/').split('/'))
+    return bool(re.fullmatch(''.join(levels), f'/{node.strip("/")}'))
+
+
+def for_node(found: Iterable[tuple[str, Mapping[str, Any]]], node: str,
              known: Iterable[str]) -> dict[str, Any]:
     """Return what sections have for a node; of those for any (/**) what it knows is its own."""
     asked: dict[str, Any] = {}
     for pattern, values in found:
-        levels = ({'**': '(/[^/]+)*', '*': '/[^/]+'}.get(level, f'/{re.escape(level)}')
-                  for level in pattern.strip('/').split('/'))
-        if re.fullmatch(''.join(levels), f'/{node.strip("/")}'):
+        if is_for(pattern, node):
             asked |= {name: values[name] for name in values
                       if name in known or not pattern.endswith(ANY_NODE)}
     return asked
 
 
-def _sections(content: Any, pattern: str = '') -> Iterable[tuple[str, Any]]:
-    """Yield the patterns and what is below ros__parameters, None where nothing is."""
-    if not isinstance(content, dict):
-        yield pattern, None
-    elif 'ros__parameters' in content:
-        yield pattern, content['ros__parameters']
-    else:   # a namespace may be a level of its own
-        for name, below in content.items():
-            yield from _sections(below, f'{pattern}/{name}'.replace('//', '/') if pattern
-                                 else str(name))
+def _sections(content: Any, pattern: str = '') -> Iterable[tuple[Key, dict[Key, Any]]]:
+    """Yield the patterns and what is below ros__parameters; raises ParameterError."""
+    if not isinstance(content, dict) or not content:
+        raise ParameterError(_misplaced('' if content is None else repr(content)[:SHOWN]))
+    for name, below in content.items():
+        full = Key(f'{pattern}/{name}'.replace('//', '/') if pattern else name)
+        full.line = name.line
+        if name == VALUES or not isinstance(below, dict):
+            raise ParameterError(f'line {name.line}: {_misplaced(repr(name))}')
+        if VALUES not in below:   # a namespace may be a level of its own
+            yield from _sections(below, full)
+        elif beside := [each for each in below if each != VALUES]:
+            raise ParameterError(f'line {beside[0].line}: {beside[0]!r} stands beside {VALUES}; '
+                                 'expected below it, further to the right')
+        elif isinstance(below[VALUES], dict):
+            yield full, below[VALUES]
+        else:
+            raise ParameterError(f'line {name.line}: nothing is below {VALUES} of {name!r}; '
+                                 'expected parameters, each with its value')
 
 
-def _flat(values: Mapping[str, Any], prefix: str = '') -> Iterable[tuple[str, Any]]:
+def _misplaced(what: str) -> str:
+    return (f'{what or "nothing"} stands where a node is named: it is not a ROS parameter file, '
+            f'which has `/**/mpc:` with `{VALUES}:` below, as in config/paper.yaml')
+
+
+def _flat(values: Mapping[Key, Any], prefix: str = '') -> Iterable[tuple[str, Any]]:
     """Name what is nested as ROS does: mppi: {samples: 9} is mppi.samples."""
     for name, value in values.items():
         if isinstance(value, dict):
             yield from _flat(value, f'{prefix}{name}.')
-        else:
+            continue
+        try:
             yield f'{prefix}{name}', _as_ros(value, f'{prefix}{name}')
+        except ParameterError as error:
+            raise ParameterError(f'line {name.line}: {error}') from None

@@ -18,14 +18,14 @@ from dp_swing_ros.evaluation.comparison import spread, summary, table
 from dp_swing_ros.evaluation.metrics import measure, Metrics
 from dp_swing_ros.messages.fields import links_in, seconds, to_state
 from dp_swing_ros.nodes.connections import subscribe
-from dp_swing_ros.parameters.files import locate
 from dp_swing_ros.pendulum.state import (
     angles, Array, DEFAULT_LINKS, LINKS, links_of, symbols, wrapped)
 from dp_swing_ros.report.recording import named, recording
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tools.command_lines import (
     dated, execute, FAILED, new_folder, OK, program, within)
-from dp_swing_ros.tools.processes import await_ready, Crew, isolated, Process, ProcessError
+from dp_swing_ros.tools.processes import (
+    await_ready, Crew, isolated, located, Process, ProcessError)
 from dp_swing_ros.tools.tool_node import listeners, tool_node
 from dp_swing_ros.topics import (
     DIAGNOSTICS, FORCE_COMMAND, FORCE_COMMAND_STAMPED, JOINT_STATES, PLAN, Topic)
@@ -89,15 +89,15 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _demo(arguments: argparse.Namespace) -> int:
-    files = [locate(file) for file in arguments.params]
-    for file in files:
-        if not file.is_file():
-            raise UserError(f'--params {file} is not a file')
+    shared = {'seed': arguments.seed, **({'links': arguments.links} if arguments.links else {})}
+    files = located(arguments.params, {
+        'mpc': {**shared, 'solver': arguments.solver},
+        'plant': {**shared, 'duration': arguments.duration, 'lockstep': arguments.lockstep}})
     folders, results = folders_of(arguments), []
-    shared = os.environ.get('ROS_DOMAIN_ID')
+    domain_is_given = bool(os.environ.get('ROS_DOMAIN_ID'))
     with isolated() as domain:
         print(f'ROS_DOMAIN_ID={domain}', flush=True)
-        if shared:
+        if domain_is_given:
             refuse_company({'plant', 'mpc', 'logger'})
         for seed, folder in folders.items():
             print(f'{arguments.solver}, seed {seed} -> {folder}', flush=True)

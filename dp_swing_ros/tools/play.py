@@ -12,12 +12,12 @@ import time
 import webbrowser
 
 from dp_swing_ros.parameters.console import ConsoleParameters
-from dp_swing_ros.parameters.files import locate
 from dp_swing_ros.pendulum.state import LINKS
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tools.command_lines import dated, execute, new_folder, OK, program, within
 from dp_swing_ros.tools.demo import refuse_company
-from dp_swing_ros.tools.processes import Crew, isolated, Process, ProcessError, without_prefix
+from dp_swing_ros.tools.processes import (
+    Crew, isolated, located, Process, ProcessError, without_prefix)
 
 POLL = 0.1         # [s]
 TRIES = 20         # trajectories of each solve that the page shows
@@ -46,12 +46,13 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _play(arguments: argparse.Namespace) -> int:
-    folder, files = new_folder(Path('runs', dated('play'))), list(map(locate, arguments.params))
     shared = {'links': arguments.links} if arguments.links else {}
     pace = {'lockstep': True, 'pace': 1.0} if arguments.lockstep else {}
     parameters = {'console': {'port': arguments.port},
                   'mpc': {'solver': arguments.solver, 'shown_tries': TRIES, **shared},
                   'plant': {**pace, **shared}}
+    files = located(arguments.params, parameters)
+    folder = new_folder(Path('runs', dated('play')))
     shared_domain = os.environ.get('ROS_DOMAIN_ID')
     with isolated() as domain, Crew() as crew:
         print(f'ROS_DOMAIN_ID={domain}', flush=True)

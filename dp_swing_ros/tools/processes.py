@@ -14,9 +14,14 @@ import socket
 import subprocess
 import time
 
+from dp_swing_ros import configuration
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.executables import ENDING
-from dp_swing_ros.parameters.files import locate
+from dp_swing_ros.nodes.parameters import OWN
+from dp_swing_ros.parameters import complete, near, ParameterError
+from dp_swing_ros.parameters.files import (
+    ANY_NODE, for_node, is_for, is_of_rclpy, locate, sections)
+from dp_swing_ros.pendulum.state import LINKS
 from dp_swing_ros.tools.command_lines import postponed, progress
 
 READY = 180.0    # [s] for processes to come up; the first start of an mpc compiles
@@ -27,6 +32,36 @@ PORTS_PER_DOMAIN, FIRST_PORT = 250, 7400  # Source: the DDSI-RTPS specification,
 PARTICIPANTS = 20     # looked for in a domain
 # left to themselves, nodes that keep to this machine may take 3 s to find each other
 FAST_DISCOVERY = Path('config', 'fast_discovery.xml')
+
+
+def located(files: Iterable[Path], nodes: Mapping[str, Mapping[str, object]]) -> list[Path]:
+    """
+    Return where parameter files are, which are for nodes of ours.
+
+    `nodes` are those to be started, by name, with the parameters that prevail over the files.
+    Raises ParameterError for a section of no node, and for what one of the nodes would refuse.
+    """
+    places = list(map(locate, files))
+    found = [(place, *section) for place in places for section in sections(place)]
+    declared = {**{node: configuration.declared(node, max(LINKS))
+                   for node in configuration.NODES}, **OWN}
+    for place, pattern, values in found:
+        where = f'{place}, line {pattern.line}: '
+        if not any(is_for(pattern, node) for node in declared):
+            raise ParameterError(f'{where}{pattern!r} is no node of this package in the root '
+                                 f'namespace; {near(pattern.rsplit("/", 1)[-1], declared)}')
+        if pattern.endswith(ANY_NODE):
+            names = set().union(*declared.values())
+            for name in sorted(values):
+                if name not in names and not is_of_rclpy(name):
+                    raise ParameterError(f'{where}no node has {name!r}; {near(name, names)}')
+    for node, given in nodes.items():
+        own = for_node([section[1:] for section in found], node, declared[node])
+        asked = {name: value for name, value in {**own, **given}.items()
+                 if not is_of_rclpy(name)}
+        complete(OWN[node] if node in OWN else configuration.declared_for(node, asked), asked,
+                 node)
+    return places
 
 
 @contextlib.contextmanager
@@ -97,6 +132,8 @@ class Process:
                             'virtual environment first')
         command = [ros2, 'run', 'dp_swing_ros', name, '--ros-args']
         for file in parameter_files:
+            if not any(is_for(pattern, name) for pattern, _ in sections(file)):
+                continue   # of which the node would warn
             command += ['--params-file', str(file.resolve())]
         for key, value in parameters.items():
             # JSON is YAML that cannot be misread: 10.0 stays a float, '2024' a text

@@ -206,9 +206,32 @@ def test_unknown_name_is_refused_with_the_choices(make_node):
     node = make_node(*given('smaples:=5'))
     with pytest.raises(ParameterError) as caught:
         declare_example(node)
-    assert str(caught.value).startswith(
-        "unknown parameter 'smaples' of the node 'example'; did you mean 'samples'? available: "
-        'bound, fast, fixed, kind, names, rate, samples')
+    assert str(caught.value) == (
+        "unknown parameter 'smaples' of the node 'example'; did you mean 'samples'?")
+
+
+def test_where_no_name_is_near_all_are_listed(make_node):
+    with pytest.raises(ParameterError, match='available: bound, fast, fixed, kind, names, rate, '):
+        declare_example(make_node(*given('xyzzy:=5')))
+
+
+def test_a_node_whose_parameters_stay_names_an_unknown_one_that_is_set(make_node):
+    node = make_node()
+    declare_example(node)
+    with pytest.raises(ParameterNotDeclaredException, match="'smaples'.* did you mean 'samples'"):
+        node.set_parameters([Parameter('smaples', value=3)])
+
+
+@pytest.mark.parametrize('section, warned', [
+    ('/**/exmaple', True), ('/rig/example', True), ('/**/example', False), ('/**', False)])
+def test_a_file_that_holds_nothing_for_a_node_is_warned_of(
+        section, warned, make_node, tmp_path, monkeypatch, capfd):
+    file = tmp_path / 'file.yaml'
+    file.write_text(f'{section}:\n  ros__parameters: {{samples: 3}}\n')
+    monkeypatch.setattr('sys.argv', ['example', '--ros-args', '--params-file', str(file)])
+    declare_example(make_node('--params-file', str(file)))
+    text = f'{file} holds nothing for /example, but for {section}'
+    assert (text in ''.join(capfd.readouterr())) == warned
 
 
 def test_parameters_of_other_nodes_are_not_meant(make_node):

@@ -10,7 +10,7 @@ import pytest
 
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.solvers import SOLVERS
-from dp_swing_ros.tools import demo
+from dp_swing_ros.tools import demo, play
 
 
 pytestmark = pytest.mark.usefixtures('here')
@@ -46,9 +46,32 @@ def test_help_names_every_solver(capsys):
     assert all(name in shown for name in SOLVERS)
 
 
-def test_missing_parameter_file_is_one_line(capsys):
-    assert demo.main(['--params', 'none.yaml']) == 2
-    assert capsys.readouterr().err == 'demo: error: --params none.yaml is not a file\n'
+@pytest.mark.parametrize('text, words', [
+    (None, 'cannot read the parameter file file.yaml: No such file'),
+    ('horizon: 3\n', "line 1: 'horizon' stands where a node is named: it is not a ROS parameter"),
+    ('/**/mpc:\n  ros__parameters:\n    horizon: [3\n    a: b\n', 'is not YAML: line 4: '),
+    ('/**/mpc:\n  ros__parameters:\n    state_weights: [1, 2.0]\n', 'line 3: parameter '
+     "'state_weights' is [1, 2.0]; ROS wants the values of a list alike: [1.0, 2.0]"),
+    ('/**/mpc:\n  ros__parameters:\n    mppi: {samples: 3}\n  seed: 3\n',
+     "line 4: 'seed' stands beside ros__parameters"),
+    ('\n/**/mcp:\n  ros__parameters: {horizon: 3}\n',
+     "file.yaml, line 2: '/**/mcp' is no node of this package in the root namespace; did you mean "
+     "'mpc'?"),
+    ('/rig/mpc:\n  ros__parameters: {horizon: 3}\n', "'/rig/mpc' is no node"),
+    ('/**:\n  ros__parameters: {horizn: 3}\n', "no node has 'horizn'; did you mean 'horizon'?"),
+    ('/**/mpc:\n  ros__parameters: {horizn: 3}\n',
+     "unknown parameter 'horizn' of the node 'mpc'; did you mean 'horizon'?\n"),
+    ('/**/plant:\n  ros__parameters: {xyzzy: 3}\n', "'plant'; available: actuation_delay, "),
+    ('/**/plant:\n  ros__parameters: {rate: 0}\n', "parameter 'rate' is 0.0; expected"),
+    ('/**/mpc:\n  ros__parameters: {link3_mass: 1.0}\n', 'a pendulum with 3 links')])
+@pytest.mark.parametrize('tool', [demo, play], ids=['demo', 'play'])
+def test_a_parameter_file_is_checked_before_anything_is_there(tool, text, words, here, capsys):
+    if text is not None:
+        (here / 'file.yaml').write_text(text)
+    assert tool.main(['--params', 'file.yaml']) == 2
+    output, error = capsys.readouterr()
+    assert output == '' and words in error and error.count('\n') == 1
+    assert not list(here.glob('runs'))
 
 
 def test_folder_with_something_in_it_is_not_overwritten(here, capsys):

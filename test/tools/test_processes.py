@@ -62,9 +62,11 @@ def alive(pid):
 
 
 def test_parameters_reach_ros_as_they_are(tmp_path):
-    file = tmp_path / 'some.yaml'
+    file, other = tmp_path / 'some.yaml', tmp_path / 'other.yaml'
+    file.write_text('/**:\n  ros__parameters: {seed: 3}\n')
+    other.write_text('/**/long:\n  ros__parameters: {seed: 3}\n')   # of which it would warn
     process = Process('short', {'duration': 10.0, 'lockstep': True, 'output': '2024'},
-                      tmp_path / 'log', parameter_files=[file])
+                      tmp_path / 'log', parameter_files=[file, other])
     process.finish()
     assert process.new_lines() == [
         f'run dp_swing_ros short --ros-args --params-file {file} '
