@@ -33,6 +33,7 @@ class Diagnostics:
         self.hardware = node.resolve_topic_name(JOINT_STATES.name)
         self.publisher = publish(node, DIAGNOSTICS)
         self.faulty = False   # the topics were, at the last look
+        self.rivals = list[str]()   # topics that have more publishers than one, in words
         self.logged = set[str]()
         node.every(LOOK_PERIOD, self.on_look)
 
@@ -46,9 +47,12 @@ class Diagnostics:
     def on_look(self) -> None:
         """Publish what is wrong with the topics, and once that nothing is any more."""
         errors, warnings = list(incompatible(self.node)), list(rivals(self.node, self.states))
-        for error in filter(lambda each: each not in self.logged, errors):
-            self.node.get_logger().error(error)
-        self.logged = set(errors)
+        logger, before, self.rivals = self.node.get_logger(), self.logged, warnings
+        for texts, log in ((errors, logger.error), (warnings, logger.warning)):
+            for text in texts:
+                if _told(text) not in before:
+                    log(text)
+        self.logged = set(map(_told, errors + warnings))
         if self.states is not None and self.states.refusal:
             errors.append(self.states.refusal)
         if not (errors or warnings or self.faulty):
@@ -61,13 +65,19 @@ class Diagnostics:
                      {'incompatible': len(errors), 'rivals': len(warnings)}, 'topics')
 
 
+def _told(text: str) -> str:
+    """Return the part of a text that is not said again, whoever is obeyed meanwhile."""
+    return text.partition('; expected')[0]
+
+
 def rivals(node: Node, states: States | None = None) -> Iterator[str]:
     """
     Yield each topic that has more publishers than the one it is for, and who they are.
 
-    Robots share the topic of the states: whoever hears it knows who sends those of others.
+    Robots share the topic of the states: whoever hears it knows who sends those of others. To a
+    plant, its rivals are those that hear the force, too.
     """
-    for topic in SINGLE if states is not None else SINGLE[1:]:
+    for topic in SINGLE:
         name = node.resolve_topic_name(topic.name)
         if node.count_publishers(name) < 2:
             continue
@@ -75,6 +85,12 @@ def rivals(node: Node, states: States | None = None) -> Iterator[str]:
             and topic is JOINT_STATES else (set[bytes](), b'')
         found = {gid: owner(each) for each in node.get_publishers_info_by_topic(name)
                  if (gid := bytes(each.endpoint_gid)) not in others}
+        if topic is JOINT_STATES and states is None:
+            obeying = set(map(owner, node.get_subscriptions_info_by_topic(
+                node.resolve_topic_name(FORCE_COMMAND.name))))
+            found = {gid: each for gid, each in found.items() if each in obeying}
+            if node.get_fully_qualified_name() not in found.values():
+                continue
         if len(found) > 1:
             words = f'; {found[obeyed]}, heard first, is obeyed' if obeyed in found else ''
             yield (f'{name} has {len(found)} publishers, {", ".join(sorted(found.values()))}; '

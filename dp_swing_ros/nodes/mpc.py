@@ -394,6 +394,8 @@ class MpcNode(ProcessNode):
         except ValueError as error:
             plan, complaint = self.controller.fallback(t + delay), str(error)
         if complaint:
+            # what fights over the pendulum is not the fault of its sensors
+            complaint = '; '.join((*self.diagnostics.rivals, complaint))
             self.get_logger().error(f'{complaint}; going on without this state',
                                     throttle_duration_sec=1.0)
         return plan, complaint

@@ -31,7 +31,7 @@ from dp_swing_ros.rerun.answers import answer, Tick
 from dp_swing_ros.rerun.ticks import (
     commands_of, configuration_of, own, paired, Record, record_of)
 from dp_swing_ros.simulation.plant import Plant
-from dp_swing_ros.topics import FORCE_COMMAND, PLAN, ROBOT_DESCRIPTION, Topic
+from dp_swing_ros.topics import DIAGNOSTICS, FORCE_COMMAND, PLAN, ROBOT_DESCRIPTION, Topic
 
 SHOWN = 5  # numbers of ticks in a sentence
 
@@ -56,6 +56,7 @@ class Verification(NamedTuple):
     unchecked: list[str]     # what the bag should hold for it, and does not
     beyond: list[str]        # what no bag of this kind could be checked for
     elsewhere: list[str]     # what is other here than where it was recorded
+    rivals: list[str]        # topics that several nodes published, as the nodes said
     incomplete: str          # how many messages of how many the bag holds
 
 
@@ -66,7 +67,11 @@ def verify(bag: Bag, progress: Callable[[list[Tick]], Iterable[Tick]]) -> Verifi
     `progress` goes through the ticks. Raises BagError where the parameters or the states
     of the controller are not known, and ParameterError where they are none of this one.
     """
-    config, record = configuration_of(bag, CONTROLLER), record_of(bag)
+    rivals = rivals_of(bag)
+    try:
+        config, record = configuration_of(bag, CONTROLLER), record_of(bag)
+    except BagError as error:
+        raise BagError('; '.join([str(error), *rivals])) from None
     controller = configuration.controller(config.parameters)
     pairing, plans = paired(record, commands_of(bag)), _plans_of(bag, record)
     differences = list[Difference]()
@@ -92,7 +97,15 @@ def verify(bag: Bag, progress: Callable[[list[Tick]], Iterable[Tick]]) -> Verifi
     return Verification(
         controller.parameters.solver, len(record.ticks), len(plans), again.states,
         any(tick.real_time for tick in record.ticks), differences + again.differences,
-        _unchecked(bag, record, lacking), again.beyond, elsewhere(config), bag.incomplete)
+        _unchecked(bag, record, lacking), again.beyond, elsewhere(config), rivals, bag.incomplete)
+
+
+def rivals_of(bag: Bag) -> list[str]:
+    """Return what the nodes of a run said of topics that had more publishers than one."""
+    messages = bag.of(DIAGNOSTICS) if bag.has(DIAGNOSTICS) else []
+    return bag.parse(lambda: list(dict.fromkeys(
+        status.message for message in messages for status in message.status
+        if any(pair.key == 'rivals' and pair.value != '0' for pair in status.values))))
 
 
 def _plans_of(bag: Bag, record: Record) -> dict[int, Trajectory]:

@@ -33,6 +33,8 @@ def _verify(arguments: argparse.Namespace) -> int:
         print(text)
     if found.incomplete:
         print(found.incomplete)
+    if found.rivals and not found.differences:
+        print(f'note: {"; ".join(found.rivals)}')
     for text in found.beyond:
         print(f'not checked: {text}')
     for text in found.unchecked:
@@ -66,6 +68,7 @@ def _differences(found: Verification, ticks: str) -> Iterator[str]:
     if counts['states']:
         yield (f'{counts["states"]} of {found.states} states differ from those of the plant '
                'simulated again')
-    yield (f'likely cause: {"; ".join(found.elsewhere)}' if found.elsewhere else
+    causes = found.rivals or found.elsewhere
+    yield (f'likely cause: {"; ".join(causes)}' if causes else
            'code, packages and machine are the same: the bag was changed, or the run depended on '
            'what is not recorded')

@@ -350,7 +350,12 @@ def test_a_second_master_is_a_warning_in_the_diagnostics(peer, start_node):
     assert peer.until(lambda: last() and last().values['rivals'] == 2)
     assert last().level == DiagnosticStatus.WARN[0]
     assert '/joint_states has 2 publishers' in last().message
-    assert '/force_command has 2 publishers, /mpc, /peer' in last().message
+    rival = '/force_command has 2 publishers, /mpc, /peer; expected one'
+    assert rival in last().message
+    assert talk.node.output().count(rival) == 1
+    talk.send(hanging() * math.nan)
+    talk.node.wait_for('going on without this state')   # which is not the fault of the sensors
+    assert f'{rival}; ' in talk.node.output().splitlines()[-1]
 
 
 @pytest.mark.parametrize('solver', sorted(SOLVERS))

@@ -25,6 +25,7 @@ from dp_swing_ros.messages.fields import from_diagnostics, seconds
 from dp_swing_ros.nodes.connections import request_for
 from dp_swing_ros.nodes.messages import to_stamp
 from dp_swing_ros.pendulum.state import hanging, joints
+from dp_swing_ros.tools import verify
 from dp_swing_ros.topics import DIAGNOSTICS, DISTURBANCE, FORCE_COMMAND, JOINT_STATES
 
 to_state = functools.partial(fields.to_state, links=2)
@@ -36,6 +37,21 @@ def first_states(peer, start_node, count=5, **parameters):
     node.wait_for('states a second')   # the first time it compiles before
     assert peer.until(lambda: len(states) >= count), node.output()
     return node, states
+
+
+def test_two_plants_and_two_mpcs_name_each_other_and_are_the_cause(start_node, tmp_path, capsys):
+    logger = start_node('logger', {'output': str(tmp_path / 'bag')})
+    pairs = {kind: [start_node(kind, arguments=['-r', f'__node:={name}']) for name in (
+        kind, f'second_{kind}')] for kind in ('mpc', 'plant')}
+    for node in (*pairs['mpc'], *pairs['plant']):
+        node.wait_for('/force_command has 2 publishers, /mpc, /second_mpc; expected one')
+        node.wait_for('/joint_states has 2 publishers, /plant, /second_plant; expected one')
+    logger.stop()
+    bag = str(tmp_path / 'bag')
+    assert verify.main([bag, '--node', '/mpc', '--node', '/plant']) != 0
+    shown = ''.join(capsys.readouterr())
+    for topic, kind in (('/force_command', 'mpc'), ('/joint_states', 'plant')):
+        assert f'{topic} has 2 publishers, /{kind}, /second_{kind}; expected one' in shown
 
 
 def test_states_come_at_the_rate_with_names_and_stamps(peer, start_node):
