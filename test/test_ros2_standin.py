@@ -4,11 +4,17 @@
 
 import os
 from pathlib import Path
+import re
 import signal
 import subprocess
 import sys
+import threading
 
+from peer import Peer
 import pytest
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from sensor_msgs.msg import JointState
+from std_srvs.srv import SetBool, Trigger
 
 ROS2 = Path(__file__).parents[1] / 'scripts' / 'ros2'
 
@@ -67,7 +73,7 @@ def test_pkg_executables(prefix, arguments):
     (['pkg', 'executables', 'wing'], "no package 'wing' in AMENT_PREFIX_PATH; available: swing"),
     (['run', 'swing', 'notes'], "no executable 'notes' in package 'swing'; "
                                 'available: echo, sleeper'),
-    (['topic', 'list'], "cannot do 'topic list'; this stand-in knows"),
+    (['topic', 'delay', '/x'], "cannot do 'topic delay /x'; this stand-in knows"),
     (['run', 'swing'], "cannot do 'run swing'; this stand-in knows"),
 ])
 def test_what_it_cannot_do_is_one_line(prefix, arguments, says):
@@ -88,3 +94,98 @@ def test_help(prefix, arguments):
     code, output, _ = call(prefix, *arguments)
     assert code == 0
     assert output.startswith('usage: ros2 run PACKAGE EXECUTABLE')
+
+
+TOP = ROS2.parents[1]
+ELSEWHERE = {'bag'}   # of rosbag2, beside which this package's own are described
+
+
+def test_it_knows_what_the_documents_prescribe():
+    usage = call('', '--help')[1]
+    pages = [TOP / 'README.md', TOP / 'CONTRIBUTING.md', *(TOP / 'docs').rglob('*.md')]
+    prescribed = {' '.join(words) for page in pages for words in re.findall(
+        r'(?m)(?:^ *|`|; )ros2 ([a-z]+) ([a-z]+)', page.read_text()) if words[0] not in ELSEWHERE}
+    assert {'run dp', 'topic echo', 'service call', 'param set'} <= prescribed
+    for words in prescribed:
+        assert f'ros2 {re.sub("^run .*", "run ", words)}' in usage
+
+
+@pytest.fixture
+def swing():
+    """Have a node /swing with a latched topic, two services and a parameter."""
+    peer = Peer('swing')
+    publisher = peer.node.create_publisher(JointState, 'kept', QoSProfile(
+        depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+    state = JointState(name=['cart'], position=[0.5])
+    state.header.stamp.sec = 7
+    publisher.publish(state)
+    peer.node.declare_parameter('gain', 3.0)
+
+    def trigger(_, response):
+        response.message = 'triggered'
+        return response
+
+    def switch(request, response):
+        response.success = request.data
+        return response
+
+    peer.node.create_service(Trigger, 'swing/reset', trigger)
+    peer.node.create_service(SetBool, 'swing/enable', switch)
+    over = threading.Event()
+    thread = threading.Thread(target=peer.until, args=(over.is_set, 600.0))
+    thread.start()
+    yield peer
+    over.set()
+    thread.join()
+    peer.close()
+
+
+def asked(*arguments, code=0):
+    """Return what it prints where the packages are those of the test."""
+    done = subprocess.run([sys.executable, ROS2, *arguments], text=True, timeout=60,
+                          capture_output=True)
+    assert done.returncode == code, done.stderr
+    return done.stdout if code == 0 else done.stderr
+
+
+def test_nodes_topics_services_and_parameters_are_listed(swing):
+    assert asked('node', 'list') == '/swing\n'
+    assert '/kept' in asked('topic', 'list').splitlines()
+    pipe = f'{sys.executable} {ROS2} service list | head -n 1'   # which ends in no traceback
+    assert subprocess.run(pipe, shell=True, capture_output=True, timeout=60).stderr == b''
+    assert {'/swing/reset', '/swing/enable'} <= set(asked('service', 'list').splitlines())
+    listed = asked('param', 'list').splitlines()
+    assert listed[0] == '/swing:' and '  gain' in listed
+    assert asked('param', 'get', '/swing', 'gian', code=1) == (
+        "Parameter not set; did you mean 'gain'?\n")
+
+
+def test_a_topic_is_read_and_described(swing):
+    assert asked('topic', 'echo', '--once', 'kept') == """\
+header:
+  stamp:
+    sec: 7
+    nanosec: 0
+  frame_id: ''
+name:
+- cart
+position:
+- 0.5
+velocity: []
+effort: []
+---
+"""
+    assert asked('topic', 'info', '/kept') == (
+        'Type: sensor_msgs/msg/JointState\nPublisher count: 1\nSubscription count: 0\n')
+    assert 'Node name: swing\n' in asked('topic', 'info', '-v', 'kept')
+    assert asked('topic', 'echo', '/kpet', code=2).endswith(
+        'nobody has /kpet; of a near name: /kept\n')
+
+
+def test_a_service_is_called(swing):
+    answer = asked('service', 'call', '/swing/enable', 'std_srvs/srv/SetBool', '{data: true}')
+    assert answer.endswith(
+        "response:\nstd_srvs.srv.SetBool_Response(success=True, message='')\n\n")
+    assert "message='triggered'" in asked('service', 'call', 'swing/reset', 'std_srvs/srv/Trigger')
+    assert 'no request of std_srvs/srv/SetBool: ' in asked(
+        'service', 'call', '/swing/enable', 'std_srvs/srv/SetBool', '{date: true}', code=2)
