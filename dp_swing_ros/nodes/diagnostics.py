@@ -19,6 +19,7 @@ from dp_swing_ros.nodes.connections import mismatch, owner, POLICIES, publish
 from dp_swing_ros.nodes.process import ProcessNode
 from dp_swing_ros.topics import DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES
 
+NAMELESS = '_NODE_NAME_UNKNOWN_'   # in the name of a node whose end was found before it
 LOOK_PERIOD = 1.0  # [s] between looks at the topics
 SINGLE = (JOINT_STATES, FORCE_COMMAND)  # one publisher each, or nobody knows whom to obey
 
@@ -50,7 +51,7 @@ class Diagnostics:
         logger, before, self.rivals = self.node.get_logger(), self.logged, warnings
         for texts, log in ((errors, logger.error), (warnings, logger.warning)):
             for text in texts:
-                if _told(text) not in before:
+                if _told(text) not in before and NAMELESS not in text:
                     log(text)
         self.logged = set(map(_told, errors + warnings))
         if self.states is not None and self.states.refusal:

@@ -11,6 +11,7 @@ together are the whole run. What the bag lacks for that is not passed over.
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 import math
+import re
 from typing import NamedTuple
 
 import numpy as np
@@ -34,6 +35,7 @@ from dp_swing_ros.simulation.plant import Plant
 from dp_swing_ros.topics import DIAGNOSTICS, FORCE_COMMAND, PLAN, ROBOT_DESCRIPTION, Topic
 
 SHOWN = 5  # numbers of ticks in a sentence
+RIVALS = re.compile(r'(\S+) has \d+ publishers, [^;]*')   # of nodes/diagnostics.py
 
 
 class Difference(NamedTuple):
@@ -71,7 +73,8 @@ def verify(bag: Bag, progress: Callable[[list[Tick]], Iterable[Tick]]) -> Verifi
     try:
         config, record = configuration_of(bag, CONTROLLER), record_of(bag)
     except BagError as error:
-        raise BagError('; '.join([str(error), *rivals])) from None
+        cause = f'; likely cause: {"; ".join(rivals)}' if rivals else ''
+        raise BagError(f'{error}{cause}') from None
     controller = configuration.controller(config.parameters)
     pairing, plans = paired(record, commands_of(bag)), _plans_of(bag, record)
     differences = list[Difference]()
@@ -103,9 +106,10 @@ def verify(bag: Bag, progress: Callable[[list[Tick]], Iterable[Tick]]) -> Verifi
 def rivals_of(bag: Bag) -> list[str]:
     """Return what the nodes of a run said of topics that had more publishers than one."""
     messages = bag.of(DIAGNOSTICS) if bag.has(DIAGNOSTICS) else []
-    return bag.parse(lambda: list(dict.fromkeys(
-        status.message for message in messages for status in message.status
-        if any(pair.key == 'rivals' and pair.value != '0' for pair in status.values))))
+    said = bag.parse(lambda: [status.message for message in messages for status in message.status
+                              if 'rivals' in {pair.key for pair in status.values}])
+    # the last one on each topic, without whom a node obeys
+    return list({found[1]: found[0] for text in said for found in RIVALS.finditer(text)}.values())
 
 
 def _plans_of(bag: Bag, record: Record) -> dict[int, Trajectory]:

@@ -34,7 +34,7 @@ def _verify(arguments: argparse.Namespace) -> int:
     if found.incomplete:
         print(found.incomplete)
     if found.rivals and not found.differences:
-        print(f'note: {"; ".join(found.rivals)}')
+        print(f'{"likely cause" if found.unchecked else "note"}: {"; ".join(found.rivals)}')
     for text in found.beyond:
         print(f'not checked: {text}')
     for text in found.unchecked:
