@@ -17,10 +17,10 @@ from dp_swing_ros.errors import UserError
 from dp_swing_ros.evaluation.soak import OUT
 from dp_swing_ros.learning.learner import FIRST, Learner
 from dp_swing_ros.learning.trials import Trial, trials
-from dp_swing_ros.parameters.files import locate
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tools.command_lines import (
     dated, execute, FAILED, new_folder, OK, program, within)
+from dp_swing_ros.tools.processes import located
 from dp_swing_ros.tools.train import add_kind
 
 TOTAL, HOLD = 60.0, 2.0   # [s]
@@ -65,7 +65,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _learn(arguments: argparse.Namespace) -> int:
-    values = configuration.read(map(locate, arguments.params))
+    if arguments.live:   # with an mpc that takes what is for its name
+        located(arguments.params, {})
+    values = configuration.read(arguments.params)
     plant = {**values['plant'], 'seed': arguments.seed}
     mpc = {**values['mpc'], 'solver': arguments.solver, 'seed': arguments.seed}
     configuration.controller(mpc)   # refused before a folder is made

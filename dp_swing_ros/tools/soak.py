@@ -18,7 +18,6 @@ from dp_swing_ros import configuration
 from dp_swing_ros.evaluation.soak import (
     ALLOWED, answers, pendulum, processes, quantiles, SHORTEST as LONG_ENOUGH, Soak, summary,
     ticks, times)
-from dp_swing_ros.parameters.files import locate
 from dp_swing_ros.pendulum.state import DEFAULT_LINKS, LINKS
 from dp_swing_ros.provenance import commit, machine, package_version
 from dp_swing_ros.solvers import SOLVERS
@@ -26,7 +25,8 @@ from dp_swing_ros.tables import aligned
 from dp_swing_ros.tools.command_lines import (
     dated, execute, FAILED, new_folder, OK, postponed, program, within)
 from dp_swing_ros.tools.demo import refuse_company, SILENCE
-from dp_swing_ros.tools.processes import await_ready, Crew, isolated, Process, ProcessError
+from dp_swing_ros.tools.processes import (
+    await_ready, Crew, isolated, located, Process, ProcessError)
 from dp_swing_ros.tools.resources import burning, Resources
 from dp_swing_ros.tools.watcher import Watcher
 
@@ -77,7 +77,7 @@ def _soak(arguments: argparse.Namespace) -> int:
     asked = {name: getattr(arguments, name)
              for name in ('solver', 'duration', 'rate', 'links', 'seed', 'burn',
                           'thread_priority')}
-    files = [locate(file) for file in arguments.params]
+    files = located(arguments.params, {})
     folder = arguments.output or Path('runs', dated(f'soak_{arguments.solver}'))
     shared = os.environ.get('ROS_DOMAIN_ID')
     with isolated() as domain:

@@ -140,7 +140,9 @@ def test_what_cannot_be_compared_is_one_line(capsys):
 def test_what_cannot_work_is_one_line(arguments, code, word, capsys):
     Path('file').write_text('')
     assert main(arguments) == code
-    assert word in one_line(capsys)
+    output, error = capsys.readouterr()
+    assert error.startswith('evaluate: error: ') and error.count('\n') == 1 and word in error
+    assert output == '' and not Path('runs').exists()   # before anything is counted or made
 
 
 @pytest.mark.parametrize('arguments, word', [

@@ -95,6 +95,13 @@ def test_misuse_is_refused(arguments, words, capsys):
     assert words in capsys.readouterr().err
 
 
+def test_live_a_file_for_another_node_is_refused(here, capsys):
+    (here / 'file.yaml').write_text('mcp:\n  ros__parameters: {horizon: 9}\n')
+    assert main(['--live', '--params', 'file.yaml']) == 2
+    assert "did you mean 'mpc'?" in capsys.readouterr().err
+    assert not (here / 'runs').exists()
+
+
 def test_a_file_that_is_missing_leaves_nothing(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert main(['--params', 'none.yaml']) == 2

@@ -182,6 +182,7 @@ def test_misuse_is_refused_at_once(arguments, complaint, capsys, here):
 @pytest.mark.parametrize('text, complaint', [
     (None, 'cannot read the parameter file file.yaml'),
     ('mpc:\n  ros__parameters: {horizon: 0}\n', 'horizon'),
+    ('mcp:\n  ros__parameters: {horizon: 9}\n', "did you mean 'mpc'?"),
     ('plant:\n  ros__parameters: {ratte: 9.0}\n', "'ratte'")])
 def test_a_bad_parameter_file_is_one_line(text, complaint, capsys, here):
     if text:
