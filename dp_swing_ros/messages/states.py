@@ -55,7 +55,7 @@ class States:
         """Take the names of the joints of a state."""
         self.wanted, self.warn, self.name = wanted, warn, name
         self.number = 0        # of the newest state, those that were lost on their way included
-        self.obeyed = b''      # the publisher of the states
+        self.obeyed, self.obeyed_name = b'', ''   # the publisher of the states, and its node
         self.refusal = ''      # what the last message lacked, where it was no whole state
         self.others = set[bytes]()          # publishers that have named no joint of ours
         self._heard = dict[bytes, float]()  # [s] when others last sent states, by the first one
@@ -109,15 +109,18 @@ class States:
             self._heard = {each: heard for each, heard in self._heard.items()
                            if now - heard <= SILENCE}
             if self._heard:
-                self.warn(f'{self.name(publisher)} publishes states, too; {self.name(self.obeyed)}'
+                self.obeyed_name = self.name(self.obeyed)   # of one that is there
+                self.warn(f'{self.name(publisher)} publishes states, too; {self.obeyed_name}'
                           ' was heard first, and is obeyed')
         self._heard[publisher] = now
         first = next(each for each, heard in self._heard.items() if now - heard <= SILENCE)
         if publisher != first:
             return False
-        if self.obeyed not in (b'', first):
-            self.warn(f'{self.name(self.obeyed)} is obeyed no more; {self.name(first)} is')
-        self.obeyed = first
+        if self.obeyed != first:
+            before, self.obeyed_name = self.obeyed_name, self.name(first)
+            if before:
+                self.warn(f'{before} is obeyed no more; {self.obeyed_name} is')
+            self.obeyed = first
         return True
 
     def _is_repeated(self, message: Any) -> bool:
