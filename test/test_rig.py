@@ -3,6 +3,7 @@
 """The page of the rigs: its aims, from rows that are made up; and one episode of each kind."""
 
 import dataclasses
+from pathlib import Path
 import re
 
 from campaigns import METHODS
@@ -14,7 +15,11 @@ from results import row
 import rig
 import seeded
 
+from dp_swing_ros import configuration
 from dp_swing_ros.evaluation.campaign.contestants import key, play
+from dp_swing_ros.evaluation.metrics import measure
+from dp_swing_ros.parameters.files import for_node, sections
+from dp_swing_ros.simulation.closed_loop import simulate
 
 CLEAN, TWICE = 1.9, 3.8   # [s] settling times
 
@@ -154,3 +159,37 @@ def test_the_page_is_written_with_its_tables_and_its_picture(rows, found, tmp_pa
     assert (stored.true == stored.found).all()
     with Image.open(tmp_path / 'figures' / 'rig.png') as image:
         image.verify()
+
+
+@pytest.fixture(scope='module')
+def voltage():
+    """Return what config/voltage.yaml has for plant and mpc."""
+    found = sections(Path(__file__).parents[1] / 'config' / 'voltage.yaml')
+    return [for_node(found, f'/{node}', configuration.declared(node, 2))
+            for node in configuration.NODES]
+
+
+def test_the_voltage_drive_of_the_guide_is_that_of_its_motor(voltage):
+    """By what a motor does: when it stands, where it turns freely, and what its rotor weighs."""
+    R, K, N, r, J = 2.6, 0.00767, 3.71, 0.00635, 3.9e-7
+    volts, cart, bearings = 24.0, 0.94, 5.4
+    values = voltage[0]
+    assert values['force_limit'] == volts
+    standing = N * K * (volts / R) / r
+    assert values['force_gain'] * volts == pytest.approx(standing, rel=1e-4)
+    fastest = volts / K * r / N   # [m/s] where the back EMF is all of the voltage
+    assert (values['cart_friction'] - bearings) * fastest == pytest.approx(standing, rel=1e-4)
+    speed = 2.0                   # [m/s] at which rotor and cart have this energy
+    assert values['cart_mass'] * speed ** 2 == pytest.approx(
+        cart * speed ** 2 + J * (N * speed / r) ** 2, rel=1e-4)
+
+
+@pytest.mark.parametrize('solver', METHODS)
+def test_a_voltage_drive_is_held_as_the_guide_tells(voltage, solver):
+    of_plant, of_mpc = voltage
+    assert of_mpc.keys() == {'force_gain', 'cart_friction', 'cart_mass', 'force_limit'}
+    episode = simulate(configuration.plant(of_plant),
+                       configuration.controller({**of_mpc, 'solver': solver}), 8.0)
+    assert measure(episode).success
+    # what acted is a force [N]; the limit bounds the command [V]
+    assert max(abs(episode.U)) == pytest.approx(of_mpc['force_gain'] * of_mpc['force_limit'])

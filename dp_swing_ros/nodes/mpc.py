@@ -146,6 +146,7 @@ class MpcNode(ProcessNode):
         self.tick_time = self.controller.warm_up()
         self.forget()
         self.loader = Loader(self.controller)
+        self.warn_of_problem()
         if self.controller.nominal.learned is not None:
             self.note_learned()
             announce(self, self.found, self.revision)
@@ -186,8 +187,14 @@ class MpcNode(ProcessNode):
         self.solver, self.u_max = self.parameters.solver, loaded.values['force_limit']
         self.shadows.configure(loaded.values)
         self.revision += 1
+        self.warn_of_problem()
         self.note_learned()
         announce(self, {**loaded.values, **self.found}, self.revision)
+
+    def warn_of_problem(self) -> None:
+        """Tell of parameters that are possible, but hardly meant."""
+        if warning := self.controller.nominal.warning:
+            self.get_logger().warning(warning)
 
     def note_learned(self) -> None:
         """Announce what a learned model holds in place of its file, so that a bag has it."""

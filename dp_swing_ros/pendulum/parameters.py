@@ -55,7 +55,8 @@ class PendulumParameters(Parameters):
         minimum=1e-3, links=3)
     gravity: float = parameter(9.81, 'acceleration of gravity, g', unit='m/s^2', minimum=0.0)
     cart_friction: float = parameter(
-        0.0, 'viscous friction of the cart on the track', unit='N s/m', minimum=0.0)
+        0.0, 'viscous friction of the cart on the track; of a voltage drive with its back EMF',
+        unit='N s/m', minimum=0.0)
     joint1_friction: float = parameter(
         0.0, 'viscous friction between cart and link 1', unit='N m s/rad',
         minimum=0.0)
@@ -113,7 +114,8 @@ class DriveParameters(Parameters):
         0.0, 'time constant of the first-order lag with which the force follows', unit='s',
         minimum=0.0, maximum=1.0)
     force_gain: float = parameter(
-        1.0, 'force on the cart per commanded force', minimum=1e-2, maximum=100.0)
+        1.0, 'force on the cart per command: 1 where commands are forces, in N/V where voltages',
+        minimum=1e-2, maximum=100.0)
     force_bias: float = parameter(
         0.0, 'lasting force on the cart beside the commanded one, of a tilted track for one',
         unit='N')
@@ -157,7 +159,8 @@ class LimitParameters(Parameters):
     """What the actuator and the track allow; plant and controller should have the same."""
 
     force_limit: float = parameter(
-        20.0, 'largest force on the cart, either way', unit='N', minimum=0.0, finite=False)
+        20.0, 'largest command, either way; the force on the cart is force_gain times as large, so '
+        'with a gain in N/V this is in V', unit='N', minimum=0.0, finite=False)
     track_limit: float = parameter(
         2.4, 'the cart stays within this distance of the centre', unit='m', minimum=1e-3,
         finite=False)

@@ -41,7 +41,8 @@ class CostParameters(Parameters):
         10_000.0, 'weight of the squared distance into the margin of the track', unit='1/m^2',
         minimum=0.0)
     track_margin: float = parameter(
-        0.4, 'width of the soft margin inside the track limit', unit='m', minimum=0.0)
+        0.4, 'width of the soft margin inside the track limit; less than half of it', unit='m',
+        minimum=0.0)
     cart_speed_limit: float = parameter(
         math.inf, 'speed of the cart that plans keep below; see controlled_stop, too',
         unit='m/s', minimum=0.01, finite=False)

@@ -99,6 +99,15 @@ class Problem:
             (limits, cost, prediction), learned)
 
     @property
+    def warning(self) -> str:
+        """Return what is possible, but hardly meant, or nothing."""
+        limits, cost, _ = self.given
+        margin, track = cost.track_margin, limits.track_limit
+        return '' if cost.track_weight == 0 or 2 * margin < track else (
+            f"'track_margin' is {margin:g} m of the {track:g} m of track on either side, and plans "
+            f"avoid it; expected less than half, {track / 2:g} m")
+
+    @property
     def dt(self) -> float:
         """Return the duration of a step [s]."""
         return self.model.h

@@ -69,7 +69,7 @@ class PlantParameters(RhythmParameters):
     velocity_noise: float = parameter(
         0.0, 'standard deviation of the measured velocities', unit='m/s, rad/s', minimum=0.0)
     force_noise: float = parameter(
-        0.0, 'standard deviation of the applied force, drawn once a period', unit='N',
+        0.0, 'standard deviation of what is added to a command, drawn once a period', unit='N',
         minimum=0.0)
     actuator_response: float = parameter(
         1.0, 'share k of the way to the commanded force that the actuator goes in a physics step; '

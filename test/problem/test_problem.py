@@ -57,6 +57,16 @@ def test_a_reference_that_is_no_equilibrium_is_refused(reference):
         problem(replace(default_cost(2), reference=reference))
 
 
+@pytest.mark.parametrize('track, margin, weight, warns', [
+    (2.4, 0.4, 1e4, False), (0.4, 0.4, 1e4, True), (0.8, 0.4, 1e4, True), (0.4, 0.1, 1e4, False),
+    (0.4, 0.4, 0.0, False), (np.inf, 0.4, 1e4, False)])
+def test_a_margin_that_leaves_little_of_the_track_is_told(track, margin, weight, warns):
+    p = problem(CostParameters(track_margin=margin, track_weight=weight),
+                LimitParameters(track_limit=track))
+    assert bool(p.warning) is warns
+    assert not warns or f"'track_margin' is 0.4 m of the {track:g} m" in p.warning
+
+
 def test_a_goal_by_its_name_is_the_reference_with_its_angles():
     given = replace(default_cost(2), reference=(0.5, np.pi, np.pi, 0, 0, 0))
     np.testing.assert_array_equal(problem(given).x_r, given.reference)
