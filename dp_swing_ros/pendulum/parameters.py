@@ -159,8 +159,8 @@ class LimitParameters(Parameters):
     """What the actuator and the track allow; plant and controller should have the same."""
 
     force_limit: float = parameter(
-        20.0, 'largest command, either way; the force on the cart is force_gain times as large, so '
-        'with a gain in N/V this is in V', unit='N', minimum=0.0, finite=False)
+        20.0, 'largest command, either way; the force on the cart is force_gain times as large, '
+        'so with a gain in N/V this is in V', unit='N', minimum=0.0, finite=False)
     track_limit: float = parameter(
         2.4, 'the cart stays within this distance of the centre', unit='m', minimum=1e-3,
         finite=False)

@@ -104,8 +104,8 @@ class Problem:
         limits, cost, _ = self.given
         margin, track = cost.track_margin, limits.track_limit
         return '' if cost.track_weight == 0 or 2 * margin < track else (
-            f"'track_margin' is {margin:g} m of the {track:g} m of track on either side, and plans "
-            f"avoid it; expected less than half, {track / 2:g} m")
+            f'parameter track_margin is {margin:g} m of the {track:g} m of track on either side, '
+            f'and plans avoid it; expected less than half, {track / 2:g} m')
 
     @property
     def dt(self) -> float:

@@ -411,7 +411,7 @@ def mpc():
 def test_a_margin_as_wide_as_the_track_is_told(mpc, capfd):
     mpc.controller = configuration.controller({'track_limit': 0.4})
     mpc.warn_of_problem()
-    assert "'track_margin' is 0.4 m of the 0.4 m of track" in capfd.readouterr().err
+    assert 'track_margin is 0.4 m of the 0.4 m of track' in capfd.readouterr().err
 
 
 def test_a_tick_that_fails_costs_its_force_which_is_zero(mpc, peer):

@@ -64,7 +64,7 @@ def test_a_margin_that_leaves_little_of_the_track_is_told(track, margin, weight,
     p = problem(CostParameters(track_margin=margin, track_weight=weight),
                 LimitParameters(track_limit=track))
     assert bool(p.warning) is warns
-    assert not warns or f"'track_margin' is 0.4 m of the {track:g} m" in p.warning
+    assert not warns or f'track_margin is 0.4 m of the {track:g} m' in p.warning
 
 
 def test_a_goal_by_its_name_is_the_reference_with_its_angles():
