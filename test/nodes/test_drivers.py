@@ -4,6 +4,9 @@
 
 import itertools
 import math
+from pathlib import Path
+import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -16,6 +19,7 @@ import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
+from std_srvs.srv import SetBool
 
 from dp_swing_ros import configuration
 from dp_swing_ros.bags import read_episode
@@ -420,3 +424,30 @@ def test_bytes_that_are_no_state_end_nothing(peer, start_node):
     driver.send(0)
     assert peer.until(lambda: driver.forces)
     assert node.popen.poll() is None
+
+
+def test_the_guide_leads_from_a_bare_machine_to_a_held_pendulum(peer, start_node, here):
+    """The commands of docs/rig.md, but faster, and enabled by a call."""
+    top = Path(__file__).parents[2]
+    guide = (top / 'docs' / 'rig.md').read_text().split('\n## ')[2]
+    assert guide.startswith('From a bare machine')
+    commands = {words[0]: words[1:] for words in map(shlex.split, re.findall(
+        r'^ +ros2 run dp_swing_ros (.*)$', guide, re.M))}
+    assert list(commands) == ['plant', 'mpc', 'logger', 'analyse']
+    assert 'ros2 service call /mpc/enable std_srvs/srv/SetBool "{data: true}"' in guide
+    states = peer.record(JOINT_STATES)
+
+    def start(name, *arguments):
+        given = [word.replace('config/', f'{top}/config/') for word in commands[name]]
+        return start_node(name, arguments=[*given, *arguments])
+    start('plant', '-p', 'pace:=10.0')
+    start('mpc').wait_for('ready')
+    logger = start('logger')
+    logger.wait_for('recording to')
+    before = len(states)
+    assert peer.call(SetBool, 'mpc/enable', data=True).success
+    assert peer.until(lambda: len(states) > before + 400)   # 20 s
+    assert logger.stop() == 0
+    assert analyse.main([*commands['analyse'], '--no-animation']) == 0
+    run = read_episode(commands['analyse'][0])
+    assert all(is_upright(run.errors[-20:]))
