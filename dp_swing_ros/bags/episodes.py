@@ -65,7 +65,9 @@ def episode_of(bag: Bag) -> Episode:
         t=np.array([sample.stamp - start for sample in samples]) / BILLION,
         X=np.array([sample.x for sample in samples]),
         U=np.array([sample.force for sample in samples[1:]]),
-        ticks=bag.parse(_ticks, reports, start),
+        # where the plant has ended, or its states were lost, nothing more is of the run
+        ticks=bag.parse(_ticks, [report for report in reports
+                                 if report.stamp <= samples[-1].stamp], start),
         solver=str(reports[-1].values.get('solver', '')) if reports else '',
         physical=physical, limits=limits, incomplete=bag.incomplete,
         goal=goal_of(bag, physical.links))

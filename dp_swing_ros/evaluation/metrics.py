@@ -13,7 +13,7 @@ import numpy as np
 from dp_swing_ros.configuration import default_cost
 from dp_swing_ros.pendulum.parameters import LimitParameters
 from dp_swing_ros.pendulum.state import angles, Array, is_upright, links_of
-from dp_swing_ros.problem.plan import Status
+from dp_swing_ros.problem.plan import FALLBACK
 from dp_swing_ros.simulation.episode import Episode
 
 HOLD = 1.0  # [s] upright for less than this at the end may be passing by
@@ -21,7 +21,7 @@ REST = 2.0  # [s] at the end of a run, over which holding is measured
 TIME_LIMIT = 0.04  # [s] for a solve, the mpc's default
 TOUCH = 1e-6  # [m] from an end stop
 CENTRE = 0.1  # [m] from the middle of the track, where the cart has settled as well
-WITHOUT_SOLVE = {status.name for status in (Status.LAST_POLICY, Status.REGULATOR, Status.ZERO)}
+WITHOUT_SOLVE = {status.name for status in FALLBACK}
 
 
 class Outcome(enum.Enum):
@@ -124,9 +124,7 @@ def measure(episode: Episode, time_limit: float = TIME_LIMIT) -> Metrics:
         p99_latency=quantile(ticks.latency, 0.99),
         late_ticks=int(np.count_nonzero(ticks.late)),
         deadline_misses=int(np.count_nonzero(ticks.solve_time > time_limit)),
-        # a plant that has ended leaves its controller in silence, which is none of the run
-        stand_ins=sum(status in WITHOUT_SOLVE for at, status in zip(ticks.t, ticks.status)
-                      if at <= max(t[-1:], default=-math.inf)),
+        stand_ins=sum(status in WITHOUT_SOLVE for status in ticks.status),
         ticks=len(ticks.t),
         states=len(t),
         duration=float(t[-1] - t[0]) if t.size else math.nan)

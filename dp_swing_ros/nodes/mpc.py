@@ -42,7 +42,7 @@ from dp_swing_ros.nodes.timing import (
 from dp_swing_ros.parameters import group
 from dp_swing_ros.pendulum.sensors import HANGING, SensorParameters, Standstill
 from dp_swing_ros.pendulum.state import Array, errors, is_upright
-from dp_swing_ros.problem.plan import Plan, Status
+from dp_swing_ros.problem.plan import FALLBACK, Plan, Status
 from dp_swing_ros.rerun.answers import Tick
 from dp_swing_ros.topics import (
     CONFIGURATION, FORCE_COMMAND, FORCE_COMMAND_STAMPED, JOINT_STATES, PLAN, TRIES)
@@ -361,7 +361,7 @@ class MpcNode(ProcessNode):
 
     def on_silence(self) -> None:
         """Follow the last plan without a state that should have come, for a while."""
-        self.surely(partial(self.go_on, f'no state in {self.carried + 1} periods'))
+        self.surely(partial(self.go_on, f'no state came in {self.carried + 1} periods'))
 
     def go_on(self, complaint: str) -> None:
         """Send a force that answers no state."""
@@ -422,14 +422,14 @@ class MpcNode(ProcessNode):
         if astray:
             self.get_logger().warning(astray, throttle_duration_sec=10.0)
         warning = '; '.join(filter(None, (
-            warning, trust.warning if trust is not None else '', astray)))
+            warning, trust.warning if trust is not None else '', astray,
+            'the solve failed' if stats.candidates and stats.status in FALLBACK else '')))
         self.late_total += late
         level = DiagnosticStatus.OK
         stopping = self.controller.stopping
         if complaint or stopping or stats.status is Status.ZERO:
             level = DiagnosticStatus.ERROR
-        elif warning or late or stats.status in (
-                Status.LAST_POLICY, Status.REGULATOR, Status.DISABLED):
+        elif warning or late or stats.status in (*FALLBACK, Status.DISABLED):
             level = DiagnosticStatus.WARN
         self.diagnostics.publish(
             stamp, level, '; '.join(filter(None, (

@@ -25,11 +25,14 @@ class Status(enum.Enum):
     STALLED = 'no step lowered the cost; raise the largest regularisation or change the start'
     FAILED = 'no finite plan was found; look at the state and the weights'
     FEEDBACK = 'no solve was due; this is the last plan, with its feedback from the newest state'
-    LAST_POLICY = 'the solve failed; this is the last plan, followed as a policy'
-    REGULATOR = 'the solve failed; this is the regulator at the reference'
+    LAST_POLICY = 'this is the last plan, followed as a policy'
+    REGULATOR = 'this is the regulator at the reference'
     STOP = 'a controlled stop: the cart is braked, then the force is zero'
-    ZERO = 'the solve failed, and so did the fallback; the force is zero'
+    ZERO = 'there is no plan to follow; the force is zero'
     DISABLED = 'disabled: the force is zero; call mpc/enable'
+
+
+FALLBACK = (Status.LAST_POLICY, Status.REGULATOR, Status.ZERO)   # of a tick without a solve
 
 
 class Candidate(NamedTuple):

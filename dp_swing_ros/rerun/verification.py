@@ -51,6 +51,7 @@ class Verification(NamedTuple):
 
     solver: str
     ticks: int               # that were solved again
+    silent: int              # of these, for which no state came
     plans: int               # that were compared
     states: int              # that the plant gave again
     real_time: bool
@@ -98,7 +99,8 @@ def verify(bag: Bag, progress: Callable[[list[Tick]], Iterable[Tick]]) -> Verifi
     else:
         again.beyond.insert(0, f'the plans, for the bag has no {PLAN.name}')
     return Verification(
-        controller.parameters.solver, len(record.ticks), len(plans), again.states,
+        controller.parameters.solver, len(record.ticks),
+        sum(tick.x is None for tick in record.ticks), len(plans), again.states,
         any(tick.real_time for tick in record.ticks), differences + again.differences,
         _unchecked(bag, record, lacking), again.beyond, elsewhere(config), rivals, bag.incomplete)
 

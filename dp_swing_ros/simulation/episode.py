@@ -21,6 +21,7 @@ class Ticks(NamedTuple):
     What the controller reported of each of its ticks.
 
     Shapes: all (M,); t is the time of the state that a tick answers, on the episode's clock.
+    A tick that answers none has its own time; none comes after the last state.
     """
 
     t: Array           # [s]

@@ -28,7 +28,8 @@ def _verify(arguments: argparse.Namespace) -> int:
     found = verify(Bag(arguments.bag, arguments.partial, arguments.namespace, arguments.node),
                    lambda ticks: progress(ticks, desc='ticks'))
     ticks = f'{found.ticks} ticks of {found.solver} in ' \
-        f'{"real time" if found.real_time else "lockstep"}'
+        f'{"real time" if found.real_time else "lockstep"}' \
+        + (f' (no state came for {found.silent})' if found.silent else '')
     for text in _differences(found, ticks) if found.differences else _identical(found, ticks):
         print(text)
     if found.incomplete:

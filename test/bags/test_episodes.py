@@ -17,6 +17,7 @@ from dp_swing_ros.bags import read_episode
 from dp_swing_ros.bags.metadata import Recorded
 from dp_swing_ros.bags.writer import BagWriter
 from dp_swing_ros.errors import BagError
+from dp_swing_ros.evaluation.metrics import measure
 from dp_swing_ros.messages.definitions import schema
 from dp_swing_ros.nodes.cdr import to_diagnostics
 from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
@@ -90,6 +91,19 @@ def test_episode_comes_back_to_the_bit(bag):
         assert episode.ticks.status == ['CONVERGED'] * 40
         assert (episode.ticks.solve_time == 0.002).all()
         assert (episode.ticks.latency == 0.003).all()
+
+
+def test_ticks_after_the_last_state_are_none_of_the_run(tmp_path):
+    writer = make_writer(tmp_path / 'bag')
+    write_run(writer)
+    for n in range(40, 44):   # the plant has ended, and the mpc carries on
+        time = START + n * PERIOD
+        writer.write(DIAGNOSTICS.name, serialised(to_diagnostics(to_stamp(time), 'mpc', 1, '', {
+            'solver': 'ddp', 'status': 'LAST_POLICY', 'cost': 1.0, 'iterations': 0,
+            'solve_time': 0.0, 'latency': 0.0, 'late': False, 'force': 1.0})), time + 1000, time)
+    writer.close()
+    metrics = measure(read_episode(tmp_path / 'bag'))
+    assert (metrics.ticks, metrics.states, metrics.stand_ins) == (40, 40, 0)
 
 
 def test_order_and_repetition_do_not_matter(tmp_path):

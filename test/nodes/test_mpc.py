@@ -125,6 +125,14 @@ def test_a_first_state_that_is_not_finite_gets_zero(peer, start_node):
     talk = Conversation(peer, start_node)
     assert talk.send([math.nan] * 6) == 0.0
     assert talk.report().values['status'] == 'ZERO'
+    assert 'failed' not in talk.report().message   # none was tried
+
+
+def test_a_solve_that_fails_is_said_to(peer, start_node):
+    talk = Conversation(peer, start_node, {'track_weight': 1e308})   # no finite cost off the track
+    assert talk.send([2.5, 0.1, 0.1, 0.0, 0.0, 0.0]) == 0.0
+    assert talk.report().values['status'] == 'ZERO'
+    assert 'the solve failed; there is no plan to follow' in talk.report().message
 
 
 def test_joints_may_come_in_any_order_but_none_may_miss(peer, start_node):
@@ -216,7 +224,8 @@ def test_where_states_stop_the_plan_is_followed_and_then_the_force_is_zero(peer,
     assert [report.values['carried'] for report in reports[-carried:]] == [*range(1, carried + 1)]
     assert [report.values['status'] for report in reports[-carried:]] == [
         *['LAST_POLICY'] * (carried - 1), 'ZERO']
-    assert f'no state in {carried} periods' in reports[-1].message
+    assert f'no state came in {carried} periods' in reports[-1].message
+    assert not [report for report in reports if 'failed' in report.message]
     # and answers again when they come back
     talk.n = len(talk.reports)
     assert talk.send(LEANING, peer.node.get_clock().now().to_msg()) != 0.0

@@ -9,6 +9,7 @@ import pytest
 from real_bags import converted, record, repeated, rewritten, tick, value_of, with_value
 from std_msgs.msg import String
 
+from dp_swing_ros.bags import read_episode
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.messages.configuration import from_text
 from dp_swing_ros.pendulum.parameters import PendulumParameters
@@ -71,8 +72,11 @@ def test_real_time_comes_out_again(tmp_path, capsys):
     assert all(one.real_time and one.delay > 0 for one in ticks)
     # the plant ends first: the mpc carries on, then lets go
     assert ticks[-1].status == 'ZERO'
+    silent = sum(tick.x is None for tick in ticks)
+    assert silent > 0 and len(read_episode(bag).ticks.t) == len(ticks) - silent
     assert verified(bag, capsys)[:2] == (0, [
-        f'{len(ticks)} ticks of ilqr in real time: every force is the recorded one to the bit',
+        f'{len(ticks)} ticks of ilqr in real time (no state came for {silent}): every force is the '
+        'recorded one to the bit',
         f'{len(ticks)} plans: all states and forces are the recorded ones to the bit',
         'not checked: states and efforts, which in real time depend on when each force arrived'])
 
