@@ -12,7 +12,7 @@ from importlib import import_module
 import sys
 
 from dp_swing_ros import environment
-from dp_swing_ros.executables import end_quietly, MISUSED, plays_bag
+from dp_swing_ros.executables import end_quietly, MISUSED, piped, plays_bag
 
 TOOLS = {
     'analyse': "a bag's table, figures and report, from the bag alone",
@@ -62,7 +62,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _misused(f'{name} needs the Python module {error.name}, which is not installed; '
                         f'{remedy}')
     # of a node rclpy wants the name of the program, too
-    return int(module.main([name, *rest] if is_node else rest))
+    return int(module.main([name, *rest])) if is_node else piped(lambda: module.main(rest))
 
 
 def _misused(why: str) -> int:

@@ -19,6 +19,7 @@ from dp_swing_ros import environment
 
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 MISUSED, INTERRUPTED = 2, 130   # exit codes; the latter of a tool
+UNREAD = 128 + signal.SIGPIPE   # and of one whose output nobody reads to its end
 
 
 def on_signals(handler: Callable[..., Any],
@@ -42,24 +43,39 @@ def end_quietly() -> None:
     on_signals(lambda *_: os._exit(INTERRUPTED))
 
 
+def piped(work: Callable[[], int]) -> int:
+    """Do the work of a tool and return its exit code; its output may go to `head`, which ends."""
+    try:
+        try:
+            return work()
+        finally:
+            print(end='', flush=True)   # here it may fail, and not after the last line of Python
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return UNREAD
+
+
 def _node(name: str) -> int:
     on_signals_to_node(lambda *_: os._exit(0))
     if {'-h', '--help'} & set(sys.argv[1:]):
-        print(*import_module('dp_swing_ros.nodes.help').lines(name), sep='\n')
-        return 0
+        return piped(partial(_help, name))
     print(f'{name}: loading', flush=True)
     return _in_ros('nodes', name)
 
 
+def _help(name: str) -> int:
+    print(*import_module('dp_swing_ros.nodes.help').lines(name), sep='\n')
+    return 0
+
+
 def _tool(name: str) -> int:
     end_quietly()
-    code: int = import_module(f'dp_swing_ros.tools.{name}').main()
-    return code
+    return piped(lambda: import_module(f'dp_swing_ros.tools.{name}').main())
 
 
 def _tool_in_ros(name: str) -> int:
     end_quietly()
-    return _in_ros('tools', name)
+    return piped(partial(_in_ros, 'tools', name))
 
 
 def _in_ros(package: str, name: str) -> int:

@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import sys
 
+from PIL import Image
 import pytest
 from real_bags import record
 
@@ -44,6 +45,8 @@ def test_a_bag_is_a_frame(bag, tmp_path, monkeypatch):
     names = {}
     exec(snippet, names)
     assert len(names['run']) == 21
+    with Image.open('angles.png') as image:
+        image.verify()
 
 
 def test_a_run_without_ros(capsys):
@@ -80,8 +83,8 @@ def test_campaigns_know_what_another_package_has(plugin, tmp_path):
     shown = run(tmp_path, plugin, 'evaluate', '--contestants', 'shooting', 'ilqr:estimator=blend',
                 'ilqr:model=kutta', '--scenarios', 'hanging', '--seeds', '1', '--jobs', '1',
                 '--duration', '3', '--no-figures', '--output', 'campaign')
-    assert '`shooting`' in shown
-    held = re.findall(r'\| `ilqr:(\w+)=\w+` \| 1 of 1', shown)
+    assert 'shooting: ' in shown
+    held = re.findall(r'^ilqr:(\w+)=\w+: held 1 of 1', shown, re.M)
     assert held == ['estimator', 'model'], shown
 
 

@@ -152,6 +152,8 @@ def execute(parser: argparse.ArgumentParser, work: Callable[[argparse.Namespace]
     try:
         interrupt_on_signals()
         return work(arguments)
+    except BrokenPipeError:   # whoever called ends in silence: see executables.piped
+        raise
     except failures + (UserError, ParameterError, OSError) as error:
         print(f'{tool}: error: {error}', file=sys.stderr)
         return FAILED if isinstance(error, failures) else MISUSED

@@ -14,7 +14,8 @@ from typing import Any
 from dp_swing_ros.evaluation.baselines import BASELINES
 from dp_swing_ros.evaluation.campaign import manifest
 from dp_swing_ros.evaluation.campaign.contestants import key, parse_all
-from dp_swing_ros.evaluation.campaign.report import compared, markdown
+from dp_swing_ros.evaluation.campaign.report import (
+    compared, compared_in_short, in_short, markdown)
 from dp_swing_ros.evaluation.campaign.rows import CampaignError, read, Row, Table
 from dp_swing_ros.evaluation.campaign.runner import run
 from dp_swing_ros.evaluation.campaign.summary import (
@@ -165,6 +166,7 @@ def _report(folder: Path, figures: bool, stored: Sequence[Row], against: Path | 
     """
     Write summary and pictures of what the folder holds, and how it differs from stored rows.
 
+    What has no room on a terminal is in the files alone.
     Raises CampaignError where no episode is stored.
     """
     description = manifest.load(folder)
@@ -173,12 +175,14 @@ def _report(folder: Path, figures: bool, stored: Sequence[Row], against: Path | 
     summary = summarise(description, rows, expected)
     (folder / 'summary.json').write_text(json.dumps(plain(summary), indent=1) + '\n',
                                          encoding='utf-8')
-    page = markdown(summary)
+    page, lines = markdown(summary), in_short(summary)
     if against is not None:
-        page += f'\n{compared(str(against), rivals(rows, stored))}'
+        pairs = rivals(rows, stored)
+        page += f'\n{compared(str(against), pairs)}'
+        lines.append(compared_in_short(str(against), pairs))
     (folder / 'summary.md').write_text(page, encoding='utf-8')
-    print(page)
     if figures:
         for name, figure in of_campaign(summary, rows):
             figure.savefig(folder / f'{name}.png')
-    print(f'table, summary and pictures: {folder}')
+    print(*lines, f'report: {folder / "summary.md"}', f'episodes: {folder / "episodes.csv"}',
+          *([f'pictures: {folder / "*.png"}'] if figures else []), sep='\n')

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 import argparse
 from importlib import import_module
+import os
 import signal
 import subprocess
 import sys
@@ -9,7 +10,7 @@ import sys
 import pytest
 
 from dp_swing_ros.errors import UserError
-from dp_swing_ros.executables import INTERRUPTED
+from dp_swing_ros.executables import INTERRUPTED, UNREAD
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.tools.command_lines import (
     beside, execute, FAILED, MISUSED, postponed, within)
@@ -113,6 +114,23 @@ def test_an_interrupt_in_a_destructor_comes_again():
     done = subprocess.run([sys.executable, '-c', DROPPED], capture_output=True, text=True,
                           timeout=20)
     assert (done.returncode, done.stderr) == (INTERRUPTED, 'tool: interrupted\n')
+
+
+@pytest.mark.parametrize('command', ['parameters', 'plant --help'])
+def test_output_that_nobody_reads_ends_a_tool_without_a_word(command):
+    tool, *arguments = command.split()
+    script = f'import sys; from dp_swing_ros import executables; sys.exit(executables.{tool}())'
+    reading, writing = os.pipe()
+    os.close(reading)   # as `| head` does, at some time
+    done = subprocess.run([sys.executable, '-c', script, *arguments],
+                          stdout=writing, stderr=subprocess.PIPE, text=True)
+    os.close(writing)
+    assert (done.returncode, done.stderr) == (UNREAD, '')
+
+
+def test_a_tool_ends_its_work_where_nobody_reads_on():
+    with pytest.raises(BrokenPipeError):
+        executed(ends(BrokenPipeError()), OSError)
 
 
 def test_a_bug_has_its_traceback():

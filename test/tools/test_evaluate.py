@@ -31,7 +31,7 @@ def test_the_installed_command_leaves_table_report_and_pictures(tmp_path):
                '--duration', '3', '--jobs', '2', '--output', 'new/campaign']
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    folder = tmp_path / 'new' / 'campaign'
+    new, folder = Path('new', 'campaign'), tmp_path / 'new' / 'campaign'
     made = {path.name for path in folder.iterdir()}
     pictures = {'successes.png', 'criteria.png', 'sweeps.png', 'settling.png', 'solve_times.png'}
     assert made == {'campaign.json', 'episodes.csv', 'summary.md', 'summary.json', *pictures}
@@ -39,8 +39,14 @@ def test_the_installed_command_leaves_table_report_and_pictures(tmp_path):
         with Image.open(folder / name) as image:
             image.verify()
     page = (folder / 'summary.md').read_text()
-    assert page in done.stdout
     assert '--levels 2' in page
+    shown = done.stdout.splitlines()
+    assert all(len(line) < 120 for line in shown)
+    assert shown[1] == '12 episodes of 3 s.'
+    assert shown[2].startswith('ilqr: held 4 of 6 (least in delay, 2 of 4), settling 1.')
+    assert shown[3] == 'nothing: held 0 of 6 (least in hanging, 0 of 2)'
+    assert shown[4:] == [f'report: {new / "summary.md"}', f'episodes: {new / "episodes.csv"}',
+                         f'pictures: {new / "*.png"}']
     summary = json.loads((folder / 'summary.json').read_text())
     assert summary['episodes'] == len(read(folder / 'episodes.csv')) == 2 * (2 + 2 * 2)
     assert summary['standings'][0]['held'] == {
@@ -116,10 +122,11 @@ def test_a_campaign_is_compared_with_a_stored_one_row_by_row(capsys):
     capsys.readouterr()
     for place, equal in (('campaign', 3), ('stored.csv.gz', 2)):
         assert main([*SMALL, '--against', place]) == 0
-        shown = capsys.readouterr().out
-        assert f'## Against {place}' in shown
-        assert f'| hanging | `nothing` | 3 | {equal} | 0 | 0 | 1.000 | - | - |' in shown
-        assert f'## Against {place}' in Path('campaign/summary.md').read_text()
+        assert (f'against {place}: {equal} of 3 episodes are identical; 0 held only now, '
+                '0 only as stored') in capsys.readouterr().out
+        page = Path('campaign/summary.md').read_text()
+        assert f'## Against {place}' in page
+        assert f'| hanging | `nothing` | 3 | {equal} | 0 | 0 | 1.000 | - | - |' in page
 
 
 def test_what_cannot_be_compared_is_one_line(capsys):

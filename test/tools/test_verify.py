@@ -75,8 +75,8 @@ def test_real_time_comes_out_again(tmp_path, capsys):
     silent = sum(tick.x is None for tick in ticks)
     assert silent > 0 and len(read_episode(bag).ticks.t) == len(ticks) - silent
     assert verified(bag, capsys)[:2] == (0, [
-        f'{len(ticks)} ticks of ilqr in real time (no state came for {silent}): every force is the '
-        'recorded one to the bit',
+        f'{len(ticks)} ticks of ilqr in real time (no state came for {silent}): every force is '
+        'the recorded one to the bit',
         f'{len(ticks)} plans: all states and forces are the recorded ones to the bit',
         'not checked: states and efforts, which in real time depend on when each force arrived'])
 

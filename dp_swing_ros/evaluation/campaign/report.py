@@ -69,6 +69,29 @@ def markdown(summary: Summary, title: str = 'Campaign', introduction: Sequence[s
     return '\n\n'.join(parts) + '\n'
 
 
+def in_short(summary: Summary) -> list[str]:
+    """Return a line on the campaign and one on each contestant, for a terminal."""
+    return [made(summary)[-1], *(
+        _verdict(name, [one for one in summary.standings if one.contestant == name])
+        for name in summary.campaign['contestants'])]
+
+
+def _verdict(name: str, standings: Sequence[Standing]) -> str:
+    if not standings:
+        return f'{name}: not run yet'
+    held, runs = (sum(of) for of in zip(*(one.held[:2] for one in standings)))
+    text = f'{name}: held {held} of {runs}'
+    worst = min(standings, key=lambda one: one.held.successes / one.held.runs)
+    if len(standings) > 1 and held < runs:
+        text += f' (least in {worst.scenario}, {worst.held.successes} of {worst.held.runs})'
+    settling = [one.medians['settling_time'] for one in standings if one.held.successes]
+    if settling:
+        ends = dict.fromkeys(number(end) for end in (min(settling), max(settling)))
+        text += f', settling {" to ".join(ends)} s'
+    slowest = max((one.solve_time['p99'] for one in standings if one.solves), default=math.nan)
+    return text + (f', solves p99 {number(slowest, 1, 1e3)} ms' if slowest == slowest else '')
+
+
 def made(summary: Summary) -> list[str]:
     """Return the lines on where a campaign comes from, and on how many episodes it has."""
     campaign, about = summary.campaign, summary.campaign['made']
@@ -218,6 +241,14 @@ def spans(seeds: Iterable[int]) -> str:
     runs = itertools.groupby(enumerate(sorted(seeds)), key=lambda pair: pair[1] - pair[0])
     ends = [[number for _, number in run] for _, run in runs]
     return ', '.join(str(run[0]) if len(run) == 1 else f'{run[0]}-{run[-1]}' for run in ends)
+
+
+def compared_in_short(place: str, found: Sequence[tuple[Duel, int]]) -> str:
+    """Return the comparison with what is stored in a place, in a line."""
+    pairs, same, now, before = (sum(of) for of in zip(*(
+        (one.cases, same, one.first_only, one.second_only) for one, same in found)))
+    return (f'against {place}: {same} of {pairs} episodes are identical; {now} held only now, '
+            f'{before} only as stored')
 
 
 def compared(place: str, found: Sequence[tuple[Duel, int]]) -> str:

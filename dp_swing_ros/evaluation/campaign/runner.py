@@ -23,6 +23,7 @@ from dp_swing_ros.provenance import sources
 
 CONNECTION = 10.0  # [s] at most to reach a scheduler
 GO_ON = 'call again with the same --output to go on'
+TOLD = 30.0  # [s] between two lines of progress where there is no terminal, at least
 WATCH = 1.0  # [s] between two looks of a worker for its campaign
 
 
@@ -40,21 +41,16 @@ def run(episodes: Sequence[tuple[Contestant, Case]], table: Table, jobs: int,
         return
     for contestant in {one.label: one for one, _ in todo}.values():
         ready(contestant)  # compiles once for all workers, and refuses what cannot work
-    failures = sum(not row.metrics.success for row in table.rows)
-    total = len(episodes)
-    with _workers(jobs, dask), tqdm(total=total, initial=total - len(todo), unit='episode',
-                                    smoothing=0.05, disable=None) as bar:
+    progress = _Progress(len(episodes), len(episodes) - len(todo),
+                         sum(not row.metrics.success for row in table.rows))
+    with _workers(jobs, dask), progress.bar:
         with _unreached(signal.SIGINT):
             rows = Parallel(return_as='generator', batch_size=1)(
                 delayed(_work)(os.getpid(), contestant, case) for contestant, case in todo)
         try:
             for row in rows:
                 table.append(row)
-                if row.outcome == ERROR:
-                    bar.write(f'{" ".join(map(str, row.key))}: {row.detail}', file=sys.stderr)
-                failures += not row.metrics.success
-                bar.set_postfix(failed=failures, refresh=False)
-                bar.update()
+                progress.count(row)
         except TerminatedWorkerError:
             raise CampaignError('a worker process was killed, perhaps for want of memory; '
                                 f'{GO_ON}') from None
@@ -62,6 +58,34 @@ def run(episodes: Sequence[tuple[Contestant, Case]], table: Table, jobs: int,
             with warnings.catch_warnings():
                 warnings.simplefilter('ignore')   # joblib's, about episodes that an end cuts off
                 rows.close()
+
+
+class _Progress:
+    """A bar on a terminal, a line now and then in a file."""
+
+    def __init__(self, total: int, done: int, failures: int) -> None:
+        self.bar = tqdm(total=total, initial=done, unit='episode', smoothing=0.05, disable=None)
+        self.total, self.left, self.failures = total, total - done, failures
+        self.todo, self.began = self.left, time.monotonic()
+        self.told = self.began
+
+    def count(self, row: Row) -> None:
+        """Show that one more was played."""
+        if row.outcome == ERROR:
+            self.bar.write(f'{" ".join(map(str, row.key))}: {row.detail}', file=sys.stderr)
+        self.left -= 1
+        self.failures += not row.metrics.success
+        self.bar.set_postfix(failed=self.failures, refresh=False)
+        self.bar.update()
+        now = time.monotonic()
+        passed = now - self.began
+        # a night's log is no longer than one can read
+        if self.bar.disable and now - self.told > max(TOLD, passed / 20):
+            self.told = now
+            rest = passed * self.left / (self.todo - self.left)
+            print(f'{self.total - self.left} of {self.total} episodes, {self.failures} not held; '
+                  f'{tqdm.format_interval(passed)} gone, about {tqdm.format_interval(rest)} left',
+                  file=sys.stderr, flush=True)
 
 
 @contextlib.contextmanager

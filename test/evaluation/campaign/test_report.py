@@ -3,7 +3,7 @@
 import pytest
 from results import campaign, error_row, row
 
-from dp_swing_ros.evaluation.campaign.report import failing, markdown, spans, which
+from dp_swing_ros.evaluation.campaign.report import failing, in_short, markdown, spans, which
 from dp_swing_ros.evaluation.campaign.summary import Failure, Level, summarise
 
 ROWS = [row('ilqr', seed=0), row('mppi', seed=0, held=False), error_row('mppi', seed=1),
@@ -34,6 +34,16 @@ def test_a_page_has_a_line_for_each_contestant_in_each_scenario():
     assert ['hanging', '`mppi`', 'never upright', '1', 'seed 0'] in lines
     assert ['hanging', '`mppi`', 'ValueError: no, "never"', '1', 'seed 1'] in lines
     assert '9 episodes of 4 s, 3 not run yet' in page
+
+
+def test_a_terminal_is_shown_a_line_for_each_contestant():
+    rows = [row('ilqr', seed=1, settling_time=1.5), *ROWS]
+    about = campaign(('ilqr', 'mppi', 'ddp'), ('hanging', 'delay'))
+    assert in_short(summarise(about, rows, 20)) == [
+        '10 episodes of 4 s, 10 not run yet.',
+        'ilqr: held 4 of 5 (least in delay, 2 of 3), settling 1.60 to 1.70 s, solves p99 2.0 ms',
+        'mppi: held 2 of 5 (least in hanging, 0 of 2), settling 1.70 s, solves p99 2.0 ms',
+        'ddp: not run yet']
 
 
 def test_each_way_has_a_line():

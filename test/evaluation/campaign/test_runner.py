@@ -4,12 +4,14 @@ import contextlib
 import fcntl
 import itertools
 import os
+import re
 import struct
 import termios
 
 from distributed import LocalCluster
 import pytest
 
+from dp_swing_ros.evaluation.campaign import runner
 from dp_swing_ros.evaluation.campaign.contestants import parse_all
 from dp_swing_ros.evaluation.campaign.rows import CampaignError, identical, read, Table
 from dp_swing_ros.evaluation.campaign.runner import run
@@ -100,6 +102,13 @@ def test_only_what_is_missing_is_run(alone, tmp_path, monkeypatch):
     assert '8/16' in shown
     play(tmp_path, jobs=1)
     assert len(read(path)) == 16
+
+
+def test_a_file_is_told_how_much_is_left(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(runner, 'TOLD', 0.0)
+    play(tmp_path, jobs=1, seeds=range(1), contestants=['nothing'])
+    assert re.search(r'^1 of 2 episodes, 1 not held; 0\d:\d\d gone, about 0\d:\d\d left$',
+                     capsys.readouterr().err, re.M)
 
 
 def test_a_contestant_that_cannot_be_made_ends_it_before_it_begins(tmp_path):
