@@ -12,14 +12,15 @@ import numpy as np
 from PIL import Image
 import pytest
 from sketch import sketch
-from synthetic import first, swing_up, without_ticks
+from synthetic import first, PERIOD, swing_up, without_ticks
 
 from dp_swing_ros import figures
 from dp_swing_ros.figures.curves import unwrapped
-from dp_swing_ros.figures.film import SPEED
+from dp_swing_ros.figures.film import by_motion, SPEED
 from dp_swing_ros.figures.pendulum import states_at
 from dp_swing_ros.pendulum.geometry import joint_positions
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
+from dp_swing_ros.pendulum.state import is_upright
 
 TOP = Path(__file__).parents[1]
 README, FIGURES = TOP / 'README.md', TOP / 'docs' / 'figures'
@@ -74,16 +75,30 @@ def test_title_names_the_solver(draw):
 
 
 @pytest.mark.parametrize('links', [1, 2, 3])
-def test_snapshots_show_the_pendulum_every_half_second(links):
+def test_snapshots_show_the_motion_and_the_end(links):
     episode = swing_up(duration=10.0, links=links)
     panels = [axes for axes in figures.snapshots(episode).axes if axes.axison]
-    assert [axes.get_title() for axes in panels] == [f'{0.5 * n:.1f} s' for n in range(21)]
-    for n, axes in enumerate(panels):
-        places = joint_positions(episode.X[10 * n], episode.physical.lengths)
+    times = [float(axes.get_title().removesuffix(' s')) for axes in panels]
+    assert times[0] == 0.0 and times[-1] == 10.0
+    assert len([t for t in times if t < 2.0]) > 15   # while it swings up
+    for t, axes in zip(times, panels):
+        n = round(t / PERIOD)
+        assert (axes.title.get_weight() == 'bold') == is_upright(episode.errors[n])
+        places = joint_positions(episode.X[n], episode.physical.lengths)
         shown = axes.lines[-links - 1:-1]
         for link, line in enumerate(shown):
             np.testing.assert_allclose(line.get_xydata(), places[link:link + 2], atol=1e-9)
         assert len({line.get_color() for line in shown}) == links
+
+
+def test_snapshots_are_equal_ways_apart():
+    t = np.linspace(0.0, 1.0, 2001)
+    places = np.stack([[t ** 3, t ** 3], [0 * t, 0 * t]], axis=-1).transpose(1, 0, 2)
+    shown = by_motion(places, 11)
+    np.testing.assert_allclose(t[shown] ** 3, np.linspace(0.0, 1.0, 11), atol=2e-3)
+    places[500:600] = np.nan   # from there on as if it had not moved
+    assert len(by_motion(places, 11)) == 11
+    assert by_motion(np.zeros((5, 3, 2)), 11).tolist() == [0, 4]
 
 
 def test_snapshots_label_both_axes():

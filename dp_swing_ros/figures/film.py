@@ -27,7 +27,7 @@ from dp_swing_ros.pendulum.geometry import joint_positions
 from dp_swing_ros.pendulum.state import Array, errors, is_upright
 from dp_swing_ros.simulation.episode import Episode
 
-MOST = 48        # snapshots
+SNAPSHOTS = 24   # at most
 SPEED = 3.4      # [m/s] of the film that runs past the cart
 BETWEEN = 0.25   # [s] between two carts on it
 TICK = 0.5       # [s] on its axis of time
@@ -40,9 +40,8 @@ LONGEST_ANIMATION = 30.0       # [s]
 
 @styled
 def snapshots(episode: Episode) -> Figure:
-    """Draw the pendulum every 0.5 s, left to right, then top to bottom (the paper's Fig. 2)."""
-    period = 0.5 * max(1, math.ceil(episode.t[-1] / 0.5 / MOST))
-    times = times_of(episode, period)
+    """Draw the pendulum as it moved, left to right, then top to bottom (the paper's Fig. 2)."""
+    times = episode.t[by_motion(joint_positions(episode.X, episode.physical.lengths), SNAPSHOTS)]
     # the number of columns that leaves the fewest places empty
     columns = len(times) if len(times) <= 8 else min((8, 7, 6), key=lambda n: -len(times) % n)
     half_width = room_for(episode)
@@ -53,11 +52,24 @@ def snapshots(episode: Episode) -> Figure:
     panels = panels_of(figure, len(times), columns, sharex=True, sharey=True)
     for axes, t in zip(panels, times):
         snapshot(axes, episode, t, half_width)
-    figure.suptitle(f'{solver_name(episode.solver)}: the pendulum every {period:g} s '
-                    '(bold: upright)')
+    figure.suptitle(f'{solver_name(episode.solver)}: after equal parts of the motion, and at the '
+                    'end (bold: upright)')
     figure.supxlabel('x [m]')
     figure.supylabel('z [m]')
     return figure
+
+
+def by_motion(places: Array, count: int) -> Array:
+    """
+    Return the numbers of the first and the last state, and of such between that equal ways apart.
+
+    A way is that of all joints together; where a state is not known, none was made. What stands
+    still has fewer than `count`. Shapes: places (N, n + 1, 2) [m] -> (at most count,).
+    """
+    steps = np.nan_to_num(np.linalg.norm(np.diff(places, axis=0), axis=-1)).sum(axis=-1)
+    way = np.append(0.0, np.cumsum(steps))
+    parts = np.linspace(0.0, way[-1], count)[:-1]
+    return np.unique(np.append(np.searchsorted(way, parts), len(way) - 1))
 
 
 def snapshot(axes: Axes, episode: Episode, t: float, half_width: float) -> None:

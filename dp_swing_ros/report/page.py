@@ -30,7 +30,8 @@ HIGHLIGHTS = ('settling_time', 'largest_force', 'largest_position', 'median_solv
               'p99_solve_time', 'late_ticks')
 CAPTIONS = {
     'hero': 'The swing-up as on film that runs past the cart, above the force of each moment.',
-    'snapshots': 'The pendulum at one moment after another; green times: upright.',
+    'snapshots': 'The pendulum after equal parts of its motion, and at the end; bold times: '
+                 'upright.',
     'squared_error': 'Squared distance of each state from upright at rest, on a logarithmic '
                      'axis; dashed: what counts as upright.',
     'timeline': 'Angles, position, force and the times of the controller over time.',

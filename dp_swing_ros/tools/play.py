@@ -17,7 +17,7 @@ from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tools.command_lines import dated, execute, new_folder, OK, program, within
 from dp_swing_ros.tools.demo import refuse_company
 from dp_swing_ros.tools.processes import (
-    Crew, isolated, located, Process, ProcessError, without_prefix)
+    attributed, Crew, isolated, located, Process, ProcessError)
 
 POLL = 0.1         # [s]
 TRIES = 20         # trajectories of each solve that the page shows
@@ -72,17 +72,12 @@ def _follow(processes: Sequence[Process], browse: bool) -> None:
     while True:
         for process in processes:
             for line in process.new_lines():
-                print(f'{process.name}: {said(process, line)}', flush=True)
+                print(attributed(process.name, line), flush=True)
                 page = PAGE.search(line)
                 if page and browse:
                     _open(page[1])
             process.check()
         time.sleep(POLL)
-
-
-def said(process: Process, line: str) -> str:
-    """Return what a process says, without its name."""
-    return without_prefix(line).removeprefix(f'{process.name}: ')
 
 
 def _open(address: str) -> None:

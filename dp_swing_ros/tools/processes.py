@@ -247,10 +247,11 @@ def await_ready(processes: Sequence[Process], missing: Callable[[], set[str]],
             for process in processes:
                 process.check()
                 for text in process.new_lines():
-                    line.write(f'  {process.name}: {without_prefix(text)}')
+                    line.write(f'  {attributed(process.name, text)}')
             wait(0.1)
 
 
-def without_prefix(line: str) -> str:
-    """Return a line of a log without level, time and name."""
-    return re.sub(r'^\[\w+\] \[[\d.]+\] \[[^]]*\]: ', '', line)
+def attributed(name: str, line: str) -> str:
+    """Return a line of a log without level and time, and with the name of its node once."""
+    text = re.sub(r'^\[\w+\] \[[\d.]+\] \[[^]]*\]: ', '', line)
+    return f'{name}: {text.removeprefix(f"{name}: ")}'

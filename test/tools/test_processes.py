@@ -15,7 +15,7 @@ import pytest
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.tools import processes
 from dp_swing_ros.tools.processes import (
-    await_ready, Crew, isolated, Process, ProcessError, without_prefix)
+    attributed, await_ready, Crew, isolated, Process, ProcessError)
 
 # stands for ros2: the executable's name says how it behaves
 ROS2 = """\
@@ -169,9 +169,9 @@ def test_who_ends_is_not_waited_for(tmp_path):
 
 @pytest.mark.parametrize('line, text', [
     ('[INFO] [1732.25] [mpc]: ready', 'ready'), ('[WARN] [1.5] [a.b]: [1] x', '[1] x'),
-    ('plain text', 'plain text')])
-def test_prefix_of_a_log_line_is_left_out(line, text):
-    assert without_prefix(line) == text
+    ('plain text', 'plain text'), ('mpc: loading', 'loading')])
+def test_a_line_of_a_log_names_its_node_once(line, text):
+    assert attributed('mpc', line) == f'mpc: {text}'
 
 
 def test_half_a_line_waits_for_its_end(tmp_path):
