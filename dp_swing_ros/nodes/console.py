@@ -67,6 +67,7 @@ class ConsoleNode(ProcessNode):
             parameters.address, parameters.port,
             given_token(parameters.token, parameters.token_file), parameters.read_only,
             Path(parameters.recordings).expanduser()), self, self.get_logger().warning)
+        self.opened = False   # a page, once
         self.history = History()
         self.actions = Actions(
             self, self.server, self.scene, self.history, self.partners, parameters)
@@ -189,7 +190,10 @@ class ConsoleNode(ProcessNode):
         return self.scene.frame()
 
     def joined(self, client: Client) -> None:
-        """Take a new client, who knows all already."""
+        """Say that the first page is open, as `play` waits for; the client knows all already."""
+        if not self.opened:
+            self.opened = True
+            print('a page is open', flush=True)
 
     def left(self, client: Client) -> None:
         """Let go for a client who is gone."""

@@ -24,7 +24,7 @@ from dp_swing_ros.nodes.process import ProcessNode, run
 from dp_swing_ros.nodes.ros_parameters import announce, declare, given, let_change
 from dp_swing_ros.nodes.timing import Stopwatch
 from dp_swing_ros.pendulum.urdf import urdf
-from dp_swing_ros.simulation.plant import Plant
+from dp_swing_ros.simulation.plant import Plant, STOPPABLE
 from dp_swing_ros.topics import DISTURBANCE, FORCE_COMMAND, JOINT_STATES, ROBOT_DESCRIPTION
 
 REPORT_PERIOD = 1.0  # [s] between two diagnostics
@@ -34,7 +34,7 @@ NEWCOMER_PERIOD = 0.1  # [s] between two looks for a controller that joins a loc
 MEETING = 0.3        # [s] until it hears what is sent to it: discovery goes one way at a time
 COMPILING = 60.0     # [s] at most for another integrator, while the present one goes on
 CATCHING_UP = 3.0  # [s] at most for the others to hear all, at the end of a lockstep
-REAL_TIME = 'real time cannot be stopped; start the plant with lockstep:=true'
+REAL_TIME = f'real time cannot be stopped; {STOPPABLE}'
 
 
 class PlantNode(ProcessNode):

@@ -26,6 +26,7 @@ from dp_swing_ros.simulation.engines import ENGINES, Motor
 from dp_swing_ros.streams import Stream, stream
 
 
+STOPPABLE = 'start the plant with lockstep:=true, or all by `make play LOCKSTEP=1`'
 VELOCITIES = ('exact', 'differenced', 'none')
 PULLEY = 0.2   # [m] of the cart's way in a turn of its encoder
 
@@ -89,7 +90,7 @@ class PlantParameters(RhythmParameters):
         if self.pace and not self.lockstep:
             raise ParameterError(
                 f"parameter 'pace' is {self.pace:g}; expected 0 in real time, which has its own: "
-                'start the plant with lockstep:=true')
+                f'{STOPPABLE}')
 
 
 class Measurement(NamedTuple):

@@ -3,7 +3,9 @@
 """`ros2 run dp_swing_ros play`: plant, mpc and a page on them, until Ctrl-C."""
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
+import math
 import os
 from pathlib import Path
 import re
@@ -22,15 +24,17 @@ from dp_swing_ros.tools.processes import (
 POLL = 0.1         # [s]
 TRIES = 20         # trajectories of each solve that the page shows
 PAGE = re.compile(r'the page is at (\S+)')
+OPENED = 'a page is open'
+PATIENCE = 120.0   # [s] for a page to be opened
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Play until Ctrl-C; return the exit code."""
     parser = argparse.ArgumentParser(
         prog=program('play'),
-        description='Start plant, mpc and console, and open the page in a browser where there is '
-                    'one: pull at the pendulum, change parameters, watch what the mpc plans. '
-                    'Ctrl-C ends it all.')
+        description='Start mpc and console, open the page in a browser where there is one, and '
+                    'start the plant once the page is open: pull at the pendulum, change '
+                    'parameters, watch what the mpc plans. Ctrl-C ends it all.')
     parser.add_argument('--solver', choices=list(SOLVERS), default='ilqr')
     parser.add_argument('--links', type=int, choices=LINKS, help='of the pendulum')
     parser.add_argument('--lockstep', action='store_true',
@@ -58,25 +62,41 @@ def _play(arguments: argparse.Namespace) -> int:
         print(f'ROS_DOMAIN_ID={domain}', flush=True)
         if shared_domain:
             refuse_company(set(parameters))
-        processes = [crew.start(name, values, folder / f'{name}.log', files)
-                     for name, values in parameters.items()]
+
+        def start(name: str) -> Process:
+            return crew.start(name, parameters[name], folder / f'{name}.log', files)
+
         try:
-            _follow(processes, arguments.browser)
+            follow([start('console'), start('mpc')], partial(start, 'plant'), arguments.browser)
         except KeyboardInterrupt:   # the usual end
             print(f'the logs are in {folder}', flush=True)
     return OK
 
 
-def _follow(processes: Sequence[Process], browse: bool) -> None:
-    """Print what the processes say, and open the page; raises ProcessError where one ends."""
+def follow(processes: Sequence[Process], start_plant: Callable[[], Process],
+           browse: bool) -> None:
+    """
+    Print what the processes say, open the page, and start the plant once it is open.
+
+    So nobody misses the swing-up; at the latest it comes after PATIENCE. Raises ProcessError where
+    a process ends.
+    """
+    starts = math.inf   # [s]
     while True:
         for process in processes:
             for line in process.new_lines():
                 print(attributed(process.name, line), flush=True)
-                page = PAGE.search(line)
-                if page and browse:
-                    _open(page[1])
+                if page := PAGE.search(line):
+                    print('play: the plant starts once the page is open, or in '
+                          f'{PATIENCE:g} s', flush=True)
+                    starts = time.monotonic() + PATIENCE
+                    if browse:
+                        _open(page[1])
+                elif OPENED in line:
+                    starts = time.monotonic()
             process.check()
+        if time.monotonic() >= starts:
+            starts, processes = math.inf, [*processes, start_plant()]
         time.sleep(POLL)
 
 

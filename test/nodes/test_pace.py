@@ -125,7 +125,7 @@ def test_real_time_cannot_be_stopped_and_says_so(peer, start_node):
     assert peer.until(lambda: len(states) > 2)
     for answer in (peer.call(SetBool, 'plant/pause', data=True), peer.call(Trigger, 'plant/step')):
         assert not answer.success
-        assert 'lockstep:=true' in answer.message
+        assert 'lockstep:=true, or all by `make play LOCKSTEP=1`' in answer.message
     refused = set_pace(peer, 0.5)
     assert not refused.successful
     assert 'lockstep:=true' in refused.reason

@@ -4,10 +4,14 @@
 
 import os
 from pathlib import Path
+import time
 
 from conftest import wait_until
 from pages import Page, port_of
 import pytest
+
+from dp_swing_ros.tools.play import follow
+from dp_swing_ros.tools.processes import Process
 
 
 def processes_of(folder):
@@ -28,7 +32,10 @@ def test_all_is_there_and_all_ends(start_node, tmp_path, monkeypatch, lockstep):
     play = start_node('play', options=['--port', '0', '--no-browser', '--solver', 'ddp',
                                        *(['--lockstep'] if lockstep else [])],
                       environment={'ROS_DOMAIN_ID': ''})
-    with Page(port_of(play)) as page:
+    port = port_of(play)
+    play.wait_for('the plant starts once the page is open')
+    assert not list(tmp_path.glob('runs/play_*/plant.log'))
+    with Page(port) as page:
         page.until(lambda page: page.newest.get('frame', {}).get('tick')
                    and page.newest['hello']['nodes']['mpc'])
         assert page.newest['frame']['tick']['solver'] == 'ddp'
@@ -40,6 +47,25 @@ def test_all_is_there_and_all_ends(start_node, tmp_path, monkeypatch, lockstep):
     assert wait_until(lambda: not processes_of(tmp_path), 10)
     assert {log.name for log in tmp_path.glob('runs/play_*/*')} == {
         'plant.log', 'mpc.log', 'console.log'}
+
+
+def test_the_plant_starts_without_a_page_after_a_while(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr('dp_swing_ros.tools.play.PATIENCE', 0.3)
+    console = tmp_path / 'ros2'
+    console.write_text('#!/bin/sh\necho the page is at http://127.0.0.1:1/\nsleep 60\n')
+    console.chmod(0o755)
+    monkeypatch.setenv('PATH', str(tmp_path), prepend=os.pathsep)
+
+    def start_plant():
+        raise KeyboardInterrupt
+
+    began = time.monotonic()
+    with Process('console', {}, tmp_path / 'log') as process, pytest.raises(KeyboardInterrupt):
+        follow([process], start_plant, browse=False)
+    assert time.monotonic() - began >= 0.3
+    assert capsys.readouterr().out == (
+        'console: the page is at http://127.0.0.1:1/\n'
+        'play: the plant starts once the page is open, or in 0.3 s\n')
 
 
 def test_a_process_that_fails_ends_all_with_its_own_words(start_node, tmp_path, monkeypatch):
