@@ -19,7 +19,7 @@ from rosbags.highlevel import AnyReader
 
 from dp_swing_ros import configuration
 from dp_swing_ros.bags import read_episode
-from dp_swing_ros.bags.episodes import configurations_of
+from dp_swing_ros.bags.episodes import configurations_of, reports_of
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.errors import BagError
 from dp_swing_ros.evaluation.metrics import measure, outcome
@@ -154,11 +154,13 @@ def test_real_time_run_leaves_a_whole_bag_and_pictures(tmp_path):
     assert demo.left_behind() == []
     bag = demo.folder / 'bag'
     states, forces = messages(bag, '/joint_states'), messages(bag, '/force_command')
-    episode = read_episode(bag)
+    episode, ticks = read_episode(bag), reports_of(Bag(bag))
     assert len(states) == len(episode.t)
-    assert len(forces) == len(episode.ticks.t) + 1
+    assert len(forces) == len(ticks) + 1
     assert forces[-1].data == 0.0
-    assert len(messages(bag, '/mpc/plan')) == len(episode.ticks.t)
+    assert len(messages(bag, '/mpc/plan')) == len(ticks)
+    assert 'no state came' in ticks[-1].message   # after the end of the run, which has none such
+    assert len(episode.ticks.t) < len(ticks) and episode.ticks.t[-1] <= episode.t[-1]
     for name in ('hero.png', 'snapshots.png', 'squared_error.png', 'timeline.png',
                  'animation.gif'):
         with Image.open(demo.folder / name) as image:

@@ -43,7 +43,7 @@ def test_the_installed_command_leaves_table_report_and_pictures(tmp_path):
     shown = done.stdout.splitlines()
     assert all(len(line) < 120 for line in shown)
     assert shown[1] == '12 episodes of 3 s.'
-    assert shown[2].startswith('ilqr: held 4 of 6 (least in delay, 2 of 4), settling 1.')
+    assert shown[2].startswith('ilqr: held 4 of 6 (least in delay, 2 of 4), median settling 1.')
     assert shown[3] == 'nothing: held 0 of 6 (least in hanging, 0 of 2)'
     assert shown[4:] == [f'report: {new / "summary.md"}', f'episodes: {new / "episodes.csv"}',
                          f'pictures: {new / "*.png"}']

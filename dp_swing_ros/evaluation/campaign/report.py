@@ -87,7 +87,7 @@ def _verdict(name: str, standings: Sequence[Standing]) -> str:
     settling = [one.medians['settling_time'] for one in standings if one.held.successes]
     if settling:
         ends = dict.fromkeys(number(end) for end in (min(settling), max(settling)))
-        text += f', settling {" to ".join(ends)} s'
+        text += f', median settling {" to ".join(ends)} s'
     slowest = max((one.solve_time['p99'] for one in standings if one.solves), default=math.nan)
     return text + (f', solves p99 {number(slowest, 1, 1e3)} ms' if slowest == slowest else '')
 
