@@ -41,7 +41,8 @@ def test_a_terminal_is_shown_a_line_for_each_contestant():
     about = campaign(('ilqr', 'mppi', 'ddp'), ('hanging', 'delay'))
     assert in_short(summarise(about, rows, 20)) == [
         '10 episodes of 4 s, 10 not run yet.',
-        'ilqr: held 4 of 5 (least in delay, 2 of 3), median settling 1.60 to 1.70 s, solves p99 2.0 ms',
+        'ilqr: held 4 of 5 (least in delay, 2 of 3), median settling 1.60 to 1.70 s, '
+        'solves p99 2.0 ms',
         'mppi: held 2 of 5 (least in hanging, 0 of 2), median settling 1.70 s, solves p99 2.0 ms',
         'ddp: not run yet']
 
