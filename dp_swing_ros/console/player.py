@@ -130,7 +130,7 @@ class Reel:
         if frame is None:
             return
         shift = self.tape.origin
-        frame['t'] = round(frame['t'] - shift, 6)
+        frame['t'] = frame['time'] = round(frame['t'] - shift, 6)
         if frame['plan']:
             frame['plan']['t'] = round(frame['plan']['t'] - shift, 6)
         self.client.send_frame(json.dumps({**frame, 'paused': not self.playing}, allow_nan=False))

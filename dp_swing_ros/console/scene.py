@@ -2,10 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the page shows: the newest of everything that was heard, live or from a bag."""
 
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Collection
 from contextlib import suppress
 import math
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeGuard, TypeVar
 
 import numpy as np
 
@@ -26,6 +27,8 @@ from dp_swing_ros.topics import (
 SHADOW = ': shadow '    # between the names of a controller and of the solver of its shadow
 CART = (0.44, 0.22)   # [m] as it is drawn
 LASTS = 2 * 10 ** 9   # [ns] what the mpc says is shown, where nothing newer comes
+STALE = 3             # level of a status that nobody renews
+UNPLANNED = ('DISABLED', 'ZERO')   # statuses of ticks that follow no plan
 POINTS = 60           # of a plan or a path at most
 PATHS, STEPS = 2000, 10_000   # at most that are looked at, of somebody's
 MOST = 500            # statuses of all nodes that are kept
@@ -61,11 +64,15 @@ class Scene:
         self.shadows: dict[str, Report] = {}                 # by solver
         self.x: Array | None = None
         self.stamp = 0            # [ns]
-        self.u = self.force = math.nan   # [N]
+        self.origin = 0           # [ns] stamp at which the run began
+        self.u = math.nan         # [N] applied over the period up to the newest state
+        self.force = math.nan     # [N] the last command
+        self.begins = False       # a run, with the next state
+        self.commanded = 0        # [ns] stamp of the newest state then
         self.push = self.coming_push = 0.0   # [N] that acts now, and in the next period
-        self.plan: Shown | None = None
-        self.tries: Shown | None = None
-        self.tick: Report | None = None
+        # the last two, of which those are shown that belong to one tick
+        self.plans, self.tries = deque[Shown](maxlen=2), deque[Shown](maxlen=2)
+        self.ticks = deque[Report](maxlen=2)
         self.paused = False
         self._hear: dict[str, Callable[[Any], None]] = {
             JOINT_STATES.name: self._on_state, FORCE_COMMAND.name: self._on_force,
@@ -92,12 +99,15 @@ class Scene:
         x = to_state(message, len(sensors.joint_names) - 1, sensors)
         u = to_force(message, sensors.joint_names[0])
         if self.x is None or len(self.x) != len(x):
-            self.plan = None   # of another pendulum
-        self.stamp, self.x, self.u = nanoseconds(message.header.stamp), x, u
+            self.plans.clear()   # of another pendulum
+        stamp = nanoseconds(message.header.stamp)
+        if self.x is None or stamp < self.stamp or self.begins:
+            self.origin, self.begins = stamp, False   # until the plant says more exactly
+        self.stamp, self.x, self.u = stamp, x, u
         self.push, self.coming_push = self.coming_push, 0.0
 
     def _on_force(self, message: Any) -> None:
-        self.force = message.data
+        self.force, self.commanded = message.data, self.stamp
 
     def _on_disturbance(self, message: Any) -> None:
         self.coming_push += message.data
@@ -106,10 +116,10 @@ class Scene:
         found = plan(message)
         if self.x is None or len(self.x) != len(found['X'][0]):
             raise ValueError('a plan of another state')
-        self.plan = Shown(nanoseconds(message.header.stamp), found)
+        self.plans.append(Shown(nanoseconds(message.header.stamp), found))
 
     def _on_tries(self, message: Any) -> None:
-        self.tries = Shown(nanoseconds(message.header.stamp), tries(message))
+        self.tries.append(Shown(nanoseconds(message.header.stamp), tries(message)))
 
     def _on_description(self, message: Any) -> None:
         self.physical, self.limits = from_urdf(message.data)
@@ -121,6 +131,10 @@ class Scene:
             physical = group(PendulumParameters, found.parameters)
             self.physical, self.limits = physical, group(LimitParameters, found.parameters)
         if role in (CONTROLLER, PLANT):
+            before = self.configurations.get(role)
+            # anew, or after a reset; all else is a change of parameters
+            self.begins |= role == PLANT and (
+                before is None or found.resets != before.resets or found.revision == 0)
             self.configurations[role] = found
 
     def _on_diagnostics(self, message: Any) -> None:
@@ -133,11 +147,15 @@ class Scene:
                                           self.joint_states)
                 if report is not None:
                     keep(self.shadows, solver, report)
-        self.tick = from_diagnostics(
-            message, self.node(CONTROLLER), self.joint_states) or self.tick
+        tick = from_diagnostics(message, self.node(CONTROLLER), self.joint_states)
+        if tick is not None:
+            self.ticks.append(tick)
         plant = from_diagnostics(message, self.node(PLANT), self.joint_states)
         if plant is not None:
             self.paused = bool(plant.values.get('paused', False))
+            time = plant.values.get('time')   # since the start, or the last reset
+            if is_figure(time) and math.isfinite(time):
+                self.origin = plant.stamp - round(time * 1e9)
 
     def node(self, role: str) -> str:
         """Return the name of the node of a role in the statuses."""
@@ -167,6 +185,11 @@ class Scene:
         return self.stamp / 1e9
 
     @property
+    def time(self) -> float:
+        """Return the time of the run [s]: since its first state, or the last reset."""
+        return (self.stamp - self.origin) / 1e9
+
+    @property
     def period(self) -> float:
         """Return the time between two states [s]."""
         return 1 / self.value(PLANT, 'rate', 20.0)
@@ -186,14 +209,18 @@ class Scene:
         """Return what changes from state to state; None before the first."""
         if self.x is None:
             return None
-        values = self.tick.values if self.tick and self._counts(self.tick.stamp) else {}
-        plan_, tries_ = (each.content if each and self._counts(each.stamp) else None
-                         for each in (self.plan, self.tries))
+        tick = self.tick
+        values = tick.values if tick else {}
+        obeyed = values.get('status') not in UNPLANNED
+        plan_, tries_ = (self._of(tick, found) if obeyed else None
+                         for found in (self.plans, self.tries))
         estimate = [values.get(f'estimate_{joint}_{kind}') for kind in ('position', 'velocity')
                     for joint in joints(len(self.x) // 2 - 1)]
+        force = values.get('force', self.force if self._counts(self.commanded) else math.nan)
         return {
-            'kind': 'frame', 't': self.t, 'x': numbers(self.x), 'u': number(self.u),
-            'force': number(self.force), 'push': number(self.push),
+            'kind': 'frame', 't': self.t, 'time': round(self.time, 6), 'x': numbers(self.x),
+            'u': number(self.u), 'force': number(force) if is_figure(force) else None,
+            'push': number(self.push),
             'estimate': numbers(np.array(estimate)) if all(map(is_figure, estimate)) else None,
             'plan': plan_ and {**plan_}, 'tries': tries_,
             'tick': {name: number(value) for name, value in values.items()} or None,
@@ -201,13 +228,34 @@ class Scene:
                         if self._counts(each.stamp)},
             'paused': self.paused}
 
+    @property
+    def tick(self) -> Report | None:
+        """Return the newest tick whose plan was heard, too, or the newest of those that count."""
+        ticks = [tick for tick in [*self.ticks] if self._counts(tick.stamp)]
+        planned = {plan.stamp for plan in [*self.plans]}
+        return next((tick for tick in ticks[::-1] if tick.stamp in planned),
+                    ticks[-1] if ticks else None)
+
+    @property
+    def is_answered(self) -> bool:
+        """Return whether the newest state has its tick."""
+        return bool(self.ticks) and self.ticks[-1].stamp == self.stamp
+
+    def _of(self, tick: Report | None, found: deque[Shown]) -> dict[str, Any] | None:
+        """Return what was shown at a tick, or the newest where there are no ticks."""
+        return next((each.content for each in [*found][::-1] if self._counts(each.stamp)
+                     and (tick is None or each.stamp == tick.stamp)), None)
+
     def _counts(self, stamp: int) -> bool:
         """Return whether what answers a state [ns] is not too far from the newest."""
         return abs(stamp - self.stamp) <= LASTS
 
-    def status(self) -> dict[str, Any]:
-        """Return all statuses."""
+    def status(self, silent: Collection[str] = ()) -> dict[str, Any]:
+        """Return all statuses; those are stale of roles that are silent, and without a plant."""
+        stale = {self.node(role) for role in ((PLANT, CONTROLLER) if PLANT in silent else silent)}
         return {'kind': 'status', 'statuses': [
+            {'name': name, 'level': STALE, 'message': f'silent; it was: {message}'}
+            if name.partition(':')[0] in stale else
             {'name': name, 'level': level, 'message': message}
             for name, (level, message) in sorted(self.statuses.items())]}
 
@@ -220,7 +268,7 @@ def keep(found: dict[str, Kept], name: str, value: Kept) -> None:
         del found[next(iter(found))]
 
 
-def is_figure(value: Any) -> bool:
+def is_figure(value: Any) -> TypeGuard[float]:
     """Return whether what somebody says is a number."""
     return isinstance(value, (int, float))
 

@@ -4,6 +4,7 @@
 
 import asyncio
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 import json
 import os
@@ -24,8 +25,8 @@ from dp_swing_ros.errors import one_line, UserError
 
 PAGE = Path(__file__).parent / 'page'
 FRAME_PERIOD = 1 / 60   # [s] at least between two frames
-ANSWER = 0.012          # [s] after a state: the mpc comes first, and its answer is shown with it
 TRAILING = 0.1          # [s] after the last state: what came after its frame is shown, too
+ALIVE = 1.0             # [s] between two signs of life, by which a page knows a dead console
 LARGEST = 1 << 16       # [bytes] of a request
 IDLE = 60.0             # [s] a connection may stand idle
 GRACE = 2.0             # [s] for the thread to end
@@ -117,11 +118,20 @@ class Server:
             max_header_size=LARGEST, max_body_size=LARGEST, idle_connection_timeout=IDLE,
             body_timeout=IDLE)
         server.add_sockets(self._sockets)
-        await self._ended.wait()
+        await self._live()
         server.stop()
         for client in list(self.clients):
             client.close(1001, 'the console ends')
         await server.close_all_connections()
+
+    async def _live(self) -> None:
+        """Give signs of life until the end."""
+        while True:
+            with suppress(TimeoutError):
+                await asyncio.wait_for(self._ended.wait(), ALIVE)
+                return
+            for client in list(self.clients):
+                client.send_text(json.dumps({'kind': 'alive'}))
 
     def _log_refusal(self, handler: RequestHandler) -> None:
         if handler.get_status() >= 400:
@@ -146,10 +156,10 @@ class Server:
             for client in list(self.clients):
                 client.send_text(text)
 
-    def poke(self, trailing: bool = False) -> None:
-        """Let the newest frame be sent soon; with `trailing`, unless another is before long."""
+    def poke(self, delay: float = TRAILING) -> None:
+        """Let the newest frame be sent after a delay [s], unless another is before."""
         if self.clients:
-            self.call(self._poke, TRAILING if trailing else ANSWER)
+            self.call(self._poke, delay)
 
     def _poke(self, delay: float) -> None:
         due = max(self._loop.time() + delay, self._sent_at + FRAME_PERIOD)

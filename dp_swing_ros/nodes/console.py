@@ -13,6 +13,7 @@ from collections.abc import Callable
 from functools import partial
 import os
 from pathlib import Path
+import time
 from typing import Any
 
 from rcl_interfaces.msg import ParameterEvent
@@ -23,7 +24,8 @@ from dp_swing_ros.console.client import Client
 from dp_swing_ros.console.history import Entry, History, KEPT
 from dp_swing_ros.console.requests import Request, RequestError
 from dp_swing_ros.console.scene import HEARD, Scene
-from dp_swing_ros.console.server import Options, Server
+from dp_swing_ros.console.server import Options, Server, TRAILING
+from dp_swing_ros.console.silence import Silence
 from dp_swing_ros.errors import one_line
 from dp_swing_ros.messages.configuration import CONTROLLER, PLANT
 from dp_swing_ros.nodes.actions import Actions, DEFAULTS
@@ -40,9 +42,12 @@ from dp_swing_ros.topics import (
 
 LOOK_PERIOD = 0.5     # [s] between two looks for nodes
 NICE = 5              # an mpc comes first
+ANSWERED = 0.9        # of the period, by when a state is shown without its answer
+ANSWER = 0.012        # [s] the same, where there is nobody to report one
 POLL_PERIOD = 0.2     # [s] between two looks at diagnostics and recordings
 CALLS = 1000          # requests at most that wait for the thread of the node
 SENSORS = (JOINT_STATES, PLAN, DIAGNOSTICS)   # of which the newest counts
+NAMELESS = '_NODE_NAME_UNKNOWN_'   # as rmw calls a node whose name is not discovered yet
 # whose owner is which node
 SIGNS = {PLANT: JOINT_STATES, CONTROLLER: PLAN, 'faults': FAULTS_JOINT_STATES}
 
@@ -68,7 +73,7 @@ class ConsoleNode(ProcessNode):
             given_token(parameters.token, parameters.token_file), parameters.read_only,
             Path(parameters.recordings).expanduser()), self, self.get_logger().warning)
         self.opened = False   # a page, once
-        self.history = History()
+        self.history, self.silence = History(), Silence()
         self.actions = Actions(
             self, self.server, self.scene, self.history, self.partners, parameters)
         for topic in HEARD:
@@ -109,7 +114,12 @@ class ConsoleNode(ProcessNode):
         if topic is JOINT_STATES and self.scene.stamp != before:
             self.history.keep_state(self.scene)
             self.actions.on_state()
-        self.server.poke(trailing=topic is not JOINT_STATES)
+        self.silence.hear(topic, message, self.scene, time.monotonic())
+        if topic is JOINT_STATES:   # its answer is shown with it
+            self.server.poke(min(ANSWERED * self.scene.period, TRAILING) if self.scene.tick
+                             else ANSWER)
+        else:
+            self.server.poke(0.0 if topic is DIAGNOSTICS and self.scene.is_answered else TRAILING)
         if topic in KEPT:
             self.keep(topic, data, info)
 
@@ -127,7 +137,7 @@ class ConsoleNode(ProcessNode):
     def look(self) -> None:
         """Find the nodes that are there, and send the page what they are."""
         for role, topic in SIGNS.items():
-            found = sorted(owners(self, topic))
+            found = sorted(name for name in owners(self, topic) if NAMELESS not in name)
             before = self.partners.get(role)
             if before is None or before.name not in found:
                 self.partners.pop(role, None)
@@ -155,7 +165,9 @@ class ConsoleNode(ProcessNode):
     def poll(self) -> None:
         """Tell the page what diagnostics say, and what has become of recordings."""
         self.actions.poll(self.get_logger().warning)
-        self.server.publish('status', self.scene.status())
+        silent = self.silence.lasts(self.scene, time.monotonic(), PLANT in self.partners)
+        self.server.publish('silence', {'kind': 'silence', 'silent': silent})
+        self.server.publish('status', self.scene.status(silent))
         self.server.publish('recording', self.actions.recorder.state())
 
     def publish_parameters(self, role: str) -> None:

@@ -9,24 +9,33 @@ from builtin_interfaces.msg import Duration, Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 import pytest
 from sensor_msgs.msg import JointState, PointCloud2
-from std_msgs.msg import Header, String
+from std_msgs.msg import Float64, Header, String
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from dp_swing_ros.console.scene import MOST, Scene
+from dp_swing_ros.console.scene import MOST, Scene, STALE
 from dp_swing_ros.messages.configuration import Configuration
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.pendulum.urdf import urdf
 from dp_swing_ros.topics import (
-    CONFIGURATION, DIAGNOSTICS, JOINT_STATES, PLAN, ROBOT_DESCRIPTION, TRIES)
+    CONFIGURATION, DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES, PLAN, ROBOT_DESCRIPTION, TRIES)
 
 HEADER = Header(stamp=Time(sec=7))
 URDF = urdf(PendulumParameters(), LimitParameters())
 
 
-def announced(node='plant', **parameters):
+def announced(node='plant', resets=0, **parameters):
     sign = {'lockstep': False} if node == 'plant' else {}
     return String(data=Configuration(
-        f'/{node}', {**sign, **parameters}, '', '', '', '', {}).to_text())
+        f'/{node}', {**sign, **parameters}, '', '', '', '', {}, resets, 0, resets).to_text())
+
+
+def at(t):
+    return Header(stamp=Time(sec=int(t), nanosec=round(t % 1 * 1e9)))
+
+
+def state(t):
+    return JointState(header=at(t), name=['cart', 'joint1', 'joint2'],
+                      position=[0.1, 0.2, 0.3], velocity=[0.0] * 3, effort=[t, 0.0, 0.0])
 
 
 def point(size=3, t=0.0, effort=True):
@@ -35,8 +44,8 @@ def point(size=3, t=0.0, effort=True):
         time_from_start=Duration(nanosec=round(t * 1e9)))
 
 
-def planned(*points):
-    return JointTrajectory(header=HEADER, points=list(points))
+def planned(*points, header=HEADER):
+    return JointTrajectory(header=header, points=list(points))
 
 
 def cloud(height=2, width=3, size=None, value=b'\0\0\x80?'):
@@ -44,9 +53,9 @@ def cloud(height=2, width=3, size=None, value=b'\0\0\x80?'):
                        data=value * (4 * height * width if size is None else size))
 
 
-def said(**values):
-    return DiagnosticArray(header=HEADER, status=[DiagnosticStatus(
-        name='mpc', hardware_id='/joint_states', level=b'\0',
+def said(name='mpc', header=HEADER, **values):
+    return DiagnosticArray(header=header, status=[DiagnosticStatus(
+        name=name, hardware_id='/joint_states', level=b'\0',
         values=[KeyValue(key=key, value=value) for key, value in values.items()])])
 
 
@@ -62,8 +71,7 @@ def scene():
     for topic, message in (
             (CONFIGURATION, announced(rate=50.0, disturbance_limit=5.0)),
             (ROBOT_DESCRIPTION, String(data=URDF)),
-            (JOINT_STATES, JointState(header=HEADER, name=['cart', 'joint1', 'joint2'],
-                                      position=[0.1, 0.2, 0.3], velocity=[0.0] * 3)),
+            (JOINT_STATES, state(7.0)),
             (PLAN, planned(point(), point(t=0.05))), (TRIES, cloud()),
             (DIAGNOSTICS, said(estimate_cart_position='0.1', solver='ilqr'))):
         scene.hear(topic, message)
@@ -119,3 +127,76 @@ def test_of_the_statuses_of_many_robots_the_newest_are_kept(scene):
     names = [each['name'] for each in scene.status()['statuses']]
     assert len(names) == MOST
     assert f'{2 * MOST - 1}' in names
+
+
+def shown(scene):
+    """Return the tick of each part of a frame, all of which say when they are of."""
+    frame = scene.frame()
+    return [frame['plan'] and frame['plan']['t'], frame['force'], frame['tick']['cost']]
+
+
+def test_what_a_frame_shows_of_the_mpc_is_of_one_tick():
+    scene = Scene()
+    for n in range(5):
+        t = 7.0 + n / 4
+        for topic, message in (
+                (JOINT_STATES, state(t)), (FORCE_COMMAND, Float64(data=t)),
+                (PLAN, planned(point(), point(t=0.05), header=at(t))),
+                (DIAGNOSTICS, said(header=at(t), force=str(t), cost=str(t)))):
+            scene.hear(topic, message)
+            if n:   # the one before, until the last of the parts
+                assert shown(scene) == [t if topic is DIAGNOSTICS else t - 0.25] * 3
+        assert (scene.frame()['t'], scene.frame()['u'], scene.is_answered) == (t, t, True)
+
+
+def test_a_tick_without_a_plan_shows_none(scene):
+    for t in (7.25, 7.5):
+        scene.hear(JOINT_STATES, state(t))
+        scene.hear(DIAGNOSTICS, said(header=at(t), force='1.0', cost='2.0'))
+    assert shown(scene) == [None, 1.0, 2.0]
+
+
+@pytest.mark.parametrize('status, is_shown', [
+    ('CONVERGED', True), ('DISABLED', False), ('ZERO', False)])
+def test_what_nobody_follows_is_no_plan(scene, status, is_shown):
+    scene.hear(DIAGNOSTICS, said(status=status))
+    frame = scene.frame()
+    assert (frame['plan'] is not None, frame['tries'] is not None) == (is_shown, is_shown)
+
+
+def test_a_command_of_whom_nobody_reports_grows_old(scene):
+    for t in (9.0, 10.0, 12.0):
+        scene.hear(JOINT_STATES, state(t))
+        if t < 10.0:
+            scene.hear(FORCE_COMMAND, Float64(data=3.0))
+        assert scene.frame()['force'] == (3.0 if t < 12.0 else None)
+
+
+def test_time_is_that_of_the_run():
+    scene = Scene()
+
+    def time(t, *others):
+        for topic, message in (*others, (JOINT_STATES, state(t))):
+            scene.hear(topic, message)
+        return scene.frame()['time']
+
+    began = (CONFIGURATION, announced())
+    assert (time(7.0), time(7.5)) == (0.0, 0.5)                    # of whom nothing is known
+    assert time(8.0, began) == 0.0                                 # a plant
+    assert time(8.5, (CONFIGURATION, announced(resets=1))) == 0.0  # is reset
+    assert (time(9.0), time(3.0), time(4.0)) == (0.5, 0.0, 1.0)    # a clock that went back
+    assert time(1e9, began) == 0.0                                 # another, by another clock
+    # a plant that had begun before knows better
+    assert time(1e9 + 1, (DIAGNOSTICS, said('plant', at(1e9), time='10.0'))) == 11.0
+
+
+def test_the_status_of_who_is_silent_is_stale(scene):
+    def stale(*silent):
+        return {each['name']: each['message'] for each in scene.status(silent)['statuses']
+                if each['level'] == STALE}
+
+    for name in ('mpc: shadow ddp', 'plant', 'logger'):
+        scene.hear(DIAGNOSTICS, said(name))
+    assert stale() == {}
+    assert stale('mpc').keys() == {'mpc', 'mpc: shadow ddp'}
+    assert stale('plant').keys() == {'mpc', 'mpc: shadow ddp', 'plant'}   # nothing to answer

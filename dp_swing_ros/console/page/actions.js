@@ -12,10 +12,12 @@ function pictogram(goal) {
   const svg = document.createElementNS(SVG, 'svg');
   svg.setAttribute('viewBox', '0 0 24 34');
   svg.setAttribute('aria-hidden', 'true');
-  let [x, z] = [12, 17];
+  let [x, z] = [12, 17], way = -1;
   goal.split('_').forEach((word, n, all) => {
     const line = document.createElementNS(SVG, 'line'), long = 15 / all.length * 0.97;
-    const end = [x + (n % 2 ? -3 : 3), z + (word === 'up' ? -long : long)];
+    if (word !== all[n - 1] && n) way *= 2;   // it folds back, beside the one before
+    else way = -Math.sign(way);
+    const end = [x + 3 * way, z + (word === 'up' ? -long : long)];
     const ends = {x1: x, y1: z, x2: end[0], y2: end[1], class: `link${n + 1}`};
     for (const [name, value] of Object.entries(ends)) line.setAttribute(name, value);
     svg.append(line);

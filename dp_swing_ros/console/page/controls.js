@@ -5,6 +5,7 @@
 import {clamp, element, find, short, solverName, symbols, words} from './dom.js';
 import {scaleOf} from './scale.js';
 
+const SAID = 8000;     // [ms] that a notice stays
 const SOONEST = 150;   // [ms] between two changes while a slider moves
 // what is looked for most, first; all else goes by its prefix
 const AT_HAND = {
@@ -101,6 +102,7 @@ class Control {
     const values = list ? this.parameter.value : [this.parameter.value];
     const names = list && values.length === 2 * this.panel.links + 2 ? symbols(this.panel.links) : [];
     const pick = (parts, n) => list ? parts?.[n] : parts;
+    const seconds = element('output', {className: 'unit', id: `${id}-seconds`});
     const rows = values.map((value, n) => {
       const scale = scaleOf({...this.parameter, value, default: pick(this.parameter.default, n)});
       const label = `${this.parameter.name}${list ? ` ${names[n] ?? n + 1}` : ''}`;
@@ -110,6 +112,7 @@ class Control {
                                       'aria-label': `${label}, as a number`});
       slider.oninput = () => {
         field.value = scale.to(Number(slider.value));
+        tell(scale.to(Number(slider.value)));
         this.set(collect(n, scale.to(Number(slider.value))), true);
       };
       slider.onchange = () => this.set(collect(n, scale.to(Number(slider.value))));
@@ -130,12 +133,19 @@ class Control {
         element('div', {className: 'rail'}, slider, mark), field));
       return {slider, field, scale};
     });
+    // of steps a user knows their time
+    const tell = steps => {
+      const step = this.panel.value(this.node, 'step');
+      seconds.textContent = step ? `= ${short(steps * step)} s` : '';
+    };
+    if (this.parameter.name === 'horizon') this.editor.append(seconds);
     const collect = (n, value) => {
       const part = typeof value === 'number' ? value : this.parse(value);
       return list ? this.wanted.map((old, i) => i === n ? part : old) : part;
     };
     this.show = value => rows.forEach(({slider, field, scale}, n) => {
       const part = list ? value[n] : value;
+      tell(part);
       if (document.activeElement !== slider || !this.busy) {
         slider.value = typeof part === 'number' ? scale.from(part) : 1;
         slider.setAttribute('aria-valuetext', `${part ?? 'infinite'} ${this.parameter.unit ?? ''}`);
@@ -216,8 +226,14 @@ export class Controls {
 
   /** Tell an answer in the line that all see and screen readers hear. */
   say(answer, done) {
+    clearTimeout(this.said);
+    this.said = setTimeout(() => { find('#notice').textContent = ''; }, SAID);
     find('#notice').textContent = answer.ok ? answer.text || done : answer.text;
     find('#notice').classList.toggle('error', !answer.ok);
+  }
+
+  value(node, name) {
+    return this.controls[node]?.[name]?.parameter.value;
   }
 
   set(node, name, value) {
@@ -233,6 +249,7 @@ export class Controls {
     } else {
       this.build(node, parameters);
     }
+    this.controls[node]?.horizon?.update({});   // in seconds, by the step
     const solver = parameters.find(({name}) => name === 'solver')?.value;
     if (node === 'mpc' && solver && solver !== this.solver) {
       const groups = document.querySelectorAll('#parameters-mpc details');
@@ -261,7 +278,7 @@ export class Controls {
       ...order.map(([name, controls]) => {
         const details = element('details', {open: name === FIRST},
           element('summary', {}, name === FIRST ? FIRST : solverName(name),
-                  element('small', {textContent: controls.length})),
+                  element('small')),
           ...controls.map(({row}) => row));
         details.dataset.name = name;
         return details;
@@ -278,13 +295,13 @@ export class Controls {
   /** Show the parameters in whose name or description each of the words is. */
   filter() {
     const wanted = this.search.value.toLowerCase().split(/\s+/).filter(Boolean);
-    let count = 0;
-    for (const row of document.querySelectorAll('.control')) {
-      row.hidden = !wanted.every(word => row.dataset.text.includes(word));
-      count += !row.hidden;
-    }
+    const rows = [...document.querySelectorAll('.control')];
+    for (const row of rows) row.hidden = !wanted.every(word => row.dataset.text.includes(word));
     for (const group of document.querySelectorAll('#parameters details')) {
-      group.hidden = !group.querySelector('.control:not([hidden])');
+      const all = group.querySelectorAll('.control').length;
+      const count = group.querySelectorAll('.control:not([hidden])').length;
+      group.hidden = count === 0;
+      group.querySelector('small').textContent = wanted.length ? `${count} of ${all}` : all;
       if (wanted.length) {
         group.dataset.was ??= group.open ? 'open' : 'closed';
         group.open = true;
@@ -293,6 +310,8 @@ export class Controls {
         delete group.dataset.was;
       }
     }
-    find('#found').textContent = wanted.length ? `${count} parameters` : '';
+    const count = rows.filter(({hidden}) => !hidden).length;
+    find('#found').textContent = !wanted.length ? '' : !count ? 'nothing matches'
+      : `${count} of ${rows.length} parameters match`;
   }
 }

@@ -30,6 +30,22 @@ export function short(value) {
   return number(value, size >= 100 || Number.isInteger(value) ? 0 : size >= 10 ? 1 : size >= 0.1 ? 2 : 3);
 }
 
+/** Return [value, text] of the ticks of an axis, all with the same digits, or the same exponent. */
+export function ticked(values) {
+  const most = Math.max(...values.map(Math.abs)), step = Math.abs(values[1] - values[0]);
+  const power = Math.floor(Math.log10(most || 1)), far = power >= 5 || power < -3;
+  const digits = [0, 1, 2, 3, 4, 5].find(n => {
+    const part = (far ? step / 10 ** power : step) * 10 ** n;
+    return Math.abs(part - Math.round(part)) < 1e-6;
+  }) ?? 2;
+  return values.map(value => [value, value === 0 ? '0' : far ? `${number(value / 10 ** power, digits)}e${power}`.replace('-', '−')
+    : number(value, digits)]);
+}
+
+/** Return a quantity with its unit, a dash where there is none. */
+export const measure = (value, digits, unit) =>
+  Number.isFinite(value) ? `${number(value, digits)} ${unit}` : '–';
+
 const SOLVERS = {ilqr: 'iLQR', ddp: 'DDP', mppi: 'MPPI', sampled_ilqr: 'sampled iLQR'};
 export const solverName = name => SOLVERS[name] ?? name;
 

@@ -5,6 +5,7 @@
 import {colours, linkColour} from './colours.js';
 
 const ARROW = {gap: 0.05, scale: 0.05, head: 0.16, least: 0.3};  // [m], [m/N], [m], [N]
+const THINNER = 0.6;   // is each link than the one before, which it may lie on
 const TRACK = -0.15, STOP = 0.25;  // [m] height of the track below the joint, and of its stops
 
 /** Fit a canvas to its place on the page; return its pen and its size in CSS pixels. */
@@ -109,15 +110,15 @@ export class Brush {
     }
   }
 
-  /** Draw a cart and its links, places as `joints` tells them. */
+  /** Draw a cart and its links, places as `joints` tells them; a later one is on top, and thinner. */
   pendulum(places, size, alpha = 1) {
     const {pen, view} = this, links = Math.max(4, 0.07 * view.scale);
     this.cart(places[0], size, alpha, true);
-    for (let n = places.length - 1; n > 0; n--) {
-      this.line(places.slice(n - 1, n + 1), linkColour(n - 1), links, alpha);
+    for (let n = 1; n < places.length; n++) {
+      this.line(places.slice(n - 1, n + 1), linkColour(n - 1), links * THINNER ** (n - 1), alpha);
     }
     for (const place of places.slice(0, -1)) {
-      this.dot(place, Math.max(2.5, links / 3.2), colours.panel, null, alpha);
+      this.dot(place, Math.max(2, links / 4), colours.panel, null, alpha);
     }
     pen.globalAlpha = 1;
   }

@@ -4,7 +4,7 @@
 
 import {Actions} from './actions.js';
 import {Controls} from './controls.js';
-import {find, number, short, solverName, words} from './dom.js';
+import {element, find, measure, number, short, solverName, words} from './dom.js';
 import {wrapped} from './geometry.js';
 import {Hands} from './hands.js';
 import {Scene} from './scene.js';
@@ -13,9 +13,8 @@ import {Stream} from './stream.js';
 import {Thoughts} from './thoughts.js';
 import {Timeline} from './timeline.js';
 
-const WRITTEN = 100;      // [ms] between the numbers beside the picture
+const PLACED = 100;       // [ms] between tellings of where the joints are [px], for who drives the page
 const DESCRIBED = 2000;   // [ms] between descriptions of the picture in words
-const SILENT = 2000;      // [ms] without a state until the page says so
 
 const url = new URL('socket', location.href);
 url.protocol = location.protocol === 'https:' ? 'wss:' : 'ws:';
@@ -30,7 +29,8 @@ const hands = new Hands(scene, socket);
 const thoughts = new Thoughts(stream);
 const actions = new Actions(socket, hands, timeline, scene, say);
 const parameters = new Map();   // the last of each node
-let hello = null, written = 0, described = 0, fresh = null;
+let hello = null, placed = 0, described = 0, fresh = null, silent = {};
+let stale = false;   // are the numbers, without a fresh frame
 
 socket.on('open', () => {
   document.documentElement.classList.remove('lost');
@@ -68,25 +68,42 @@ socket.on('frame', frame => {
   fresh = frame;
   for (const part of [thoughts, timeline, actions]) part.onFrame(frame);
 });
+socket.on('silence', message => {
+  [silent, stale] = [message.silent, true];
+  const names = Object.keys(silent);
+  for (const role of ['plant', 'mpc']) {
+    document.documentElement.classList.toggle(`${role}-silent`, names.includes(role));
+  }
+  find('#silence').hidden = names.length === 0;
+  // who listens hears it once, not each second
+  find('#silence').replaceChildren(...names.flatMap((role, n) => [
+    n ? ', ' : '', `${role} is silent`,
+    element('span', {ariaHidden: 'true', textContent: ` for ${silent[role]} s`})]));
+});
 socket.on('status', message => thoughts.onStatus(message));
 socket.on('recording', message => actions.onRecording(message));
 
 function write(frame, given) {
-  const {tick} = given ? {} : frame, first = stream.start ??= frame.t;
+  const {tick} = given ? {} : frame;
   const values = {
-    '#now-time': `${number((given ?? frame).t - (hello.replay ? 0 : first), 1)} s`,
-    '#now-force': `${number(given ? given.u : frame.force ?? frame.u, 1)} N`,
+    '#now-time': `${number(frame.time + (given ?? frame).t - frame.t, 1)} s`,
+    '#now-applied': measure((given ?? frame).u, 1, 'N'),
+    '#now-command': given ? '–' : measure(frame.force, 1, 'N'),
     '#now-push': `${number((given ?? frame).push ?? 0, 0)} N`,
-    '#now-cost': short(tick?.cost), '#now-solve': tick ? `${number(1000 * tick.solve_time, 1)} ms` : '–',
-    '#now-solver': tick?.solver ? solverName(tick.solver) : '–'};
+    '#now-cost': short(tick?.cost), '#now-solve': measure(1000 * tick?.solve_time, 1, 'ms'),
+    '#now-solver': solver(tick)};
   for (const [selector, text] of Object.entries(values)) find(selector).textContent = text;
   find('#now-status').textContent = given ? 'looking back' : frame.paused ? 'paused'
-    : silent() ? 'no state comes' : words(String(tick?.status ?? '').toLowerCase());
-  // where the joints are drawn on the page [px], for who drives it from outside
-  canvas.dataset.places = JSON.stringify(scene.places?.map(place => scene.view.toScreen(place)) ?? []);
+    : 'plant' in silent ? 'plant is silent' : 'mpc' in silent ? 'mpc is silent'
+      : words(String(tick?.status ?? '–').toLowerCase());
 }
 
-const silent = () => performance.now() - stream.arrived > SILENT;
+/** Return the solver of a tick, or the one that is on its way to be it. */
+function solver(tick) {
+  const wanted = thoughts.parameters.mpc?.solver?.value;
+  if (tick?.solver && wanted && wanted !== tick.solver) return `${solverName(wanted)} loading …`;
+  return tick?.solver ? solverName(tick.solver) : '–';
+}
 
 function describe({x, tick}) {
   const lean = x.slice(1, hello.links + 1).map((angle, n) =>
@@ -104,12 +121,17 @@ function draw(now) {
   const given = timeline.given();
   scene.draw(now, given);
   if (fresh) hands.seen(fresh);
-  fresh = null;
   timeline.draw(now);
-  if (timeline.history === null) thoughts.draw(now);
+  if (timeline.history === null) thoughts.draw(now, fresh !== null);
   const frame = stream.newest;
   if (!hello || !frame) return;
-  if (now - written > WRITTEN) { written = now; write(frame, given); }
+  // with the picture, whose arrows have the same numbers
+  if (fresh || given || stale) write(frame, given);
+  [fresh, stale] = [null, given !== null];
+  if (now - placed > PLACED) {
+    placed = now;
+    canvas.dataset.places = JSON.stringify(scene.places?.map(place => scene.view.toScreen(place)) ?? []);
+  }
   if (now - described > DESCRIBED) { described = now; describe(frame); }
 }
 

@@ -4,7 +4,7 @@
 
 import {colours} from './colours.js';
 import {fit} from './draw.js';
-import {element, short} from './dom.js';
+import {element, ticked} from './dom.js';
 
 const PAST = 10, AHEAD = 1.5;    // [s] that are seen
 const LEFT = 44, RIGHT = 6, TOP = 6, BOTTOM = 16;  // [px] of the frame
@@ -18,8 +18,9 @@ function roundUp(value) {
 
 export class Plot {
   /**
-   * series: [{name, colour, of: frame => value, ahead: plan => values, step}]; levels: [{of,
-   * dash}] are horizontal lines; a stack fills one series on the other, from zero up.
+   * series: [{name, colour, of: frame => value, ahead: plan => values, step}]; a step holds a value
+   * `on` from its frame, or `until` it. levels: [{of, dash}] are horizontal lines; a stack fills
+   * one series on the other, from zero up.
    */
   constructor({title, unit, series, levels = [], range = null, least = 1, stack = false,
                signed = false, ticks = null}) {
@@ -58,6 +59,7 @@ export class Plot {
     const span = PAST + AHEAD, right = width - RIGHT, bottom = height - BOTTOM;
     const left = t => LEFT + (t - now + PAST) / span * (right - LEFT);
     const recent = frames.filter(({t}) => t >= now - PAST - 0.3 && t <= now + 1e-6);
+    const next = frames[frames.indexOf(recent.at(-1)) + 1];
     const [low, high] = this.range ? this.range() : this.scaled(recent);
     const up = value => bottom - (value - low) / (high - low) * (bottom - TOP);
     this.frame(pen, {left, up, low, high, right, bottom, now});
@@ -65,7 +67,7 @@ export class Plot {
     pen.beginPath();
     pen.rect(LEFT, TOP - 2, right - LEFT, bottom - TOP + 4);
     pen.clip();
-    if (this.stack) this.fill(pen, recent, left, up); else this.lines(pen, recent, left, up);
+    if (this.stack) this.fill(pen, recent, left, up); else this.lines(pen, recent, left, up, {...next, t: now});
     if (plan) this.future(pen, plan, left, up);
     pen.restore();
   }
@@ -78,7 +80,7 @@ export class Plot {
       most = Math.max(most, this.stack ? values.reduce((a, b) => a + Math.max(b, 0), 0)
                                        : Math.max(...values.map(Math.abs)));
     }
-    const wanted = roundUp(1.05 * most);
+    const wanted = this.wanted = roundUp(1.05 * most);
     this.top += (wanted - this.top) * (wanted > this.top ? 1 : EASE);
     if (Math.abs(this.top / wanted - 1) < 0.02) this.top = wanted;
     const signed = this.signed ||= !this.stack && frames.some(
@@ -87,8 +89,7 @@ export class Plot {
   }
 
   frame(pen, {left, up, low, high, right, bottom, now}) {
-    const middle = (low + high) / 2;
-    const ticks = this.ticks ?? [low, middle, high].map(value => [value, short(value)]);
+    const {wanted = high} = this, ticks = this.ticks ?? ticked(low < 0 ? [-wanted, 0, wanted] : [0, wanted / 2, wanted]);
     pen.font = '11px system-ui, sans-serif';
     [pen.textBaseline, pen.textAlign, pen.lineWidth] = ['middle', 'right', 1];
     for (const [value, text] of ticks) {
@@ -119,18 +120,20 @@ export class Plot {
     pen.fillRect(left(now), TOP, right - left(now), bottom - TOP);
   }
 
-  lines(pen, frames, left, up) {
+  /** Draw the series; next is the frame on the way to which it is now. */
+  lines(pen, frames, left, up, next) {
     for (const {of, colour, step, wraps} of this.series) {
       pen.beginPath();
       let before = null;
-      for (const frame of frames) {
+      for (const frame of step === 'until' && next.x ? [...frames, next] : frames) {
         const value = of(frame);
         if (!Number.isFinite(value)) { before = null; continue; }
         const [x, y] = [left(frame.t), up(value)];
-        if (before === null || wraps && Math.abs(value - before) > wraps) pen.moveTo(x, y);
-        else if (step) { pen.lineTo(x, up(before)); pen.lineTo(x, y); }
-        else pen.lineTo(x, y);
-        before = value;
+        if (before === null || wraps && Math.abs(value - before.value) > wraps) pen.moveTo(x, y);
+        else if (step === 'on') pen.lineTo(x, up(before.value));
+        else if (step === 'until') pen.lineTo(before.x, y);
+        pen.lineTo(x, y);
+        before = {value, x};
       }
       [pen.strokeStyle, pen.lineWidth, pen.lineJoin] = [colour(), 1.6, 'round'];
       pen.stroke();

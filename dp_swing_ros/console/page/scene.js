@@ -114,9 +114,9 @@ export class Scene {
     if (off > DIFFERENT) brush.outline(others, cartIsOff ? cart : null, 0.9, [5, 4]);
   }
 
-  /** Draw the force of the mpc, the push beside it, and the rubber line of the user's pull. */
+  /** Draw the force that is applied, the push beside it, and the rubber line of the user's pull. */
   drawForces(brush, {u, push}, places, labels) {
-    const [width, height] = this.hello.cart, text = force => labels ? `${number(force, 0)} N` : '';
+    const [width, height] = this.hello.cart, text = force => labels ? `${number(force, 1)} N` : '';
     brush.arrow(places[0], u, colours.force, width / 2, text(u));
     const above = [places[0][0], height / 2 + 0.1];
     if (!this.held) {

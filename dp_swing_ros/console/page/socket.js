@@ -3,6 +3,7 @@
 // The one connection to the console: what comes goes to who asked for its kind; lost, it is made anew.
 
 const FIRST_WAIT = 500, LONGEST_WAIT = 8000;  // [ms]
+const SILENT = 5000;  // [ms] without a word, where the console gives a sign of life each second
 const LOST = {kind: 'answer', ok: false, text: 'the console is not connected'};
 
 export class Socket {
@@ -13,6 +14,7 @@ export class Socket {
 
   constructor(url) {
     this.url = url;
+    setInterval(() => this.listen(), 1000);
   }
 
   /** Call a handler with each message of a kind; `open` and `closed` are kinds, too. */
@@ -23,13 +25,31 @@ export class Socket {
 
   connect() {
     clearTimeout(this.again);
+    this.leave();
+    this.heard = performance.now();
     this.web = new WebSocket(this.url);
     this.web.onopen = () => { this.wait = FIRST_WAIT; this.deal({kind: 'open'}); };
-    this.web.onmessage = event => this.deal(JSON.parse(event.data));
+    this.web.onmessage = event => {
+      this.heard = performance.now();
+      this.deal(JSON.parse(event.data));
+    };
     this.web.onclose = event => this.lose(event);
   }
 
+  /** Give a connection up on which nothing comes, as of a console that hangs or is out of reach. */
+  listen() {
+    if (this.web && performance.now() - this.heard > SILENT) this.lose({reason: ''});
+  }
+
+  leave() {
+    if (!this.web) return;
+    this.web.onopen = this.web.onmessage = this.web.onclose = null;
+    this.web.close();
+    this.web = null;
+  }
+
   lose(event) {
+    this.leave();
     for (const answer of this.asked.values()) answer(LOST);
     this.asked.clear();
     this.deal({kind: 'closed', reason: event.reason, wait: this.wait});

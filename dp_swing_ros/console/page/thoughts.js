@@ -3,7 +3,7 @@
 // What the mpc thinks: plots of its ticks, the pendulum that it has learned, diagnostics in words.
 
 import {colours, linkColour, solverColour} from './colours.js';
-import {element, find, number, short, solverName, words} from './dom.js';
+import {element, find, measure, number, short, solverName, words} from './dom.js';
 import {wrapped} from './geometry.js';
 import {Plot} from './plots.js';
 
@@ -13,7 +13,7 @@ const PHASES = ['estimate', 'starts', 'rollout', 'derivatives', 'backward', 'lin
 const SHADES = ['c1', 'c2', 'c3', 'c5', 'c6', 'c4', 'c7'];
 const LEVELS = ['ok', 'warning', 'error', 'stale'], SIGNS = ['✓', '!', '✕', '…'];
 const DRAWN = 90;      // [ms] at least between drawings of a plot
-const WRITTEN = 250;   // [ms] between the numbers in words
+const WRITTEN = 250;   // [ms] between the rows of what is learned
 const TICKS = [[-Math.PI, '−π'], [0, '0'], [Math.PI, 'π']];
 
 const costs = terms => terms.map((term, n) => ({
@@ -42,9 +42,10 @@ export class Thoughts {
     this.force = new Plot({
       title: 'Force', unit: 'N', least: force, signed: true,
       levels: both(force),
-      series: [{name: 'commanded', colour: line('force'), step: true, of: frame => frame.force,
+      series: [{name: 'commanded', colour: line('c5'), step: 'on', of: frame => frame.force,
                 ahead: plan => plan.U},
-               {name: 'push', colour: line('push'), step: true, of: frame => frame.push || 0}]});
+               {name: 'applied', colour: line('force'), step: 'until', of: frame => frame.u},
+               {name: 'push', colour: line('push'), step: 'until', of: frame => frame.push || 0}]});
     this.angles = new Plot({
       title: 'Angles', unit: 'rad, 0 is upright', series: angles, ticks: TICKS,
       range: () => [-3.3, 3.3]});
@@ -63,12 +64,13 @@ export class Thoughts {
                 colour: line('alarm')}], series: []});
     this.iterations = new Plot({
       title: 'Iterations', unit: 'a tick', least: 5,
-      series: [{name: '', colour: line('c1'), step: true, of: ({tick}) => tick?.iterations}]});
+      series: [{name: '', colour: line('c1'), step: 'on', of: ({tick}) => tick?.iterations}]});
     this.regret = new Plot({
       title: 'Regret of not obeying', unit: 'cost, by shadow', least: 0.1, series: []});
     this.plots = [this.angles, this.position, this.force, this.cost, this.time, this.iterations,
       this.regret];
     this.place.replaceChildren(...this.plots.map(plot => plot.figure));
+    for (const plot of this.plots.slice(3)) plot.figure.classList.add('of-mpc');
     this.regret.figure.hidden = true;
     this.phases = '';
     this.shadows = [];
@@ -100,7 +102,8 @@ export class Thoughts {
       of: frame => frame.shadows?.[name]?.regret}));
   }
 
-  draw(now) {
+  /** Draw a plot, and write the numbers of a frame that is fresh. */
+  draw(now, fresh) {
     const frame = this.stream.newest;
     if (!this.hello || !frame || find('#thoughts').hidden) return;
     // one at a time, which waits longest: an mpc may need the core
@@ -109,21 +112,21 @@ export class Thoughts {
     if (now - plot.drawn >= DRAWN) {
       plot.draw(now, this.stream.frames, this.stream.shown, frame.plan);
     }
+    if (fresh) this.write(frame);
     if (now - this.written < WRITTEN) return;
     this.written = now;
-    this.write(frame);
+    this.writeLearned(frame.tick);
   }
 
-  write({x, force, tick}) {
+  write({x, u, tick}) {
     const {links} = this.hello;
     this.angles.value.textContent = x.slice(1, links + 1).map(a => number(wrapped(a ?? NaN))).join(', ');
-    this.position.value.textContent = `${number(x[0])} m`;
-    this.force.value.textContent = `${number(force, 1)} N`;
+    this.position.value.textContent = measure(x[0], 2, 'm');
+    this.force.value.textContent = `applied ${measure(u, 1, 'N')}`;
     this.cost.value.textContent = short(tick?.cost);
-    this.time.value.textContent = `${number(1000 * tick?.solve_time, 1)} ms` +
-      `, latency ${number(1000 * tick?.latency, 1)} ms`;
+    this.time.value.textContent = `${measure(1000 * tick?.solve_time, 1, 'ms')}, ` +
+      `latency ${measure(1000 * tick?.latency, 1, 'ms')}`;
     this.iterations.value.textContent = tick?.iterations ?? '–';
-    this.writeLearned(tick);
   }
 
   /** Set what the estimator has learned beside what the plant has, where both are known. */
