@@ -38,9 +38,10 @@ class Page:
         self.driver.execute_cdp_cmd('Emulation.setDeviceMetricsOverride', {
             'width': width, 'height': height, 'deviceScaleFactor': 1, 'mobile': width < 600})
 
-    def prefer(self, scheme):
-        self.driver.execute_cdp_cmd('Emulation.setEmulatedMedia', {
-            'features': [{'name': 'prefers-color-scheme', 'value': scheme}]})
+    def prefer(self, scheme, forced='none'):
+        self.driver.execute_cdp_cmd('Emulation.setEmulatedMedia', {'features': [
+            {'name': 'prefers-color-scheme', 'value': scheme},
+            {'name': 'forced-colors', 'value': forced}]})
 
     def open(self, address):   # noqa: A003
         """Load the page and wait until it shows the pendulum."""

@@ -4,6 +4,7 @@
 
 import math
 import re
+import signal
 import subprocess
 import time
 
@@ -17,10 +18,50 @@ from rclpy.parameter import Parameter
 from selenium.webdriver import ActionChains, Keys
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
+from std_srvs.srv import Trigger
 
 pytestmark = [pytest.mark.alone, pytest.mark.skipif(
     not (CHROMIUM and DRIVER),
     reason='chromium or chromedriver is not on the PATH (Debian: chromium, chromium-driver)')]
+
+# the numbers of one drawing: in the header, at the arrow, and of the plot
+FORCES = """
+  const done = arguments[0], pen = CanvasRenderingContext2D.prototype, write = pen.fillText;
+  const text = name => document.querySelector(name).textContent, drawings = [];
+  const green = getComputedStyle(document.documentElement).getPropertyValue('--force');
+  let words = [];
+  pen.fillText = function (word, ...rest) {
+    if (this.canvas.id === 'picture' && this.fillStyle === green.toLowerCase()) words.push(word);
+    write.call(this, word, ...rest);
+  };
+  const look = () => {
+    if (words.length) drawings.push([words[0], text('#now-applied'), text('.force output')]);
+    words = [];
+    if (drawings.length < 60) requestAnimationFrame(look);
+    else { pen.fillText = write; done(drawings); }
+  };
+  requestAnimationFrame(look);
+"""
+# how many pixels of a line across the middle of link 1 have the colour of each link
+COLOURS = """
+  const picture = document.querySelector('#picture'), places = JSON.parse(picture.dataset.places);
+  const ratio = picture.width / picture.clientWidth;
+  const [x, y] = [0, 1].map(n => ratio * (places[0][n] + places[1][n]) / 2);
+  const {data} = picture.getContext('2d').getImageData(x - 20, y, 40, 1);
+  const style = getComputedStyle(document.documentElement);
+  return ['link1', 'link2'].map(link => {
+    const colour = style.getPropertyValue(`--${link}`);
+    const rgb = [1, 3, 5].map(n => parseInt(colour.slice(n, n + 2), 16));
+    const off = n => rgb.reduce((sum, value, k) => sum + Math.abs(data[n + k] - value), 0);
+    return [...Array(40).keys()].filter(n => off(4 * n) < 30).length;
+  });
+"""
+# what an element says while the page is looked at
+LISTEN = """
+  const place = document.querySelector(arguments[0]), said = window.said = [];
+  new MutationObserver(() => said.push(place.textContent)).observe(
+    place, {childList: true, characterData: true, subtree: true});
+"""
 
 UPRIGHT = 0.1   # [rad]
 SLOW = 0.1      # [m/s, rad/s]
@@ -214,12 +255,127 @@ def test_search_finds_by_description(page):
     names = [each.get_attribute('id') for each in page.all('.control') if each.is_displayed()]
     assert 'mpc-mppi.temperature' in names
     assert 'mpc-horizon' not in names
+    counted = re.fullmatch(r'(\d+) of (\d+) parameters match', page.text('#found'))
+    assert list(map(int, counted.groups())) == [len(names), len(page.all('.control'))]
+
+
+def test_the_horizon_is_told_in_seconds(page, ears):
+    page.controls()
+    page.await_text('#mpc-horizon-seconds', '= 1.50 s')
+    page.find('#mpc-horizon-0').send_keys(Keys.ARROW_RIGHT)
+    assert ears.until(lambda: value_of(ears, 'mpc', 'horizon').integer_value > 30)
+    steps = value_of(ears, 'mpc', 'horizon').integer_value
+    page.await_text('#mpc-horizon-seconds', f'= {0.05 * steps:.2f} s')
+    page.find('#mpc-horizon .usual').click()
+    page.await_text('#mpc-horizon-seconds', '= 1.50 s')
+
+
+def test_a_notice_goes_away(page):
+    page.find('#reset').click()
+    page.await_text('#notice', 'the plant is back')
+    page.until(lambda: not page.text('#notice'), 'an empty notice')
+
+
+def test_one_drawing_has_one_force_and_one_time(page, nodes, ears):
+    assert stands(ears)
+    page.grip(0, 1, 40)   # so that the forces are large, and change
+    drawings = page.driver.execute_async_script(FORCES)
+    page.let_go()
+    assert len({arrow for arrow, _, _ in drawings}) > 5
+    for arrow, header, plot in drawings:
+        assert header == arrow
+        assert plot == f'applied {arrow}'
+    ears.call(Trigger, '/plant/reset')
+    page.until(lambda: 0 <= page.now() < 5, 'the time since the reset')
+    with Page() as other:   # that is opened later
+        other.open(nodes.address)
+        assert abs(page.now() - other.now()) < 1.0
+        assert page.now() < 60
+
+
+def test_links_that_lie_on_each_other_are_both_seen(page, ears, tmp_path):
+    start = value_of(ears, 'plant', 'start').string_value
+    put(ears, 'mpc', goal='down_up')
+    put(ears, 'plant', start='down_up')
+    ears.call(Trigger, '/plant/reset')
+    page.until(lambda: math.dist(*page.places()[::2]) < 5, 'a folded pendulum')
+    colours = page.driver.execute_script(COLOURS)
+    page.shot(tmp_path / 'down_up.png')
+    put(ears, 'mpc', goal='up_up')
+    put(ears, 'plant', start=start)
+    ears.call(Trigger, '/plant/reset')
+    assert min(colours) >= 2, colours
+    icons = [each.get_attribute('innerHTML') for each in page.all('#goals svg')]
+    assert len(set(icons)) == 4
+
+
+def test_a_disabled_mpc_draws_no_plan(page, ears):
+    def planned():
+        return page.driver.execute_async_script("""
+          const done = arguments[0], socket = new WebSocket(`ws://${location.host}/socket`);
+          socket.onmessage = event => { const message = JSON.parse(event.data);
+            if (message.kind === 'frame') { socket.close(); done(Boolean(message.plan)); } }""")
+    assert stands(ears)
+    page.until(planned, 'a plan')
+    page.find('#enable').click()
+    page.await_text('#now-status', 'disabled')
+    page.until(lambda: not planned(), 'no plan')
+    page.find('#enable').click()
+    page.until(planned, 'a plan')
+    ears.call(Trigger, '/plant/reset')
+
+
+def test_forced_colours_keep_swatches(page, tmp_path):
+    def swatches():
+        return page.driver.execute_script(
+            "return [...document.querySelectorAll('.legend span')].map("
+            "chip => getComputedStyle(chip, '::before').backgroundColor)")
+    page.until(swatches, 'swatches')
+    usual = swatches()
+    assert len(set(usual)) > 5
+    page.prefer('light', 'active')
+    assert swatches() == usual
+    page.shot(tmp_path / 'forced.png')
+    page.prefer('light')
+
+
+@pytest.mark.parametrize('size', [(844, 390), (640, 360)])   # a phone on its side; at 200 %
+def test_the_stage_leaves_room(page, tmp_path, size):
+    page.resize(*size)
+    page.shot(tmp_path / 'aside.png')
+    stage, aside = (page.driver.execute_script(
+        'document.querySelector(arguments[0]).scrollIntoView();'
+        'const box = document.querySelector(arguments[0]).getBoundingClientRect();'
+        'return [box.left, box.top, box.right, box.bottom]', name) for name in ('#stage', 'aside'))
+    assert page.driver.execute_script('return document.documentElement.scrollWidth') <= size[0]
+    assert aside[0] >= stage[2]   # beside each other
+    assert aside[2] - aside[0] > 0.4 * size[0] < 2 * (stage[2] - stage[0])
+    page.driver.execute_script('scrollTo(0, document.body.scrollHeight)')
+    picture = page.find('#picture').rect
+    top = page.driver.execute_script('return scrollY')
+    assert top <= picture['y'] < picture['y'] + picture['height'] <= top + size[1]   # in sight
+    page.resize()
+
+
+def test_axes_use_one_notation(page):
+    script = ("import('/static/dom.js').then(({ticked}) => arguments[1]("
+              'ticked(arguments[0]).map(([, text]) => text)))')
+    for values, texts in (
+            ([0, 5, 10], ['0', '5', '10']), ([0, 1.25, 2.5], ['0', '1.25', '2.50']),
+            ([-0.1, 0, 0.1], ['−0.1', '0', '0.1']), ([0, 12500, 25000], ['0', '12500', '25000']),
+            ([0, 50000, 100000], ['0', '0.5e5', '1.0e5']),
+            ([0, 0.00005, 0.0001], ['0', '0.5e−4', '1.0e−4'])):
+        assert page.driver.execute_async_script(script, values) == texts
 
 
 def test_the_solver_is_switched(page, ears):
     page.controls()
+    page.driver.execute_script(LISTEN, '#now-solver')
     page.choose('#mpc-solver-0', 'mppi')
-    page.await_text('#now-solver', 'MPPI')
+    page.until(lambda: page.text('#now-solver') == 'MPPI', 'MPPI')
+    said = page.driver.execute_script('return window.said')
+    assert set(said) <= {'iLQR', 'MPPI loading …', 'MPPI'}
+    assert 'MPPI loading …' in said
     page.choose('#mpc-solver-0', 'ilqr')
     page.await_text('#now-solver', 'iLQR')
 
@@ -345,6 +501,50 @@ def test_read_only_refuses_and_says_so(browser, nodes, ears):
     assert wait_until(lambda: not browser.find('#lost').is_displayed(), 30)
 
 
+def test_who_is_dead_is_named_and_faded_until_it_is_back(browser, nodes, tmp_path):
+    away = ['-r', '__ns:=/mortal']
+
+    def plant():
+        return nodes.start('plant', {'start': 'up_up'}, away)
+
+    def mpc():
+        node = nodes.start('mpc', {}, away)
+        node.wait_for('ready')
+        return node
+
+    def opacity(selector):
+        return float(browser.find(selector).value_of_css_property('opacity'))
+
+    living = {'mpc': mpc(), 'plant': plant()}
+    browser.open(nodes.console(away)[1])
+    for role, start, faded, clear in (
+            ('mpc', mpc, '#plots .of-mpc', '#picture'), ('plant', plant, '#picture', '#lost')):
+        browser.until(lambda: browser.all('#statuses .ok'), 'a status that is well')
+        assert not browser.find('#silence').is_displayed()
+        assert opacity(faded) == 1
+        living[role].stop(signal.SIGKILL)
+        browser.await_text('#silence', f'{role} is silent for 3 s')
+        assert browser.text('#now-status') == f'{role} is silent'
+        assert opacity(faded) < 0.5
+        assert opacity(clear) == 1
+        browser.until(lambda: any(role in each.text for each in browser.all('#statuses .stale')),
+                      f'a stale status of the {role}')
+        browser.shot(tmp_path / f'dead_{role}.png')
+        start()
+        browser.until(lambda: not browser.find('#silence').is_displayed(), 'nobody silent')
+    assert browser.errors() == []
+
+
+def test_a_console_that_hangs_is_noticed(browser, nodes):
+    console, address = nodes.console(['-r', '__node:=sleeper'])
+    browser.open(address)
+    console.signal(signal.SIGSTOP)
+    browser.until(lambda: browser.find('#lost').is_displayed(), 'that nobody answers')
+    console.signal(signal.SIGCONT)
+    browser.until(lambda: not browser.find('#lost').is_displayed(), 'the console again')
+    browser.until(lambda: browser.text('#now-status'), 'a status')
+
+
 def test_a_plant_in_lockstep_is_paused_and_stepped(browser, nodes, ears, tmp_path):
     away = ['-r', '__ns:=/lockstep']
     nodes.start('mpc', {}, away).wait_for('ready')
@@ -361,6 +561,8 @@ def test_a_plant_in_lockstep_is_paused_and_stepped(browser, nodes, ears, tmp_pat
     assert wait_until(lambda: browser.now() > stands_at, 5)
     assert browser.now() < stands_at + 0.5
     browser.shot(tmp_path / 'paused.png')
+    time.sleep(2.5)   # for which a plant that is not paused would be silent
+    assert not browser.find('#silence').is_displayed()
     browser.choose('#pace', '0.5')
     browser.find('#pause').click()
     browser.await_text('#pause', 'Pause')

@@ -69,6 +69,7 @@ export class Thoughts {
       title: 'Regret of not obeying', unit: 'cost, by shadow', least: 0.1, series: []});
     this.plots = [this.angles, this.position, this.force, this.cost, this.time, this.iterations,
       this.regret];
+    this.force.figure.classList.add('force');
     this.place.replaceChildren(...this.plots.map(plot => plot.figure));
     for (const plot of this.plots.slice(3)) plot.figure.classList.add('of-mpc');
     this.regret.figure.hidden = true;
