@@ -101,8 +101,8 @@ class ConsoleNode(ProcessNode):
         self.actions.parameters = ConsoleParameters(**values)
 
     def hear(self, topic: Topic, data: bytes, info: dict[str, int]) -> None:
-        """Take a message; the page is shown each state, and what comes after it a little later."""
-        before = self.scene.stamp
+        """Take a message; the page is shown each state with its answer, if that is in time."""
+        before, was_answered = self.scene.stamp, self.scene.is_answered
         try:
             message = deserialize_message(data, message_class(topic.type))
             self.scene.hear(topic, message)
@@ -119,7 +119,7 @@ class ConsoleNode(ProcessNode):
             self.server.poke(min(ANSWERED * self.scene.period, TRAILING) if self.scene.tick
                              else ANSWER)
         else:
-            self.server.poke(0.0 if topic is DIAGNOSTICS and self.scene.is_answered else TRAILING)
+            self.server.poke(0.0 if self.scene.is_answered and not was_answered else TRAILING)
         if topic in KEPT:
             self.keep(topic, data, info)
 

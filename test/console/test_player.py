@@ -48,6 +48,7 @@ def test_each_state_can_be_sought_and_is_the_recorded_one(page, lockstep_bag):
         frame = page.until(lambda page: page.newest['frame']['t'] == pytest.approx(episode.t[n])
                            and page.newest['frame'])
         assert frame['x'] == pytest.approx(episode.X[n].tolist(), abs=1e-4)
+        assert frame['time'] == frame['t']
         assert frame['paused']
         if n > 0:   # in lockstep the next state may be faster than the plan that answers this one
             assert frame['t'] - frame['plan']['t'] == pytest.approx(0.025, abs=0.026)

@@ -40,7 +40,7 @@ def of(node):
     page = Page(port_of(node))
     page.node = node
     page.until(lambda page: page.value('plant', 'rate') and page.value('mpc', 'horizon')
-               and page.newest.get('frame', {}).get('plan') and page.newest['hello']['goals'])
+               and page.newest.get('frame', {}).get('tick') and page.newest['hello']['goals'])
     return page
 
 
@@ -72,10 +72,10 @@ def page(usual_nodes):
 
 
 def frames(page, count):
-    """Receive so many frames."""
+    """Receive frames of so many states."""
     for _ in range(count):
-        while page.receive()['kind'] != 'frame':
-            pass
+        before = page.newest['frame']['t']
+        page.until(lambda page: page.newest['frame']['t'] != before)
 
 
 def test_the_page_is_told_what_there_is_and_shown_each_state(page):
