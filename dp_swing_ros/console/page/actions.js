@@ -15,9 +15,9 @@ function pictogram(goal) {
   let [x, z] = [12, 17], way = -1;
   goal.split('_').forEach((word, n, all) => {
     const line = document.createElementNS(SVG, 'line'), long = 15 / all.length * 0.97;
-    if (word !== all[n - 1] && n) way *= 2;   // it folds back, beside the one before
+    if (n && word !== all[n - 1]) way = 2 * Math.sign(way);   // folded back, beside the one before
     else way = -Math.sign(way);
-    const end = [x + 3 * way, z + (word === 'up' ? -long : long)];
+    const end = [x + 6 / all.length * way, z + (word === 'up' ? -long : long)];
     const ends = {x1: x, y1: z, x2: end[0], y2: end[1], class: `link${n + 1}`};
     for (const [name, value] of Object.entries(ends)) line.setAttribute(name, value);
     svg.append(line);
