@@ -13,7 +13,7 @@ from dp_swing_ros.bags.mcap_reader import Entry
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.configuration import declared, links_in, NODES
 from dp_swing_ros.console.client import Client
-from dp_swing_ros.console.history import answer, Row, row_of
+from dp_swing_ros.console.history import answer, Row, row_of, thinned
 from dp_swing_ros.console.requests import Request, RequestError
 from dp_swing_ros.console.scene import exact, HEARD, number, Scene
 from dp_swing_ros.console.server import Server
@@ -86,11 +86,13 @@ class Tape:
         return scene
 
     def rows(self) -> list[Row]:
-        """Return all states for the page."""
+        """Return the states for the page with what was thought at them, ROWS at most."""
         scene, rows = Scene(self.joint_states), []
+        shown = {moment.t for moment in thinned(self.moments)}
+        others = [topic for topic in HEARD if topic is not DIAGNOSTICS]   # which is slow to read
         for moment in self.moments:
-            self.hear(scene, moment, *(topic for topic in HEARD if topic is not DIAGNOSTICS))
-            if scene.x is not None:
+            self.hear(scene, moment, *(() if moment.t in shown else others))
+            if scene.x is not None and moment.t in shown:
                 rows.append(row_of(scene)._replace(t=round(moment.t, 6)))
         return rows
 
@@ -112,6 +114,12 @@ class Reel:
     def seek(self, at: float) -> None:
         """Go to a time [s]."""
         self._set(min(max(at, 0.0), self.tape.duration))
+
+    def skip(self, states: int) -> None:
+        """Stop, and go on or back by so many states."""
+        self.playing = False
+        index = min(max(self._index + states, 0), len(self.tape.times) - 1)
+        self._set(self.tape.times[index])
 
     def play(self, on: bool, rate: float) -> None:
         """Play on at a rate, or stop."""
@@ -224,6 +232,10 @@ class Player:
     def do_seek(self, client: Client, request: Request) -> None:
         """Go to a time."""
         self._reels[client].seek(request['at'])
+
+    def do_skip(self, client: Client, request: Request) -> None:
+        """Go on or back by states."""
+        self._reels[client].skip(round(request['states']))
 
     def do_play(self, client: Client, request: Request) -> None:
         """Play, or stop."""

@@ -66,8 +66,10 @@ CHANGES = {'set': {'node': TEXT, 'parameters': VALUES}, 'preset': {'name': TEXT}
            'reference': {'x': NUMBER}, 'goal': {'name': TEXT}, 'reset': {'node': TEXT},
            'enable': {'on': SWITCH}, 'pause': {'on': SWITCH}, 'step': {}, 'pace': {'pace': NUMBER},
            'record': {'on': SWITCH}}
-LOOKS = {'history': {}, 'branch': {'at': NUMBER, 'duration': NUMBER}, 'seek': {'at': NUMBER},
-         'play': {'on': SWITCH, 'rate': NUMBER}}   # which change nothing for anybody else
+# which change nothing for anybody else
+LOOKS = {'history': {}, 'past': {'at': NUMBER}, 'branch': {'at': NUMBER, 'duration': NUMBER},
+         'seek': {'at': NUMBER}, 'skip': {'states': NUMBER},
+         'play': {'on': SWITCH, 'rate': NUMBER}}
 REQUESTS: dict[str, dict[str, str]] = {**HANDS, **CHANGES, **LOOKS}
 
 

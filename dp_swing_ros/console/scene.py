@@ -236,6 +236,12 @@ class Scene:
         return next((tick for tick in ticks[::-1] if tick.stamp in planned),
                     ticks[-1] if ticks else None)
 
+    def regrets(self) -> dict[str, Any]:
+        """Return the regret of not obeying each shadow, by solver."""
+        return {solver: each.values.get('regret', math.nan) for solver, each in
+                self.shadows.items() if self._counts(each.stamp)
+                and is_figure(each.values.get('regret', math.nan))}
+
     @property
     def is_answered(self) -> bool:
         """Return whether the newest state has its tick."""

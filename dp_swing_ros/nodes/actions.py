@@ -10,12 +10,13 @@ import time
 from typing import Any
 
 from rclpy.client import Client as Service
+from rclpy.serialization import deserialize_message
 from rclpy.task import Future
 from std_msgs.msg import Float64
 from std_srvs.srv import SetBool, Trigger
 
 from dp_swing_ros.console.client import Client
-from dp_swing_ros.console.history import answer, History, KEPT, write
+from dp_swing_ros.console.history import answer, Entry, History, KEPT, scene_of, write
 from dp_swing_ros.console.presets import presets
 from dp_swing_ros.console.pulls import bounded, Hold, Pull, Pulls
 from dp_swing_ros.console.recorder import LOGGER, Recorder
@@ -23,7 +24,7 @@ from dp_swing_ros.console.requests import Request, RequestError
 from dp_swing_ros.console.scene import Scene
 from dp_swing_ros.console.server import Server
 from dp_swing_ros.messages.configuration import CONTROLLER, PLANT
-from dp_swing_ros.nodes.connections import publish
+from dp_swing_ros.nodes.connections import message_class, publish
 from dp_swing_ros.nodes.partners import Partner
 from dp_swing_ros.nodes.process import ProcessNode
 from dp_swing_ros.parameters.console import ConsoleParameters
@@ -222,7 +223,21 @@ class Actions:
 
     def do_history(self, client: Client, request: Request) -> None:
         """Send what was in the last minute."""
-        self.server.call(client.send, {**answer(self.history.rows), 'id': request.get('id')})
+        rows = list(self.history.rows)
+        self.server.call(lambda: client.send({**answer(rows), 'id': request.get('id')}))
+
+    def do_past(self, client: Client, request: Request) -> None:
+        """Send the frame of an instant of the last minute; made in the thread of the server."""
+        entries = self.history.until(request['at'])
+
+        def send() -> None:
+            frame = scene_of(entries, self.scene.joint_states, decoded).frame()
+            if frame is None:
+                raise RequestError(f'nothing is kept of {request["at"]:g} s; expected a time of '
+                                   'the last minute, as `history` has them')
+            client.send({'kind': 'past', 'id': request.get('id'), 'frame': frame})
+
+        self.server.call(client.attempt, request, send)
 
     def do_branch(self, client: Client, request: Request) -> None:
         """Let each solver take over at an instant of the last minute."""
@@ -288,3 +303,8 @@ class Actions:
     def close(self) -> None:
         """End recordings."""
         self.recorder.close()
+
+
+def decoded(entry: Entry) -> Any:
+    """Return the message that was kept; raises RuntimeError where it is none."""
+    return deserialize_message(entry.data, message_class(entry.topic.type))

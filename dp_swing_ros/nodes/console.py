@@ -21,7 +21,7 @@ from rclpy.serialization import deserialize_message
 
 from dp_swing_ros.console.access import given_token
 from dp_swing_ros.console.client import Client
-from dp_swing_ros.console.history import Entry, History, KEPT
+from dp_swing_ros.console.history import Entry, History, KEPT, SEEN
 from dp_swing_ros.console.requests import Request, RequestError
 from dp_swing_ros.console.scene import HEARD, Scene
 from dp_swing_ros.console.server import Options, Server, TRAILING
@@ -119,8 +119,11 @@ class ConsoleNode(ProcessNode):
             self.server.poke(min(ANSWERED * self.scene.period, TRAILING) if self.scene.tick
                              else ANSWER)
         else:
-            self.server.poke(0.0 if self.scene.is_answered and not was_answered else TRAILING)
-        if topic in KEPT:
+            answered = self.scene.is_answered and not was_answered
+            if answered:
+                self.history.keep_answer(self.scene)
+            self.server.poke(0.0 if answered else TRAILING)
+        if topic in (*KEPT, *SEEN):
             self.keep(topic, data, info)
 
     def keep(self, topic: Topic, data: bytes, info: dict[str, int]) -> None:

@@ -394,22 +394,95 @@ def test_a_recording_verifies(page, nodes, ears):
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+def go_to(page, at):
+    """Move the slider of the time machine."""
+    page.driver.execute_script(
+        "const slider = document.querySelector('#instant'); slider.value = arguments[0];"
+        "slider.dispatchEvent(new Event('input'));", at)
+
+
+def look_back(page, at):
+    """Look at an instant so many seconds ago."""
+    page.find('#look').click()
+    assert wait_until(lambda: page.find('#branch').is_enabled())
+    go_to(page, at)
+
+
+def numbers(page, seconds):
+    """Return the times and costs that the page shows for a while."""
+    found, end = set(), time.monotonic() + seconds
+    while time.monotonic() < end:
+        found.add(tuple(page.driver.execute_script(
+            "return ['#now-time', '#now-cost'].map("
+            'each => document.querySelector(each).textContent)')))
+    return found
+
+
+def box(page, selector):
+    return page.driver.execute_script(
+        'const {top, bottom, height} = document.querySelector(arguments[0])'
+        '.getBoundingClientRect(); return {top, bottom, height}', selector)
+
+
+def test_looking_back_shows_what_it_thought_then(page, ears, tmp_path):
+    assert stands(ears)
+    page.find('#kick-right').click()
+    live = numbers(page, 1.0)
+    look_back(page, 0)
+    then, instants = set(), []
+    for _ in range(30):   # the slider has the focus
+        page.find('#instant').send_keys(Keys.ARROW_LEFT)
+        instants.append(float(page.text('#instant-time').split()[0].replace('−', '-')))
+        then |= numbers(page, 0.15)
+    page.shot(tmp_path / 'looking_back.png')
+    steps = [a - b for a, b in zip(instants, instants[1:])]
+    assert steps == pytest.approx([0.05] * 29, abs=0.021)
+    assert len({cost for _, cost in live & then}) > 5, (live, then)
+    assert page.driver.execute_script(   # there is a scale
+        "const strip = document.querySelector('#strip'), pen = strip.getContext('2d');"
+        'return pen.getImageData(0, strip.height - 12, strip.width, 12).data.some(each => each)')
+    page.find('#look').click()
+    page.await_text('#instant-time', 'live')
+
+
+def test_the_hint_lies_below_the_picture(page):
+    for size in ((1280, 720), (1920, 1080), PHONE):
+        page.resize(*size)
+        try:
+            assert box(page, '#picture')['bottom'] <= box(page, '#hands-on')['top'] + 0.5
+        finally:
+            page.resize()
+
+
 def test_a_branch_shows_courses(page, ears, tmp_path):
     assert stands(ears)
     page.find('#kick-right').click()
     ears.spin(3.5)
-    page.find('#look').click()
-    assert wait_until(lambda: page.find('#branch').is_enabled())
-    page.driver.execute_script(
-        "const slider = document.querySelector('#instant'); slider.value = -3;"
-        "slider.dispatchEvent(new Event('input'));"
-        "document.querySelector('#branch-duration').value = '2'")
+    look_back(page, -3)
+    page.choose('#branch-duration', '2')
     page.find('#branch').click()
     assert wait_until(lambda: len(page.all('#courses-list figure')) >= 3, 90), page.text('#notice')
     assert all('cost' in each.text for each in page.all('#courses-list figure'))
-    page.shot(tmp_path / 'branch.png')
+    assert all('regret' in each.text or 'the least' in each.text
+               for each in page.all('#courses-list figure'))
+    page.resize(1280, 720)
+    try:
+        assert box(page, '#stage')['height'] >= 359
+        for n in range(len(page.all('#courses-list figure'))):   # each can be scrolled to
+            card = f'#courses-list figure:nth-child({n + 1})'
+            page.driver.execute_script(
+                'document.querySelector(arguments[0]).scrollIntoView()', card)
+            assert box(page, '#courses')['bottom'] >= box(page, card)['bottom']
+        page.shot(tmp_path / 'branch.png')
+    finally:
+        page.resize()
     page.find('#look').click()
     page.await_text('#instant-time', 'live')
+    assert not page.find('#courses').is_displayed()
+    page.find('#courses-tab').click()   # until it is closed
+    page.find('#close-courses').click()
+    assert not page.find('#courses-tab').is_displayed()
+    assert page.find('#thoughts').is_displayed()
 
 
 def test_shadows_are_curves_of_regret(page, ears):
@@ -461,6 +534,10 @@ def test_a_bag_is_played(browser, nodes, lockstep_bag, tmp_path):
         "const slider = document.querySelector('#instant'); slider.value = 1;"
         "slider.dispatchEvent(new Event('input'));")
     browser.await_text('#now-time', '1.0 s')
+    browser.find('#instant').send_keys(Keys.ARROW_RIGHT, Keys.ARROW_RIGHT)
+    browser.await_text('#instant-time', '1.10 of')
+    browser.find('#instant').send_keys(Keys.ARROW_LEFT)
+    browser.await_text('#instant-time', '1.05 of')
     browser.find('#play').click()
     assert wait_until(lambda: float(browser.find('#instant').get_attribute('value')) > 1.5, 20)
     browser.shot(tmp_path / 'bag.png')

@@ -53,6 +53,9 @@ def test_each_state_can_be_sought_and_is_the_recorded_one(page, lockstep_bag):
         if n > 0:   # in lockstep the next state may be faster than the plan that answers this one
             assert frame['t'] - frame['plan']['t'] == pytest.approx(0.025, abs=0.026)
             assert frame['tick']['solver'] == 'ilqr'
+    for by, n in ((1, 62), (1, 63), (-2, 61)):
+        page.send('skip', states=by)
+        page.until(lambda page: page.newest['frame']['t'] == pytest.approx(episode.t[n]))
     for at in (-5.0, 99.0):
         page.send('seek', at=at)
         page.until(lambda page: page.newest['frame']['t'] == pytest.approx(5.0 * (at > 0)))
@@ -84,6 +87,16 @@ def test_the_past_and_branches_are_there_too(page, lockstep_bag):
     episode = read_episode(lockstep_bag)
     assert past['t'] == pytest.approx(episode.t.tolist(), abs=1e-6)
     assert past['x'][50] == pytest.approx(episode.X[50].tolist(), abs=1e-4)
+    for field in ('u', 'force', 'push', *past['figures'].values()):
+        assert len(past[field] if isinstance(field, str) else field) == len(past['t'])
+    ticks = {'cost', 'cost_angles', 'solve_time', 'latency', 'iterations'}
+    assert ticks <= set(past['figures'])
+    page.ask('play', on=False, rate=1.0)
+    page.send('seek', at=past['t'][50])
+    frame = page.until(lambda page: page.newest['frame']['t'] == past['t'][50]
+                       and page.newest['frame'])
+    assert {name: past['figures'][name][50] for name in ticks} == {
+        name: frame['tick'][name] for name in ticks}
     page.send('branch', id=7, at=1.0, duration=2.0)
     page.until(lambda page: page.newest.get('branch', {}).get('courses'))
     courses = page.newest['branch']['courses']

@@ -158,7 +158,8 @@ def test_what_is_no_request_ends_the_socket_and_nothing_else(console):
     ({'do': 'set', 'node': 'mpc', 'parameters': {}}, 'there is no mpc'),
     ({'do': 'set', 'node': '../..', 'parameters': {}}, 'there is no'),
     ({'do': 'reset', 'node': 'mpc'}, 'nobody offers mpc/reset'),
-    ({'do': 'seek', 'at': 1}, 'this one is live'),
+    ({'do': 'seek', 'at': 1}, 'this one is live'), ({'do': 'past', 'at': 1}, 'nothing is kept'),
+    ({'do': 'skip', 'states': 1}, 'this one is live'), ({'do': 'past'}, 'past needs at'),
     ({'do': 'reset', 'node': '\ud800'}, 'reset needs node: a text'),
     ({'do': 'set', 'node': 'plant', 'parameters': {'rate': 2 ** 63}}, 'parameters: an object')],
     ids=lambda value: str(value)[:40])

@@ -72,10 +72,13 @@ def page(usual_nodes):
 
 
 def frames(page, count):
-    """Receive frames of so many states."""
+    """Receive frames of so many states; return them."""
+    found = []
     for _ in range(count):
         before = page.newest['frame']['t']
         page.until(lambda page: page.newest['frame']['t'] != before)
+        found.append(page.newest['frame'])
+    return found
 
 
 def test_the_page_is_told_what_there_is_and_shown_each_state(page):
@@ -394,6 +397,23 @@ def test_an_instant_of_the_last_minute_is_branched_from(live):
     page.send('branch', id=2, at=past['t'][-1] + 100, duration=1)
     page.until(lambda page: page.newest.get('branch', {}).get('id') == 2
                and 'there is no tick' in page.newest['branch']['text'])
+
+
+def test_an_instant_of_the_last_minute_is_shown_as_it_was(live):
+    page = live(lockstep=True, pace=1.0)
+    shown = {frame['t']: frame for frame in frames(page, 40) if frame['tick'] and frame['plan']
+             and frame['plan']['t'] == frame['t']}
+    frames(page, 30)
+    past = page.ask('history', kind='history')
+    for t in sorted(shown)[10:30:5]:
+        then = page.ask('past', kind='past', at=t)['frame']
+        for name in ('x', 'u', 'push', 'force', 'plan', 'estimate', 'tick'):
+            assert then[name] == shown[t][name], name
+        n = past['t'].index(t)
+        assert past['figures']['cost'][n] == then['tick']['cost']
+        assert past['force'][n] == then['force']
+    answer = page.ask('past', at=past['t'][-1] - 1e6)
+    assert (answer['ok'], 'nothing is kept' in answer['text']) == (False, True)
 
 
 def test_after_a_reset_in_lockstep_the_past_is_another(live):

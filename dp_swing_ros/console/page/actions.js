@@ -170,7 +170,7 @@ export class Actions {
     if (key === ' ' && target.matches?.('button, summary, [type=checkbox], a')) return;
     const way = {ArrowLeft: -1, ArrowRight: 1}[key];
     if (way) {
-      if (target.matches?.('[type=range], [role=tab]')) return;
+      if (target.matches?.('[type=range]:not(#instant), [role=tab]')) return;
       event.preventDefault();
       if (this.timeline.history || this.hello?.replay) this.timeline.step(way);
       else this.hands.push(way);

@@ -21,15 +21,15 @@ url.protocol = location.protocol === 'https:' ? 'wss:' : 'ws:';
 const socket = new Socket(url.href);
 const stream = new Stream();
 const canvas = find('#picture');
-const scene = new Scene(canvas, stream);
+const scene = new Scene(canvas);
 const controls = new Controls(socket);
 const say = (answer, done) => controls.say(answer, done);
 const timeline = new Timeline(socket, stream, say);
 const hands = new Hands(scene, socket);
-const thoughts = new Thoughts(stream);
+const thoughts = new Thoughts();
 const actions = new Actions(socket, hands, timeline, scene, say);
 const parameters = new Map();   // the last of each node
-let hello = null, placed = 0, described = 0, fresh = null, silent = {};
+let hello = null, placed = 0, described = 0, fresh = null, written = null, silent = {};
 let stale = false;   // are the numbers, without a fresh frame
 
 socket.on('open', () => {
@@ -66,7 +66,7 @@ function onParameters(message) {
 socket.on('frame', frame => {
   stream.push(frame, performance.now());
   fresh = frame;
-  for (const part of [thoughts, timeline, actions]) part.onFrame(frame);
+  for (const part of [timeline, actions]) part.onFrame(frame);
 });
 socket.on('silence', message => {
   [silent, stale] = [message.silent, true];
@@ -83,25 +83,25 @@ socket.on('silence', message => {
 socket.on('status', message => thoughts.onStatus(message));
 socket.on('recording', message => actions.onRecording(message));
 
-function write(frame, given) {
-  const {tick} = given ? {} : frame;
+function write(frame) {
+  const {tick} = frame;
   const values = {
-    '#now-time': `${number(frame.time + (given ?? frame).t - frame.t, 1)} s`,
-    '#now-applied': measure((given ?? frame).u, 1, 'N'),
-    '#now-command': given ? '–' : measure(frame.force, 1, 'N'),
-    '#now-push': `${number((given ?? frame).push ?? 0, 0)} N`,
+    '#now-time': `${number(frame.time, 1)} s`,
+    '#now-applied': measure(frame.u, 1, 'N'),
+    '#now-command': measure(frame.force, 1, 'N'),
+    '#now-push': `${number(frame.push ?? 0, 0)} N`,
     '#now-cost': short(tick?.cost), '#now-solve': measure(1000 * tick?.solve_time, 1, 'ms'),
     '#now-solver': solver(tick)};
   for (const [selector, text] of Object.entries(values)) find(selector).textContent = text;
-  find('#now-status').textContent = given ? 'looking back' : frame.paused ? 'paused'
-    : 'plant' in silent ? 'plant is silent' : 'mpc' in silent ? 'mpc is silent'
+  find('#now-status').textContent = timeline.past ? words(String(tick?.status ?? '–').toLowerCase())
+    : frame.paused ? 'paused' : 'plant' in silent ? 'plant is silent' : 'mpc' in silent ? 'mpc is silent'
       : words(String(tick?.status ?? '–').toLowerCase());
 }
 
 /** Return the solver of a tick, or the one that is on its way to be it. */
 function solver(tick) {
   const wanted = thoughts.parameters.mpc?.solver?.value;
-  if (tick?.solver && wanted && wanted !== tick.solver) return `${solverName(wanted)} loading …`;
+  if (!timeline.past && tick?.solver && wanted && wanted !== tick.solver) return `${solverName(wanted)} loading …`;
   return tick?.solver ? solverName(tick.solver) : '–';
 }
 
@@ -118,16 +118,15 @@ function draw(now) {
   stream.advance(now);
   hands.frozen = timeline.history !== null || hello?.replay;
   hands.renew(now);
-  const given = timeline.given();
-  scene.draw(now, given);
+  const shown = timeline.past ?? stream, frame = shown.newest;
+  scene.draw(now, shown);
   if (fresh) hands.seen(fresh);
   timeline.draw(now);
-  if (timeline.history === null) thoughts.draw(now, fresh !== null);
-  const frame = stream.newest;
+  thoughts.draw(now, shown);
   if (!hello || !frame) return;
   // with the picture, whose arrows have the same numbers
-  if (fresh || given || stale) write(frame, given);
-  [fresh, stale] = [null, given !== null];
+  if (frame !== written || stale) write(frame);
+  [fresh, stale, written] = [null, false, frame];
   if (now - placed > PLACED) {
     placed = now;
     canvas.dataset.places = JSON.stringify(scene.places?.map(place => scene.view.toScreen(place)) ?? []);
@@ -143,11 +142,12 @@ function select(tab) {
     find(`#${each.getAttribute('aria-controls')}`).hidden = each !== tab;
   }
 }
-for (const [n, tab] of tabs.entries()) {
+for (const tab of tabs) {
   tab.addEventListener('click', () => select(tab));
   tab.addEventListener('keydown', event => {
     if (!['ArrowLeft', 'ArrowRight'].includes(event.key)) return;
-    const other = tabs[(n + 1) % tabs.length];
+    const there = tabs.filter(each => !each.hidden), way = event.key === 'ArrowLeft' ? -1 : 1;
+    const other = there.at((there.indexOf(tab) + way) % there.length);
     select(other);
     other.focus();
   });

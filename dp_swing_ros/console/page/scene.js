@@ -19,16 +19,17 @@ export class Scene {
   held = null;            // {body, along, to} while the user pulls
   aimed = null;           // [m] where a click would move the reference
 
-  constructor(canvas, stream) {
-    Object.assign(this, {canvas, stream});
+  constructor(canvas) {
+    this.canvas = canvas;
   }
 
   configure(hello) {
     this.hello = hello;
   }
 
-  /** Draw the state at a time [s] of the stream, or a given one; now [ms] moves the ghost. */
-  draw(now, given = null) {
+  /** Draw the state that a stream shows, live or of the past; now [ms] moves the ghost. */
+  draw(now, stream) {
+    this.stream = stream;
     const {pen, width, height} = fit(this.canvas);
     if (!this.hello || width === 0) return;
     const {limits, lengths, cart} = this.hello, reach = lengths.reduce((a, b) => a + b);
@@ -37,15 +38,15 @@ export class Scene {
     brush.track(limits, cart, true, this.reference);
     this.drawReference(brush);
     const frame = this.stream.newest;
-    const x = given?.x ?? this.stream.at(this.stream.shown);
+    const x = stream.at(stream.shown);
     if (!x?.every(Number.isFinite)) return;
     const places = joints(x, lengths);
     this.places = places;
-    if (this.shows.trace) this.drawTrace(brush, given);
-    if (!given) this.drawThoughts(brush, frame, now);
+    if (this.shows.trace) this.drawTrace(brush);
+    this.drawThoughts(brush, frame, now);
     brush.pendulum(places, cart);
-    if (!given) this.drawEstimate(brush, frame, x);
-    this.drawForces(brush, given ?? frame, places, !given);
+    this.drawEstimate(brush, frame, x);
+    this.drawForces(brush, frame, places);
   }
 
   drawReference(brush) {
@@ -63,13 +64,12 @@ export class Scene {
     brush.text(`${number(this.aimed)} m`, [this.aimed, BELOW_TRACK - 0.3], colours.accent, [0, 4]);
   }
 
-  drawTrace(brush, given) {
-    const {lengths} = this.hello, end = given?.t ?? this.stream.shown;
-    const state = given ? given.at : t => this.stream.at(t);
-    const first = given ? end - TRACE : Math.max(end - TRACE, this.stream.times[0] ?? end);
+  drawTrace(brush) {
+    const {lengths} = this.hello, end = this.stream.shown;
+    const first = Math.max(end - TRACE, this.stream.times[0] ?? end);
     let before = null;
     for (let t = first; t <= end; t += TRACE_STEP) {
-      const x = state(t), place = x?.every(Number.isFinite) ? tip(x, lengths) : null;
+      const x = this.stream.at(t), place = x?.every(Number.isFinite) ? tip(x, lengths) : null;
       if (before && place && Math.hypot(place[0] - before[0], place[1] - before[1]) < TRACE_JUMP) {
         const alpha = 0.75 * (1 - (end - t) / TRACE) ** 1.5;
         brush.line([before, place], linkColour(linksOf(x) - 1), 3, alpha, [], 'butt');
@@ -115,8 +115,8 @@ export class Scene {
   }
 
   /** Draw the force that is applied, the push beside it, and the rubber line of the user's pull. */
-  drawForces(brush, {u, push}, places, labels) {
-    const [width, height] = this.hello.cart, text = force => labels ? `${number(force, 1)} N` : '';
+  drawForces(brush, {u, push}, places) {
+    const [width, height] = this.hello.cart, text = force => `${number(force, 1)} N`;
     brush.arrow(places[0], u, colours.force, width / 2, text(u));
     const above = [places[0][0], height / 2 + 0.1];
     if (!this.held) {

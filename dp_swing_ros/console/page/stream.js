@@ -38,6 +38,14 @@ export class Stream {
     if (this.frames.length === 1) this.shown = frame.t;
   }
 
+  /** Put rows of the past, which have neither plan nor estimate, before the first frame. */
+  precede(rows) {
+    const earlier = rows.filter(({t}) => t < (this.times[0] ?? Infinity));
+    this.frames.unshift(...earlier);
+    this.times.unshift(...earlier.map(({t}) => t));
+    this.states.unshift(...earlier.map(({x}) => x));
+  }
+
   get lists() {
     return [this.frames, this.times, this.states];
   }

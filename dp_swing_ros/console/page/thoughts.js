@@ -26,8 +26,7 @@ export class Thoughts {
   phases = '';
   parameters = {};       // of each node, by name
 
-  constructor(stream) {
-    this.stream = stream;
+  constructor() {
     this.place = find('#plots');
   }
 
@@ -82,8 +81,7 @@ export class Thoughts {
   }
 
   /** Let the plots follow what this solver spends its time on, and which shadows there are. */
-  onFrame({tick, shadows}) {
-    if (!this.hello) return;
+  follow({tick, shadows}) {
     const present = PHASES.filter(phase => tick && `${phase}_time` in tick);
     if (present.join() !== this.phases) {
       this.phases = present.join();
@@ -103,15 +101,22 @@ export class Thoughts {
       of: frame => frame.shadows?.[name]?.regret}));
   }
 
-  /** Draw a plot, and write the numbers of a frame that is fresh. */
-  draw(now, fresh) {
-    const frame = this.stream.newest;
+  /** Draw a plot of a stream, live or of the past, and write the numbers of its newest frame. */
+  draw(now, stream) {
+    const frame = stream.newest;
     if (!this.hello || !frame || find('#thoughts').hidden) return;
+    if (stream !== this.stream) {   // of another time, whose scale comes at once
+      for (const plot of this.plots) [plot.top, plot.drawn] = [plot.least, 0];
+    }
+    this.stream = stream;
+    const fresh = frame !== this.frame;
+    if (fresh) this.follow(frame);
+    this.frame = frame;
     // one at a time, which waits longest: an mpc may need the core
     const plot = this.plots.filter(({figure}) => !figure.hidden)
       .reduce((first, other) => other.drawn < first.drawn ? other : first);
     if (now - plot.drawn >= DRAWN) {
-      plot.draw(now, this.stream.frames, this.stream.shown, frame.plan);
+      plot.draw(now, stream.frames, stream.shown, frame.plan);
     }
     if (fresh) this.write(frame);
     if (now - this.written < WRITTEN) return;

@@ -6,13 +6,21 @@ import {colours, linkColour, solverColour} from './colours.js';
 import {Brush, fit, View} from './draw.js';
 import {at, joints, tip} from './geometry.js';
 import {clamp, element, find, number, short, solverName} from './dom.js';
+import {Stream} from './stream.js';
 
 const REST = 0.8;      // [s] for which the courses stand at their end
 const SEEK = 60;       // [ms] between two seeks while the slider moves
+const SEEN = 12;       // [s] before an instant that plots show
+const INSET = 8;       // [px] of the slider's ends
+const AXIS = 16;       // [px] below the strip
+const STEPS = [0.5, 1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1800, 3600];   // [s] between ticks
+const APART = 56;      // [px] between ticks at least
 
 export class Timeline {
-  history = null;      // {t, x, u, force} while one looks back
-  at = 0;              // [s] the instant that is looked at
+  history = null;      // the rows of the last minute while one looks back
+  past = null;         // a stream whose newest frame is that of the instant that is looked at
+  n = 0;               // the row of that instant
+  asking = false;
   courses = null;
   sought = 0;
 
@@ -47,9 +55,15 @@ export class Timeline {
       this.say({ok: false, text: history.text || 'there is nothing to look back at yet'});
       return null;
     }
-    this.strip = history;
+    this.rows = rowsOf(history);
+    if (this.hello.replay) this.stream.precede(this.before(this.stream.times[0] ?? 0));
     this.drawStrip();
-    return history;
+    return this.rows;
+  }
+
+  /** Return the rows of the seconds before a time [s]. */
+  before(time) {
+    return this.rows?.filter(({t}) => t < time && t > time - SEEN) ?? [];
   }
 
   toggle() {
@@ -61,39 +75,70 @@ export class Timeline {
     const history = await this.ask();
     if (!history) return;
     this.history = history;
-    const [first, last] = [history.t[0], history.t.at(-1)];
-    Object.assign(this.slider, {min: first - last, max: 0, step: 'any', value: 0, disabled: false});
-    this.at = last;
+    const [first, last] = [history[0].t, history.at(-1).t];
+    Object.assign(this.slider, {min: first - last, max: 0, step: 'any', disabled: false});
     find('#look').textContent = 'Back to live';
     find('#look').setAttribute('aria-pressed', 'true');
     find('#branch').disabled = false;
     document.documentElement.classList.add('looking-back');
     this.drawStrip();   // which has a size now
-    this.showTime();
+    this.goTo(history.length - 1);
     this.slider.focus();
   }
 
   live() {
     if (!this.history) return;
-    this.history = null;
+    this.history = this.past = this.rows = null;
     Object.assign(this.slider, {value: this.slider.max, disabled: true});
     find('#look').textContent = 'Look back';
     find('#look').setAttribute('aria-pressed', 'false');
     find('#branch').disabled = true;
     document.documentElement.classList.remove('looking-back');
     find('#instant-time').textContent = 'live';
-    this.strip = null;
     this.drawStrip();
+    if (!find('#courses').hidden) find('#thoughts-tab').click();   // they stay until they are closed
   }
 
   scrub() {
     const value = Number(this.slider.value);
-    if (this.history) this.at = this.history.t.at(-1) + value;
-    else {
-      if (this.playing) this.play(false);   // who seeks wants to look
-      this.seek(value);
+    if (this.history) {
+      const time = this.history.at(-1).t + value, next = this.history.findIndex(({t}) => t >= time);
+      const [a, b] = [Math.max(next - 1, 0), Math.max(next, 0)];
+      this.goTo(time - this.history[a].t < this.history[b].t - time ? a : b);
+      return;
     }
+    if (this.playing) this.play(false);   // who seeks wants to look
+    this.seek(value);
     this.showTime();
+  }
+
+  /** Look at a state of the last minute. */
+  goTo(n) {
+    this.n = clamp(n, 0, this.history.length - 1);
+    this.slider.value = this.at - this.history.at(-1).t;
+    this.showTime();
+    this.recall();
+  }
+
+  /** The time [s] of the instant that is looked at. */
+  get at() {
+    return this.history[this.n].t;
+  }
+
+  /** Ask for what was thought at the instant, and then for where one has gone meanwhile. */
+  async recall() {
+    if (this.asking) return;
+    this.asking = true;
+    const {history, at} = this, {frame, text} = await this.socket.ask({do: 'past', at});
+    this.asking = false;
+    if (!this.history) return;
+    if (this.history === history) {
+      if (!frame) this.say({ok: false, text});
+      this.past = new Stream();
+      this.past.push(frame ?? history.find(({t}) => t === at), performance.now());
+      this.past.precede(this.before(at));
+    }
+    if (this.history !== history || this.at !== at) this.recall();
   }
 
   seek(value) {
@@ -113,8 +158,11 @@ export class Timeline {
 
   /** Go a state on or back, by the keys. */
   step(way) {
-    this.slider.value = Number(this.slider.value) + way * (this.hello?.period ?? 0.05);
-    this.scrub();
+    if (this.history) this.goTo(this.n + way);
+    else {
+      this.stream.clear();
+      this.socket.send({do: 'skip', id: 0, states: way});
+    }
   }
 
   showTime() {
@@ -128,33 +176,47 @@ export class Timeline {
   /** Follow the clock of a bag. */
   onFrame(frame) {
     if (!this.hello?.replay) return;
+    if (this.stream.frames.length === 1) this.stream.precede(this.before(frame.t));
     this.playing = !frame.paused;
     find('#play').textContent = this.playing ? 'Pause' : 'Play';
-    if (document.activeElement !== this.slider || this.playing) this.slider.value = frame.t;
+    if (!this.slider.matches(':active') || this.playing) this.slider.value = frame.t;
     this.showTime();
-  }
-
-  /** Return what is to be drawn in place of the newest, null while live. */
-  given() {
-    if (!this.history) return null;
-    const {t, x, u} = this.history, of = time => at(time, t, x);
-    const n = clamp(t.findIndex(each => each >= this.at), 0, t.length - 1);
-    return {t: this.at, x: of(this.at), at: of, u: u[n], push: 0};
   }
 
   drawStrip() {
     const {pen, width, height} = fit(find('#strip'));
     const {lengths} = this.hello ?? {};
-    if (!this.strip || !lengths) return;
-    const {t, x} = this.strip, reach = lengths.reduce((a, b) => a + b);
-    const span = t.at(-1) - t[0] || 1;
+    if (!this.rows || !lengths) return;
+    const reach = lengths.reduce((a, b) => a + b), low = height - AXIS;
+    const first = this.rows[0].t, span = this.rows.at(-1).t - first || 1;
+    const left = time => INSET + (time - first) / span * (width - 2 * INSET);
     pen.beginPath();
-    t.forEach((time, n) => {
-      if (!x[n].every(Number.isFinite)) return;
-      const high = tip(x[n], lengths)[1] / reach;
-      pen.lineTo(8 + (time - t[0]) / span * (width - 16), (1 - high) / 2 * (height - 4) + 2);
-    });
+    for (const {t, x} of this.rows) {
+      if (!x.every(Number.isFinite)) continue;
+      pen.lineTo(left(t), (1 - tip(x, lengths)[1] / reach) / 2 * (low - 4) + 2);
+    }
     [pen.strokeStyle, pen.lineWidth] = [linkColour(lengths.length - 1), 1.2];
+    pen.globalAlpha = 0.6;
+    pen.stroke();
+    pen.globalAlpha = 1;
+    this.drawAxis(pen, {left, width, low, zero: this.hello.replay ? first : first + span,
+                        from: first, to: first + span});
+  }
+
+  /** Mark the seconds below the strip: of a bag from its first state on, else those before now. */
+  drawAxis(pen, {left, width, low, zero, from, to}) {
+    const least = APART * (to - from) / (width - 2 * INSET);
+    const step = STEPS.find(each => each >= least) ?? STEPS.at(-1);
+    [pen.font, pen.textBaseline, pen.lineWidth] = ['11px system-ui, sans-serif', 'top', 1];
+    [pen.strokeStyle, pen.fillStyle] = [colours.faint, colours.faint];
+    pen.beginPath();
+    for (let n = Math.ceil((from - zero) / step - 1e-6); n * step <= to - zero + 1e-6; n++) {
+      const x = left(zero + n * step), text = `${number(n * step, step < 1 ? 1 : 0)} s`;
+      pen.moveTo(x, low);
+      pen.lineTo(x, low + 4);
+      pen.textAlign = x < 24 ? 'left' : x > width - 24 ? 'right' : 'center';
+      pen.fillText(text, clamp(x, 0, width), low + 5);
+    }
     pen.stroke();
   }
 
@@ -201,18 +263,21 @@ export class Timeline {
     });
     this.duration = Math.max(...this.courses.map(({t}) => t.at(-1) - t[0]));
     find('#courses-list').replaceChildren(...this.courses.map(({figure}) => figure));
-    find('#courses').hidden = false;
+    find('#courses-tab').hidden = false;
+    find('#courses-tab').click();
+    find('#courses').scrollIntoView({block: 'start'});
     this.say({ok: true, text: `${this.courses.length} courses from there on, side by side`});
   }
 
   close() {
     this.courses = null;
-    find('#courses').hidden = true;
+    find('#courses-tab').hidden = true;
+    find('#thoughts-tab').click();
   }
 
   /** Draw the courses at the same time after the branch, over and over. */
   draw(now) {
-    if (!this.courses || !this.hello) return;
+    if (!this.courses || !this.hello || find('#courses').hidden) return;
     const {limits, lengths, cart} = this.hello, reach = lengths.reduce((a, b) => a + b);
     const after = Math.min(now / 1000 % (this.duration + REST), this.duration);
     find('#courses-time').textContent = `+${number(after, 1)} s`;
@@ -232,4 +297,13 @@ export class Timeline {
       brush.arrow(places[0], U[Math.min(n, U.length - 1)], colours.force, cart[0] / 2);
     }
   }
+}
+
+/** Return the rows of a history, as frames have them: without plan and estimate. */
+function rowsOf({t, x, u, force, push, figures, regrets}) {
+  const row = (columns, n, wrap = value => value) => Object.fromEntries(
+    Object.entries(columns).map(([name, values]) => [name, wrap(values[n])]));
+  return t.map((time, n) => ({
+    t: time, time, x: x[n], u: u[n], force: force[n], push: push[n], tick: row(figures, n),
+    shadows: row(regrets, n, regret => ({regret}))}));
 }
