@@ -25,6 +25,7 @@ NEAREST = 0.9 * SPAN / ROWS   # [s] between two rows of a live run
 EARLY = 1e-6      # [s] by which a time in JSON may be early
 KEPT = (JOINT_STATES, DIAGNOSTICS, DISTURBANCE, CONFIGURATION, ROBOT_DESCRIPTION)   # for branches
 SEEN = (PLAN, TRIES, FORCE_COMMAND)   # beside these, to look back
+NEWEST = 12       # of these that an instant needs: two plans, two clouds, forces between them
 PLOTTED = re.compile('cost.*|.*_time|latency|iterations')   # values of a tick
 MOST = 60         # of them
 
@@ -124,9 +125,11 @@ class History:
 
     def until(self, t: float) -> list[Entry]:
         """Return what was heard before the state after a time [s], as far as it counts then."""
-        found = [entry for entry in [*self.entries(), *self._seen.entries]
-                 if entry.t <= t + EARLY and (entry.whose or entry.t > t - LASTS / 1e9)]
-        return sorted(found, key=lambda entry: entry.received)
+        def counts(entry: Entry) -> bool:
+            return entry.t <= t + EARLY and (bool(entry.whose) or entry.t > t - LASTS / 1e9)
+
+        seen = [*filter(counts, self._seen.entries)][-NEWEST:]
+        return sorted([*filter(counts, self.entries()), *seen], key=lambda entry: entry.received)
 
 
 def scene_of(entries: Iterable[Entry], joint_states: str,

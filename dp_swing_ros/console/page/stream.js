@@ -38,7 +38,7 @@ export class Stream {
     if (this.frames.length === 1) this.shown = frame.t;
   }
 
-  /** Put rows of the past, which have neither plan nor estimate, before the first frame. */
+  /** Put rows of the past, as `history` has them, before the first frame. */
   precede(rows) {
     const earlier = rows.filter(({t}) => t < (this.times[0] ?? Infinity));
     this.frames.unshift(...earlier);

@@ -304,6 +304,6 @@ function rowsOf({t, x, u, force, push, figures, regrets}) {
   const row = (columns, n, wrap = value => value) => Object.fromEntries(
     Object.entries(columns).map(([name, values]) => [name, wrap(values[n])]));
   return t.map((time, n) => ({
-    t: time, time, x: x[n], u: u[n], force: force[n], push: push[n], tick: row(figures, n),
+    t: time, time: null, x: x[n], u: u[n], force: force[n], push: push[n], tick: row(figures, n),
     shadows: row(regrets, n, regret => ({regret}))}));
 }
