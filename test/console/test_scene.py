@@ -12,6 +12,8 @@ from sensor_msgs.msg import JointState, PointCloud2
 from std_msgs.msg import Float64, Header, String
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from dp_swing_ros.console import history
+from dp_swing_ros.console.history import Entry, History
 from dp_swing_ros.console.scene import MOST, Scene, STALE
 from dp_swing_ros.messages.configuration import Configuration
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
@@ -200,3 +202,19 @@ def test_the_status_of_who_is_silent_is_stale(scene):
     assert stale() == {}
     assert stale('mpc').keys() == {'mpc', 'mpc: shadow ddp'}
     assert stale('plant').keys() == {'mpc', 'mpc: shadow ddp', 'plant'}   # nothing to answer
+
+
+def test_of_what_was_heard_a_minute_is_kept_and_no_more_than_fits(monkeypatch):
+    monkeypatch.setattr(history, 'SIZE', 1000)
+    past = History()
+    past.keep(Entry(0.0, CONFIGURATION, '/plant', b'p', 0, 0))
+    for n in range(200):
+        for topic in (JOINT_STATES, PLAN, TRIES):
+            past.keep(Entry(n / 2, topic, '', bytes(10), n + 1, n + 1))
+    # what stands counts on; what is only seen takes no room of what branches need
+    assert [entry.topic for entry in past.entries()] == [CONFIGURATION] + 100 * [JOINT_STATES]
+    until = past.until(90.0)
+    assert until[0].topic is CONFIGURATION
+    assert max(entry.t for entry in until) == 90.0
+    assert [sum(entry.topic is topic for entry in until)
+            for topic in (JOINT_STATES, PLAN, TRIES)] == [4, 4, 4]
