@@ -266,6 +266,7 @@ def test_the_horizon_is_told_in_seconds(page, ears):
     assert ears.until(lambda: value_of(ears, 'mpc', 'horizon').integer_value > 30)
     steps = value_of(ears, 'mpc', 'horizon').integer_value
     page.await_text('#mpc-horizon-seconds', f'= {0.05 * steps:.2f} s')
+    assert wait_until(lambda: page.find('#mpc-horizon .usual').is_displayed())
     page.find('#mpc-horizon .usual').click()
     page.await_text('#mpc-horizon-seconds', '= 1.50 s')
 
