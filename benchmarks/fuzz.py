@@ -26,7 +26,7 @@ from fuzz_files import files
 from fuzz_target import Target
 import numpy as np
 
-STALL = 0.5        # [s] without a force, which is looked at again
+STALL = 0.5        # [s] and a period of the states without a force, which is looked at again
 CULPRITS = 4       # steps of an attack that are told apart, at most
 
 
@@ -96,13 +96,15 @@ class Fuzzer:
         if not found:
             target.heal()
             found += target.faults(began, bounded=name not in ('parameters', 'page'))
-            if not found and target.loop.gap(began, time.monotonic()) > STALL:
+            if not found and target.loop.gap(began, time.monotonic()) > (
+                    STALL + target.period(began)):
                 found += self.stalled(steps)
         return found
 
     def stalled(self, steps: Sequence[Step]) -> list[str]:
         """Return whether no force comes again and again at an attack, and never at rest."""
         gaps, rests, loop = list[float](), list[float](), self.target.loop
+        start = time.monotonic()
         for _ in range(3):
             for which, act in ((gaps, True), (rests, False)):
                 began = time.monotonic()
@@ -111,7 +113,7 @@ class Fuzzer:
                 while time.monotonic() < began + 2.0:
                     time.sleep(0.05)
                 which.append(loop.gap(began, time.monotonic()))
-        if min(gaps) > max(STALL, 2 * max(rests)):
+        if min(gaps) > max(STALL + self.target.period(start), 2 * max(rests)):
             return [f'no force for {min(gaps):.2f} s, at rest {max(rests):.2f} s at most']
         return []
 

@@ -44,7 +44,12 @@ PURPOSE = {('plant', 'duration')}   # which is there to end a node
 
 
 def limited() -> None:
-    """Bound the memory of a child, which ends with the fuzzer: the machine is not attacked."""
+    """
+    Bound the memory of a child, which ends with the fuzzer: the machine is not attacked.
+
+    SIGINT ends it, which a shell that starts the fuzzer in the background has it ignore.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
     ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
     resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
 
@@ -153,7 +158,7 @@ class Target:
         self.node = rclpy.create_node('stranger', context=self.context)
         self.loop, self.simulated = Loop(self.node, ''), Loop(self.node, '/simulated')
         self.announced: dict[str, str] = {}
-        self.announcements = 0
+        self.announcements, self.periods = 0, [(0.0, 0.0)]   # the latter of states, since when
         self.last_force, self.relayed = math.nan, list[float]()
         self.clients, self.publishers = dict[str, Any](), dict[str, Any]()
         self.node.create_subscription(String, 'configuration', self._on_configuration, LASTING)
@@ -202,6 +207,9 @@ class Target:
             node = re.match(r'node: (\S+)', message.data)[1]
             if node not in self.announced or self.honest:
                 self.announced[node] = message.data
+            if node == '/plant' and self.honest:
+                rate = float(re.search(r'^ +rate: (\S+)$', message.data, re.MULTILINE)[1])
+                self.periods.append((time.monotonic(), 1 / rate))
 
     honest = True   # what comes now is of our nodes
 
@@ -262,6 +270,10 @@ class Target:
         futures = [client.call_async(request) for request in requests]
         self.await_(lambda: all(each.done() for each in futures), patience)
         return futures
+
+    def period(self, since: float) -> float:
+        """Return the longest period of states that the plant has announced since a time [s]."""
+        return max(period for at, period in self.periods if at > since or at == 0.0)
 
     def complaints(self) -> list[str]:
         """Return what is wrong with the processes by themselves."""

@@ -163,11 +163,20 @@ def links_of(bag: Bag) -> int:
 
 
 def sensors_of(bag: Bag, links: int) -> SensorParameters:
-    """Return how the controller of a bag read its sensors, if it was one of so many links."""
+    """
+    Return how the controller of a bag read its sensors, if it was one of so many links.
+
+    Raises BagError where what it announced is for another number of them.
+    """
     found = configurations_of(bag)
     values = found[CONTROLLER].parameters if CONTROLLER in found else {}
     given = values if values.get('links') == links else {}
-    return bag.parse(group, SensorParameters, {**default_sensors(links), **given})
+    sensors = bag.parse(group, SensorParameters, {**default_sensors(links), **given})
+    for name, default in default_sensors(links).items():
+        if len(getattr(sensors, name)) != len(default):
+            raise BagError(f'{bag} is of {links} links, but its {CONTROLLER} announced '
+                           f'{len(getattr(sensors, name))} {name}; expected {len(default)}')
+    return sensors
 
 
 def goal_of(bag: Bag, links: int) -> Array | None:

@@ -63,6 +63,16 @@ def test_what_a_node_was_configured_with_decides(node, links, tmp_path):
     assert links_of(write(tmp_path / 'bag', THREE, [(CONFIGURATION, text)])) == links
 
 
+@pytest.mark.parametrize('links', [1, 3])
+def test_sensors_of_another_number_of_links_are_refused(links, tmp_path):
+    """Their states would be of one size, and what is computed with them of another."""
+    text = told('mpc', {'links': links, 'joint_names': list(joints(2))}).to_text()
+    bag = write(tmp_path / 'bag', joints(2), [(CONFIGURATION, text)])
+    with pytest.raises(BagError, match=f'is of {links} links, but its mpc announced 3 '
+                       f'joint_names; expected {links + 1}'):
+        samples_of(bag)
+
+
 @pytest.mark.parametrize('links', LINKS)
 def test_without_it_the_description_decides(links, tmp_path):
     description = urdf(PendulumParameters(links=links), LimitParameters())
