@@ -601,7 +601,7 @@ def test_who_is_dead_is_named_and_faded_until_it_is_back(browser, nodes, tmp_pat
         assert not browser.find('#silence').is_displayed()
         assert opacity(faded) == 1
         living[role].stop(signal.SIGKILL)
-        browser.await_text('#silence', f'{role} is silent for 3 s')
+        browser.await_text('#silence', f'{role} has been silent for 3 s')
         assert browser.text('#now-status') == f'{role} is silent'
         assert opacity(faded) < 0.5
         assert opacity(clear) == 1

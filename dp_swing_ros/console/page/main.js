@@ -77,7 +77,7 @@ socket.on('silence', message => {
   find('#silence').hidden = names.length === 0;
   // who listens hears it once, not each second
   find('#silence').replaceChildren(...names.flatMap((role, n) => [
-    n ? ', ' : '', `${role} is silent`,
+    n ? ', ' : '', `${role} has been silent`,
     element('span', {ariaHidden: 'true', textContent: ` for ${silent[role]} s`})]));
 });
 socket.on('status', message => thoughts.onStatus(message));
