@@ -446,11 +446,14 @@ def test_looking_back_shows_what_it_thought_then(page, ears, tmp_path):
     page.await_text('#instant-time', 'live')
 
 
-def test_the_hint_lies_below_the_picture(page):
+def test_the_hint_lies_below_the_picture_and_on_a_phone_the_numbers_too(page):
     for size in ((1280, 720), (1920, 1080), PHONE):
         page.resize(*size)
         try:
             assert box(page, '#picture')['bottom'] <= box(page, '#hands-on')['top'] + 0.5
+            if size == PHONE:
+                assert box(page, '#picture')['bottom'] <= box(page, '#now')['top'] + 0.5
+                assert box(page, '#now')['bottom'] <= box(page, '#hands-on')['top'] + 0.5
         finally:
             page.resize()
 
