@@ -329,13 +329,13 @@ def test_a_disabled_mpc_draws_no_plan(page, ears):
 def test_forced_colours_keep_swatches(page, tmp_path):
     def swatches():
         return page.driver.execute_script(
-            "return [...document.querySelectorAll('.legend span')].map("
-            "chip => getComputedStyle(chip, '::before').backgroundColor)")
+            "return Object.fromEntries([...document.querySelectorAll('.legend span')].map(chip =>"
+            "[chip.textContent, getComputedStyle(chip, '::before').backgroundColor]))")
     page.until(swatches, 'swatches')
-    usual = swatches()
-    assert len(set(usual)) > 5
+    usual = swatches()   # more may come with the first tick
+    assert len(set(usual.values())) > 5
     page.prefer('light', 'active')
-    assert swatches() == usual
+    assert usual.items() <= swatches().items()
     page.shot(tmp_path / 'forced.png')
     page.prefer('light')
 
