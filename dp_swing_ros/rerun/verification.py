@@ -196,9 +196,10 @@ def plant_again(bag: Bag, record: Record, has_others: bool) -> PlantAgain:
         return PlantAgain(0, [], [
             'states and efforts, for the bag has no parameters of the plant'])
     revisions = list(revisions_of(bag)[PLANT].values())
+    # a recording that began after changes has the last of them alone
+    begun = [each for each in revisions if each.revision == 0 or each.since == BEFORE]
     plant, last = (configuration.plant(own(found)) for found in (
-        [each for each in revisions if each.revision == 0 or each.since == BEFORE][-1],
-        revisions[-1]))
+        [*revisions[:1], *begun][-1], revisions[-1]))
     differences = []
     if bag.has(ROBOT_DESCRIPTION) and description_of(bag) != from_urdf(
             urdf(last.physical, last.limits)):

@@ -146,6 +146,13 @@ def test_another_seed_is_another_run(bags, tmp_path, capsys):
     assert lines[0].startswith('tick 1 at 0 ns')
 
 
+def test_of_a_plant_that_had_been_changed_before_the_last_change_is_known(
+        bags, tmp_path, capsys):
+    bag = rewritten(bags['ilqr'], tmp_path / 'bag', CONFIGURATION,
+                    configured('plant', 'revision: 0', 'revision: 2'))
+    assert verified(bag, capsys)[0] == 0
+
+
 def test_other_code_is_the_likely_cause_only_of_a_difference(bags, tmp_path, capsys):
     other = rewritten(bags['ddp'], tmp_path / 'other', CONFIGURATION,
                       configured('mpc', 'sources: ', 'sources: old'))
