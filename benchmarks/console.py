@@ -114,7 +114,7 @@ def hands(count: int, asleep: float, folder: Path, picture: Path) -> Felt:
         page.driver.execute_script("document.querySelector('#thoughts-tab').click()")
         before = page.now()
         page.find('#reset').click()
-        page.until(lambda: page.now() > before + 1.0, 'the swing-up')
+        page.until(lambda: 1.0 < page.now() < before, 'the swing-up')   # the time is the run's
         page.shot(picture)
     return Felt(drags, growth, awake)
 
