@@ -437,7 +437,8 @@ def test_looking_back_shows_what_it_thought_then(page, ears, tmp_path):
         then |= numbers(page, 0.15)
     page.shot(tmp_path / 'looking_back.png')
     steps = [a - b for a, b in zip(instants, instants[1:])]
-    assert steps == pytest.approx([0.05] * 29, abs=0.021)
+    assert min(steps) > 0   # and of a state, which on a busy machine may be late
+    assert sorted(steps)[14] == pytest.approx(0.05, abs=0.011)
     assert len({cost for _, cost in live & then}) > 5, (live, then)
     assert page.driver.execute_script(   # there is a scale
         "const strip = document.querySelector('#strip'), pen = strip.getContext('2d');"
