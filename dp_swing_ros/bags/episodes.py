@@ -21,7 +21,8 @@ from dp_swing_ros.messages.states import by_publisher, FEW, Kind, kind_of, State
 from dp_swing_ros.parameters import group
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.pendulum.sensors import default_sensors, SensorParameters
-from dp_swing_ros.pendulum.state import Array, joints, LINKS, links_of as links_of_state
+from dp_swing_ros.pendulum.state import (
+    Array, joints, LINKS, links_of as links_of_state, to_turn_of)
 from dp_swing_ros.pendulum.urdf import from_urdf
 from dp_swing_ros.simulation.episode import Episode, Ticks
 from dp_swing_ros.topics import (
@@ -54,7 +55,7 @@ def read_episode(path: Path | str, partial: bool = False,
 def episode_of(bag: Bag) -> Episode:
     """Return the run in a bag; raises as `read_episode`."""
     reports = reports_of(bag)
-    samples = completed(samples_of(bag), reports)
+    samples = differenced(completed(samples_of(bag), reports))
     start = samples[0].stamp
     physical, limits = description_of(bag)
     if physical.links != links_of_state(samples[0].x):
@@ -139,6 +140,22 @@ def completed(samples: list[Sample], reports: list[Report]) -> list[Sample]:
         found.append(Sample(sample.stamp, np.concatenate((q, v)),
                             sent if math.isnan(sample.force) else sample.force))
         sent = float(values.get('force', sent))
+    return found
+
+
+def differenced(samples: list[Sample]) -> list[Sample]:
+    """
+    Return states in which differences of positions stand for velocities that nobody gave.
+
+    So of states without velocities from before the first tick, and after the last.
+    """
+    found = []
+    for sample, other in zip(samples, [samples[1], *samples]):
+        q, v = np.hsplit(sample.x, 2)
+        moved = np.hsplit(to_turn_of(sample.x, other.x) - other.x, 2)[0]
+        missing = np.isnan(v) & np.isfinite(q).all()
+        rate = moved * BILLION / (sample.stamp - other.stamp)
+        found.append(sample._replace(x=np.concatenate((q, np.where(missing, rate, v)))))
     return found
 
 

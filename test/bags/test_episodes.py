@@ -14,6 +14,7 @@ from rosbags.highlevel import AnyReader
 from std_msgs.msg import Float64, String
 
 from dp_swing_ros.bags import read_episode
+from dp_swing_ros.bags.episodes import differenced, Sample
 from dp_swing_ros.bags.metadata import Recorded
 from dp_swing_ros.bags.writer import BagWriter
 from dp_swing_ros.errors import BagError
@@ -267,3 +268,18 @@ def test_run_of_the_plant_alone(tmp_path):
     writer.close()
     episode = read_episode(tmp_path / 'bag')
     assert (episode.solver, len(episode.ticks.t), episode.ticks.status) == ('', 0, [])
+
+
+def test_velocities_that_nobody_gave_are_differences():
+    """As before the first tick of an mpc, and after its last; angles may wrap."""
+    q = np.array([[0.0, 3.1, 0.1], [0.1, -3.1, 0.2], [0.3, -3.0, math.nan], [0.4, -2.9, 0.4]])
+    v = np.full((4, 3), math.nan)
+    v[1] = 7.0
+    found = differenced([Sample(START + n * PERIOD, np.concatenate((q[n], v[n])), 0.0)
+                         for n in range(4)])
+    of_first = [2.0, (2 * math.pi - 6.2) / 0.05, 2.0]
+    assert found[0].x[3:] == pytest.approx(of_first)
+    assert found[1].x[3:].tolist() == [7.0] * 3
+    assert np.isnan(found[2].x[3:]).all()   # no state at all
+    assert found[3].x[3:5] == pytest.approx([2.0, 2.0])
+    assert all(np.array_equal(each.x[:3], row, equal_nan=True) for each, row in zip(found, q))
