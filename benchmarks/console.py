@@ -110,7 +110,7 @@ def hands(count: int, asleep: float, folder: Path, picture: Path) -> Felt:
         growth, awake = sleep(page, psutil.Process(console.pid), asleep)
         page.controls()
         page.choose('#mpc-solver-0', 'mppi')
-        page.await_text('#now-solver', 'MPPI')
+        page.until(lambda: page.text('#now-solver') == 'MPPI', 'MPPI, loaded')
         page.driver.execute_script("document.querySelector('#thoughts-tab').click()")
         before = page.now()
         page.find('#reset').click()
