@@ -127,7 +127,7 @@ class Server:
     async def _live(self) -> None:
         """Give signs of life until the end."""
         while True:
-            with suppress(TimeoutError):
+            with suppress(asyncio.TimeoutError):   # which is another one in Python 3.10
                 await asyncio.wait_for(self._ended.wait(), ALIVE)
                 return
             for client in list(self.clients):

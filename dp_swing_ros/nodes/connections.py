@@ -33,6 +33,7 @@ LASTING = 1000      # messages that replay keeps for whoever asks for those befo
 QUIET = 40          # looks without another subscription: all have been found
 ENDLESS = 9e9       # [s]; the middleware has no infinity
 DEADLINE = 0.25     # [s] between two messages of a watched topic, while states come as often
+NAMELESS = '_NODE_NAME_UNKNOWN_'   # as rmw calls a node whose name is not discovered yet
 LOOK_PERIOD = 0.02  # [s] between two looks for subscriptions
 SPARING, AT_ONCE = 0.1, 10   # [s] between messages that cannot be urgent, after so many at once
 LEASE = 0.5         # [s] after which a publisher of a watched topic that is silent is dead

@@ -29,7 +29,7 @@ from dp_swing_ros.console.silence import Silence
 from dp_swing_ros.errors import one_line
 from dp_swing_ros.messages.configuration import CONTROLLER, PLANT
 from dp_swing_ros.nodes.actions import Actions, DEFAULTS
-from dp_swing_ros.nodes.connections import message_class, owners, subscribe
+from dp_swing_ros.nodes.connections import message_class, NAMELESS, owners, subscribe
 from dp_swing_ros.nodes.parameters import named
 from dp_swing_ros.nodes.partners import Partner
 from dp_swing_ros.nodes.process import ProcessNode, run
@@ -47,7 +47,6 @@ ANSWER = 0.012        # [s] the same, where there is nobody to report one
 POLL_PERIOD = 0.2     # [s] between two looks at diagnostics and recordings
 CALLS = 1000          # requests at most that wait for the thread of the node
 SENSORS = (JOINT_STATES, PLAN, DIAGNOSTICS)   # of which the newest counts
-NAMELESS = '_NODE_NAME_UNKNOWN_'   # as rmw calls a node whose name is not discovered yet
 # whose owner is which node
 SIGNS = {PLANT: JOINT_STATES, CONTROLLER: PLAN, 'faults': FAULTS_JOINT_STATES}
 

@@ -15,11 +15,10 @@ from rclpy.node import Node
 
 from dp_swing_ros.messages.states import States
 from dp_swing_ros.nodes.cdr import to_diagnostics
-from dp_swing_ros.nodes.connections import mismatch, owner, POLICIES, publish
+from dp_swing_ros.nodes.connections import mismatch, NAMELESS, owner, POLICIES, publish
 from dp_swing_ros.nodes.process import ProcessNode
 from dp_swing_ros.topics import DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES
 
-NAMELESS = '_NODE_NAME_UNKNOWN_'   # in the name of a node whose end was found before it
 LOOK_PERIOD = 1.0  # [s] between looks at the topics
 SINGLE = (JOINT_STATES, FORCE_COMMAND)  # one publisher each, or nobody knows whom to obey
 
