@@ -184,9 +184,10 @@ def owners(node: Node, topic: Topic) -> set[str]:
 
 
 def sender_of(node: Node, topic: Topic, gid: bytes) -> str:
-    """Return the full name of the node whose publisher of a topic has a GID."""
+    """Return the full name of the node whose publisher has a GID, once it is discovered."""
     return next((owner(each) for each in node.get_publishers_info_by_topic(
-        node.resolve_topic_name(topic.name)) if bytes(each.endpoint_gid) == gid), 'a publisher')
+        node.resolve_topic_name(topic.name))
+        if bytes(each.endpoint_gid) == gid and NAMELESS not in owner(each)), 'a publisher')
 
 
 def owner(endpoint: TopicEndpointInfo) -> str:

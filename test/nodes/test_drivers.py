@@ -387,9 +387,12 @@ def test_a_second_publisher_of_our_joints_is_named_and_the_first_is_obeyed(peer,
         driver.send(time.time_ns())
         zeros.publish(to_joint_state(to_stamp(time.time_ns()), np.zeros(6), 0.0))
         peer.spin(PERIOD)
-    words = '/joint_state_publisher publishes states, too; /peer was heard first, and is obeyed'
+    # whose name may be discovered after its states: the topics name both
+    words = ' publishes states, too; /peer was heard first, and is obeyed'
     node.wait_for(words)
     assert node.output().count(words) == 1
+    assert re.search(f'(/joint_state_publisher|a publisher){words}', node.output())
+    node.wait_for('/joint_states has 2 publishers, /joint_state_publisher, /peer; expected one')
     assert peer.until(lambda: driver.topics() and driver.topics().message == (
         '/joint_states has 2 publishers, /joint_state_publisher, /peer; expected one; /peer, '
         'heard first, is obeyed'))
