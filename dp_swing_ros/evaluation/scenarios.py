@@ -32,7 +32,7 @@ RANDOM_START = (1.0, math.pi, 1.0, 3.0)  # largest x, θ, ẋ and θ̇, either w
 NEAR_GOAL = 0.3                        # [rad] largest angle at the start of near_goal
 
 JOINT = 'joint_dry_friction'           # stands for those of all joints
-NEARLY = 1e-3                          # [SI] standard deviation of a rig's start from hanging
+NEARLY = 1e-3                          # [SI] standard deviation of a start from an equilibrium
 
 LEVELS = 21                            # of a sweep
 PROFILE = 'profile'                    # what pushes sweep: a profile is a level
@@ -126,6 +126,17 @@ def anywhere(random: np.random.Generator, links: int) -> tuple[float, ...]:
     return tuple(x.tolist())
 
 
+def nearly(x: Array, seed: Any) -> tuple[float, ...]:
+    """Return a state (2n + 2,) beside an equilibrium, drawn from a seed: no two runs are one."""
+    found: Array = x + np.random.default_rng(seed).normal(0.0, NEARLY, len(x))
+    return tuple(found.tolist())
+
+
+def from_hanging(case: Case, links: int) -> Case:
+    """Start from nearly hanging."""
+    return replace(case, plant={'initial_state': nearly(hanging(links), (RIG, case.seed))})
+
+
 def near_goal(case: Case, links: int) -> Case:
     """Start at rest with all links off the vertical, as in the paper's Figs. 8-10."""
     x = upright(links)
@@ -139,9 +150,10 @@ def transitions(links: int) -> Iterator[str]:
 
 
 def transition(case: Case, links: int) -> Case:
-    """Start at rest in one equilibrium, and go to another."""
+    """Start beside one equilibrium, and go to another."""
     start, goal = case.parameter.split(TO)
-    return replace(case, plant={'start': start}, mpc={'goal': goal})
+    x = nearly(equilibria(links)[start], (RIG, case.seed))
+    return replace(case, plant={'initial_state': x}, mpc={'goal': goal})
 
 
 def pushed(case: Case, links: int) -> Case:
@@ -206,10 +218,7 @@ def rig(case: Case, links: int, body_error: float = 0.0, **parameters: Any) -> C
     `body_error` at most.
     """
     random = np.random.default_rng((RIG, case.seed))
-    x = hanging(links)
-    plant: dict[str, Any] = {
-        'engine': 'mujoco',
-        'initial_state': tuple((x + random.normal(0.0, NEARLY, len(x))).tolist())}
+    plant: dict[str, Any] = {'engine': 'mujoco', 'initial_state': nearly(hanging(links), random)}
     for name, value in parameters.items():
         plant |= {one: random.uniform(*value) if isinstance(value, tuple) else value
                   for one in names_of(name, links)}
@@ -257,7 +266,7 @@ ALL_AT_ONCE: dict[str, Any] = {
     'velocities': 'none', 'force_gain': (0.85, 1.15), 'force_bias': (-2.0, 2.0)}
 
 SCENARIOS: dict[str, Scenario] = {
-    'hanging': Scenario('from hanging at rest', range(20)),
+    'hanging': Scenario('from nearly hanging, off by 1e-3 (1 σ)', range(20), case=from_hanging),
     'random': Scenario('from anywhere: x ±1 m, angles ±π, ẋ ±1 m/s, θ̇ ±3 rad/s', range(1000),
                        case=random_start),
     'near_goal': Scenario('from rest with all angles within ±0.3 rad', range(100),
@@ -277,8 +286,8 @@ SCENARIOS: dict[str, Scenario] = {
                       (Sweep('delay', 0.0, 0.15, 's'),), criterion=True),
     'pushes': Scenario('three Gaussian pushes of the cart', range(50), criterion=True,
                        case=pushed),
-    'transitions': Scenario('from each equilibrium to each other', range(100), case=transition,
-                            ways=transitions),
+    'transitions': Scenario('from beside each equilibrium, off by 1e-3 (1 σ), to each other',
+                            range(100), case=transition, ways=transitions),
     'loss': Scenario('states, then forces, that are lost', range(5),
                      (Sweep('state_loss', 0.0, 0.5), Sweep('command_loss', 0.0, 0.5))),
     'jitter': Scenario('forces that come late by chance', range(5),

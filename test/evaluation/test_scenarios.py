@@ -9,7 +9,7 @@ from dp_swing_ros import configuration
 from dp_swing_ros.evaluation.campaign.summary import CRITERIA
 from dp_swing_ros.evaluation.scenarios import APART, FIRST_PUSH, LAST_PUSH, push_profile, SCENARIOS
 from dp_swing_ros.pendulum.parameters import DriveParameters, PendulumParameters
-from dp_swing_ros.pendulum.state import angles, hanging, is_upright, LINKS
+from dp_swing_ros.pendulum.state import angles, equilibria, hanging, is_upright, LINKS
 from dp_swing_ros.simulation.closed_loop import simulate
 from dp_swing_ros.simulation.plant import PlantParameters
 from dp_swing_ros.solvers import SOLVERS
@@ -52,12 +52,18 @@ def test_there_is_a_way_from_each_equilibrium_to_each_other(links, count):
     found = cases('transitions', range(2), links=links)
     assert len(found) == 2 * count
     for case in found:
-        start, goal = case.plant['start'], case.mpc['goal']
-        assert start != goal
-        assert case.parameter == f'{start} to {goal}'
+        start, goal = case.parameter.split(' to ')
+        assert start != goal == case.mpc['goal']
         plant = configuration.plant({'links': links, **case.plant})
+        assert plant.x == pytest.approx(equilibria(links)[start], abs=0.01)
         there = configuration.problem({'links': links, **case.mpc}).x_r
-        assert np.any(plant.x != there)
+        assert np.abs(plant.x - there).max() > 3
+
+
+@pytest.mark.parametrize('name', ['hanging', 'transitions', 'rig_clean'])
+def test_no_two_starts_beside_an_equilibrium_are_the_same(name):
+    found = {(case.parameter, case.plant['initial_state']) for case in cases(name, range(3))}
+    assert len(found) == len(cases(name, range(3)))
 
 
 def starts(name, seeds, links=2):
