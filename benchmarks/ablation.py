@@ -1,156 +1,411 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What is worth what around a solver: each part of the scaffold alone, all of them, and none.
+What each part of the controller is worth: the runs with all parts but one.
 
-The parts are those of the receding horizon that a solver does not have itself. Each solver meets
-the same starts, pushes, noises and drives with each.
+A part is what switches something around a solver or in it: a start, a gate, an adaptation, a
+compensation, an unknown of the filter, a term of the cost. Most are switched by a parameter, the
+others by what stands in their place in the code while such a controller runs.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+import contextlib
+from dataclasses import dataclass
+import math
 from typing import Any, NamedTuple
 
 import campaigns
 from matplotlib.figure import Figure
 import numpy as np
 
-from dp_swing_ros.control.starts import StartParameters
+from dp_swing_ros.control import message_filter, receding_horizon, starts
+from dp_swing_ros.control.message_filter import MessageFilter
+from dp_swing_ros.control.receding_horizon import RecedingHorizon
+from dp_swing_ros.control.starts import Starts
+from dp_swing_ros.estimators import kalman
+from dp_swing_ros.estimators.kalman import ExtendedKalmanFilter
 from dp_swing_ros.evaluation.campaign.contestants import Contestant, key, parse
-from dp_swing_ros.evaluation.campaign.report import share
 from dp_swing_ros.evaluation.campaign.rows import Row
-from dp_swing_ros.evaluation.comparison import paired_ratio, rate
+from dp_swing_ros.evaluation.comparison import paired_ratio, Ratio, SAME_COST, sign_test
 from dp_swing_ros.evaluation.scenarios import Case, SCENARIOS
 from dp_swing_ros.figures.style import colours, name_lines, solver_name, styled
+from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.problem.plan import Plan
+from dp_swing_ros.simulation.closed_loop import Controller
 from dp_swing_ros.tables import compact
 
-SOLVERS = {'ilqr': 'ilqr', 'ddp': 'ddp', 'mppi': 'mppi', 'textbook MPPI': campaigns.TEXTBOOK,
-           'sampled_ilqr': 'sampled_ilqr'}
-NONE: dict[str, Any] = {
-    'first_starts': 1, 'other_starts': 0, 'bounded_lqr': False, 'regulator': False,
-    'estimator': 'none', 'warm_start': 'forces'}
-STARTS = {name: getattr(StartParameters(), name) for name in ('first_starts', 'other_starts')}
-# what of NONE is as by default again
-ALONE: dict[str, dict[str, Any]] = {
-    'none': {},
-    'other starts': STARTS,
-    'other starts, bounded LQR too': {**STARTS, 'bounded_lqr': True},
-    'regulator where cheaper': {'regulator': True},
-    'estimator': {'estimator': 'ekf'},
-    'policy shifted': {'warm_start': 'policy'}}
-ALL = 'all, the defaults'
-SET_UPS: Mapping[str, dict[str, Any]] = {
-    **{title: {**NONE, **some} for title, some in ALONE.items()}, ALL: {}}
+SOLVERS = ('ilqr', 'mppi')     # around DDP stands what stands around iLQR
+SEEDS = range(1000, 1050)     # held out: nothing was chosen on them
+FEW = range(1000, 1020)       # of what a part is meant for
+SHOWN = 0.01                  # p of a difference in what is held
 
 
 class Trial(NamedTuple):
-    """What a set-up meets: cases of a scenario, at one level where it has some."""
+    """Cases of a scenario, of one sweep at one level where it has some."""
 
-    title: str
     scenario: str
-    seeds: range
     level: float | None = None
+    parameter: str = ''
+    seeds: range = FEW
+
+    def __str__(self) -> str:
+        """Return how the page calls it."""
+        return f'`{self.scenario}`' + ('' if self.level is None else f' at {self.level:g}')
 
     def cases(self) -> list[Case]:
         """Return the cases."""
-        return [case for case in SCENARIOS[self.scenario].cases(
-            self.scenario, self.seeds, None, campaigns.DURATION)
-            if self.level is None or case.level == self.level]
+        found = SCENARIOS[self.scenario].cases(self.scenario, self.seeds, None, campaigns.DURATION)
+        return [case for case in found if self.level is None or (
+            case.level == self.level and self.parameter in ('', case.parameter))]
 
 
-TRIALS = (
-    Trial('random starts', 'random', range(1000, 1050)),   # held out
-    Trial('pushes', 'pushes', range(20)),
-    Trial('pushes of 30 N', 'strong_pushes', range(20), 30.0),
-    Trial('noise of 10 mm, mrad', 'position_noise', range(20), 0.01),
-    Trial('50 ms late', 'unknown_delay', range(20), 0.05),
-    Trial('all at once', 'all_at_once', range(20), 1.0))
+TRIALS = tuple(Trial(name, seeds=SEEDS) for name in ('hanging', 'random', 'rig_all'))
+NOISE, PUSHES = Trial('position_noise', 0.01), Trial('strong_pushes', 30.0)
+DELAY, LAG = Trial('unknown_delay', 0.05), Trial('rig_lag', 0.05)
 
 
-def contestant(title: str, name: str) -> Contestant:
-    """Return a solver with a set-up."""
-    solver = parse(SOLVERS[name])
-    return replace(solver, label=f'{name}, {title}', mpc={**solver.mpc, **SET_UPS[title]})
+class Part(NamedTuple):
+    """
+    What is left out: parameters of the mpc, or names in modules and classes, with what is there.
+
+    `meant` is the trial that the part is there for, where it is none of TRIALS.
+    """
+
+    title: str
+    mpc: Mapping[str, Any] = {}
+    code: Mapping[tuple[Any, str], Any] = {}
+    meant: Trial | None = None
+    solvers: Sequence[str] = SOLVERS
 
 
-def of_trial(title: str, name: str, trial: Trial) -> list[tuple[Contestant, Case]]:
-    """Return the episodes of a cell of the page."""
-    return [(contestant(title, name), case) for case in trial.cases()]
+def no_start(self: Starts, x_0: Array) -> None:
+    """Stand for a start that is not there."""
+
+
+def no_turns(problem: Any, x: Array) -> Array:
+    """Take a state to be on the turn of the goal."""
+    return np.zeros_like(x)
+
+
+def unfrozen(self: MessageFilter, predictions: Any) -> str:
+    """Find nothing that stands still."""
+    return ''
+
+
+def newest(self: RecedingHorizon, begins: float) -> list[Plan]:
+    """Return the rest of the last plan alone."""
+    return rests(self, begins)[:1]
+
+
+def uncompensated(self: RecedingHorizon, x: Array, begins: float) -> Array:
+    """Plan from the state as it was measured."""
+    return x
+
+
+def nominal_bounds(drive: Any, problem: Any) -> Any:
+    """Take the force for what is commanded."""
+    return problem
+
+
+rests = RecedingHorizon.rests
+DEFAULTS = 'nothing, the defaults'
+NO_ERRORS = {f'ekf.{name}_error': 0.0 for name in (
+    'body', 'gain', 'friction', 'cart_dry_friction', 'joint_dry_friction', 'delay', 'lag')}
+PARTS = [
+    Part(DEFAULTS),
+    Part('all starts but the last plan', {'first_starts': 1, 'other_starts': 0}),
+    Part('other starts at the first tick', {'first_starts': 1}),
+    Part('other starts at later ticks', {'other_starts': 0}),
+    Part('start: the bounded LQR', {'bounded_lqr': False}, meant=PUSHES),
+    Part('start: the regulator', code={(Starts, 'regulator'): no_start}),
+    Part('start: no force', code={(Starts, 'rest'): no_start}),
+    Part('start: random forces', code={(Starts, 'random'): no_start}),
+    Part('random forces of the first plan', {'initial_plan': 'zero'}),
+    Part('the regulator in place of the last plan', {'regulator': False}, meant=PUSHES),
+    Part('gains of the last plan (forces are shifted)', {'warm_start': 'forces'}, meant=PUSHES),
+    Part('the goal on the turn where a plan ends', code={(starts, 'turns_of'): no_turns},
+         meant=Trial('uptime')),
+    Part('the fallback (zero force instead)',
+         code={(RecedingHorizon, 'fallback'): RecedingHorizon.zero_force},
+         meant=Trial('loss', 0.25, 'state_loss')),
+    Part('delay compensation', code={(RecedingHorizon, 'when_it_acts'): uncompensated},
+         meant=Trial('delay', 0.075)),
+    Part('bounds of the force as estimated', code={(receding_horizon, 'driven_by'):
+                                                   nominal_bounds}, meant=Trial('rig_gain')),
+    Part('the plan of a step ago, where states come faster', code={
+        (RecedingHorizon, 'rests'): newest}, meant=Trial('rig_all_fast')),
+    Part('message filter: range', code={
+        (message_filter, name): math.inf for name in ('TRACKS', 'LARGEST_SPEED')}),
+    Part('message filter: what stands still', code={(MessageFilter, 'frozen'): unfrozen}),
+    Part('message filter: the nominal model, asked too', code={
+        (RecedingHorizon, 'predict_nominal'): RecedingHorizon.predict},
+        meant=Trial('rig_bias', 5.0)),
+    Part('message filter: velocities that are differences',
+         code={(message_filter, 'SAME'): -1.0}),
+    Part('estimator: all of it', {'estimator': 'none'}, meant=NOISE),
+    Part('estimator: all but the state', {**NO_ERRORS, 'ekf.force_bias': 0.0}),
+    *(Part(f'estimator: {name}', {f'ekf.{parameter}': 0.0}, meant=meant)
+      for name, parameter, meant in (
+          ('masses and lengths', 'body_error', None), ('force gain', 'gain_error',
+                                                       Trial('rig_gain')),
+          ('viscous frictions', 'friction_error', None),
+          ('dry friction of the cart', 'cart_dry_friction_error', Trial('rig_cart', 4.0)),
+          ('dry frictions of the joints', 'joint_dry_friction_error', Trial('rig_joints', 0.05)),
+          ('delay', 'delay_error', DELAY), ('lag', 'lag_error', LAG),
+          ('lasting force', 'force_bias', Trial('rig_bias', 5.0)))),
+    Part('estimator: its pendulum in the plans',
+         code={(ExtendedKalmanFilter, 'has_moved'): lambda self, physical: False}),
+    Part('estimator: bounds of the unknowns',
+         code={(kalman, 'constrain'): lambda lowest, highest, z, P: None}),
+    Part('estimator: adaptation of the noises', {'ekf.adaptation': 0.0}, meant=NOISE),
+    Part('estimator: most that an innovation counts', code={(kalman, 'WILD'): math.inf},
+         meant=PUSHES),
+    Part('estimator: memory (it never forgets)', {'ekf.memory': math.inf}),
+    Part('estimator: pushes as an explanation', {'ekf.push_gate': math.inf}, meant=PUSHES),
+    Part('estimator: refusal of outliers', {'ekf.gate': math.inf}, meant=PUSHES),
+    Part('estimator: three refusals before it starts anew (one)', {'ekf.refusals': 1},
+         meant=PUSHES),
+    Part('estimator: least change that plans are told of', code={(kalman, 'MOVED'): 0.0}),
+    Part('estimator: the force of an end stop', code={(kalman, 'STOP'): 0.0},
+         meant=Trial('uptime')),
+    Part('estimator: steps of 10 ms (50 ms)', code={(kalman, 'LONGEST_STEP'): 0.05}),
+    Part('estimator: its narrow dry friction', code={(kalman, 'CREEP'): 0.2},
+         meant=Trial('rig_cart', 4.0)),
+    Part('cost: the chord of an angle', {'angle_error': 'angle'}),
+    Part('cost: the LQR value at the end (1000 S)', {'terminal_cost': 'scaled'}),
+    Part('cost: the margin of the track', {'track_weight': 0.0}, meant=Trial('tight', 8.0)),
+    Part('several iterations a tick', {f'{name}.iterations': 1 for name in SOLVERS}),
+    Part('DDP: curvature of the cost', {'ddp.hessian': 'gauss_newton'}, solvers=('ddp',)),
+    Part('DDP: several iterations a tick', {'ddp.iterations': 1}, solvers=('ddp',)),
+    *(Part(f'MPPI: {title}', mpc, solvers=('mppi',)) for title, mpc in (
+        ('samples about a policy', {'mppi.feedback': False}),
+        ('the best sample as a candidate', {'mppi.elite': False}),
+        ('only what is cheaper is taken', {'mppi.monotone': False}),
+        ('noise correlated in time', {'mppi.noise_correlation': 0.0}),
+        ('noise of several sizes (5 N)', {'mppi.smallest_noise': 5.0, 'mppi.largest_noise': 5.0}),
+        ('temperature in shares of the spread', {'mppi.temperature_scale': 'fixed'}))),
+    Part('all around the solver', {
+        'first_starts': 1, 'other_starts': 0, 'bounded_lqr': False, 'regulator': False,
+        'estimator': 'none', 'warm_start': 'forces'}),
+]
+BY_TITLE = {part.title: part for part in PARTS}
+TEXTBOOK = 'textbook MPPI'   # of PARTS[0] and the last, with none of MPPI's own
+
+
+@contextlib.contextmanager
+def replaced(code: Mapping[tuple[Any, str], Any]) -> Iterator[None]:
+    """Put something else in the place of names, for a while."""
+    before = {(owner, name): getattr(owner, name) for owner, name in code}
+    try:
+        for (owner, name), value in code.items():
+            setattr(owner, name, value)
+        yield
+    finally:
+        for (owner, name), value in before.items():
+            setattr(owner, name, value)
+
+
+class Without:
+    """A controller without a part of its code."""
+
+    def __init__(self, code: Mapping[tuple[Any, str], Any],
+                 make: Callable[[], Controller]) -> None:
+        """Make the controller without it, too."""
+        self.code = code
+        with replaced(code):
+            self.controller = make()
+
+    def update(self, t: float, x: Array, delay: float) -> Plan:
+        """Return the plan for a state; see Controller."""
+        with replaced(self.code):
+            return self.controller.update(t, x, delay)
+
+    def fallback(self, begins: float) -> Plan:
+        """Return the plan without one; see Controller."""
+        with replaced(self.code):
+            return self.controller.fallback(begins)
+
+
+@dataclass(frozen=True)
+class Ablated(Contestant):
+    """A solver without the part of a title."""
+
+    part: str
+
+    def prepare(self) -> Callable[[int], Controller]:
+        """Return what makes the controller for a seed; see Contestant."""
+        make, code = super().prepare(), BY_TITLE[self.part].code
+        return lambda seed: Without(code, lambda: make(seed))
+
+
+def contestant(part: Part, name: str) -> Contestant:
+    """Return a solver without a part."""
+    solver = parse(campaigns.TEXTBOOK if name == TEXTBOOK else name)
+    return Ablated(f'{name}, without {part.title}', solver.name, solver.plant,
+                   {**solver.mpc, **part.mpc}, part.title)
+
+
+class Cell(NamedTuple):
+    """The episodes of a solver without a part in a trial."""
+
+    part: Part
+    name: str
+    trial: Trial
+
+    def episodes(self) -> list[tuple[Contestant, Case]]:
+        """Return the episodes."""
+        return [(contestant(self.part, self.name), case) for case in self.trial.cases()]
+
+
+def cells() -> list[Cell]:
+    """Return all cells of the page; of the defaults in every trial that any part is meant for."""
+    found = [Cell(part, name, trial) for part in PARTS for name in part.solvers
+             for trial in (*TRIALS, *([part.meant] if part.meant else []))]
+    found += [Cell(PARTS[0], cell.name, cell.trial) for cell in found]
+    found += [Cell(PARTS[0], name, trial) for name in campaigns.METHODS for trial in TRIALS]
+    found += [Cell(part, TEXTBOOK, trial) for part in (PARTS[0], PARTS[-1]) for trial in TRIALS]
+    return list({(cell.part.title, *cell[1:]): cell for cell in found}.values())
 
 
 def episodes() -> list[tuple[Contestant, Case]]:
     """Return the episodes of the page."""
-    return [episode for trial in TRIALS for title in SET_UPS for name in SOLVERS
-            for episode in of_trial(title, name, trial)]
+    return [episode for cell in cells() for episode in cell.episodes()]
 
 
-def cell(rows: Sequence[Row]) -> str:
-    """Return how many of some runs were held."""
-    return f'{sum(row.metrics.success for row in rows)} of {len(rows)}'
+class Difference(NamedTuple):
+    """A cell beside the defaults: what was held, p of that difference (McNemar), costs."""
+
+    held: int
+    of_defaults: int
+    cases: int
+    p: float
+    cost: Ratio | None     # over that of the defaults, of the cases that both held
+
+    @property
+    def verdict(self) -> int:
+        """Return 1 where the runs are worse without the part, -1 where better, else 0."""
+        if self.p < SHOWN:
+            return 1 if self.held < self.of_defaults else -1
+        if self.cost is None:
+            return 0
+        return (self.cost.low > SAME_COST) - (self.cost.high < 1 / SAME_COST)
+
+    def __str__(self) -> str:
+        """Return the cell of a table."""
+        about = '' if self.cost is None else (
+            f', {self.cost.value:.2f} ({self.cost.low:.2f}-{self.cost.high:.2f})')
+        mark = {1: '**', -1: '*', 0: ''}[self.verdict]
+        return f'{mark}{self.held} of {self.cases}{about}{mark}'
 
 
-def cost(rows: Sequence[Row], defaults: Sequence[Row]) -> str:
-    """Return the closed-loop cost over that of the defaults, of the runs that both held."""
-    both = [(row.metrics.closed_loop_cost, other.metrics.closed_loop_cost)
-            for row, other in zip(rows, defaults)
-            if row.metrics.success and other.metrics.success]
-    if len(both) < 2:
-        return '-'
-    of = paired_ratio(*np.array(both).T)
-    return f'{of.value:.2f} ({of.low:.2f}-{of.high:.2f}), {of.pairs}'
+def difference(rows: Sequence[Row], defaults: Sequence[Row]) -> Difference:
+    """Compare runs with those of the defaults, case by case."""
+    held, of_defaults = (np.array([row.metrics.success for row in each])
+                         for each in (rows, defaults))
+    both = held & of_defaults
+    costs = np.array([[row.metrics.closed_loop_cost, other.metrics.closed_loop_cost]
+                      for row, other in zip(rows, defaults)])[both]
+    return Difference(
+        int(held.sum()), int(of_defaults.sum()), len(held),
+        sign_test(int(np.sum(held & ~of_defaults)), int(np.sum(of_defaults & ~held))),
+        paired_ratio(*costs.T) if both.sum() > 1 else None)
+
+
+Differences = dict[tuple[str, str, Trial], Difference]
+
+
+def differences(rows: Sequence[Row]) -> Differences:
+    """Return every cell beside that of the defaults, by part, solver and trial."""
+    found = {row.key: row for row in rows}
+    of = {(cell.part.title, cell.name, cell.trial): [found[key(*one)] for one in cell.episodes()]
+          for cell in cells()}
+    return {place: difference(runs, of[DEFAULTS, *place[1:]]) for place, runs in of.items()}
+
+
+def verdict(part: Part, of: Differences) -> str:
+    """Return in words what a part was worth."""
+    found = {one.verdict for place, one in of.items() if place[0] == part.title}
+    if 1 in found:
+        return 'worth it, but not everywhere' if -1 in found else 'worth it'
+    return 'better without' if -1 in found else 'nothing shown'
 
 
 def page(rows: Sequence[Row], made: str) -> str:
     """Return the page from the rows of all runs."""
-    found = {row.key: row for row in rows}
+    of = differences(rows)
 
-    def runs(title: str, name: str, trial: Trial) -> list[Row]:
-        return [found[key(*episode)] for episode in of_trial(title, name, trial)]
-
-    def line(title: str, name: str) -> tuple[str, ...]:
-        of = [runs(title, name, trial) for trial in TRIALS]
-        every = [row.metrics.success for some in of for row in some]
-        return (f'`{name}`', title, *map(cell, of), share(rate(every), 0),
-                cost(of[0], runs(ALL, name, TRIALS[0])))
+    def line(part: Part, name: str) -> tuple[str, ...]:
+        meant = of.get((part.title, name, part.meant)) if part.meant else None
+        return (part.title, f'`{name}`', *(str(of[part.title, name, trial]) for trial in TRIALS),
+                f'{part.meant}: {meant}; with it {meant.of_defaults}' if meant else '')
+    verdicts: dict[str, list[str]] = {}
+    for part in PARTS[1:]:
+        verdicts.setdefault(verdict(part, of), []).append(part.title)
     return '\n'.join([
-        '# What the scaffold is worth\n', made,
-        f'{len(rows)} episodes of {campaigns.DURATION:g} s; the rows: '
-        '[ablation.csv.gz](ablation.csv.gz). Around a solver stand parts that are no part of '
-        'its method: [other starts](../model.md) than the last plan (the LQR for a bounded force '
-        'among them), the regulator in place of the last plan where that costs less, the '
-        'estimator, and a warm start by the last policy instead of its forces. Here each is '
-        'alone, none is there, or all. The regulator is compared with a policy that is shifted: '
-        'where forces are, it has no part. Textbook MPPI is `config/textbook_mppi.yaml`: '
-        'no elite, no derivatives. '
-        + ' '.join(f'{trial.title[0].upper()}{trial.title[1:]}: `{trial.scenario}`, seeds '
-                   f'{trial.seeds.start}-{trial.seeds.stop - 1}.' for trial in TRIALS)
-        + ' Columns are how many were held; all: with the 95 % interval (Wilson) in percent. Σℓ '
-        'is the closed-loop cost of random starts over that of the same solver with all parts, '
-        'where both held: geometric mean, 95 % interval (bootstrap), pairs.\n',
-        compact([('solver', 'parts', *(trial.title for trial in TRIALS), 'all', 'Σℓ'),
-                 *(line(title, name) for name in SOLVERS for title in SET_UPS)]) + '\n',
-        '![What is held with which parts, by solver](../figures/ablation.png)\n'])
+        '# What each part is worth\n', made,
+        f'{len(rows)} episodes of {campaigns.DURATION:g} s, of `uptime` of 60 s; the rows: '
+        '[ablation.csv.gz](ablation.csv.gz). Each line leaves one part of the controller out and '
+        'keeps all others; in brackets behind some, what stands in its place. '
+        f'The trials are those of [evaluate](../evaluation.md): {", ".join(map(str, TRIALS))}, '
+        f'seeds {SEEDS.start}-{SEEDS.stop - 1}, and for most parts one more that they are meant '
+        f'for, seeds {FEW.start}-{FEW.stop - 1}. A cell is how many were held, and the '
+        'closed-loop cost Σℓ over that of the defaults where both held: geometric mean, 95 % '
+        'interval (bootstrap). Around `ddp` stands the same as around `ilqr`: of it only its own '
+        'parts are left out.\n',
+        f'**Bold**: worse without the part, *italic*: better. That is shown where the p of '
+        f"McNemar's test of what is held is below {SHOWN:g}, or else where the whole interval "
+        f'of the cost is beyond {SAME_COST:g} or below 1 / {SAME_COST:g}. Of {len(of)} cells, '
+        'some are so by chance. Without an estimator no velocity is known in `rig_all`, where '
+        'none is measured, so nothing can be held.\n',
+        compact([('left out', 'solver', *map(str, TRIALS), 'meant for'),
+                 *(line(part, name) for part in PARTS for name in solvers_of(part))]) + '\n',
+        *(f'{title[0].upper()}{title[1:]}: {"; ".join(parts)}.\n'
+          for title, parts in verdicts.items()),
+        '"Nothing shown" is no proof that a part does nothing: what guards against outliers, dead '
+        'sensors and lost states meets none of them in the first three trials.\n',
+        textbook(of), '![What is lost without each part](../figures/ablation.png)\n'])
+
+
+def solvers_of(part: Part) -> Sequence[str]:
+    """Return whose parts are left out; of the defaults, those of all."""
+    return campaigns.METHODS if part.title == DEFAULTS else part.solvers
+
+
+def textbook(of: Differences) -> str:
+    """Return what MPPI holds as the textbook has it, with and without what is around it."""
+    alone, scaffolded = (', '.join(
+        f'{one.held} of {one.cases} ({trial})' for trial in TRIALS
+        for one in [of[part.title, TEXTBOOK, trial]]) for part in (PARTS[-1], PARTS[0]))
+    return ('MPPI as the textbook has it (`config/textbook_mppi.yaml`: forces about forces, no '
+            f'elite, no derivatives) holds, with nothing around it, {alone}; with all that is '
+            f'around it here, {scaffolded}.\n')
 
 
 @styled
 def picture(rows: Sequence[Row]) -> Figure:
-    """Show which share of the runs is held with which parts, by solver."""
-    found = {row.key: row for row in rows}
-    names = {name: solver_name(name) for name in SOLVERS}
-    colour = colours(SOLVERS)
-    figure = Figure((8.0, 4.6), layout='constrained')
-    panels = figure.subplots(2, 3, sharex=True, sharey=True)
-    places = -np.arange(len(SET_UPS))
-    for axes, trial in zip(panels.flat, TRIALS):
-        for n, name in enumerate(SOLVERS):
-            held = [np.mean([found[key(*episode)].metrics.success
-                             for episode in of_trial(title, name, trial)]) for title in SET_UPS]
-            axes.plot(held, places + 0.12 * (2 - n), 'o', color=colour[name], markersize=4,
-                      clip_on=False)
-        axes.set(title=trial.title, xlim=(0, 1), yticks=places, yticklabels=list(SET_UPS))
+    """Show for each part what the runs that are still held cost without it, and what is lost."""
+    of, colour = differences(rows), colours(campaigns.METHODS)
+    parts = PARTS[1:]
+    figure = Figure((9.0, 0.21 * len(parts) + 1.2), layout='constrained')
+    panels = figure.subplots(1, len(TRIALS), sharex=True, sharey=True)
+    for axes, trial in zip(panels, TRIALS):
+        for place, part in enumerate(parts):
+            for n, name in enumerate(part.solvers):
+                one = of[part.title, name, trial]
+                y = -place + 0.15 * (len(part.solvers) - 1 - 2 * n)
+                if one.cost is not None:
+                    axes.plot((one.cost.low, one.cost.high), (y, y), color=colour[name])
+                    axes.plot(one.cost.value, y, 'o', color=colour[name], markersize=3)
+                if one.p < SHOWN:
+                    axes.annotate(f'{one.held} of {one.cases}', (1.0, y), color=colour[name],
+                                  xycoords=('axes fraction', 'data'), fontsize=6,
+                                  ha='right', va='center')
+        axes.axvspan(1 / SAME_COST, SAME_COST, color='0.9', zorder=0)
+        axes.set(title=trial.scenario, xscale='log', xlim=(0.7, 6), xlabel='cost, × the defaults',
+                 yticks=-np.arange(len(parts)), yticklabels=[part.title for part in parts])
+        axes.set_xticks((1, 2, 4), ('1', '2', '4'))
+        axes.minorticks_off()
         axes.grid()
-    for axes in panels[-1]:
-        axes.set_xlabel('share that is held')
-    name_lines(figure, {names[name]: {'color': colour[name], 'marker': 'o', 'linestyle': ''}
-                        for name in SOLVERS})
+    name_lines(figure, {solver_name(name): {'color': colour[name], 'marker': 'o'}
+                        for name in campaigns.METHODS})
     return figure

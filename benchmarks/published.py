@@ -19,7 +19,6 @@ from typing import NamedTuple
 import ablation
 import benchmark
 import campaigns
-import choices
 import compute
 import convergence
 import hard
@@ -71,7 +70,7 @@ class Page(NamedTuple):
     write: Callable[[Path, Path], None]
 
 
-OF_ROWS = {'ablation': ablation.page, 'choices': choices.page, 'compute': compute.page,
+OF_ROWS = {'ablation': ablation.page, 'compute': compute.page,
            'links': links.page, 'near_goal': near_goal.page}
 PICTURES = {'ablation': ablation.picture, 'compute': compute.picture,
             'near_goal': near_goal.picture}   # of those
@@ -125,9 +124,8 @@ PAGES = {
     'robustness': of_rows('robustness', 7),
     'baselines': of_rows('baselines', 4),
     'links': of_rows('links', 6),
-    'choices': of_rows('choices', 5),
     'stress': of_rows('stress', 12),
-    'ablation': of_rows('ablation', 12),
+    'ablation': of_rows('ablation', 55),
     'fresh': of_rows('fresh', 18),
     'transitions': of_rows('transitions', 6),
     'oracle': of_script('oracle', 13, *oracle.FILES),

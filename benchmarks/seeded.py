@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import ablation
 import campaigns
-import choices
 import compute
 import links
 import near_goal
@@ -42,7 +41,6 @@ SEEDED = {
        for name, campaign in campaigns.CAMPAIGNS.items()},
     'near_goal': Seeded(near_goal.episodes, lambda case: False),
     'ablation': Seeded(ablation.episodes, lambda case: False),
-    'choices': Seeded(choices.episodes, lambda case: False),
     'links': Seeded(links.episodes, links.is_timed),
     'rig': Seeded(rig.episodes, lambda case: False, (*provenance.COMPUTING, 'mujoco')),
     'paper': Seeded(paper_experiments.episodes, lambda case: False),

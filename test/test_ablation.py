@@ -1,6 +1,8 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The table of scaffold and solver, on a few episodes of it."""
+"""The table of what each part of the controller is worth, on a few episodes of it."""
+
+import math
 
 import ablation
 import numpy as np
@@ -8,46 +10,117 @@ import pytest
 from results import row
 
 from dp_swing_ros import configuration
-from dp_swing_ros.evaluation.campaign.contestants import key, play
+from dp_swing_ros.control.receding_horizon import RecedingHorizon
+from dp_swing_ros.estimators import kalman
+from dp_swing_ros.evaluation.campaign.contestants import key, parse, play, simulated
+
+BY_CODE = [part for part in ablation.PARTS if part.code]
 
 
-@pytest.mark.parametrize('name', ablation.SOLVERS)
-def test_each_part_alone_differs_from_none_and_all_is_as_by_default(name):
-    made = {title: ablation.contestant(title, name) for title in ablation.SET_UPS}
+def first(title, name, trial):
+    return ablation.Cell(ablation.BY_TITLE[title], name, trial).episodes()[0]
+
+
+@pytest.mark.parametrize('part', ablation.PARTS[1:], ids=lambda part: part.title)
+def test_what_is_left_out_is_there_by_default(part):
     defaults = configuration.complete('mpc', {})
-    of = {title: configuration.complete('mpc', one.mpc) for title, one in made.items()}
-    for part, value in ablation.NONE.items():
-        assert of['none'][part] == value != of[ablation.ALL][part] == defaults[part]
-    for title, parts in ablation.ALONE.items():
-        differ = {part for part, value in of[title].items() if value != of['none'][part]}
-        assert differ == set(parts), title
+    assert part.mpc or part.code
+    assert configuration.complete('mpc', {**part.mpc}) != defaults or not part.mpc
+    for name, value in part.mpc.items():
+        solver, _, parameter = name.rpartition('.')
+        assert value != defaults.get(name, defaults.get(parameter)), name
+    for (owner, name), value in part.code.items():
+        assert getattr(owner, name) is not value
 
 
-def test_every_part_of_none_is_there_alone():
-    assert set().union(*ablation.ALONE.values()) == set(ablation.NONE)
+@pytest.mark.parametrize('part', BY_CODE, ids=lambda part: part.title)
+def test_the_code_is_as_before_after_each_tick(part):
+    before = {(owner, name): getattr(owner, name) for owner, name in part.code}
+    contestant, case = ablation.Cell(part, 'ilqr', ablation.TRIALS[1]).episodes()[0]
+    controller = contestant.prepare()(0)
+    controller.update(0.0, np.array(case.plant['initial_state']), 0.0)
+    controller.fallback(0.05)
+    assert all(getattr(*place) is value for place, value in before.items())
 
 
-@pytest.mark.parametrize('trial', ablation.TRIALS, ids=lambda trial: trial.title)
+def test_the_code_is_another_during_a_tick():
+    controller = first('estimator: most that an innovation counts', 'ilqr',
+                       ablation.PUSHES)[0].prepare()(0)
+    seen = []
+    controller.controller.search = lambda *about: seen.append(kalman.WILD) or []
+    with pytest.raises(ValueError):   # of no plans there is no cheapest
+        controller.update(0.0, np.full(6, 0.01), 0.0)
+    assert seen == [math.inf]
+    assert kalman.WILD == 9
+
+
+def test_without_a_part_of_none_a_run_is_that_of_the_defaults():
+    contestant, case = first(ablation.DEFAULTS, 'ilqr', ablation.TRIALS[1])
+    assert np.array_equal(simulated(contestant, case).X, simulated(parse('ilqr'), case).X)
+
+
+@pytest.mark.parametrize('title', [
+    'delay compensation', 'start: the regulator', 'estimator: its pendulum in the plans'])
+def test_without_its_code_a_run_is_another(title):
+    trial = ablation.BY_TITLE[title].meant or ablation.TRIALS[2]
+    default, without = (simulated(*first(each, 'mppi', trial))
+                        for each in (ablation.DEFAULTS, title))
+    assert not np.array_equal(default.X, without.X)
+
+
+def test_without_the_fallback_a_lost_state_is_answered_by_zero():
+    contestant, _ = first('the fallback (zero force instead)', 'ilqr', ablation.TRIALS[1])
+    controller = contestant.prepare()(0)
+    controller.update(0.0, np.array([0.0, 0.1, 0.1, 0.0, 0.0, 0.0]), 0.0)
+    assert controller.fallback(0.05).U[0] == 0
+    assert RecedingHorizon.fallback is not RecedingHorizon.zero_force
+
+
+def test_without_the_estimator_wrong_velocities_are_believed():
+    with_it, without = (play(*first(title, 'ilqr', ablation.NOISE))
+                        for title in (ablation.DEFAULTS, 'all around the solver'))
+    assert with_it.metrics.success and not without.metrics.success
+
+
+@pytest.mark.parametrize('trial', {*ablation.TRIALS, *(
+    part.meant for part in ablation.PARTS if part.meant)}, ids=str)
 def test_a_trial_has_a_case_for_each_seed(trial):
     assert [case.seed for case in trial.cases()] == list(trial.seeds)
 
 
-def test_without_the_estimator_wrong_velocities_are_believed():
-    trial = ablation.Trial('noise', 'position_noise', range(1), 0.01)
-    with_it, without = (play(*ablation.of_trial(title, 'ilqr', trial)[0])
-                        for title in (ablation.ALL, 'none'))
-    assert with_it.metrics.success and not without.metrics.success
+def of(held, costs):
+    return [row(held=one, closed_loop_cost=cost) for one, cost in zip(held, costs)]
 
 
-def test_the_page_counts_what_was_held_and_compares_costs(monkeypatch):
-    monkeypatch.setattr(ablation, 'TRIALS', (ablation.Trial('starts', 'random', range(4)),))
+@pytest.mark.parametrize('held, cost, verdict', [
+    (20, 1.2, 1), (20, 1.0, 0), (20, 0.8, -1), (10, 1.0, 1), (18, 1.0, 0)])
+def test_worse_and_better_are_told_from_nothing(held, cost, verdict):
+    costs = np.linspace(100, 200, 20)
+    found = ablation.difference(of([n < held for n in range(20)], cost * costs),
+                                of([True] * 20, costs))
+    assert found.verdict == verdict
+    assert (found.held, found.of_defaults, found.cases) == (held, 20, 20)
+    assert found.cost.value == pytest.approx(cost)
+
+
+def test_the_page_says_what_each_part_is_worth(monkeypatch):
+    monkeypatch.setattr(ablation, 'SEEDS', range(4))
+    monkeypatch.setattr(ablation, 'FEW', range(4))
+    trials = tuple(trial._replace(seeds=range(12)) for trial in ablation.TRIALS)
+    parts = [ablation.PARTS[0], *(ablation.BY_TITLE[title]._replace(meant=None) for title in (
+        'delay compensation', 'start: no force', 'all around the solver'))]
+    monkeypatch.setattr(ablation, 'TRIALS', trials)
+    monkeypatch.setattr(ablation, 'PARTS', parts)
     rows = []
     for contestant, case in ablation.episodes():
-        default = contestant.label.endswith(ablation.ALL)
-        one = row(held=default or case.seed != 1,
-                  closed_loop_cost=100.0 + case.seed if default else 150.0 + 1.5 * case.seed)
+        worse = contestant.part == 'delay compensation' and case.scenario == 'random'
+        one = row(held=not worse or case.seed < 2, closed_loop_cost=100.0 + case.seed)
         rows.append(type(one)(key(contestant, case), one.outcome, '', one.metrics, np.zeros(0)))
     text = ablation.page(rows, 'made up')
-    assert '| `ilqr` | none | 3 of 4 | 3 of 4 (30-95 %) | 1.50 (1.50-1.50), 3 |' in text
-    assert '| `ddp` | all, the defaults | 4 of 4 |' in text
-    assert ablation.picture(rows).axes[0].get_title() == 'starts'
+    assert '| delay compensation | `ilqr` | 12 of 12, 1.00 (1.00-1.00) | **2 of 12, ' in text
+    assert 'Worth it: delay compensation.' in text
+    assert 'Nothing shown: start: no force; all around the solver.' in text
+    assert 'with nothing around it, 12 of 12 (`hanging`)' in text
+    figure = ablation.picture(rows)
+    assert [axes.get_title() for axes in figure.axes] == ['hanging', 'random', 'rig_all']
+    assert '2 of 12' in {each.get_text() for each in figure.axes[1].texts}
