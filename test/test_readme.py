@@ -13,6 +13,8 @@ from PIL import Image
 import pytest
 from real_bags import record
 
+from dp_swing_ros.estimators.estimator import Estimator
+
 TOP = Path(__file__).parents[1]
 README = (TOP / 'README.md').read_text()
 PACKAGE = 'dp_swing_ros'
@@ -53,6 +55,12 @@ def test_a_run_without_ros(capsys):
     snippet, = blocks('From Python, without ROS')
     exec(snippet, {})
     assert 'success=True' in capsys.readouterr().out
+
+
+def test_the_estimator_has_all_that_the_protocol_asks_for():
+    found = {}
+    exec(blocks('Build on it')[1], found)
+    assert {name for name in vars(Estimator) if not name.startswith('_')} <= {*dir(found['Blend'])}
 
 
 @pytest.fixture(scope='module')

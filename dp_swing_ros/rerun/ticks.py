@@ -10,10 +10,12 @@ from typing import Any, NamedTuple
 from dp_swing_ros.bags.episodes import configurations_of, reports_of, revisions_of, samples_of
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.errors import BagError
+from dp_swing_ros.estimators import ESTIMATORS
 from dp_swing_ros.messages.configuration import Configuration, CONTROLLER, PLANT
 from dp_swing_ros.messages.fields import BILLION, Report
 from dp_swing_ros.parameters.files import is_of_rclpy
 from dp_swing_ros.rerun.answers import Tick
+from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.topics import FORCE_COMMAND, JOINT_STATES
 
 AGREEING = 3  # forces in a row that are the same, where two sequences meet again
@@ -51,8 +53,16 @@ def configuration_of(bag: Bag, node: str) -> Configuration:
 
 
 def own(found: Configuration) -> dict[str, Any]:
-    """Return the parameters of a node without rclpy's."""
-    return {name: value for name, value in found.parameters.items() if not is_of_rclpy(name)}
+    """
+    Return the parameters of a node without rclpy's.
+
+    Nor those of solvers and estimators of other packages that the run did not use, and that are
+    not installed here.
+    """
+    used = {found.parameters.get(name) for name in ('solver', 'estimator')}
+    known = {'', *SOLVERS, *ESTIMATORS, *used}
+    return {name: value for name, value in found.parameters.items()
+            if not is_of_rclpy(name) and name.rpartition('.')[0] in known}
 
 
 def record_of(bag: Bag, anywhere: bool = False) -> Record:
