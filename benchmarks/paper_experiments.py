@@ -1,14 +1,17 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The paper's six experiments, each with the defaults and with the paper's own set-up."""
+"""The paper's six experiments, with the defaults, the paper's own set-up, and between them."""
 
 from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from dp_swing_ros import configuration
 from dp_swing_ros.evaluation.campaign.contestants import Contestant
-from dp_swing_ros.evaluation.scenarios import Case
+from dp_swing_ros.evaluation.scenarios import Case, NEARLY, START
+from dp_swing_ros.pendulum.parameters import LimitParameters
 from dp_swing_ros.pendulum.state import hanging
 
 TOP = Path(__file__).parents[1]
@@ -31,21 +34,43 @@ class Key(NamedTuple):
 
 
 class Setup(NamedTuple):
-    """The name in pictures, if drawn; parameter files; other parameters of the mpc; for whom."""
+    """The name in pictures, if drawn; parameter files, and what goes on top of them; for whom."""
 
-    title: str
+    title: str = ''
     files: tuple[str, ...] = ()
-    mpc: Mapping[str, float] = {}
+    plant: Mapping[str, Any] = {}
+    mpc: Mapping[str, Any] = {}
     solvers: Collection[str] = tuple(STEPS)
 
 
+def ours(*names: str) -> dict[str, Any]:
+    """Return the defaults of some parameters of the mpc."""
+    values = configuration.complete('mpc', {})
+    return {name: values[name] for name in names}
+
+
+FINE, EULER = ('paper',), ('paper', 'paper_euler')
+MODEL = {'physics_step': PERIOD}              # of a plant that moves as the model predicts
+BOUND = {'force_limit': LimitParameters().force_limit}
+PLAIN = {'terminal_scale': 1.0}
+GAINS = ours('mppi.feedback')
+SAMPLING = ours('mppi.samples', 'mppi.iterations', 'mppi.temperature', 'mppi.temperature_scale',
+                'mppi.smallest_noise', 'mppi.largest_noise', 'mppi.noise_correlation')
+COST = ours('angle_error', 'terminal_cost', 'horizon', 'state_weights')
 SETUPS = {
     'defaults': Setup("This package's defaults"),
-    'paper': Setup("The paper's own set-up and forward Euler plant",
-                   ('paper', 'paper_euler')),
-    'paper, fine plant': Setup('', ('paper',)),
-    'paper, S_f = S': Setup('', ('paper', 'paper_euler'), {'terminal_scale': 1.0},
-                            ('mppi',))}
+    'paper': Setup("The paper's own set-up and forward Euler plant", EULER),
+    'paper, 20 N': Setup('', EULER, BOUND, BOUND),
+    'paper, RK4 plant': Setup('', FINE, MODEL),
+    'paper, RK4 plant, 20 N': Setup('', FINE, {**MODEL, **BOUND}, BOUND),
+    'paper, fine plant': Setup('', FINE),
+    'paper, fine plant, 20 N': Setup('', FINE, BOUND, BOUND),
+    'paper, S_f = S': Setup('', EULER, {}, PLAIN, ('mppi',)),
+    **{f'paper, fine plant, 20 N, {name}': Setup('', FINE, BOUND, {**BOUND, **mpc}, ('mppi',))
+       for name, mpc in {
+           'S_f = S': PLAIN, 'our sampling and cost': {**SAMPLING, **COST},
+           'our gains and sampling': {**GAINS, **SAMPLING},
+           'our gains, sampling and cost': {**GAINS, **SAMPLING, **COST}}.items()}}
 
 
 def keys(figures: Collection[int] = range(2, 11)) -> list[Key]:
@@ -65,15 +90,16 @@ def files_of(key: Key) -> list[Path]:
 
 def contestant(key: Key) -> Contestant:
     """Return who plays an experiment."""
-    values = configuration.read(files_of(key))
-    return Contestant(f'{key.solver}, {key.setup}', key.solver, values['plant'],
-                      {**values['mpc'], **SETUPS[key.setup].mpc})
+    values, setup = configuration.read(files_of(key)), SETUPS[key.setup]
+    return Contestant(f'{key.solver}, {key.setup}', key.solver,
+                      {**values['plant'], **setup.plant}, {**values['mpc'], **setup.mpc})
 
 
 def case(key: Key, seed: int) -> Case:
-    """Return one episode of an experiment but for who plays it."""
-    return Case(key.start, seed, STEPS[key.solver] * PERIOD,
-                plant={'initial_state': STARTS[key.start]})
+    """Return one episode of an experiment but for who plays it; no two seeds start alike."""
+    random, x = np.random.default_rng((START, seed)), STARTS[key.start]
+    return Case(key.start, seed, STEPS[key.solver] * PERIOD, plant={
+        'initial_state': tuple((x + random.normal(0.0, NEARLY, len(x))).tolist())})
 
 
 def episodes() -> list[tuple[Contestant, Case]]:
