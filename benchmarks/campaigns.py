@@ -57,12 +57,6 @@ class Campaign(NamedTuple):
         return case.seed < self.timed.get(case.scenario, 0)
 
 
-def paper(solver: str, *files: str) -> str:
-    """Return the paper's set-up as a contestant."""
-    parts = '+'.join(str(CONFIG / f'{name}.yaml') for name in ('paper', *files))
-    return f'{solver}_{"euler" if "paper_euler" in files else "paper"}={solver}:{parts}'
-
-
 CAMPAIGNS = {
     'random': Campaign(
         'Random starts', METHODS, ('random',), None, {'random': 50},
@@ -75,11 +69,7 @@ CAMPAIGNS = {
         {'hanging': 20},
         {'criteria': ('robustness', 'Robustness'), 'sweeps': ('sweeps', 'Sweeps')}),
     'baselines': Campaign(
-        'Baselines', (
-            *METHODS, paper('ilqr'), paper('ddp'), paper('mppi', 'paper_mppi'),
-            paper('ilqr', 'paper_euler'), paper('ddp', 'paper_euler'),
-            paper('mppi', 'paper_mppi', 'paper_euler'), 'tvlqr', 'tvlqr_ekf', 'energy_ekf',
-            'nothing'),
+        'Baselines', (*METHODS, 'tvlqr', 'tvlqr_ekf', 'energy_ekf', 'nothing'),
         ('hanging', 'random', 'near_goal', 'pushes'), range(20), {'hanging': 20},
         {'successes': ('baselines', 'Baselines')}),
     'stress': Campaign(

@@ -15,6 +15,7 @@ from dp_swing_ros.evaluation.campaign.report import probability, share
 from dp_swing_ros.evaluation.campaign.summary import DROP
 from dp_swing_ros.evaluation.comparison import paired, rate
 from dp_swing_ros.evaluation.metrics import REST
+from dp_swing_ros.evaluation.scenarios import NEARLY
 from dp_swing_ros.figures.style import solver_name
 from dp_swing_ros.tables import compact
 
@@ -40,12 +41,17 @@ def page(measured: Measured, made: str) -> str:
 What they mean, claim by claim: [the paper's figures and claims](../paper.md); the rows:
 [paper.csv.gz](paper.csv.gz).
 
-Seeds 0 to {seeds - 1} of each, in lockstep, first attempts only. Set-ups: `defaults`, and `paper`:
-the parameter files `config/paper.yaml` and `config/paper_euler.yaml`, for MPPI
-`config/paper_mppi.yaml` too; `paper, fine plant`: without `config/paper_euler.yaml`, so that the
-plant keeps its energy; `paper, S_f = S`: `paper` with a final cost of S instead of 1000 S. In
-figures are the first two. Their runs of seed 0 went through the nodes plant, mpc and logger; each
-bag holds the states, forces and costs of the run without ROS, to the bit.
+Seeds 0 to {seeds - 1} of each, in lockstep, first attempts only. A seed moves each state of the
+start by chance (standard deviation {NEARLY:g}), for all solvers and set-ups alike, so that no two
+seeds are one run. Set-ups: `defaults`, and `paper`: the parameter files `config/paper.yaml`
+and `config/paper_euler.yaml`, for MPPI `config/paper_mppi.yaml` too. With `RK4 plant` and `fine
+plant`, `config/paper_euler.yaml` is left out: the model takes an RK4 step of 50 ms, and the plant
+the same one, or those of 5 ms as by default. With `20 N` the force is bounded for plant and mpc;
+else it is not, or for MPPI by 75 N. With `S_f = S` the final cost is S instead of 1000 S. With
+`our` there are, of the defaults, gains (`mppi.feedback`), sampling (samples, updates, temperature,
+noise) and cost (chords, the LQR value, weights, horizon). In figures are the first two. Their runs
+of seed 0 went through the nodes plant, mpc and logger; each bag holds the states, forces and costs
+of the run without ROS, to the bit.
 
 Upright to the end: both angles within 0.1 rad and all speeds under 1 over the last second, in
 brackets Wilson's 95 % interval; settled where that last stay begins, upright first where a state
