@@ -1,11 +1,12 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-How single solves converge, iteration by iteration, and what becomes of backward passes.
+How single solves converge, what becomes of backward passes, what second-order terms bring.
 
 All start from the same states, without a force, and have the goal on the turn where that ends.
 What a method has after so many iterations is what it returns with that as its limit and without a
-tolerance. What becomes of passes is seen in `descend` written out over the same kernels.
+tolerance. What becomes of passes, and which share of the second-order terms they took, is seen in
+`descend` written out over the same kernels.
 """
 
 import argparse
@@ -188,8 +189,9 @@ def counted(problem: Problem, method: Contestant, start: Start) -> dict[str, Any
     return {'method': method.label, 'passes': len(passes),
             'aborted': sum(not one.positive for one in passes),
             'on_bound': sum(one.bounded for one in passes), 'accepted': len(accepted),
-            'second_order': sum(bool(one.share) for one in accepted),
-            'in_full': sum(one.share == 1 for one in accepted),
+            'in_full': sum(one.share == 1 for one in passes),
+            'without': sum(not one.share for one in passes),
+            'steps_in_full': sum(one.share == 1 for one in accepted),
             'converged': int(end is Status.CONVERGED), 'cost': passes[-1].J}
 
 
@@ -268,6 +270,11 @@ def methods_table(found: pd.DataFrame) -> str:
                      f'within {100 * NEAR:g} % of J\\* in the end', 'ms an iteration'), *lines])
 
 
+def times(of: Interval) -> str:
+    """Return a ratio and its interval for a cell."""
+    return f'{of.value:.3f} ({of.low:.3f}-{of.high:.3f})'
+
+
 def passes_table(found: pd.DataFrame) -> str:
     """Return what became of passes; intervals draw seeds, for passes of one are no strangers."""
     lines = []
@@ -281,14 +288,46 @@ def passes_table(found: pd.DataFrame) -> str:
             str(kind), str(label), str(len(of)), str(seeds['passes'].sum()),
             percent(part('aborted', 'passes')),
             percent(part('on_bound', 'aborted')) if of['aborted'].any() else '-',
-            str(seeds['accepted'].sum()), *(
-                percent(part(name, 'accepted')) if of['second_order'].any() else '-'
-                for name in ('second_order', 'in_full')),
+            str(seeds['accepted'].sum()),
             f'{of["converged"].sum()}: {percent(part("converged", "solves"))}',
             f'{iterations.value:.1f} ({iterations.low:.1f}-{iterations.high:.1f})'))
     return compact([('starts', 'method', 'solves', 'passes', 'aborted', 'of these on a bound',
-                     'steps', 'of these of second order', 'with all of its share', 'converged',
-                     'iterations'), *lines])
+                     'steps', 'converged', 'iterations'), *lines])
+
+
+def second_order_table(found: pd.DataFrame) -> str:
+    """Return which shares of the second-order terms DDP took, and what they brought."""
+    lines = []
+    for kind, of in found.groupby('start', sort=False):
+        by_method = {label: one.reset_index(drop=True)
+                     for label, one in of.groupby('method', sort=False)}
+        ilqr = by_method.pop(DESCENTS[0].label)
+        for label, ddp in by_method.items():
+            together, solves = same_optimum(ilqr, ddp), np.ones(len(ddp))
+
+            def per_seed(part: Any, whole: Any) -> Interval:
+                pairs = pd.DataFrame({'part': part, 'whole': whole}).groupby(ddp['seed']).sum()
+                return pooled(*pairs[pairs['whole'] > 0].to_numpy(float).T)
+            ratio = np.log(ddp['cost'] / ilqr['cost'])
+            lines.append((
+                str(kind), str(label), *(percent(per_seed(part, ddp['passes'])) for part in (
+                    ddp['in_full'], ddp['passes'] - ddp['in_full'] - ddp['without'],
+                    ddp['without'])), percent(per_seed(ddp['steps_in_full'], ddp['accepted'])),
+                times(Interval(*np.exp(per_seed(ratio, solves)).tolist())),
+                *(percent(per_seed(apart, solves)) for apart in (
+                    ratio < -np.log1p(NEAR), ratio > np.log1p(NEAR))), str(together.sum()),
+                *(times(per_seed(ddp[name] * together, ilqr[name] * together))
+                  for name in ('passes', 'accepted'))))
+    return compact([('starts', 'method', 'passes with s = 1', '0 < s < 1', 's = 0',
+                     'steps with s = 1', 'cost over that of iLQR', f'{100 * NEAR:g} % cheaper',
+                     f'{100 * NEAR:g} % dearer', 'in the same optimum',
+                     'passes over those of iLQR', 'steps over those of iLQR'), *lines])
+
+
+def same_optimum(one: pd.DataFrame, other: pd.DataFrame) -> 'pd.Series[bool]':
+    """Return of which starts the solves of two methods converged, at nearly one cost."""
+    near = np.abs(np.log(other['cost'] / one['cost'])) <= np.log1p(NEAR)
+    return (one['converged'] == 1) & (other['converged'] == 1) & near
 
 
 def orders_table(found: pd.DataFrame) -> str:
@@ -333,6 +372,14 @@ def page(found: pd.DataFrame, passes: pd.DataFrame, ends: pd.DataFrame, made: st
         'stands on its bound, where no curvature would be needed for a minimum. The rows: '
         '[convergence_passes.csv.gz](convergence_passes.csv.gz).\n',
         passes_table(passes) + '\n',
+        '## What the second-order terms bring\n',
+        'The same solves. DDP takes a share s of the second-order terms, which it cuts where a '
+        'pass is aborted and raises with every step; with s = 0 throughout it is iLQR. The cost '
+        'at the end of a solve is compared with that of iLQR from the same start (geometric '
+        'mean). In the same optimum are the solves of a start that both converged, at costs '
+        f'within {100 * NEAR:g} %: their passes and steps are compared there. Intervals draw '
+        'seeds.\n',
+        second_order_table(passes) + '\n',
         '## The last steps\n',
         f'Descents from {ends.attrs["starts"]} held-out starts to their ends. The distance of '
         'the forces from the optimum, e = ‖U - U\\*‖, is followed from the last step at which '

@@ -55,9 +55,11 @@ def test_passes_are_counted_as_they_ended(problem):
     aborted = [one for one in passes if not one.positive]
     assert row['passes'] == len(passes) and row['aborted'] == len(aborted) > 0
     assert row['on_bound'] == sum(one.bounded for one in aborted)
-    assert row['in_full'] <= row['second_order'] <= row['accepted'] < len(passes)
+    assert row['steps_in_full'] <= row['in_full'] == sum(one.share == 1 for one in passes) > 0
+    assert row['without'] == 0 and row['accepted'] < len(passes)
     of_ilqr = convergence.counted(problem, convergence.DESCENTS[0], start)
-    assert of_ilqr['aborted'] == of_ilqr['second_order'] == 0 < of_ilqr['accepted']
+    assert of_ilqr['aborted'] == of_ilqr['in_full'] == 0 < of_ilqr['accepted']
+    assert of_ilqr['without'] == of_ilqr['passes']
 
 
 def test_a_start_has_its_goal_on_the_turn_where_it_ends(problem):
@@ -150,6 +152,22 @@ def test_the_page_says_what_was_found(problem, monkeypatch, tmp_path):
     convergence.picture(found, ends).savefig(path)
     with Image.open(path) as image:
         image.verify()
+
+
+def test_what_second_order_terms_bring_is_told_against_ilqr_from_the_same_starts():
+    ilqr, ddp = (method.label for method in convergence.DESCENTS[:2])
+    solve = {'start': 'random', 'accepted': 8, 'without': 0, 'converged': 1}
+    found = pd.DataFrame([
+        # the same optimum in fewer passes; another one at twice the cost; one without an end
+        *({**solve, 'seed': seed, 'method': ilqr, 'passes': 10, 'in_full': 0, 'steps_in_full': 0,
+           'cost': 100.0} for seed in range(3)),
+        *({**solve, 'seed': seed, 'method': ddp, 'passes': 8, 'in_full': 2, 'steps_in_full': 1,
+           'cost': cost, 'converged': converged, 'without': 4}
+          for seed, cost, converged in ((0, 100.5, 1), (1, 200.0, 1), (2, 100.0, 0)))])
+    line = convergence.second_order_table(found).splitlines()[-1]
+    values = [cell.split(' (')[0].strip() for cell in line.split('|')[3:-1]]
+    assert values == ['25.0 %', '25.0 %', '50.0 %', '12.5 %', f'{2.01 ** (1 / 3):.3f}', '0.0 %',
+                      '33.3 %', '1', '0.800', '1.000']
 
 
 def test_the_least_cost_is_that_of_a_start():
