@@ -1,7 +1,7 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-From limits alone with each kind of learned dynamics, beside equations with wrong parameters.
+From random forces with each kind of learned dynamics, beside equations with wrong parameters.
 
 Run by `make results`.
 """
@@ -90,7 +90,7 @@ def picture(found: pd.DataFrame) -> Figure:
         axes.tick_params(labelbottom=True, labelleft=True)
     panels[0, 0].set(ylabel='share held from here on')
     panels[0, 0].legend(loc='lower right', fontsize='small')
-    figure.suptitle('Without a break, from limits alone, by the kind of dynamics')
+    figure.suptitle('Without a break, from random forces, by the kind of dynamics')
     return figure
 
 
@@ -105,9 +105,10 @@ def page(found: pd.DataFrame, made: str) -> str:
     return '\n'.join([
         '# Kinds of learned dynamics\n', made,
         "PILCO's set-up as on the page of [learned dynamics](learned.md), without a break: "
-        f'nothing is told but limits, forces are random for {FIRST:g} s, and every transition '
-        'counts. A residual model is about the bodies of our own plant, which are not those; the '
-        'equations, of that structure, begin with the same and have an estimator, and no random '
+        f'told are limits and number of links, forces are random for {FIRST:g} s, and '
+        'every transition counts. A residual model is about the bodies of our own plant, which '
+        'are not those; the equations, of that structure, begin with the same and have an '
+        'estimator, and no random '
         f'forces. Networks have {HIDDEN} hidden units. Held is who was within {OUT:g} rad for the '
         f'last {HOLD:g} s of {LONG:g} s; then since when [s], the share of the time after the '
         'random forces that it was upright, and all computing, planning and learning, per second '

@@ -20,7 +20,7 @@ TOOLS = {
     'evaluate': 'seeded campaigns: rates, scores, comparisons, pictures',
     'export': 'a run as CSV or Parquet tables, with units',
     'identify': 'masses, lengths, frictions and the drive from recorded motion',
-    'learn': 'from limits alone to a pendulum that is held: its dynamics, learned',
+    'learn': 'from random forces to a pendulum that is held: its dynamics, learned',
     'parameters': 'all parameters of all nodes',
     'recover': 'a whole bag from a truncated or damaged one',
     'train': 'dynamics learned from recorded motion, as a model that an mpc plans with',

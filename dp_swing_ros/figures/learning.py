@@ -38,7 +38,7 @@ def learning(trials: Sequence[Trial], first: float) -> Figure:
                   label=f'trial {trial.number}' if len(trials) > 1 else 'as it goes on')
     axes.set(yscale='log', xlabel='experience [s]', ylabel='largest error of an angle [rad]',
              xlim=(0, trials[-1].experience[-1]))
-    figure.suptitle('From limits alone: what becomes of the experience')
+    figure.suptitle('From random forces on: what becomes of the experience')
     axes.grid(True)
     legend(axes)
     return figure

@@ -1,7 +1,7 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-A controller that knows limits alone, and learns what it moves while it moves it.
+A controller that knows links and limits alone, and learns what it moves while it moves it.
 
 It begins with random forces. From then on it plans with what it has learned, and learns from every
 transition: in trials, or without a break.

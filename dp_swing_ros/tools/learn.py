@@ -1,6 +1,6 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""`ros2 run dp_swing_ros learn`: from limits alone to a pendulum that is held."""
+"""`ros2 run dp_swing_ros learn`: from random forces to a pendulum that is held."""
 
 import argparse
 from collections.abc import Callable, Mapping, Sequence
@@ -32,10 +32,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Learn as the command line asks; return the exit code."""
     parser = argparse.ArgumentParser(
         prog=program('learn'),
-        description='Swing up and hold a simulated pendulum of which nothing is known but the '
-                    'limits of force and track: with random forces at first, then by planning '
-                    'with what was learned so far, from every transition. Leaves the learned '
-                    'model, which an mpc can plan with, and a picture; the exit code is 0 if the '
+        description='Swing up and hold a simulated pendulum of which the number of links and '
+                    'the limits of force and track are known: with random forces at first, then '
+                    'by planning with what was learned so far, from every transition. Leaves the '
+                    'learned model, which an mpc can plan with, and a picture; the exit code is 0 if the '
                     'pendulum was held in the end.',
         epilog=f'examples: {program("learn")} --solver mppi; then: ros2 run dp_swing_ros mpc '
                '--ros-args -p dynamics:=learned -p model:=DIR/model.json')

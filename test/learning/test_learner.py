@@ -1,6 +1,6 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""From limits alone to a pendulum that is held, in simulation."""
+"""From random forces to a pendulum that is held, in simulation."""
 
 import math
 

@@ -76,6 +76,11 @@ def test_the_paper_s_euler_plant_is_an_option():
     p = plant(initial_state=START, integrator='euler', physics_step=0.05)
     p.advance(0.05)
     np.testing.assert_allclose(p.x[:3], START[:3])   # velocities were zero
+    off = math.pi - 0.5
+    p = plant(initial_state=(0.0, off, off, 0.0, 0.0, 0.0), integrator='euler', physics_step=0.05)
+    pendulum, before = Pendulum.of(PendulumParameters()), p.x.copy()
+    p.advance(5.0)
+    assert energy(pendulum, p.x) - energy(pendulum, before) == pytest.approx(16.1, abs=0.1)
 
 
 @pytest.mark.parametrize(('command', 'applied'), [(50.0, 20.0), (-50.0, -20.0), (7.0, 7.0)])
