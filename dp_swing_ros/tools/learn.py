@@ -35,8 +35,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         description='Swing up and hold a simulated pendulum of which the number of links and '
                     'the limits of force and track are known: with random forces at first, then '
                     'by planning with what was learned so far, from every transition. Leaves the '
-                    'learned model, which an mpc can plan with, and a picture; the exit code is 0 if the '
-                    'pendulum was held in the end.',
+                    'learned model, which an mpc can plan with, and a picture; the exit code is 0 '
+                    'if the pendulum was held in the end.',
         epilog=f'examples: {program("learn")} --solver mppi; then: ros2 run dp_swing_ros mpc '
                '--ros-args -p dynamics:=learned -p model:=DIR/model.json')
     parser.add_argument('--solver', choices=list(SOLVERS), default='ilqr')
