@@ -5,7 +5,8 @@ Scenarios: what a campaign puts every controller through, each a name and a list
 
 The sweeps are those of the DFKI double-pendulum leaderboards, scaled to this plant: what is swept
 is changed in the plant alone, the controller keeps its nominal model. A start, a profile of pushes
-and a rig depend on the seed alone, so that every controller meets the same.
+and a rig depend on the seed alone, so that every controller meets the same. No start is exactly an
+equilibrium: where nothing else is drawn from the seed, all seeds would be one run.
 
 The rigs are of other make: MuJoCo moves them, and what is wrong with their drives, their sensors
 and their bodies is told to no controller.
@@ -32,7 +33,7 @@ RANDOM_START = (1.0, math.pi, 1.0, 3.0)  # largest x, θ, ẋ and θ̇, either w
 NEAR_GOAL = 0.3                        # [rad] largest angle at the start of near_goal
 
 JOINT = 'joint_dry_friction'           # stands for those of all joints
-NEARLY = 1e-3                          # [SI] standard deviation of a start from an equilibrium
+NEARLY = 1e-3                          # [SI] standard deviation of a start at an equilibrium
 
 LEVELS = 21                            # of a sweep
 PROFILE = 'profile'                    # what pushes sweep: a profile is a level
@@ -87,8 +88,9 @@ class Scenario:
     What one word on the command line stands for.
 
     With sweeps it has cases for every level of each and every seed; else one for every seed, on
-    each of its `ways` if it has several. `case` completes them. A criterion counts in the
-    robustness score. A case lasts `times` as long as was asked for.
+    each of its `ways` if it has several. `case` completes them; where it gives no start, that is
+    nearly hanging. A criterion counts in the robustness score. A case lasts `times` as long as was
+    asked for.
     """
 
     about: str
@@ -105,12 +107,27 @@ class Scenario:
         """Yield the cases, with other seeds or another number of levels where given."""
         for way in () if self.sweeps else self.ways(links):
             for seed in seeds or self.seeds:
-                yield self.case(Case(name, seed, self.times * duration, way), links)
+                yield self.begun(Case(name, seed, self.times * duration, way), links)
         for sweep in (each for each in self.sweeps if each.links <= links):
             for level in np.linspace(sweep.low, sweep.high, levels or self.levels).tolist():
                 for seed in seeds or self.seeds:
-                    yield self.case(Case(name, seed, self.times * duration, sweep.parameter, level,
-                                         sweep.plant(level, links)), links)
+                    yield self.begun(Case(name, seed, self.times * duration, sweep.parameter,
+                                          level, sweep.plant(level, links)), links)
+
+    def begun(self, case: Case, links: int) -> Case:
+        """Return a case completed."""
+        case = self.case(case, links)
+        return replace(case, plant={'initial_state': start_near(hanging(links), case), **case.plant})
+
+
+def start_near(x: Array, case: Case) -> tuple[float, ...]:
+    """Return a start (2n + 2,) near an equilibrium, which the seed decides."""
+    return nearly(x, np.random.default_rng((RIG, case.seed)))
+
+
+def nearly(x: Array, random: np.random.Generator) -> tuple[float, ...]:
+    """Return a state (2n + 2,) that is off by NEARLY."""
+    return tuple((x + random.normal(0.0, NEARLY, len(x))).tolist())
 
 
 def random_start(case: Case, links: int) -> Case:
@@ -126,17 +143,6 @@ def anywhere(random: np.random.Generator, links: int) -> tuple[float, ...]:
     return tuple(x.tolist())
 
 
-def nearly(x: Array, seed: Any) -> tuple[float, ...]:
-    """Return a state (2n + 2,) beside an equilibrium, drawn from a seed: no two runs are one."""
-    found: Array = x + np.random.default_rng(seed).normal(0.0, NEARLY, len(x))
-    return tuple(found.tolist())
-
-
-def from_hanging(case: Case, links: int) -> Case:
-    """Start from nearly hanging."""
-    return replace(case, plant={'initial_state': nearly(hanging(links), (RIG, case.seed))})
-
-
 def near_goal(case: Case, links: int) -> Case:
     """Start at rest with all links off the vertical, as in the paper's Figs. 8-10."""
     x = upright(links)
@@ -150,10 +156,10 @@ def transitions(links: int) -> Iterator[str]:
 
 
 def transition(case: Case, links: int) -> Case:
-    """Start beside one equilibrium, and go to another."""
+    """Start nearly in one equilibrium, and go to another."""
     start, goal = case.parameter.split(TO)
-    x = nearly(equilibria(links)[start], (RIG, case.seed))
-    return replace(case, plant={'initial_state': x}, mpc={'goal': goal})
+    return replace(case, plant={'initial_state': start_near(equilibria(links)[start], case)},
+                   mpc={'goal': goal})
 
 
 def pushed(case: Case, links: int) -> Case:
@@ -218,7 +224,8 @@ def rig(case: Case, links: int, body_error: float = 0.0, **parameters: Any) -> C
     `body_error` at most.
     """
     random = np.random.default_rng((RIG, case.seed))
-    plant: dict[str, Any] = {'engine': 'mujoco', 'initial_state': nearly(hanging(links), random)}
+    plant: dict[str, Any] = {
+        'engine': 'mujoco', 'initial_state': nearly(hanging(links), random)}
     for name, value in parameters.items():
         plant |= {one: random.uniform(*value) if isinstance(value, tuple) else value
                   for one in names_of(name, links)}
@@ -266,7 +273,7 @@ ALL_AT_ONCE: dict[str, Any] = {
     'velocities': 'none', 'force_gain': (0.85, 1.15), 'force_bias': (-2.0, 2.0)}
 
 SCENARIOS: dict[str, Scenario] = {
-    'hanging': Scenario('from nearly hanging, off by 1e-3 (1 σ)', range(20), case=from_hanging),
+    'hanging': Scenario(f'from nearly hanging, at rest but for {NEARLY:g}', range(20)),
     'random': Scenario('from anywhere: x ±1 m, angles ±π, ẋ ±1 m/s, θ̇ ±3 rad/s', range(1000),
                        case=random_start),
     'near_goal': Scenario('from rest with all angles within ±0.3 rad', range(100),
@@ -286,8 +293,9 @@ SCENARIOS: dict[str, Scenario] = {
                       (Sweep('delay', 0.0, 0.15, 's'),), criterion=True),
     'pushes': Scenario('three Gaussian pushes of the cart', range(50), criterion=True,
                        case=pushed),
-    'transitions': Scenario('from beside each equilibrium, off by 1e-3 (1 σ), to each other',
-                            range(100), case=transition, ways=transitions),
+    'transitions': Scenario(
+        f'from nearly each equilibrium, at rest but for {NEARLY:g}, to each other', range(100),
+        case=transition, ways=transitions),
     'loss': Scenario('states, then forces, that are lost', range(5),
                      (Sweep('state_loss', 0.0, 0.5), Sweep('command_loss', 0.0, 0.5))),
     'jitter': Scenario('forces that come late by chance', range(5),
