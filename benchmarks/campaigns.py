@@ -3,9 +3,13 @@
 """The campaigns of docs/results that are those of `evaluate`: random, robustness, baselines."""
 
 from collections.abc import Sequence
+from dataclasses import replace
+import math
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from dp_swing_ros import configuration
+from dp_swing_ros.estimators.unknowns import UnknownsParameters
 from dp_swing_ros.evaluation.campaign import manifest
 from dp_swing_ros.evaluation.campaign.contestants import Contestant, parse_all
 from dp_swing_ros.evaluation.campaign.report import markdown
@@ -13,12 +17,21 @@ from dp_swing_ros.evaluation.campaign.rows import Row
 from dp_swing_ros.evaluation.campaign.summary import summarise
 from dp_swing_ros.evaluation.scenarios import Case, RIGS, SCENARIOS, STRESS
 from dp_swing_ros.figures import of_campaign
+from dp_swing_ros.parameters import fields_of
 from dp_swing_ros.pendulum.state import DEFAULT_LINKS
+from dp_swing_ros.simulation.plant import PlantParameters
 
 CONFIG = Path(__file__).parents[1] / 'config'
 DURATION = 10.0  # [s]
 METHODS = ('ilqr', 'ddp', 'mppi')   # the paper's, which the pages compare
 TEXTBOOK = f'mppi_textbook=mppi:{CONFIG / "textbook_mppi.yaml"}'
+# certain of pendulum and drive, the estimator learns nothing but the state
+CERTAIN = {f'ekf.{field.name}': 0.0 for field in fields_of(UnknownsParameters, DEFAULT_LINKS)}
+STATE_ALONE = '+'.join(f'{name}={value}' for name, value in CERTAIN.items())
+TOLD = 'told'   # the contestant that has the truth of each plant
+OF_ESTIMATOR = (f'state_alone=ilqr:{STATE_ALONE}', f'{TOLD}=ilqr:{STATE_ALONE}',
+                'no_estimator=ilqr:estimator=none')
+BASELINE = 'tvlqr_ekf'   # the strongest
 
 
 class Campaign(NamedTuple):
@@ -48,7 +61,7 @@ class Campaign(NamedTuple):
     def episodes(self) -> list[tuple[Contestant, Case]]:
         """Return all episodes, case by case."""
         contestants = self.parsed()
-        return [(contestant, case) for name in self.scenarios
+        return [(informed(contestant, case), case) for name in self.scenarios
                 for case in SCENARIOS[name].cases(name, self.seeds, None, DURATION)
                 for contestant in contestants]
 
@@ -57,13 +70,33 @@ class Campaign(NamedTuple):
         return case.seed < self.timed.get(case.scenario, 0)
 
 
+def informed(contestant: Contestant, case: Case) -> Contestant:
+    """Return a contestant as it enters a case: TOLD has the truth."""
+    if contestant.label != TOLD:
+        return contestant
+    return replace(contestant, mpc={**contestant.mpc, **truth(case)})
+
+
+def truth(case: Case) -> dict[str, Any]:
+    """
+    Return every parameter of a plant that an mpc has, too.
+
+    A response k < 1 in each physics step is a lag of -h / ln(1 - k); one that overshoots is none.
+    """
+    names = configuration.declared('mpc', DEFAULT_LINKS)
+    known = {name: value for name, value in case.plant.items() if name in names}
+    k = case.plant.get('actuator_response', 1.0)
+    return known | ({'motor_time_constant': -PlantParameters().physics_step / math.log1p(-k)}
+                    if k < 1 else {})
+
+
 CAMPAIGNS = {
     'random': Campaign(
         'Random starts', METHODS, ('random',), None, {'random': 50},
         {'starts': ('random_starts', 'Random starts'), 'settling': ('settling', 'Settling'),
          'solve_times': ('solve_times', 'Solve times')}),
     'robustness': Campaign(
-        'Robustness', (*METHODS, 'tvlqr', 'nothing'),
+        'Robustness', (*METHODS, *OF_ESTIMATOR, BASELINE, 'nothing'),
         tuple(name for name in SCENARIOS
               if name not in ('random', 'transitions', *STRESS, *RIGS)), None,
         {'hanging': 20},
@@ -100,6 +133,8 @@ def page(name: str, rows: Sequence[Row], made: str, figures: Path) -> str:
     named = ''.join(f' `{label}` is `{what.replace(str(CONFIG), "config")}`.' for label, what in (
         text.split('=', 1) for text in campaign.contestants
         if '=' in text.partition(':')[0]))
+    if f'`{TOLD}`' in named:
+        named += f' `{TOLD}` also has what is true of each plant: bodies, drive and delay.'
     return markdown(summary, campaign.title, [
         made, f'{len(rows)} episodes of {DURATION:g} s; their rows: '
         f'[{name}.csv.gz]({name}.csv.gz). {clock}{named}\n', *shown])

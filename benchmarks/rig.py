@@ -11,13 +11,12 @@ from collections.abc import Iterable, Mapping, Sequence
 import math
 from typing import Any, NamedTuple
 
-from campaigns import Campaign, DURATION, METHODS
+from campaigns import Campaign, CERTAIN, DURATION, METHODS, truth
 from joblib import delayed, Parallel
 from matplotlib.figure import Figure
 import numpy as np
 
 from dp_swing_ros import configuration
-from dp_swing_ros.estimators.unknowns import UnknownsParameters
 from dp_swing_ros.evaluation.campaign.contestants import Contestant
 from dp_swing_ros.evaluation.campaign.report import difference, failures, probability, share
 from dp_swing_ros.evaluation.campaign.rows import grouped, Row
@@ -26,7 +25,6 @@ from dp_swing_ros.evaluation.comparison import Median, median, Rate, rate
 from dp_swing_ros.evaluation.metrics import REST
 from dp_swing_ros.evaluation.scenarios import Case, RIGS, SCENARIOS
 from dp_swing_ros.figures.campaign import successes
-from dp_swing_ros.parameters import fields_of
 from dp_swing_ros.pendulum.state import DEFAULT_LINKS
 from dp_swing_ros.simulation.closed_loop import simulate
 from dp_swing_ros.tables import compact
@@ -82,8 +80,7 @@ AIMS = {
 # what an mpc is given beside the truth: certain, its estimator learns nothing but the state
 ORACLES: dict[str, dict[str, Any]] = {
     'told': {},
-    'told and certain': {f'ekf.{field.name}': 0.0
-                         for field in fields_of(UnknownsParameters, DEFAULT_LINKS)}}
+    'told and certain': CERTAIN}
 TOLD = [Rig('rig_delay'), Rig('rig_lag', 0.05), Rig('rig_cart', 4.0), Rig('rig_all')]
 TOLD_SEEDS = range(34)
 
@@ -150,10 +147,8 @@ def episodes() -> list[tuple[Contestant, Case]]:
 
 
 def told(kind: str, solver: str, case: Case) -> Contestant:
-    """Return a solver that has every parameter of a plant that an mpc has, too."""
-    names = configuration.declared('mpc', DEFAULT_LINKS)
-    truth = {name: value for name, value in case.plant.items() if name in names}
-    return Contestant(f'{solver}, {kind}', solver, {}, truth | ORACLES[kind])
+    """Return a solver that has the truth of a plant."""
+    return Contestant(f'{solver}, {kind}', solver, {}, truth(case) | ORACLES[kind])
 
 
 def estimates(seeds: range | None = None) -> list[Found]:
