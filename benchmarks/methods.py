@@ -10,6 +10,7 @@ import argparse
 from collections.abc import Mapping, Sequence
 import hashlib
 from pathlib import Path
+from typing import NamedTuple
 
 from campaigns import METHODS
 import compute
@@ -24,6 +25,7 @@ from dp_swing_ros.evaluation.comparison import paired_ratio, Rate, rate, Ratio
 from dp_swing_ros.evaluation.metrics import quantile
 from dp_swing_ros.evaluation.scenarios import STRESS
 from dp_swing_ros.figures.style import as_share, colours, FAINT, name_lines, solver_name, styled
+from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.tables import compact
 
 RESULTS = stamp.TOP / 'docs' / 'results'
@@ -32,6 +34,7 @@ FILES = 'methods.py', 'compute.py', 'optimum.py'
 FIRST = METHODS[0]          # whom the others are compared with
 SHOWN = (*METHODS, 'sampled_ilqr', 'mppi_textbook')
 LADDERS = {'mppi_textbook': compute.TEXTBOOK}   # that compute.py names otherwise
+COST, APART = 'closed_loop_cost', 1.25   # times as much is in the tails
 RESETS = 'uptime'           # where how it ends says little, and the time upright much
 BUDGETS = 1.0, 4.0, 20.0    # [ms]
 
@@ -62,13 +65,44 @@ def held(rows: Sequence[Row]) -> Rate:
     return rate([row.metrics.success for row in rows])
 
 
-def cost(rows: Sequence[Row], method: str, scenario: str = '') -> Ratio:
-    """Return the closed-loop cost of a method over that of FIRST, where both held."""
+def both(rows: Sequence[Row], method: str, scenario: str, measure: str) -> tuple[Array, Array]:
+    """Return a measure of a method and of FIRST, (N,) each, where both held."""
     pairs = [pair for pair in common(of(rows, method, scenario), of(rows, FIRST, scenario))
              if all(row.metrics.success for row in pair)]
-    ours, first = (np.array([row.metrics.closed_loop_cost for row in side])
-                   for side in zip(*pairs)) if pairs else (np.zeros(0), np.zeros(0))
-    return paired_ratio(ours, first)
+    values = np.array([[getattr(row.metrics, measure) for row in pair] for pair in pairs])
+    ours, first = values.reshape(-1, 2).T
+    return ours, first
+
+
+def cost(rows: Sequence[Row], method: str, scenario: str = '') -> Ratio:
+    """Return the closed-loop cost of a method over that of FIRST, where both held."""
+    return paired_ratio(*both(rows, method, scenario, COST))
+
+
+def typical(rows: Sequence[Row], method: str, scenario: str = '') -> str:
+    """Return the median of the same ratios, and where nine tenths of them are."""
+    ours, first = both(rows, method, scenario, COST)
+    if not len(ours):
+        return '-'
+    low, middle, high = np.quantile(ours / first, (0.05, 0.5, 0.95))
+    return f'{middle:.2f} ({low:.2f}-{high:.2f})'
+
+
+class Tails(NamedTuple):
+    """The shares of cases that cost APART times less or more, and how much later is the dearer."""
+
+    less: float
+    more: float
+    later: float   # [s] median
+
+
+def tails(rows: Sequence[Row], method: str) -> Tails:
+    """Return what the median of the cost over that of FIRST hides, where both held."""
+    ours, first = both(rows, method, '', COST)
+    less, more = ours * APART < first, ours > first * APART
+    apart = np.subtract(*both(rows, method, '', 'settling_time'))
+    return Tails(float(np.mean(less)), float(np.mean(more)),
+                 float(np.median([*-apart[less], *apart[more]])))
 
 
 def upright(rows: Sequence[Row]) -> float:
@@ -83,10 +117,12 @@ def page(rows: Stored, made: str) -> str:
         starts = of(rows['random'], method)
         starts_cost = cost(rows['random'], method)
         lines.append((
-            f'`{method}`', share(held(starts)) if starts else '-', ratio(starts_cost),
+            f'`{method}`', share(held(starts)) if starts else '-',
+            typical(rows['random'], method), ratio(starts_cost),
             verdict(starts_cost.same) if method != FIRST else '-',
             number(quantile(solves(starts), 0.99), 1, 1e3) if starts else '-',
-            share(held(of(rows['stress'], method))), ratio(cost(rows['stress'], method))))
+            share(held(of(rows['stress'], method))), typical(rows['stress'], method),
+            ratio(cost(rows['stress'], method))))
     by_scenario = [
         (f'`{method}`', *(f'{one.successes} of {one.runs}' for one in (
             held(of(rows['stress'], method, scenario)) for scenario in STRESS)),
@@ -103,11 +139,13 @@ def page(rows: Stored, made: str) -> str:
         '![Success under stress, closed-loop cost beside iLQR, cost against computing time]'
         '(../figures/methods.png)\n',
         f'Σℓ is the closed-loop cost over that of `{FIRST}` on the same cases, where both held: '
-        'geometric mean, 95 % interval (bootstrap); equivalent is what an equivalence test shows '
-        'to be within 5 %. Stress is all of '
+        'the median and where nine tenths of the cases are, then the geometric mean, which the '
+        'tails move, with its 95 % interval (bootstrap); equivalent is what an equivalence test '
+        'shows of that to be within 5 %. Stress is all of '
         f'{", ".join(f"`{name}`" for name in STRESS)}.\n',
-        compact([('method', 'random starts held', 'Σℓ', 'equivalent', 'solve, p99 [ms]',
-                  'stress held', 'Σℓ under stress'), *lines]) + '\n',
+        compact([('method', 'random starts held', 'Σℓ, median (5-95 %)', 'Σℓ, mean',
+                  'equivalent', 'solve, p99 [ms]', 'stress held',
+                  'Σℓ under stress, median (5-95 %)', 'Σℓ under stress, mean'), *lines]) + '\n',
         'Held, by scenario:\n',
         compact([('method', *(f'`{name}`' for name in STRESS), f'upright in `{RESETS}` [%]'),
                  *by_scenario]) + '\n',

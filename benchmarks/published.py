@@ -121,7 +121,7 @@ def of_script(name: str, minutes: float, *files: str, sources: Callable[[], str]
 
 PAGES = {
     'random': of_rows('random', 5),
-    'robustness': of_rows('robustness', 7),
+    'robustness': of_rows('robustness', 13),
     'baselines': of_rows('baselines', 4),
     'links': of_rows('links', 6),
     'stress': of_rows('stress', 12),

@@ -28,12 +28,17 @@ def test_costs_are_compared_where_both_held(rows):
     found = methods.cost(rows['random'], 'mppi')
     assert (found.pairs, found.value) == (4, pytest.approx(0.5))
     assert methods.cost(rows['stress'], 'mppi', 'tight').pairs == 2
+    assert methods.typical(rows['random'], 'mppi') == '0.50 (0.50-0.50)'
+    assert methods.typical(rows['random'], 'ddp') == '-'
+    less, more, later = methods.tails(rows['random'], 'mppi')
+    assert (less, more, later) == (1.0, 0.0, pytest.approx(0.0))
     assert np.isnan(methods.cost(rows['random'], 'ddp').value)
 
 
 def test_the_page_says_who_holds_what(rows, monkeypatch):
     text = methods.page(rows, 'made up')
-    assert '| `ilqr` | 8 of 8 (67.6-100.0 %) | 1.000 (1.000 to 1.000) | - |' in text
+    assert ('| `ilqr` | 8 of 8 (67.6-100.0 %) | 1.00 (1.00-1.00) | 1.000 (1.000 to 1.000) | - |'
+            in text)
     assert '| `mppi` | 4 of 8 ' in text
     assert '| `mppi` | 2 of 4 | 2 of 4 | 2 of 4 | 2 of 4 | 2 of 4 | 2 of 4 |' in text
     success, beside, _ = methods.picture(rows).axes
