@@ -118,15 +118,15 @@ def robustness(rows: dict[str, list[Row]]) -> str:
              campaigns.BASELINE: 'strongest baseline: TVLQR about one offline swing-up, '
                                  'our filter'}
     found = {one.contestant: one for one in summary('robustness', rows).scores}
-    return ("Robustness is the mean of the leaderboards' six criteria, each the share of levels at "
-            'which more than half of the runs\nare held:\n\n' + compact([
+    return ("Robustness is the mean of the leaderboards' six criteria, each the share of levels "
+            'at which more than half of the runs\nare held:\n\n' + compact([
                 ('', 'robustness', *TITLES.values()),
                 *((title, *(number(value, 3) for value in (
                     found[name].robustness,
                     *(found[name].criteria.get(one, math.nan) for one in TITLES))))
                   for name, title in shown.items())]) +
-            '\n\nAll know the delay of the states. The truth is that of bodies and drive; of noise, '
-            'pushes and a drive that overshoots\nthere is nothing to tell.')
+            '\n\nAll know the delay of the states. The truth is that of bodies and drive; of '
+            'noise, pushes and a drive that overshoots\nthere is nothing to tell.')
 
 
 def paper(rows: Sequence[Row]) -> str:

@@ -117,7 +117,8 @@ class Scenario:
     def begun(self, case: Case, links: int) -> Case:
         """Return a case completed."""
         case = self.case(case, links)
-        return replace(case, plant={'initial_state': start_near(hanging(links), case), **case.plant})
+        start = start_near(hanging(links), case)
+        return replace(case, plant={'initial_state': start, **case.plant})
 
 
 def start_near(x: Array, case: Case) -> tuple[float, ...]:
