@@ -163,8 +163,9 @@ def peers(results: dict) -> str:
     steps = {kind: ' and '.join(
         f'{benchmark_page.over_crocoddyl(near, name, kind, "C++"):.2g}' for name in ours)
         for kind in ('rk4', 'euler')}
-    whole = {start: ' and '.join(f'{over_whole(results["solves"][f"crocoddyl, {start}"], name):.2g}'
-                                 for name in ours) for start in ('cold', 'warm')}
+    contests = {start: results['solves'][f'crocoddyl, {start}'] for start in ('cold', 'warm')}
+    whole = {start: ' and '.join(f'{over_whole(contest, name):.2g}' for name in ours)
+             for start, contest in contests.items()}
     ticks = results['sampling']['1024']['ticks']
     fastest = benchmark_page.fastest(ticks, 'mppi, ')
     compiled, twin = (benchmark_page.over(ticks, fastest, kind) for kind in ('compiled', 'twin'))
