@@ -16,7 +16,7 @@ from typing import Any
 import benchmark_figures
 import benchmark_page
 from campaigns import METHODS
-from stamp import made, sources_with
+from stamp import made, sources
 from timing import median, Missing, race, ratio, Work
 
 from dp_swing_ros import configuration, provenance
@@ -24,10 +24,6 @@ from dp_swing_ros.pendulum.state import Array
 
 PEERS = {'crocoddyl': 'crocoddyl', 'pin': 'pinocchio', 'casadi': 'casadi', 'torch': 'torch',
          'pytorch_mppi': 'pytorch_mppi', 'mujoco': 'mujoco'}   # distribution: module
-FILES = ('benchmark.py', 'benchmark_figures.py', 'benchmark_page.py', 'campaigns.py', 'growth.py',
-         'limit.py', 'operations.py', 'paper_method.py', 'peers_casadi.py', 'peers_gradient.py',
-         'peers_sampling.py', 'peers_solvers.py', 'startup.py',
-         'timing.py')   # what decides the page
 SAMPLES = (256, 1024, 8192, 65536)
 COMPILED = {'compiled': True, 'closed': False, 'twin': False}
 
@@ -123,7 +119,7 @@ def main() -> None:
     parser.add_argument('--docs', type=Path, default=Path(__file__).parents[1] / 'docs')
     arguments = parser.parse_args()
     results: dict[str, Any] = {
-        'made': made('benchmark', sources_with(*FILES), [*provenance.COMPUTING, *installed()]),
+        'made': made('benchmark', sources('benchmark'), [*provenance.COMPUTING, *installed()]),
         'rounds': arguments.rounds, 'missing': {}}
     for name in arguments.only:
         print(name, flush=True)

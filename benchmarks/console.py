@@ -20,7 +20,7 @@ from live_rates import figures, prioritised, PRIORITY
 import numpy as np
 import pandas as pd
 import psutil
-from stamp import folders, made, sources_with, store_page, store_table, TOP, verdict
+from stamp import folders, made, sources, store_page, store_table, TOP, verdict
 
 from dp_swing_ros.evaluation.comparison import median
 from dp_swing_ros.tables import compact
@@ -28,7 +28,6 @@ from dp_swing_ros.tools.play import PAGE, TRIES
 from dp_swing_ros.tools.processes import await_ready, Crew, isolated, Process
 from dp_swing_ros.tools.soak import soak
 
-FILES = ('console.py', 'chromium.py', 'live_rates.py', 'campaigns.py')
 SOLVER = 'ilqr'
 DURATION = 60.0   # [s] of a run
 PAIRS = 5         # with and without a page
@@ -201,7 +200,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     store_table(pd.DataFrame({'drag_to_visible': felt.drags}), results / 'console_drags.csv.gz')
     table = pd.DataFrame(rows)
     store_page('console', table, page_of(
-        table, felt, made('console', sources_with(*FILES))), arguments.docs)
+        table, felt, made('console', sources('console'))), arguments.docs)
 
 
 if __name__ == '__main__':

@@ -69,7 +69,6 @@ SHOWN = 1, 3, 10, 50             # iterations in the table
 TIMED = 10                       # iterations over which one is timed
 NEAR = 0.01                      # of J*: as good as the best
 LOWEST = 1e-4                    # share of J* at which the picture ends
-FILES = 'convergence.py', 'timing.py'
 COLD, WARM = 'random', 'warm'
 
 
@@ -471,7 +470,7 @@ def main() -> None:
     found, passes, ends = tables.values()
     picture(found, ends).savefig(docs / 'figures' / 'convergence.png')
     (docs / 'results' / 'convergence.md').write_text(page(
-        found, passes, ends, stamp.made('convergence', stamp.sources_with(*FILES))),
+        found, passes, ends, stamp.made('convergence', stamp.sources('convergence'))),
         encoding='utf-8')
 
 

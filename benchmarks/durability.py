@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 from readers import read, Verdicts, whole
-from stamp import made, sources_with, TOP
+from stamp import made, sources, TOP
 from tqdm import tqdm
 import yaml
 
@@ -207,7 +207,7 @@ def page(rows: list[dict[str, str]], disk: str, loaded: str) -> str:
     """Return the page as Markdown."""
     return '\n'.join([
         '# Durability\n',
-        made('durability', sources_with('durability.py', 'numbered.py', 'readers.py')),
+        made('durability', sources('durability')),
         '## SIGKILL of the logger\n',
         f'At random moments, with {TOPICS} topics of numbered messages; then '
         '`ros2 run dp_swing_ros recover`. Lost are all messages that had gone out before the kill '

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 from joblib import delayed, Parallel
 import numpy as np
 import pandas as pd
-from stamp import made, sources_with, TOP
+from stamp import made, sources as digest, TOP
 
 from dp_swing_ros.evaluation import comparison
 from dp_swing_ros.evaluation.campaign.report import share
@@ -170,11 +170,6 @@ def seconds(time: float | None) -> str:
     return '-' if time is None else f'{time:.2f}'
 
 
-def digest() -> str:
-    """Return a digest of the package and of the rig, all that decides a run."""
-    return sources_with(Path(__file__).name, PLANT.name)
-
-
 def stored(file: Path, sources: str) -> dict[Case, dict[str, Any]]:
     """Return the runs that a file holds of these sources."""
     found = {}
@@ -187,7 +182,7 @@ def stored(file: Path, sources: str) -> dict[Case, dict[str, Any]]:
 
 def do(cases: list[Case], file: Path, jobs: int) -> dict[Case, dict[str, Any]]:
     """Do the runs that the file does not hold yet, add each to it, and return all."""
-    sources = digest()
+    sources = digest('foreign')
     found = stored(file, sources)
     rest = [case for case in cases if case not in found]
     began = time.monotonic()
@@ -253,7 +248,7 @@ def page(found: dict[Case, dict[str, Any]]) -> str:
     """Return the page as Markdown."""
     faulty = [run for case, run in found.items() if case.condition in FAULTS]
     return '\n'.join([
-        '# On a rig that shares nothing with us\n', made('foreign', digest()),
+        '# On a rig that shares nothing with us\n', made('foreign', digest('foreign')),
         f'The rig ({PLANT.name}) imports nothing of this package: a node of rclpy with default '
         'QoS that steps a MuJoCo model at 1 ms against the wall clock, limits the force to '
         f'{FORCE_LIMIT:g} N and the track to 2.4 m, lets the force go 0.25 s after the last '

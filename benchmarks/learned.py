@@ -17,7 +17,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 import numpy as np
 import pandas as pd
-from stamp import asked, made, sources_with, store_table, verdict
+from stamp import asked, made, sources, store_table, verdict
 from tqdm import tqdm
 
 from dp_swing_ros import configuration
@@ -43,7 +43,6 @@ from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.simulation.closed_loop import simulate
 from dp_swing_ros.tables import compact
 
-FILES = ('learned.py', 'campaigns.py')
 SEEDS, PREDICTED = 100, 8
 # as in its code: settings_cdp.m and dynamics_cdp.m
 BODIES = {'cart_mass': 0.5, 'link1_mass': 0.5, 'link2_mass': 0.5, 'link1_length': 0.6,
@@ -360,7 +359,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     store(results / 'learned.csv.gz', rows)
     picture(of_trials, breakless).savefig(figures / 'learned.png')
     (results / 'learned.md').write_text(page(
-        of_trials, breakless, rows, predicted, made('learned', sources_with(*FILES))),
+        of_trials, breakless, rows, predicted, made('learned', sources('learned'))),
         encoding='utf-8')
 
 

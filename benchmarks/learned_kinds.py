@@ -17,7 +17,7 @@ from learned import draw_since, held_since, HOLD, in_parallel, SET_UP
 from matplotlib.figure import Figure
 import numpy as np
 import pandas as pd
-from stamp import asked, made, sources_with, store_table
+from stamp import asked, made, sources, store_table
 
 from dp_swing_ros import configuration
 from dp_swing_ros.evaluation.campaign.report import interval, share
@@ -32,7 +32,6 @@ from dp_swing_ros.pendulum.state import deviation, upright
 from dp_swing_ros.simulation.closed_loop import simulate
 from dp_swing_ros.tables import compact
 
-FILES = ('learned_kinds.py', 'learned.py', 'campaigns.py')
 SEEDS = 10
 LONG = 30.0    # [s] of a run without a break
 
@@ -131,7 +130,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     store_table(found, results / 'learned_kinds.csv.gz')
     picture(found).savefig(figures / 'learned_kinds.png')
     (results / 'learned_kinds.md').write_text(page(
-        found, made('learned_kinds', sources_with(*FILES))), encoding='utf-8')
+        found, made('learned_kinds', sources('learned_kinds'))), encoding='utf-8')
 
 
 if __name__ == '__main__':

@@ -18,7 +18,7 @@ from learned import in_parallel
 from matplotlib.figure import Figure
 import numpy as np
 from rig import Rig, settling, told
-from stamp import asked, made, sources_with
+from stamp import asked, made, sources
 from uneven import ADDED, Along, Beside, engines, exact, UnevenRig
 
 from dp_swing_ros import configuration, provenance
@@ -40,7 +40,6 @@ from dp_swing_ros.problem.plan import Plan
 from dp_swing_ros.simulation.closed_loop import simulate
 from dp_swing_ros.tables import compact
 
-FILES = ('learned_rigs.py', 'uneven.py', 'learned.py', 'rig.py', 'campaigns.py')
 RIGS = (Rig('rig_cart', 4.0), Rig('rig_joints', 0.05), Rig('rig_lag', 0.05), Rig('rig_gain'),
         Rig('rig_all'), UnevenRig('beside'), UnevenRig('along'))
 SEEDS, OF_RESIDUAL = 100, 34
@@ -195,9 +194,9 @@ def page(groups: Groups, made: str) -> str:
 def main(argv: Sequence[str] | None = None) -> None:
     """Play all rigs, and write the page."""
     seeds, results, figures = asked(__doc__, argv, SEEDS)
-    sources = sources_with(*FILES)
+    digest = sources('learned_rigs')
     # to go on with; beside what `make results` keeps of this page, and forgets with it
-    kept = Memory(results.parents[1] / f'played_{sources}', verbose=0)
+    kept = Memory(results.parents[1] / f'played_{digest}', verbose=0)
     play_kept = delayed(kept.cache(played))
     calls: list[Any] = [
         play_kept(case, ('structured', 'residual')[:1 + (case.seed < OF_RESIDUAL)])
@@ -207,7 +206,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     groups = by_rig(rows)
     picture(groups).savefig(figures / 'learned_rigs.png')
     (results / 'learned_rigs.md').write_text(page(groups, made(
-        'learned_rigs', sources, (*provenance.COMPUTING, 'mujoco'))), encoding='utf-8')
+        'learned_rigs', digest, (*provenance.COMPUTING, 'mujoco'))), encoding='utf-8')
 
 
 if __name__ == '__main__':

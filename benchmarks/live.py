@@ -13,18 +13,16 @@ from pathlib import Path
 from typing import NamedTuple
 
 import live_faults
-import live_rates
 import live_soak
 import numpy as np
 import pandas as pd
-from stamp import made, sources_with, TOP, verdict
+from stamp import made, sources, TOP, verdict
 
 from dp_swing_ros.evaluation.campaign.report import share
 from dp_swing_ros.evaluation.campaign.rows import grouped, read
 from dp_swing_ros.evaluation.comparison import median, rate
 from dp_swing_ros.tables import compact
 
-FILES = ('live.py', *live_faults.FILES, *live_rates.FILES, *live_soak.FILES)
 HELD = 0.99       # of the starts of a way
 STAYS = 0.2       # [rad] of an angle through all changes
 # another plant, so no figure to be compared with those of this one
@@ -148,7 +146,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--docs', type=Path, default=TOP / 'docs')
     results = parser.parse_args(argv).docs / 'results'
-    text = page(TOP / 'docs' / 'results', made('live', sources_with(*FILES)))
+    text = page(TOP / 'docs' / 'results', made('live', sources('live')))
     results.mkdir(parents=True, exist_ok=True)
     (results / 'live.md').write_text(text, encoding='utf-8')
 

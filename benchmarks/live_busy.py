@@ -14,13 +14,12 @@ from pathlib import Path
 from campaigns import METHODS
 from live_rates import ABOUT, answered, played, prioritised, PRIORITY, Run
 import pandas as pd
-from stamp import made, sources_with, store_page, TOP
+from stamp import made, sources, store_page, TOP
 
 from dp_swing_ros.evaluation.campaign.report import share
 from dp_swing_ros.evaluation.comparison import rate
 from dp_swing_ros.tables import compact
 
-FILES = ('live_busy.py', 'live_rates.py', 'campaigns.py')
 BUSY = 60.0       # [s] on busy cores, and with shadows
 RUNS = 10         # on busy cores
 PRIORITISED = 3   # on busy cores, with a real-time priority
@@ -83,7 +82,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument('--docs', type=Path, default=TOP / 'docs')
     arguments = parser.parse_args(argv)
     rows = played(runs())
-    store_page('live_busy', rows, page(rows, made('live_busy', sources_with(*FILES))),
+    store_page('live_busy', rows, page(rows, made('live_busy', sources('live_busy'))),
                arguments.docs)
 
 

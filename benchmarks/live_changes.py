@@ -21,7 +21,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 import numpy as np
 import pandas as pd
-from stamp import made, sources_with, store_table, TOP
+from stamp import made, sources, store_table, TOP
 from tqdm import tqdm
 
 from dp_swing_ros.bags import read_episode
@@ -35,7 +35,6 @@ from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tables import compact
 from dp_swing_ros.tools.processes import Crew, isolated
 
-FILES = ('live_changes.py', 'live_operator.py', 'campaigns.py')
 BALANCED = 4.0    # [s] before the first change
 PAUSE = 0.2       # [s] after each
 LOADING = 60.0    # [s] at most until a change counts: another solver may have to be compiled
@@ -289,7 +288,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     for name, frame in frames.items():
         store_table(frame, results / f'{name}.csv.gz')
     (results / 'live_changes.md').write_text(
-        page(*frames.values(), made('live_changes', sources_with(*FILES))), encoding='utf-8')
+        page(*frames.values(), made('live_changes', sources('live_changes'))), encoding='utf-8')
 
 
 if __name__ == '__main__':

@@ -20,7 +20,7 @@ from campaigns import METHODS
 from live_operator import Operator
 import numpy as np
 import pandas as pd
-from stamp import made, sources_with, store_page, TOP
+from stamp import made, sources, store_page, TOP
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 from tqdm import tqdm
@@ -34,7 +34,6 @@ from dp_swing_ros.tables import compact
 from dp_swing_ros.tools.processes import Crew, isolated, Process
 from dp_swing_ros.topics import DISTURBANCE, FORCE_COMMAND
 
-FILES = ('live_faults.py', 'live_operator.py', 'campaigns.py')
 RUNS = 10         # of each fault and solver
 DOWN = 0.2        # [rad] of an angle, beyond which it is down
 STAYS = 1.0       # [s] within that: up again
@@ -255,7 +254,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     with isolated(), tempfile.TemporaryDirectory() as folder:
         rows = pd.DataFrame([found for solver in arguments.solvers
                              for found in play(solver, arguments.runs, Path(folder))])
-    store_page('live_faults', rows, page(rows, made('live_faults', sources_with(*FILES))),
+    store_page('live_faults', rows, page(rows, made('live_faults', sources('live_faults'))),
                arguments.docs)
 
 

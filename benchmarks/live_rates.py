@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 from campaigns import METHODS
 import pandas as pd
-from stamp import made, sources_with, store_page, TOP, verdict
+from stamp import made, sources, store_page, TOP, verdict
 import yaml
 
 from dp_swing_ros.evaluation.soak import answers, OUT, pendulum, processes, Soak, times
@@ -23,7 +23,6 @@ from dp_swing_ros.tables import compact
 from dp_swing_ros.tools.processes import isolated
 from dp_swing_ros.tools.soak import soak
 
-FILES = ('live_rates.py', 'campaigns.py')
 LONG = 600.0      # [s] at 20 Hz
 RATES = (20.0, 100.0, 200.0, 300.0, 400.0, 500.0)   # [Hz]
 SHORT = 20.0      # [s] at each
@@ -171,7 +170,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument('--docs', type=Path, default=TOP / 'docs')
     arguments = parser.parse_args(argv)
     rows = played(runs(arguments.long))
-    store_page('live_rates', rows, page(rows, made('live_rates', sources_with(*FILES))),
+    store_page('live_rates', rows, page(rows, made('live_rates', sources('live_rates'))),
                arguments.docs)
 
 

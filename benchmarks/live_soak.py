@@ -12,14 +12,13 @@ from pathlib import Path
 import shutil
 import tempfile
 
-from stamp import folders, made, sources_with, TOP, verdict
+from stamp import folders, made, sources, TOP, verdict
 
 from dp_swing_ros.evaluation.soak import answers, processes, Soak, ticks, times, WARM
 from dp_swing_ros.tables import compact
 from dp_swing_ros.tools.processes import isolated
 from dp_swing_ros.tools.soak import soak, write
 
-FILES = ('live_soak.py',)
 SOLVER, DURATION = 'ilqr', 3600.0   # [s]
 GROWTH = 1.0   # [MB] below which the memory of plant and mpc is to grow
 
@@ -63,7 +62,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         shutil.copy(folder / 'summary.json', results / 'live_soak.json')
         shutil.copy(folder / 'soak.png', figures / 'live_soak.png')
     (results / 'live_soak.md').write_text(
-        page(found, made('live_soak', sources_with(*FILES))), encoding='utf-8')
+        page(found, made('live_soak', sources('live_soak'))), encoding='utf-8')
 
 
 if __name__ == '__main__':

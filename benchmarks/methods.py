@@ -30,7 +30,6 @@ from dp_swing_ros.tables import compact
 
 RESULTS = stamp.TOP / 'docs' / 'results'
 PAGES = 'random', 'stress', 'compute'
-FILES = 'methods.py', 'compute.py', 'optimum.py'
 FIRST = METHODS[0]          # whom the others are compared with
 SHOWN = (*METHODS, 'sampled_ilqr', 'mppi_textbook')
 LADDERS = {'mppi_textbook': compute.TEXTBOOK}   # that compute.py names otherwise
@@ -43,7 +42,7 @@ Stored = Mapping[str, Sequence[Row]]
 
 def sources() -> str:
     """Return a digest of all that decides the page: code and rows."""
-    digest = hashlib.sha256(stamp.sources_with(*FILES).encode())
+    digest = hashlib.sha256(stamp.sources('methods').encode())
     for page in PAGES:
         digest.update((RESULTS / f'{page}.csv.gz').read_bytes())
     return digest.hexdigest()[:16]

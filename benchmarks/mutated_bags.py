@@ -27,7 +27,7 @@ import warnings
 
 from mutations import FORGED, MUTATIONS
 import numpy as np
-from stamp import made, sources_with, TOP
+from stamp import made, sources, TOP
 from tqdm import tqdm
 
 from dp_swing_ros.bags import read_episode
@@ -238,7 +238,7 @@ def run(folder: Path) -> Path:
 def page(counts: Counter[tuple[str, str, str]], seeds: range) -> str:
     """Return the page as Markdown."""
     lines = ['# Damaged bags\n',
-             made('damaged_bags', sources_with('mutated_bags.py', 'mutations.py', 'forgeries.py')),
+             made('damaged_bags', sources('damaged_bags')),
              'A recorded run is damaged and given to each tool, with the seeds '
              f'{seeds.start} to {seeds[-1]}. error: exit code 2 and one line; '
              'result: the table of the undamaged bag; reported as partial: a part of it, with '

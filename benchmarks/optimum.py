@@ -48,7 +48,6 @@ HELD = 5                      # steps for which a random force is held
 GUESSES = 54
 ITERATIONS = 150              # twice what nearly all those take that converge
 SAME = 1e-3                   # of the cost: the same optimum, and the same on the plant
-FILES = 'optimum.py', 'oracle.py', 'peers_casadi.py'
 OPTIONS: dict[str, Any] = {
     'ipopt.print_level': 0, 'ipopt.sb': 'yes', 'ipopt.tol': 1e-6, 'ipopt.max_iter': ITERATIONS,
     'print_time': False, 'error_on_fail': False}
@@ -206,7 +205,7 @@ def main() -> None:
     results = arguments.docs / 'results'
     stamp.store_table(pd.DataFrame(optima), results / 'optimum.csv.gz')
     (results / 'optimum.md').write_text(page(optima, stamp.made(
-        'optimum', stamp.sources_with(*FILES), ('numpy', 'scipy', 'casadi'))), encoding='utf-8')
+        'optimum', stamp.sources('optimum'), ('numpy', 'scipy', 'casadi'))), encoding='utf-8')
 
 
 if __name__ == '__main__':

@@ -44,7 +44,6 @@ ENDS = (0.0, 2.2, -2.2)       # [m] where the cart goes in a guess
 SPARE = 1e-4                  # [rad] from the bound, for rounding
 SHORT = 5e-3                  # [m] from the ends of the track, for what is between two steps
 ITERATIONS = 150              # four times what those take that succeed
-FILES = 'oracle.py', 'peers_casadi.py'
 OPTIONS: dict[str, Any] = {
     'ipopt.print_level': 0, 'ipopt.sb': 'yes', 'ipopt.tol': 1e-9, 'print_time': False,
     'error_on_fail': False}
@@ -227,7 +226,7 @@ def main() -> None:
     results = arguments.docs / 'results'
     stamp.store_table(pd.DataFrame(verdicts), results / 'oracle.csv.gz')
     (results / 'oracle.md').write_text(page(verdicts, stamp.made(
-        'oracle', stamp.sources_with(*FILES),
+        'oracle', stamp.sources('oracle'),
         ('numpy', 'scipy', 'casadi'))), encoding='utf-8')
 
 

@@ -17,25 +17,12 @@ import time
 from typing import NamedTuple
 
 import ablation
-import benchmark
 import campaigns
 import compute
-import convergence
 import hard
-import learned
-import learned_kinds
-import learned_rigs
 import links
-import live
-import live_busy
-import live_changes
-import live_faults
-import live_rates
-import live_soak
 import methods
 import near_goal
-import optimum
-import oracle
 import pandas as pd
 import readme
 import rig
@@ -106,17 +93,18 @@ def played(name: str, docs: Path, kept: Path) -> tuple[list[Row], str]:
     return rows, stamp.made(name, seeded.sources(name), seeded.SEEDED[name].packages)
 
 
-def of_script(name: str, minutes: float, *files: str, sources: Callable[[], str] | None = None,
+def of_script(name: str, minutes: float, script: str = '',
+              sources: Callable[[], str] | None = None,
               python: Path = Path(sys.executable)) -> Page:
-    """Return a page that a script writes; it and other files of this folder decide it."""
+    """Return a page that a script writes, of the name of the page if no other is given."""
     def write(docs: Path, kept: Path) -> None:
         if not python.exists():
             raise Failure(f'there is no {python}, which this page needs; `make results '
                           f'PAGES={name}` installs it')
-        command = [str(python), str(HERE / files[0]), '--docs', str(docs)]
+        command = [str(python), str(HERE / (script or f'{name}.py')), '--docs', str(docs)]
         if subprocess.run(command).returncode:
             raise Failure(f'{" ".join(command)} failed; what it wrote stands above')
-    return Page(minutes, sources or (lambda: stamp.sources_with(*files)), write)
+    return Page(minutes, sources or (lambda: stamp.sources(name)), write)
 
 
 PAGES = {
@@ -128,33 +116,31 @@ PAGES = {
     'ablation': of_rows('ablation', 55),
     'fresh': of_rows('fresh', 18),
     'transitions': of_rows('transitions', 6),
-    'oracle': of_script('oracle', 13, *oracle.FILES),
+    'oracle': of_script('oracle', 13),
     'near_goal': of_rows('near_goal', 1),
-    'optimum': of_script('optimum', 8, *optimum.FILES),
+    'optimum': of_script('optimum', 8),
     'compute': of_rows('compute', 15),
-    'hard': of_script('hard', 8, *hard.FILES, sources=hard.sources),
-    'convergence': of_script('convergence', 2, *convergence.FILES),
-    'methods': of_script('methods', 1, *methods.FILES, sources=methods.sources),
-    'suites': of_script('suites', 35, *suites.FILES, sources=suites.sources, python=suites.PYTHON),
+    'hard': of_script('hard', 8, sources=hard.sources),
+    'convergence': of_script('convergence', 2),
+    'methods': of_script('methods', 1, sources=methods.sources),
+    'suites': of_script('suites', 35, sources=suites.sources, python=suites.PYTHON),
     'rig': of_rigs(50),
-    'paper': of_script('paper', 7, 'paper.py', sources=lambda: seeded.sources('paper')),
-    'real_time': of_script('real_time', 9, 'real_time.py', 'campaigns.py'),
-    'foreign': of_script('foreign', 26, 'foreign.py', 'foreign_plant.py'),
-    'live_changes': of_script('live_changes', 16, *live_changes.FILES),
-    'live_faults': of_script('live_faults', 34, *live_faults.FILES),
-    'live_rates': of_script('live_rates', 48, *live_rates.FILES),
-    'live_busy': of_script('live_busy', 63, *live_busy.FILES),
-    'live_soak': of_script('live_soak', 61, *live_soak.FILES),
-    'live': of_script('live', 0.1, *live.FILES),
-    'learned': of_script('learned', 45, *learned.FILES),
-    'learned_kinds': of_script('learned_kinds', 55, *learned_kinds.FILES),
-    'learned_rigs': of_script('learned_rigs', 75, *learned_rigs.FILES),
-    'console': of_script('console', 25, 'console.py', 'chromium.py', 'live_rates.py',
-                         'campaigns.py'),
-    'durability': of_script('durability', 6, 'durability.py', 'numbered.py', 'readers.py'),
-    'damaged_bags': of_script('damaged_bags', 4, 'mutated_bags.py', 'mutations.py',
-                              'forgeries.py'),
-    'benchmark': of_script('benchmark', 18, *benchmark.FILES)}
+    'paper': of_script('paper', 7, sources=lambda: seeded.sources('paper')),
+    'real_time': of_script('real_time', 9),
+    'foreign': of_script('foreign', 26),
+    'live_changes': of_script('live_changes', 16),
+    'live_faults': of_script('live_faults', 34),
+    'live_rates': of_script('live_rates', 48),
+    'live_busy': of_script('live_busy', 63),
+    'live_soak': of_script('live_soak', 61),
+    'live': of_script('live', 0.1),
+    'learned': of_script('learned', 45),
+    'learned_kinds': of_script('learned_kinds', 55),
+    'learned_rigs': of_script('learned_rigs', 75),
+    'console': of_script('console', 25),
+    'durability': of_script('durability', 6),
+    'damaged_bags': of_script('damaged_bags', 4, 'mutated_bags.py'),
+    'benchmark': of_script('benchmark', 18)}
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -162,12 +148,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = command_line().parse_args(argv)
     try:
         interrupt_on_signals()
-        if not arguments.dirty and (changed := stamp.changed()):
+        if not (arguments.dirty or arguments.mark) and (changed := stamp.changed()):
             print(f'make results: error: {", ".join(changed)} differ from the commit '
                   f'{stamp.commit()}; commit first, or call with RESULTS=--dirty for pages that '
                   'say so', file=sys.stderr)
             return MISUSED
-        make(arguments.pages or list(PAGES), arguments.again)
+        make([] if arguments.mark else arguments.pages or list(PAGES), arguments.again)
     except KeyboardInterrupt:
         print('make results: interrupted; call again to go on', file=sys.stderr)
         return INTERRUPTED
@@ -186,6 +172,9 @@ def command_line() -> argparse.ArgumentParser:
                         help=f'of {", ".join(PAGES)} (default: all)')
     parser.add_argument('--dirty', action='store_true',
                         help='though sources differ from the commit; the pages say so')
+    parser.add_argument('--mark', action='store_true',
+                        help='make none; only say on each page, and in README, whether what it '
+                             'measures has changed since')
     parser.add_argument('--again', action='store_true',
                         help='forget what was played from the same sources')
     return parser
@@ -200,7 +189,7 @@ def name_of_page(text: str) -> str:
 
 def make(names: Sequence[str], again: bool) -> None:
     """
-    Make pages, one after the other, and README's table of all that are there.
+    Make pages, one after the other, and README's table of all that are there; mark what is older.
 
     Raises Failure, CampaignError or OSError; what was finished stays.
     """
@@ -216,8 +205,20 @@ def make(names: Sequence[str], again: bool) -> None:
         else:
             expected += PAGES[name].minutes
             spent += (time.monotonic() - began) / 60
+    for path, text in marked(DOCS / 'results').items():
+        path.write_text(text, encoding='utf-8')
     readme.write(stamp.TOP / 'README.md', DOCS / 'results')
     print(f'== {len(names)} pages, {spent:.1f} min', flush=True)
+
+
+def marked(results: Path) -> dict[Path, str]:
+    """Return every page, whose first line says if it is older than what it measures."""
+    stamps = {page: stamp.read(results / f'{page}.md') for page in PAGES
+              if (results / f'{page}.md').exists()}
+    return {results / f'{page}.md': stamp.marked(
+        (results / f'{page}.md').read_text(encoding='utf-8'), of,
+        PAGES[page].sources() != of.sources, stamp.usual(stamps.values()))
+        for page, of in stamps.items()}
 
 
 def place(name: str, again: bool) -> bool:

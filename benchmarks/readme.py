@@ -11,6 +11,7 @@ import benchmark_page
 import campaigns
 import methods
 import numpy as np
+import stamp
 
 from dp_swing_ros.evaluation.campaign.report import number, share, SHOWN
 from dp_swing_ros.evaluation.campaign.rows import read, Row, solves
@@ -50,6 +51,9 @@ def block(results: Path) -> str:
     benchmark = json.loads((results / 'benchmark.json').read_text(encoding='utf-8'))
     if 'gradient' in benchmark and 'sampling' in benchmark and 'limit' in benchmark:
         parts.append(peers(benchmark))
+    if older := [f'[{page}](docs/results/{page}.md)' for page in (*STORED, 'benchmark')
+                 if stamp.is_marked(results / f'{page}.md')]:
+        parts.append(f'Older than the code that they measure are the pages {", ".join(older)}.')
     return '\n' + '\n\n'.join(parts) + '\n\n'
 
 

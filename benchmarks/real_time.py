@@ -13,7 +13,7 @@ from pathlib import Path
 import tempfile
 
 from campaigns import METHODS
-from stamp import made, sources_with, TOP
+from stamp import made, sources, TOP
 
 from dp_swing_ros import configuration
 from dp_swing_ros.bags import read_episode
@@ -108,7 +108,7 @@ def main() -> None:
     hero(episodes[SHOWN]).savefig(figures / 'three_links.png')
     store(results / 'real_time.csv.gz', rows)
     (results / 'real_time.md').write_text(
-        page(rows, made('real_time', sources_with('real_time.py'))), encoding='utf-8')
+        page(rows, made('real_time', sources('real_time'))), encoding='utf-8')
 
 
 if __name__ == '__main__':

@@ -14,6 +14,7 @@ import links
 import near_goal
 import paper_experiments
 import rig
+import stamp
 
 from dp_swing_ros import provenance
 from dp_swing_ros.evaluation.campaign.contestants import Contestant, key
@@ -49,7 +50,7 @@ SEEDED = {
 
 def sources(page: str) -> str:
     """Return a digest of all that decides the rows of a page: the code and the parameters."""
-    text = provenance.sources() + repr(SEEDED[page].episodes())
+    text = stamp.sources(page) + repr(SEEDED[page].episodes())
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 

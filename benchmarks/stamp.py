@@ -3,13 +3,16 @@
 """Where a stored page comes from: the sentence that names it, what it says, and its table."""
 
 import argparse
+import ast
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from datetime import date
+from functools import cache
 import hashlib
 from pathlib import Path
 import re
 import subprocess
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import pandas as pd
 
@@ -22,6 +25,61 @@ GENERATED = ('README.md', 'docs/results', 'docs/figures')
 MADE = re.compile(r'Made by `make results PAGES=(?P<page>\w+)` on \S+ at commit '
                   r'(?P<commit>[\w-]+), sources (?P<sources>[0-9a-f]{16}); '
                   r'(?P<machine>[^;]*) \((?P<processor>[\w-]+)\); (?P<versions>[^;]*)\.\n')
+OLDER = 'This page is older than what it measures'
+MARK = re.compile(rf'\*\*{OLDER}.*\*\*\n\n')
+
+# parts of the package that a page measures beside those that decide an episode
+BAGS = ('bags/', 'environment.py', 'executables.py', 'messages/',
+        *(f'nodes/{name}.py' for name in ('connections', 'fast_lane', 'logger', 'parameters',
+                                          'process', 'ros_parameters', 'taking')),
+        'tools/processes.py', 'topics.py')
+LIVE = (*BAGS, *(f'nodes/{name}.py' for name in (
+    'cdr', 'diagnostics', 'loading', 'messages', 'mpc', 'pace', 'plant', 'shadows',
+    'tick_figures', 'timing')), 'rerun/answers.py', 'rerun/shadow.py')
+SOAK = (*LIVE, 'evaluation/soak.py', 'tools/demo.py', 'tools/resources.py', 'tools/soak.py',
+        'tools/tool_node.py', 'tools/watcher.py')
+OPERATED = (*LIVE, 'tools/tool_node.py')
+CONSOLE = (*SOAK, 'console/', 'nodes/actions.py', 'nodes/console.py', 'nodes/partners.py',
+           'parameters/console.py', 'pendulum/geometry.py', 'tools/play.py')
+LEARNED = ('evaluation/soak.py', 'learning/')
+
+
+class Measured(NamedTuple):
+    """What a page measures: by scripts of this folder, parts of the package, and episodes."""
+
+    scripts: str = ''
+    parts: tuple[str, ...] = ()
+    episodes: bool = True
+
+
+# what is not named is a page of episodes alone (seeded.py)
+MEASURED = {
+    'rig': Measured(parts=('identification/',)),
+    'oracle': Measured('oracle peers_casadi'),
+    'optimum': Measured('optimum oracle peers_casadi'),
+    'hard': Measured('hard oracle peers_casadi'),
+    'convergence': Measured('convergence timing'),
+    'methods': Measured('methods'),
+    'suites': Measured('suites suites_episodes'),
+    'real_time': Measured('real_time', (*LIVE, 'tools/demo.py')),
+    'foreign': Measured('foreign foreign_plant', LIVE),
+    'live_changes': Measured('live_changes live_operator', OPERATED),
+    'live_faults': Measured('live_faults live_operator', OPERATED),
+    'live_rates': Measured('live_rates', SOAK),
+    'live_busy': Measured('live_busy live_rates', SOAK),
+    'live_soak': Measured('live_soak', SOAK),
+    'live': Measured('live live_faults live_operator live_rates live_soak', SOAK),
+    'learned': Measured('learned', LEARNED),
+    'learned_kinds': Measured('learned_kinds learned', LEARNED),
+    'learned_rigs': Measured('learned_rigs learned rig uneven', LEARNED),
+    'console': Measured('console chromium live_rates', CONSOLE),
+    'durability': Measured('durability numbered readers', (*BAGS, 'recovery/', 'tools/recover.py'),
+                           episodes=False),
+    'damaged_bags': Measured('mutated_bags mutations forgeries', (
+        *BAGS, 'identification/recorded.py', 'learning/recorded.py', 'nodes/replay.py',
+        'recovery/', 'report/', 'rerun/', 'tools/'), episodes=False),
+    'benchmark': Measured('benchmark growth limit operations paper_method peers_casadi '
+                          'peers_gradient peers_sampling peers_solvers startup timing')}
 
 
 class Stamp(NamedTuple):
@@ -59,12 +117,60 @@ def read(page: Path) -> Stamp:
     return Stamp(**{name: found[name] for name in Stamp._fields})
 
 
-def sources_with(*scripts: str) -> str:
-    """Return a digest of the whole package and of some files of this folder."""
-    digest = hashlib.sha256(provenance.sources(()).encode())
-    for script in scripts:
-        digest.update(Path(__file__).with_name(script).read_bytes())
+def sources(page: str) -> str:
+    """Return a digest of the code that a page measures, and of the scripts that measure it."""
+    of = MEASURED.get(page, Measured())
+    files = [Path(__file__).with_name(f'{script}.py') for script in of.scripts.split()]
+    for path in sorted(provenance.PACKAGE.rglob('*')):
+        place = path.relative_to(provenance.PACKAGE).as_posix()
+        if (path.suffix in ('.py', '.js', '.html', '.css') and place.startswith(of.parts)
+                or path.suffix == '.py' and of.episodes
+                and not place.startswith(provenance.AFTERWARDS)):
+            files.append(path)
+    digest = hashlib.sha256()
+    for path in files:
+        text = path.read_text(encoding='utf-8')
+        digest.update(path.relative_to(path.parents[1]).as_posix().encode()
+                      + (meaning(text) if path.suffix == '.py' else text).encode())
     return digest.hexdigest()[:16]
+
+
+@cache
+def meaning(code: str) -> str:
+    """Return what a module does: without comments, docstrings and layout, by any Python alike."""
+    return repr(_plain(ast.parse(code)))
+
+
+def _plain(node: Any) -> Any:
+    """Return a syntax tree as tuples, without what some versions of Python leave out."""
+    if isinstance(node, list):
+        return [_plain(one) for one in node if not (
+            isinstance(one, ast.Expr) and isinstance(one.value, ast.Constant))]
+    if not isinstance(node, ast.AST):
+        return node
+    fields = ((name, _plain(value)) for name, value in ast.iter_fields(node))
+    return (type(node).__name__, *(field for field in fields if field[1] not in (None, [])))
+
+
+def usual(stamps: Iterable[Stamp]) -> str:
+    """Return the processor of most pages."""
+    return Counter(of.processor for of in stamps).most_common(1)[0][0]
+
+
+def marked(text: str, of: Stamp, is_older: bool, processor_of_most: str) -> str:
+    """Return a page with the line that says that it is older than what it measures, or without."""
+    text = MARK.sub('', text)
+    if not is_older:
+        return text
+    elsewhere = '' if of.processor == processor_of_most else (
+        f'; its processor ({of.processor}) is also not that of most pages')
+    line = f'**{OLDER}, which has changed since commit {of.commit}{elsewhere}.**'
+    return MADE.sub(lambda made: f'{line}\n\n{made[0]}', text, count=1)
+
+
+def is_marked(page: Path) -> bool:
+    """Return whether a page says that it is outdated."""
+    return MARK.search(page.read_text(encoding='utf-8')) is not None
 
 
 def folders(docs: Path) -> tuple[Path, Path]:

@@ -31,7 +31,6 @@ from dp_swing_ros.figures.style import colours, FAINT, name_lines, solver_name, 
 from dp_swing_ros.tables import compact
 
 PYTHON = stamp.TOP / '.venv-suites' / 'bin' / 'python'
-FILES = 'suites.py', 'suites_episodes.py', 'campaigns.py'
 PACKAGES = (*provenance.COMPUTING, 'dm_control', 'gymnasium', 'mujoco')
 EPISODES = {'two_poles': {'tuned': 100, 'defaults': 20},    # of each solver
             'three_poles': {'tuned': 50, 'defaults': 20},   # which take ten times as long
@@ -65,7 +64,7 @@ PUBLISHED = {
 
 def sources() -> str:
     """Return a digest of all that decides the page: code and tuned sets."""
-    digest = hashlib.sha256(stamp.sources_with(*FILES).encode())
+    digest = hashlib.sha256(stamp.sources('suites').encode())
     for task in TASKS.values():
         for file in task.tuned + task.tuned_mppi:
             digest.update((stamp.TOP / 'config' / file).read_bytes())

@@ -11,7 +11,6 @@ from pathlib import Path
 import subprocess
 import sys
 
-import benchmark
 import campaigns
 import numpy as np
 import pandas as pd
@@ -235,10 +234,59 @@ def test_generated_files_do_not_make_a_tree_dirty(tmp_path, monkeypatch):
     assert stamp.commit().endswith('-dirty')
 
 
-def test_scripts_decide_their_pages():
-    assert set(benchmark.FILES) <= {path.name for path in (TOP / 'benchmarks').iterdir()}
-    one, other = (published.PAGES[page].sources() for page in ('durability', 'real_time'))
-    assert one != other
+def test_what_a_page_measures_exists():
+    assert set(stamp.MEASURED) <= set(published.PAGES)
+    for of in stamp.MEASURED.values():
+        for script in of.scripts.split():
+            assert (TOP / 'benchmarks' / f'{script}.py').exists(), script
+        for place in of.parts:
+            assert (provenance.PACKAGE / place).exists(), place
+
+
+def test_the_digest_of_live_pages_is_of_the_modules_that_their_nodes_need():
+    nodes = ', '.join(f'dp_swing_ros.nodes.{name}' for name in ('plant', 'mpc', 'logger'))
+    script = (f'import sys, {nodes}\n'
+              'print(*(m for m in sys.modules if m.startswith("dp_swing_ros.")))')
+    loaded = subprocess.run([sys.executable, '-c', script], capture_output=True, text=True,
+                            check=True, cwd=TOP).stdout.split()
+    needed = {f'{name.partition(".")[2].replace(".", "/")}.py' for name in loaded}
+    assert {name for name in needed if name.startswith(('bags/', 'messages/', 'nodes/', 'rerun/'))
+            and not name.startswith(stamp.LIVE)} == set()
+    assert {name for name in stamp.LIVE if name.startswith(('nodes/', 'rerun/'))} <= needed
+
+
+def test_comments_docstrings_and_layout_do_not_outdate_a_page_but_a_number_does():
+    code = 'def force(x):\n    """Return it."""\n    return f"{x}", -0.1 * (x + 2)\n'
+    told = ('# why\n\ndef force(x):\n    """Give a force."""\n    return (f"{x}",  # what\n'
+            '            -0.1 * (x + 2))\n')
+    assert stamp.meaning(told) == stamp.meaning(code)
+    for other in (code.replace('0.1', '0.2'), code.replace('{x}', '{-x}'),
+                  code.replace('return f', 'yield f'), code.replace('(x + 2)', 'x + 2')):
+        assert stamp.meaning(other) != stamp.meaning(code)
+
+
+def test_pages_say_in_their_first_line_that_they_are_older_and_no_other_does():
+    wrong = [path.name for path, text in published.marked(RESULTS).items()
+             if path.read_text() != text]
+    assert not wrong, f'{wrong}: run `python benchmarks/published.py --mark`'
+
+
+def test_an_older_page_is_marked_and_unmarked(elsewhere, monkeypatch):
+    assert published.main(['near_goal']) == 0
+    page = elsewhere / 'docs' / 'results' / 'near_goal.md'
+    text = page.read_text()
+    assert stamp.OLDER not in text
+    now = published.PAGES['near_goal']
+    monkeypatch.setitem(published.PAGES, 'near_goal', now._replace(sources=lambda: 'other'))
+    for _ in range(2):
+        assert published.main(['--mark']) == 0
+        first = page.read_text().split('\n\n')[1]
+        assert first == f'**{stamp.OLDER}, which has changed since commit abc.**'
+    monkeypatch.setitem(published.PAGES, 'near_goal', now)
+    assert published.main(['--mark']) == 0
+    assert page.read_text() == text
+    of = stamp.read(page)
+    assert f'({of.processor}) is also not that of' in stamp.marked(text, of, True, 'another')
 
 
 def test_readme_s_figures_come_from_rows(tmp_path):

@@ -148,7 +148,7 @@ def test_the_rows_have_every_episode(outcomes):
 def test_a_missing_environment_is_an_error_that_says_what_makes_it(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(published, 'KEPT', tmp_path)
     monkeypatch.setitem(published.PAGES, 'suites', published.of_script(
-        'suites', 1, *suites.FILES, python=tmp_path / 'nowhere' / 'python'))
+        'suites', 1, python=tmp_path / 'nowhere' / 'python'))
     assert published.main(['--dirty', 'suites']) == 1
     error = capsys.readouterr().err
     assert error.count('\n') == 1 and '`make results PAGES=suites` installs it' in error
