@@ -54,6 +54,7 @@ class Measured(NamedTuple):
 
 # what is not named is a page of episodes alone (seeded.py)
 MEASURED = {
+    'ablation': Measured('ablation'),
     'rig': Measured(parts=('identification/',)),
     'oracle': Measured('oracle peers_casadi'),
     'optimum': Measured('optimum oracle peers_casadi'),
