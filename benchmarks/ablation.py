@@ -361,9 +361,9 @@ def page(rows: Sequence[Row], made: str) -> str:
                  *(line(part, name) for part in PARTS for name in solvers_of(part))]) + '\n',
         *(f'{title[0].upper()}{title[1:]}: {"; ".join(parts)}.\n'
           for title, parts in verdicts.items()),
-        '"Nothing shown" is no proof that a part does nothing. What guards against outliers and dead '
-        'sensors meets none of them here, and where several do the same, as the other starts do, '
-        'none is missed alone.\n',
+        '"Nothing shown" is no proof that a part does nothing. What guards against outliers and '
+        'dead sensors meets none of them here, and where several do the same, as the other starts '
+        'do, none is missed alone.\n',
         textbook(of), '![What is lost without each part](../figures/ablation.png)\n'])
 
 
