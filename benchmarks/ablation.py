@@ -398,11 +398,11 @@ def picture(rows: Sequence[Row]) -> Figure:
                     axes.plot((one.cost.low, one.cost.high), (y, y), color=colour[name])
                     axes.plot(one.cost.value, y, 'o', color=colour[name], markersize=3)
                 if one.p < SHOWN:
-                    axes.annotate(f'{one.held} of {one.cases}', (1.0, y), color=colour[name],
-                                  xycoords=('axes fraction', 'data'), fontsize=6,
-                                  ha='right', va='center')
+                    axes.annotate(f'{one.held} of {one.cases}', (0.76 + 0.24 * n, -place),
+                                  xycoords=('axes fraction', 'data'), color=colour[name],
+                                  fontsize=6, ha='right', va='center')
         axes.axvspan(1 / SAME_COST, SAME_COST, color='0.9', zorder=0)
-        axes.set(title=trial.scenario, xscale='log', xlim=(0.7, 6), xlabel='cost, × the defaults',
+        axes.set(title=trial.scenario, xscale='log', xlim=(0.7, 9), xlabel='cost, × the defaults',
                  yticks=-np.arange(len(parts)), yticklabels=[part.title for part in parts])
         axes.set_xticks((1, 2, 4), ('1', '2', '4'))
         axes.minorticks_off()
