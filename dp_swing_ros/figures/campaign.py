@@ -106,7 +106,7 @@ def criteria(summary: Summary) -> Figure | None:
     robustness = {score.contestant: f', robustness {score.robustness:.3f}'
                   for score in summary.scores if not math.isnan(score.robustness)}
     name_lines(figure, {label + robustness.get(label, ''): look.mark
-                        for label, look in shown.items()}, entry=2.1)
+                        for label, look in shown.items()}, entry=2.4)
     figure.suptitle('Who still holds the pendulum as the plant gets worse')
     return figure
 
