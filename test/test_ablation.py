@@ -82,8 +82,8 @@ def test_without_the_estimator_wrong_velocities_are_believed():
     assert with_it.metrics.success and not without.metrics.success
 
 
-@pytest.mark.parametrize('trial', {*ablation.TRIALS, *(
-    part.meant for part in ablation.PARTS if part.meant)}, ids=str)
+@pytest.mark.parametrize('trial', dict.fromkeys((*ablation.TRIALS, *(
+    part.meant for part in ablation.PARTS if part.meant))), ids=str)
 def test_a_trial_has_a_case_for_each_seed(trial):
     assert [case.seed for case in trial.cases()] == list(trial.seeds)
 
