@@ -47,10 +47,10 @@ evaluate: setup  ## run a campaign of episodes without ROS (EVALUATE='...' for i
 	@$(WITH_ROS) && ros2 run dp_swing_ros evaluate $(EVALUATE)
 
 results: setup $(if $(filter benchmark hard optimum oracle,$(or $(PAGES),oracle)),$(VENV)/.peers)
-results: $(if $(filter rig learned_rigs,$(PAGES)),$(VENV)/.installed-rig)
-results: $(if $(filter console,$(PAGES)),$(VENV)/.installed-test)
+results: $(if $(filter ablation foreign learned_rigs rig,$(PAGES)),$(VENV)/.installed-rig)
+results: $(if $(filter console durability,$(or $(PAGES),console)),$(VENV)/.installed-test)
 results: $(if $(filter suites,$(or $(PAGES),suites)),$(SUITES)/.installed)
-results:  ## every published figure anew, in eleven hours (PAGES='random robustness' for some)
+results:  ## every published figure anew, in twelve and a half hours (PAGES='random robustness' for some)
 	@$(WITH_ROS) && python benchmarks/published.py $(PAGES) $(RESULTS)
 
 test: setup $(VENV)/.installed-test  ## all tests, linters and type checks (PYTEST='...' for arguments of pytest)

@@ -51,6 +51,7 @@ def ours(*names: str) -> dict[str, Any]:
 
 FINE, EULER = ('paper',), ('paper', 'paper_euler')
 MODEL = {'physics_step': PERIOD}              # of a plant that moves as the model predicts
+EULERS = {'model': 'euler'}                   # that of the paper, whatever the plant
 BOUND = {'force_limit': LimitParameters().force_limit}
 PLAIN = {'terminal_scale': 1.0}
 GAINS = ours('mppi.feedback')
@@ -65,6 +66,8 @@ SETUPS = {
     'paper, RK4 plant, 20 N': Setup('', FINE, {**MODEL, **BOUND}, BOUND),
     'paper, fine plant': Setup('', FINE),
     'paper, fine plant, 20 N': Setup('', FINE, BOUND, BOUND),
+    'paper, Euler model, fine plant': Setup('', FINE, {}, EULERS),
+    'paper, Euler model, fine plant, 20 N': Setup('', FINE, BOUND, {**BOUND, **EULERS}),
     'paper, S_f = S': Setup('', EULER, {}, PLAIN, ('mppi',)),
     **{f'paper, fine plant, 20 N, {name}': Setup('', FINE, BOUND, {**BOUND, **mpc}, ('mppi',))
        for name, mpc in {

@@ -46,7 +46,8 @@ start by chance (standard deviation {NEARLY:g}), for all solvers and set-ups ali
 seeds are one run. Set-ups: `defaults`, and `paper`: the parameter files `config/paper.yaml`
 and `config/paper_euler.yaml`, for MPPI `config/paper_mppi.yaml` too. With `RK4 plant` and `fine
 plant`, `config/paper_euler.yaml` is left out: the model takes an RK4 step of 50 ms, and the plant
-the same one, or those of 5 ms as by default. With `20 N` the force is bounded for plant and mpc;
+the same one, or those of 5 ms as by default; with `Euler model` the model alone stays the paper's.
+With `20 N` the force is bounded for plant and mpc;
 else it is not, or for MPPI by 75 N. With `S_f = S` the final cost is S instead of 1000 S. With
 `our` there are, of the defaults, gains (`mppi.feedback`), sampling (samples, updates, temperature,
 noise) and cost (chords, the LQR value, weights, horizon). In figures are the first two. Their runs

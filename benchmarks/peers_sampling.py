@@ -29,6 +29,7 @@ from dp_swing_ros.problem.problem import plan_of, Problem
 from dp_swing_ros.solvers.mppi import MPPI
 
 STEPS_ON_GPU, SAMPLES_ON_GPU = 100, (2048, 10_000, 100_000, 1_000_000)
+THREADS = 8
 NOISE = 5.0      # [N] standard deviation of pytorch_mppi's samples
 Step = Callable[[Tensor, Tensor], Tensor]
 
@@ -68,7 +69,7 @@ def costs(problem: Problem, dtype: torch.dtype) -> tuple[Step, Step]:
 
 def gpu_ticks() -> tuple[str, dict[str, Work]]:
     """
-    Return the name of the GPU, and an update of ours there for each number of samples.
+    Return the name of the GPU, and an update of ours there and on the CPU, by number of samples.
 
     Over 100 steps, as in the figure that MPPI-Generic publishes. Raises Missing without a GPU.
     """
@@ -76,8 +77,10 @@ def gpu_ticks() -> tuple[str, dict[str, Work]]:
         raise Missing(f'torch {torch.__version__} finds no NVIDIA GPU on this machine')
     problem = configuration.problem({'horizon': STEPS_ON_GPU})
     return torch.cuda.get_device_name(), {
-        f'mppi, {samples:,} samples': our_tick(problem, samples, device='cuda')
-        for samples in SAMPLES_ON_GPU}
+        f'mppi, {samples:,} samples{where}': our_tick(problem, samples, **parameters)
+        for samples in SAMPLES_ON_GPU
+        for where, parameters in (('', {'device': 'cuda'}),
+                                  (f', {THREADS} threads of the CPU', {'threads': THREADS}))}
 
 
 def torch_step(problem: Problem, kind: str) -> Step:

@@ -21,6 +21,7 @@ import campaigns
 import compute
 import hard
 import links
+import live
 import methods
 import near_goal
 import pandas as pd
@@ -215,10 +216,12 @@ def marked(results: Path) -> dict[Path, str]:
     """Return every page, whose first line says if it is older than what it measures."""
     stamps = {page: stamp.read(results / f'{page}.md') for page in PAGES
               if (results / f'{page}.md').exists()}
+    older = {page for page, of in stamps.items() if PAGES[page].sources() != of.sources}
+    if not older.isdisjoint(live.PARTS):   # it measures nothing itself
+        older.add('live')
     return {results / f'{page}.md': stamp.marked(
-        (results / f'{page}.md').read_text(encoding='utf-8'), of,
-        PAGES[page].sources() != of.sources, stamp.usual(stamps.values()))
-        for page, of in stamps.items()}
+        (results / f'{page}.md').read_text(encoding='utf-8'), of, page in older,
+        stamp.usual(stamps.values())) for page, of in stamps.items()}
 
 
 def place(name: str, again: bool) -> bool:

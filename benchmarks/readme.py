@@ -53,7 +53,8 @@ def block(results: Path) -> str:
         parts.append(peers(benchmark))
     if older := [f'[{page}](docs/results/{page}.md)' for page in (*STORED, 'benchmark')
                  if stamp.is_marked(results / f'{page}.md')]:
-        parts.append(f'Older than the code that they measure are the pages {", ".join(older)}.')
+        parts.append('Of the pages behind these figures, older than the code that they measure '
+                     f'are {", ".join(older)}; others say so themselves.')
     return '\n' + '\n\n'.join(parts) + '\n\n'
 
 
@@ -119,8 +120,8 @@ def robustness(rows: dict[str, list[Row]]) -> str:
              'told': '`ilqr`, told the truth, filter of the state alone',
              'state_alone': '`ilqr`, told nothing, filter of the state alone',
              'no_estimator': '`ilqr`, told nothing, no filter',
-             campaigns.BASELINE: 'strongest baseline: TVLQR about one offline swing-up, '
-                                 'our filter'}
+             campaigns.BASELINE: 'strongest baseline that does not plan anew: TVLQR about '
+                                 'one offline swing-up, our filter'}
     found = {one.contestant: one for one in summary('robustness', rows).scores}
     return ("Robustness is the mean of the leaderboards' six criteria, each the share of levels "
             'at which more than half of the runs\nare held:\n\n' + compact([
@@ -150,10 +151,12 @@ def paper(rows: Sequence[Row]) -> str:
             f'{held("paper, 20 N", *every)} with 20 N;\non a plant of RK4 steps of 50 ms, as the '
             f'model, {held("paper, RK4 plant", *every)} and '
             f'{held("paper, RK4 plant, 20 N", *every)};\non a plant that is integrated finely '
-            f'{held("paper, fine plant", *every)} and {held("paper, fine plant, 20 N", *every)}. '
-            'To hold, its iLQR and DDP lack the bound alone,\n'
-            'and only where the plant is not the model. Its MPPI lacks more: in the last of '
-            'these it holds '
+            f'{held("paper, Euler model, fine plant", *every)} and '
+            f'{held("paper, Euler model, fine plant, 20 N", *every)}, with RK4 in the model '
+            f'{held("paper, fine plant", *every)} and\n'
+            f'{held("paper, fine plant, 20 N", *every)}. So where the plant is not the model, '
+            'its iLQR and DDP lack two things: the bound, and a model\n'
+            'better than Euler. Its MPPI lacks more: in the last of these it holds '
             f'{held(f"{mppi} sampling and cost", "mppi")} with our\nsampling and cost, '
             f'{held(f"{mppi} gains and sampling", "mppi")} with our sampling and the gains of a '
             'Riccati pass, and '
@@ -175,9 +178,10 @@ def peers(results: dict) -> str:
     compiled, twin = (benchmark_page.over(ticks, fastest, kind) for kind in ('compiled', 'twin'))
     return ('[In one run with its peers](docs/results/benchmark.md), which acados is not among, a '
             f'whole solve of DDP and iLQR to the\nsame cost takes {whole["cold"]} times less time '
-            f"than crocoddyl's from cold starts, {whole['warm']} times from warm ones; an "
-            f'iteration\n{steps["rk4"]} times less with the same RK4 model, {steps["euler"]} with '
-            f'Euler. An update of MPPI with 1,024 samples takes\n{compiled:.0f} (compiled) to '
+            f"than crocoddyl's from cold starts (medians of the few from which both get there), "
+            f"{whole['warm']} times from warm ones;\nan iteration {steps['rk4']} times less with "
+            f"the same RK4 model, {steps['euler']} where theirs takes Euler's steps. An update "
+            f'of MPPI with 1,024\nsamples takes {compiled:.0f} (compiled) to '
             f"{twin:.0f} times less than pytorch_mppi's; the rollouts use "
             f'{100 * results["limit"]["share"]["value"]:.0f} % of the most multiply-adds a second'
             '\nthat were measured on the machine.')

@@ -42,6 +42,7 @@ OPERATED = (*LIVE, 'tools/tool_node.py')
 CONSOLE = (*SOAK, 'console/', 'nodes/actions.py', 'nodes/console.py', 'nodes/partners.py',
            'parameters/console.py', 'pendulum/geometry.py', 'tools/play.py')
 LEARNED = ('evaluation/soak.py', 'learning/')
+DEVICE = 'solvers/device.py'   # loaded for samples on a device, and no episode has such
 
 
 class Measured(NamedTuple):
@@ -80,7 +81,8 @@ MEASURED = {
         *BAGS, 'identification/recorded.py', 'learning/recorded.py', 'nodes/replay.py',
         'recovery/', 'report/', 'rerun/', 'tools/'), episodes=False),
     'benchmark': Measured('benchmark growth limit operations paper_method peers_casadi '
-                          'peers_gradient peers_sampling peers_solvers startup timing')}
+                          'peers_gradient peers_sampling peers_solvers startup timing',
+                          (DEVICE,))}
 
 
 class Stamp(NamedTuple):
@@ -126,7 +128,7 @@ def sources(page: str) -> str:
         place = path.relative_to(provenance.PACKAGE).as_posix()
         if (path.suffix in ('.py', '.js', '.html', '.css') and place.startswith(of.parts)
                 or path.suffix == '.py' and of.episodes
-                and not place.startswith(provenance.AFTERWARDS)):
+                and not place.startswith((*provenance.AFTERWARDS, DEVICE))):
             files.append(path)
     digest = hashlib.sha256()
     for path in files:

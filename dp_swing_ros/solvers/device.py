@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import functools
 import importlib.util
 import math
+from types import FunctionType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -63,6 +64,16 @@ def step(inputs: Inputs, x: list[Tensor], offset: Tensor, gain: Tensor,
     return list(advance(inputs.model, x, u)), u, running_cost(inputs.cost, x, u)
 
 
+def copy_of(function: Any) -> FunctionType:
+    """
+    Return a function with a code object of its own.
+
+    torch compiles a code object eight times at most; for a ninth size it would run uncompiled,
+    some fifty times slower.
+    """
+    return FunctionType(function.__code__.replace(), function.__globals__, function.__name__)
+
+
 @functools.lru_cache(maxsize=4)   # estimated parameters change the problem, but not the program
 class Program:
     """The samples of one update; compiled and recorded once, for all problems of a size."""
@@ -80,7 +91,7 @@ class Program:
         self.step, self.run = step, self.follow
         if place == 'cuda':
             if importlib.util.find_spec('triton'):
-                self.step = torch.compile(step, dynamic=False)
+                self.step = torch.compile(copy_of(step), dynamic=False)
             self.run = self.recorded()
 
     def recorded(self) -> Any:

@@ -115,8 +115,9 @@ def ears():
     """Return a node that hears with ROS's own defaults what is published, as anybody's would."""
     peer = Peer()
     peer.pushes, peer.states, peer.ticks = [], [], []
+    # all of a drag: while the browser is at work, nobody takes them, and ten are soon there
     peer.node.create_subscription(
-        Float64, 'disturbance', lambda message: peer.pushes.append(message.data), 10)
+        Float64, 'disturbance', lambda message: peer.pushes.append(message.data), 1000)
     peer.node.create_subscription(JointState, 'joint_states', peer.states.append, 10)
     peer.node.create_subscription(DiagnosticArray, '/diagnostics', peer.ticks.append, 10)
     yield peer
@@ -195,14 +196,17 @@ def test_a_drag_pulls_where_it_goes(page, ears, tmp_path, body, way):
 
 def test_a_drag_is_seen(page, ears):
     assert stands(ears)
-    for n in range(5):
+    taken = []
+    for n in range(20):   # a hand may miss a cart that moves
         page.grip(0, (-1) ** n, 40)
         ears.spin(0.3)
         page.let_go()
         ears.spin(0.4)
-    taken = page.drags()
+        taken = page.drags()
+        if len(taken) > 2:
+            break
     print(f'drag to visible: {[round(each) for each in taken]} ms')
-    assert len(taken) > 2   # a hand may miss a cart that moves
+    assert len(taken) > 2
 
 
 def test_keys_push_and_help(page, ears):
@@ -419,6 +423,11 @@ def numbers(page, seconds):
     return found
 
 
+def alike(live, then):
+    """Return how many different costs were shown at the same times."""
+    return len({cost for _, cost in live & then})
+
+
 def box(page, selector):
     return page.driver.execute_script(
         'const {top, bottom, height} = document.querySelector(arguments[0])'
@@ -428,18 +437,18 @@ def box(page, selector):
 def test_looking_back_shows_what_it_thought_then(page, ears, tmp_path):
     assert stands(ears)
     page.find('#kick-right').click()
-    live = numbers(page, 1.0)
+    live = numbers(page, 2.0)
     look_back(page, 0)
     then, instants = set(), []
-    for _ in range(30):   # the slider has the focus
-        page.find('#instant').send_keys(Keys.ARROW_LEFT)
+    while len(instants) < 30 or len(instants) < 300 and not alike(live, then) > 5:
+        page.find('#instant').send_keys(Keys.ARROW_LEFT)   # the slider has the focus
         instants.append(float(page.text('#instant-time').split()[0].replace('−', '-')))
         then |= numbers(page, 0.15)
     page.shot(tmp_path / 'looking_back.png')
     steps = [a - b for a, b in zip(instants, instants[1:])]
     assert min(steps) > 0   # and of a state, which on a busy machine may be late
-    assert sorted(steps)[14] == pytest.approx(0.05, abs=0.011)
-    assert len({cost for _, cost in live & then}) > 5, (live, then)
+    assert sorted(steps)[len(steps) // 2] == pytest.approx(0.05, abs=0.011)
+    assert alike(live, then) > 5, (live, then)
     assert page.driver.execute_script(   # there is a scale
         "const strip = document.querySelector('#strip'), pen = strip.getContext('2d');"
         'return pen.getImageData(0, strip.height - 12, strip.width, 12).data.some(each => each)')

@@ -17,6 +17,7 @@ from dp_swing_ros.solvers.noise import fill, state_from
 from dp_swing_ros.solvers.solver import generator
 
 torch = pytest.importorskip('torch')
+copy_of = pytest.importorskip('dp_swing_ros.solvers.device').copy_of
 SAMPLES = 200
 ON_GPU = pytest.mark.skipif(not torch.cuda.is_available(), reason='there is no CUDA GPU')
 devices = pytest.mark.parametrize('device', ['torch', pytest.param('cuda', marks=ON_GPU)])
@@ -84,6 +85,21 @@ def test_another_problem_of_the_same_size_is_another_problem(device, rng):
     best = policy(light.problem, rng)
     costs = [one.samples.draw(best, one.random).copy() for one in (light, heavy, light)]
     assert np.median(costs[1] / costs[0]) > 1.01
+
+
+def test_torch_compiles_a_program_of_every_size():
+    """It compiles one code object eight times, and runs what comes then fifty times slower."""
+    sizes = []
+
+    def backend(graph, inputs):
+        sizes.append(len(inputs[0]))
+        return graph.forward
+
+    def function(x):
+        return x + 1
+    for size in range(2, 14):
+        torch.compile(copy_of(function), backend=backend, dynamic=False)(torch.zeros(size))
+    assert sizes == list(range(2, 14))
 
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason='there is a CUDA GPU')
