@@ -7,12 +7,13 @@ import shutil
 
 import psutil
 from selenium import webdriver
+from selenium.common.exceptions import StaleElementReferenceException
 from selenium.webdriver import ActionChains
 from selenium.webdriver.support.wait import WebDriverWait
 
 CHROMIUM, DRIVER = shutil.which('chromium'), shutil.which('chromedriver')
 DESKTOP, PHONE = (1440, 900), (390, 844)   # [px]
-PATIENCE, POLL = 30.0, 0.05   # [s]
+PATIENCE, POLL = 90.0, 0.05   # [s]
 
 
 class Page:
@@ -64,7 +65,8 @@ class Page:
 
     def until(self, condition, what):
         """Wait for something; raises TimeoutException where it does not come."""
-        WebDriverWait(self.driver, PATIENCE, POLL).until(
+        # what the page writes anew while it is looked at is looked at again
+        WebDriverWait(self.driver, PATIENCE, POLL, [StaleElementReferenceException]).until(
             lambda _: condition(), f'the page has not shown {what}')
 
     def await_text(self, selector, text):

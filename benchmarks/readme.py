@@ -171,15 +171,20 @@ def peers(results: dict) -> str:
         f'{benchmark_page.over_crocoddyl(near, name, kind, "C++"):.2g}' for name in ours)
         for kind in ('rk4', 'euler')}
     contests = {start: results['solves'][f'crocoddyl, {start}'] for start in ('cold', 'warm')}
-    whole = {start: ' and '.join(f'{over_whole(contest, name):.2g}' for name in ours)
-             for start, contest in contests.items()}
+    ratios = {start: [over_whole(contest, name) for name in ours]
+              for start, contest in contests.items()}
+    whole = {start: ' and '.join(f'{each["value"]:.2g}' for each in of)
+             for start, of in ratios.items()}
+    pairs = {start: ' and '.join(str(each['starts']) for each in of)
+             for start, of in ratios.items()}
     ticks = results['sampling']['1024']['ticks']
     fastest = benchmark_page.fastest(ticks, 'mppi, ')
     compiled, twin = (benchmark_page.over(ticks, fastest, kind) for kind in ('compiled', 'twin'))
     return ('[In one run with its peers](docs/results/benchmark.md), which acados is not among, a '
             f'whole solve of DDP and iLQR to the\nsame cost takes {whole["cold"]} times less time '
-            f"than crocoddyl's from cold starts (medians of the few from which both get there), "
-            f"{whole['warm']} times from warm ones;\nan iteration {steps['rk4']} times less with "
+            f"than crocoddyl's from cold starts, {whole['warm']} times from warm ones (medians "
+            f'over the {pairs["cold"]} and the {pairs["warm"]}\nof 20 from which both get there); an '
+            f"iteration {steps['rk4']} times less with "
             f"the same RK4 model, {steps['euler']} where theirs takes Euler's steps. An update "
             f'of MPPI with 1,024\nsamples takes {compiled:.0f} (compiled) to '
             f"{twin:.0f} times less than pytorch_mppi's; the rollouts use "
@@ -187,10 +192,11 @@ def peers(results: dict) -> str:
             '\nthat were measured on the machine.')
 
 
-def over_whole(contest: dict, ours: str) -> float:
-    """Return how many times faster we get there than the fastest of crocoddyl's."""
-    return min(row['ratios'][ours]['value'] for name, row in contest.items()
-               if name.startswith('crocoddyl') and row['ratios'].get(ours))
+def over_whole(contest: dict, ours: str) -> dict:
+    """Return how many times faster we get there than the fastest of crocoddyl's, and how often."""
+    return min((row['ratios'][ours] for name, row in contest.items()
+                if name.startswith('crocoddyl') and row['ratios'].get(ours)),
+               key=lambda ratio: ratio['value'])
 
 
 def summary(name: str, rows: dict[str, list[Row]]):

@@ -175,7 +175,7 @@ def test_the_picture_moves(page, ears):
     assert stands(ears)
     before = page.places(), page.picture()
     page.grip(0, 1, 40)
-    assert wait_until(lambda: page.places()[0][0] > before[0][0][0] + 3)
+    page.until(lambda: page.places()[0][0] > before[0][0][0] + 3, 'a cart that moved')
     assert page.picture() != before[1]
     page.let_go()
 
@@ -236,7 +236,8 @@ def test_a_slider_changes_the_mpc(page, ears):
     before = value_of(ears, 'mpc', 'force_weight').double_value
     page.find('#mpc-force_weight-0').send_keys(Keys.ARROW_RIGHT)
     assert ears.until(lambda: value_of(ears, 'mpc', 'force_weight').double_value > before)
-    assert wait_until(lambda: page.find('#mpc-force_weight .usual').is_displayed())
+    page.until(lambda: page.find('#mpc-force_weight .usual').is_displayed(),
+               'a button for the usual value')
     page.find('#mpc-force_weight .usual').click()
     assert ears.until(lambda: value_of(ears, 'mpc', 'force_weight').double_value == before)
 
@@ -270,7 +271,8 @@ def test_the_horizon_is_told_in_seconds(page, ears):
     assert ears.until(lambda: value_of(ears, 'mpc', 'horizon').integer_value > 30)
     steps = value_of(ears, 'mpc', 'horizon').integer_value
     page.await_text('#mpc-horizon-seconds', f'= {0.05 * steps:.2f} s')
-    assert wait_until(lambda: page.find('#mpc-horizon .usual').is_displayed())
+    page.until(lambda: page.find('#mpc-horizon .usual').is_displayed(),
+               'a button for the usual value')
     page.find('#mpc-horizon .usual').click()
     page.await_text('#mpc-horizon-seconds', '= 1.50 s')
 
@@ -388,9 +390,10 @@ def test_the_solver_is_switched(page, ears):
 def test_a_recording_verifies(page, nodes, ears):
     page.find('#record').click()
     page.await_text('#record', 'Stop')
-    assert wait_until(lambda: int(re.search(r'\((\d+) s\)', page.text('#record'))[1]) >= 4, 30)
+    page.until(lambda: int(re.search(r'\((\d+) s\)', page.text('#record'))[1]) >= 4,
+               '4 s of a recording')
     page.find('#record').click()
-    assert wait_until(lambda: page.all('#recordings a'), 60)
+    page.until(lambda: page.all('#recordings a'), 'a recording')
     link = page.find('#recordings li').text.split()[0]
     folder = next(path.parent for path in nodes.folder.rglob('metadata.yaml')
                   if link in str(path))
@@ -409,7 +412,7 @@ def go_to(page, at):
 def look_back(page, at):
     """Look at an instant so many seconds ago."""
     page.find('#look').click()
-    assert wait_until(lambda: page.find('#branch').is_enabled())
+    page.until(lambda: page.find('#branch').is_enabled(), 'a branch')
     go_to(page, at)
 
 
@@ -475,7 +478,7 @@ def test_a_branch_shows_courses(page, ears, tmp_path):
     look_back(page, -3)
     page.choose('#branch-duration', '2')
     page.find('#branch').click()
-    assert wait_until(lambda: len(page.all('#courses-list figure')) >= 3, 90), page.text('#notice')
+    page.until(lambda: len(page.all('#courses-list figure')) >= 3, 'courses')
     assert all('cost' in each.text for each in page.all('#courses-list figure'))
     assert all('regret' in each.text or 'the least' in each.text
                for each in page.all('#courses-list figure'))
@@ -553,7 +556,8 @@ def test_a_bag_is_played(browser, nodes, lockstep_bag, tmp_path):
     browser.find('#instant').send_keys(Keys.ARROW_LEFT)
     browser.await_text('#instant-time', '1.05 of')
     browser.find('#play').click()
-    assert wait_until(lambda: float(browser.find('#instant').get_attribute('value')) > 1.5, 20)
+    browser.until(lambda: float(browser.find('#instant').get_attribute('value')) > 1.5,
+                  'a bag that plays')
     browser.shot(tmp_path / 'bag.png')
     browser.find('#play').click()
     browser.await_text('#play', 'Play')
@@ -565,7 +569,7 @@ def test_read_only_refuses_and_says_so(browser, nodes, ears):
     console, address = nodes.console(['-r', '__node:=watcher'], read_only=True)
     browser.open(address)
     assert browser.find('#read-only').is_displayed()
-    assert wait_until(lambda: browser.all('#goals button'), 20)
+    browser.until(lambda: browser.all('#goals button'), 'goals')
     assert stands(ears)
     ears.pushes.clear()
     browser.grip(0, 1)
@@ -585,11 +589,11 @@ def test_read_only_refuses_and_says_so(browser, nodes, ears):
     assert ears.pushes == []
     # and who is left alone is told, too
     console.stop()
-    assert wait_until(lambda: browser.find('#lost').is_displayed(), 10)
+    browser.until(lambda: browser.find('#lost').is_displayed(), 'that nobody answers')
     assert 'Trying again' in browser.text('#lost')
     nodes.console(['-r', '__node:=watcher'], read_only=True,
                   port=int(address.rstrip('/').rsplit(':', 1)[1]))
-    assert wait_until(lambda: not browser.find('#lost').is_displayed(), 30)
+    browser.until(lambda: not browser.find('#lost').is_displayed(), 'the console again')
 
 
 def test_who_is_dead_is_named_and_faded_until_it_is_back(browser, nodes, tmp_path):
@@ -641,7 +645,7 @@ def test_a_plant_in_lockstep_is_paused_and_stepped(browser, nodes, ears, tmp_pat
     nodes.start('mpc', {}, away).wait_for('ready')
     nodes.start('plant', {'lockstep': True, 'pace': 1.0, 'start': 'up_up'}, away)
     browser.open(nodes.console(away)[1])
-    assert wait_until(lambda: browser.find('#pause').is_displayed(), 30)
+    browser.until(lambda: browser.find('#pause').is_displayed(), 'a pause')
     browser.find('#pause').click()
     browser.await_text('#pause', 'Go on')
     time.sleep(0.6)
@@ -649,7 +653,7 @@ def test_a_plant_in_lockstep_is_paused_and_stepped(browser, nodes, ears, tmp_pat
     for _ in range(4):
         browser.find('#step').click()
         time.sleep(0.2)
-    assert wait_until(lambda: browser.now() > stands_at, 5)
+    browser.until(lambda: browser.now() > stands_at, 'a time that goes on')
     assert browser.now() < stands_at + 0.5
     browser.shot(tmp_path / 'paused.png')
     time.sleep(2.5)   # for which a plant that is not paused would be silent
