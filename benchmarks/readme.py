@@ -183,10 +183,10 @@ def peers(results: dict) -> str:
     return ('[In one run with its peers](docs/results/benchmark.md), which acados is not among, a '
             f'whole solve of DDP and iLQR to the\nsame cost takes {whole["cold"]} times less time '
             f"than crocoddyl's from cold starts, {whole['warm']} times from warm ones (medians "
-            f'over the {pairs["cold"]} and the {pairs["warm"]}\nof 20 from which both get there); an '
-            f"iteration {steps['rk4']} times less with "
-            f"the same RK4 model, {steps['euler']} where theirs takes Euler's steps. An update "
-            f'of MPPI with 1,024\nsamples takes {compiled:.0f} (compiled) to '
+            f'over the {pairs["cold"]} and the {pairs["warm"]}\nof 20 from which both get '
+            f'there); an iteration {steps["rk4"]} times less with the same RK4 model, '
+            f"{steps['euler']} where\ntheirs takes Euler's steps. An update of MPPI with 1,024 "
+            f'samples takes {compiled:.0f} (compiled) to '
             f"{twin:.0f} times less than pytorch_mppi's; the rollouts use "
             f'{100 * results["limit"]["share"]["value"]:.0f} % of the most multiply-adds a second'
             '\nthat were measured on the machine.')
