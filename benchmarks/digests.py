@@ -7,33 +7,32 @@ Digests of lockstep runs: states, forces and plans to the bit, before and after 
     python benchmarks/digests.py --against before.json
 
 Without ROS: solvers, links, set-ups, faults, learned dynamics. With real nodes, stepped one period
-at a time: live changes of parameters, resets, pauses, what is disabled and enabled again. It knows
-the package by what users do alone, so that it can be run on any two states of the sources, on one
-machine.
+at a time: live changes of parameters, resets, pauses, what is disabled and enabled again. Only on
+one machine are those of two states of the sources to be compared.
 """
 
 import argparse
-from collections.abc import Callable, Iterator, Mapping
+from array import array
+from collections.abc import Callable, Iterator
 import contextlib
 import hashlib
 import json
-import os
 from pathlib import Path
-import signal
-import subprocess
 import sys
 import tempfile
-import time
 from typing import Any
 
+from campaigns import METHODS
+from live_operator import Operator
 import numpy as np
+from std_srvs.srv import SetBool, Trigger
 
 from dp_swing_ros import controller, plant, simulate
+from dp_swing_ros.nodes.connections import QUEUE, subscribe
+from dp_swing_ros.tools.processes import Crew, isolated
+from dp_swing_ros.topics import FORCE_COMMAND, JOINT_STATES, PLAN
 
 DURATION = 4.0   # [s] of a run without ROS
-PATIENCE = 120.0   # [s] for what nodes do
-SOLVERS = ('ilqr', 'ddp', 'mppi')
-CONFIG = Path(__file__).parents[1] / 'config'
 
 Values = dict[str, Any]
 Setup = tuple[Values, Values]   # parameters of plant and mpc
@@ -75,7 +74,7 @@ def known(node: str, values: Values, links: int) -> Values:
         name: value for name, value in values.items() if links > 1 or 'link2' not in name}}
 
 
-def run(setup: Setup, solver: str, links: int, extra: Mapping[str, Any] = {}) -> str:
+def run(setup: Setup, solver: str, links: int, **extra: Any) -> str:
     """Return the digest of a run without ROS."""
     system = plant(known('plant', setup[0], links))
     control = controller({**known('mpc', setup[1], links), 'solver': solver, **extra})
@@ -89,168 +88,114 @@ def run(setup: Setup, solver: str, links: int, extra: Mapping[str, Any] = {}) ->
     return digest(episode.t, episode.X, episode.U, *parts)
 
 
-class Nodes:
-    """A plant in lockstep and an mpc, stepped from outside, and all that they publish."""
+class Stepped(Operator):
+    """The operator of a plant in lockstep and an mpc, stepped from outside; hears all they say."""
 
-    def __init__(self, folder: Path, values: Setup) -> None:
-        """Start both, and pause the plant before its tenth state."""
-        import rclpy
-        from rclpy.executors import SingleThreadedExecutor
-        from rclpy.qos import QoSProfile
-        from sensor_msgs.msg import JointState
-        from std_msgs.msg import Float64
-        from trajectory_msgs.msg import JointTrajectory
+    def __enter__(self) -> 'Stepped':
+        super().__enter__()
+        self.heard: dict[str, list[Any]] = {FORCE_COMMAND: [], JOINT_STATES: [], PLAN: []}
+        for topic, messages in self.heard.items():
+            subscribe(self.node, topic, messages.append, depth=QUEUE)
+        return self
 
-        self.context = rclpy.Context()
-        rclpy.init(context=self.context)
-        self.node = rclpy.create_node('digests', context=self.context)
-        self.executor = SingleThreadedExecutor(context=self.context)
-        self.executor.add_node(self.node)
-        self.heard: dict[str, list[Any]] = {'states': [], 'forces': [], 'plans': []}
-        qos = QoSProfile(depth=5000)
-        for name, kind, topic in (('states', JointState, 'joint_states'),
-                                  ('forces', Float64, 'force_command'),
-                                  ('plans', JointTrajectory, 'mpc/plan')):
-            self.node.create_subscription(kind, topic, self.heard[name].append, qos)
-        self.processes = [
-            start(folder, name, parameters) for name, parameters in
-            (('mpc', values[1]), ('plant', {**values[0], 'lockstep': True, 'pace': 0.5}))]
-        self.until(lambda: self.heard['states'], 'a first state')
-        self.switch('/plant/pause', True)
-        self.settle()
+    def await_answers(self, states: int) -> None:
+        """Wait until so many states are there, and each has its plan."""
+        if not self.until(lambda: len(self.heard[PLAN]) >= len(self.heard[JOINT_STATES])
+                          >= states):
+            raise TimeoutError(f'there is no answer to state {states}')
 
-    def until(self, condition: Callable[[], Any], what: str) -> None:
-        """Hear until a condition holds."""
-        end = time.monotonic() + PATIENCE
-        while not condition():
-            self.executor.spin_once(timeout_sec=0.05)
-            if time.monotonic() > end or any(each.poll() for each in self.processes):
-                raise SystemExit(f'digests: no {what}')
-
-    def settle(self) -> None:
-        """Wait until each state has its answer."""
-        self.until(lambda: len(self.heard['plans']) >= len(self.heard['states']), 'answer')
-
-    def call(self, kind: Any, name: str, **request: Any) -> Any:
-        """Call a service."""
-        client = self.node.create_client(kind, name)
-        self.until(client.service_is_ready, name)
-        future = client.call_async(kind.Request(**request))
-        self.until(future.done, f'answer of {name}')
-        self.node.destroy_client(client)
-        return future.result()
+    def do(self, name: str) -> None:
+        """Call a service that does something."""
+        assert self.call(Trigger, name).success
 
     def switch(self, name: str, on: bool) -> None:
         """Call a service that switches something."""
-        from std_srvs.srv import SetBool
         assert self.call(SetBool, name, data=on).success
 
-    def trigger(self, name: str) -> None:
-        """Call a service that does something."""
-        from std_srvs.srv import Trigger
-        assert self.call(Trigger, name).success
-
-    def put(self, node: str, **values: Any) -> None:
-        """Change parameters."""
-        from rcl_interfaces.srv import SetParametersAtomically
-        from rclpy.parameter import Parameter
-        answer = self.call(SetParametersAtomically, f'/{node}/set_parameters_atomically',
-                           parameters=[Parameter(name.replace('__', '.'),
-                                                 value=value).to_parameter_msg()
-                                       for name, value in values.items()])
-        assert answer.result.successful, answer.result.reason
+    def change(self, node: str, **values: Any) -> None:
+        """Change parameters of a node."""
+        refusal = self.put(node, **values)
+        assert not refusal, refusal
 
     def steps_to(self, number: int) -> None:
-        """Step until so many states were published."""
-        count = len(self.heard['states'])
-        if count > number:
-            raise SystemExit(f'digests: the plant was not paused before state {number}')
-        while len(self.heard['states']) < number:
-            count = len(self.heard['states'])
-            self.trigger('/plant/step')
-            self.until(lambda: len(self.heard['states']) > count, 'next state')
-            self.settle()
+        """Step until so many states are there; raises TimeoutError where there are more."""
+        if (count := len(self.heard[JOINT_STATES])) > number:
+            raise TimeoutError(f'the plant was paused at state {count}, after {number}')
+        for state in range(count, number):
+            self.do('plant/step')
+            self.await_answers(state + 1)
 
     def digest(self) -> str:
         """Return the digest of all that was published."""
-        numbers: list[Any] = [[message.data for message in self.heard['forces']]]
-        for message in self.heard['states']:
-            numbers += [message.header.stamp.sec, message.header.stamp.nanosec, message.position,
-                        message.velocity, message.effort]
-        for message in self.heard['plans']:
-            for point in message.points:
-                numbers += [point.positions, point.velocities, point.effort]
-        return digest(*numbers)
-
-    def close(self) -> None:
-        """End both."""
-        for process in self.processes:
-            process.send_signal(signal.SIGINT)
-        for process in self.processes:
-            process.wait(30)
-        self.executor.shutdown()
-        self.node.destroy_node()
-        self.context.shutdown()
+        return digest(*(number for messages in self.heard.values() for message in messages
+                        for number in numbers_of(message)))
 
 
-def start(folder: Path, name: str, values: Mapping[str, Any]) -> subprocess.Popen[bytes]:
-    """Start a node."""
-    arguments = [word for key, value in values.items()
-                 for word in ('-p', f'{key}:={json.dumps(value)}')]
-    with (folder / f'{name}.log').open('wb') as log:
-        return subprocess.Popen([sys.executable, '-m', 'dp_swing_ros', name, '--ros-args',
-                                 *arguments], stdout=log, stderr=log)
+def numbers_of(message: Any) -> Iterator[Any]:
+    """Yield all numbers of a message, in the order of its fields."""
+    for name in message.get_fields_and_field_types():
+        value = getattr(message, name)
+        if isinstance(value, (int, float, array)):
+            yield value
+        elif isinstance(value, list):
+            for each in value:
+                if not isinstance(each, str):
+                    yield from numbers_of(each)
+        elif not isinstance(value, str):
+            yield from numbers_of(value)
 
 
-def changed(nodes: Nodes) -> None:
+def changed(operator: Stepped) -> None:
     """Change parameters of both, also the solver, with the pendulum in motion."""
-    nodes.steps_to(15)
-    nodes.put('mpc', force_weight=0.02, horizon=25)
-    nodes.steps_to(25)
-    nodes.put('mpc', solver='mppi', mppi__samples=300)
-    nodes.put('plant', link2_mass=0.35)
-    nodes.steps_to(40)
-    nodes.put('mpc', solver='ddp', estimator='none')
-    nodes.steps_to(55)
+    operator.steps_to(15)
+    operator.change('mpc', force_weight=0.02, horizon=25)
+    operator.steps_to(25)
+    operator.change('mpc', solver='mppi', mppi__samples=300)
+    operator.change('plant', link2_mass=0.35)
+    operator.steps_to(40)
+    operator.change('mpc', solver='ddp', estimator='none')
+    operator.steps_to(55)
 
 
-def reset(nodes: Nodes) -> None:
+def reset(operator: Stepped) -> None:
     """Reset the controller, then the plant."""
-    nodes.steps_to(15)
-    nodes.trigger('/mpc/reset')
-    nodes.steps_to(30)
-    nodes.trigger('/plant/reset')
-    nodes.until(lambda: len(nodes.heard['states']) > 30, 'state of the reset')
-    nodes.settle()
-    nodes.steps_to(45)
+    operator.steps_to(15)
+    operator.do('mpc/reset')
+    operator.steps_to(30)
+    operator.do('plant/reset')
+    operator.await_answers(31)
+    operator.steps_to(45)
 
 
-def disabled(nodes: Nodes) -> None:
+def disabled(operator: Stepped) -> None:
     """Disable the controller, and enable it again."""
-    nodes.steps_to(15)
-    nodes.switch('/mpc/enable', False)
-    nodes.steps_to(25)
-    nodes.switch('/mpc/enable', True)
-    nodes.steps_to(45)
+    operator.steps_to(15)
+    operator.switch('mpc/enable', False)
+    operator.steps_to(25)
+    operator.switch('mpc/enable', True)
+    operator.steps_to(45)
 
 
 LIVE = {'live changes': changed, 'resets': reset, 'disabled': disabled}
 
 
-def live(do: Callable[[Nodes], None], solver: str) -> str:
-    """Return the digest of a run of real nodes."""
-    with tempfile.TemporaryDirectory() as folder:
-        nodes = Nodes(Path(folder), ({'seed': 3}, {'seed': 3, 'solver': solver}))
-        try:
-            do(nodes)
-            return nodes.digest()
-        finally:
-            nodes.close()
+def live(do: Callable[[Stepped], None], solver: str) -> str:
+    """Return the digest of a run of real nodes, that of the plant paused soon after its start."""
+    with tempfile.TemporaryDirectory() as name, Crew() as crew, Stepped() as operator:
+        folder = Path(name)
+        crew.start('mpc', {'seed': 3, 'solver': solver}, folder / 'mpc.log')
+        operator.meet('mpc')
+        crew.start('plant', {'seed': 3, 'lockstep': True, 'pace': 0.5}, folder / 'plant.log')
+        operator.await_answers(1)
+        operator.switch('plant/pause', True)
+        operator.await_answers(1)
+        do(operator)
+        return operator.digest()
 
 
 def runs(model: Path | None) -> Iterator[tuple[str, Callable[[], str]]]:
     """Yield the name of each run, and how it is done."""
-    for solver in SOLVERS:
+    for solver in METHODS:
         for name, setup in SETUPS.items():
             yield f'{solver}, 2 links, {name}', lambda: run(setup, solver, 2)
         for links in (1, 3):
@@ -259,7 +204,7 @@ def runs(model: Path | None) -> Iterator[tuple[str, Callable[[], str]]]:
                     SETUPS[name], solver, links)
         if model is not None:
             yield f'{solver}, learned dynamics', lambda: run(
-                SETUPS['default'], solver, 2, {'dynamics': 'learned', 'model': str(model)})
+                SETUPS['default'], solver, 2, dynamics='learned', model=str(model))
         for name, do in LIVE.items():
             yield f'{solver}, nodes, {name}', lambda: live(do, solver)
 
@@ -274,11 +219,10 @@ def main() -> None:
     parser.add_argument('--only', default='', help='runs whose names contain this')
     arguments = parser.parse_args()
     before = json.loads(arguments.against.read_text()) if arguments.against else {}
-    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     found: dict[str, str] = {}
     for name, do in runs(arguments.model):
         if arguments.only in name:
-            with contextlib.redirect_stdout(sys.stderr):
+            with isolated(), contextlib.redirect_stdout(sys.stderr):
                 found[name] = do()
             verdict = '' if not before else ' same' if before.get(name) == found[name] else \
                 f' WAS {before.get(name)}'

@@ -54,7 +54,7 @@ def block(results: Path) -> str:
     if older := [f'[{page}](docs/results/{page}.md)' for page in (*STORED, 'benchmark')
                  if stamp.is_marked(results / f'{page}.md')]:
         parts.append('Of the pages behind these figures, older than the code that they measure '
-                     f'are {", ".join(older)}; others say so themselves.')
+                     f'are {", ".join(older)};\nothers say so themselves.')
     return '\n' + '\n\n'.join(parts) + '\n\n'
 
 
@@ -153,14 +153,13 @@ def paper(rows: Sequence[Row]) -> str:
             f'{held("paper, RK4 plant, 20 N", *every)};\non a plant that is integrated finely '
             f'{held("paper, Euler model, fine plant", *every)} and '
             f'{held("paper, Euler model, fine plant, 20 N", *every)}, with RK4 in the model '
-            f'{held("paper, fine plant", *every)} and\n'
-            f'{held("paper, fine plant, 20 N", *every)}. So where the plant is not the model, '
-            'its iLQR and DDP lack two things: the bound, and a model\n'
-            'better than Euler. Its MPPI lacks more: in the last of these it holds '
-            f'{held(f"{mppi} sampling and cost", "mppi")} with our\nsampling and cost, '
-            f'{held(f"{mppi} gains and sampling", "mppi")} with our sampling and the gains of a '
-            'Riccati pass, and '
-            f'{held(f"{mppi} gains, sampling and cost", "mppi")} with all three\n'
+            f'{held("paper, fine plant", *every)} and {held("paper, fine plant, 20 N", *every)}.\n'
+            'So where the plant is not the model, its iLQR and DDP lack two things: the bound, '
+            'and a model better than Euler.\nIts MPPI lacks more: in the last of these it holds '
+            f'{held(f"{mppi} sampling and cost", "mppi")} with our sampling and cost, '
+            f'{held(f"{mppi} gains and sampling", "mppi")} with our sampling and the gains of '
+            'a\nRiccati pass, and '
+            f'{held(f"{mppi} gains, sampling and cost", "mppi")} with all three '
             '([the paper anew](docs/paper.md)).')
 
 
@@ -182,14 +181,13 @@ def peers(results: dict) -> str:
     compiled, twin = (benchmark_page.over(ticks, fastest, kind) for kind in ('compiled', 'twin'))
     return ('[In one run with its peers](docs/results/benchmark.md), which acados is not among, a '
             f'whole solve of DDP and iLQR to the\nsame cost takes {whole["cold"]} times less time '
-            f"than crocoddyl's from cold starts, {whole['warm']} times from warm ones (medians "
-            f'over the {pairs["cold"]} and the {pairs["warm"]}\nof 20 from which both get '
-            f'there); an iteration {steps["rk4"]} times less with the same RK4 model, '
-            f"{steps['euler']} where\ntheirs takes Euler's steps. An update of MPPI with 1,024 "
-            f'samples takes {compiled:.0f} (compiled) to '
-            f"{twin:.0f} times less than pytorch_mppi's; the rollouts use "
-            f'{100 * results["limit"]["share"]["value"]:.0f} % of the most multiply-adds a second'
-            '\nthat were measured on the machine.')
+            f"than crocoddyl's from cold starts, {whole['warm']} times from warm ones\n(medians "
+            f'over the {pairs["cold"]} and the {pairs["warm"]} of 20 from which both get there); '
+            f'an iteration {steps["rk4"]} times less\nwith the same RK4 model, {steps["euler"]} '
+            f"where theirs takes Euler's steps. An update of MPPI with 1,024 samples takes\n"
+            f"{compiled:.0f} (compiled) to {twin:.0f} times less than pytorch_mppi's; the "
+            f'rollouts use {100 * results["limit"]["share"]["value"]:.0f} % of the most '
+            'multiply-adds a second\nthat were measured on the machine.')
 
 
 def over_whole(contest: dict, ours: str) -> dict:

@@ -195,22 +195,16 @@ def test_a_drag_pulls_where_it_goes(page, ears, tmp_path, body, way):
 
 
 def test_a_drag_is_seen(page, ears):
-    assert stands(ears)
-    taken = []
-    for n in range(20):   # a hand may miss a cart that moves
+    for n in range(5):
+        assert stands(ears)   # a hand may miss a cart that moves
         page.grip(0, (-1) ** n, 40)
-        ears.spin(0.3)
+        page.until(lambda: len(page.drags()) > n, f'drag {n}')
         page.let_go()
-        ears.spin(0.4)
-        taken = page.drags()
-        if len(taken) > 2:
-            break
-    print(f'drag to visible: {[round(each) for each in taken]} ms')
-    assert len(taken) > 2
+    print(f'drag to visible: {[round(each) for each in page.drags()]} ms')
 
 
 def test_keys_push_and_help(page, ears):
-    ears.pushes.clear()
+    assert wait_until(lambda: rest(ears))   # what was sent before is heard
     ActionChains(page.driver).key_down(Keys.ARROW_LEFT).perform()
     assert ears.until(lambda: len(ears.pushes) > 2)
     ActionChains(page.driver).key_up(Keys.ARROW_LEFT).perform()
@@ -472,13 +466,28 @@ def test_the_hint_lies_below_the_picture_and_on_a_phone_the_numbers_too(page):
 
 
 def test_a_branch_shows_courses(page, ears, tmp_path):
+    def courses():
+        return page.all('#courses-list figure')
+
+    def refusals():
+        said = page.driver.execute_script('return window.said')
+        return [each for each in said if each and 'takes over' not in each]
     assert stands(ears)
     page.find('#kick-right').click()
     ears.spin(3.5)
-    look_back(page, -3)
-    page.choose('#branch-duration', '2')
-    page.find('#branch').click()
-    page.until(lambda: len(page.all('#courses-list figure')) >= 3, 'courses')
+    for _ in range(9):
+        page.driver.execute_script(LISTEN, '#notice')
+        look_back(page, -3)
+        page.choose('#branch-duration', '2')
+        page.find('#branch').click()
+        page.until(lambda: courses() or refusals(), 'courses')
+        if courses():
+            break
+        # what a busy machine has lost of the last minute cannot be followed
+        assert all('missing' in each for each in refusals()), refusals()
+        page.find('#look').click()
+        ears.spin(10.0)
+    assert len(courses()) >= 3, refusals()
     assert all('cost' in each.text for each in page.all('#courses-list figure'))
     assert all('regret' in each.text or 'the least' in each.text
                for each in page.all('#courses-list figure'))
@@ -527,8 +536,7 @@ def test_a_phone_in_the_hand(page, ears, tmp_path):
     assert stands(ears)
     page.resize(*PHONE)
     try:
-        time.sleep(0.5)
-        ears.pushes.clear()
+        assert wait_until(lambda: rest(ears))
         page.touch('touchStart', 0)
         page.touch('touchMove', 25)
         assert ears.until(lambda: first_pull(ears) > 0)
