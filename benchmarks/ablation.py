@@ -18,10 +18,13 @@ import campaigns
 from matplotlib.figure import Figure
 import numpy as np
 
-from dp_swing_ros.control import message_filter, receding_horizon, starts
+from dp_swing_ros.control import message_filter, observer, starts
+from dp_swing_ros.control.commands import SentCommands
 from dp_swing_ros.control.message_filter import MessageFilter
-from dp_swing_ros.control.receding_horizon import RecedingHorizon
+from dp_swing_ros.control.observer import Belief
+from dp_swing_ros.control.planner import Planner
 from dp_swing_ros.control.starts import Starts
+from dp_swing_ros.control.supervisor import Supervisor
 from dp_swing_ros.estimators import kalman
 from dp_swing_ros.estimators.kalman import ExtendedKalmanFilter
 from dp_swing_ros.evaluation.campaign.contestants import Contestant, key, parse
@@ -92,14 +95,24 @@ def unfrozen(self: MessageFilter, predictions: Any) -> str:
     return ''
 
 
-def newest(self: RecedingHorizon, begins: float) -> list[Plan]:
-    """Return the rest of the last plan alone."""
-    return rests(self, begins)[:1]
+def believed(self: MessageFilter, t: float, x: Array, *predictions: Any) -> str:
+    """Ask the model that is believed alone."""
+    return rejection(self, t, x, *predictions[:1])
 
 
-def uncompensated(self: RecedingHorizon, x: Array, begins: float) -> Array:
+def newest(self: Planner, acts_at: float) -> list[Plan]:
+    """Return what is left of the last plan alone."""
+    return warm_starts(self, acts_at)[:1]
+
+
+def uncompensated(self: SentCommands, belief: Belief, acts_at: float) -> Array:
     """Plan from the state as it was measured."""
-    return x
+    return belief.x
+
+
+def no_force(self: Supervisor, belief: Belief, *about: Any) -> Plan:
+    """Fall back to zero force."""
+    return self.zero(belief.problem, belief.problem.x_r)
 
 
 def nominal_bounds(drive: Any, problem: Any) -> Any:
@@ -107,7 +120,7 @@ def nominal_bounds(drive: Any, problem: Any) -> Any:
     return problem
 
 
-rests = RecedingHorizon.rests
+rejection, warm_starts = MessageFilter.rejection, Planner.warm_starts
 DEFAULTS = 'nothing, the defaults'
 NO_ERRORS = {f'ekf.{name}_error': 0.0 for name in (
     'body', 'gain', 'friction', 'cart_dry_friction', 'joint_dry_friction', 'delay', 'lag')}
@@ -126,19 +139,19 @@ PARTS = [
     Part('the goal on the turn where a plan ends', code={(starts, 'turns_of'): no_turns},
          meant=Trial('uptime')),
     Part('the fallback (zero force instead)',
-         code={(RecedingHorizon, 'fallback'): RecedingHorizon.zero_force},
+         code={(Supervisor, 'fallback'): no_force},
          meant=Trial('loss', 0.25, 'state_loss')),
-    Part('delay compensation', code={(RecedingHorizon, 'when_it_acts'): uncompensated},
+    Part('delay compensation', code={(SentCommands, 'compensate'): uncompensated},
          meant=Trial('delay', 0.075)),
-    Part('bounds of the force as estimated', code={(receding_horizon, 'driven_by'):
-                                                   nominal_bounds}, meant=Trial('rig_gain')),
+    Part('bounds of the force as estimated', code={(observer, 'driven_by'): nominal_bounds},
+         meant=Trial('rig_gain')),
     Part('the plan of a step ago, where states come faster', code={
-        (RecedingHorizon, 'rests'): newest}, meant=Trial('rig_all_fast')),
+        (Planner, 'warm_starts'): newest}, meant=Trial('rig_all_fast')),
     Part('message filter: range', code={
         (message_filter, name): math.inf for name in ('TRACKS', 'LARGEST_SPEED')}),
     Part('message filter: what stands still', code={(MessageFilter, 'frozen'): unfrozen}),
     Part('message filter: the nominal model, asked too', code={
-        (RecedingHorizon, 'predict_nominal'): RecedingHorizon.predict},
+        (MessageFilter, 'rejection'): believed},
         meant=Trial('rig_bias', 5.0)),
     Part('message filter: velocities that are differences',
          code={(message_filter, 'SAME'): -1.0}),

@@ -25,7 +25,8 @@ from timing import CONFIDENCE, Interval, RESAMPLES
 from tqdm import tqdm
 
 from dp_swing_ros import configuration
-from dp_swing_ros.control import receding_horizon
+from dp_swing_ros.control import planner
+from dp_swing_ros.control.planner import Planner
 from dp_swing_ros.evaluation.campaign.contestants import Contestant, parse_all
 from dp_swing_ros.evaluation.campaign.report import share
 from dp_swing_ros.evaluation.comparison import median, rate
@@ -97,12 +98,12 @@ def warm(problem: Problem, seed: int) -> list[Start]:
     """Return the warm starts of the swing-up of a closed loop, from a random start."""
     controller, found = configuration.controller({'estimator': 'none', 'seed': seed}), []
 
-    def search(controller: Any, x_0: Array, starts: Any, deadline: float) -> list[Plan]:
+    def search(about: Planner, x_0: Array, starts: Any, deadline: float) -> list[Plan]:
         plans = list(starts)
-        if controller.plans and not is_upright(x_0):
+        if about.last and not is_upright(x_0):
             found.append(turned(problem, x_0, plans[0]))
-        return receding_horizon.search(controller, x_0, plans, deadline)
-    controller.search = search
+        return planner.search(about, x_0, plans, deadline)
+    controller.planner.search = search
     simulate(configuration.plant(random_start(Case('random', seed), DEFAULT_LINKS).plant),
              controller, DURATION)
     return found

@@ -53,7 +53,7 @@ class Recorder:
         """Answer a state, and remember both."""
         if self.motion == 'again' and t % (HELD + FREE) > HELD:
             self.controller.reset()
-            plan = self.controller.zero_force(t)
+            plan = self.controller.fallback(t)   # which is zero
         else:
             plan = self.controller.update(t, x, delay)
         self.t.append(t)

@@ -65,7 +65,7 @@ class Watched:
         """Return its plan; speeds that are not measured are those that it believes in."""
         plan = self.controller.update(t, x, delay)
         self.t.append(t)
-        self.X.append(np.where(np.isnan(x), self.controller.x, x))
+        self.X.append(np.where(np.isnan(x), self.controller.belief.x, x))
         self.U.append(plan.first_force(self.controller.nominal.u_max))
         return plan
 

@@ -166,7 +166,8 @@ def estimated(case: Case, names: Iterable[str]) -> list[Found]:
     controller = configuration.controller({'solver': ESTIMATING, 'seed': case.seed})
     with np.errstate(all='ignore'):
         simulate(plant, controller, case.duration)
-    believed = {**controller.estimate.physical, **dict(zip(vars(plant.drive), controller.drive))}
+    believed = {**controller.belief.estimate.physical,
+                **dict(zip(vars(plant.drive), controller.belief.drive))}
     true = {**vars(plant.physical), **vars(plant.drive)}
     return [Found(case.scenario, case.level, case.seed, name, true[name], believed[name])
             for name in names]

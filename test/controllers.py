@@ -3,6 +3,7 @@
 """Controllers and plants for the tests, from parameters by name."""
 
 from dp_swing_ros.control.receding_horizon import MpcParameters, RecedingHorizon
+from dp_swing_ros.estimators import ESTIMATORS
 from dp_swing_ros.pendulum.parameters import DIRECT, LimitParameters, PendulumParameters
 from dp_swing_ros.problem.parameters import CostParameters, PredictionParameters
 from dp_swing_ros.problem.problem import Problem
@@ -16,8 +17,9 @@ def controller(name='ilqr', seed=0, horizon=30, cost=CostParameters(), of_solver
                drive=DIRECT, **mpc):
     """Build a controller of the default problem."""
     problem = Problem.of(PendulumParameters(), LIMITS, cost, PredictionParameters(horizon=horizon))
-    return RecedingHorizon(problem, MpcParameters(solver=name, seed=seed, **mpc),
-                           SOLVERS[name].Parameters(**(of_solver or {})), drive=drive)
+    parameters = MpcParameters(solver=name, seed=seed, **mpc)
+    return RecedingHorizon(problem, parameters, SOLVERS[name].Parameters(**(of_solver or {})),
+                           ESTIMATORS[parameters.estimator].Parameters(), drive)
 
 
 def plant(seed=0, physical=PendulumParameters(), limits=LIMITS, **parameters):

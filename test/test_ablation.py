@@ -10,7 +10,7 @@ import pytest
 from results import row
 
 from dp_swing_ros import configuration
-from dp_swing_ros.control.receding_horizon import RecedingHorizon
+from dp_swing_ros.control.supervisor import Supervisor
 from dp_swing_ros.estimators import kalman
 from dp_swing_ros.evaluation.campaign.contestants import key, parse, play, simulated
 
@@ -47,7 +47,7 @@ def test_the_code_is_another_during_a_tick():
     controller = first('estimator: most that an innovation counts', 'ilqr',
                        ablation.PUSHES)[0].prepare()(0)
     seen = []
-    controller.controller.search = lambda *about: seen.append(kalman.WILD) or []
+    controller.controller.planner.search = lambda *about: seen.append(kalman.WILD) or []
     with pytest.raises(ValueError):   # of no plans there is no cheapest
         controller.update(0.0, np.full(6, 0.01), 0.0)
     assert seen == [math.inf]
@@ -73,7 +73,7 @@ def test_without_the_fallback_a_lost_state_is_answered_by_zero():
     controller = contestant.prepare()(0)
     controller.update(0.0, np.array([0.0, 0.1, 0.1, 0.0, 0.0, 0.0]), 0.0)
     assert controller.fallback(0.05).U[0] == 0
-    assert RecedingHorizon.fallback is not RecedingHorizon.zero_force
+    assert Supervisor.fallback is not ablation.no_force
 
 
 def test_without_the_estimator_wrong_velocities_are_believed():

@@ -25,9 +25,9 @@ def test_names_reach_their_groups():
     controller = configuration.controller({
         'solver': 'mppi', 'horizon': 12, 'mppi.samples': 64, 'link1_mass': 0.7, 'seed': 4,
         'force_weight': 0.01})
-    assert controller.problem.horizon == 12
-    assert controller.problem.cost.R == 0.01
-    assert controller.solver_parameters.samples == 64
+    assert controller.belief.problem.horizon == 12
+    assert controller.belief.problem.cost.R == 0.01
+    assert controller.planner.solver_parameters.samples == 64
     assert (controller.parameters.solver, controller.parameters.seed) == ('mppi', 4)
 
 
@@ -43,11 +43,11 @@ def test_plant_and_controller_have_a_drive_each():
     values = {'actuation_delay': 0.03, 'motor_time_constant': 0.02, 'force_gain': 0.9,
               'force_bias': 1.5}
     controller = configuration.controller(values)
-    assert controller.drive == controller.nominal_drive == (0.03, 0.02, 0.9, 1.5)
-    assert controller.problem.bounds == pytest.approx((1.5 - 18.0, 1.5 + 18.0))
+    assert controller.belief.drive == controller.observer.nominal_drive == (0.03, 0.02, 0.9, 1.5)
+    assert controller.belief.problem.bounds == pytest.approx((1.5 - 18.0, 1.5 + 18.0))
     assert controller.nominal.bounds == (-20.0, 20.0)
     assert vars(configuration.plant(values).drive) == values
-    assert configuration.controller({}).drive == DIRECT
+    assert configuration.controller({}).belief.drive == DIRECT
     assert configuration.plant({}).drive == DriveParameters()
 
 
@@ -67,9 +67,10 @@ def test_what_a_node_would_refuse_is_refused(build, values, words):
 def test_the_defaults_are_of_the_number_of_links(links):
     plant, controller = (build({'links': links}) for build in (
         configuration.plant, configuration.controller))
-    assert plant.physical.links == controller.problem.physical.links == links
-    assert len(plant.parameters.initial_state) == len(controller.problem.x_r) == SIZES[links]
-    assert plant.limits.force_limit == controller.problem.u_max == (40.0 if links == 3 else 20.0)
+    assert plant.physical.links == controller.belief.problem.physical.links == links
+    problem = controller.belief.problem
+    assert len(plant.parameters.initial_state) == len(problem.x_r) == SIZES[links]
+    assert plant.limits.force_limit == problem.u_max == (40.0 if links == 3 else 20.0)
 
 
 @pytest.mark.parametrize('node, values, words', [
@@ -186,13 +187,13 @@ def test_a_learned_model_is_planned_with(learned, solver):
     """The same as the equations, it swings up as these do; state and force are estimated."""
     controller = configuration.controller({
         'solver': solver, 'dynamics': 'learned', 'model': learned, 'seed': 1})
-    assert controller.problem.model.pendulum.kind == of_chain(PendulumParameters()).kind
+    assert controller.belief.problem.model.pendulum.kind == of_chain(PendulumParameters()).kind
     episode = simulate(configuration.plant({'position_noise': 1e-3, 'seed': 1}), controller, 6.0)
     assert measure(episode).success
     # the drive is left to estimate, and there is none
-    assert controller.drive.delay < 0.01 and controller.drive.time_constant < 0.01
-    assert controller.drive.gain == pytest.approx(1.0, abs=0.1)
-    assert controller.problem.learned is controller.nominal.learned
+    assert controller.belief.drive.delay < 0.01 and controller.belief.drive.time_constant < 0.01
+    assert controller.belief.drive.gain == pytest.approx(1.0, abs=0.1)
+    assert controller.belief.problem.learned is controller.nominal.learned
 
 
 def test_the_learned_model_matters(learned):

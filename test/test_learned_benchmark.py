@@ -79,7 +79,7 @@ def test_a_fit_that_passes_by_dynamics_that_are_singular_ends_well():
     pytest.importorskip('mujoco')
     case, = Rig('rig_lag', 0.05).cases(range(9, 10))
     run = learned_rigs.swing_up(case, learned_rigs.OTHER + 9)
-    drive = run.controller.drive
+    drive = run.controller.belief.drive
     parts = parted(run.experience(Drive(drive.delay, drive.time_constant)), 9)
     dynamics, prior = structured(2)
     seen = Experience.joined(parts.seen)

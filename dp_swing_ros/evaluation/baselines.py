@@ -17,7 +17,8 @@ from typing import NamedTuple
 import numpy as np
 
 from dp_swing_ros import configuration
-from dp_swing_ros.control.receding_horizon import RecedingHorizon, Search
+from dp_swing_ros.control.planner import Planner, Search
+from dp_swing_ros.control.receding_horizon import RecedingHorizon
 from dp_swing_ros.pendulum.derivatives import linearisation
 from dp_swing_ros.pendulum.equations import derivative, energy, Parts
 from dp_swing_ros.pendulum.model import hold, rollout, step
@@ -158,24 +159,25 @@ class Nothing:
 class Following:
     """The search of a receding horizon that follows a swing-up instead, with its feedback."""
 
-    def __init__(self, problem: Problem, reference: Reference) -> None:
-        """Take the reference of swing_up."""
-        self.tvlqr = TVLQR(problem, reference)
+    def __init__(self, controller: RecedingHorizon, reference: Reference) -> None:
+        """Take the controller whose search it is, and the reference of swing_up."""
+        self.observer = controller.observer
+        self.tvlqr = TVLQR(controller.nominal, reference)
 
-    def __call__(self, controller: RecedingHorizon, x_0: Array, starts: Iterable[Plan],
+    def __call__(self, planner: Planner, x_0: Array, starts: Iterable[Plan],
                  deadline: float) -> list[Plan]:
-        """Return the policy from where the force will act; see receding_horizon.search."""
-        return [self.tvlqr.update(controller.latest, x_0, 0.0)]
+        """Return the policy from where the force will act; see planner.search."""
+        return [self.tvlqr.update(self.observer.latest, x_0, 0.0)]
 
 
-def shaped(controller: RecedingHorizon, x_0: Array, starts: Iterable[Plan],
+def shaped(planner: Planner, x_0: Array, starts: Iterable[Plan],
            deadline: float) -> list[Plan]:
     """
     Return the regulator where it comes upright, else the plan that brings the energy of upright.
 
     A search of a receding horizon; its model is that of the estimator.
     """
-    problem = controller.problem
+    problem = planner.problem
     _, X, U, K = regulator_rollout(problem, x_0)
     if is_upright(X[-1] - problem.x_r) and np.abs(X[:, 0]).max() < problem.cost.x_soft:
         return [plan_of(problem, X, U, Status.COMPLETE, K)]
@@ -205,12 +207,12 @@ def shaping_force(problem: Problem, x: list[float]) -> float:
     return float(np.clip((wanted - free) / (pushed - free), *problem.bounds))
 
 
-def with_search(values: configuration.Values, search: Callable[[], Search]
+def with_search(values: configuration.Values, search: Callable[[RecedingHorizon], Search]
                 ) -> Callable[[int], Controller]:
     """Return what makes a receding horizon that obeys a search of this kind."""
     def make(seed: int) -> Controller:
         controller = configuration.controller({**values, 'seed': seed})
-        controller.search = search()
+        controller.planner.search = search(controller)
         return controller
     return make
 
@@ -224,9 +226,8 @@ def tvlqr(values: configuration.Values) -> Callable[[int], Controller]:
 
 def tvlqr_ekf(values: configuration.Values) -> Callable[[int], Controller]:
     """Solve once for all seeds."""
-    problem = configuration.problem(values)
-    reference = swing_up(problem)
-    return with_search(values, lambda: Following(problem, reference))
+    reference = swing_up(configuration.problem(values))
+    return with_search(values, lambda controller: Following(controller, reference))
 
 
 def nothing(values: configuration.Values) -> Callable[[int], Controller]:
@@ -237,4 +238,4 @@ def nothing(values: configuration.Values) -> Callable[[int], Controller]:
 
 BASELINES: dict[str, Callable[[configuration.Values], Callable[[int], Controller]]] = {
     'tvlqr': tvlqr, 'tvlqr_ekf': tvlqr_ekf,
-    'energy_ekf': lambda values: with_search(values, lambda: shaped), 'nothing': nothing}
+    'energy_ekf': lambda values: with_search(values, lambda _: shaped), 'nothing': nothing}

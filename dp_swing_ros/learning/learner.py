@@ -130,8 +130,8 @@ class Learner:
         except (FloatingPointError, np.linalg.LinAlgError, ParameterError):
             return   # more experience will tell
         self.model, given = model, self.given
-        informed = RecedingHorizon(problem, given.parameters, given.solver_parameters,
-                                   given.estimator_parameters)
+        informed = RecedingHorizon(problem, given.parameters, given.planner.solver_parameters,
+                                   given.observer.estimator_parameters)
         if self.controller is None:
             self.controller = informed
         else:

@@ -106,7 +106,7 @@ def kind_of(controller: RecedingHorizon) -> tuple[Any, ...]:
     """Return what decides which kernels a controller needs."""
     parameters, (_, cost, _) = controller.parameters, controller.nominal.given
     model = controller.nominal.model
-    switches = {name: value for name, value in vars(controller.solver_parameters).items()
+    switches = {name: value for name, value in vars(controller.planner.solver_parameters).items()
                 if isinstance(value, (bool, str))}
     return (parameters.solver, *switches.items(), parameters.estimator, cost.angle_error,
             parameters.shown_tries > 0,

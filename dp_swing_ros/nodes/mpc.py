@@ -36,7 +36,7 @@ from dp_swing_ros.nodes.process import failure, ProcessNode, run
 from dp_swing_ros.nodes.ros_parameters import announce, declare, given, let_change
 from dp_swing_ros.nodes.shadows import Shadows
 from dp_swing_ros.nodes.taking import take
-from dp_swing_ros.nodes.tick_figures import of_estimate, of_plan, of_trust, tip_paths
+from dp_swing_ros.nodes.tick_figures import of_estimate, of_plan, tip_paths
 from dp_swing_ros.nodes.timing import (
     Clock, GoalWatch, Latency, Measured, Setbacks, Timing, Watchdog)
 from dp_swing_ros.parameters import group
@@ -397,7 +397,7 @@ class MpcNode(ProcessNode):
         try:
             self.x = to_state(message, self.links, self.sensors)
             plan = self.controller.update(t, self.x, delay, deadline, self.time_noise)
-            complaint = self.controller.rejection
+            complaint = self.controller.belief.rejection
         except ValueError as error:
             plan, complaint = self.controller.fallback(t + delay), str(error)
         if complaint:
@@ -410,19 +410,19 @@ class MpcNode(ProcessNode):
     def report(self, stamp: Time, plan: Plan, complaint: str, warning: str, force: float,
                late: bool, real_time: bool, times: Times) -> None:
         """Publish the plan and the figures of the tick."""
-        problem = self.controller.problem
+        problem = self.controller.belief.problem
         self.plans.publish(to_trajectory(plan, stamp))
         if plan.tries is not None:
             self.tries.publish(to_point_cloud(
                 stamp, tip_paths(plan.X[0], plan.tries, problem), plan.tries.weights))
-        stats, estimate, trust = plan.stats, self.controller.estimate, self.controller.trust
+        stats, estimate = plan.stats, self.controller.belief.estimate
         # what is disabled is not expected to arrive
         arrives = not self.controller.enabled or is_upright(errors(plan.X[-1], problem.x_r))
         astray = self.goal_watch.warning(times.t, bool(arrives), problem.horizon * problem.dt)
         if astray:
             self.get_logger().warning(astray, throttle_duration_sec=10.0)
         warning = '; '.join(filter(None, (
-            warning, trust.warning if trust is not None else '', astray,
+            warning, astray,
             'the solve failed' if stats.candidates and stats.status in FALLBACK else '')))
         self.late_total += late
         level = DiagnosticStatus.OK
@@ -445,8 +445,7 @@ class MpcNode(ProcessNode):
              # by the clock of its sender [ns]; tells which state it was where stamps stand still
              'sent': 0 if self.carried else self.last.sent,
              'clock': self.timing.clock.name.lower(),
-             **(of_estimate(estimate) if estimate is not None else {}),
-             **(of_trust(trust) if trust is not None else {})})
+             **(of_estimate(estimate) if estimate is not None else {})})
         self.shadows.follow(Tick(
             self.sent, nanoseconds(stamp), times.t, self.x, self.time_noise, times.delay,
             real_time, self.resets > self.shadowed_resets, self.controller.enabled,

@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 
-from dp_swing_ros.control.trust import Trust
 from dp_swing_ros.estimators.estimator import Estimate
 from dp_swing_ros.pendulum.geometry import joint_positions
 from dp_swing_ros.pendulum.model import rollout
@@ -44,11 +43,6 @@ def of_estimate(estimate: Estimate) -> dict[str, float]:
             'motor_time_constant': estimate.drive.time_constant,
             'force_gain': estimate.drive.gain, 'force_bias': estimate.drive.bias,
             **estimate.physical}
-
-
-def of_trust(trust: Trust) -> dict[str, float]:
-    """Name what a tick shows of a learned model for the diagnostics."""
-    return {f'model_{name}': value for name, value in trust._asdict().items()}
 
 
 def tip_paths(x_0: Array, tries: Tries, problem: Problem) -> Array:

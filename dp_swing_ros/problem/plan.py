@@ -58,6 +58,11 @@ class SolverStats(NamedTuple):
         """Return the iterations of each solve of a tick."""
         return tuple(candidate.iterations for candidate in self.candidates)
 
+    def with_estimate(self, duration: float) -> 'SolverStats':
+        """Return what a tick with a solve cost whose estimate took a time [s]."""
+        return self if not self.candidates else self._replace(
+            solve_time=duration + self.solve_time, phases={'estimate': duration, **self.phases})
+
 
 class Tries(NamedTuple):
     """
@@ -143,14 +148,13 @@ def candidates_of(plans: Sequence[Plan]) -> tuple[Candidate, ...]:
     return tuple(Candidate(plan.start, plan.stats.cost, plan.stats.iterations) for plan in plans)
 
 
-def stats_of_tick(best: Plan, plans: Sequence[Plan], estimate_time: float,
-                  search_time: float) -> SolverStats:
-    """Return what a tick cost whose best plan is this one, out of several; times in seconds."""
+def stats_of_tick(best: Plan, plans: Sequence[Plan], search_time: float) -> SolverStats:
+    """Return what a search cost whose best plan is this one, out of several; time in seconds."""
     phases = Counter[str]()
     for plan in plans:
         phases.update(plan.stats.phases)   # adds them up
     starts = search_time - sum(plan.stats.solve_time for plan in plans)
     return best.stats._replace(
         iterations=sum(plan.stats.iterations for plan in plans),
-        solve_time=estimate_time + search_time, candidates=candidates_of(plans),
-        phases={'estimate': estimate_time, 'starts': starts, **phases})
+        solve_time=search_time, candidates=candidates_of(plans),
+        phases={'starts': starts, **phases})

@@ -8,7 +8,8 @@ import math
 from typing import Any, NamedTuple
 
 from dp_swing_ros import configuration
-from dp_swing_ros.control.receding_horizon import RecedingHorizon, Search
+from dp_swing_ros.control.planner import Planner, Search
+from dp_swing_ros.control.receding_horizon import RecedingHorizon
 from dp_swing_ros.control.starts import solved
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.problem.plan import Plan
@@ -52,24 +53,24 @@ def answer(controller: RecedingHorizon, tick: Tick, counted: bool = True,
         controller.stop('as recorded')
     if tick.x is None:
         return controller.fallback(tick.t + tick.delay)
-    usual = controller.search
+    usual = controller.planner.search
     if counted and tick.real_time and tick.solves:
-        controller.search = repeated(tick.solves)
+        controller.planner.search = repeated(tick.solves)
     plan = respond(controller, tick.t, tick.x, tick.delay, tick.time_noise, deadline)
-    controller.search = usual
+    controller.planner.search = usual
     return plan
 
 
 def repeated(solves: Sequence[int]) -> Search:
     """Return a search that takes so many iterations from each start, none where it is zero."""
-    def search(controller: RecedingHorizon, x_0: Array, starts: Iterable[Plan],
+    def search(planner: Planner, x_0: Array, starts: Iterable[Plan],
                deadline: float) -> list[Plan]:
         plans = []
         for iterations, start in zip(solves, starts):
-            limited = replace(controller.solver_parameters,
+            limited = replace(planner.solver_parameters,
                               **({'iterations': iterations} if iterations else {}))
-            plans.append(solved(controller.build(controller.problem, limited),
-                                controller.problem, x_0, start,
+            plans.append(solved(planner.build(planner.problem, limited),
+                                planner.problem, x_0, start,
                                 math.inf if iterations else -math.inf))
         return plans
     return search

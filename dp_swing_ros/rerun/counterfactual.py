@@ -258,7 +258,7 @@ def shadow(run: Run, until: Tick, solver: str) -> tuple[RecedingHorizon, Plan]:
             tick = tick._replace(changed={**tick.changed, 'solver': solver})
         plan = answer(controller, tick, counted=solver == recorded)
         if tick.number < until.number:
-            controller.forces.replace_last(tick.force)
+            controller.commands.replace_last(tick.force)
     return controller, plan
 
 

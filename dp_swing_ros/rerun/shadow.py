@@ -119,4 +119,4 @@ def _follow(connection: Connection) -> None:
         connection.send(Answer(
             tick.number, tick.stamp, stats.status.name, stats.cost, tick.cost - stats.cost,
             plan.first_force(controller.nominal.u_max), time.perf_counter() - began))
-        controller.forces.replace_last(tick.force)
+        controller.commands.replace_last(tick.force)

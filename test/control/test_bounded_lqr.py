@@ -16,7 +16,7 @@ from dp_swing_ros.problem.problem import Bounds, regulator_rollout
 
 @pytest.fixture(scope='module')
 def problem():
-    return controller().problem
+    return controller().belief.problem
 
 
 def leaning(th_1, th_2):

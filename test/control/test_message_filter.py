@@ -149,12 +149,12 @@ def test_a_swing_up_without_velocities_refuses_no_state(velocities, counts):
     c, seen = controller(), []
 
     def look(t, plan):
-        seen.append((c.rejection, np.isnan(c.estimate.innovation[3:]).all()))
+        seen.append((c.belief.rejection, np.isnan(c.belief.estimate.innovation[3:]).all()))
     simulate(plant(velocities=velocities, encoder_counts=counts), c, 6.0, on_tick=look)
     rejections, unmeasured = zip(*seen)
     assert set(rejections) == {''}
     assert np.mean(unmeasured[2:50]) == 1.0      # but where all encoders stand still
-    assert is_upright(c.x)
+    assert is_upright(c.belief.x)
 
 
 def test_a_dead_encoder_of_a_swing_up_is_found():
@@ -167,7 +167,7 @@ def test_a_dead_encoder_of_a_swing_up_is_found():
             x[1] = stuck
         p.obey(c.update(p.t, x).first_force(20.0))
         p.advance(0.05)
-        found.append(c.rejection)
+        found.append(c.belief.rejection)
     assert not any(found[:21])
     assert 'joint1 has stood still' in ''.join(found[21:25])
 
@@ -226,7 +226,7 @@ def test_a_plant_that_is_replaced_is_not_refused_for_ever():
     first, hanging_still = configuration.plant({'force_bias': 1.5}), configuration.plant({})
     control = configuration.controller({'solver': 'ilqr'})
     assert measure(simulate(first, control, 5.0)).success
-    assert abs(control.drive.bias) > 0.5
+    assert abs(control.belief.drive.bias) > 0.5
     begun = first.t + 1.0
     for n in range(20):
         control.update(begun + 0.05 * n, hanging_still.measure().x)   # in vain

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from dp_swing_ros import configuration
-from dp_swing_ros.control.sent_forces import SentForces
+from dp_swing_ros.control.commands import SentCommands
 from dp_swing_ros.evaluation.metrics import measure
 from dp_swing_ros.pendulum.drive import lagged
 from dp_swing_ros.pendulum.equations import Pendulum
@@ -38,7 +38,7 @@ BEYOND = np.array([0.0, 0.0, 0.0, 0.0, 1e200, 0.0])   # finite, but no rollout f
 
 def fine(c):
     """Return the model by which a controller predicts what the forces sent do."""
-    return c.problem.model._replace(h=0.01)
+    return c.belief.problem.model._replace(h=0.01)
 
 
 def test_a_converged_plan_needs_one_iteration_in_the_next_tick():
@@ -52,7 +52,7 @@ def test_the_plan_begins_where_the_state_will_be_when_the_force_acts():
     c = controller(estimator='none')
     first = c.update(0.0, FALLING, delay=0.01)
     # no force was sent before
-    np.testing.assert_array_equal(first.X[0], hold(c.problem.model, FALLING, 0.0, 0.01))
+    np.testing.assert_array_equal(first.X[0], hold(c.belief.problem.model, FALLING, 0.0, 0.01))
     second = c.update(0.05, first.X[1], delay=0.02)
     expected = hold(fine(c), first.X[1], first.U[0], 0.02)
     np.testing.assert_allclose(second.X[0], expected, rtol=1e-12)
@@ -61,12 +61,12 @@ def test_the_plan_begins_where_the_state_will_be_when_the_force_acts():
 def test_a_delay_over_several_ticks_replays_every_force_sent():
     c = controller()
     forces = [c.update(0.05 * n, FALLING, delay=0.12).first_force(20.0) for n in range(4)]
-    c.drive = DIRECT
     x = FALLING
     # measured at 0.15 s; forces began to act at 0.12, 0.17 and 0.22 s; the next will at 0.27 s
     for u, duration in zip(forces[:3], (0.02, 0.05, 0.05)):
         x = hold(fine(c), x, u, duration)
-    np.testing.assert_allclose(c.predict(FALLING, 0.15, 0.27), x, rtol=1e-12)
+    found, _ = c.commands.predict(c.nominal.model, DIRECT, FALLING, 0.15, 0.27)
+    np.testing.assert_allclose(found, x, rtol=1e-12)
 
 
 @pytest.mark.parametrize('drive', [DIRECT, Drive(delay=0.03), Drive(time_constant=0.02),
@@ -93,17 +93,17 @@ def test_the_plan_begins_when_a_command_has_its_effect(drive):
     np.testing.assert_allclose(plan.X[0], state, atol=1e-12)
     assert plan.drive == drive
     sent = (plan.U[0] - drive.bias) / drive.gain
-    assert c.forces.last(math.inf)[0] == pytest.approx(np.clip(sent, -20.0, 20.0), rel=1e-12)
+    assert c.commands.last(math.inf)[0] == pytest.approx(np.clip(sent, -20.0, 20.0), rel=1e-12)
 
 
 def test_a_plan_stays_within_what_the_drive_can_do():
     c = controller(estimator='none', drive=Drive(gain=0.5, bias=3.0))
-    assert c.problem.bounds == pytest.approx((3.0 - 10.0, 3.0 + 10.0))
+    assert c.belief.problem.bounds == pytest.approx((3.0 - 10.0, 3.0 + 10.0))
     plan = c.update(0.0, hanging())
     assert -7.0 <= plan.U.min() and plan.U.max() <= 13.0
     assert np.isclose(plan.U.min(), -7.0) or np.isclose(plan.U.max(), 13.0)
     c.reset()
-    assert c.problem.bounds == pytest.approx((-7.0, 13.0))
+    assert c.belief.problem.bounds == pytest.approx((-7.0, 13.0))
     assert c.nominal.bounds == (-20.0, 20.0)
 
 
@@ -130,11 +130,11 @@ def test_three_links_are_swung_up_by_forces_that_act_sooner_or_later(seed, rng):
                    for make in (configuration.plant, configuration.controller))
     for n in range(55):
         delay = 0.011 + 0.0007 * rng.normal()
-        force = c.update(pendulum.t, pendulum.x, delay).first_force(c.problem.u_max)
+        force = c.update(pendulum.t, pendulum.x, delay).first_force(c.belief.problem.u_max)
         pendulum.advance(delay)
         pendulum.obey(force)
         pendulum.advance(0.05 * (n + 1) - pendulum.t)
-    assert is_upright(to_turn_of(pendulum.x, c.problem.x_r) - c.problem.x_r)
+    assert is_upright(to_turn_of(pendulum.x, c.belief.problem.x_r) - c.belief.problem.x_r)
 
 
 def test_an_encoder_that_wraps_changes_nothing():
@@ -145,8 +145,8 @@ def test_an_encoder_that_wraps_changes_nothing():
             if wrap:
                 seen[angles(x)] = (seen[angles(x)] + np.pi) % (2 * np.pi) - np.pi
             plan = c.update(0.05 * n, seen)
-            np.testing.assert_allclose(c.x, x, atol=0.01)
-            assert c.estimate.refused == 0
+            np.testing.assert_allclose(c.belief.x, x, atol=0.01)
+            assert c.belief.estimate.refused == 0
             forces.append(plan.U[0])
             x = plan.X[1]
         return forces
@@ -203,19 +203,19 @@ def test_what_is_carried_over_counts_from_when_the_last_state_s_force_acts():
 
 def fail(c, monkeypatch):
     """Make the next solve end without a usable plan, as one from a state beyond numbers does."""
-    lost = c.solver.solve(BEYOND, None, np.inf)
+    lost = c.planner.solver.solve(BEYOND, None, np.inf)
     assert not lost.usable
-    monkeypatch.setattr(c.solver, 'solve', lambda x_0, warm_start, deadline: lost)
+    monkeypatch.setattr(c.planner.solver, 'solve', lambda x_0, warm_start, deadline: lost)
 
 
 def test_a_state_that_cannot_be_is_predicted_through():
     c = controller(estimator='none')
     expected = hold(fine(c), FALLING, c.update(0.0, FALLING).U[0], 0.05)
     plan = c.update(0.05, BEYOND)
-    assert 'the velocity of joint1 is 1e+200 rad/s; expected at most 100' in c.rejection
+    assert 'the velocity of joint1 is 1e+200 rad/s; expected at most 100' in c.belief.rejection
     np.testing.assert_allclose(plan.X[0], expected, atol=1e-12)
     c.update(0.1, plan.X[1])
-    assert not c.rejection
+    assert not c.belief.rejection
 
 
 def test_a_first_state_that_cannot_be_gets_zero():
@@ -290,7 +290,7 @@ def test_a_sensor_that_stands_still_with_the_pendulum_is_believed():
     c = controller(estimator='none')
     for n in range(20):
         assert c.update(0.05 * n, np.zeros(6)).stats.status is Status.CONVERGED
-        assert not c.rejection
+        assert not c.belief.rejection
 
 
 def test_a_jump_is_no_dead_sensor():
@@ -301,7 +301,7 @@ def test_a_jump_is_no_dead_sensor():
         plan = c.update(0.05 * n, x)
         assert plan.stats.status is not Status.ZERO
         x = hold(c.nominal.model._replace(h=0.005), x, plan.first_force(20.0), 0.05)
-    assert not c.rejection
+    assert not c.belief.rejection
 
 
 @pytest.mark.parametrize('name', ['ilqr', 'mppi'])
@@ -322,7 +322,7 @@ def test_a_late_measurement_is_no_new_run():
     c.update(0.0, LEANING)
     c.update(0.05, LEANING, delay=0.2)
     assert c.update(0.10, LEANING, delay=0.003).stats.status is Status.CONVERGED
-    ends, _ = c.forces.since(-1.0, 0.0)
+    ends, _ = c.commands.since(-1.0, 0.0)
     assert ends - 1.0 == pytest.approx([0.0, 0.103, math.inf])   # the second one never acts
 
 
@@ -334,10 +334,10 @@ def test_a_state_that_a_later_one_overtook_adds_nothing(estimator):
         for n in range(8):
             plan = c.update(0.05 * n, x)
             if overtaken and n == 5:    # in place of the real answer, which begins at 0.25 s
-                c.forces.begins = c.forces.begins[:-1]
-                c.forces.commands = c.forces.commands[:-1]
+                c.commands.times = c.commands.times[:-1]
+                c.commands.forces = c.commands.forces[:-1]
                 plan = c.update(0.05 * (n - 1), FALLING, delay=0.05)
-                assert c.t == 0.25
+                assert c.belief.t == 0.25
             x = plan.X[1]
         return plan.U
     np.testing.assert_allclose(run(True), run(False), atol=0.05)
@@ -347,14 +347,14 @@ def test_a_repeated_state_adds_nothing():
     c = controller()
     c.update(0.0, LEANING)
     c.update(0.05, 1.1 * LEANING)
-    known = c.estimator.P
+    known = c.observer.estimator.P
     plan = c.update(0.05, FALLING)
-    assert c.estimator.P is known
-    np.testing.assert_array_equal(plan.X[0], c.when_it_acts(c.estimate.x, 0.05))
+    assert c.observer.estimator.P is known
+    np.testing.assert_array_equal(plan.X[0], c.commands.compensate(c.belief, 0.05))
 
 
 def test_of_two_forces_the_one_sent_later_acts():
-    forces = SentForces()
+    forces = SentCommands()
     for begins, force in ((0.0, 1.0), (0.20, 2.0), (0.15, 3.0)):
         forces.add(begins, force)
     ends, commands = forces.since(0.1, 0.5)
@@ -369,7 +369,7 @@ def test_an_outlier_does_not_reach_the_plan():
         plan = c.update(0.05 * n, seen)
         x = hold(c.nominal.model._replace(h=0.005), x, plan.first_force(20.0), 0.05)
         assert np.abs(plan.X[0, 1:3]).max() < 0.05
-    assert c.estimate.refused == 1
+    assert c.belief.estimate.refused == 1
 
 
 def test_a_lost_state_is_predicted_through():
@@ -380,7 +380,7 @@ def test_a_lost_state_is_predicted_through():
         plan = c.fallback(0.05 * n) if lost else c.update(0.05 * n, x)
         assert plan.stats.status is (Status.LAST_POLICY if lost else Status.CONVERGED)
         if n == 5:
-            np.testing.assert_allclose(c.estimate.innovation, 0.0, atol=1e-5)
+            np.testing.assert_allclose(c.belief.estimate.innovation, 0.0, atol=1e-5)
         x = hold(model, x, plan.first_force(20.0), 0.05)
     assert np.abs(x[1:3]).max() < 0.05
 
@@ -395,12 +395,13 @@ def test_a_pendulum_that_differs_is_solved_for():
         x = hold(model, x, plan.first_force(20.0), 0.05)
     # with twice of all masses and the gain the motion is the same
     for name in ('cart_mass', 'link1_mass', 'link2_mass'):
-        assert getattr(c.problem.physical, name) / c.drive.gain == pytest.approx(
+        assert getattr(c.belief.problem.physical, name) / c.belief.drive.gain == pytest.approx(
             getattr(physical, name), rel=0.02)
-    assert c.problem.model == Model(Pendulum.of(c.problem.physical), INTEGRATORS['rk4'], 0.05)
-    assert c.solver.problem is c.problem
+    assert c.belief.problem.model == Model(
+        Pendulum.of(c.belief.problem.physical), INTEGRATORS['rk4'], 0.05)
+    assert c.planner.solver.problem is c.belief.problem
     c.reset()
-    assert c.problem is c.nominal
+    assert c.belief.problem is c.nominal
 
 
 def test_warming_up_changes_nothing():
@@ -434,7 +435,7 @@ for n in range(60):
         plan = c.fallback(p.t)
     else:
         plan = c.update(measured.t, measured.x + (n == 30), 0.02)
-    of_plan(plan, c.problem)
+    of_plan(plan, c.belief.problem)
     p.obey(plan.first_force(20.0))
     p.advance(0.05)
 assert len(before) > 30, before
@@ -456,7 +457,7 @@ def test_tick_that_a_deadline_cut_short_can_be_repeated(solver):
     for n, share in enumerate((1.0, 0.1, 0.5, 0.3, -1.0)):
         # from all the time that it takes to none
         plan = live.update(0.05 * n, x, 0.003, time.perf_counter() + 0.004 * share)
-        again.search = repeated(plan.stats.solves)
+        again.planner.search = repeated(plan.stats.solves)
         twin = again.update(0.05 * n, x, 0.003)
         assert np.array_equal(plan.X, twin.X) and np.array_equal(plan.U, twin.U)
         assert twin.stats.solves == plan.stats.solves
@@ -469,8 +470,8 @@ def test_the_next_tick_goes_by_the_force_that_was_sent():
     x = hanging()
     own, other = controller(estimator='none'), controller(estimator='none')
     sent, _ = [float(c.update(0.0, x).U[0]) for c in (own, other)]
-    own.forces.replace_last(sent)
-    other.forces.replace_last(-7.0)
+    own.commands.replace_last(sent)
+    other.commands.replace_last(-7.0)
     x = x + (0, 0, 0, 0.1, 0, 0)
     for c, force in ((own, sent), (other, -7.0)):
         plan = c.update(1 / 64, x, 1 / 64)
@@ -479,7 +480,7 @@ def test_the_next_tick_goes_by_the_force_that_was_sent():
 
 def test_a_failed_solve_tells_how_far_it_came():
     c = controller(estimator='none')
-    c.message_filter.range[:] = np.inf
+    c.observer.message_filter.range[:] = np.inf
     plan = c.update(0.0, np.array([0.0, 0.0, 0.0, 1e200, 0.0, 0.0]))
     assert plan.stats.status is Status.ZERO
     assert len(plan.stats.solves) >= 1
@@ -492,11 +493,11 @@ def test_velocities_need_not_be_measured(kept):
         x = p.x.copy()
         x[[i for i in range(3, 6) if i not in kept]] = np.nan
         p.obey(c.update(0.05 * n, x).first_force(20.0))
-        assert not c.rejection
+        assert not c.belief.rejection
         p.begin_period(0.0)
         p.advance(0.05)
     assert is_upright(p.x)
-    np.testing.assert_allclose(c.estimate.x[3:], p.x[3:], atol=0.1)
+    np.testing.assert_allclose(c.belief.estimate.x[3:], p.x[3:], atol=0.1)
 
 
 @pytest.mark.parametrize(('estimator', 'x', 'words'), [
@@ -513,7 +514,7 @@ def test_positions_alone_that_freeze_are_rejected():
     x[3:] = np.nan
     for n in range(10):
         c.update(0.05 * n, x)
-    assert 'has stood still to the bit' in c.rejection
+    assert 'has stood still to the bit' in c.belief.rejection
 
 
 def test_disabled_it_believes_states_and_sends_nothing():
@@ -526,7 +527,7 @@ def test_disabled_it_believes_states_and_sends_nothing():
         c.enable(n > 10)
         assert (plan.stats.status is Status.DISABLED) == (n <= 11)
         assert (plan.U[0] == 0.0) == (n <= 11)
-    assert c.estimate.refused == 0 and c.fallback(3.0).stats.status is Status.LAST_POLICY
+    assert c.belief.estimate.refused == 0 and c.fallback(3.0).stats.status is Status.LAST_POLICY
     c.enable(False)
     assert c.fallback(3.0).stats.status is Status.DISABLED
     assert c.fallback(3.0).U[0] == 0.0

@@ -62,18 +62,18 @@ def test_what_changes_counts_in_the_next_plan():
     c.reconfigure(configuration.controller({'horizon': 45, 'force_weight': 0.5, 'step': 0.04}))
     _, (plan, *_) = go_on(c, p, 0.05)
     assert (len(plan.U), plan.dt) == (45, 0.04)
-    assert c.problem.cost.R == 0.5
+    assert c.belief.problem.cost.R == 0.5
 
 
 @pytest.mark.parametrize('values', [{}, {'step': 0.03}, {'horizon': 10}, {'solver': 'ddp'}])
 def test_the_last_plan_is_the_start_of_the_next(values):
     c, p = balanced(regulator=False)   # which may cost less than what is left
-    before = c.rests(p.t)[0].U[0]
+    before = c.planner.warm_starts(p.t)[0].U[0]
     c.reconfigure(configuration.controller({'regulator': False, **values}))
-    left = c.rests(p.t)[0]
+    left = c.planner.warm_starts(p.t)[0]
     assert left.U[0] == pytest.approx(before, abs=2e-3)   # in other steps, interpolated
-    start = next(c.starts.of(c.x, c.rests(p.t)))
-    assert any(np.array_equal(start.U, rest.U) for rest in c.rests(p.t))
+    start = next(c.planner.starts.of(c.belief.x, c.planner.warm_starts(p.t)))
+    assert any(np.array_equal(start.U, rest.U) for rest in c.planner.warm_starts(p.t))
 
 
 @pytest.mark.parametrize('values, kept', [
@@ -82,22 +82,23 @@ def test_the_last_plan_is_the_start_of_the_next(values):
     ({'estimator': 'none'}, False)])
 def test_what_is_believed_goes_on_unless_something_else_is_told(values, kept):
     c, p = balanced()
-    estimator = c.estimator
+    estimator = c.observer.estimator
     c.reconfigure(configuration.controller(values))
-    assert (c.estimator is estimator) is kept
-    assert c.problem.physical.link1_mass == pytest.approx(values.get('link1_mass', 0.5), rel=0.05)
+    assert (c.observer.estimator is estimator) is kept
+    assert c.belief.problem.physical.link1_mass == pytest.approx(
+        values.get('link1_mass', 0.5), rel=0.05)
     go_on(c, p, 0.2)
-    assert (c.estimate is None) is (values.get('estimator') == 'none')
+    assert (c.belief.estimate is None) is (values.get('estimator') == 'none')
 
 
 def test_what_is_learned_of_the_pendulum_is_kept():
     c = configuration.controller({})
     p = configuration.plant({'link2_mass': 0.65})
     simulate(p, c, 4.0)
-    learned = c.problem.physical
+    learned = c.belief.problem.physical
     assert learned.link2_mass > (0.5 + 0.65) / 2   # nearer to what is than to what was told
     c.reconfigure(configuration.controller({'solver': 'ddp', 'horizon': 40}))
-    assert c.problem.physical == learned
+    assert c.belief.problem.physical == learned
 
 
 def test_another_learned_model_changes_nothing_that_is_believed_of_the_state():
@@ -108,11 +109,11 @@ def test_another_learned_model_changes_nothing_that_is_believed_of_the_state():
         c = configuration.controller({'dynamics': 'learned', 'model': models[0]})
         p = configuration.plant({'initial_state': LEANING.tolist(), 'force_bias': 2.0})
         simulate(p, c, 2.0)
-        before = c.estimate
+        before = c.belief.estimate
         c.reconfigure(configuration.controller({'dynamics': 'learned', 'model': then}))
         X, plans = go_on(c, p, 0.05)
-        assert np.abs(c.estimate.x - before.x).max() < 0.1
-        assert c.estimate.drive.bias == pytest.approx(2.0, abs=0.5)
+        assert np.abs(c.belief.estimate.x - before.x).max() < 0.1
+        assert c.belief.estimate.drive.bias == pytest.approx(2.0, abs=0.5)
         runs.append(plans[0].U)
     assert not np.array_equal(*runs)   # but with the other it plans
 
@@ -133,7 +134,7 @@ def test_a_seed_begins_its_random_numbers():
         c = configuration.controller({'seed': seeds[0]})
         for seed in seeds[1:]:
             c.reconfigure(configuration.controller({'seed': seed}))
-        runs.append(c.starts.draw(5))
+        runs.append(c.planner.starts.draw(5))
     np.testing.assert_array_equal(runs[0], runs[1])
     np.testing.assert_array_equal(runs[0], runs[2])
 
@@ -146,7 +147,7 @@ def test_it_is_held_through_all_changes(solver):
         values |= change
         c.reconfigure(configuration.controller(values))
         X, plans = go_on(c, p, 0.5)
-        assert np.abs(X[:, angles(c.x)]).max() < 0.2, (change, values)
+        assert np.abs(X[:, angles(c.belief.x)]).max() < 0.2, (change, values)
         assert not {plan.stats.status for plan in plans} & {Status.ZERO, Status.REGULATOR}, change
 
 
@@ -154,7 +155,7 @@ def test_it_is_held_through_all_solvers():
     c, p = balanced()
     for before, solver in pairwise([*sorted(SOLVERS), *sorted(SOLVERS, reverse=True)]):
         c.reconfigure(configuration.controller({'solver': solver}))
-        assert np.abs(go_on(c, p, 0.25)[0][:, angles(c.x)]).max() < 0.05, (before, solver)
+        assert np.abs(go_on(c, p, 0.25)[0][:, angles(c.belief.x)]).max() < 0.05, (before, solver)
 
 
 @pytest.mark.parametrize('solver', sorted(SOLVERS))
@@ -163,4 +164,4 @@ def test_one_change_leads_to_another_equilibrium(solver):
     for goal in ('down_down', 'up_up'):
         c.reconfigure(configuration.controller({'solver': solver, 'horizon': 40, 'goal': goal}))
         X, _ = go_on(c, p, 5.0)
-        assert is_upright(errors(X[-20:], c.problem.x_r)).all(), goal
+        assert is_upright(errors(X[-20:], c.belief.problem.x_r)).all(), goal

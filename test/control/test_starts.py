@@ -19,14 +19,14 @@ UP = np.array([0.1, 0.01, 0.01, 0.0, 0.0, 0.0])
 
 
 def starts_of(c, x_0, left=None):
-    return list(c.starts.of(x_0, [] if left is None else [left]))
+    return list(c.planner.starts.of(x_0, [] if left is None else [left]))
 
 
 def after_a_plan(x_0=HANGS, **parameters):
     """Return a controller with a plan, the state that it predicts next, and the plan's rest."""
     c = controller(**parameters)
     plan = c.update(0.0, x_0)
-    return c, plan.X[1], c.rests(0.05)[0]
+    return c, plan.X[1], c.planner.warm_starts(0.05)[0]
 
 
 def test_a_first_tick_starts_from_random_forces_and_from_others():
@@ -45,7 +45,7 @@ def test_the_first_plan_may_start_from_zero():
 
 def test_a_tick_says_where_each_of_its_solves_began_and_what_came_of_it():
     c, x, _ = after_a_plan(first_starts=4)
-    first = c.plans[-1][1].stats
+    first = c.planner.last[-1][1].stats
     assert [each.start for each in first.candidates] == ['random', 'regulator', 'rest', 'random']
     assert min(each.cost for each in first.candidates) == first.cost
     assert sum(first.solves) == first.iterations
@@ -67,11 +67,11 @@ def test_a_later_tick_starts_from_the_rest_of_the_last_plan_and_others_in_turn()
     c, x, left = after_a_plan()
     last, random = starts_of(c, x, left)          # the bounded LQR, first in turn, is out of reach
     _, regulator = starts_of(c, x, left)
-    np.testing.assert_array_equal(regulator.U, regulator_rollout(c.problem, x).U)
+    np.testing.assert_array_equal(regulator.U, regulator_rollout(c.belief.problem, x).U)
     assert not np.array_equal(random.U, regulator.U)
     for part, old in ((last.U, left.U), (last.X, left.X), (last.K, left.K)):
         np.testing.assert_array_equal(part, old)
-    assert c.rests(0.05 * 30) == []
+    assert c.planner.warm_starts(0.05 * 30) == []
 
 
 def test_once_upright_there_is_nothing_to_look_for():
@@ -88,7 +88,8 @@ def test_the_paper_has_one_start_a_tick():
 @pytest.mark.parametrize('regulator', [True, False])
 def test_the_regulator_replaces_a_worse_last_plan(regulator):
     c, _, left = after_a_plan(of_solver={'iterations': 1}, regulator=regulator)
-    expected = regulator_rollout(c.problem, UP).U if regulator else left.U   # somebody lifted it
+    # somebody lifted it
+    expected = regulator_rollout(c.belief.problem, UP).U if regulator else left.U
     np.testing.assert_allclose(starts_of(c, UP, left)[0].U, expected, rtol=1e-8)
 
 
@@ -96,7 +97,7 @@ def test_the_bounded_lqr_can_be_left_out():
     bounded, regulator = (starts_of(controller(first_starts=2, bounded_lqr=chosen), FALLING)[1]
                           for chosen in (True, False))
     np.testing.assert_array_equal(
-        regulator.U, regulator_rollout(controller().problem, FALLING).U)
+        regulator.U, regulator_rollout(controller().belief.problem, FALLING).U)
     assert not np.array_equal(bounded.U, regulator.U)
 
 
@@ -108,13 +109,14 @@ def test_the_regulator_goes_to_the_turn_where_the_last_plan_ends():
     goal = np.zeros(6)
     goal[ANGLES] = 2 * np.pi * np.round(ended.X[-1, ANGLES] / (2 * np.pi))
     start = starts_of(c, UP + goal, ended)[0]
-    np.testing.assert_allclose(start.X, regulator_rollout(c.problem, UP).X + goal, atol=1e-8)
+    expected = regulator_rollout(c.belief.problem, UP).X + goal
+    np.testing.assert_allclose(start.X, expected, atol=1e-8)
 
 
 def test_the_paper_s_warm_start_is_forces_alone():
     c = controller(warm_start='forces')
     plan = c.update(0.0, FALLING)
-    warm = starts_of(c, FALLING, c.rests(0.1)[0])[0]
+    warm = starts_of(c, FALLING, c.planner.warm_starts(0.1)[0])[0]
     np.testing.assert_array_equal(warm.U, [*plan.U[2:], 0.0, 0.0])
     np.testing.assert_array_equal(warm.K, 0.0)
 
@@ -136,7 +138,7 @@ def test_a_start_that_leaves_the_numbers_is_left_out():
 def test_the_bounded_lqr_of_a_whole_turn_is_the_same(turn):
     x = np.array([0.0, 0.2, 0.1, 0.0, 0.0, 0.0])
     x[ANGLES] += turn
-    start = controller().starts.bounded_lqr(x)
+    start = controller().planner.starts.bounded_lqr(x)
     np.testing.assert_allclose(start.X[0], x)
     np.testing.assert_allclose(start.X[-1, ANGLES], turn, atol=0.05)
 
@@ -148,23 +150,24 @@ def test_several_ticks_a_step_start_from_the_cheaper_of_two_rests():
     for n in range(16):
         begins = 0.01 * n
         if n >= 5:
-            rests = c.rests(begins)
+            rests = c.planner.warm_starts(begins)
             np.testing.assert_array_equal(rests[0].U, plans[-1].shifted(0.01).U)
             np.testing.assert_array_equal(rests[1].U, plans[n - 5].U[1:])
-            costs = [policy_rollout(c.problem, x - turns_of(c.problem, rest.X[-1]), rest.X, rest.U,
+            problem = c.belief.problem
+            costs = [policy_rollout(problem, x - turns_of(problem, rest.X[-1]), rest.X, rest.U,
                                     rest.K).J for rest in rests]
-            start = c.starts.last(x, rests)
+            start = c.planner.starts.last(x, rests)
             np.testing.assert_array_equal(start.U, rests[int(np.argmin(costs))].U)
             chosen.append(int(np.argmin(costs)))
         plans.append(c.update(begins, x))
-        x = hold(c.problem.model, x, plans[-1].U[0], 0.01)
+        x = hold(c.belief.problem.model, x, plans[-1].U[0], 0.01)
     assert set(chosen) == {0, 1}
 
 
 def test_at_one_tick_a_step_the_last_plan_is_the_start():
     c, x, left = after_a_plan()
-    rest, = c.rests(0.05)
+    rest, = c.planner.warm_starts(0.05)
     np.testing.assert_array_equal(rest.U, left.U)
     plan = c.update(0.05, x)
-    rest, = c.rests(0.1)
+    rest, = c.planner.warm_starts(0.1)
     np.testing.assert_array_equal(rest.U, plan.U[1:])

@@ -12,7 +12,7 @@ from scipy.stats import chi2
 
 from dp_swing_ros import configuration
 from dp_swing_ros.configuration import default_cost
-from dp_swing_ros.control.sent_forces import SentForces
+from dp_swing_ros.control.commands import SentCommands
 from dp_swing_ros.estimators.gaussian import constrain, correct, SMALL
 from dp_swing_ros.estimators.kalman import (
     CREEP, ExtendedKalmanFilter, KalmanParameters, SCALES, UNMEASURED)
@@ -73,7 +73,7 @@ def other(factor, physical=PHYSICAL):
 
 def sent(*commands):
     """Return what remembers commands, each with the time from which it holds [s]."""
-    forces = SentForces()
+    forces = SentCommands()
     for begins, command in commands:
         forces.add(begins, command)
     return forces
@@ -203,7 +203,7 @@ def test_it_is_the_textbook_s(links, drive, velocities, time_noise, rng):
     e = estimator(nominal, drive, memory=math.inf, adaptation=0.0, push_gate=math.inf)
     x = swinging(links)
     e.update(0.0, x, NONE)
-    z, P, forces, commands = e.z, e.P, SentForces(), []
+    z, P, forces, commands = e.z, e.P, SentCommands(), []
     real = other(1.05, nominal)
     for n in range(1, 8):
         # two commands a period, that end nowhere near a step
@@ -236,7 +236,7 @@ def test_the_innovations_are_as_large_as_it_says(unknown, time_noise, rng):
     for _ in range(20):
         e = estimator(nominal, SLOW, adaptation=0.0, memory=math.inf, push_gate=math.inf,
                       **parameters)
-        about, R, forces, commands = e.parameters, np.sqrt(e.R), SentForces(), []
+        about, R, forces, commands = e.parameters, np.sqrt(e.R), SentCommands(), []
         physical, drive = with_values(nominal, SLOW, rng.normal(0.0, e.unknowns.deviations))
         x = SWINGING + rng.normal(0.0, 0.1, 6)
         e.update(0.0, x + rng.normal(0.0, R), forces)
@@ -263,7 +263,7 @@ def test_velocities_are_far_better_than_measured():
     before = p.x.copy()
 
     def compare(t, plan):
-        errors.append(c.estimate.x - before)
+        errors.append(c.belief.estimate.x - before)
         before[:] = p.x
     simulate(p, c, 6.0, on_tick=compare)
     # the median, for where the cart hits the end of its track the estimate is off for a tick
@@ -277,7 +277,7 @@ def swung(physical, rng, velocity_noise=0.3, **parameters):
     half, model = physical.links + 1, model_of(physical)
     e, x = estimator(PendulumParameters(links=physical.links), **parameters), swinging(
         physical.links)
-    forces = SentForces()
+    forces = SentCommands()
     e.update(0.0, x, forces)
     for n in range(1, 101):
         u = rng.uniform(-20, 20)
@@ -321,7 +321,7 @@ def test_a_pendulum_that_differs_swings_up(factor):
 
 
 def test_a_lasting_force_is_told_from_the_parameters():
-    e, forces = estimator(), SentForces()
+    e, forces = estimator(), SentCommands()
     x = SWINGING
     for n in range(60):
         e.update(0.05 * n, x, forces)
@@ -364,8 +364,8 @@ def test_a_push_of_a_held_pendulum_is_no_delay(push_gate, falls):
     """Two of some 9 N; an answer to them that does little looks like one that is late."""
     c, delays = configuration.controller({'ekf.push_gate': push_gate}), []
     episode = simulate(plant(), c, 7.0, pushes=push_profile(1, 140),
-                       on_tick=lambda t, plan: delays.append(c.estimate.drive.delay))
-    upright = np.cos(episode.X[60:, angles(c.estimate.x)])
+                       on_tick=lambda t, plan: delays.append(c.belief.estimate.drive.delay))
+    upright = np.cos(episode.X[60:, angles(c.belief.estimate.x)])
     assert bool(upright.min() < 0.95) is falls
     assert (max(delays) > 0.01) is falls
 
@@ -487,7 +487,7 @@ def test_a_bound_is_kept_where_all_is_certain():
 
 
 def test_without_velocities_it_begins_uncertain_of_them_and_finds_them(rng):
-    e, forces, x, model = estimator(), SentForces(), SWINGING, model_of(PHYSICAL)
+    e, forces, x, model = estimator(), SentCommands(), SWINGING, model_of(PHYSICAL)
     unseen = np.full(3, np.nan)
     estimate = e.update(0.0, np.concatenate((x[:3], unseen)), forces)
     np.testing.assert_array_equal(estimate.x, [*x[:3], 0.0, 0.0, 0.0])
@@ -512,8 +512,8 @@ def driven(drive=None, physical=None, engine='mujoco', duration=2.5, seed=0, **p
     p = Plant(PendulumParameters(**(physical or {})), LimitParameters(),
               PlantParameters(engine=engine, seed=seed, **parameters),
               DriveParameters(**(drive or {})))
-    simulate(p, c, duration, on_tick=lambda t, plan: scales.append(c.estimator.scales))
-    return c.estimator, c.estimate, np.array(scales)
+    simulate(p, c, duration, on_tick=lambda t, plan: scales.append(c.observer.estimator.scales))
+    return c.observer.estimator, c.belief.estimate, np.array(scales)
 
 
 @pytest.mark.parametrize('position, velocity', [(5e-3, 0.3), (2e-3, 1.0), (5e-3, 1.0)])

@@ -16,7 +16,7 @@ def test_a_goal_that_no_plan_comes_to_is_told(goal, horizon, warns):
     """From hanging; once there, it is not told again."""
     arrival, told = GoalWatch(), []
     controller = configuration.controller({'goal': goal, 'horizon': horizon})
-    problem = controller.problem
+    problem = controller.belief.problem
 
     def on_tick(t, plan):
         told.append(arrival.warning(t, is_upright(errors(plan.X[-1], problem.x_r)),

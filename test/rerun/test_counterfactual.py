@@ -124,10 +124,10 @@ def test_a_shadow_goes_by_the_forces_that_were_sent(runs):
     run = runs['ilqr']
     tick = run.tick_at(0.5, None)
     controller, plan = shadow(run, tick, 'mppi')
-    _, (_, *sent) = controller.forces.since(-np.inf, 0.0)
+    _, (_, *sent) = controller.commands.since(-np.inf, 0.0)
     assert sent[:-1] == [one.force for one in run.record.ticks[:tick.number - 1]]
     assert sent[-1] == plan.first_force(run.problem.u_max)
-    assert controller.t == tick.stamp / 1e9
+    assert controller.belief.t == tick.stamp / 1e9
 
 
 def test_until_it_sends_one_the_force_before_acts(faulty):
@@ -182,4 +182,4 @@ def test_parameters_are_those_that_counted_at_the_tick(runs):
     assert run.lately(ticks[8].stamp).mpc['solver'] == 'mppi'
     controller, _ = shadow(run, tick, 'ilqr')
     assert controller.parameters.solver == 'ilqr'   # whatever the recorded one was
-    assert controller.problem.cost.R == pytest.approx(then.problem.cost.R)
+    assert controller.belief.problem.cost.R == pytest.approx(then.problem.cost.R)

@@ -44,7 +44,7 @@ def test_a_label_may_be_given():
 def test_a_baseline_is_built_on_the_same_problem():
     controller = parse('nothing:step=0.1').prepare()(0)
     assert isinstance(controller, Nothing)
-    assert controller.problem.dt == 0.1
+    assert controller.belief.problem.dt == 0.1
 
 
 def test_a_learned_model_is_what_its_file_was_when_the_contestant_was_read(tmp_path):

@@ -8,8 +8,8 @@ from controllers import controller, plant
 import numpy as np
 import pytest
 
-from dp_swing_ros.control.safety import braked, limited, violation
-from dp_swing_ros.control.sent_forces import SentForces
+from dp_swing_ros.control.supervisor import braked, limited, violation
+from dp_swing_ros.control.commands import SentCommands
 from dp_swing_ros.pendulum.model import step
 from dp_swing_ros.pendulum.parameters import LimitParameters
 from dp_swing_ros.pendulum.state import hanging, is_upright, upright
@@ -43,10 +43,10 @@ def test_a_plan_knows_its_first_force():
     first = c.update(0.0, hanging())
     assert first.U[0] == 0.0   # how long there was none before is not known
     plan = c.update(0.05, hanging() + 1e-3)
-    assert abs(plan.first_force(20.0)) == pytest.approx(100.0 * c.problem.dt)
-    step(c.problem.model, plan.X[0], plan.U[0], x := np.empty(6))
+    assert abs(plan.first_force(20.0)) == pytest.approx(100.0 * c.belief.problem.dt)
+    step(c.belief.problem.model, plan.X[0], plan.U[0], x := np.empty(6))
     assert np.allclose(x, plan.X[1])
-    again = limited(c.problem, plan, Bounds(plan.U[0], plan.U[0]))
+    again = limited(c.belief.problem, plan, Bounds(plan.U[0], plan.U[0]))
     assert again is plan
 
 
@@ -55,11 +55,11 @@ def test_after_a_gap_a_command_changes_by_no_more_than_in_a_step():
     t, sent = np.array([0.0, 0.05, 0.23]), []   # a gap that the last plan covers
     for each in t:
         sent.append(c.update(each, hanging() + 0.01 * each).first_force(20.0))
-    assert abs(sent[2] - sent[1]) == pytest.approx(100.0 * c.problem.dt)
+    assert abs(sent[2] - sent[1]) == pytest.approx(100.0 * c.belief.problem.dt)
 
 
 def test_a_command_is_measured_by_the_one_before_not_by_one_that_it_replaces():
-    forces = SentForces()
+    forces = SentCommands()
     for begins, command in ((0.0, 1.0), (0.05, 2.0)):
         forces.add(begins, command)
     assert forces.last(0.05) == (1.0, 0.0)
@@ -90,22 +90,22 @@ def test_plans_keep_a_limit_of_the_speed(name):
 def test_the_brake_brings_the_cart_to_rest_and_holds_it():
     c = controller()
     for x in (NEAR_THE_END, np.array([0.0, 2.5, 2.0, -1.0, 1.0, -1.0]), upright()):
-        plan = braked(c.problem, x, 0.0, math.inf)
+        plan = braked(c.belief.problem, x, 0.0, math.inf)
         speeds = np.abs(plan.X[:, 3])
         assert np.all(np.diff(speeds[speeds > 0.1]) < 0) and speeds[-10:].max() < 0.01
-        assert np.abs(plan.U).max() <= c.problem.u_max
-        slow = braked(c.problem, x, 3.0, 2.0)
+        assert np.abs(plan.U).max() <= c.belief.problem.u_max
+        slow = braked(c.belief.problem, x, 3.0, 2.0)
         assert np.abs(np.diff(np.append(3.0, slow.U))).max() <= 2.0 + 1e-12
 
 
 def test_what_is_not_kept_is_said():
     c = controller(cost=CostParameters(cart_speed_limit=2.0))
     X = np.array([upright(), NEAR_THE_END])
-    assert violation(c.problem, X) == '4 m/s instead of cart_speed_limit 2 m/s at most'
+    assert violation(c.belief.problem, X) == '4 m/s instead of cart_speed_limit 2 m/s at most'
     X[1, 0] = -2.5
-    assert violation(c.problem, X) == '2.5 m instead of track_limit 2.4 m at most'
-    assert violation(c.problem, X[:1]) == ''
-    assert violation(c.problem, np.full((1, 6), math.nan)) != ''
+    assert violation(c.belief.problem, X) == '2.5 m instead of track_limit 2.4 m at most'
+    assert violation(c.belief.problem, X[:1]) == ''
+    assert violation(c.belief.problem, np.full((1, 6), math.nan)) != ''
 
 
 @SOLVERS

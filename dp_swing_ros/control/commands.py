@@ -4,8 +4,9 @@
 
 import numpy as np
 
+from dp_swing_ros.control.observer import Belief
 from dp_swing_ros.pendulum.drive import follow_commands, HISTORY
-from dp_swing_ros.pendulum.model import Model
+from dp_swing_ros.pendulum.model import hold, Model
 from dp_swing_ros.pendulum.parameters import Drive
 from dp_swing_ros.pendulum.state import Array
 
@@ -14,39 +15,39 @@ LONGEST = 10.0     # [s] of a prediction; more only passes where a clock is set
 STEP = 0.01        # [s] longest of a prediction
 
 
-class SentForces:
+class SentCommands:
     """Remembers from when on each command holds; what was sent later replaces it."""
 
     def __init__(self) -> None:
         """Begin with none, which is a force of zero."""
-        self.begins, self.commands = np.empty(0), np.empty(0)   # in the order of time
+        self.times, self.forces = np.empty(0), np.empty(0)   # since when [s], in order; which [N]
         self.before = 0.0   # [N] what came before these
 
-    def add(self, begins: float, command: float) -> None:
+    def add(self, t: float, command: float) -> None:
         """Remember a command [N] that holds from a time on [s]."""
-        end = np.searchsorted(self.begins, begins)
-        old = np.searchsorted(self.begins[:end], begins - REMEMBERED)
+        end = np.searchsorted(self.times, t)
+        old = np.searchsorted(self.times[:end], t - REMEMBERED)
         if old > 0:
-            self.before = float(self.commands[old - 1])
-        self.begins = np.append(self.begins[old:end], begins)
-        self.commands = np.append(self.commands[old:end], command)
+            self.before = float(self.forces[old - 1])
+        self.times = np.append(self.times[old:end], t)
+        self.forces = np.append(self.forces[old:end], command)
 
     def replace_last(self, command: float) -> None:
         """Remember that another command [N] was sent than the last one added."""
-        self.commands[-1] = command
+        self.forces[-1] = command
 
     def last(self, t: float) -> tuple[float, float]:
         """Return the newest command [N] of those before a time [s], and since when it holds."""
-        place = np.searchsorted(self.begins, t) - 1
+        place = np.searchsorted(self.times, t) - 1
         return (self.before, t) if place < 0 else (
-            float(self.commands[place]), float(self.begins[place]))
+            float(self.forces[place]), float(self.times[place]))
 
     def since(self, t: float, history: float) -> tuple[Array, Array]:
         """Return when commands end, after a time [s], and which; see estimator.Commands."""
-        place = np.searchsorted(self.begins, t - history, side='right')
-        before = self.before if place == 0 else self.commands[place - 1]
-        return (np.append(self.begins[place:] - t, np.inf),
-                np.append(before, self.commands[place:]))
+        place = np.searchsorted(self.times, t - history, side='right')
+        before = self.before if place == 0 else self.forces[place - 1]
+        return (np.append(self.times[place:] - t, np.inf),
+                np.append(before, self.forces[place:]))
 
     def predict(self, model: Model, drive: Drive, x: Array, t: float,
                 until: float) -> tuple[Array, float]:
@@ -55,3 +56,17 @@ class SentForces:
         f = follow_commands(model._replace(h=STEP), drive, *self.since(t, HISTORY), x,
                             duration)
         return x, f
+
+    def compensate(self, belief: Belief, acts_at: float) -> Array:
+        """
+        Return the state from which a command of a time on [s] counts as the force on the cart.
+
+        The drive's delay has passed then, and its lag is one more: a force that follows with a
+        time constant has in the end the effect of one that stands still for so long, then jumps.
+        Shapes: (2n + 2,), NaN before a first state.
+        """
+        if np.isnan(belief.x[0]):
+            return belief.x
+        model, drive = belief.problem.model, belief.drive
+        x, f = self.predict(model, drive, belief.x, belief.t, acts_at + drive.delay)
+        return hold(model._replace(h=STEP), x, drive.gain * f + drive.bias, drive.time_constant)

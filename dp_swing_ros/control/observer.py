@@ -1,0 +1,160 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""From measurements to what is believed: message filter, estimator, and the problem that is."""
+
+import contextlib
+from dataclasses import dataclass, replace
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from dp_swing_ros.control.message_filter import MessageFilter, Predict
+from dp_swing_ros.estimators import ESTIMATORS
+from dp_swing_ros.estimators.estimator import Commands, Estimate, Estimator
+from dp_swing_ros.parameters import parameter, ParameterError, Parameters
+from dp_swing_ros.pendulum.parameters import Drive
+from dp_swing_ros.pendulum.state import Array, is_state, to_turn_of
+from dp_swing_ros.problem.problem import Bounds, Problem
+
+OVERTAKEN = 0.5  # [s] a state older than the last by more than this is none that was overtaken
+NEARLY = 0.01    # of the limit of the force, by which bounds may be off
+
+
+@dataclass(frozen=True)
+class ObserverParameters(Parameters):
+    """Who estimates the state."""
+
+    estimator: str = parameter(
+        'ekf', 'none: a state is taken as it is measured; ekf: an extended Kalman filter on the '
+        'model, which also estimates physical parameters and a force bias',
+        choices=lambda: sorted(ESTIMATORS))
+
+
+class Belief(NamedTuple):
+    """
+    What is believed at the time of the last accepted measurement.
+
+    Shapes: x (2n + 2,), NaN before the first.
+    """
+
+    t: float             # [s]
+    x: Array
+    problem: Problem     # of the pendulum as it is believed to be
+    drive: Drive
+    rejection: str       # why the last measurement was not accepted; empty where it was
+    estimate: Estimate | None   # None where the state is taken as it is measured
+
+
+class Observer:
+    """Holds the estimator and what it believes, and the states before that tell dead sensors."""
+
+    def __init__(self, problem: Problem, parameters: ObserverParameters, estimator: Parameters,
+                 drive: Drive) -> None:
+        """Take the nominal problem and drive, and the parameters of the estimator."""
+        self.nominal, self.nominal_drive = problem, drive
+        self.parameters, self.estimator_parameters = parameters, estimator
+        self.estimator: Estimator = ESTIMATORS[parameters.estimator](problem, drive, estimator)
+        self.message_filter = MessageFilter(problem.physical.links, problem.given[0].track_limit)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all measurements."""
+        self.estimator.reset()
+        self.message_filter.reset()
+        self.first, self.latest = math.inf, -math.inf   # [s] times of measurements
+        nothing = np.full(len(self.nominal.cost.S), np.nan)
+        self.belief = Belief(-math.inf, nothing, driven_by(self.nominal_drive, self.nominal),
+                             self.nominal_drive, '', None)
+
+    def reconfigure(self, other: 'Observer') -> None:
+        """Go on with the parameters of another one; the anew if it is told otherwise."""
+        belief, problem = self.belief, other.nominal
+        if other.inputs != self.inputs:
+            self.estimator, self.message_filter = other.estimator, other.message_filter
+            belief = belief._replace(drive=other.nominal_drive, estimate=None)
+        elif problem.learned is not None:
+            other.estimator.go_on(self.estimator)
+            self.estimator = other.estimator
+        else:
+            problem = problem.with_physical(belief.problem.physical)
+        self.nominal, self.nominal_drive = other.nominal, other.nominal_drive
+        self.parameters, self.estimator_parameters = other.parameters, other.estimator_parameters
+        self.belief = belief._replace(problem=driven_by(belief.drive, problem))
+
+    @property
+    def inputs(self) -> tuple[object, ...]:
+        """Return what estimator and message filter are built from, but for learned numbers."""
+        limits, _, prediction = self.nominal.given
+        return (self.parameters.estimator, self.estimator_parameters, self.nominal.physical,
+                self.nominal_drive, limits.track_limit, prediction.integrator,
+                self.nominal.learned is not None)
+
+    def is_another_run(self, t: float) -> bool:
+        """Return whether a time [s] is before all measurements, or long before the last."""
+        return t < self.latest and t <= max(self.first, self.latest - OVERTAKEN)
+
+    def update(self, t: float, x: Array, time_noise: float, commands: Commands) -> Belief:
+        """
+        Return what is believed with a measurement x at a time t [s], uncertain by time_noise [s].
+
+        One that a later one overtook adds nothing. Shapes: x (2n + 2,), NaN where a velocity is
+        not measured. Raises ValueError where one is not, and the estimator does not do without.
+        """
+        if t <= self.latest:
+            return self.belief
+        self.first, self.latest = min(self.first, t), t
+        # a pendulum that hangs still would be refused for ever where a bias is believed in that is
+        # not there any more, for what is refused cannot correct it
+        rejection = self.message_filter.rejection(
+            t, x, prediction(commands, self.belief.problem, self.belief.drive),
+            prediction(commands, self.nominal, self.nominal_drive))
+        if rejection:
+            self.belief = self.belief._replace(rejection=rejection)
+            return self.belief
+        if math.isfinite(self.belief.t):
+            x = to_turn_of(x, self.belief.x)   # where an encoder wraps, the angle goes on
+        measured = self.message_filter.with_velocities_measured(x)
+        estimate = self.estimator.update(t, measured, commands, time_noise)
+        if estimate is not None:
+            self.belief = self.believed(t, estimate)
+        elif np.all(np.isfinite(x)):
+            self.belief = self.belief._replace(t=t, x=x, rejection='', estimate=None)
+        else:
+            self.belief = self.belief._replace(rejection='')
+            raise ValueError(f'the state is {x}, without velocities; estimator ekf does without')
+        self.message_filter.believe(measured, self.belief.x)
+        return self.belief
+
+    def believed(self, t: float, estimate: Estimate) -> Belief:
+        """Return what an estimate says of state, pendulum and drive."""
+        problem = self.belief.problem
+        if self.estimator.has_moved(problem.physical):
+            with contextlib.suppress(ParameterError):   # of what no pendulum can be held with
+                problem = self.nominal.with_physical(
+                    replace(self.nominal.physical, **estimate.physical))
+        return Belief(t, estimate.x, driven_by(estimate.drive, problem), estimate.drive,
+                      '' if estimate.accepted else
+                      f'the state is {estimate.distance:.3g} deviations from its prediction; the '
+                      'estimator refuses it', estimate)
+
+
+def prediction(commands: Commands, problem: Problem, drive: Drive) -> Predict:
+    """Return what predicts a state under the commands sent to a later time."""
+    return lambda x, t, until: commands.predict(problem.model, drive, x, t, until)[0]
+
+
+def checked(x: Array, size: int) -> Array:
+    """Return a copy of a measured state (size,); raises ValueError where it is none."""
+    x = np.array(x, dtype=float)
+    if x.shape != (size,) or not is_state(x):
+        raise ValueError(f'the state is {x}; expected {size} finite numbers')
+    return x
+
+
+def driven_by(drive: Drive, problem: Problem) -> Problem:
+    """Return a problem within what a drive can do; the same where that is nearly what it has."""
+    u_max = problem.given[0].force_limit
+    bounds = Bounds(drive.bias - drive.gain * u_max, drive.bias + drive.gain * u_max)
+    near = all(abs(b - old) <= NEARLY * u_max for b, old in zip(bounds, problem.bounds))
+    return problem if near else replace(problem, bounds=bounds)
