@@ -56,7 +56,7 @@ VALUES = ('1e400', '-1e400', r'"\ud800"', r'{"\udfff": 1}', '9' * 30, '1' + '0' 
           '{"force_limit": 1%s}' % ('0' * 400), r'{"solver": "\ud800"}',
           '{"seed": 36893488147419103232}', '[' * 5000 + ']' * 5000,
           '{"goal": {"a": [1]}}', '{"reference": [1e308, 0, 0, 0, 0, 0]}', '{"reference": [[]]}',
-          '{"shadow": [1, "x", null]}', '"%s"' % ('x' * 60_000))
+          '{"joint_names": [1, "x", null]}', '"%s"' % ('x' * 60_000))
 MALFORMED = ('', '{', '[]', '3', '{"do": 3}', '{"do": []}', '[' * 60_000, '"' * 1000, b'\xff\0',
              b'', 'x' * 70_000, '{"do": "set", "do": "push"}', '{"do": "mro"}', '\ufeff{}')
 HTTP = (b'GET / HTTP/1.1\r\nHost: HOST\r\nOrigin: http://[\r\n\r\n',
@@ -253,7 +253,7 @@ def shown() -> Entry:
         DiagnosticArray(status=[DiagnosticStatus(
             level=level, name=name, message=text,
             values=[KeyValue(key=key, value=value) for key in keys])])
-        for name in ('mpc', 'plant', 'mpc: shadow ddp', '/', '')
+        for name in ('mpc', 'plant', 'mpc: topics', '/', '')
         for value in ('nan', '1' * 5000, 'x', '[1')
         for level, text in ((b'\xff', '\0'), (b'\0', 'x' * 10_000))]
     descriptions = [String(data=text) for text in (

@@ -88,17 +88,12 @@ def of_rates(results: Path) -> Iterator[Line]:
 
 
 def of_busy(results: Path) -> Iterator[Line]:
-    """Yield what became of it on busy cores, and beside shadows."""
+    """Yield what became of it on busy cores."""
     rows = pd.read_csv(results / 'live_busy.csv.gz', keep_default_na=False)
     for solver, of in rows[rows.part == 'busy'].groupby('solver', sort=False):
         yield Line(f'`{solver}`, all cores kept busy by others, {of.duration.max():g} s: up to '
                    'the end in all runs', share(rate(of.success.tolist())),
                    bool(of.success.all()))
-    for solver, of in rows[rows.part == 'shadow'].groupby('solver', sort=False):
-        with_, without = (int(of[of.shadow.ne('') == is_on].late_total.sum())
-                          for is_on in (True, False))
-        yield Line(f'`{solver}` with two solvers in its shadow: no tick late for them',
-                   f'late ticks {with_}, without shadows {without}', with_ <= without)
 
 
 def of_faults(results: Path) -> Iterator[Line]:

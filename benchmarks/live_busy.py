@@ -1,7 +1,7 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Plant and mpc in real time on cores that others keep busy, and with shadows.
+Plant and mpc in real time on cores that others keep busy.
 
 Run by `make results`, on a machine that must do nothing else.
 """
@@ -20,10 +20,9 @@ from dp_swing_ros.evaluation.campaign.report import share
 from dp_swing_ros.evaluation.comparison import rate
 from dp_swing_ros.tables import compact
 
-BUSY = 60.0       # [s] on busy cores, and with shadows
-RUNS = 10         # on busy cores
-PRIORITISED = 3   # on busy cores, with a real-time priority
-PAIRS = 3         # with and without shadows
+BUSY = 60.0       # [s]
+RUNS = 10
+PRIORITISED = 3   # with a real-time priority
 
 
 def runs() -> Iterator[Run]:
@@ -34,11 +33,6 @@ def runs() -> Iterator[Run]:
         for seed in range(PRIORITISED):
             yield Run('busy', solver, BUSY, burn=os.cpu_count() or 1, seed=seed,
                       thread_priority=PRIORITY)
-    for solver in METHODS:
-        others = tuple(other for other in METHODS if other != solver)
-        for seed in range(PAIRS):
-            yield Run('shadow', solver, BUSY, shadow=others, seed=seed)
-            yield Run('shadow', solver, BUSY, seed=seed)
 
 
 def of_busy(rows: pd.DataFrame) -> str:
@@ -53,27 +47,13 @@ def of_busy(rows: pd.DataFrame) -> str:
                                                      sort=False))])
 
 
-def of_shadows(rows: pd.DataFrame) -> str:
-    """Return the table of the shadows."""
-    return compact([
-        ('solver', 'in its shadow', 'late ticks', 'answered before the next',
-         'state to force p50 [ms]', 'p99'),
-        *((f'`{solver}`', shadow.replace(' ', ', ') or 'none', str(of.late_total.sum()),
-           answered(of), f'{of.mpc_p50.median():.2f}', f'{of.mpc_p99.median():.2f}')
-          for (solver, shadow), of in rows.groupby(['solver', 'shadow'], sort=False))])
-
-
 def page(rows: pd.DataFrame, made: str) -> str:
     """Return the page as Markdown."""
-    of = dict(list(rows.groupby('part')))
     return '\n'.join([
-        '# Busy cores and shadows\n', made, ABOUT.format('live_busy'),
-        '## Busy cores\n',
+        '# Busy cores\n', made, ABOUT.format('live_busy'),
         f'{BUSY:g} s beside as many busy processes as there are cores, {RUNS} runs each, and '
         f'{PRIORITISED} with [a real-time priority](../nodes.md#time).\n',
-        of_busy(of['busy']), '',
-        '## With shadows\n', f'{BUSY:g} s, {PAIRS} runs each; medians of the runs.\n',
-        of_shadows(of['shadow']), ''])
+        of_busy(rows), ''])
 
 
 def main(argv: Sequence[str] | None = None) -> None:

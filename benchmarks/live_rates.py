@@ -16,7 +16,6 @@ from typing import Any, NamedTuple
 from campaigns import METHODS
 import pandas as pd
 from stamp import made, sources, store_page, TOP, verdict
-import yaml
 
 from dp_swing_ros.evaluation.soak import answers, OUT, pendulum, processes, Soak, times
 from dp_swing_ros.tables import compact
@@ -44,7 +43,6 @@ class Run(NamedTuple):
     duration: float   # [s]
     rate: float = 20.0       # [Hz]
     burn: int = 0     # busy processes
-    shadow: tuple[str, ...] = ()
     seed: int = 0
     thread_priority: int = 0
 
@@ -62,13 +60,9 @@ def runs(long: float = LONG) -> Iterator[Run]:
 
 def play(run: Run, folder: Path) -> dict[str, Any]:
     """Do a run, and return its figures; raises ProcessError where a process does not come up."""
-    folder.mkdir()
-    file = folder / 'shadow.yaml'
-    file.write_text(yaml.safe_dump(
-        {'mpc': {'ros__parameters': {'shadow': list(run.shadow) or ['']}}}))
-    found = soak(folder / 'soak', run.solver, run.duration, run.rate, params=[file],
-                 seed=run.seed, burn=run.burn, thread_priority=run.thread_priority)
-    return {**run._asdict(), 'shadow': ' '.join(run.shadow), **figures(found)}
+    found = soak(folder, run.solver, run.duration, run.rate, seed=run.seed, burn=run.burn,
+                 thread_priority=run.thread_priority)
+    return {**run._asdict(), **figures(found)}
 
 
 def figures(found: Soak) -> dict[str, Any]:

@@ -132,7 +132,7 @@ PAGES = {
     'live_changes': of_script('live_changes', 16),
     'live_faults': of_script('live_faults', 34),
     'live_rates': of_script('live_rates', 48),
-    'live_busy': of_script('live_busy', 63),
+    'live_busy': of_script('live_busy', 43),
     'live_soak': of_script('live_soak', 61),
     'live': of_script('live', 0.1),
     'learned': of_script('learned', 45),

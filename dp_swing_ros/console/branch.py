@@ -22,7 +22,7 @@ from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.rerun.counterfactual import counterfactual, Run
 from dp_swing_ros.solvers import SOLVERS
 
-LEAD = 5.0      # [s] before the instant that solvers see as shadows
+LEAD = 5.0      # [s] before the instant that solvers see, too
 EARLY = 1e-6    # [s] by which a time in JSON may be late
 
 Send = Callable[[dict[str, Any]], object]

@@ -50,7 +50,6 @@ class Row(NamedTuple):
     force: float | None
     push: float | None
     figures: dict[str, Any]   # that the plots show of its tick
-    regrets: dict[str, Any]   # of shadows, by solver
 
 
 class Ring:
@@ -151,7 +150,7 @@ def row_of(scene: Scene) -> Row:
     force = tick.values.get('force', scene.force) if tick else scene.force
     return Row(scene.t, numbers(scene.x), number(scene.u),
                number(force) if is_figure(force) else None, number(scene.push),
-               dict(figures[:MOST]), scene.regrets())
+               dict(figures[:MOST]))
 
 
 def answer(rows: Iterable[Row]) -> dict[str, Any]:
@@ -160,8 +159,7 @@ def answer(rows: Iterable[Row]) -> dict[str, Any]:
     return {'kind': 'history', 't': [row.t for row in found], 'x': [row.x for row in found],
             'u': [row.u for row in found], 'force': [row.force for row in found],
             'push': [row.push for row in found],
-            'figures': columns([row.figures for row in found]),
-            'regrets': columns([row.regrets for row in found])}
+            'figures': columns([row.figures for row in found])}
 
 
 def thinned(found: list[Kept]) -> list[Kept]:

@@ -24,7 +24,6 @@ from dp_swing_ros.topics import (
     CONFIGURATION, DIAGNOSTICS, DISTURBANCE, FORCE_COMMAND, JOINT_STATES, PLAN,
     ROBOT_DESCRIPTION, Topic, TRIES)
 
-SHADOW = ': shadow '    # between the names of a controller and of the solver of its shadow
 CART = (0.44, 0.22)   # [m] as it is drawn
 LASTS = 2 * 10 ** 9   # [ns] what the mpc says is shown, where nothing newer comes
 STALE = 3             # level of a status that nobody renews
@@ -61,7 +60,6 @@ class Scene:
         self.configurations: dict[str, Configuration] = {}   # of plant and mpc, by role
         self.announced: Configuration | None = None          # the newest, of any node
         self.statuses: dict[str, tuple[int, str]] = {}       # level and message by name
-        self.shadows: dict[str, Report] = {}                 # by solver
         self.x: Array | None = None
         self.stamp = 0            # [ns]
         self.origin = 0           # [ns] stamp at which the run began
@@ -141,12 +139,6 @@ class Scene:
         for status in message.status:
             level = status.level[0] if isinstance(status.level, bytes) else status.level
             keep(self.statuses, status.name, (level, status.message))
-            _, _, solver = status.name.partition(SHADOW)
-            if solver:
-                report = from_diagnostics(message, self.node(CONTROLLER) + SHADOW + solver,
-                                          self.joint_states)
-                if report is not None:
-                    keep(self.shadows, solver, report)
         tick = from_diagnostics(message, self.node(CONTROLLER), self.joint_states)
         if tick is not None:
             self.ticks.append(tick)
@@ -224,8 +216,6 @@ class Scene:
             'estimate': numbers(np.array(estimate)) if all(map(is_figure, estimate)) else None,
             'plan': plan_ and {**plan_}, 'tries': tries_,
             'tick': {name: number(value) for name, value in values.items()} or None,
-            'shadows': {solver: shadow(each.values) for solver, each in [*self.shadows.items()]
-                        if self._counts(each.stamp)},
             'paused': self.paused}
 
     @property
@@ -235,12 +225,6 @@ class Scene:
         planned = {plan.stamp for plan in [*self.plans]}
         return next((tick for tick in ticks[::-1] if tick.stamp in planned),
                     ticks[-1] if ticks else None)
-
-    def regrets(self) -> dict[str, Any]:
-        """Return the regret of not obeying each shadow, by solver."""
-        return {solver: each.values.get('regret', math.nan) for solver, each in
-                self.shadows.items() if self._counts(each.stamp)
-                and is_figure(each.values.get('regret', math.nan))}
 
     @property
     def is_answered(self) -> bool:
@@ -325,9 +309,3 @@ def tries(message: Any) -> dict[str, Any] | None:
     step = math.ceil(message.width / POINTS)
     return {'paths': numbers(cloud[:, ::step, [0, 2]].astype(float), 3),
             'weights': numbers(cloud[:, 0, 3].astype(float))}
-
-
-def shadow(values: dict[str, Any]) -> dict[str, Any]:
-    """Return what a shadow would have done."""
-    return {name: number(values.get(name, math.nan))
-            for name in ('cost', 'regret', 'force', 'solve_time', 'behind')}

@@ -16,7 +16,6 @@ from dp_swing_ros.pendulum.state import Array, hanging, upright
 from dp_swing_ros.problem.cost import terms
 from dp_swing_ros.problem.plan import Plan
 from dp_swing_ros.problem.problem import Problem
-from dp_swing_ros.solvers import SOLVERS
 
 WARMING = 1.0    # [s] at most of a tick that warms up
 LEANING = 0.2    # [rad] of link 1, so far that the regulator would drop it
@@ -35,10 +34,6 @@ class MpcParameters(PlannerParameters, SupervisorParameters, ObserverParameters)
         'it came later than others did; lockstep, simulated time that waits for the answer; '
         'announced, what the publisher of the states says on the topic configuration, else '
         'arrival', choices=lambda: ['announced', 'stamps', 'arrival', 'lockstep'], live=False)
-    shadow: tuple[str, ...] = parameter(
-        ('',), 'solvers that solve each tick too, each in a process of its own; what they would '
-        'have done, and the regret of not obeying them, is in /diagnostics (empty: none)',
-        choices=lambda: ['', *sorted(SOLVERS)])
     time_noise: float = parameter(
         1e-3, 'standard deviation of the time at which a state was measured, by its stamp (real '
         'time only)', unit='s', minimum=0.0)

@@ -25,7 +25,7 @@ from std_msgs.msg import Float64, String
 from dp_swing_ros import configuration
 from dp_swing_ros.control.receding_horizon import MpcParameters
 from dp_swing_ros.messages.configuration import from_text, is_of_plant
-from dp_swing_ros.messages.fields import BILLION, nanoseconds, seconds, to_measured, to_state
+from dp_swing_ros.messages.fields import BILLION, seconds, to_measured, to_state
 from dp_swing_ros.messages.states import States
 from dp_swing_ros.nodes.cdr import to_trajectory
 from dp_swing_ros.nodes.connections import is_heard, owners, publish, sender_of, subscribe
@@ -34,16 +34,14 @@ from dp_swing_ros.nodes.loading import Loader, SLOWEST
 from dp_swing_ros.nodes.messages import to_point_cloud, to_stamped_force
 from dp_swing_ros.nodes.process import failure, ProcessNode, run
 from dp_swing_ros.nodes.ros_parameters import announce, declare, given, let_change
-from dp_swing_ros.nodes.shadows import Shadows
 from dp_swing_ros.nodes.taking import take
 from dp_swing_ros.nodes.tick_figures import of_estimate, of_plan, tip_paths
 from dp_swing_ros.nodes.timing import (
     Clock, GoalWatch, Latency, Measured, Setbacks, Timing, Watchdog)
 from dp_swing_ros.parameters import group
 from dp_swing_ros.pendulum.sensors import HANGING, SensorParameters, Standstill
-from dp_swing_ros.pendulum.state import Array, errors, is_upright
+from dp_swing_ros.pendulum.state import errors, is_upright
 from dp_swing_ros.problem.plan import FALLBACK, Plan, Status
-from dp_swing_ros.rerun.answers import Tick
 from dp_swing_ros.topics import (
     CONFIGURATION, FORCE_COMMAND, FORCE_COMMAND_STAMPED, JOINT_STATES, PLAN, TRIES)
 
@@ -104,15 +102,13 @@ class MpcNode(ProcessNode):
         self.states = States(self.sensors.joint_names, self.get_logger().warning,
                              partial(sender_of, self, JOINT_STATES))
         self.diagnostics = Diagnostics(self, self.states)
-        self.shadows = Shadows(self, self.diagnostics)
-        self.x: Array | None = None   # that the last tick was given
         self.serve('mpc/reset', self.on_reset)
         self.serve_switch('mpc/enable', self.on_enable)
         subscribe(self, CONFIGURATION, self.on_configuration, sparing=True)
         self.watchdog = Watchdog(self, values['step'], self.on_silence)
         self.sent = 0    # forces
         self.answered = Time()   # the stamp of the last state
-        self.resets = self.shadowed_resets = 0
+        self.resets = 0
         self.configured = dict[str, int]()   # resets of the nodes that have announced themselves
         self.plants = set[str]()      # the names of those that are plants of ours
         self.setbacks = Setbacks()    # of simulated time
@@ -150,7 +146,6 @@ class MpcNode(ProcessNode):
         if self.controller.nominal.learned is not None:
             self.note_learned()
             announce(self, self.found, self.revision)
-        self.shadows.configure(self.values, wait=True)
         self.put_back = let_change(self, self.fields, self.values, self.on_change)
         taken = time.perf_counter() - began
         gc.collect()
@@ -185,7 +180,6 @@ class MpcNode(ProcessNode):
         self.values = loaded.values
         self.parameters = self.controller.parameters
         self.solver, self.u_max = self.parameters.solver, loaded.values['force_limit']
-        self.shadows.configure(loaded.values)
         self.revision += 1
         self.warn_of_problem()
         self.note_learned()
@@ -365,7 +359,7 @@ class MpcNode(ProcessNode):
 
     def go_on(self, complaint: str) -> None:
         """Send a force that answers no state."""
-        self.carried, self.x = self.carried + 1, None
+        self.carried += 1
         stamp = self.get_clock().now().to_msg()
         t, delay = seconds(stamp), self.latency.transport() * self.pace
         plan = self.controller.fallback(t + delay)
@@ -393,10 +387,9 @@ class MpcNode(ProcessNode):
     def solve(self, message: JointState, t: float, delay: float,
               deadline: float) -> tuple[Plan, str]:
         """Return the plan for a state measured at a time [s], and what is wrong with the state."""
-        self.x = None
         try:
-            self.x = to_state(message, self.links, self.sensors)
-            plan = self.controller.update(t, self.x, delay, deadline, self.time_noise)
+            x = to_state(message, self.links, self.sensors)
+            plan = self.controller.update(t, x, delay, deadline, self.time_noise)
             complaint = self.controller.belief.rejection
         except ValueError as error:
             plan, complaint = self.controller.fallback(t + delay), str(error)
@@ -446,11 +439,6 @@ class MpcNode(ProcessNode):
              'sent': 0 if self.carried else self.last.sent,
              'clock': self.timing.clock.name.lower(),
              **(of_estimate(estimate) if estimate is not None else {})})
-        self.shadows.follow(Tick(
-            self.sent, nanoseconds(stamp), times.t, self.x, self.time_noise, times.delay,
-            real_time, self.resets > self.shadowed_resets, self.controller.enabled,
-            bool(stopping), stats.solves, stats.status.name, stats.cost, force))
-        self.shadowed_resets = self.resets
 
     def on_reset(self) -> tuple[bool, str]:
         """Forget the last plan and restart the random numbers."""
@@ -484,10 +472,9 @@ class MpcNode(ProcessNode):
         return time.monotonic() > self.ends_by
 
     def close(self) -> None:
-        """End the stream of commands with zero, and then the shadows."""
+        """End the stream of commands with zero."""
         if self.sent:
             self.command(0.0)
-        self.shadows.close()
 
 
 main = partial(run, MpcNode)

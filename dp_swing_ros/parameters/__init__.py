@@ -104,7 +104,7 @@ def expected(field: dataclasses.Field, unit: str = '') -> str:
     about = field.metadata
     if about['choices'] is not None:
         each = 'each ' if isinstance(field.default, tuple) else ''
-        return f'{each}one of {", ".join(filter(None, about["choices"]()))}'
+        return f'{each}one of {", ".join(about["choices"]())}'
     text = ', '.join(f'{words} {about[bound]:g}{unit}'
                      for words, bound in (('at least', 'minimum'), ('at most', 'maximum'))
                      if math.isfinite(about[bound]))

@@ -1,6 +1,6 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a controller was given at a tick, and how another one answers it: again, or as a shadow."""
+"""What a controller was given at a tick, and how another one answers it."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -35,13 +35,11 @@ class Tick(NamedTuple):
     changed: dict[str, Any] | None = None   # all parameters, where they changed before it
 
 
-def answer(controller: RecedingHorizon, tick: Tick, counted: bool = True,
-           deadline: float = math.inf) -> Plan:
+def answer(controller: RecedingHorizon, tick: Tick, counted: bool = True) -> Plan:
     """
     Let a controller answer a tick, as the node did.
 
-    If `counted`, in as many iterations where a deadline may have ended them; else until a deadline
-    in seconds of time.perf_counter().
+    If `counted`, in as many iterations where a deadline may have ended them.
     """
     if tick.changed is not None:
         controller.reconfigure(configuration.controller(tick.changed))
@@ -77,9 +75,9 @@ def repeated(solves: Sequence[int]) -> Search:
 
 
 def respond(controller: RecedingHorizon, t: float, x: Array, delay: float,
-            time_noise: float = 0.0, deadline: float = math.inf) -> Plan:
+            time_noise: float = 0.0) -> Plan:
     """Return the plan for a state, or where it is not finite, one without it."""
     try:
-        return controller.update(t, x, delay, deadline, time_noise)
+        return controller.update(t, x, delay, time_noise=time_noise)
     except ValueError:
         return controller.fallback(t + delay)

@@ -3,7 +3,7 @@
 """
 What each solver would have done from a recorded tick on.
 
-Until then a solver is a shadow: it answers every recorded state, but the recorded force acts.
+Until then a solver answers every recorded state, but the recorded force acts.
 Then its forces do, on a plant with the recorded parameters that is pushed as that one was. A cost
 to go is the running cost ℓ(x, u) of the recorded problem over the states and forces that followed,
 in steps of the prediction; what comes after the window counts for nothing, there is no terminal
@@ -89,7 +89,7 @@ class Run:
         return run
 
     def lately(self, begin: int) -> 'Run':
-        """Return the run without the ticks before a stamp [ns], which no shadow sees then."""
+        """Return the run without the ticks before a stamp [ns], which no solver sees then."""
         run = copy(self)
         before = [tick for tick in self.record.ticks if tick.stamp < begin]
         changed = [tick.changed for tick in before if tick.changed is not None]
@@ -211,7 +211,7 @@ def counterfactual(run: Run, tick: Tick, solvers: Sequence[str], duration: float
 
 def take_over(run: Run, tick: Tick, solver: str, end: int) -> list[Sample]:
     """Return the states from a tick on under a solver, up to a stamp [ns]."""
-    controller, answered = shadow(run, tick, solver)
+    controller, answered = controller_at(run, tick, solver)
     plan: Plan | None = answered
     plant = plant_at(run, tick)
     period = 1 / plant.parameters.rate
@@ -244,7 +244,7 @@ def take_over(run: Run, tick: Tick, solver: str, end: int) -> list[Sample]:
     return samples
 
 
-def shadow(run: Run, until: Tick, solver: str) -> tuple[RecedingHorizon, Plan]:
+def controller_at(run: Run, until: Tick, solver: str) -> tuple[RecedingHorizon, Plan]:
     """
     Return the controller that a solver is after it saw every tick up to one, and its plan.
 

@@ -19,6 +19,7 @@ from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.topics import FORCE_COMMAND, JOINT_STATES
 
 AGREEING = 3  # forces in a row that are the same, where two sequences meet again
+DROPPED = {'shadow'}   # parameters of earlier controllers that decided no force
 NEEDED = ('force', 'cost', 'status', 'real_time', 'delay', 'solves', 'carried', 'resets', 'number')
 
 
@@ -57,12 +58,13 @@ def own(found: Configuration) -> dict[str, Any]:
     Return the parameters of a node without rclpy's.
 
     Nor those of solvers and estimators of other packages that the run did not use, and that are
-    not installed here.
+    not installed here, nor those that nodes no longer have.
     """
     used = {found.parameters.get(name) for name in ('solver', 'estimator')}
     known = {'', *SOLVERS, *ESTIMATORS, *used}
     return {name: value for name, value in found.parameters.items()
-            if not is_of_rclpy(name) and name.rpartition('.')[0] in known}
+            if not is_of_rclpy(name) and name.rpartition('.')[0] in known
+            and name not in DROPPED}
 
 
 def record_of(bag: Bag, anywhere: bool = False) -> Record:

@@ -511,18 +511,6 @@ def test_a_branch_shows_courses(page, ears, tmp_path):
     assert page.find('#thoughts').is_displayed()
 
 
-def test_shadows_are_curves_of_regret(page, ears):
-    def curve():
-        return next((each for each in page.all('#plots figure') if 'Regret' in each.text), None)
-    assert curve() is None
-    put(ears, 'mpc', shadow=['ddp'])
-    page.until(curve, 'the regret of shadows')
-    page.driver.execute_script('arguments[0].scrollIntoView()', curve())
-    page.until(lambda: 'DDP' in curve().text, 'the regret of DDP')
-    put(ears, 'mpc', shadow=[''])
-    page.until(lambda: curve() is None, 'no regret')
-
-
 def test_a_preset_changes_what_can_change(page, ears):
     before = value_of(ears, 'mpc', 'mppi.samples').integer_value
     page.controls()

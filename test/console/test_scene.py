@@ -197,11 +197,11 @@ def test_the_status_of_who_is_silent_is_stale(scene):
         return {each['name']: each['message'] for each in scene.status(silent)['statuses']
                 if each['level'] == STALE}
 
-    for name in ('mpc: shadow ddp', 'plant', 'logger'):
+    for name in ('mpc: topics', 'plant', 'logger'):
         scene.hear(DIAGNOSTICS, said(name))
     assert stale() == {}
-    assert stale('mpc').keys() == {'mpc', 'mpc: shadow ddp'}
-    assert stale('plant').keys() == {'mpc', 'mpc: shadow ddp', 'plant'}   # nothing to answer
+    assert stale('mpc').keys() == {'mpc', 'mpc: topics'}
+    assert stale('plant').keys() == {'mpc', 'mpc: topics', 'plant'}   # nothing to answer
 
 
 def test_of_what_was_heard_a_minute_is_kept_and_no_more_than_fits(monkeypatch):

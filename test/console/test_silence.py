@@ -50,7 +50,7 @@ class Run:
 
 @pytest.mark.parametrize('lives, silent', [
     ([STATE, FORCE], {}), ([FORCE], {'plant': 5}), ([STATE], {'mpc': 5}), ([], {'plant': 5}),
-    ([STATE, status('mpc')], {}), ([STATE, status('mpc: shadow ddp')], {}),
+    ([STATE, status('mpc')], {}), ([STATE, status('mpc: topics')], {}),
     ([status('plant'), FORCE], {}), ([STATE, status('plant')], {'mpc': 5})])
 def test_who_is_not_heard_is_silent_until_it_is_heard_again(lives, silent):
     run = Run()

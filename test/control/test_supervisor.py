@@ -8,8 +8,8 @@ from controllers import controller, plant
 import numpy as np
 import pytest
 
-from dp_swing_ros.control.supervisor import braked, limited, violation
 from dp_swing_ros.control.commands import SentCommands
+from dp_swing_ros.control.supervisor import braked, limited, violation
 from dp_swing_ros.pendulum.model import step
 from dp_swing_ros.pendulum.parameters import LimitParameters
 from dp_swing_ros.pendulum.state import hanging, is_upright, upright

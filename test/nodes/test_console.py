@@ -82,8 +82,8 @@ def frames(page, count):
 
 
 def test_the_page_is_told_what_there_is_and_shown_each_state(page):
-    assert page.ask('set', node='mpc', parameters={'shown_tries': 5, 'shadow': ['ddp']})['ok']
-    page.until(lambda page: page.newest['frame']['tries'] and page.newest['frame']['shadows'])
+    assert page.ask('set', node='mpc', parameters={'shown_tries': 5})['ok']
+    page.until(lambda page: page.newest['frame']['tries'])
     hello, frame = page.newest['hello'], page.newest['frame']
     assert hello['nodes'] == {'plant': '/usual/plant', 'mpc': '/usual/mpc'}
     assert (hello['links'], hello['lengths'], hello['period']) == (2, [1.0, 1.0], 0.05)
@@ -97,7 +97,6 @@ def test_the_page_is_told_what_there_is_and_shown_each_state(page):
     assert frame['plan']['dt'] == 0.05
     assert all(len(point) == 2 for path in frame['tries']['paths'] for point in path)
     assert frame['tick']['solver'] == 'ilqr'
-    assert set(frame['shadows']['ddp']) == {'cost', 'regret', 'force', 'solve_time', 'behind'}
     assert {'name': 'usual/plant', 'level': 0, 'message': 'obeys the force'} in \
         page.newest['status']['statuses']
 
@@ -114,7 +113,6 @@ def test_parameters_come_with_all_that_their_descriptors_tell(page):
     assert (weights['type'], weights['minimum'], weights['default']) == (
         'double[]', 0.0, weights['value'])
     assert page.value('mpc', 'solver')['choices'] == ['ddp', 'ilqr', 'mppi', 'sampled_ilqr']
-    assert page.value('mpc', 'shadow')['default'] == []
     assert page.value('plant', 'lockstep')['read_only']
 
 
@@ -134,7 +132,6 @@ def test_parameters_change_and_what_is_refused_says_why_in_the_words_of_the_node
             answer = page.ask('set', node='mpc', parameters=parameters)
             assert not answer['ok']
             assert words in answer['text'], answer
-        assert page.ask('set', node='mpc', parameters={'shadow': []})['ok']
         assert page.ask('goal', name='down_up')['ok']
         assert not page.ask('goal', name='sideways')['ok']
         page.until(lambda page: page.value('mpc', 'goal')['value'] == 'down_up')

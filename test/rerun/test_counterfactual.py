@@ -11,7 +11,8 @@ from real_bags import record
 from std_msgs.msg import Float64
 
 from dp_swing_ros.bags.reader import Bag
-from dp_swing_ros.rerun.counterfactual import counterfactual, plant_at, Run, shadow
+from dp_swing_ros.rerun.counterfactual import (
+    controller_at, counterfactual, plant_at, Run)
 from dp_swing_ros.rerun.verification import verify
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.topics import DISTURBANCE, JOINT_STATES
@@ -120,10 +121,10 @@ def test_the_cost_to_go_is_the_running_cost_of_what_followed(runs):
     assert trajectory.cost == pytest.approx(expected, rel=1e-12)
 
 
-def test_a_shadow_goes_by_the_forces_that_were_sent(runs):
+def test_a_controller_goes_by_the_forces_that_were_sent(runs):
     run = runs['ilqr']
     tick = run.tick_at(0.5, None)
-    controller, plan = shadow(run, tick, 'mppi')
+    controller, plan = controller_at(run, tick, 'mppi')
     _, (_, *sent) = controller.commands.since(-np.inf, 0.0)
     assert sent[:-1] == [one.force for one in run.record.ticks[:tick.number - 1]]
     assert sent[-1] == plan.first_force(run.problem.u_max)
@@ -180,6 +181,6 @@ def test_parameters_are_those_that_counted_at_the_tick(runs):
     assert (before.solver, then.solver) == ('mppi', 'ddp')
     assert then.problem.cost.R == pytest.approx(10 * runs['ddp'].problem.cost.R)
     assert run.lately(ticks[8].stamp).mpc['solver'] == 'mppi'
-    controller, _ = shadow(run, tick, 'ilqr')
+    controller, _ = controller_at(run, tick, 'ilqr')
     assert controller.parameters.solver == 'ilqr'   # whatever the recorded one was
     assert controller.belief.problem.cost.R == pytest.approx(then.problem.cost.R)

@@ -18,6 +18,10 @@ def test_solvers_of_packages_that_are_gone_are_left_out_where_they_were_not_used
     assert found == configuration.complete('mpc', {})
 
 
+def test_parameters_of_earlier_versions_that_decided_no_force_are_left_out():
+    assert recorded(shadow=['ddp']) == configuration.complete('mpc', {})
+
+
 def test_one_that_was_used_is_asked_for():
     with pytest.raises(ParameterError, match='shooting'):
         configuration.controller(recorded(**{'solver': 'shooting', 'shooting.change': 1.0}))

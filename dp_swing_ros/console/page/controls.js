@@ -9,7 +9,7 @@ const SAID = 8000;     // [ms] that a notice stays
 const SOONEST = 150;   // [ms] between two changes while a slider moves
 // what is looked for most, first; all else goes by its prefix
 const AT_HAND = {
-  mpc: ['solver', 'horizon', 'state_weights', 'force_weight', 'shown_tries', 'shadow'],
+  mpc: ['solver', 'horizon', 'state_weights', 'force_weight', 'shown_tries'],
   plant: ['link1_mass', 'link2_mass', 'cart_mass', 'pace'], faults: []};
 const FIRST = 'At hand', REST = 'others';
 
@@ -53,7 +53,6 @@ class Control {
     this.inputs = [];
     if (type === 'bool') this.flag(id);
     else if (type === 'string' && choices) this.choice(id, choices);
-    else if (type === 'string[]' && choices) this.several(id, choices);
     else if (/^(double|integer)/.test(type)) this.numbers(id);
     else this.text(id);
     const off = this.parameter.read_only || this.panel.readOnly;
@@ -76,16 +75,6 @@ class Control {
       ...choices.map(value => element('option', {value, textContent: solverName(value)})));
     this.editor.append(select);
     this.show = value => { select.value = value; };
-  }
-
-  several(id, choices) {
-    const boxes = choices.map((value, n) => element('input', {
-      type: 'checkbox', id: `${id}-${n}`, value,
-      onchange: () => this.set(boxes.filter(box => box.checked).map(box => box.value))}));
-    this.editor.classList.add('several');
-    this.editor.append(...boxes.map(
-      box => element('label', {}, box, ` ${solverName(box.value)}`)));
-    this.show = value => { for (const box of boxes) box.checked = value.includes(box.value); };
   }
 
   text(id) {

@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // What the mpc thinks: plots of its ticks, the pendulum that it has learned, diagnostics in words.
 
-import {colours, linkColour, solverColour} from './colours.js';
-import {element, find, measure, number, short, solverName, words} from './dom.js';
+import {colours, linkColour} from './colours.js';
+import {element, find, measure, number, short, words} from './dom.js';
 import {wrapped} from './geometry.js';
 import {Plot} from './plots.js';
 
@@ -22,7 +22,6 @@ const millis = name => ({tick}) => Number.isFinite(tick?.[name]) ? 1000 * tick[n
 
 export class Thoughts {
   written = 0;
-  shadows = [];
   phases = '';
   parameters = {};       // of each node, by name
 
@@ -64,24 +63,19 @@ export class Thoughts {
     this.iterations = new Plot({
       title: 'Iterations', unit: 'a tick', least: 5,
       series: [{name: '', colour: line('c1'), step: 'on', of: ({tick}) => tick?.iterations}]});
-    this.regret = new Plot({
-      title: 'Regret of not obeying', unit: 'cost, by shadow', least: 0.1, series: []});
-    this.plots = [this.angles, this.position, this.force, this.cost, this.time, this.iterations,
-      this.regret];
+    this.plots = [this.angles, this.position, this.force, this.cost, this.time, this.iterations];
     this.force.figure.classList.add('force');
     this.place.replaceChildren(...this.plots.map(plot => plot.figure));
     for (const plot of this.plots.slice(3)) plot.figure.classList.add('of-mpc');
-    this.regret.figure.hidden = true;
     this.phases = '';
-    this.shadows = [];
   }
 
   onParameters({node, parameters}) {
     this.parameters[node] = Object.fromEntries(parameters.map(each => [each.name, each]));
   }
 
-  /** Let the plots follow what this solver spends its time on, and which shadows there are. */
-  follow({tick, shadows}) {
+  /** Let the plots follow what this solver spends its time on. */
+  follow({tick}) {
     const present = PHASES.filter(phase => tick && `${phase}_time` in tick);
     if (present.join() !== this.phases) {
       this.phases = present.join();
@@ -92,13 +86,6 @@ export class Thoughts {
     }
     if (tick?.cost_disagreement > 0 && this.cost.series.length === TERMS.length)
       this.cost.series = costs([...TERMS, 'disagreement']);   // of a learned model
-    const names = Object.keys(shadows ?? {});
-    if (names.join() === this.shadows.join()) return;
-    this.shadows = names;
-    this.regret.figure.hidden = names.length === 0;
-    this.regret.series = names.map((name, n) => ({
-      name: solverName(name), colour: () => solverColour(name, n),
-      of: frame => frame.shadows?.[name]?.regret}));
   }
 
   /** Draw a plot of a stream, live or of the past, and write the numbers of its newest frame. */
@@ -113,8 +100,7 @@ export class Thoughts {
     if (fresh) this.follow(frame);
     this.frame = frame;
     // one at a time, which waits longest: an mpc may need the core
-    const plot = this.plots.filter(({figure}) => !figure.hidden)
-      .reduce((first, other) => other.drawn < first.drawn ? other : first);
+    const plot = this.plots.reduce((first, other) => other.drawn < first.drawn ? other : first);
     if (now - plot.drawn >= DRAWN) {
       plot.draw(now, stream.frames, stream.shown, frame.plan);
     }

@@ -300,10 +300,9 @@ export class Timeline {
 }
 
 /** Return the rows of a history, as frames have them: without plan and estimate. */
-function rowsOf({t, x, u, force, push, figures, regrets}) {
-  const row = (columns, n, wrap = value => value) => Object.fromEntries(
-    Object.entries(columns).map(([name, values]) => [name, wrap(values[n])]));
+function rowsOf({t, x, u, force, push, figures}) {
+  const row = n => Object.fromEntries(
+    Object.entries(figures).map(([name, values]) => [name, values[n]]));
   return t.map((time, n) => ({
-    t: time, time: null, x: x[n], u: u[n], force: force[n], push: push[n], tick: row(figures, n),
-    shadows: row(regrets, n, regret => ({regret}))}));
+    t: time, time: null, x: x[n], u: u[n], force: force[n], push: push[n], tick: row(n)}));
 }
