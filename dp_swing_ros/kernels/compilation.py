@@ -4,8 +4,10 @@
 How the kernels are compiled: one decorator, a disk cache that cannot go stale, and constants.
 
 Numba looks only at a kernel's own file to decide whether its cached machine code is current, not
-at the kernels it calls. So the cache lies in a folder named after the sources of all kernels; all
-copies of the same sources share it, a checkout and what was installed from it.
+at the kernels it calls. So the cache of each module lies in a folder named after its source and
+those of all that it imports; all copies of the same sources share it, a checkout and what was
+installed from it. Of what a kernel is given, its module need not know: tuples count by the sources
+of their modules, too.
 
 Where the processor has registers of 512 bits they are used: LLVM prefers half of each on many
 processors, for the sake of older ones that lowered their clock. Numba keeps machine code for
@@ -20,39 +22,28 @@ import hashlib
 import inspect
 import os
 from pathlib import Path
+import sys
 import time
 from typing import Any
 
 import llvmlite.binding
 import numba
 from numba import types
-from numba.core.caching import _CacheLocator
+from numba.core.caching import _CacheLocator, FunctionCache
 from numba.core.codegen import get_host_cpu_features
 from numba.extending import models, NativeValue, overload, register_model, typeof_impl, unbox
 import numpy as np
 
-PACKAGE = Path(__file__).parents[1]
-
-
-def _digest() -> str:
-    """Return a digest of the sources of all kernels, and of what compiles them."""
-    digest = hashlib.sha256(numba.__version__.encode())
-    for source in sorted(PACKAGE.rglob('*.py')):
-        text = source.read_bytes()
-        if b'kernel' in text:
-            digest.update(text)
-    return digest.hexdigest()[:16]
-
-
-SOURCES = _digest()
+from dp_swing_ros.kernels.sources import digest, PACKAGE
 
 
 def _subfolder(file: str) -> str:
     """Return where in the cache the kernels of a file are, whose own or another package's."""
-    folder = Path(file).parent
-    if folder.is_relative_to(PACKAGE):
-        return os.path.join(SOURCES, folder.relative_to(PACKAGE))
-    return os.path.join(SOURCES, _usual_subfolder(file))
+    folder, name = Path(file).parent, Path(file).stem
+    inside = folder.is_relative_to(PACKAGE)
+    return os.path.join(f'numba-{numba.__version__}',
+                        folder.relative_to(PACKAGE) if inside else _usual_subfolder(file),
+                        f'{name}-{digest(file)}')
 
 
 # Numba has a setting for it since 0.62, but that of Ubuntu is older.
@@ -74,7 +65,30 @@ if 'NUMBA_CACHE_DIR' not in os.environ:
 # Nothing calls them from C, for which Numba would compile each once more.
 OPTIONS: Any = {'error_model': 'numpy', 'forceinline': True, 'fastmath': {'contract'},
                 'no_cfunc_wrapper': True}
-kernel = numba.njit(cache=True, nogil=True, **OPTIONS)
+
+
+class KernelCache(FunctionCache):
+    """What tells the versions of a kernel apart: also the sources of the tuples given to it."""
+
+    def _index_key(self, signature: Any, codegen: Any) -> tuple:
+        return *super()._index_key(signature, codegen), tuple(map(_tuples_in, signature))
+
+
+def _tuples_in(kind: Any) -> Any:
+    """Return the fields of the named tuples in a type, and digests of what defines them."""
+    inner = tuple(map(_tuples_in, getattr(kind, 'types', ())))
+    if not hasattr(kind, 'instance_class'):
+        return inner
+    file = getattr(sys.modules.get(kind.instance_class.__module__), '__file__', None)
+    return kind.fields, digest(file) if file and os.path.isfile(file) else None, inner
+
+
+def kernel(function: Callable) -> Any:
+    """Return a function that is compiled for the types of its arguments when it is called."""
+    compiled = numba.njit(nogil=True, **OPTIONS)(function)
+    if not config.DISABLE_JIT:
+        compiled._cache = KernelCache(function)
+    return compiled
 
 
 def processor() -> str:
@@ -129,14 +143,15 @@ class Constant:
     Something that is known when a kernel is compiled, as a part of its arguments' types.
 
     It decides which machine code in the cache is meant, so its identity is its name with the
-    source of its module.
+    sources of its module.
     """
 
     def __init__(self, name: str, of: Callable) -> None:
         """Take its name, and a function of the module that defines it."""
         source = inspect.getsourcefile(of)
-        text = Path(source).read_bytes() if source else of.__code__.co_code
-        identity = f'{name}-{hashlib.sha256(text).hexdigest()[:16]}'
+        version = digest(source) if source else hashlib.sha256(
+            of.__code__.co_code).hexdigest()[:16]
+        identity = f'{name}-{version}'
         ConstantType.known[identity] = self
         self._numba_type_ = ConstantType(identity)   # where Numba looks for it
 

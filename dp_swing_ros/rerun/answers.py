@@ -54,7 +54,7 @@ def answer(controller: RecedingHorizon, tick: Tick, counted: bool = True) -> Pla
     usual = controller.planner.search
     if counted and tick.real_time and tick.solves:
         controller.planner.search = repeated(tick.solves)
-    plan = respond(controller, tick.t, tick.x, tick.delay, tick.time_noise, deadline)
+    plan = respond(controller, tick.t, tick.x, tick.delay, tick.time_noise)
     controller.planner.search = usual
     return plan
 
