@@ -36,9 +36,9 @@ demo:  ## swing up and hold in real time for 10 s (SOLVER=ilqr, ddp, mppi or sam
 play: setup  ## plant, mpc and a page in the browser to pull at them (SOLVER=...; LOCKSTEP=1: can be paused, stepped, slowed down)
 	@$(WITH_ROS) && ros2 run dp_swing_ros play --solver $(SOLVER) $(if $(LOCKSTEP),--lockstep)
 
-docs: setup  ## the references of parameters and of the Python API, the drawings, which results are older
+docs: setup  ## the references of parameters and of the Python API, the drawings, the table of rooms, which results are older
 	@$(WITH_ROS) && ros2 run dp_swing_ros parameters > docs/parameters.md && \
-	  python scripts/api_reference.py > docs/api.md && \
+	  python scripts/api_reference.py > docs/api.md && python scripts/house.py --docs && \
 	  for drawing in sketch architecture theory; do \
 	    python scripts/$$drawing.py docs/figures || exit; done && \
 	  python benchmarks/published.py --mark
@@ -56,6 +56,9 @@ results:  ## every published figure anew, in twelve and a half hours (PAGES='ran
 test: setup $(VENV)/.installed-test  ## all tests, linters and type checks (PYTEST='...' for arguments of pytest)
 	@$(WITH_ROS) && $(if $(PYTEST),$(IN_PARALLEL) $(PYTEST),failed=; \
 	  $(IN_PARALLEL) -m 'not real_time and not alone' || failed=1; pytest -m alone || failed=1; [ -z "$$failed" ])
+
+house: setup  ## lines of each room, the largest class, what each node loads
+	@$(WITH_ROS) && python scripts/house.py
 
 real-time: setup $(VENV)/.installed-test  ## what control in real time comes to, on a machine that is not busy
 	@$(WITH_ROS) && pytest -m real_time
@@ -109,5 +112,5 @@ install/.built: $(VENV)/.installed $(SOURCES)
 	  (cd $$tree && find dp_swing_ros -name '*.py' ! -exec test -e '$(CURDIR)/{}' \; -delete); done
 	@touch $@
 
-.PHONY: help setup demo play docs evaluate results test real-time shell clean
+.PHONY: help setup demo play docs evaluate results test house real-time shell clean
 .DEFAULT_GOAL := help

@@ -18,6 +18,8 @@ import pytest
 
 from dp_swing_ros.executables import ENDING
 
+pytest_plugins = ['spent']
+
 
 def claim_domain():
     """Return a ROS domain that no other test process here uses, and the lock that keeps it."""
