@@ -17,6 +17,7 @@ from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.problem.plan import Status
 from dp_swing_ros.problem.problem import plan_of, Problem, regulator_rollout
 from dp_swing_ros.simulation.closed_loop import answer
+from dp_swing_ros.simulation.stepper import Stepper
 from dp_swing_ros.solvers import SOLVERS
 
 HORIZONS = (15, 30, 60, 120, 240)
@@ -79,14 +80,13 @@ def ticks(name: str, seconds: float, **mpc: Any) -> Array:
     controller.warm_up()
     plant = configuration.plant({'initial_state': NEAR, 'position_noise': 1e-3,
                                  'velocity_noise': 0.05})
-    times = []
-    for n in range(TICKS + round(seconds * plant.parameters.rate)):
+    stepper, times = Stepper(plant), []
+    for _ in range(TICKS + round(seconds * plant.parameters.rate)):
         began = time.perf_counter()
-        plan = answer(plant, controller)
+        plan = answer(plant, stepper.begin(), controller)
         times.append(time.perf_counter() - began)
         assert plan is not None    # the plant loses no state
-        plant.obey(plan.first_force(plant.limits.force_limit))
-        plant.advance((n + 1) / plant.parameters.rate - plant.t)
+        stepper.finish(plan.first_force(plant.limits.force_limit))
     return np.array(times[TICKS:])
 
 

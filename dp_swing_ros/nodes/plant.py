@@ -25,6 +25,7 @@ from dp_swing_ros.nodes.ros_parameters import announce, declare, given, let_chan
 from dp_swing_ros.nodes.timing import Stopwatch
 from dp_swing_ros.pendulum.urdf import urdf
 from dp_swing_ros.simulation.plant import Plant, STOPPABLE
+from dp_swing_ros.simulation.stepper import Stepper
 from dp_swing_ros.topics import DISTURBANCE, FORCE_COMMAND, JOINT_STATES, ROBOT_DESCRIPTION
 
 REPORT_PERIOD = 1.0  # [s] between two diagnostics
@@ -54,6 +55,7 @@ class PlantNode(ProcessNode):
         self.thread_priority = self.values['thread_priority']
         self.get_logger().info('preparing the integrator')   # compiled at the first start
         self.plant = configuration.plant(self.values)
+        self.stepper = Stepper(self.plant)
         self.parameters = self.plant.parameters
         self.period = 1 / self.parameters.rate
         if self.parameters.lockstep:   # which may be far ahead of who only listens
@@ -109,7 +111,7 @@ class PlantNode(ProcessNode):
         if self.begun:
             self.plant.reconfigure(changed)
         else:
-            self.plant = changed
+            self.plant = self.stepper.plant = changed
         self.values, self.parameters = values, self.plant.parameters
         if self.period != 1 / self.parameters.rate:
             self.period = 1 / self.parameters.rate
@@ -224,9 +226,7 @@ class PlantNode(ProcessNode):
 
     def go_on(self) -> None:
         """Integrate, in lockstep, one period under the answer to the last state."""
-        if self.answer is not None:
-            self.lost_commands += not self.plant.obey(self.answer)
-        self.plant.advance(self.period)
+        self.lost_commands += not self.stepper.finish(self.answer)
         self.publish_state()
 
     def on_disturbance(self, message: Float64) -> None:
@@ -276,14 +276,14 @@ class PlantNode(ProcessNode):
 
     def publish_state(self) -> None:
         """Publish the measured state and the mean force of the period that ends, and go on."""
-        measured = self.plant.measure()
+        push, self.push = self.push, 0.0
+        measured = self.stepper.begin(push)
         if measured is None:
             self.lost_states += self.plant.is_seen()
         else:
-            self.sent = to_joint_state(self.stamp(measured.t), measured.x, self.plant.mean_force)
+            self.sent = to_joint_state(self.stamp(measured.t), measured.x, measured.force)
             self.sent_at = time.monotonic()
             self.states.publish(self.sent)
-        push, self.push = self.push, 0.0
         if push or self.plant.t - self.reported >= REPORT_PERIOD:
             self.report(push)
         if self.parameters.duration and self.plant.t >= self.parameters.duration - 1e-9:
@@ -292,7 +292,6 @@ class PlantNode(ProcessNode):
         self.pace.begin(self.lasts)
         if self.parameters.lockstep and measured is None:
             self.unanswerable.trigger()   # and not at once, so that a signal can end it
-        self.plant.begin_period(push)
 
     def stamp(self, t: float) -> Time:
         """Return a time of the plant [s] as a stamp."""

@@ -31,6 +31,7 @@ from dp_swing_ros.problem.plan import Plan
 from dp_swing_ros.rerun.answers import answer, respond, Tick
 from dp_swing_ros.rerun.ticks import configuration_of, own, record_of
 from dp_swing_ros.simulation.plant import Plant
+from dp_swing_ros.simulation.stepper import Stepper
 from dp_swing_ros.topics import CONFIGURATION
 
 
@@ -214,7 +215,7 @@ def take_over(run: Run, tick: Tick, solver: str, end: int) -> list[Sample]:
     controller, answered = controller_at(run, tick, solver)
     plan: Plan | None = answered
     plant = plant_at(run, tick)
-    period = 1 / plant.parameters.rate
+    stepper, period = Stepper(plant), 1 / plant.parameters.rate
     samples = [Sample(tick.stamp, np.asarray(tick.x), math.nan)]
     count = round((end - tick.stamp) / BILLION / period)
     arrival = tick.stamp + round(plant.parameters.delay * BILLION)
@@ -223,18 +224,14 @@ def take_over(run: Run, tick: Tick, solver: str, end: int) -> list[Sample]:
     # in lockstep the plant counts its periods from the first on: stamps are rounded from there
     before = 0 if tick.real_time else round(arrival / BILLION / period)
     epoch = arrival if tick.real_time else 0
+    plant.begin_period(run.push(epoch + round(before * period * BILLION)))   # it is measured
     for n in range(before + 1, before + count + 1):
+        stepper.finish(None if plan is None else plan.first_force(run.problem.u_max), late)
         now = epoch + round(n * period * BILLION)
-        plant.begin_period(run.push(epoch + round((n - 1) * period * BILLION)))
-        if late:
-            plant.advance(late)
-        if plan is not None:
-            plant.obey(plan.first_force(run.problem.u_max))
-        plant.advance(period - late)
-        measured = plant.measure()
+        measured = stepper.begin(run.push(now))
         if measured is not None:
             age = plant.t - measured.t
-            samples.append(Sample(now - round(age * BILLION), measured.x, plant.mean_force))
+            samples.append(Sample(now - round(age * BILLION), measured.x, measured.force))
             plan = respond(controller, samples[-1].stamp / BILLION, measured.x,
                            age + late if tick.real_time else tick.delay)
         elif tick.real_time:

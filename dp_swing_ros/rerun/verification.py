@@ -32,6 +32,7 @@ from dp_swing_ros.rerun.answers import answer, Tick
 from dp_swing_ros.rerun.ticks import (
     commands_of, configuration_of, own, paired, Record, record_of)
 from dp_swing_ros.simulation.plant import Plant
+from dp_swing_ros.simulation.stepper import Stepper
 from dp_swing_ros.topics import DIAGNOSTICS, FORCE_COMMAND, PLAN, ROBOT_DESCRIPTION, Topic
 
 SHOWN = 5  # numbers of ticks in a sentence
@@ -255,20 +256,19 @@ def published(plant: Plant, forces: Mapping[int, float], end: int, pushes: Mappi
     nothing is known of what follows. pushes are those [N] through the periods that began at times
     [ns]. changes of its parameters count since their times.
     """
-    while plant.t - plant.parameters.delay <= end / BILLION + 0.5 / plant.parameters.rate:
-        measured = plant.measure()
+    stepper = Stepper(plant)
+    while plant.t - plant.parameters.delay <= end / BILLION + stepper.period / 2:
+        now = round(plant.t * BILLION)
+        measured = stepper.begin(pushes.get(now, 0.0))
         if measured is not None:
             stamp = round(measured.t * BILLION)
-            yield Sample(stamp, measured.x, plant.mean_force)
+            yield Sample(stamp, measured.x, measured.force)
             if stamp not in forces:
                 return
-        plant.begin_period(pushes.get(round(plant.t * BILLION), 0.0))
         for change in changes:
-            if change.since == round(plant.t * BILLION):
+            if change.since == now:
                 plant.reconfigure(configuration.plant(own(change)))
-        if measured is not None:
-            plant.obey(forces[stamp])
-        plant.advance(1 / plant.parameters.rate)
+        stepper.finish(None if measured is None else forces[stamp])
 
 
 def difference(recorded: Sample, again: Sample) -> str:

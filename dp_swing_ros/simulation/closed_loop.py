@@ -11,6 +11,7 @@ from dp_swing_ros.pendulum.state import Array, is_state
 from dp_swing_ros.problem.plan import Plan
 from dp_swing_ros.simulation.episode import Episode, Ticks
 from dp_swing_ros.simulation.plant import Plant
+from dp_swing_ros.simulation.stepper import Observation, Stepper
 
 
 class Controller(Protocol):
@@ -41,37 +42,35 @@ def simulate(plant: Plant, controller: Controller, duration: float, solver: str 
     that the controller is to hold, upright where none is given. Raises ValueError where pushes are
     not that many.
     """
-    period = 1 / plant.parameters.rate
-    count = round(duration / period)
+    stepper = Stepper(plant)
+    count = round(duration / stepper.period)
     if pushes is None:
         pushes = np.zeros(count)
     if np.shape(pushes) != (count,) or not np.all(np.isfinite(pushes)):
         raise ValueError(f'pushes of shape {np.shape(pushes)}: {pushes}; expected {count} finite '
-                         f'forces [N], one for each period of {period:g} s')
+                         f'forces [N], one for each period of {stepper.period:g} s')
     t, X, U, plans = [plant.t], [plant.x.copy()], [], []
     for n in range(count):
         if resets and n in resets:
             plant.place(resets[n])
             X[-1] = plant.x.copy()
-        plan = answer(plant, controller)
-        if plan is not None:
-            plant.obey(plan.first_force(plant.limits.force_limit))
-            plans.append(plan)
-        plant.begin_period(float(pushes[n]))
-        plant.advance(period)
+        plan = answer(plant, stepper.begin(float(pushes[n])), controller)
+        stepper.finish(None if plan is None else plan.first_force(plant.limits.force_limit))
         t.append(plant.t)
         X.append(plant.x.copy())
         U.append(plant.mean_force)
-        if on_tick is not None and plan is not None:
-            on_tick(plant.t, plan)
+        if plan is not None:
+            plans.append(plan)
+            if on_tick is not None:
+                on_tick(plant.t, plan)
     first = count - len(plans)
-    return Episode(np.array(t), np.array(X), np.array(U), ticks_of(t[first:-1], plans, period),
-                   solver, plant.physical, plant.limits, goal=goal)
+    ticks = ticks_of(t[first:-1], plans, stepper.period)
+    return Episode(np.array(t), np.array(X), np.array(U), ticks, solver, plant.physical,
+                   plant.limits, goal=goal)
 
 
-def answer(plant: Plant, controller: Controller) -> Plan | None:
-    """Return the plan for a state as it is measured, or for one lost; None before the first."""
-    measured = plant.measure()
+def answer(plant: Plant, measured: Observation | None, controller: Controller) -> Plan | None:
+    """Return the plan for a state as it was measured, or for one lost; None before the first."""
     if not plant.is_seen():
         return None
     # the nodes publish the time in whole nanoseconds, and this is to be their run to the bit
