@@ -22,7 +22,7 @@ AFTERWARDS = ('__main__.py', 'bags/', 'console/', 'environment.py',
               'figures/', 'identification/', 'learning/', 'messages/', 'nodes/',
               'parameters/console.py', 'pendulum/geometry.py', 'pendulum/urdf.py', 'provenance.py',
               'recovery/',
-              'report/', 'rerun/', 'tables.py', 'tools/', 'topics.py')
+              'report/', 'rerun/', 'runtime/', 'tables.py', 'tools/', 'topics.py')
 
 
 def machine() -> str:

@@ -11,7 +11,6 @@ from collections.abc import Callable
 import time
 
 from rclpy.context import Context
-from rclpy.guard_condition import GuardCondition
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
@@ -26,15 +25,14 @@ class FastLane:
     """Calls back for one subscription, and for what must not wait meanwhile; in one thread."""
 
     def __init__(self, context: Context, subscription: Subscription,
-                 *others: Subscription | Timer | GuardCondition) -> None:
+                 *others: Subscription | Timer) -> None:
         """Take what one node has made; with simulated time, /clock is among the others."""
         self.subscription = subscription
         self.subscriptions = [
             *(each for each in others if isinstance(each, Subscription)), subscription]
         self.timers = [each for each in others if isinstance(each, Timer)]
-        self.guards = [each for each in others if isinstance(each, GuardCondition)]
         self.wait_set = rclpy_implementation.WaitSet(
-            len(self.subscriptions), len(self.guards), len(self.timers), 0, 0, 0, context.handle)
+            len(self.subscriptions), 0, len(self.timers), 0, 0, 0, context.handle)
         self.came = -OFTEN      # [s] of time.monotonic()
         self.is_busy = False
 
@@ -54,26 +52,20 @@ class FastLane:
             self.serve_once()
 
     def serve_once(self) -> None:
-        """Wait for a message, a timer or a guard condition, but not for long, and call back."""
+        """Wait for a message or a timer, but not for long, and call back."""
         wait_set = self.wait_set
         wait_set.clear_entities()
         for subscription in self.subscriptions:
             wait_set.add_subscription(subscription.handle)
         for timer in self.timers:
             wait_set.add_timer(timer.handle)
-        for guard in self.guards:
-            wait_set.add_guard_condition(guard.handle)
         wait_set.wait(round(OFTEN * 1e9))
         came = [each for n, each in enumerate(self.subscriptions)
                 if wait_set.is_ready('subscription', n)]
         timers = [each for n, each in enumerate(self.timers) if wait_set.is_ready('timer', n)]
-        guards = [each for n, each in enumerate(self.guards)
-                  if wait_set.is_ready('guard_condition', n)]
         for timer in timers:
             timer.handle.call_timer()
             timer.callback()
-        for guard in guards:
-            guard.callback()
         for subscription in came:
             self._take(subscription)
         if self.subscription not in came:   # a timer that is set anew ends the wait too

@@ -30,7 +30,6 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
 from rclpy.exceptions import InvalidParameterTypeException
-from rclpy.guard_condition import GuardCondition
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
@@ -85,7 +84,7 @@ class ProcessNode(Node):
         """Return the clock that nobody sets: /clock with use_sim_time, else a steady one."""
         return self.get_clock() if self.get_parameter('use_sim_time').value else STEADY
 
-    def hurry(self, subscription: Subscription, *others: Timer | GuardCondition) -> None:
+    def hurry(self, subscription: Subscription, *others: Timer) -> None:
         """Take what must not wait past the executor, where it comes often or that is held up."""
         clock = [each for each in self.subscriptions if each.topic_name == CLOCK]
         self.lane = FastLane(self.context, subscription, *clock, *others)

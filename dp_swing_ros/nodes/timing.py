@@ -16,7 +16,6 @@ import time
 from typing import NamedTuple
 
 from dp_swing_ros.messages.configuration import Configuration, is_of_plant
-from dp_swing_ros.messages.fields import BILLION
 from dp_swing_ros.nodes.process import ProcessNode
 
 OLDEST = 1.0       # [s] a state older than this cannot be: no plan reaches much further
@@ -29,7 +28,6 @@ WINDOW = 5.0       # [s] in which the state that came fastest gives the offset o
 SPARE = 0.025      # [s] at least, beyond a period, to a first silence; one every period follows
 PATIENCE = 0.5     # periods, where that is longer
 HORIZONS = 3       # without a plan that comes to the goal
-JUMP = 2.0         # [s] between two looks at a clock: longer, and it was set
 LATELY = 10.0      # [s]
 AGAIN, MOST = 3, 1000   # jumps back in that time that are too many, and that are counted
 PERIODS = 9        # that are remembered; some of them may be those of losses
@@ -130,23 +128,6 @@ class Timing:
         age = offset - self.stamps.least(now, offset)
         return Measured(now - age, age, 'the stamps stand still; the time of sending counts'
                         if stands_still else '')
-
-
-class Stopwatch:
-    """The time since its start, which goes on where it was if the clock jumps."""
-
-    def __init__(self, now: int) -> None:
-        """Start at a time of the clock [ns]."""
-        self.began = self.newest = now
-        self.jumped = 0    # [ns] by which the clock jumped in all
-
-    def elapsed(self, now: int) -> float:
-        """Return the time since the start [s] at a time of the clock [ns]."""
-        passed, self.newest = now - self.newest, now
-        if not 0 <= passed <= JUMP * BILLION:
-            self.began += passed
-            self.jumped += passed
-        return (now - self.began) / BILLION
 
 
 class Setbacks:

@@ -10,7 +10,7 @@ import pytest
 
 from dp_swing_ros.messages.configuration import Configuration
 from dp_swing_ros.nodes.timing import (
-    AGAIN, Clock, JUMP, LATELY, Latency, LONGEST_TRANSPORT, Setbacks, SLACK, Stopwatch, Timing)
+    AGAIN, Clock, LATELY, Latency, LONGEST_TRANSPORT, Setbacks, SLACK, Timing)
 
 NOW = 1000.0   # [s]
 
@@ -168,16 +168,6 @@ def test_a_force_is_expected_to_travel_as_states_do():
         latency.add_transport(duration)
     assert latency.transport() == 0.002
     assert latency.expected(math.inf) == pytest.approx(0.01)
-
-
-@pytest.mark.parametrize('jump', [-1e6, -0.001, JUMP + 0.1, 1e6, 1.8e9])
-def test_time_that_a_clock_jumps_by_does_not_pass(jump):
-    watch, now = Stopwatch(5_000), 5_000
-    for n, step in enumerate((0.05, 0.05, jump, 0.05, 0.0), 1):
-        now += round(step * 1e9)
-        elapsed = watch.elapsed(now)
-        assert elapsed == pytest.approx(0.05 * min(n, 2) + 0.05 * (n > 3), abs=1e-6)
-    assert watch.jumped == pytest.approx(jump * 1e9)
 
 
 def test_a_clock_that_jumps_back_again_and_again_is_told_of_until_it_stops():
