@@ -32,7 +32,7 @@ from dp_swing_ros.evaluation.soak import OUT
 from dp_swing_ros.figures.style import OWN, solver_name, styled
 from dp_swing_ros.learning.experience import Experience
 from dp_swing_ros.learning.learner import FIRST, Learner
-from dp_swing_ros.learning.models import HIDDEN, learned, parted
+from dp_swing_ros.learning.models import learned, parted
 from dp_swing_ros.learning.quality import AHEAD, errors
 from dp_swing_ros.learning.recorded import stretches_of
 from dp_swing_ros.learning.trials import held_for, trials
@@ -112,8 +112,8 @@ def logged(plant: dict[str, Any], duration: float, seed: int) -> list[Experience
 
 def by_log(seed: int, solvers: Sequence[str] = tuple(METHODS)) -> list[Row]:
     """Learn from a log, and hold by it; and by the equations, which are those of the plant."""
-    model = learned('structured', Pendulum.of(PendulumParameters()),
-                    parted(logged(NOISES, LOG, seed), seed), HIDDEN, seed).to_text()
+    model = learned(Pendulum.of(PendulumParameters()),
+                    parted(logged(NOISES, LOG, seed), seed)).to_text()
     contestants = [
         each for solver in solvers for each in (
             Contestant(solver, solver, NOISES, CERTAIN),
@@ -135,10 +135,8 @@ def predictions(seed: int) -> list[dict[str, Any]]:
         'the equations, told': Pendulum.of(PendulumParameters(**BODIES)),
         'the equations with the defaults': defaults,
         'these, after the estimator has seen 10 s': Pendulum.of(tuned.problem.physical),
-        'structured, 10 s': learned('structured', defaults, short, HIDDEN, seed).dynamics,
-        **{f'{kind.replace("_", " ")}, {LOG:g} s': learned(
-            kind, defaults, parts, HIDDEN, seed).dynamics
-            for kind in ('structured', 'residual', 'black_box')}}
+        'learned, 10 s': learned(defaults, short).dynamics,
+        f'learned, {LOG:g} s': learned(defaults, parts).dynamics}
     rows = []
     for name, dynamics in found.items():
         speeds, ahead = errors(dynamics, other)
@@ -210,7 +208,7 @@ def page(of_trials: pd.DataFrame, breakless: pd.DataFrame, rows: Sequence[Row],
     """Return the page as Markdown."""
     return '\n'.join([
         '# Learned dynamics\n', made,
-        'How each is learned, and what the kinds are: [learned dynamics](../learned_dynamics.md). '
+        'How they are learned: [learned dynamics](../learned_dynamics.md). '
         'In brackets intervals of 95 %: of shares Wilson, else by the bootstrap. The rows: '
         '[trials](learned_trials.csv.gz), [without a break](learned_long.csv.gz), '
         '[by a log](learned.csv.gz), [predictions](learned_predictions.csv.gz).\n',
@@ -335,7 +333,7 @@ def of_predictions(predicted: pd.DataFrame) -> str:
     return '\n'.join([
         f"PILCO's bodies, sensors as by a log: what models miss of {LOG / 2:g} s of random forces "
         'that they have not seen, from each measured state on; medians over '
-        f'{predicted.seed.nunique()} seeds. Networks have {HIDDEN} hidden units.\n',
+        f'{predicted.seed.nunique()} seeds.\n',
         compact([('model', 'speeds a step ahead, RMS [m/s, rad/s]',
                   f'an angle {AHEAD} steps ahead, median [rad]', '95 % [rad]'), *lines]), ''])
 

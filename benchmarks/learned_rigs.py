@@ -42,14 +42,12 @@ from dp_swing_ros.tables import compact
 
 RIGS = (Rig('rig_cart', 4.0), Rig('rig_joints', 0.05), Rig('rig_lag', 0.05), Rig('rig_gain'),
         Rig('rig_all'), UnevenRig('beside'), UnevenRig('along'))
-SEEDS, OF_RESIDUAL = 100, 34
+SEEDS = 100
 SOLVER = 'ilqr'
 RUNS = (1, 5)       # of which is learned
 OTHER = 1000        # seeds further are those of the runs that are learned from
-HIDDEN = 8
-# as the contestants come; those that learned the same have one colour
-LOOKS = ((INK, 'o'), (FAINT, 'o'), (PALETTE[0], 's'), (PALETTE[0], 'D'), (PALETTE[1], 's'),
-         (PALETTE[1], 'D'), (PALETTE[2], '^'))
+# as the contestants come; those that learned have one colour
+LOOKS = ((INK, 'o'), (FAINT, 'o'), (PALETTE[0], 's'), (PALETTE[0], 'D'), (PALETTE[2], '^'))
 ESTIMATING, ALONE, ORACLE = 'equations, estimator', 'equations alone', 'told'
 
 
@@ -86,35 +84,35 @@ def swing_up(case: Case, seed: int) -> Watched:
     return watched
 
 
-def contestants(case: Case, kinds: Sequence[str]) -> list[Contestant]:
-    """Return who is to hold a rig: that is told nothing, has learned, or is told all."""
+def contestants(case: Case, counts: Sequence[int] = RUNS) -> list[Contestant]:
+    """Return who is to hold a rig: told nothing, learned from so many runs, or told all."""
     found = [Contestant(ESTIMATING, SOLVER, {}, {})]
     if case.plant.get('velocities') != 'none':   # else none can do without an estimator
         found.append(Contestant(ALONE, SOLVER, {}, {'estimator': 'none'}))
-    runs = [swing_up(case, OTHER + number * SEEDS + case.seed) for number in range(max(RUNS))]
-    for kind in kinds:
-        for count in RUNS:
-            last = runs[count - 1].controller   # what it believes in the end, as `train` has it
-            known = Pendulum.of(last.problem.physical)
-            drive = Drive(last.drive.delay, last.drive.time_constant)
-            seen = [stretch for run in runs[:count] for stretch in run.experience(drive)]
-            model = learned(kind, known, parted(seen, case.seed), HIDDEN, case.seed, drive=drive)
-            found.append(Contestant(label(kind, count), SOLVER, {},
-                                    {'dynamics': 'learned', 'model': model.to_text()}))
+    runs = [swing_up(case, OTHER + number * SEEDS + case.seed)
+            for number in range(max(counts, default=0))]
+    for count in counts:
+        last = runs[count - 1].controller   # what it believes in the end, as `train` has it
+        known = Pendulum.of(last.problem.physical)
+        drive = Drive(last.drive.delay, last.drive.time_constant)
+        seen = [stretch for run in runs[:count] for stretch in run.experience(drive)]
+        model = learned(known, parted(seen, case.seed), drive=drive)
+        found.append(Contestant(label(count), SOLVER, {},
+                                {'dynamics': 'learned', 'model': model.to_text()}))
     truth = {'dynamics': 'learned', 'model': exact(case).to_text()} \
         if case.plant['engine'] in ADDED else told(ORACLE, SOLVER, case).mpc
     return [*found, Contestant(ORACLE, SOLVER, {}, truth)]
 
 
-def label(kind: str, runs: int) -> str:
+def label(runs: int) -> str:
     """Return what one is called that has learned from so many swing-ups."""
-    return f'{kind}, {runs} swing-up{"s" if runs > 1 else ""}'
+    return f'learned, {runs} swing-up{"s" if runs > 1 else ""}'
 
 
-def played(case: Case, kinds: Sequence[str]) -> list[Row]:
+def played(case: Case, counts: Sequence[int] = RUNS) -> list[Row]:
     """Return a row for each contestant on a rig."""
     with np.errstate(all='ignore'), engines():
-        return [play(contestant, case) for contestant in contestants(case, kinds)]
+        return [play(contestant, case) for contestant in contestants(case, counts)]
 
 
 Groups = dict[Rig, dict[str, list[Row]]]
@@ -198,9 +196,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     # to go on with; beside what `make results` keeps of this page, and forgets with it
     kept = Memory(results.parents[1] / f'played_{digest}', verbose=0)
     play_kept = delayed(kept.cache(played))
-    calls: list[Any] = [
-        play_kept(case, ('structured', 'residual')[:1 + (case.seed < OF_RESIDUAL)])
-        for rig in RIGS for case in rig.cases(range(seeds))]
+    calls: list[Any] = [play_kept(case) for rig in RIGS for case in rig.cases(range(seeds))]
     rows = [row for of in in_parallel('rigs', calls) for row in of]
     store(results / 'learned_rigs.csv.gz', rows)
     groups = by_rig(rows)

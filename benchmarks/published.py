@@ -136,7 +136,6 @@ PAGES = {
     'live_soak': of_script('live_soak', 61),
     'live': of_script('live', 0.1),
     'learned': of_script('learned', 45),
-    'learned_kinds': of_script('learned_kinds', 55),
     'learned_rigs': of_script('learned_rigs', 75),
     'console': of_script('console', 25),
     'durability': of_script('durability', 6),

@@ -72,7 +72,6 @@ MEASURED = {
     'live_soak': Measured('live_soak', SOAK),
     'live': Measured('live live_faults live_operator live_rates live_soak', SOAK),
     'learned': Measured('learned', LEARNED),
-    'learned_kinds': Measured('learned_kinds learned', LEARNED),
     'learned_rigs': Measured('learned_rigs learned rig uneven', LEARNED),
     'console': Measured('console chromium live_rates', CONSOLE),
     'durability': Measured('durability numbered readers', (*BAGS, 'recovery/', 'tools/recover.py'),

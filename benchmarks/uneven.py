@@ -16,7 +16,7 @@ import numpy as np
 
 from dp_swing_ros import configuration
 from dp_swing_ros.dynamics.files import LearnedModel
-from dp_swing_ros.dynamics.kinds import harmonics, pairs, Structured
+from dp_swing_ros.dynamics.structured import harmonics, pairs, Structured
 from dp_swing_ros.evaluation.scenarios import Case, rig
 from dp_swing_ros.pendulum.equations import Pendulum
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
@@ -24,7 +24,6 @@ from dp_swing_ros.pendulum.state import DEFAULT_LINKS, to_joints
 from dp_swing_ros.simulation.engines import ENGINES, MuJoCo
 
 POSES = 50           # more than there are harmonics
-UNBOUNDED = 1e9      # [SI] rates for which an exact model is good
 
 
 class Uneven(MuJoCo):
@@ -108,5 +107,4 @@ def exact(case: Case) -> LearnedModel:
     inertia, potential = (np.linalg.lstsq(basis, of, rcond=None)[0] for of in (upper, V))
     dynamics = Structured.of(pendulum)._replace(
         inertia=inertia.T.copy(), potential=np.append(0.0, potential[1:]))
-    return LearnedModel(dynamics, dynamics.free[None], np.ones(n + 1),
-                        np.full(n + 2, UNBOUNDED), {})
+    return LearnedModel(dynamics, np.ones(n + 1), {})

@@ -6,25 +6,14 @@ import numpy as np
 
 from dp_swing_ros import configuration
 from dp_swing_ros.dynamics.files import LearnedModel
-from dp_swing_ros.dynamics.kinds import BlackBox, Residual, Structured
-from dp_swing_ros.dynamics.network import Network
+from dp_swing_ros.dynamics.structured import Structured
 from dp_swing_ros.learning.experience import Experience
 from dp_swing_ros.learning.regression import predicted
 from dp_swing_ros.pendulum.equations import Pendulum
 from dp_swing_ros.pendulum.parameters import PendulumParameters
 
-HIDDEN = 6
 BODIES = {'cart_mass': 0.5, 'link1_mass': 0.5, 'link2_mass': 0.5, 'link1_length': 0.6,
           'link2_length': 0.6, 'cart_friction': 0.1}
-
-
-def network(n=2, size=1.0, hidden=HIDDEN, seed=0):
-    """Return a random network of some size of its outputs [N, N m or accelerations]."""
-    random = np.random.default_rng(seed)
-    scales = np.repeat((1.0, 0.2, 0.05, 0.2, 0.05), (n * (n + 1), n, 1, 1, n * (n + 1) // 2))
-    return Network.of(n, random.normal(size=(hidden, len(scales))) * scales,
-                      random.normal(size=hidden), size * random.normal(size=(n + 1, hidden)),
-                      size * random.normal(size=n + 1))
 
 
 def of_chain(physical):
@@ -41,17 +30,9 @@ def bent():
                           potential=chain.potential + 0.3 * random.normal(size=9))
 
 
-LEARNED = {
-    'residual': lambda: Residual(Pendulum.of(PendulumParameters(cart_friction=0.2)), network()),
-    'structured': bent,
-    'black box': lambda: BlackBox(network(size=3.0))}
-
-
 def model_of(dynamics):
     """Return a model with dynamics, of which nothing else is known."""
-    other = dynamics.free * np.linspace(0.99, 1.01, len(dynamics.free))
-    return LearnedModel(dynamics, other[None], np.full(3, 0.05),
-                        np.array([10.0, 12.0, 20.0, 3.0]), {'bags': ['none']})
+    return LearnedModel(dynamics, np.full(3, 0.05), {'bags': ['none']})
 
 
 def experience(duration, seed=0, **plant):

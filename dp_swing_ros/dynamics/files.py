@@ -8,7 +8,6 @@ The file is JSON: numbers and words, which nothing executes. Numbers read back t
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-import functools
 import json
 import os
 from pathlib import Path
@@ -16,58 +15,42 @@ from typing import Any
 
 import numpy as np
 
-from dp_swing_ros.dynamics.kinds import BlackBox, harmonics, Learned, links, Residual, Structured
-from dp_swing_ros.dynamics.network import Network, widths
+from dp_swing_ros.dynamics.structured import harmonics, links, Structured
 from dp_swing_ros.errors import one_line
 from dp_swing_ros.parameters import ParameterError, SHOWN
 from dp_swing_ros.parameters.files import SCALAR
 from dp_swing_ros.pendulum.drive import HISTORY
-from dp_swing_ros.pendulum.equations import Pendulum
 from dp_swing_ros.pendulum.parameters import DIRECT, Drive
 from dp_swing_ros.pendulum.state import Array, LINKS
 
 FORMAT = 'dp_swing_ros learned dynamics, 1'
 LARGEST_FILE = SCALAR    # [bytes]; a configuration, which holds it, can hold no more
 DEPTH = 8                # of nested lists and objects
-KINDS = {'residual': Residual, 'structured': Structured, 'black_box': BlackBox}
+KIND = 'structured'      # of dynamics; others, with a network, were written before
 
 
 @dataclass(frozen=True, eq=False)
 class LearnedModel:
     """
-    Dynamics, others that the same experience allows, and what it was.
+    Dynamics, and the experience that they are from.
 
     The forces of the experience came by a drive that has a delay and a lag alone.
-    Shapes: draws (M, P) the free numbers of the others; noise (n + 1,) [m/s, rad/s] standard
-    deviations of the speeds after a transition from those predicted; largest (n + 2,) the largest
-    rates (θ̇, u, ẋ) of the experience.
+    Shapes: noise (n + 1,) [m/s, rad/s] standard deviations of the speeds after a transition from
+    those predicted.
     """
 
-    dynamics: Learned
-    draws: Array
+    dynamics: Structured
     noise: Array
-    largest: Array
     about: Mapping[str, Any]   # where it is from, and how good it is
     drive: Drive = DIRECT
-
-    @functools.cached_property
-    def members(self) -> list[Learned]:
-        """Return the others."""
-        return [self.dynamics.with_free(draw) for draw in self.draws]
-
-    @property
-    def kind(self) -> str:
-        """Return the name of its kind."""
-        return next(name for name, kind in KINDS.items() if isinstance(self.dynamics, kind))
 
     def to_text(self) -> str:
         """Return the text of its file."""
         return json.dumps({
-            'format': FORMAT, 'kind': self.kind, 'links': self.dynamics.links,
-            'about': dict(self.about), 'noise': self.noise.tolist(),
-            'largest': self.largest.tolist(), 'delay': self.drive.delay,
-            'time_constant': self.drive.time_constant, 'dynamics': numbers_of(self.dynamics),
-            'draws': self.draws.tolist()}) + '\n'
+            'format': FORMAT, 'kind': KIND, 'links': self.dynamics.links,
+            'about': dict(self.about), 'noise': self.noise.tolist(), 'delay': self.drive.delay,
+            'time_constant': self.drive.time_constant,
+            'dynamics': numbers_of(self.dynamics)}) + '\n'
 
 
 def load(model: str, links: int) -> LearnedModel:
@@ -110,12 +93,13 @@ def from_text(text: str) -> LearnedModel:
         raise ValueError(f'its format is not {FORMAT!r}')
     try:
         n, kind = content['links'], content['kind']
-        if n not in LINKS or kind not in KINDS:
-            raise ValueError(f'{kind!r} of {n!r} links; expected one of {", ".join(KINDS)}')
-        dynamics, draws = dynamics_of(kind, n, content['dynamics']), content['draws']
+        if kind != KIND:
+            raise ValueError(f'its dynamics are {kind!r}, of which no plans are made any more; '
+                             'learn them anew: train makes structured ones of the same bags')
+        if n not in LINKS:
+            raise ValueError(f'it is of {n!r} links; expected one of {", ".join(map(str, LINKS))}')
         return LearnedModel(
-            dynamics, array(draws, len(draws), len(dynamics.free)),
-            array(content['noise'], n + 1), array(content['largest'], n + 2),
+            dynamics_of(n, content['dynamics']), array(content['noise'], n + 1),
             dict(content['about']), Drive(*(
                 time_of(content, name) for name in ('delay', 'time_constant'))))
     except (AttributeError, KeyError, OverflowError, TypeError) as error:
@@ -144,49 +128,19 @@ def _not_finite(text: str) -> float:
     raise ValueError(f'it holds {text}, which is no finite number')
 
 
-def numbers_of(dynamics: Learned) -> dict[str, Any]:
+def numbers_of(dynamics: Structured) -> dict[str, Any]:
     """Return the numbers of dynamics by their names, for JSON."""
-    if isinstance(dynamics, Structured):
-        return _listed(dynamics, 'inertia', 'potential', 'friction', 'dry', 'sharpness')
-    found = {'network': _listed(dynamics.network, 'W', 'b', 'V', 'c')}
-    if isinstance(dynamics, Residual):
-        found['pendulum'] = dynamics.pendulum._asdict()
-    return found
+    return {name: np.asarray(getattr(dynamics, name)).tolist()
+            for name in ('inertia', 'potential', 'friction', 'dry', 'sharpness')}
 
 
-def _listed(structure: Any, *names: str) -> dict[str, Any]:
-    return {name: np.asarray(getattr(structure, name)).tolist() for name in names}
-
-
-def dynamics_of(kind: str, n: int, numbers: Mapping[str, Any]) -> Learned:
-    """Return the dynamics of a kind that has these numbers; raises ValueError, or KeyError."""
-    if kind == 'structured':
-        count = len(harmonics([0.0] * n, [1.0] * n))
-        return Structured(
-            links(n), array(numbers['inertia'], (n + 1) * (n + 2) // 2, count),
-            array(numbers['potential'], count), array(numbers['friction'], n + 1),
-            array(numbers['dry'], n + 1), float(array(numbers['sharpness'])))
-    of = numbers['network']
-    hidden = len(of['b'])
-    network = Network.of(n, array(of['W'], hidden, widths(n, hidden, n + 1).inputs),
-                         array(of['b'], hidden),
-                         array(of['V'], n + 1, hidden), array(of['c'], n + 1))
-    return BlackBox(network) if kind == 'black_box' else Residual(
-        pendulum_of(n, numbers['pendulum']), network)
-
-
-def pendulum_of(n: int, numbers: Mapping[str, Any]) -> Pendulum:
-    """Return the pendulum with these coefficients."""
-    def row(values: Any, *shape: int) -> tuple[float, ...]:
-        return tuple(array(values, *shape).tolist())
-    rows = numbers['b']
-    if len(rows) != n:
-        raise ValueError(f'b has {len(rows)} rows; expected {n}')
-    return Pendulum(
-        float(array(numbers['m'])), row(numbers['a'], n),
-        tuple(row(each, n - i) for i, each in enumerate(rows)), float(array(numbers['g'])),
-        row(numbers['friction'], n + 1), row(numbers['dry'], n + 1),
-        float(array(numbers['sharpness'])))
+def dynamics_of(n: int, numbers: Mapping[str, Any]) -> Structured:
+    """Return the dynamics of n links that have these numbers; raises ValueError, or KeyError."""
+    count = len(harmonics([0.0] * n, [1.0] * n))
+    return Structured(
+        links(n), array(numbers['inertia'], (n + 1) * (n + 2) // 2, count),
+        array(numbers['potential'], count), array(numbers['friction'], n + 1),
+        array(numbers['dry'], n + 1), float(array(numbers['sharpness'])))
 
 
 def array(values: Any, *shape: int) -> Array:

@@ -163,13 +163,6 @@ def cos(x: Any) -> Any:
     return x.cos() if hasattr(x, 'cos') else np.cos(x)
 
 
-def sqrt(x: Any) -> Any:
-    """Return the square root, likewise."""
-    if isinstance(x, Symbol):
-        return x.trace.symbol('sqrt', x)
-    return x.sqrt() if hasattr(x, 'sqrt') else np.sqrt(x)
-
-
 def clamp(x: Any, low: Any, high: Any) -> Any:
     """Return x, or the bound on its side where it is beyond, likewise."""
     if isinstance(x, Symbol):
@@ -215,7 +208,6 @@ OPERATIONS: dict[str, Operation] = {   # sines and cosines are written out in pa
     'neg': Operation('-{}', lambda y, a: (-1.0,)),
     'sin': Operation('sin({})', lambda y, a: (cos(a),)),
     'cos': Operation('cos({})', lambda y, a: (-sin(a),)),
-    'sqrt': Operation('sqrt({})', lambda y, a: (0.5 / y,)),
     'fixed': Operation('{}', lambda y, a: (0.0,)),
     # beyond its bounds a clamp has no slope, but what is clamped here has none there either
     'clamp': Operation('min(max({}, {}), {})', lambda y, a, low, high: (1.0, None, None)),

@@ -15,7 +15,6 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 import functools
 import inspect
-import math
 from typing import Any
 
 from numba import typeof, types
@@ -134,7 +133,7 @@ def written_out(function: Callable, kinds: Sequence[Any]) -> Callable:
     lines = [*program.lines, f'return {program.text(result)}']
     text = f'def {function.__name__}({", ".join(names)}):\n' + ''.join(
         f'    {line}\n' for line in lines)
-    scope = {'sincos': sincos, 'sqrt': math.sqrt, **program.constants}
+    scope = {'sincos': sincos, **program.constants}
     exec(compile(text, f'<{function.__name__} unrolled>', 'exec'), scope)
     found: Callable = scope[function.__name__]
     return found

@@ -17,9 +17,8 @@ from dp_swing_ros import configuration
 from dp_swing_ros.control.receding_horizon import RecedingHorizon
 from dp_swing_ros.dynamics.files import LearnedModel
 from dp_swing_ros.learning.experience import Experience
-from dp_swing_ros.learning.models import HIDDEN, Online
+from dp_swing_ros.learning.models import Online
 from dp_swing_ros.parameters import ParameterError
-from dp_swing_ros.pendulum.equations import Pendulum
 from dp_swing_ros.pendulum.model import ROUNDING
 from dp_swing_ros.pendulum.state import Array, to_turn_of
 from dp_swing_ros.problem.plan import Plan, Status
@@ -52,20 +51,17 @@ class Explorer:
 class Learner:
     """The controller, for `simulate`."""
 
-    def __init__(self, values: Mapping[str, Any], first: float = FIRST, kind: str = 'structured',
-                 hidden: int = HIDDEN) -> None:
+    def __init__(self, values: Mapping[str, Any], first: float = FIRST) -> None:
         """
-        Take the parameters of an mpc; those of the pendulum matter to a residual model alone.
+        Take the parameters of an mpc; those of the pendulum do not matter.
 
-        first [s] is how long forces are random; kind and hidden are as in `models.learned`.
-        Raises ParameterError.
+        first [s] is how long forces are random. Raises ParameterError.
         """
         self.first, self.given = first, configuration.controller(values)
         self.nominal = self.given.nominal
         self.random = np.random.default_rng(self.given.parameters.seed)
         self.explorer = Explorer(self.nominal.u_max, self.random)
-        self.online = Online(kind, Pendulum.of(self.nominal.physical),
-                             self.given.parameters.seed, hidden)
+        self.online = Online(self.nominal.physical.links)
         self.model: LearnedModel | None = None
         self.experience = list[tuple[Array, Array, float, float]]()   # x, x⁺, u, h
         self.controller: RecedingHorizon | None = None

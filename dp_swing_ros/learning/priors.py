@@ -3,20 +3,16 @@
 """
 What is believed of dynamics before any experience.
 
-Of structured ones: a mass matrix that does not depend on the angles, bodies of about a kilogram
-and a metre, no gravity and no friction; and that any of it may well be otherwise; or, where a
-pendulum is known, that they are about its own, with frictions of any size. Of a network
-whose hidden units have been trained: that its outputs are nothing, or as large as training made
-them.
+A mass matrix that does not depend on the angles, bodies of about a kilogram and a metre, no
+gravity and no friction; and that any of it may well be otherwise; or, where a pendulum is known,
+that they are about its own, with frictions of any size.
 """
 
 import numpy as np
 
-from dp_swing_ros.dynamics.kinds import (
-    BlackBox, harmonics, links, pairs, Residual, Structured)
+from dp_swing_ros.dynamics.structured import harmonics, links, pairs, Structured
 from dp_swing_ros.learning.regression import Prior
 from dp_swing_ros.pendulum.equations import Pendulum
-from dp_swing_ros.pendulum.state import Array
 
 MASS = 1.0         # [kg] of all, and its deviation
 INERTIA = 0.1      # [kg m²] of a link
@@ -28,8 +24,6 @@ FRICTION = 0.3     # [N s/m, N m s/rad, N, N m] likewise
 SHARPNESS = 5.0    # [s/m, s/rad]
 ABOUT = 0.1        # of a number that is known, its deviation
 REST = 0.03        # of the deviations above, those of what a chain of rigid links has not
-NOTHING = 1e-9     # of what is not looked for
-LEAST = 1e-3       # [N, N m or accelerations] deviation of a weight of a network
 
 
 def known(p: Pendulum) -> tuple[Structured, Prior]:
@@ -56,25 +50,3 @@ def structured(n: int) -> tuple[Structured, Prior]:
         untold.free,
         np.concatenate((deviations.ravel(), np.full(count - 1, POTENTIAL), frictions + FRICTION)),
         np.concatenate((np.full(inertia.size + count - 1, -np.inf), frictions)))
-
-
-def last_layer(trained: Residual | BlackBox) -> Prior:
-    """Return the prior of the last layer of a network that was trained, and of frictions."""
-    network, count = trained.network, trained.frictions
-    of_rows = np.maximum(np.sqrt(np.mean(network.V ** 2, axis=1)), LEAST)
-    deviations = np.concatenate(
-        (np.full(count, FRICTION), np.repeat(of_rows, network.V.shape[1]), of_rows))
-    mean = trained.free.copy()
-    mean[count:] = 0.0
-    return Prior(mean, deviations, _lowest(len(mean), count))
-
-
-def frictions(untrained: Residual) -> Prior:
-    """Return the prior of the frictions of a pendulum to which no network has added yet."""
-    mean, count = untrained.free, untrained.frictions
-    deviations = np.where(np.arange(len(mean)) < count, FRICTION, NOTHING)
-    return Prior(mean, deviations, _lowest(len(mean), count))
-
-
-def _lowest(size: int, frictions: int) -> Array:
-    return np.where(np.arange(size) < frictions, 0.0, -np.inf)

@@ -1,18 +1,14 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""How good dynamics are: what they predict of other experience, and how sure their slopes are."""
+"""How good dynamics are: what they predict of other experience."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from dp_swing_ros.dynamics.files import LearnedModel
 from dp_swing_ros.learning.experience import Experience
-from dp_swing_ros.learning.regression import followed, LONGEST_STEP, predicted
-from dp_swing_ros.pendulum.derivatives import linearisation
-from dp_swing_ros.pendulum.integrators import INTEGRATORS
-from dp_swing_ros.pendulum.model import Model
+from dp_swing_ros.learning.regression import followed, predicted
 from dp_swing_ros.pendulum.state import Array, deviation
 
 AHEAD = 30   # transitions: about the horizon of a plan
@@ -60,23 +56,3 @@ def ahead(dynamics: Any, stretch: Experience) -> Array:
 def rms(dynamics: Any, seen: Experience) -> float:
     """Return the RMS of the errors of all speeds after one transition [m/s, rad/s]."""
     return float(np.sqrt(np.mean(misses(dynamics, seen) ** 2)))
-
-
-def disagreement(model: LearnedModel, X: Array, U: Array) -> Array:
-    """
-    Return how far the members of a model disagree on the slopes of a step, as a share of them.
-
-    Zero is full agreement; at one, slopes may have any sign. Shapes: X (K, 2n + 2), U (K,) [N]
-    -> (K,).
-    """
-    def slopes(dynamics: Any, x: Array, u: float) -> Array:
-        A, B = linearisation(Model(dynamics, INTEGRATORS['rk4'], LONGEST_STEP), x, u)
-        half = len(x) // 2   # the rest is the same for all
-        return np.column_stack((A - np.eye(len(x)), B))[half:]
-    found = []
-    for x, u in zip(X, U):
-        own = slopes(model.dynamics, x, u)
-        others = np.array([slopes(member, x, u) for member in model.members])
-        found.append(np.sqrt(np.mean(np.sum((others - own) ** 2, axis=(1, 2)))
-                             / np.sum(own ** 2)))
-    return np.array(found)

@@ -1,21 +1,20 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The free numbers p of learned dynamics from experience, and how sure they are.
+The free numbers p of learned dynamics from experience.
 
     min_p  Σ_k |q̇⁺_k - f(x_k, u_k; p)|²_Σ + |p - p_0|²_Λ
 
 f are the speeds after a transition, by the integrator from the measured state. Steps are those of
-Levenberg and Marquardt; the posterior is nearly normal, N(p, (Jᵀ Σ⁻¹ J + Λ⁻¹)⁻¹). The variances Σ
-of the residuals are estimated in turns. Source: Bishop, Pattern Recognition and Machine Learning,
-2006, 3.3 and 4.4 (Laplace).
+Levenberg and Marquardt. The variances Σ of the residuals are estimated in turns. Source: Bishop,
+Pattern Recognition and Machine Learning, 2006, 3.3.
 """
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, solve_triangular
+from scipy.linalg import solve_triangular
 from scipy.optimize import lsq_linear
 
 from dp_swing_ros.kernels import kernel
@@ -53,25 +52,6 @@ class Prior(NamedTuple):
     mean: Array
     deviations: Array
     lowest: Array      # bounds: what is negative would make energy
-
-
-class Posterior(NamedTuple):
-    """
-    What is believed after it: the numbers, their covariance, the residuals' deviations.
-
-    Shapes: mean (P,), covariance (P, P), noise (n + 1,) [m/s, rad/s].
-    """
-
-    mean: Array
-    covariance: Array
-    noise: Array
-
-    def draws(self, count: int, random: np.random.Generator) -> Array:
-        """Return vectors of numbers that may as well be right; -> (count, P)."""
-        values, vectors = np.linalg.eigh(self.covariance)
-        spread = vectors * np.sqrt(np.maximum(values, 0.0))
-        found: Array = self.mean + random.standard_normal((count, len(values))) @ spread.T
-        return found
 
 
 def spread(e: Array) -> Array:
@@ -119,9 +99,9 @@ def predicted(dynamics: Any, seen: Experience, step: float = LONGEST_STEP) -> Ar
 
 def fitted(dynamics: Any, seen: Experience, prior: Prior,
            step: float = LONGEST_STEP,
-           on_round: Callable[[Any], object] = lambda _: None) -> Posterior:
+           on_round: Callable[[Any], object] = lambda _: None) -> Array:
     """
-    Return what is believed of the free numbers of dynamics, from those that they have on.
+    Return the free numbers (P,) of dynamics, sought from those that they have on.
 
     step is that of the integrator [s]. on_round is called with the dynamics after each step.
     Raises FloatingPointError where nothing finite is found.
@@ -159,10 +139,9 @@ def fitted(dynamics: Any, seen: Experience, prior: Prior,
         on_round(dynamics.with_free(p))
         if settled:
             break
-    A, _ = normal_equations(dynamics, seen, prior, noise, p, e, step)
-    if not np.all(np.isfinite(A)):
+    if not np.all(np.isfinite(e)):
         raise FloatingPointError('the fit of the dynamics is not finite')
-    return Posterior(p, cho_solve(cho_factor(A), np.eye(len(p))), noise)
+    return p
 
 
 def normal_equations(dynamics: Any, seen: Experience, prior: Prior, noise: Array, p: Array,

@@ -4,14 +4,12 @@
 The cost of a trajectory, and its derivatives.
 
     J(X, U) = Σ ℓ(x, u) + ℓ_f(x_N)
-    ℓ(x, u) = e(x)ᵀ S e(x) + R u² + b(x) + d(x, u),    ℓ_f(x) = e(x)ᵀ P e(x) + b(x)
+    ℓ(x, u) = e(x)ᵀ S e(x) + R u² + b(x),    ℓ_f(x) = e(x)ᵀ P e(x) + b(x)
     b(x) = w max(0, |x| - x_soft)² + w_v max(0, |ẋ| - v_soft)²
 
-and d is what the members of a learned model disagree on, where that is to cost something: see
-disagreement.py. Source: the paper, (16)-(21); it has no ½. There e(x) = x - x_r, P = 1000 S and
-b = d = 0. The tuned default measures the error δ of an angle by the chord e = 2 sin(δ/2):
-e² = 2 (1 - cos δ) is δ² near the goal, has no jump at a whole turn, and its Gauss-Newton Hessian
-stays positive semi-definite.
+Source: the paper, (16)-(21); it has no ½. There e(x) = x - x_r, P = 1000 S and b = 0. The tuned
+default measures the error δ of an angle by the chord e = 2 sin(δ/2): e² = 2 (1 - cos δ) is δ² near
+the goal, has no jump at a whole turn, and its Gauss-Newton Hessian stays positive semi-definite.
 The chord itself changes its sign from turn to turn, and with it P's products of an angle and a
 velocity: P is right on the goal's own turn, which is for the receding horizon to choose.
 """
@@ -28,8 +26,6 @@ from dp_swing_ros.kernels.unrolling import unrolled
 from dp_swing_ros.pendulum.derivatives import blocks, load, STEPS
 from dp_swing_ros.pendulum.equations import Numbers
 from dp_swing_ros.pendulum.state import Array
-from dp_swing_ros.problem.disagreement import (
-    AGREED, Disagreement, disagreement, expansion, numbers_in)
 
 
 class AngleError(Constant):
@@ -60,7 +56,7 @@ ANGLE_ERRORS = {
         lambda th, th_r: (th - th_r) * (th - th_r), periodic=False)}
 
 
-@same_type_by(lambda cost: (cost.angle_error, len(cost.S), type(cost.R), cost.disagreement.kind))
+@same_type_by(lambda cost: (cost.angle_error, len(cost.S), type(cost.R)))
 class Cost(NamedTuple):
     """The numbers of the cost; n links, so 2n + 2 numbers of a state."""
 
@@ -73,7 +69,6 @@ class Cost(NamedTuple):
     w: float                   # [1/m^2] weight of the squared distance into the margin
     v_soft: float              # [m/s] speed of the cart above which it costs
     w_v: float                 # [s^2/m^2] weight of the squared excess
-    disagreement: Disagreement = AGREED
 
 
 def is_angle(cost: Cost, i: int) -> bool:
@@ -122,8 +117,7 @@ def squared_errors(cost: Cost, x: Numbers) -> list[Any]:
 
 def running_cost(cost: Cost, x: Numbers, u: Any) -> Any:
     """Return ℓ(x, u)."""
-    return (dot(cost.S, squared_errors(cost, x)) + cost.R * u * u + barrier(cost, x)
-            + disagreement(cost.disagreement, x, u))
+    return dot(cost.S, squared_errors(cost, x)) + cost.R * u * u + barrier(cost, x)
 
 
 def terminal_cost(cost: Cost, x: Numbers) -> Any:
@@ -159,7 +153,6 @@ class Terms(NamedTuple):
     velocities: float
     force: float
     limits: float       # b(x) of track and speed, without the last state's
-    disagreement: float   # d(x, u) of a learned model
     terminal: float     # ℓ_f(x_N)
 
 
@@ -169,23 +162,21 @@ def running_terms(cost, x, u):
     weighted = [weight * square for weight, square in zip(cost.S, squared_errors(cost, x))]
     half = len(cost.S) // 2
     return (weighted[0], total(weighted[1:half]), total(weighted[half:]), cost.R * u * u,
-            barrier(cost, x), disagreement(cost.disagreement, x, u))
+            barrier(cost, x))
 
 
 @kernel
 def sums_of_terms(cost, X, U):
     """Return the terms of J(X, U) as an array; see `terms`."""
-    sums = np.zeros(7)
+    sums = np.zeros(6)
     for t in range(len(U)):
-        position, angles, velocities, force, limits, disagreement = running_terms(
-            cost, X[t], U[t])
+        position, angles, velocities, force, limits = running_terms(cost, X[t], U[t])
         sums[0] += position
         sums[1] += angles
         sums[2] += velocities
         sums[3] += force
         sums[4] += limits
-        sums[5] += disagreement
-    sums[6] = terminal(cost, X[len(U)])
+    sums[5] = terminal(cost, X[len(U)])
     return sums
 
 
@@ -207,28 +198,21 @@ def running_lane(cost, z, hessian, out, i):
     for j, beyond, w in excess(cost, x):
         first[j] += 2 * w * beyond
         second[j] += 2 * w * is_nonzero(beyond)
-    disagreed = expansion(cost.disagreement, x, z[len(cost.S), i])
-    for row, number in enumerate([*first, *second, *disagreed]):
+    for row, number in enumerate([*first, *second]):
         out[row, i] = number
-
-
-@unrolled
-def rows(cost):
-    """Return how many numbers the derivatives of a step are."""
-    return 2 * len(cost.S) + numbers_in(cost.disagreement)
 
 
 @kernel
 def running_derivatives(cost, X, U, hessian):
     """
-    Return ℓ_x and the diagonal of ℓ_xx of all steps; ℓ_u = 2 R u, ℓ_uu = 2 R. And those of d.
+    Return ℓ_x and the diagonal of ℓ_xx of all steps; ℓ_u = 2 R u, ℓ_uu = 2 R.
 
     ℓ_xx is Gauss-Newton's and a share `hessian` of what that leaves out, the curvature of the
     errors: with None it is Gauss-Newton's, with 1 exact. Those of step t are
-    [t // STEPS, :, t % STEPS], ℓ_x first, and after ℓ_xx what `disagreement.add_expansion` adds.
-    Shapes: X (T or more, 2n + 2), U (T,) -> (blocks, rows, STEPS).
+    [t // STEPS, :, t % STEPS], ℓ_x first.
+    Shapes: X (T or more, 2n + 2), U (T,) -> (blocks, 4n + 4, STEPS).
     """
-    derivatives = np.empty((blocks(U), rows(cost), STEPS))
+    derivatives = np.empty((blocks(U), 2 * len(cost.S), STEPS))
     z = np.empty((len(cost.S) + 1, STEPS))
     for block in range(len(derivatives)):
         load(cost.S, X, U, block * STEPS, z)

@@ -49,10 +49,6 @@ class CostParameters(Parameters):
     speed_weight: float = parameter(
         1e5, 'weight of the squared excess of a speed over nine tenths of its limit',
         unit='s^2/m^2', minimum=0.0)
-    disagreement_weight: float = parameter(
-        0.0, 'with dynamics learned: weight of the squares by which the members of the model '
-        'differ from it in a step, in standard deviations of its predictions in training',
-        minimum=0.0)
 
     @property
     def x_r(self) -> Array:
@@ -73,11 +69,6 @@ class PredictionParameters(Parameters):
     model: str = parameter(
         'rk4', 'how one step is predicted: the integrator, rk4 or euler; with dynamics learned, '
         'the file of the learned model, which rk4 integrates')
-
-    unseen: str = parameter(
-        LEARNED, 'with dynamics learned, what plans are made with where it moves a tenth faster '
-        'than all that the model was learned from: learned, all the same; analytic, the equations',
-        choices=lambda: [ANALYTIC, LEARNED])
 
     def __post_init__(self) -> None:
         """Check also what concerns two at once; raises ParameterError."""

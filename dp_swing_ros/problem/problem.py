@@ -7,7 +7,6 @@ The optimal control problem that every solver solves.
 """
 
 from dataclasses import dataclass
-import functools
 import math
 from typing import NamedTuple
 
@@ -23,7 +22,6 @@ from dp_swing_ros.pendulum.model import Model, size, step
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.pendulum.state import angles, Array, hanging, is_at_rest, SIZES
 from dp_swing_ros.problem.cost import ANGLE_ERRORS, Cost, is_periodic, trajectory_cost
-from dp_swing_ros.problem.disagreement import Disagreement
 from dp_swing_ros.problem.parameters import CostParameters, PredictionParameters
 from dp_swing_ros.problem.plan import Plan, SolverStats, Status
 
@@ -93,8 +91,7 @@ class Problem:
             S=cost.state_weights, R=cost.force_weight, P=np.ascontiguousarray(P),
             x_r=tuple(cost.x_r.tolist()), angle_error=ANGLE_ERRORS[cost.angle_error],
             x_soft=limits.track_limit - cost.track_margin, w=cost.track_weight,
-            v_soft=FAST * cost.cart_speed_limit, w_v=cost.speed_weight,
-            disagreement=Disagreement.of(learned, cost.disagreement_weight, prediction.step)),
+            v_soft=FAST * cost.cart_speed_limit, w_v=cost.speed_weight),
             prediction.horizon, Bounds(-limits.force_limit, limits.force_limit), lqr, physical,
             (limits, cost, prediction), learned)
 
@@ -121,11 +118,6 @@ class Problem:
     def x_r(self) -> Array:
         """Return the reference state (2n + 2,)."""
         return np.array(self.cost.x_r)
-
-    @functools.cached_property
-    def analytic(self) -> 'Problem':
-        """Return the same problem with the equations of the pendulum."""
-        return Problem.of(self.physical, *self.given)
 
     def with_physical(self, physical: PendulumParameters) -> 'Problem':
         """

@@ -20,7 +20,6 @@ from dp_swing_ros.kernels.unrolling import unrolled
 from dp_swing_ros.pendulum.derivatives import curvature, identity, lanes, linearise, STEPS
 from dp_swing_ros.pendulum.model import numbers, size, step
 from dp_swing_ros.problem.cost import running, running_derivatives, terminal, terminal_derivatives
-from dp_swing_ros.problem.disagreement import add_expansion
 
 HALVINGS = 14      # of the step, in a line search
 SUFFICIENT = 1e-2  # share of the expected decrease that a step must reach
@@ -110,7 +109,6 @@ def backward(model, cost, points, X, U, gaps, bounds, mu, tensor, hessian, k, K)
         for i in range(n):
             Q_z[i] += of_cost[t // STEPS, i, t % STEPS]
             Q_zz[i, i] += of_cost[t // STEPS, n + i, t % STEPS]
-        add_expansion(cost.disagreement, of_cost[t // STEPS, 2 * n:], t % STEPS, Q_z, Q_zz)
         Q_u, Q_uu = Q_z[n] + 2 * cost.R * U[t], Q_zz[n, n] + 2 * cost.R
 
         # (36), (37): V'_xx + μ I in place of V'_xx, for the gains alone

@@ -21,7 +21,6 @@ from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tools.command_lines import (
     dated, execute, FAILED, new_folder, OK, program, within)
 from dp_swing_ros.tools.processes import located
-from dp_swing_ros.tools.train import add_kind
 
 TOTAL, HOLD = 60.0, 2.0   # [s]
 
@@ -40,10 +39,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         epilog=f'examples: {program("learn")} --solver mppi; then: ros2 run dp_swing_ros mpc '
                '--ros-args -p dynamics:=learned -p model:=DIR/model.json')
     parser.add_argument('--solver', choices=list(SOLVERS), default='ilqr')
-    add_kind(parser)
     parser.add_argument('--params', type=Path, metavar='FILE', action='append', default=[],
                         help='YAML file with parameters of the plant, bodies and noises too, and '
-                             'of an mpc, whose own bodies matter to a residual model alone')
+                             'of an mpc, whose own bodies do not matter')
     breaks = parser.add_mutually_exclusive_group()
     breaks.add_argument('--trial', type=within(float, 1.0), metavar='SECONDS',
                         help='of a trial, after which the pendulum hangs again (default: it goes '
@@ -73,8 +71,8 @@ def _learn(arguments: argparse.Namespace) -> int:
     configuration.controller(mpc)   # refused before a folder is made
     configuration.plant(plant)
     folder = new_folder(arguments.output or Path('runs', dated(f'learn_{arguments.solver}')))
-    print(f'{arguments.solver}, {arguments.kind}: {arguments.first:g} s of random forces first -> '
-          f'{folder}', flush=True)
+    print(f'{arguments.solver}: {arguments.first:g} s of random forces first -> {folder}',
+          flush=True)
     began = time.monotonic()
     with tqdm(total=arguments.total, leave=False, disable=None,
               bar_format='{n:5.1f}/{total:g} s |{bar}| {desc}') as bar:
@@ -96,8 +94,7 @@ def _learn(arguments: argparse.Namespace) -> int:
 
 def _simulated(arguments: argparse.Namespace, mpc: Mapping[str, Any], plant: Mapping[str, Any],
                show: Show) -> tuple[LearnedModel | None, list[Trial]]:
-    learner, done = Learner(
-        mpc, arguments.first, arguments.kind, arguments.hidden), list[Trial]()
+    learner, done = Learner(mpc, arguments.first), list[Trial]()
     for trial in trials(learner, plant, arguments.trial or math.inf, arguments.total,
                         arguments.hold, show):
         done.append(trial)
@@ -113,7 +110,7 @@ def _live(arguments: argparse.Namespace, mpc: Mapping[str, Any], folder: Path,
     from dp_swing_ros.tools.live_learning import learning, LiveLearner
     from dp_swing_ros.tools.tool_node import tool_node
     with tool_node('learn') as node:
-        learner = LiveLearner(node, mpc, arguments.kind, arguments.hidden)
+        learner = LiveLearner(node, mpc)
         trial = learning(learner, arguments, folder, show)
     tqdm.write(line(trial))
     return learner.model, [trial]

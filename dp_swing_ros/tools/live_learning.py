@@ -28,7 +28,7 @@ from dp_swing_ros.errors import UserError
 from dp_swing_ros.identification.recorded import APART
 from dp_swing_ros.learning.experience import Experience
 from dp_swing_ros.learning.learner import Explorer, LEARNING
-from dp_swing_ros.learning.models import FEWEST, HIDDEN, Online
+from dp_swing_ros.learning.models import FEWEST, Online
 from dp_swing_ros.learning.recorded import stretches_of
 from dp_swing_ros.learning.trials import held_for, Trial
 from dp_swing_ros.messages.fields import BILLION, seconds, to_state
@@ -37,7 +37,6 @@ from dp_swing_ros.nodes.connections import owners, publish, QUEUE, sender_of, su
 from dp_swing_ros.nodes.taking import Executor
 from dp_swing_ros.parameters import group
 from dp_swing_ros.parameters.files import locate
-from dp_swing_ros.pendulum.equations import Pendulum
 from dp_swing_ros.pendulum.model import ROUNDING
 from dp_swing_ros.pendulum.sensors import SensorParameters
 from dp_swing_ros.pendulum.state import Array, deviation
@@ -56,17 +55,14 @@ LONGEST = 0.5    # [s] between two states; beyond, it is no experience
 class LiveLearner:
     """Hears states and forces, sends random ones until it has learned, and keeps a model."""
 
-    def __init__(self, node: Node, values: Mapping[str, Any], kind: str = 'structured',
-                 hidden: int = HIDDEN) -> None:
-        """Take a node, the parameters of the mpc, and what Learner does; raises ParameterError."""
+    def __init__(self, node: Node, values: Mapping[str, Any]) -> None:
+        """Take a node and the parameters of the mpc; raises ParameterError."""
         self.node, values = node, configuration.complete(MPC, values)
         self.problem = configuration.problem({**values, 'dynamics': ANALYTIC, 'model': 'rk4'})
         self.links, self.sensors = values['links'], group(SensorParameters, values)
-        seed: int = values['seed']
-        self.explorer = Explorer(self.problem.u_max, np.random.default_rng(seed))
-        about = kind, Pendulum.of(self.problem.physical), seed, hidden
-        self.online = Online(*about)
-        Online(*about).model(some(self.links))   # compiles
+        self.explorer = Explorer(self.problem.u_max, np.random.default_rng(values['seed']))
+        self.online = Online(self.links)
+        Online(self.links).model(some(self.links))   # compiles
         self.model: LearnedModel | None = None
         self.explores = self.acts = False   # itself, and the mpc
         self.t, self.X = list[float](), list[Array]()             # of the states [s]

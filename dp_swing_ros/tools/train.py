@@ -12,12 +12,12 @@ import numpy as np
 
 from dp_swing_ros import figures
 from dp_swing_ros.bags.reader import Bag
-from dp_swing_ros.dynamics.files import KINDS, LearnedModel
-from dp_swing_ros.dynamics.kinds import Learned
+from dp_swing_ros.dynamics.files import LearnedModel
+from dp_swing_ros.dynamics.structured import Structured
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.identification.recorded import recorded_of_one
 from dp_swing_ros.learning.experience import Experience
-from dp_swing_ros.learning.models import HIDDEN, learned, parted
+from dp_swing_ros.learning.models import learned, parted
 from dp_swing_ros.learning.quality import AHEAD, Errors, errors, rms
 from dp_swing_ros.learning.recorded import stretches
 from dp_swing_ros.pendulum.equations import Pendulum
@@ -26,8 +26,6 @@ from dp_swing_ros.tables import aligned
 from dp_swing_ros.tools.command_lines import (
     bag_parser, beside, execute, OK, print_incomplete, progress, within)
 
-MANY = 512   # hidden units
-
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Train on the bags that the command line names; return the exit code."""
@@ -35,32 +33,20 @@ def main(argv: Sequence[str] | None = None) -> int:
         'train', 'Learn the dynamics of what moved in bags (joint_states and force_command), as a '
         'model that an mpc can plan with. A fifth of the motion is held out, to judge by: the '
         'errors of predictions, beside those of the equations with the parameters of the '
-        "recorded mpc, and a picture of them and of where the model's slopes can be trusted.",
+        'recorded mpc, and a picture of them.',
         nargs='+', help='folder of a bag with joint_states and force_command, or its .mcap file; '
                         'several are of one pendulum')
     parser.epilog = (
-        f'examples: {parser.prog} my_bag -o model.json; {parser.prog} bag1 bag2 --kind residual '
-        '-o model.json; then: ros2 run dp_swing_ros mpc --ros-args -p dynamics:=learned -p '
-        'model:=model.json')
+        f'examples: {parser.prog} my_bag -o model.json; {parser.prog} bag1 bag2 -o model.json; '
+        'then: ros2 run dp_swing_ros mpc --ros-args -p dynamics:=learned -p model:=model.json')
     parser.add_argument('-o', '--output', type=Path, metavar='MODEL',
-                        help='file to write, its picture beside it (default: BAG_KIND.json, '
-                             'beside the bag)')
-    add_kind(parser)
+                        help='file to write, its picture beside it (default: '
+                             'BAG_structured.json, beside the bag)')
     parser.add_argument('--seed', type=within(int, 0), default=0,
-                        help='of what is held out, and of a network (default: 0)')
+                        help='of what is held out (default: 0)')
     parser.add_argument('--links', type=int, choices=LINKS,
                         help='number of links (default: what the bag says)')
     return execute(parser, _train, argv)
-
-
-def add_kind(parser: argparse.ArgumentParser) -> None:
-    """Add to the parser of what learns dynamics which they are to be."""
-    parser.add_argument('--kind', choices=list(KINDS), default='structured',
-                        help='structured: a mass matrix, a potential and frictions; residual: the '
-                             'pendulum as the mpc has it, and a network for what that lacks; '
-                             'black_box: a network alone (default: %(default)s)')
-    parser.add_argument('--hidden', type=within(int, 1, MANY), default=HIDDEN, metavar='N',
-                        help='units of a network (default: %(default)s)')
 
 
 def _train(arguments: argparse.Namespace) -> int:
@@ -74,31 +60,29 @@ def _train(arguments: argparse.Namespace) -> int:
     parts = parted([stretch for each in found
                     for stretch in stretches(each.motion, each.V, drive)], arguments.seed)
     seen, held_out = map(Experience.joined, parts)
-    print(f'{arguments.kind}: {seen.duration:.1f} s to learn from, {held_out.duration:.1f} s held '
-          'out', flush=True)
+    print(f'{seen.duration:.1f} s to learn from, {held_out.duration:.1f} s held out', flush=True)
     course = list[tuple[float, float]]()
     with progress(desc='rounds', unit='') as bar:
-        def on_round(dynamics: Learned) -> None:
+        def on_round(dynamics: Structured) -> None:
             course.append((rms(dynamics, seen), rms(dynamics, held_out)))
             bar.set_postfix_str(f'off by {course[-1][0]:.3g}, held out {course[-1][1]:.3g}')
             bar.update()
         try:
-            model = learned(arguments.kind, known, parts, arguments.hidden,
-                            arguments.seed, on_round, drive)
+            model = learned(known, parts, on_round, drive)
         except (FloatingPointError, np.linalg.LinAlgError) as error:
             raise UserError(f'nothing can be learned from these bags: {error}; record a minute '
                             'that swings, is held and pushed') from None
     own, analytic = (errors(dynamics, parts.held_out)
                      for dynamics in (model.dynamics, told))
     model = dataclasses.replace(model, about={
-        **model.about, 'bags': [path.name for path in arguments.bag],
+        **model.about, 'seed': arguments.seed, 'bags': [path.name for path in arguments.bag],
         'errors': own.as_figures, 'errors of the equations': analytic.as_figures})
     print(table(own, analytic), *remarks(own, analytic), sep='\n')
     print(f'drive: {1e3 * drive.delay:.1f} ms of delay, {1e3 * drive.time_constant:.1f} ms of lag',
           *dict.fromkeys(each.times for each in found), sep='\n')
     print_incomplete(bags)
-    output = arguments.output or Path(f'{beside(arguments.bag[0], arguments.kind)}.json')
-    print(*write(model, course, own, analytic, seen, output), sep='\n')
+    output = arguments.output or Path(f'{beside(arguments.bag[0], "structured")}.json')
+    print(*write(model, course, own, analytic, output), sep='\n')
     print(f'{time.monotonic() - began:.1f} s of computing')
     return OK
 
@@ -133,10 +117,10 @@ def remarks(own: Errors, analytic: Errors) -> list[str]:
 
 
 def write(model: LearnedModel, course: Sequence[tuple[float, float]], own: Errors,
-          analytic: Errors, seen: Experience, output: Path) -> list[Path]:
+          analytic: Errors, output: Path) -> list[Path]:
     """Write model and picture; return their files."""
     output.parent.mkdir(parents=True, exist_ok=True)
     output.write_text(model.to_text(), encoding='utf-8')
     picture = output.with_suffix('.png')
-    figures.training(model, course, own, analytic, seen).savefig(picture)
+    figures.training(course, own, analytic, model.about['seconds']).savefig(picture)
     return [output, picture]

@@ -11,6 +11,7 @@ import sys
 import time
 
 from controllers import controller, LIMITS, plant
+from learned_dynamics import model_of, of_chain
 import numpy as np
 import pytest
 
@@ -531,3 +532,21 @@ def test_disabled_it_believes_states_and_sends_nothing():
     c.enable(False)
     assert c.fallback(3.0).stats.status is Status.DISABLED
     assert c.fallback(3.0).U[0] == 0.0
+
+
+def test_where_a_learned_model_is_wild_a_tick_has_a_finite_force():
+    """It is right about upright, and where its second link hangs that weighs less than nothing."""
+    chain = of_chain(PendulumParameters())
+    inertia = chain.inertia.copy()
+    inertia[5, [0, 3]] = np.array((0.75, 0.25)) * chain.inertia[5, 0]   # of D_22: 1 and cos θ_2
+    wild = replace(model_of(chain._replace(inertia=inertia)), drive=Drive(0.05, 0.05))
+    c = configuration.controller({'dynamics': 'learned', 'model': wild.to_text(),
+                                  'estimator': 'none'})
+    hanging = np.array([0.0, np.pi, np.pi, 0.0, 0.0, 9.0])
+    for n, x in enumerate((np.zeros(6), hanging, hanging)):
+        with np.errstate(all='ignore'):
+            plan = c.update(0.05 * n, x)
+            ahead = c.when_it_acts(x, 0.05 * n)
+        assert np.isfinite(ahead).all() == (n == 0)
+        assert np.all(np.isfinite(plan.U)) and np.abs(plan.U).max() <= 20.0
+        assert (plan.stats.status.name in ('ZERO', 'LAST_POLICY', 'REGULATOR')) == (n > 0)

@@ -1,17 +1,17 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Models of each kind from some seconds of motion, and how good they are said to be."""
+"""Models from some seconds of motion, and how good they are said to be."""
 
 from learned_dynamics import BODIES, experience
 import numpy as np
 import pytest
 
 from dp_swing_ros.dynamics.files import load
-from dp_swing_ros.dynamics.kinds import Structured
+from dp_swing_ros.dynamics.structured import Structured
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.learning.experience import Experience
 from dp_swing_ros.learning.models import learned, Online, parted
-from dp_swing_ros.learning.quality import AHEAD, disagreement, errors
+from dp_swing_ros.learning.quality import AHEAD, errors
 from dp_swing_ros.pendulum.equations import Pendulum
 from dp_swing_ros.pendulum.parameters import PendulumParameters
 
@@ -36,32 +36,25 @@ def test_of_little_something_is_held_out_and_of_less_nothing_is_learned():
         parted([experience(1.5)], seed=0)
 
 
-@pytest.mark.parametrize('kind', ['structured', 'residual', 'black_box'])
-def test_a_model_of_each_kind_is_better_than_wrong_equations(kind):
+def test_a_model_is_better_than_wrong_equations():
     parts = parted([experience(40.0, position_noise=1e-3, velocity_noise=1e-2, **UNTOLD)], seed=0)
     rounds = []
-    model = learned(kind, TRUE, parts, hidden=8, seed=0, on_round=rounds.append)
-    assert model.kind == kind and model.draws.shape == (5, len(model.dynamics.free))
-    assert len(rounds) > 3 and isinstance(rounds[-1], type(model.dynamics))
+    model = learned(TRUE, parts, rounds.append)
+    assert len(rounds) > 3 and isinstance(rounds[-1], Structured)
     own, wrong = (np.linalg.norm(errors(each, parts.held_out).speeds)
                   for each in (model.dynamics, TRUE))
-    assert own < (3.0 if kind == 'black_box' else 0.8) * wrong   # a network alone takes longer
-    again = learned(kind, TRUE, parts, hidden=8, seed=0)
-    assert again.to_text() == model.to_text() == load(model.to_text(), 2).to_text()
+    assert own < 0.8 * wrong
+    assert learned(TRUE, parts).to_text() == model.to_text() == load(model.to_text(), 2).to_text()
     assert model.about['seconds'] == pytest.approx(30.0)
 
 
-@pytest.mark.parametrize('kind', ['residual', 'black_box'])
-def test_while_it_runs_hidden_units_are_trained_now_and_then_and_the_last_layer_always(kind):
+def test_while_it_runs_it_is_fitted_from_where_it_was():
     whole = experience(13.0, **UNTOLD)
     so_far = [whole.chosen(np.arange(count)) for count in (130, 180, 240)]   # 6.5, 9, 12 s
-    online = Online(kind, TRUE, seed=0, hidden=4)
+    online = Online(2)
     models = [online.model(seen) for seen in so_far]
-    W = [model.dynamics.network.W for model in models]
-    assert np.array_equal(W[0], W[1]) and not np.array_equal(W[1], W[2])
     assert not np.array_equal(models[0].dynamics.free, models[1].dynamics.free)
-    assert [model.kind for model in models] == [kind] * 3
-    again = Online(kind, TRUE, seed=0, hidden=4)
+    again = Online(2)
     assert [again.model(seen).to_text() for seen in so_far] == [
         model.to_text() for model in models]
 
@@ -74,12 +67,3 @@ def test_errors_of_the_truth_are_those_of_the_integrator():
     assert np.median(found.ahead) < 0.1 and found.ahead.max() <= np.pi   # it is chaotic
     assert set(found.as_figures) == {'speeds', 'ahead_median', 'ahead_p95'}
     assert set(errors(Structured.of(TRUE), [seen.chosen(np.arange(5))]).as_figures) == {'speeds'}
-
-
-def test_members_differ_more_where_nothing_was_seen():
-    whole = experience(40.0, position_noise=1e-3, velocity_noise=1e-2)
-    calm = whole.chosen(np.abs(whole.X[:, 4:]).max(axis=1) < 4.0)
-    model = learned('structured', TRUE, parted([calm], seed=0), hidden=1, seed=0)
-    X = np.array([[0.0, np.pi, np.pi, 0.0, 0.0, 0.0], [0.0, 0.0, np.pi / 2, 0.0, 8.0, 8.0]])
-    near, far = disagreement(model, X, np.zeros(2))
-    assert 0 < 3 * near < far

@@ -5,7 +5,6 @@
 import math
 import signal
 
-from learned_dynamics import model_of, of_chain
 import numpy as np
 import pytest
 from std_srvs.srv import Trigger
@@ -148,20 +147,3 @@ def test_a_plant_that_is_started_again_is_another_one(peer, start_node):
     assert 'last_plan' not in first['starts'] and first['force_bias'] == 0.0
     peer.spin(1.0)
     assert of_mpc()[-1]['resets'] == 1   # said once
-
-
-def test_how_far_a_learned_model_is_to_be_trusted(peer, start_node, tmp_path):
-    file = tmp_path / 'model.json'
-    file.write_text(model_of(of_chain(PendulumParameters())).to_text())
-    talk = Conversation(peer, start_node, {'dynamics': 'learned', 'model': str(file),
-                                           'estimator': 'none'})
-    talk.send(LEANING)
-    talk.send(LEANING + [0.001, 0.002, 0.002, 0.0, 0.01, 0.0])
-    values = talk.report().values
-    assert 0 <= values['model_error'] < 10 and 0 < values['model_spread'] < 10
-    assert values['model_reach'] < 0.1
-    talk.send(LEANING + [0.01, 0.3, 0.3, 0.0, 14.0, 0.0])   # it has seen 10 rad/s
-    assert peer.until(lambda: talk.report().values['model_reach'] > 1)
-    assert talk.report().values['model_reach'] == pytest.approx(1.4, abs=0.01)
-    text = next(status.message for status in talk.reports[-1].status if 'mpc' in status.name)
-    assert '1.4 times as fast as all that the model was learned from' in text

@@ -24,8 +24,7 @@ def test_a_model_a_picture_and_a_line_a_trial(tmp_path, capsys):
     lines = capsys.readouterr().out.splitlines()
     assert lines[1].startswith('trial 1: 5.0 s of experience, ')
     assert lines[-1].startswith('held after ')
-    model = load(str(tmp_path / 'learned' / 'model.json'), 2)
-    assert model.kind == 'structured' and len(model.draws) == 5
+    assert load(str(tmp_path / 'learned' / 'model.json'), 2).about['seconds'] > 5.0
     with Image.open(tmp_path / 'learned' / 'learning.png') as picture:
         assert min(picture.size) > 300
 

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command, from bags that real nodes recorded to an mpc that plans with what it left."""
 
-import json
 import subprocess
 
 import numpy as np
@@ -34,9 +33,9 @@ def test_the_process_leaves_a_model_that_holds_what_moved(bag, tmp_path):
     run = subprocess.run(['ros2', 'run', 'dp_swing_ros', 'train', str(bag), '-o', str(output)],
                          capture_output=True, text=True, timeout=280)
     assert run.returncode == 0, run.stderr
-    assert run.stdout.startswith('structured: 1') and 'warning' not in run.stdout
+    assert ' s to learn from, ' in run.stdout and 'warning' not in run.stdout
     with Image.open(output.with_suffix('.png')) as picture:
-        assert min(picture.size) > 600
+        assert min(picture.size) > 400
     found = load(str(output), 2)
     assert found.about['bags'] == ['bag'] and len(found.about['experience']) == 16
     own, equations = (np.array(found.about[name]['speeds'])
@@ -46,18 +45,6 @@ def test_the_process_leaves_a_model_that_holds_what_moved(bag, tmp_path):
     learned = configuration.controller({'dynamics': 'learned', 'model': str(output)})
     episode = simulate(plant, learned, 10.0)
     assert np.all(deviation(episode.X[-40:], learned.nominal.x_r) < 0.1)
-
-
-def test_a_residual_model_is_of_the_pendulum_as_the_mpc_had_it_in_the_end(
-        bag, tmp_path, capsys):
-    assert main([str(bag), '--kind', 'residual', '--hidden', '8', '-o',
-                 str(tmp_path / 'model.json')]) == 0
-    assert 'residual: 1' in capsys.readouterr().out
-    pendulum = json.loads((tmp_path / 'model.json').read_text())['dynamics']['pendulum']
-    assert pendulum['m'] == pytest.approx(0.8 + 0.5 + 0.6, rel=0.1)
-    assert pendulum['m'] != pytest.approx(1.0 + 0.5 + 0.5, abs=0.02)   # the defaults
-    found = load(str(tmp_path / 'model.json'), 2).about
-    assert found['errors']['speeds'] != found['errors of the equations']['speeds']
 
 
 def test_a_model_lies_beside_the_bag_where_nothing_else_is_said(bag, capsys):
@@ -97,7 +84,7 @@ def test_what_cannot_be_learned_from_is_refused(bag, tmp_path, capsys, change, w
 
 
 @pytest.mark.parametrize(('arguments', 'words'), [
-    (['--kind', 'none'], 'invalid choice'), (['--hidden', '0'], 'at least 1')])
+    (['--links', '9'], 'invalid choice'), (['--seed', '-1'], 'at least 0')])
 def test_misuse_is_refused(arguments, words, capsys):
     with pytest.raises(SystemExit, match='2'):
         main(['bag', *arguments])

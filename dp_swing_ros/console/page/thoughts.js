@@ -16,8 +16,6 @@ const DRAWN = 90;      // [ms] at least between drawings of a plot
 const WRITTEN = 250;   // [ms] between the rows of what is learned
 const TICKS = [[-Math.PI, '−π'], [0, '0'], [Math.PI, 'π']];
 
-const costs = terms => terms.map((term, n) => ({
-  name: term, colour: () => colours[SHADES[n]], of: ({tick}) => tick?.[`cost_${term}`]}));
 const millis = name => ({tick}) => Number.isFinite(tick?.[name]) ? 1000 * tick[name] : null;
 
 export class Thoughts {
@@ -55,7 +53,8 @@ export class Thoughts {
       series: [{name: 'x', colour: line('ink'), of: ({x}) => x[0], ahead: plan => plan.X.map(x => x[0])}]});
     this.cost = new Plot({
       title: 'Cost of the plan', unit: 'by term', stack: true, least: 0.1,
-      series: costs(TERMS)});
+      series: TERMS.map((term, n) => ({
+        name: term, colour: () => colours[SHADES[n]], of: ({tick}) => tick?.[`cost_${term}`]}))});
     this.time = new Plot({
       title: 'Solve time', unit: 'ms, deadline dashed', stack: true, least: 4,
       levels: [{of: () => 1000 * (this.parameters.mpc?.time_limit?.value ?? 0.8 * period),
@@ -84,8 +83,7 @@ export class Thoughts {
                                        of: millis(`${phase}_time`)})),
         {name: 'latency', colour: () => colours.ink, over: true, of: millis('latency')}];
     }
-    if (tick?.cost_disagreement > 0 && this.cost.series.length === TERMS.length)
-      this.cost.series = costs([...TERMS, 'disagreement']);   // of a learned model
+
   }
 
   /** Draw a plot of a stream, live or of the past, and write the numbers of its newest frame. */

@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Learned dynamics beside the equations; derivatives are in pendulum/test_models.py."""
 
-from learned_dynamics import LEARNED, network, of_chain
+from learned_dynamics import bent, of_chain
 import numpy as np
 import pytest
 
-from dp_swing_ros.dynamics.kinds import BlackBox, harmonics, Residual
+from dp_swing_ros.dynamics.structured import harmonics
 from dp_swing_ros.pendulum.equations import energy, mass_matrix, Pendulum
 from dp_swing_ros.pendulum.integrators import INTEGRATORS
 from dp_swing_ros.pendulum.model import Model, rollout
@@ -32,15 +32,14 @@ def test_a_chain_of_rigid_links_is_structured(physical, rng):
 
 def test_structured_dynamics_without_friction_and_force_keep_their_energy(rng):
     """Whatever the mass matrix and the potential are."""
-    bent = LEARNED['structured']()
-    bent = bent._replace(friction=np.zeros(3), dry=np.zeros(3))
+    learned = bent()._replace(friction=np.zeros(3), dry=np.zeros(3))
     x = np.array([0.0, 2.0, -1.5, 0.3, 1.0, -2.0])
-    X = rollout(Model(bent, INTEGRATORS['rk4'], 1e-3), x, np.zeros(3000))
+    X = rollout(Model(learned, INTEGRATORS['rk4'], 1e-3), x, np.zeros(3000))
 
     def total(x):
         s, c = np.sin(x[1:3]), np.cos(x[1:3])
-        potential = bent.potential @ [each.value for each in harmonics(s, c)]
-        return 0.5 * x[3:] @ np.array(bent.mass_matrix(s, c)) @ x[3:] + potential
+        potential = learned.potential @ [each.value for each in harmonics(s, c)]
+        return 0.5 * x[3:] @ np.array(learned.mass_matrix(s, c)) @ x[3:] + potential
     energies = np.array([total(x) for x in X[::100]])
     assert np.ptp(X[:, 1]) > 1.0
     np.testing.assert_allclose(energies, energies[0], atol=1e-6)
@@ -56,36 +55,16 @@ def test_the_energy_of_a_chain_is_that_of_its_equations(rng):
         assert kinetic + potential == pytest.approx(energy(p, x))
 
 
-def test_a_residual_is_a_force_beside_those_that_are_known(rng):
-    known, learned = Pendulum.of(PHYSICAL), network()
-    for x, u in states(rng):
-        s, c, rates = np.sin(x[1:3]), np.cos(x[1:3]), [*x[4:], u, x[3]]
-        more = np.subtract(Residual(known, learned).accelerations(x, u),
-                           known.accelerations(x, u))
-        np.testing.assert_allclose(np.array(mass_matrix(known, s, c)) @ more,
-                                   learned.outputs(s, c, rates), atol=1e-9)
-
-
-@pytest.mark.parametrize('name', LEARNED)
-def test_nothing_depends_on_where_the_cart_is_or_on_whole_turns(name, rng):
-    dynamics = LEARNED[name]()
+def test_nothing_depends_on_where_the_cart_is_or_on_whole_turns(rng):
+    dynamics = bent()
     for x, u in states(rng):
         np.testing.assert_allclose(
             dynamics.accelerations(x + [1.7, 2 * np.pi, -4 * np.pi, 0, 0, 0], u),
             dynamics.accelerations(x, u), atol=1e-9)
 
 
-def test_a_network_saturates():
-    black_box = BlackBox(network())
-    far = np.array([0.0, 0.3, 0.2, 0.0, 1e6, 1e6])
-    np.testing.assert_allclose(black_box.accelerations(far, 0.0),
-                               black_box.accelerations(2 * far - [0, 0.3, 0.2, 0, 0, 0], 0.0),
-                               atol=1e-3)
-
-
-@pytest.mark.parametrize('name', LEARNED)
-def test_the_free_numbers_are_all_that_changes(name, rng):
-    dynamics = LEARNED[name]()
+def test_the_free_numbers_are_all_that_changes(rng):
+    dynamics = bent()
     again = dynamics.with_free(dynamics.free)
     other = dynamics.with_free(dynamics.free + 0.1)
     for x, u in states(rng, 5):

@@ -1,16 +1,15 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Dynamics that are learned, of three kinds, each D(θ) a = r(θ, θ̇, u, ẋ).
+Dynamics that are learned, D(θ) a = r(θ, θ̇, u, ẋ).
 
-    residual      D and r of a known pendulum but for its frictions, and to r a network is added
-    structured    D_ij and the potential V are trigonometric polynomials in the angles, and
-                  r = H u - C q̇ - ∂V/∂q - friction follows by Lagrange:
-                  (C q̇)_i = Σ_m Σ_j ∂D_ij/∂q_m q̇_m q̇_j - ½ Σ_jk ∂D_jk/∂q_i q̇_j q̇_k
-    black box     D = 1, and r is a network
+D_ij and the potential V are trigonometric polynomials in the angles, and r = H u - C q̇ - ∂V/∂q -
+friction follows by Lagrange:
 
-None depends on where the cart is. Those of a chain of rigid links are of the second kind,
-exactly, wherever the mass in a link and however its angle is counted.
+    (C q̇)_i = Σ_m Σ_j ∂D_ij/∂q_m q̇_m q̇_j - ½ Σ_jk ∂D_jk/∂q_i q̇_j q̇_k
+
+They do not depend on where the cart is. A chain of rigid links is of this structure, exactly,
+wherever the mass in a link and however its angle is counted.
 """
 
 from collections.abc import Hashable, Sequence
@@ -20,120 +19,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dp_swing_ros.dynamics.network import Network
 from dp_swing_ros.kernels.compilation import Constant
 from dp_swing_ros.kernels.symbols import cos, dot, fixed, sin
 from dp_swing_ros.pendulum.equations import (
-    add_joint_friction, friction, generalised_force, inverse_inertia, mass_matrix, Matrix, Numbers,
-    Parts, Pendulum, solve)
+    add_joint_friction, friction, inverse_inertia, Matrix, Numbers, Parts, Pendulum, solve)
 from dp_swing_ros.pendulum.points import by_variables, in_turn, point_type
 from dp_swing_ros.pendulum.state import Array
-
-
-class Residual(NamedTuple):
-    """A known pendulum and a learned generalised force, of as many outputs as it has speeds."""
-
-    pendulum: Pendulum
-    network: Network
-
-    @property
-    def links(self) -> int:
-        """Return the number of links, n."""
-        return self.pendulum.links
-
-    @property
-    def kind(self) -> Hashable:
-        """Return what the types of its numbers follow from."""
-        return Residual, self.network.widths
-
-    def mass_matrix(self, s: Numbers, c: Numbers) -> Matrix:
-        """Return D."""
-        return mass_matrix(self.pendulum, s, c)
-
-    def force(self, s: Numbers, c: Numbers, rates: Numbers) -> list[Any]:
-        """Return r but for the network's part; rates are θ̇, u and ẋ."""
-        *w, u, v = rates
-        return generalised_force(self.pendulum, s, c, w, u - friction(self.pendulum, 0, v))
-
-    def accelerations(self, x: Numbers, u: Any) -> list[Any]:
-        """Return the accelerations of cart and links."""
-        return accelerations(self, x, u)
-
-    @property
-    def frictions(self) -> int:
-        """Return how many of the free numbers are frictions, which come first."""
-        return 2 * (self.links + 1)
-
-    @property
-    def free(self) -> Array:
-        """Return the frictions of the pendulum, viscous and dry, and the network's last layer."""
-        p = self.pendulum
-        return np.concatenate((p.friction, p.dry, self.network.last_layer))
-
-    def with_free(self, p: Array) -> 'Residual':
-        """Return the same with other such numbers (P,)."""
-        friction, dry, last_layer = np.split(p, [self.links + 1, self.frictions])
-        return Residual(
-            self.pendulum._replace(friction=tuple(friction.tolist()), dry=tuple(dry.tolist())),
-            self.network.with_last_layer(last_layer))
-
-    def with_creep(self, creep: float) -> 'Residual':
-        """Return the same with dry friction that is whole from another speed on [m/s, rad/s]."""
-        return self._replace(pendulum=self.pendulum._replace(sharpness=1 / creep))
-
-    def without_dry_friction(self) -> 'Residual':
-        """Return the same without dry friction."""
-        return self._replace(pendulum=self.pendulum.without_dry_friction())
-
-
-class BlackBox(NamedTuple):
-    """A network for the accelerations."""
-
-    network: Network
-
-    @property
-    def links(self) -> int:
-        """Return the number of links, n."""
-        return self.network.widths.links
-
-    @property
-    def kind(self) -> Hashable:
-        """Return what the types of its numbers follow from."""
-        return BlackBox, self.network.widths
-
-    def mass_matrix(self, s: Numbers, c: Numbers) -> Matrix:
-        """Return the identity."""
-        return np.eye(self.links + 1).tolist()
-
-    def force(self, s: Numbers, c: Numbers, rates: Numbers) -> list[Any]:
-        """Return zeros."""
-        return [0.0] * (self.links + 1)
-
-    def accelerations(self, x: Numbers, u: Any) -> list[Any]:
-        """Return the accelerations of cart and links."""
-        return accelerations(self, x, u)
-
-    @property
-    def free(self) -> Array:
-        """Return the numbers that are linear in the accelerations: the network's last layer."""
-        return self.network.last_layer
-
-    @property
-    def frictions(self) -> int:
-        """Return that none of these is known to be a friction."""
-        return 0
-
-    def with_free(self, p: Array) -> 'BlackBox':
-        """Return the same with other such numbers (P,)."""
-        return self._replace(network=self.network.with_last_layer(p))
-
-    def with_creep(self, creep: float) -> 'BlackBox':
-        """Return the same: what is dry in it is not told apart."""
-        return self
-
-    def without_dry_friction(self) -> 'BlackBox':
-        """Return the same: what is dry in it is not told apart."""
-        return self
 
 
 class Links(Constant):
@@ -219,11 +110,6 @@ class Structured(NamedTuple):
         """Return what the types of its numbers follow from."""
         return Structured, self.size
 
-    @property
-    def network(self) -> None:
-        """Return that it has none."""
-        return None
-
     def mass_matrix(self, s: Numbers, c: Numbers) -> Matrix:
         """Return D."""
         return self.symmetric([each.value for each in harmonics(s, c)])
@@ -253,8 +139,10 @@ class Structured(NamedTuple):
         return r
 
     def accelerations(self, x: Numbers, u: Any) -> list[Any]:
-        """Return the accelerations of cart and links."""
-        return accelerations(self, x, u)
+        """Return the accelerations of cart and links, a = D⁻¹ r."""
+        _, th, v, w = Parts.of(self, x)
+        s, c = [sin(th_i) for th_i in th], [cos(th_i) for th_i in th]
+        return solve(self.mass_matrix(s, c), self.force(s, c, [*w, u, v]))
 
     @property
     def free(self) -> Array:
@@ -279,24 +167,6 @@ class Structured(NamedTuple):
         return self._replace(dry=np.zeros_like(self.dry))
 
 
-Learned = Residual | Structured | BlackBox
-
-
-def accelerations(p: Learned, x: Numbers, u: Any) -> list[Any]:
-    """Return a = D⁻¹ r."""
-    _, th, v, w = Parts.of(p, x)
-    s, c = [sin(th_i) for th_i in th], [cos(th_i) for th_i in th]
-    return solve(p.mass_matrix(s, c), whole_force(p, s, c, [*w, u, v]))
-
-
-def whole_force(p: Learned, s: Numbers, c: Numbers, rates: Numbers) -> list[Any]:
-    """Return r with the network's part."""
-    r = p.force(s, c, rates)
-    if p.network is None:
-        return r
-    return [r_i + y_i for r_i, y_i in zip(r, p.network.outputs(s, c, rates))]
-
-
 class LearnedPoint(NamedTuple):
     """What the derivatives of the accelerations need at a point; see points.py."""
 
@@ -313,17 +183,14 @@ class LearnedPoint(NamedTuple):
         return (0.0,)
 
     @classmethod
-    def of(cls, p: Learned, x: Numbers, u: Any) -> 'LearnedPoint':
+    def of(cls, p: Structured, x: Numbers, u: Any) -> 'LearnedPoint':
         """Evaluate all at a state x under a force u."""
         _, th, v, w = Parts.of(p, x)
         s, c = [sin(th_i) for th_i in th], [cos(th_i) for th_i in th]
         rates, D = [*w, u, v], p.mass_matrix(s, c)
-        a, D_inverse = solve(D, whole_force(p, s, c, rates)), inverse_inertia(D)
+        a, D_inverse = solve(D, p.force(s, c, rates)), inverse_inertia(D)
         by_z = [by_variables(each, s, c, rates)
                 for each in residuals(p, s, c, rates, [fixed(a_i) for a_i in a])]
-        if p.network is not None:
-            by_z = [[one + other for one, other in zip(*rows)]
-                    for rows in zip(by_z, p.network.slopes(s, c, rates))]
         J = [[dot(row, column) for column in zip(*by_z)] for row in D_inverse]
         return cls(s, c, rates, a, J, [row[i:] for i, row in enumerate(D_inverse)])
 
@@ -340,7 +207,7 @@ class LearnedPoint(NamedTuple):
         """Return all pairs j ≤ k."""
         return list(combinations_with_replacement(range(2 * n + 2), 2))
 
-    def second_derivatives(self, p: Learned, mu: Numbers) -> list[Any]:
+    def second_derivatives(self, p: Structured, mu: Numbers) -> list[Any]:
         """Return the M_jk of curved_pairs."""
         n, variables = len(self.s), (self.s, self.c, self.rates)
         nu = [dot([self.inverse[min(i, j)][abs(i - j)] for j in range(n + 1)], mu)
@@ -350,19 +217,13 @@ class LearnedPoint(NamedTuple):
         momenta = [dot(row, nu) for row in p.mass_matrix(self.s, self.c)]
         e = list(zip(*(by_variables(each, *variables) for each in momenta)))
         J = list(zip(*self.J))   # by columns, as e
-        found = {(j, k): second[j][k] - (dot(e[j], J[k]) + dot(e[k], J[j]))
-                 for j, k in self.curved_pairs(n)}
-        if p.network is not None:
-            for j, row in enumerate(p.network.curvature(nu, *variables)):
-                for k, bent in enumerate(row, start=j):
-                    found[j, k] = found[j, k] + bent
-        return list(found.values())
+        return [second[j][k] - (dot(e[j], J[k]) + dot(e[k], J[j]))
+                for j, k in self.curved_pairs(n)]
 
 
-for _kind in (Residual, Structured, BlackBox):
-    point_type.register(_kind, lambda dynamics: LearnedPoint)
+point_type.register(Structured, lambda dynamics: LearnedPoint)
 
 
-def residuals(p: Learned, s: Numbers, c: Numbers, rates: Numbers, a: Numbers) -> list[Any]:
-    """Return r - D a but for the network's part."""
+def residuals(p: Structured, s: Numbers, c: Numbers, rates: Numbers, a: Numbers) -> list[Any]:
+    """Return r - D a."""
     return [r_i - dot(row, a) for r_i, row in zip(p.force(s, c, rates), p.mass_matrix(s, c))]
