@@ -30,7 +30,7 @@ help:  ## list the targets
 setup: install/.built  ## the virtual environment and the built package
 
 demo: setup $(if $(RIG),$(VENV)/.installed-rig)
-demo:  ## swing up and hold in real time for 10 s (SOLVER=ilqr, ddp, mppi or sampled_ilqr; RIG=1: a rig of other make)
+demo:  ## swing up and hold in real time for 10 s (SOLVER=ilqr, ddp or mppi; RIG=1: a rig of other make)
 	@$(WITH_ROS) && ros2 run dp_swing_ros demo --solver $(SOLVER) $(if $(RIG),--params config/rig.yaml)
 
 play: setup  ## plant, mpc and a page in the browser to pull at them (SOLVER=...; LOCKSTEP=1: can be paused, stepped, slowed down)

@@ -106,7 +106,7 @@ CAMPAIGNS = {
         ('hanging', 'random', 'near_goal', 'pushes'), range(20), {'hanging': 20},
         {'successes': ('baselines', 'Baselines')}),
     'stress': Campaign(
-        'Stress', (*METHODS, 'sampled_ilqr', TEXTBOOK, 'tvlqr', 'tvlqr_ekf', 'energy_ekf'), STRESS,
+        'Stress', (*METHODS, TEXTBOOK, 'tvlqr', 'tvlqr_ekf', 'energy_ekf'), STRESS,
         None, {}, {'sweeps': ('stress', 'What is held, by level')}),
     # hanging to up_down is beyond 30 steps
     'transitions': Campaign(

@@ -37,7 +37,6 @@ PASSES = 1, 2, 3, 5, 10, 50           # of iLQR and DDP, at most, in each solve 
 STARTS = 2, 4, 8, 16, 32              # beside the last plan
 UPDATES = (64, 1), (128, 2), (256, 4), (512, 6), (1024, 8), (4096, 8), (16384, 6)
 SAMPLES = 64, 256, 1024, 4096, 16384  # of textbook MPPI
-DESCENTS = (64, 1, 2), (256, 2, 4), (512, 3, 7), (1024, 4, 8), (4096, 6, 14), (16384, 8, 28)
 
 
 class Rung(NamedTuple):
@@ -68,11 +67,7 @@ def ladder() -> list[Rung]:
         *(Rung('mppi', f'samples {samples}, updates {count}', 'mppi',
                {'mppi.samples': samples, 'mppi.iterations': count}) for samples, count in UPDATES),
         *(Rung(TEXTBOOK, f'samples {samples}', 'mppi', {**textbook, 'mppi.samples': samples})
-          for samples in SAMPLES),
-        *(Rung('sampled_ilqr', f'samples {samples}, scouts {scouts}, descents {count}',
-               'sampled_ilqr', {'sampled_ilqr.samples': samples, 'sampled_ilqr.scouts': scouts,
-                                'sampled_ilqr.iterations': count})
-          for samples, scouts, count in DESCENTS)]
+          for samples in SAMPLES)]
 
 
 def episodes() -> list[tuple[Contestant, Case]]:

@@ -51,7 +51,7 @@ from dp_swing_ros.tables import compact
 METHODS = parse_all((
     'iLQR=ilqr', 'DDP, exact Hessian=ddp:ddp.hessian=exact',
     'DDP, Gauss-Newton=ddp:ddp.hessian=gauss_newton', 'MPPI=mppi',
-    'textbook MPPI=mppi:config/textbook_mppi.yaml', 'sampled iLQR=sampled_ilqr'))
+    'textbook MPPI=mppi:config/textbook_mppi.yaml'))
 DESCENTS = METHODS[:3]
 HELD_OUT = range(1000, 1020)     # on which no parameter was chosen
 LIMITS = (1, 2, 3, 4, 5, 6, 8, 10, 13, 16, 20, 25, 32, 40, 50)   # of iterations
@@ -359,7 +359,7 @@ def page(found: pd.DataFrame, passes: pd.DataFrame, ends: pd.DataFrame, made: st
         f'J / J\\* - 1 over {found["seed"].nunique()} held-out starts (seeds '
         f'{found["seed"].min()} to {found["seed"].max()}), J\\* being the least cost that any of '
         f'the methods found of a start within {max(LIMITS)} iterations. An iteration is a '
-        'backward pass, an update, or in sampled iLQR a whole descent; they take the time of the '
+        'backward pass or an update; they take the time of the '
         f'last column, the median over {TIMED} iterations in one process. In the picture the '
         'bands are quartiles. The rows: [convergence.csv.gz](convergence.csv.gz).\n',
         methods_table(found) + '\n',

@@ -66,7 +66,6 @@ CHANGES = {
     'ddp__hessian': lambda rng: str(rng.choice(['exact', 'gauss_newton'])),
     'mppi__samples': lambda rng: int(rng.integers(256, 1024)),
     'mppi__elite': lambda rng: bool(rng.integers(2)),
-    'sampled_ilqr__scouts': lambda rng: int(rng.integers(1, 5)),
     'shown_tries': lambda rng: int(rng.integers(0, 20)),
     'solver': lambda rng: str(rng.choice(sorted(SOLVERS)))}
 NOISES = {'velocity_noise': 0.02, 'force_noise': 0.2}   # of the plant, that there is to balance

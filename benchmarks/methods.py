@@ -31,7 +31,7 @@ from dp_swing_ros.tables import compact
 RESULTS = stamp.TOP / 'docs' / 'results'
 PAGES = 'random', 'stress', 'compute'
 FIRST = METHODS[0]          # whom the others are compared with
-SHOWN = (*METHODS, 'sampled_ilqr', 'mppi_textbook')
+SHOWN = (*METHODS, 'mppi_textbook')
 LADDERS = {'mppi_textbook': compute.TEXTBOOK}   # that compute.py names otherwise
 COST, APART = 'closed_loop_cost', 1.25   # times as much is in the tails
 RESETS = 'uptime'           # where how it ends says little, and the time upright much

@@ -10,7 +10,7 @@ from catkin_pkg.package import parse_package
 import pytest
 
 TOP = Path(__file__).parents[1]
-FOLDERS = ('dp_swing_ros', 'test', 'benchmarks', 'scripts')
+FOLDERS = ('dp_swing_ros', 'test', 'benchmarks', 'scripts', 'examples')
 PYTHON = sorted([TOP / 'setup.py', TOP / 'scripts' / 'ros2'] + [
     file for folder in FOLDERS for file in (TOP / folder).rglob('*.py')])
 HEADER = ['# Copyright 2026 the dp_swing_ros authors', '# SPDX-License-Identifier: Apache-2.0']

@@ -24,10 +24,9 @@ LINKS = (PALETTE[0], PALETTE[1], PALETTE[3])  # link 1 first
 DASHES: tuple[Any, ...] = ('-', (0, (4, 1.5)), (0, (1, 1)), (0, (5, 1, 1, 1)))
 MARKERS = ('o', 's', '^', 'D')
 OWN = dict(zip(('ilqr', 'ddp', 'mppi'), PALETTE)) | {
-    'sampled_ilqr': PALETTE[6], 'tvlqr': ALARM, 'nothing': FAINT}
+    'tvlqr': ALARM, 'nothing': FAINT}
 OTHERS = PALETTE[4:6]  # of solvers that are not ours, in turn, and then paler
-SOLVERS = {'ilqr': 'iLQR', 'ddp': 'DDP', 'mppi': 'MPPI',
-           'sampled_ilqr': 'sampled iLQR'}  # those that are written otherwise
+SOLVERS = {'ilqr': 'iLQR', 'ddp': 'DDP', 'mppi': 'MPPI'}  # those that are written otherwise
 STYLE: dict[Any, Any] = {
     'axes.axisbelow': True, 'axes.edgecolor': FAINT, 'axes.labelcolor': INK,
     'axes.spines.right': False, 'axes.spines.top': False, 'axes.titlesize': 'medium',

@@ -19,7 +19,8 @@ from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.topics import FORCE_COMMAND, JOINT_STATES
 
 AGREEING = 3  # forces in a row that are the same, where two sequences meet again
-DROPPED = {'shadow'}   # parameters of earlier controllers that decided no force
+# parameters of earlier controllers that decided no force, or none with dynamics of today
+DROPPED = {'shadow', 'unseen', 'disagreement_weight'}
 NEEDED = ('force', 'cost', 'status', 'real_time', 'delay', 'solves', 'carried', 'resets', 'number')
 
 

@@ -89,7 +89,7 @@ def test_the_page_is_told_what_there_is_and_shown_each_state(page):
     assert (hello['links'], hello['lengths'], hello['period']) == (2, [1.0, 1.0], 0.05)
     assert hello['limits'] == {'track': 2.4, 'margin': 0.4, 'force': 20.0, 'disturbance': 100.0}
     assert hello['goals'] == ['down_down', 'down_up', 'up_down', 'up_up']
-    assert set(hello['solvers']) == {'ilqr', 'ddp', 'mppi', 'sampled_ilqr'}
+    assert set(hello['solvers']) == {'ilqr', 'ddp', 'mppi'}
     assert not hello['pausable']
     assert len(frame['x']) == len(frame['estimate']) == 6
     assert len(frame['plan']['X']) == 31
@@ -112,7 +112,7 @@ def test_parameters_come_with_all_that_their_descriptors_tell(page):
     weights = page.value('mpc', 'state_weights')
     assert (weights['type'], weights['minimum'], weights['default']) == (
         'double[]', 0.0, weights['value'])
-    assert page.value('mpc', 'solver')['choices'] == ['ddp', 'ilqr', 'mppi', 'sampled_ilqr']
+    assert page.value('mpc', 'solver')['choices'] == ['ddp', 'ilqr', 'mppi']
     assert page.value('plant', 'lockstep')['read_only']
 
 
@@ -385,7 +385,7 @@ def test_an_instant_of_the_last_minute_is_branched_from(live):
         or received[-1]['courses'] or received[-1]['text']))
     assert [each['progress'] for each in received] == sorted(each['progress'] for each in received)
     courses = received[-1]['courses']
-    assert set(courses) == {'recorded ddp', 'ilqr', 'ddp', 'mppi', 'sampled_ilqr'}, received[-1]
+    assert set(courses) == {'recorded ddp', 'ilqr', 'ddp', 'mppi'}, received[-1]
     assert received[-1]['at'] == pytest.approx(at, abs=1e-3)
     for course in courses.values():
         assert course['t'][0] == pytest.approx(at, abs=1e-3)

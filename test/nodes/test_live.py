@@ -179,7 +179,7 @@ def test_a_reset_keeps_what_was_changed(peer, start_node):
 
 
 def test_a_run_with_changes_is_repeated_to_the_bit(peer, start_node, tmp_path, capsys):
-    """In lockstep: four solvers, a reference, a goal, and another seed in between."""
+    """In lockstep: three solvers, a reference, a goal, and another seed in between."""
     bag = tmp_path / 'bag'
     logger = start_node('logger', {'output': str(bag)})
     logger.wait_for('recording to')
@@ -188,7 +188,7 @@ def test_a_run_with_changes_is_repeated_to_the_bit(peer, start_node, tmp_path, c
     reports = peer.record(DIAGNOSTICS)
     plant = start_node('plant', {'lockstep': True, 'duration': 40.0})
     changes = [{'solver': 'ddp'}, {'solver': 'mppi', 'mppi.samples': 256}, {'seed': 4},
-               {'reference': [0.4, 0.0, 0.0, 0.0, 0.0, 0.0]}, {'solver': 'sampled_ilqr'},
+               {'reference': [0.4, 0.0, 0.0, 0.0, 0.0, 0.0]}, {'solver': 'ilqr'},
                {'goal': 'down_up'}]
     for change in changes:
         before = len(reports)
@@ -264,7 +264,7 @@ def test_no_tick_is_late_for_a_change(peer, start_node):
         found = (from_diagnostics(message, 'mpc') for message in reports)
         return [report.values for report in found if report is not None]
     assert peer.until(lambda: len(states) > 40)
-    changes = [{'solver': name} for name in ('ddp', 'ilqr', 'sampled_ilqr', 'ddp', 'mppi')]
+    changes = [{'solver': name} for name in ('ddp', 'ilqr', 'mppi', 'ilqr', 'ddp', 'mppi')]
     changes += [{'horizon': 60}, {'step': 0.04, 'solver': 'ilqr'}, {'estimator': 'none'},
                 {'estimator': 'ekf'}, {'angle_error': 'angle'}, {'force_weight': 0.01}]
     for n, change in enumerate(changes, 1):

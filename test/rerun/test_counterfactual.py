@@ -18,7 +18,7 @@ from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.topics import DISTURBANCE, JOINT_STATES
 
 # at 30 Hz stamps are rounded
-RATES = {'ilqr': 30.0, 'ddp': 20.0, 'mppi': 20.0, 'sampled_ilqr': 20.0}
+RATES = {'ilqr': 30.0, 'ddp': 20.0, 'mppi': 20.0}
 FAULTS = ('    position_noise: 0.002\n    velocity_noise: 0.05\n    force_noise: 1.0\n'
           '    state_loss: 0.3\n    command_loss: 0.1\n    actuator_response: 0.5\n'
           '    delay: 0.03\n')

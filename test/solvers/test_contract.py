@@ -13,6 +13,7 @@ import time
 from cross_entropy import CrossEntropy
 import numpy as np
 import pytest
+from sampled_ilqr import SampledILQR
 
 from dp_swing_ros import configuration
 from dp_swing_ros.control.receding_horizon import MpcParameters
@@ -43,7 +44,7 @@ DEFAULT = PredictionParameters().model
 # by a name in the tests: the class, and parameters
 CHOICES = {**{name: (SOLVERS[name], {}) for name in sorted(SOLVERS)},
            'mppi by torch': (SOLVERS['mppi'], {'device': 'torch', 'samples': 64}),
-           'cross-entropy': (CrossEntropy, {})}
+           'cross-entropy': (CrossEntropy, {}), 'sampled iLQR': (SampledILQR, {})}
 
 
 @pytest.fixture(params=CHOICES)

@@ -104,7 +104,7 @@ def test_solvers_that_others_register_are_in_table_and_picture(bag, more_solvers
     rows = columns(out)
     expected = ['recorded ilqr', *SOLVERS]
     assert expected in (list(rows)[1:], rows.get('from [s]', [])[1:])
-    named = ['recorded (iLQR)', 'iLQR', 'DDP', 'MPPI', 'sampled iLQR', *more_solvers]
+    named = ['recorded (iLQR)', 'iLQR', 'DDP', 'MPPI', *more_solvers]
     legends = [axes.get_legend() for axes in drawn[0].axes if axes.get_legend()]
     assert [text.get_text() for text in legends[-1].get_texts()] == named
     colours = [line.get_color() for line in legends[-1].get_lines()]

@@ -17,6 +17,6 @@ matchMedia('(prefers-color-scheme: dark)').addEventListener('change', read);
 
 export const linkColour = n => colours[`link${n + 1}`];
 
-const OWN = {ilqr: 'c1', ddp: 'c2', mppi: 'c3', sampled_ilqr: 'c7'};
+const OWN = {ilqr: 'c1', ddp: 'c2', mppi: 'c3'};
 /** Return a solver's colour, the same everywhere; another's is one that is left. */
 export const solverColour = (name, n = 0) => colours[OWN[name] ?? ['c5', 'c6', 'c4'][n % 3]];

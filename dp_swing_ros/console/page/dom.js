@@ -46,7 +46,7 @@ export function ticked(values) {
 export const measure = (value, digits, unit) =>
   Number.isFinite(value) ? `${number(value, digits)} ${unit}` : '–';
 
-const SOLVERS = {ilqr: 'iLQR', ddp: 'DDP', mppi: 'MPPI', sampled_ilqr: 'sampled iLQR'};
+const SOLVERS = {ilqr: 'iLQR', ddp: 'DDP', mppi: 'MPPI'};
 export const solverName = name => SOLVERS[name] ?? name;
 
 const SUBSCRIPTS = '₀₁₂₃';

@@ -9,7 +9,7 @@ import {Plot} from './plots.js';
 
 const TERMS = ['angles', 'position', 'velocities', 'force', 'limits', 'terminal'];
 const PHASES = ['estimate', 'starts', 'rollout', 'derivatives', 'backward', 'line_search', 'noise',
-  'rollouts', 'update', 'descents'];
+  'rollouts', 'update'];
 const SHADES = ['c1', 'c2', 'c3', 'c5', 'c6', 'c4', 'c7'];
 const LEVELS = ['ok', 'warning', 'error', 'stale'], SIGNS = ['✓', '!', '✕', '…'];
 const DRAWN = 90;      // [ms] at least between drawings of a plot
@@ -83,7 +83,6 @@ export class Thoughts {
                                        of: millis(`${phase}_time`)})),
         {name: 'latency', colour: () => colours.ink, over: true, of: millis('latency')}];
     }
-
   }
 
   /** Draw a plot of a stream, live or of the past, and write the numbers of its newest frame. */

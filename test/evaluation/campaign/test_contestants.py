@@ -63,7 +63,7 @@ def test_a_learned_model_is_what_its_file_was_when_the_contestant_was_read(tmp_p
 
 
 @pytest.mark.parametrize('text, words', [
-    ('sqp', ["'sqp'", 'ilqr, ddp, mppi, sampled_ilqr, tvlqr, tvlqr_ekf, energy_ekf']),
+    ('sqp', ["'sqp'", 'ilqr, ddp, mppi, tvlqr, tvlqr_ekf, energy_ekf']),
     ('', ['LABEL=']), (':x', ['LABEL=']), ('ilqr:none.yaml', ['none.yaml'])])
 def test_what_is_no_contestant_is_refused(text, words):
     with pytest.raises(ParameterError) as error:

@@ -1,24 +1,64 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What samples add to iLQR."""
+"""The example of a package with a solver: what it solves, and that tools find it."""
 
 import math
+import os
+from pathlib import Path
+import shutil
+import subprocess
+import sys
 
 import numpy as np
 import pytest
+from sampled_ilqr import SampledILQR
 
 from dp_swing_ros import configuration
 from dp_swing_ros.evaluation.scenarios import SCENARIOS
+from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.pendulum.state import hanging
 from dp_swing_ros.problem.plan import Status
 from dp_swing_ros.solvers import SOLVERS
 
+TOP = Path(__file__).parents[1]
 PROBLEM = configuration.problem({})
 
 
 def solver(**parameters):
-    return SOLVERS['sampled_ilqr'](
-        PROBLEM, SOLVERS['sampled_ilqr'].Parameters(**parameters), 0)
+    return SampledILQR(PROBLEM, SampledILQR.Parameters(**parameters), 0)
+
+
+@pytest.fixture(scope='module')
+def tool(tmp_path_factory):
+    """Return what runs a tool where the package is installed."""
+    folder = tmp_path_factory.mktemp('plugin')
+    shutil.copytree(TOP / 'examples' / 'sampled_ilqr', folder / 'source')
+    subprocess.run([sys.executable, '-m', 'pip', 'install', '--quiet', '--no-deps',
+                    '--no-build-isolation', '--target', folder / 'site', folder / 'source'],
+                   check=True)
+
+    def run(*words):
+        return subprocess.run(
+            [sys.executable, '-m', 'dp_swing_ros', *words], cwd=folder, capture_output=True,
+            text=True, env={**os.environ, 'PYTHONPATH': f'{folder / "site"}{os.pathsep}{TOP}'})
+    return run
+
+
+def test_tools_know_it_and_its_parameters(tool):
+    done = tool('evaluate', '--contestants', 'sampled_ilqr',
+                'few=sampled_ilqr:sampled_ilqr.scouts=1', '--scenarios', 'hanging', '--seeds', '1',
+                '--duration', '1', '--jobs', '1', '--no-figures', '--output', 'campaign')
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert 'sampled_ilqr: held' in done.stdout and 'few: held' in done.stdout
+    wrong = tool('evaluate', '--contestants', 'ilqr:sampled_ilqr.scouts=0')
+    assert wrong.returncode == 2
+    assert "'sampled_ilqr.scouts'" in wrong.stderr
+
+
+def test_samples_beyond_the_memory_are_refused_under_its_name():
+    with pytest.raises(ParameterError, match='sampled_ilqr.samples is 1000000'):
+        SampledILQR(configuration.problem({'horizon': 1000}),
+                    SampledILQR.Parameters(samples=1_000_000))
 
 
 def test_one_descent_is_ilqr():
