@@ -23,7 +23,6 @@ EXECUTABLES = [
     'echo = dp_swing_ros.executables:echo',
     'logger = dp_swing_ros.executables:logger',
     'replay = dp_swing_ros.executables:replay',
-    'faults = dp_swing_ros.executables:faults',
     'console = dp_swing_ros.executables:console',
     'analyse = dp_swing_ros.executables:analyse',
     'compare = dp_swing_ros.executables:compare',

@@ -36,8 +36,7 @@ JOINTS = ('cart', 'joint1', 'joint2')
 TOPICS = {'joint_states': JointState, 'force_command': Float64, 'disturbance': Float64,
           'mpc/plan': JointTrajectory, 'mpc/tries': PointCloud2, '/diagnostics': DiagnosticArray,
           'robot_description': String, 'configuration': String,
-          'force_command_stamped': JointState, 'faults/joint_states': JointState,
-          'faults/force_command': Float64, '/parameter_events': ParameterEvent}
+          'force_command_stamped': JointState, '/parameter_events': ParameterEvent}
 SERVICES = {'plant/reset': Trigger, 'mpc/reset': Trigger, 'mpc/enable': SetBool,
             'plant/pause': SetBool, 'plant/step': Trigger}
 # how a page asks, and the values of JSON that fields get in turn
@@ -168,7 +167,7 @@ def forces() -> Entry:
     def attack(topic: str, value: float, count: int = 3, rate: float = 100.0) -> Step:
         return step(f'{topic} {value} times {count}', send, topic, Float64(data=value), count,
                     rate)
-    names = ('disturbance', 'force_command', 'faults/force_command')
+    names = ('disturbance', 'force_command')
 
     def draw(rng: Rng) -> list[Step]:
         value = float(rng.choice([*FLOATS, *(10.0 ** rng.uniform(-3, 30, 5))]))

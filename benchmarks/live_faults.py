@@ -17,6 +17,7 @@ import time
 from typing import NamedTuple
 
 from campaigns import METHODS
+import faults
 from live_operator import Operator
 import numpy as np
 import pandas as pd
@@ -63,7 +64,7 @@ class Bench:
         """Start them, and wait until the pendulum is up; raises TimeoutError or ProcessError."""
         self.crew, self.operator, self.solver, self.folder = crew, operator, solver, folder
         self.pushes = publish(operator.node, DISTURBANCE)
-        crew.start('faults', {}, folder / 'faults.log')
+        crew.start('faults', {}, folder / 'faults.log', script=Path(faults.__file__))
         self.mpc, self.plant = self.start_mpc(), None
         if not operator.until(lambda: operator.node.count_subscribers('faults/joint_states') > 0):
             raise TimeoutError('the mpc does not come up')

@@ -32,7 +32,6 @@ NODES = {
     'echo': 'answers each state at once: what a machine adds to any mpc',
     'logger': 'writes the topics to an MCAP bag',
     'replay': 'plays a bag back',
-    'faults': 'loses, delays and reorders what plant and mpc send each other',
     'console': 'a page in the browser: poke it, tune it, watch it think'}
 BY_COLCON = {
     'demo': 'runs plant, mpc and logger, and draws the results',

@@ -23,11 +23,9 @@ class Stream(enum.IntEnum):
     COMMAND_JITTER = 4
     STARTS = 5      # random forces to solve from
     SOLVER = 6      # the samples of a solver
-    STATE_CHANNEL = 7    # of the node `faults`
-    COMMAND_CHANNEL = 8
-    STATE_NAN = 9
+    # 7 to 9 are of benchmarks/faults.py
 
 
-def stream(seed: int, purpose: Stream) -> np.random.Generator:
+def stream(seed: int, purpose: int) -> np.random.Generator:
     """Return the generator of a seed for a purpose, from its beginning."""
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(int(purpose),)))

@@ -10,6 +10,7 @@ from pathlib import Path
 import signal
 import socket
 import subprocess
+import sys
 import tempfile
 import time
 
@@ -47,6 +48,7 @@ for number in ENDING:
     if signal.getsignal(number) is signal.SIG_IGN:
         signal.signal(number, lambda *_: None)
 
+BENCHMARKS = Path(__file__).parents[1] / 'benchmarks'
 PATIENCE = 120.0  # [s] for what should take one, and may wait for compilers
 
 
@@ -80,17 +82,19 @@ def wait_until(condition, timeout=PATIENCE):
 
 
 class NodeProcess:
-    """An executable of the package, started as the user starts it."""
+    """An executable of the package, started as the user starts it, or a script of benchmarks/."""
 
     def __init__(self, name, log, parameters=(), arguments=(), environment=(), options=()):
         words = [f'{key}:={json.dumps(value)}' for key, value in dict(parameters).items()]
         ros = ['--ros-args'] if words or arguments else []
         for word in words:
             ros += ['-p', word]
+        command = [sys.executable, BENCHMARKS / name] if name.endswith('.py') else \
+            ['ros2', 'run', 'dp_swing_ros', name]
         self.name, self.log = name, log
         with log.open('wb') as output:
             self.popen = subprocess.Popen(
-                ['ros2', 'run', 'dp_swing_ros', name, *options, *ros, *arguments],
+                [*command, *options, *ros, *arguments],
                 stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT,
                 start_new_session=True,
                 env={**os.environ, 'PYTHONUNBUFFERED': '1', **dict(environment)})

@@ -43,7 +43,7 @@ def test_the_same_seed_gives_the_same_numbers_and_another_seed_others():
 def test_what_a_number_was_given_to_stays():
     assert [Stream(number).name for number in range(len(Stream))] == [
         'SENSOR_NOISE', 'FORCE_NOISE', 'STATE_LOSS', 'COMMAND_LOSS', 'COMMAND_JITTER', 'STARTS',
-        'SOLVER', 'STATE_CHANNEL', 'COMMAND_CHANNEL', 'STATE_NAN']
+        'SOLVER']
 
 
 def test_a_solver_built_with_a_seed_draws_what_the_controller_s_does():

@@ -38,7 +38,7 @@ from dp_swing_ros.parameters.console import ConsoleParameters
 from dp_swing_ros.pendulum.parameters import GIVEN
 from dp_swing_ros.provenance import package_version
 from dp_swing_ros.topics import (
-    CONFIGURATION, DIAGNOSTICS, FAULTS_JOINT_STATES, JOINT_STATES, PLAN, Topic)
+    CONFIGURATION, DIAGNOSTICS, JOINT_STATES, PLAN, Topic)
 
 LOOK_PERIOD = 0.5     # [s] between two looks for nodes
 NICE = 5              # an mpc comes first
@@ -48,7 +48,7 @@ POLL_PERIOD = 0.2     # [s] between two looks at diagnostics and recordings
 CALLS = 1000          # requests at most that wait for the thread of the node
 SENSORS = (JOINT_STATES, PLAN, DIAGNOSTICS)   # of which the newest counts
 # whose owner is which node
-SIGNS = {PLANT: JOINT_STATES, CONTROLLER: PLAN, 'faults': FAULTS_JOINT_STATES}
+SIGNS = {PLANT: JOINT_STATES, CONTROLLER: PLAN}
 
 
 class ConsoleNode(ProcessNode):
@@ -62,7 +62,7 @@ class ConsoleNode(ProcessNode):
         let_change(self, fields, values, self.on_change)
         parameters = ConsoleParameters(**values)
         self.scene = Scene(self.resolve_topic_name(JOINT_STATES.name))
-        self.partners: dict[str, Partner] = {}   # plant, mpc, faults
+        self.partners: dict[str, Partner] = {}   # plant, mpc
         self.known: dict[str, Partner] = {}      # by name, also those that are gone
         self.complained = set[Topic]()   # of which something was none of this pendulum
         self.calls = deque[Callable[[], None]]()

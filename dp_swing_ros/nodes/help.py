@@ -11,9 +11,8 @@ from dp_swing_ros.nodes.parameters import OWN, shown
 from dp_swing_ros.parameters import expected
 from dp_swing_ros.pendulum.state import DEFAULT_LINKS
 from dp_swing_ros.topics import (
-    CONFIGURATION, CONTROLLER_COMMANDS, DIAGNOSTICS, DISTURBANCE, ECHO, FAULTS_FORCE_COMMAND,
-    FAULTS_JOINT_STATES, FORCE_COMMAND, FORCE_COMMAND_STAMPED, JOINT_STATES, PLAN,
-    ROBOT_DESCRIPTION, Topic, TRIES)
+    CONFIGURATION, CONTROLLER_COMMANDS, DIAGNOSTICS, DISTURBANCE, ECHO, FORCE_COMMAND,
+    FORCE_COMMAND_STAMPED, JOINT_STATES, PLAN, ROBOT_DESCRIPTION, Topic, TRIES)
 
 WIDTH = 99
 SWITCHES = ('mpc/enable', 'plant/pause')   # services that are asked for true or false
@@ -53,12 +52,6 @@ NODE: dict[str, About] = {
         'Plays a bag back onto its topics with its recorded timing.',
         (CONFIGURATION,), (), tuple(f'replay/{name}' for name in (
             'pause', 'resume', 'toggle_paused', 'is_paused', 'play_next'))),
-    'faults': About(
-        'Stands between plant and mpc and loses, delays, doubles and reorders what they send; '
-        'start the mpc with -r joint_states:=faults/joint_states '
-        '-r force_command:=faults/force_command.',
-        (FAULTS_JOINT_STATES, FORCE_COMMAND, DIAGNOSTICS, CONFIGURATION),
-        (JOINT_STATES, FAULTS_FORCE_COMMAND)),
     'console': About(
         'Serves a page that shows the pendulum, its plan and its parameters, and lets hands on '
         'them; of a recorded run, without ROS: console BAG.',

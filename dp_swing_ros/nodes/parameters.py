@@ -1,7 +1,7 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Parameters of logger, replay, faults and console, and the tables of all parameters; needs no ROS.
+Parameters of logger, replay and console, and the tables of all parameters; needs no ROS.
 
 Plant and mpc have theirs where the plant and the controller are: see configuration.declared.
 """
@@ -69,32 +69,6 @@ class ReplayParameters(Parameters):
     delay: float = parameter(0.0, 'before the first message', unit='s', minimum=0.0)
 
 
-@dataclasses.dataclass(frozen=True)
-class ChannelParameters(Parameters):
-    """What becomes of the messages of one direction."""
-
-    loss: float = parameter(0.0, 'probability that a message is lost', minimum=0.0, maximum=1.0)
-    delay: float = parameter(0.0, 'a message comes late by this', unit='s', minimum=0.0,
-                             maximum=1.0)
-    jitter: float = parameter(
-        0.0, 'and by a time drawn from 0 to this, but not before the one ahead of it', unit='s',
-        minimum=0.0, maximum=1.0)
-    duplication: float = parameter(
-        0.0, 'probability that a message comes twice', minimum=0.0, maximum=1.0)
-    reordering: float = parameter(
-        0.0, 'probability that a message comes after the next one', minimum=0.0, maximum=1.0)
-
-
-@dataclasses.dataclass(frozen=True)
-class FaultsParameters(Parameters):
-    """What is not the same for both directions."""
-
-    state_nan: float = parameter(
-        0.0, 'probability that a state comes with NaN for all positions and velocities',
-        minimum=0.0, maximum=1.0)
-    seed: int = parameter(0, 'seed of all faults', minimum=0, live=False)
-
-
 def table(fields: Mapping[str, dataclasses.Field]) -> str:
     """Return the Markdown table of parameters by their full names."""
     return compact([('parameter', 'default', 'unit', 'range', 'description'), *(
@@ -123,9 +97,6 @@ def shown(value: Any) -> str:
     return f'{value:g}' if isinstance(value, float) else str(value)
 
 
-STATE, COMMAND = 'state_', 'command_'
-FAULTS = {**named(ChannelParameters, STATE), **named(ChannelParameters, COMMAND),
-          **named(FaultsParameters)}
 # by the name of the node, but for plant and mpc
 OWN = {'relay': named(Parameters), 'echo': named(Parameters), 'logger': named(LoggerParameters),
-       'replay': named(ReplayParameters), 'faults': FAULTS, 'console': named(ConsoleParameters)}
+       'replay': named(ReplayParameters), 'console': named(ConsoleParameters)}

@@ -17,7 +17,7 @@ HEAD = """\
 Made by `make docs` from the dataclasses that declare them. A parameter is given as
 `--ros-args -p name:=value` or in a YAML file (`config/` has examples), and is checked when the
 node starts. What is unknown, misspelt or out of range ends the node with one line that says what
-is expected. Those of plant, mpc, faults and console [change while the node
+is expected. Those of plant, mpc and console [change while the node
 runs](nodes.md#live-parameters), unless it says that they stay; those of logger and replay stay.
 The mpc gets the same physical parameters and limits as the plant unless a test of robustness wants
 it otherwise. Defaults are those of two links; parameters of a link or a joint that is not there

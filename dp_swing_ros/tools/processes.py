@@ -12,6 +12,7 @@ import shutil
 import signal
 import socket
 import subprocess
+import sys
 import time
 
 from dp_swing_ros import configuration
@@ -113,14 +114,15 @@ class ProcessError(UserError):
 
 class Process:
     """
-    One executable under `ros2 run`, in a session of its own, its output in a file.
+    One executable under `ros2 run`, or a script, in a session of its own, its output in a file.
 
     As a context manager it is gone at the end of the context, however that ended.
     """
 
     def __init__(self, name: str, parameters: Mapping[str, object], log: Path,
                  parameter_files: Iterable[Path] = (),
-                 remappings: Mapping[str, str] | None = None) -> None:
+                 remappings: Mapping[str, str] | None = None,
+                 script: Path | None = None) -> None:
         """
         Start it with ROS parameters, those of the files first, and with other names of topics.
 
@@ -130,7 +132,8 @@ class Process:
         if ros2 is None:
             raise UserError('there is no ros2 on the PATH; source the setup of ROS or of the '
                             'virtual environment first')
-        command = [ros2, 'run', 'dp_swing_ros', name, '--ros-args']
+        command = [*((sys.executable, script) if script else (ros2, 'run', 'dp_swing_ros', name)),
+                   '--ros-args']
         for file in parameter_files:
             if not any(is_for(pattern, name) for pattern, _ in sections(file)):
                 continue   # of which the node would warn
@@ -224,11 +227,12 @@ class Crew(contextlib.ExitStack):
 
     def start(self, name: str, parameters: Mapping[str, object], log: Path,
               parameter_files: Iterable[Path] = (),
-              remappings: Mapping[str, str] | None = None) -> Process:
+              remappings: Mapping[str, str] | None = None,
+              script: Path | None = None) -> Process:
         """Start one more; see Process."""
         with postponed():   # between its start and its place here it would be left behind
             return self.enter_context(
-                Process(name, parameters, log, parameter_files, remappings))
+                Process(name, parameters, log, parameter_files, remappings, script))
 
 
 def await_ready(processes: Sequence[Process], missing: Callable[[], set[str]],

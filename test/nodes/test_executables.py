@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-NODES = ('plant', 'mpc', 'relay', 'echo', 'logger', 'replay', 'faults', 'console')
+NODES = ('plant', 'mpc', 'relay', 'echo', 'logger', 'replay', 'console')
 
 
 @pytest.mark.parametrize(('name', 'option'), [
@@ -22,7 +22,6 @@ def test_help_says_what_it_does_and_takes(start_node, name, option):
                  'echo': ('echo  ', 'joint_states  '),
                  'logger': ('configuration  ', 'output:='),
                  'replay': ('replay/pause', 'rate:=1'),
-                 'faults': ('faults/joint_states  ', 'state_loss:=0'),
                  'console': ('disturbance  ', 'port:=8080')}[name]:
         assert word in node.output()
 
@@ -61,7 +60,7 @@ def test_of_what_is_for_any_node_each_takes_its_own(start_node, tmp_path, name):
     expected = {'plant': 'states a second', 'mpc': "the solver 'ddp'",
                 'relay': 'ready, for /force_controller/commands', 'echo': 'ready',
                 'logger': 'recording to', 'replay': "parameter 'bag' is empty",
-                'faults': 'everything passes', 'console': 'the page is at'}[name]
+                'console': 'the page is at'}[name]
     node.wait_for(expected)
     node.stop()
     assert 'unknown parameter' not in node.output()

@@ -8,6 +8,7 @@ import time
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
+from faults import COMMAND_CHANNEL, FAULTS_FORCE_COMMAND, FAULTS_JOINT_STATES, STATE_CHANNEL
 import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
@@ -22,11 +23,9 @@ from dp_swing_ros.messages.fields import from_diagnostics, seconds, to_state
 from dp_swing_ros.nodes.connections import subscribe
 from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
 from dp_swing_ros.pendulum.state import is_upright
-from dp_swing_ros.streams import Stream, stream
+from dp_swing_ros.streams import stream
 from dp_swing_ros.tools import verify
-from dp_swing_ros.topics import (
-    CONFIGURATION, DIAGNOSTICS, FAULTS_FORCE_COMMAND, FAULTS_JOINT_STATES, FORCE_COMMAND,
-    JOINT_STATES)
+from dp_swing_ros.topics import CONFIGURATION, DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES
 
 PAUSE = 0.003   # [s] between two messages: a sensor's subscription is best effort
 OF_MPC = ['-r', 'joint_states:=faults/joint_states', '-r', 'force_command:=faults/force_command']
@@ -46,7 +45,7 @@ class Between:
         subscribe(peer.node, outputs[0], lambda data: self.states.append(
             (data, time.monotonic())), depth=1000, raw=True)
         self.forces, self.reports = peer.record(outputs[1]), peer.record(DIAGNOSTICS)
-        self.node = start_node('faults', parameters, arguments)
+        self.node = start_node('faults.py', parameters, arguments)
         self.node.wait_for('ready')
         self.plant, self.controller = map(peer.publisher, inputs)
         assert peer.until(lambda: all(peer.node.count_publishers(each.name) for each in outputs))
@@ -107,8 +106,8 @@ def test_without_faults_everything_passes_as_it_is(peer, start_node):
 
 def test_losses_are_those_of_the_seed_in_each_direction(peer, start_node):
     between = Between(peer, start_node, {'state_loss': 0.3, 'command_loss': 0.1, 'seed': 5})
-    states = kept(Stream.STATE_CHANNEL, 300, 0.3, 5)
-    commands = kept(Stream.COMMAND_CHANNEL, 300, 0.1, 5)
+    states = kept(STATE_CHANNEL, 300, 0.3, 5)
+    commands = kept(COMMAND_CHANNEL, 300, 0.1, 5)
     assert 60 < 300 - len(states) < 120 and 12 < 300 - len(commands) < 50
     between.send_states(300)
     between.send_forces(300)
@@ -231,9 +230,9 @@ def test_where_no_force_has_passed_there_is_none_at_the_end(peer, start_node):
     ({'command_nan': 0.1}, "unknown parameter 'command_nan'"),
     ({'command_delay': -1.0}, 'at least 0 s, at most 1 s')])
 def test_a_bad_parameter_is_one_line(start_node, parameters, words):
-    node = start_node('faults', parameters)
+    node = start_node('faults.py', parameters)
     assert node.wait() == 2
-    assert node.complaint().startswith('faults: error: ') and words in node.complaint()
+    assert node.complaint().startswith('faults.py: error: ') and words in node.complaint()
     assert node.complaint().count('\n') == 1
 
 
@@ -251,7 +250,7 @@ def test_a_pendulum_is_swung_up_and_held_through_faults(peer, start_node, tmp_pa
     bag = tmp_path / 'bag'
     logger = start_node('logger', {'output': str(bag)}, OF_MPC)
     logger.wait_for('recording to')
-    faults = start_node('faults', {'state_loss': 0.1, 'command_loss': 0.1})
+    faults = start_node('faults.py', {'state_loss': 0.1, 'command_loss': 0.1})
     faults.wait_for('ready')
     mpc = start_node('mpc', arguments=OF_MPC)
     mpc.wait_for('ready')

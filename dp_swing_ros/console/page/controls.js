@@ -10,7 +10,7 @@ const SOONEST = 150;   // [ms] between two changes while a slider moves
 // what is looked for most, first; all else goes by its prefix
 const AT_HAND = {
   mpc: ['solver', 'horizon', 'state_weights', 'force_weight', 'shown_tries'],
-  plant: ['link1_mass', 'link2_mass', 'cart_mass', 'pace'], faults: []};
+  plant: ['link1_mass', 'link2_mass', 'cart_mass', 'pace']};
 const FIRST = 'At hand', REST = 'others';
 
 /** Return the name of the group that a parameter belongs to, given all names. */
@@ -274,7 +274,7 @@ export class Controls {
       }));
     find(`#parameters-${node}`)?.remove();
     find('#parameters').append(section);
-    for (const each of ['mpc', 'plant', 'faults']) {
+    for (const each of ['mpc', 'plant']) {
       const there = find(`#parameters-${each}`);
       if (there) find('#parameters').append(there);
     }

@@ -2,19 +2,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """What comes out of a channel with faults, by a clock that the test sets."""
 
+from faults import Channel, ChannelParameters, STATE_CHANNEL
 import numpy as np
 import pytest
 
-from dp_swing_ros.nodes.channel import Channel
-from dp_swing_ros.nodes.parameters import ChannelParameters
 from dp_swing_ros.parameters import ParameterError
-from dp_swing_ros.streams import Stream, stream
+from dp_swing_ros.streams import stream
 
 PERIOD, END = 10_000_000, 10 ** 12   # [ns]
 
 
 def channel(seed=0, **faults):
-    return Channel(ChannelParameters(**faults), stream(seed, Stream.STATE_CHANNEL))
+    return Channel(ChannelParameters(**faults), stream(seed, STATE_CHANNEL))
 
 
 def sent_through(way, count):
