@@ -238,21 +238,6 @@ def test_the_plant_s_changes_are_repeated_to_the_bit(peer, start_node, tmp_path,
     assert 'so the whole run, simulated again' in capsys.readouterr().out
 
 
-def test_a_plant_in_real_time_keeps_another_rate(peer, start_node):
-    states = peer.record(JOINT_STATES)
-    start_node('plant').wait_for('states a second')
-    assert peer.until(lambda: len(states) > 5)
-    assert put(peer, 'plant', rate=100.0, start='up_down') == ''
-    peer.spin(0.2)
-    before = len(states)
-    peer.spin(1.0)
-    assert 80 < len(states) - before < 110
-    assert peer.call(Trigger, 'plant/reset').success
-    peer.spin(0.1)
-    x = to_state(states[-1], 2, SensorParameters())
-    assert abs(errors(x, np.array([0.0, 0.0, np.pi, 0.0, 0.0, 0.0]))[2]) < 0.5
-
-
 @pytest.mark.real_time
 def test_no_tick_is_late_for_a_change(peer, start_node):
     """While it balances: every solver after every other, and what needs other kernels."""

@@ -34,6 +34,11 @@ def fine(physical):
     return Model(Pendulum.of(physical), INTEGRATORS['rk4'], 0.005)
 
 
+def test_a_pace_in_real_time_is_refused():
+    with pytest.raises(ParameterError, match="parameter 'pace' is 1; expected 0 in real time"):
+        PlantParameters(pace=1.0)
+
+
 @of_links
 def test_the_plant_integrates_finely_under_a_held_force(links):
     p = plant(physical=PendulumParameters(links=links), initial_state=STARTS[links])
