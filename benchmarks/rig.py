@@ -84,7 +84,7 @@ ORACLES: dict[str, dict[str, Any]] = {
 TOLD = [Rig('rig_delay'), Rig('rig_lag', 0.05), Rig('rig_cart', 4.0), Rig('rig_all')]
 TOLD_SEEDS = range(34)
 
-# which a rig may ask for; see control/safety.py
+# which a rig may ask for; see control/supervisor.py
 LIMITS: dict[str, dict[str, Any]] = {
     'controlled_stop': {'controlled_stop': 1.0},
     'and cart_speed_limit 2 m/s': {'controlled_stop': 1.0, 'cart_speed_limit': 2.0},

@@ -33,9 +33,8 @@ BAGS = ('bags/', 'environment.py', 'executables.py', 'messages/',
         *(f'nodes/{name}.py' for name in ('connections', 'fast_lane', 'logger', 'parameters',
                                           'process', 'ros_parameters', 'taking')),
         'tools/processes.py', 'topics.py')
-LIVE = (*BAGS, *(f'nodes/{name}.py' for name in (
-    'cdr', 'diagnostics', 'loading', 'messages', 'mpc', 'pace', 'plant',
-    'tick_figures', 'timing')))
+LIVE = (*BAGS, 'runtime/', *(f'nodes/{name}.py' for name in (
+    'cdr', 'diagnostics', 'loading', 'messages', 'mpc', 'plant', 'tick_figures', 'timing')))
 SOAK = (*LIVE, 'evaluation/soak.py', 'tools/demo.py', 'tools/resources.py', 'tools/soak.py',
         'tools/tool_node.py', 'tools/watcher.py')
 OPERATED = (*LIVE, 'tools/tool_node.py')

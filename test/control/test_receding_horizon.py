@@ -546,7 +546,7 @@ def test_where_a_learned_model_is_wild_a_tick_has_a_finite_force():
     for n, x in enumerate((np.zeros(6), hanging, hanging)):
         with np.errstate(all='ignore'):
             plan = c.update(0.05 * n, x)
-            ahead = c.when_it_acts(x, 0.05 * n)
+            ahead = c.commands.compensate(c.belief, 0.05 * n)
         assert np.isfinite(ahead).all() == (n == 0)
         assert np.all(np.isfinite(plan.U)) and np.abs(plan.U).max() <= 20.0
         assert (plan.stats.status.name in ('ZERO', 'LAST_POLICY', 'REGULATOR')) == (n > 0)
