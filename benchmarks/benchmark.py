@@ -19,7 +19,8 @@ from campaigns import METHODS
 from stamp import made, sources
 from timing import median, Missing, race, ratio, Work
 
-from dp_swing_ros import configuration, provenance
+from dp_swing_ros import provenance
+from dp_swing_ros.control import controllers
 from dp_swing_ros.pendulum.state import Array
 
 PEERS = {'crocoddyl': 'crocoddyl', 'pin': 'pinocchio', 'casadi': 'casadi', 'torch': 'torch',
@@ -58,7 +59,7 @@ def sampling(rounds: int) -> dict[str, Any]:
     from limit import rollouts
     from peers_sampling import mujoco_rollouts, our_tick, torch_tick
 
-    problem, found = configuration.problem({}), {}
+    problem, found = controllers.problem({}), {}
     for samples in SAMPLES:
         few = min(rounds, max(12, rounds * 1024 // samples))
         ticks = {f'mppi, {threads} threads': our_tick(problem, samples, threads=threads)

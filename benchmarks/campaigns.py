@@ -8,7 +8,7 @@ import math
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
 from dp_swing_ros.estimators.unknowns import UnknownsParameters
 from dp_swing_ros.evaluation.campaign import manifest
 from dp_swing_ros.evaluation.campaign.contestants import Contestant, parse_all
@@ -83,7 +83,7 @@ def truth(case: Case) -> dict[str, Any]:
 
     A response k < 1 in each physics step is a lag of -h / ln(1 - k); one that overshoots is none.
     """
-    names = configuration.declared('mpc', DEFAULT_LINKS)
+    names = controllers.MPC.fields(DEFAULT_LINKS)
     known = {name: value for name, value in case.plant.items() if name in names}
     k = case.plant.get('actuator_response', 1.0)
     return known | ({'motor_time_constant': -PlantParameters().physics_step / math.log1p(-k)}

@@ -16,7 +16,7 @@ import numpy as np
 import optimum
 import stamp
 
-from dp_swing_ros import configuration
+from dp_swing_ros import declarations
 from dp_swing_ros.evaluation.campaign.contestants import Contestant
 from dp_swing_ros.evaluation.campaign.report import number, ratio, share, spans
 from dp_swing_ros.evaluation.campaign.rows import grouped, Row, solves
@@ -55,7 +55,7 @@ class Rung(NamedTuple):
 
 def ladder() -> list[Rung]:
     """Return all rungs, method by method, from the least computing up."""
-    textbook = configuration.read([Path('config/textbook_mppi.yaml')])['mpc']
+    textbook = declarations.read([Path('config/textbook_mppi.yaml')])['mpc']
     return [
         *(rung for solver in ('ilqr', 'ddp') for rung in (
             *(Rung(solver, f'passes {count}', solver, {f'{solver}.iterations': count})

@@ -24,8 +24,7 @@ import stamp
 from timing import CONFIDENCE, Interval, RESAMPLES
 from tqdm import tqdm
 
-from dp_swing_ros import configuration
-from dp_swing_ros.control import planner
+from dp_swing_ros.control import controllers, planner
 from dp_swing_ros.control.planner import Planner
 from dp_swing_ros.evaluation.campaign.contestants import Contestant, parse_all
 from dp_swing_ros.evaluation.campaign.report import share
@@ -39,6 +38,7 @@ from dp_swing_ros.pendulum.state import Array, DEFAULT_LINKS, is_upright
 from dp_swing_ros.problem.plan import Plan, Status
 from dp_swing_ros.problem.problem import (
     follow_policy, kernel_arguments, plan_of, Problem, Rollout, turns_of)
+from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import simulate
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.solvers.descent import (
@@ -96,7 +96,7 @@ def cold(problem: Problem, seed: int) -> Start:
 
 def warm(problem: Problem, seed: int) -> list[Start]:
     """Return the warm starts of the swing-up of a closed loop, from a random start."""
-    controller, found = configuration.controller({'estimator': 'none', 'seed': seed}), []
+    controller, found = controllers.controller({'estimator': 'none', 'seed': seed}), []
 
     def search(about: Planner, x_0: Array, starts: Any, deadline: float) -> list[Plan]:
         plans = list(starts)
@@ -104,7 +104,7 @@ def warm(problem: Problem, seed: int) -> list[Start]:
             found.append(turned(problem, x_0, plans[0]))
         return planner.search(about, x_0, plans, deadline)
     controller.planner.search = search
-    simulate(configuration.plant(random_start(Case('random', seed), DEFAULT_LINKS).plant),
+    simulate(plants.plant(random_start(Case('random', seed), DEFAULT_LINKS).plant),
              controller, DURATION)
     return found
 
@@ -112,7 +112,7 @@ def warm(problem: Problem, seed: int) -> list[Start]:
 def solver_of(method: Contestant, problem: Problem, **changed: Any) -> Any:
     """Return the solver of a method with some of its parameters changed."""
     kind = SOLVERS[method.name]
-    values = configuration.complete('mpc', method.mpc)
+    values = controllers.MPC.complete(method.mpc)
     return kind(problem, replace(group(kind.Parameters, values, f'{method.name}.'), **changed))
 
 
@@ -463,7 +463,7 @@ def main() -> None:
     """Solve, and write the page, its rows and its picture."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--docs', type=Path, default=stamp.TOP / 'docs')
-    docs, problem = parser.parse_args().docs, configuration.problem({})
+    docs, problem = parser.parse_args().docs, controllers.problem({})
     tables = {'': all_iterates(problem, HELD_OUT), '_passes': all_passes(problem, RANDOM, LOOPS),
               '_ends': all_ends(problem, ORDERS)}
     for name, table in tables.items():

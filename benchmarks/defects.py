@@ -225,10 +225,10 @@ DEFECTS = [
     # parameters
     defect('the largest value of a parameter is refused', 'parameters/__init__.py',
            "<= element <= about['maximum']", "<= element < about['maximum']",
-           'parameters test_configuration.py'),
+           'parameters test_declarations.py'),
     defect('a list of a wrong length is taken', 'parameters/__init__.py',
            'if sizes and len(elements) not in sizes:', 'if sizes and not elements:',
-           'parameters test_configuration.py'),
+           'parameters test_declarations.py'),
     # console
     defect('a hand that is gone pulls on', 'console/pulls.py',
            'if now < until}', 'if until}', 'console/test_pulls.py'),

@@ -10,12 +10,13 @@ from campaigns import METHODS
 import numpy as np
 from timing import exponent, Interval, median, race, Work
 
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
 from dp_swing_ros.evaluation.campaign.contestants import parse, play
 from dp_swing_ros.evaluation.scenarios import SCENARIOS
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.problem.plan import Status
 from dp_swing_ros.problem.problem import plan_of, Problem, regulator_rollout
+from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import answer
 from dp_swing_ros.simulation.stepper import Stepper
 from dp_swing_ros.solvers import SOLVERS
@@ -43,10 +44,10 @@ def iteration(name: str, problem: Problem, **of_solver: int) -> Work:
 
 def growth(rounds: int, samples: tuple[int, ...] = SAMPLES) -> dict[str, Any]:
     """Return the times [s], the memory [byte] and the exponents, by horizon and by samples."""
-    over_horizon = {name: {N: iteration(name, configuration.problem({'horizon': N}), **sampled)
+    over_horizon = {name: {N: iteration(name, controllers.problem({'horizon': N}), **sampled)
                            for N in HORIZONS}
                     for name, sampled in (('ilqr', {}), ('ddp', {}), ('mppi', {'samples': MANY}))}
-    default = configuration.problem({})
+    default = controllers.problem({})
     over_samples = {K: iteration('mppi', default, samples=K) for K in samples}
     return {'horizon': {name: grown(works, rounds) for name, works in over_horizon.items()},
             'samples': {'mppi': grown(over_samples, rounds)}}
@@ -76,10 +77,10 @@ def ticks(name: str, seconds: float, **mpc: Any) -> Array:
 
     The plant is the default one with noisy sensors; the filter is on.
     """
-    controller = configuration.controller({'solver': name, **mpc})
+    controller = controllers.controller({'solver': name, **mpc})
     controller.warm_up()
-    plant = configuration.plant({'initial_state': NEAR, 'position_noise': 1e-3,
-                                 'velocity_noise': 0.05})
+    plant = plants.plant({'initial_state': NEAR, 'position_noise': 1e-3,
+                          'velocity_noise': 0.05})
     stepper, times = Stepper(plant), []
     for _ in range(TICKS + round(seconds * plant.parameters.rate)):
         began = time.perf_counter()

@@ -23,7 +23,7 @@ import pandas as pd
 import stamp
 from tqdm import tqdm
 
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
 from dp_swing_ros.evaluation.campaign.contestants import Contestant, key, parse_all
 from dp_swing_ros.evaluation.campaign.report import share
 from dp_swing_ros.evaluation.campaign.rows import grouped, Key, read, Row, store, Table, untimed
@@ -141,7 +141,7 @@ def swinging(x_0: Array, seconds: float, speed: float) -> Array:
 def judged(case: Case) -> Verdict:
     """Search for a trajectory that holds a case, and try it on the plant."""
     plant = oracle.plant_of(case)
-    problem = configuration.problem(dataclasses.asdict(plant.limits)).with_physical(plant.physical)
+    problem = controllers.problem(dataclasses.asdict(plant.limits)).with_physical(plant.physical)
     program = oracle.Program(problem, plant, SWING_UP)
     name, iterations = (*key(NOBODY, case)[1:],), 0
     for guesses, swing in enumerate(SWINGS, 1):

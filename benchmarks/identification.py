@@ -16,7 +16,8 @@ from typing import Any
 from joblib import delayed, Parallel
 import numpy as np
 
-from dp_swing_ros import configuration
+from dp_swing_ros import declarations
+from dp_swing_ros.control import controllers
 from dp_swing_ros.control.receding_horizon import RecedingHorizon
 from dp_swing_ros.evaluation.comparison import paired
 from dp_swing_ros.evaluation.metrics import measure, Metrics
@@ -25,6 +26,7 @@ from dp_swing_ros.identification.segments import Motion
 from dp_swing_ros.pendulum.parameters import PendulumParameters
 from dp_swing_ros.pendulum.state import Array, hanging
 from dp_swing_ros.problem.plan import Plan
+from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import simulate
 from dp_swing_ros.tables import aligned
 
@@ -70,21 +72,21 @@ def rig(seed: int, **others: Any) -> dict[str, Any]:
     """Return the parameters of the rig's plant, nearly hanging."""
     random = np.random.default_rng((1, seed))
     start = hanging() + random.normal(0.0, NEARLY, len(hanging()))
-    return {**configuration.read([RIG])['plant'], 'seed': seed, 'initial_state': start.tolist(),
+    return {**declarations.read([RIG])['plant'], 'seed': seed, 'initial_state': start.tolist(),
             **others}
 
 
 def record(seed: int, motion: str = 'pushed', duration: float = DURATION,
            **others: Any) -> Motion:
     """Return a motion of the rig as its sensors see it, under an mpc that is told nothing."""
-    plant = configuration.plant(rig(seed, **others))
+    plant = plants.plant(rig(seed, **others))
     limits, rate = plant.limits, plant.parameters.rate
     pushes = np.zeros(round(duration * rate))
     if motion == 'pushed':
         every = round(APART * rate)
         random = np.random.default_rng((2, seed))
         pushes[every::every] = random.uniform(-STRONGEST, STRONGEST, len(pushes[every::every]))
-    recorder = Recorder(configuration.controller({'seed': seed}), motion, limits.force_limit)
+    recorder = Recorder(controllers.controller({'seed': seed}), motion, limits.force_limit)
     simulate(plant, recorder, duration, pushes=pushes)
     Q = np.hsplit(np.array(recorder.X), 2)[0]
     Q[:, 1:] = np.unwrap(Q[:, 1:], axis=0)
@@ -99,7 +101,7 @@ def identified(seed: int, motion: str) -> Identified:
 
 def truth() -> dict[str, float]:
     """Return the parameters of the rig."""
-    plant = configuration.plant(rig(0))
+    plant = plants.plant(rig(0))
     return {**vars(plant.physical), **vars(plant.drive)}
 
 
@@ -134,8 +136,8 @@ def table(found: Sequence[Identified]) -> str:
 
 def swing_up(seed: int, known: dict[str, Any]) -> Metrics:
     """Let the mpc swing the rig up with what it is told."""
-    plant = configuration.plant(rig(seed))
-    return measure(simulate(plant, configuration.controller({**known, 'seed': seed}), SWING_UP))
+    plant = plants.plant(rig(seed))
+    return measure(simulate(plant, controllers.controller({**known, 'seed': seed}), SWING_UP))
 
 
 def comparison(found: Identified, seeds: range, jobs: int) -> str:

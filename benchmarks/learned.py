@@ -20,7 +20,7 @@ import pandas as pd
 from stamp import asked, made, sources, store_table, verdict
 from tqdm import tqdm
 
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
 from dp_swing_ros.evaluation.campaign.contestants import Contestant, play
 from dp_swing_ros.evaluation.campaign.report import (
     difference, failures, interval, number, probability, ratio, share)
@@ -40,6 +40,7 @@ from dp_swing_ros.pendulum.equations import Pendulum
 from dp_swing_ros.pendulum.geometry import joint_positions
 from dp_swing_ros.pendulum.parameters import PendulumParameters
 from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import simulate
 from dp_swing_ros.tables import compact
 
@@ -104,7 +105,7 @@ def held_since(off: Array, duration: float) -> float:
 def logged(plant: dict[str, Any], duration: float, seed: int) -> list[Experience]:
     """Return what is measured of a plant under random forces."""
     learner = Learner({'seed': seed}, math.inf)
-    simulate(configuration.plant({**plant, 'seed': seed}), learner, duration)
+    simulate(plants.plant({**plant, 'seed': seed}), learner, duration)
     X, _, U, h = map(np.array, zip(*learner.experience))
     t = np.append(0.0, np.cumsum(h[:-1]))
     return stretches_of(t, X, t, U, learner.nominal.given[0].track_limit)
@@ -129,12 +130,12 @@ def predictions(seed: int) -> list[dict[str, Any]]:
     of_log, other = logged(plant, LOG, seed), logged(plant, LOG / 2, seed + 1000)
     parts, defaults = parted(of_log, seed), Pendulum.of(PendulumParameters())
     short = parted([of_log[0].chosen(np.arange(round(10.0 / 0.05)))], seed)
-    tuned = configuration.controller({'seed': seed})
-    simulate(configuration.plant({**plant, 'seed': seed}), tuned, 10.0)
+    tuned = controllers.controller({'seed': seed})
+    simulate(plants.plant({**plant, 'seed': seed}), tuned, 10.0)
     found = {
         'the equations, told': Pendulum.of(PendulumParameters(**BODIES)),
         'the equations with the defaults': defaults,
-        'these, after the estimator has seen 10 s': Pendulum.of(tuned.problem.physical),
+        'these, after the estimator has seen 10 s': Pendulum.of(tuned.belief.problem.physical),
         'learned, 10 s': learned(defaults, short).dynamics,
         f'learned, {LOG:g} s': learned(defaults, parts).dynamics}
     rows = []

@@ -21,7 +21,8 @@ from rig import Rig, settling, told
 from stamp import asked, made, sources
 from uneven import ADDED, Along, Beside, engines, exact, UnevenRig
 
-from dp_swing_ros import configuration, provenance
+from dp_swing_ros import provenance
+from dp_swing_ros.control import controllers
 from dp_swing_ros.control.receding_horizon import RecedingHorizon
 from dp_swing_ros.evaluation.campaign.contestants import Contestant, play
 from dp_swing_ros.evaluation.campaign.report import difference, interval, probability, share
@@ -37,6 +38,7 @@ from dp_swing_ros.pendulum.equations import Pendulum
 from dp_swing_ros.pendulum.parameters import Drive
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.problem.plan import Plan
+from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import simulate
 from dp_swing_ros.tables import compact
 
@@ -79,8 +81,8 @@ class Watched:
 
 def swing_up(case: Case, seed: int) -> Watched:
     """Return what an mpc with the defaults was told and did on a rig, with a seed of its own."""
-    watched = Watched(configuration.controller({'solver': SOLVER, 'seed': seed}))
-    simulate(configuration.plant({**case.plant, 'seed': seed}), watched, case.duration)
+    watched = Watched(controllers.controller({'solver': SOLVER, 'seed': seed}))
+    simulate(plants.plant({**case.plant, 'seed': seed}), watched, case.duration)
     return watched
 
 
@@ -93,7 +95,7 @@ def contestants(case: Case, counts: Sequence[int] = RUNS) -> list[Contestant]:
             for number in range(max(counts, default=0))]
     for count in counts:
         last = runs[count - 1].controller   # what it believes in the end, as `train` has it
-        known = Pendulum.of(last.problem.physical)
+        known = Pendulum.of(last.belief.problem.physical)
         drive = Drive(last.drive.delay, last.drive.time_constant)
         seen = [stretch for run in runs[:count] for stretch in run.experience(drive)]
         model = learned(known, parted(seen, case.seed), drive=drive)

@@ -25,7 +25,7 @@ import llvmlite.binding as llvm
 import numpy as np
 from timing import Interval, median, race, ratio, Work
 
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
 from dp_swing_ros.kernels import kernel
 from dp_swing_ros.pendulum.state import hanging
 from dp_swing_ros.problem.problem import Problem
@@ -158,7 +158,7 @@ def measure(rounds: int) -> dict[str, Any]:
     """Return the limits, our rates, and the share, as numbers for the page."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, 'sched_getaffinity') else os.cpu_count()
     assert cores is not None
-    problem = configuration.problem({})
+    problem = controllers.problem({})
     with ThreadPoolExecutor(cores) as pool:
         contenders = machine_works(cores, pool)
         ours = {spread_over(number, cores, 'rollouts'): shared(

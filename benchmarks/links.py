@@ -8,12 +8,12 @@ from typing import NamedTuple
 from campaigns import METHODS
 import numpy as np
 
-from dp_swing_ros import configuration
 from dp_swing_ros.evaluation.campaign.contestants import Contestant, key
 from dp_swing_ros.evaluation.campaign.report import share
 from dp_swing_ros.evaluation.campaign.rows import Row, solves
 from dp_swing_ros.evaluation.comparison import rate
 from dp_swing_ros.evaluation.scenarios import Case, SCENARIOS
+from dp_swing_ros.simulation import plants
 from dp_swing_ros.tables import compact
 
 
@@ -76,7 +76,7 @@ def page(rows: Sequence[Row], made: str) -> str:
     found = {row.key: row for row in rows}
     lines = [line(group, solver, [found[key(*one)] for one in of_group(group, solver)])
              for group in GROUPS for solver in METHODS]
-    limit = configuration.plant({}).limits.track_limit
+    limit = plants.plant({}).limits.track_limit
     return '\n'.join([
         '# One link and three\n', made,
         'Without ROS, in lockstep at 20 Hz, from the first seed of each scenario of [evaluate]'

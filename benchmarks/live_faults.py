@@ -26,7 +26,7 @@ from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 from tqdm import tqdm
 
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
 from dp_swing_ros.evaluation.campaign.report import share
 from dp_swing_ros.evaluation.comparison import rate
 from dp_swing_ros.nodes.connections import publish
@@ -203,7 +203,7 @@ def befall(bench: Bench, fault: str, run: int, limit: float) -> Recovery:
 
 def play(solver: str, runs: int, folder: Path) -> Iterator[Recovery]:
     """Let all faults befall a solver so many times; after one it does not survive, begin anew."""
-    limit = configuration.complete('mpc', {})['force_limit']
+    limit = controllers.MPC.complete({})['force_limit']
     left = [(fault, run) for run in range(runs) for fault in FAULTS]
     with tqdm(total=len(left), desc=solver, disable=None) as bar:
         while left:

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
 from dp_swing_ros.kernels import trigonometry
 from dp_swing_ros.pendulum.model import advance
 from dp_swing_ros.pendulum.state import Array
@@ -123,7 +123,7 @@ def of_sample(problem: Problem) -> dict[str, float]:
 def main() -> None:
     """Print both counts."""
     argparse.ArgumentParser(description=__doc__).parse_args()
-    problem = configuration.problem({})
+    problem = controllers.problem({})
     setattr(samples, 'LANES', 1)
     setattr(trigonometry, 'signed', lambda number, n: number)   # no arithmetic
     json.dump({'step': of_step(problem), 'sample': of_sample(problem)}, sys.stdout)

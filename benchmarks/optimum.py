@@ -27,7 +27,7 @@ from peers_casadi import compiled, functions
 import stamp
 from tqdm import tqdm
 
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
 from dp_swing_ros.evaluation.baselines import stabilised, TVLQR
 from dp_swing_ros.evaluation.campaign.report import number, share, spans
 from dp_swing_ros.evaluation.comparison import median, rate
@@ -37,6 +37,7 @@ from dp_swing_ros.pendulum.model import rollout
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.problem.plan import Status
 from dp_swing_ros.problem.problem import plan_of, Problem, turns_of
+from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import simulate
 from dp_swing_ros.tables import compact
 
@@ -91,8 +92,8 @@ def program() -> dict[str, Any]:
     """Write down variables, constraints and cost."""
     import casadi as ca
 
-    problem, h = configuration.problem({}), configuration.plant({}).parameters.physics_step
-    step = functions(configuration.problem({'step': h}))[0]
+    problem, h = controllers.problem({}), plants.plant({}).parameters.physics_step
+    step = functions(controllers.problem({'step': h}))[0]
     _, running, terminal = functions(problem)
     x, u = ca.MX.sym('x', 6), ca.MX.sym('u')
     after = x
@@ -118,7 +119,7 @@ def guess(problem: Problem, case: Case, number: int) -> tuple[Array, Array]:
 
 def solved(problem: Problem, ipopt: Any, case: Case, X: Array, U: Array) -> Found:
     """Let IPOPT go on from a guess."""
-    track = configuration.plant({}).limits.track_limit - SHORT
+    track = plants.plant({}).limits.track_limit - SHORT
     bounds = np.append(np.tile([track] + 5 * [np.inf], N + 1), np.full(N, problem.u_max))
     found = ipopt(x0=np.append(X, U), p=case.plant['initial_state'], lbx=-bounds, ubx=bounds,
                   lbg=0, ubg=0)
@@ -132,13 +133,13 @@ def played(problem: Problem, case: Case, found: Found) -> float:
     plan = plan_of(problem, found.X, found.U, Status.COMPLETE)
     controller = TVLQR(problem, stabilised(problem, plan))
     controller.joined = 0.0
-    metrics = measure(simulate(configuration.plant(case.plant), controller, case.duration))
+    metrics = measure(simulate(plants.plant(case.plant), controller, case.duration))
     return metrics.closed_loop_cost if metrics.success else np.nan
 
 
 def optimum(library: str, case: Case, guesses: int = GUESSES) -> Optimum:
     """Return the best of what is found of a start."""
-    problem, ipopt = configuration.problem({}), solver(library)
+    problem, ipopt = controllers.problem({}), solver(library)
     all_found = [solved(problem, ipopt, case, *guess(problem, case, n)) for n in range(guesses)]
     iterations = sum(found.iterations for found in all_found)
     converged = sorted((found.cost, n) for n, found in enumerate(all_found) if found.converged)

@@ -24,7 +24,7 @@ from peers_casadi import functions
 import stamp
 from tqdm import tqdm
 
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
 from dp_swing_ros.evaluation.baselines import stabilised, TVLQR
 from dp_swing_ros.evaluation.campaign.report import share, spans
 from dp_swing_ros.evaluation.campaign.summary import DROP, NEAR_GOAL
@@ -34,6 +34,7 @@ from dp_swing_ros.evaluation.scenarios import Case, SCENARIOS
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.problem.plan import Status
 from dp_swing_ros.problem.problem import plan_of, Problem
+from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import simulate
 from dp_swing_ros.simulation.plant import Plant
 from dp_swing_ros.tables import compact
@@ -88,7 +89,7 @@ class Program:
         import casadi as ca
 
         N, h = aim.steps, plant.parameters.physics_step
-        step = functions(configuration.problem({'step': h}).with_physical(plant.physical))[0]
+        step = functions(controllers.problem({'step': h}).with_physical(plant.physical))[0]
         x, u = ca.SX.sym('x', 6), ca.SX.sym('u')
         after = x
         for _ in range(round(PERIOD / h)):
@@ -134,7 +135,7 @@ def straight(x_0: Array, end: float) -> Array:
 
 def plant_of(case: Case) -> Plant:
     """Return the plant of a case."""
-    return configuration.plant({**case.told, **case.plant})
+    return plants.plant({**case.told, **case.plant})
 
 
 def is_held(metrics: Metrics) -> bool:
@@ -144,7 +145,7 @@ def is_held(metrics: Metrics) -> bool:
 
 def judged(cases: Sequence[Case]) -> list[Verdict]:
     """Return the verdicts of some starts."""
-    problem, plant = configuration.problem({}), configuration.plant({})
+    problem, plant = controllers.problem({}), plants.plant({})
     program = Program(problem, plant)
     return [verdict(problem, program, case) for case in cases]
 

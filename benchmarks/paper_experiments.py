@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dp_swing_ros import configuration
+from dp_swing_ros import declarations
+from dp_swing_ros.control import controllers
 from dp_swing_ros.evaluation.campaign.contestants import Contestant
 from dp_swing_ros.evaluation.scenarios import Case, NEARLY, RIG
 from dp_swing_ros.pendulum.parameters import LimitParameters
@@ -45,7 +46,7 @@ class Setup(NamedTuple):
 
 def ours(*names: str) -> dict[str, Any]:
     """Return the defaults of some parameters of the mpc."""
-    values = configuration.complete('mpc', {})
+    values = controllers.MPC.complete({})
     return {name: values[name] for name in names}
 
 
@@ -93,7 +94,7 @@ def files_of(key: Key) -> list[Path]:
 
 def contestant(key: Key) -> Contestant:
     """Return who plays an experiment."""
-    values, setup = configuration.read(files_of(key)), SETUPS[key.setup]
+    values, setup = declarations.read(files_of(key)), SETUPS[key.setup]
     return Contestant(f'{key.solver}, {key.setup}', key.solver,
                       {**values['plant'], **setup.plant}, {**values['mpc'], **setup.mpc})
 

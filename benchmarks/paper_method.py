@@ -19,7 +19,7 @@ import torch
 from torch import Tensor
 from torch.func import jacrev
 
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
 from dp_swing_ros.pendulum.derivatives import expand
 from dp_swing_ros.pendulum.model import rollout
 from dp_swing_ros.pendulum.state import Array
@@ -38,7 +38,7 @@ class Policy(NamedTuple):
 
 def paper_problem() -> Problem:
     """Return the problem with the paper's cost, without a bound of the force."""
-    return configuration.problem({
+    return controllers.problem({
         'angle_error': 'angle', 'terminal_cost': 'scaled', 'track_weight': 0.0,
         'force_limit': float('inf')})
 

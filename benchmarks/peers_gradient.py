@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from timing import Work
 
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
 from dp_swing_ros.pendulum.integrators import Integrator, Numbers
 from dp_swing_ros.pendulum.model import rollout
 from dp_swing_ros.pendulum.parameters import PendulumParameters
@@ -56,7 +56,7 @@ def semi_implicit(f: Callable[[Numbers, Any], Numbers], x: Numbers, u: Any, h: A
 
 def problem(model: str, bounded: bool, horizon: int = 30) -> Problem:
     """Return the problem, for us."""
-    ours = configuration.problem({
+    ours = controllers.problem({
         'model': model, 'horizon': horizon, 'angle_error': 'angle', 'track_weight': 0.0,
         'force_limit': BOUND if bounded else float('inf')})
     P = RELATIVE.T @ np.diag(TERMINAL) @ RELATIVE

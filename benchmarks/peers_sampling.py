@@ -20,7 +20,7 @@ from timing import Missing, Work
 import torch
 from torch import Tensor
 
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
 from dp_swing_ros.pendulum.model import advance
 from dp_swing_ros.pendulum.parameters import PendulumParameters
 from dp_swing_ros.pendulum.state import Array, hanging
@@ -75,7 +75,7 @@ def gpu_ticks() -> tuple[str, dict[str, Work]]:
     """
     if not torch.cuda.is_available():
         raise Missing(f'torch {torch.__version__} finds no NVIDIA GPU on this machine')
-    problem = configuration.problem({'horizon': STEPS_ON_GPU})
+    problem = controllers.problem({'horizon': STEPS_ON_GPU})
     return torch.cuda.get_device_name(), {
         f'mppi, {samples:,} samples{where}': our_tick(problem, samples, **parameters)
         for samples in SAMPLES_ON_GPU

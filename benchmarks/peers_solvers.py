@@ -21,7 +21,7 @@ from peers_casadi import Guess, OPTIONS, Program, TOLERANCE
 from peers_gradient import Crocoddyl, RELATIVE, same_problem
 from timing import median, race, Work
 
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
 from dp_swing_ros.evaluation.comparison import rate
 from dp_swing_ros.evaluation.scenarios import SCENARIOS
 from dp_swing_ros.pendulum.model import rollout
@@ -105,7 +105,7 @@ def crocoddyl(name: str) -> Make:
 
 def contests() -> dict[str, tuple[Problem, dict[str, Make]]]:
     """Return the problems, by who else solves them, and their contenders."""
-    default, same = configuration.problem({}), same_problem()
+    default, same = controllers.problem({}), same_problem()
     return {
         'CasADi': (default, {**{name: ours(default, name) for name in OURS},
                              **{f'casadi {name}': casadi(default, name) for name in OPTIONS}}),

@@ -28,7 +28,7 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 from tqdm import tqdm
 
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
 from dp_swing_ros.control.starts import solved
 from dp_swing_ros.evaluation.campaign.report import share
 from dp_swing_ros.evaluation.comparison import median, rate
@@ -40,6 +40,7 @@ from dp_swing_ros.pendulum.model import rollout
 from dp_swing_ros.pendulum.state import Array, DEFAULT_LINKS
 from dp_swing_ros.problem.plan import Plan, SolverStats, Status
 from dp_swing_ros.problem.problem import plan_of, Problem
+from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import Controller, simulate
 from dp_swing_ros.solvers.noise import LANES
 from dp_swing_ros.solvers.samples import follow, single
@@ -184,7 +185,7 @@ class Contender(NamedTuple):
 def replanning(horizon: float, step: float = PERIOD, links: int = DEFAULT_LINKS,
                **parameters: Any) -> Contender:
     """Return predictive sampling with a horizon and a step [s], which is a tick, too."""
-    problem = configuration.problem({
+    problem = controllers.problem({
         'links': links, 'step': step, 'horizon': round(horizon / step)})
 
     def controller(seed: int) -> Controller:
@@ -215,15 +216,15 @@ def contenders() -> dict[str, Contender]:
 
 def ours(name: str, seed: int) -> Controller:
     """Return our controller with a solver."""
-    return configuration.controller({'solver': name, 'seed': seed})
+    return controllers.controller({'solver': name, 'seed': seed})
 
 
 def episodes(scenario: str, seeds: range, contender: Contender) -> list[Metrics]:
     """Play a scenario with every seed; the costs are as if at our ticks."""
     found, rate = list[Metrics](), 1 / contender.tick
     for case in SCENARIOS[scenario].cases(scenario, seeds, None, DURATION, contender.links):
-        plant = configuration.plant({'links': contender.links, **case.plant, 'seed': case.seed,
-                                     'rate': rate})
+        plant = plants.plant({'links': contender.links, **case.plant, 'seed': case.seed,
+                              'rate': rate})
         with np.errstate(all='ignore'):   # what leaves the numbers shows in the outcome
             metrics = measure(simulate(plant, contender.controller(case.seed), case.duration))
         found.append(replace(metrics, closed_loop_cost=metrics.closed_loop_cost

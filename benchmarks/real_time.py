@@ -15,7 +15,6 @@ import tempfile
 from campaigns import METHODS
 from stamp import made, sources, TOP
 
-from dp_swing_ros import configuration
 from dp_swing_ros.bags import read_episode
 from dp_swing_ros.evaluation.campaign.report import share
 from dp_swing_ros.evaluation.campaign.rows import Key, Row, store
@@ -23,6 +22,7 @@ from dp_swing_ros.evaluation.comparison import rate, spread
 from dp_swing_ros.evaluation.metrics import measure, outcome
 from dp_swing_ros.figures import hero
 from dp_swing_ros.pendulum.state import DEFAULT_LINKS
+from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.episode import Episode
 from dp_swing_ros.tables import compact
 from dp_swing_ros.tools.demo import perform
@@ -89,7 +89,7 @@ def page(rows: Sequence[Row], made: str) -> str:
 
 def limit(links: int) -> float:
     """Return the default limit of the force [N]."""
-    return configuration.plant({'links': links}).limits.force_limit
+    return plants.plant({'links': links}).limits.force_limit
 
 
 def main() -> None:

@@ -16,7 +16,7 @@ from joblib import delayed, Parallel
 from matplotlib.figure import Figure
 import numpy as np
 
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
 from dp_swing_ros.evaluation.campaign.contestants import Contestant
 from dp_swing_ros.evaluation.campaign.report import difference, failures, probability, share
 from dp_swing_ros.evaluation.campaign.rows import grouped, Row
@@ -26,6 +26,7 @@ from dp_swing_ros.evaluation.metrics import REST
 from dp_swing_ros.evaluation.scenarios import Case, RIGS, SCENARIOS
 from dp_swing_ros.figures.campaign import successes
 from dp_swing_ros.pendulum.state import DEFAULT_LINKS
+from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import simulate
 from dp_swing_ros.tables import compact
 
@@ -105,7 +106,7 @@ class Sought(NamedTuple):
 
     def text(self, error: float) -> str:
         """Return an error, or what is aimed at, with its unit."""
-        unit = configuration.declared('plant', DEFAULT_LINKS)[self.names[0]].metadata['unit']
+        unit = plants.PLANT.fields(DEFAULT_LINKS)[self.names[0]].metadata['unit']
         return f'{100 * error:.1f} %' if self.is_share else f'{error:.2g} {unit}'
 
 
@@ -162,8 +163,8 @@ def estimates(seeds: range | None = None) -> list[Found]:
 
 def estimated(case: Case, names: Iterable[str]) -> list[Found]:
     """Play an episode; return some parameters as the estimator has them at its end."""
-    plant = configuration.plant({**case.plant, 'seed': case.seed})
-    controller = configuration.controller({'solver': ESTIMATING, 'seed': case.seed})
+    plant = plants.plant({**case.plant, 'seed': case.seed})
+    controller = controllers.controller({'solver': ESTIMATING, 'seed': case.seed})
     with np.errstate(all='ignore'):
         simulate(plant, controller, case.duration)
     believed = {**controller.belief.estimate.physical,

@@ -16,7 +16,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dp_swing_ros import configuration
+from dp_swing_ros import declarations
+from dp_swing_ros.control import controllers
 from dp_swing_ros.pendulum.state import Array, from_joints
 
 STEPS = 1000     # of an episode at most, in all of these tasks
@@ -135,7 +136,7 @@ def state(data: Any) -> Array:
 def tuned(task: Task, solver: str) -> dict[str, Any]:
     """Return the tuned parameters of a task and a solver."""
     files = task.tuned + (task.tuned_mppi if solver == 'mppi' else ())
-    return configuration.read(Path('config', file) for file in files)['mpc']
+    return declarations.read(Path('config', file) for file in files)['mpc']
 
 
 def play(episode: Episode, steps: int = STEPS) -> Outcome:
@@ -143,7 +144,7 @@ def play(episode: Episode, steps: int = STEPS) -> Outcome:
     task = TASKS[episode.task]
     environment = task.begin(task.name, episode.seed)
     own = parameters(environment.model)
-    controller = configuration.controller({
+    controller = controllers.controller({
         **own, **(tuned(task, episode.solver) if episode.setup == 'tuned' else {}),
         'estimator': 'none', 'solver': episode.solver, 'seed': episode.seed})
     u_max, rewards = own['force_limit'], list[float]()

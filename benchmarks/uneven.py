@@ -14,13 +14,13 @@ from typing import NamedTuple
 from campaigns import DURATION
 import numpy as np
 
-from dp_swing_ros import configuration
 from dp_swing_ros.dynamics.files import LearnedModel
 from dp_swing_ros.dynamics.structured import harmonics, pairs, Structured
 from dp_swing_ros.evaluation.scenarios import Case, rig
 from dp_swing_ros.pendulum.equations import Pendulum
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.pendulum.state import DEFAULT_LINKS, to_joints
+from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.engines import ENGINES, MuJoCo
 
 POSES = 50           # more than there are harmonics
@@ -86,7 +86,7 @@ class UnevenRig(NamedTuple):
 
 def exact(case: Case) -> LearnedModel:
     """Return as a model what such a rig is, from MuJoCo's mass matrix and potential."""
-    plant = configuration.plant(case.plant)
+    plant = plants.plant(case.plant)
     engine, pendulum = plant.engine, Pendulum.of(plant.physical)
     assert isinstance(engine, Uneven)
     n, model, data, mujoco = pendulum.links, engine.model, engine.data, engine.mujoco

@@ -16,7 +16,8 @@ from typing import Any
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
 MODULES = {   # below this package: the names that each defines
-    'configuration': ('plant', 'controller'),
+    'simulation.plants': ('plant',),
+    'control.controllers': ('controller',),
     'simulation.closed_loop': ('simulate', 'Controller'),
     'evaluation.metrics': ('measure',),
     'bags': ('read_episode',),

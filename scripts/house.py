@@ -46,13 +46,13 @@ class Contract(NamedTuple):
 COMMON = {'environment', 'errors', 'executables', 'provenance', 'streams', 'tables', 'topics'}
 CONTRACTS = {
     'plant': Contract({
-        'configuration', 'control', 'dynamics', 'estimators', 'kernels', 'messages', 'nodes',
-        'parameters', 'pendulum', 'problem', 'simulation', 'solvers'}, 85),
+        'kernels', 'messages', 'nodes', 'parameters', 'pendulum', 'problem', 'runtime',
+        'simulation'}, 55),
     'mpc': Contract({
-        'configuration', 'control', 'dynamics', 'estimators', 'kernels', 'messages', 'nodes',
-        'parameters', 'pendulum', 'problem', 'rerun', 'simulation', 'solvers'}, 90),
+        'control', 'dynamics', 'estimators', 'kernels', 'messages', 'nodes', 'parameters',
+        'pendulum', 'problem', 'solvers'}, 80),
     'logger': Contract({
-        'bags', 'messages', 'nodes', 'parameters', 'pendulum', 'simulation'}, 40)}
+        'bags', 'messages', 'nodes', 'parameters', 'pendulum', 'simulation'}, 37)}
 
 
 class Room(NamedTuple):

@@ -15,7 +15,7 @@ from matplotlib import colormaps
 from matplotlib.figure import Figure
 import numpy as np
 
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
 from dp_swing_ros.control.bounded_lqr import BoundedLQR
 from dp_swing_ros.figures.style import FAINT, FORCE, INK, LINKS, PALETTE, styled
 from dp_swing_ros.pendulum.model import rollout
@@ -29,7 +29,7 @@ from dp_swing_ros.solvers.samples import Samples
 SHOWN = (0, 1, 2, 4, 8, 16)   # iterations whose plans are drawn
 SIZE = (9.0, 3.0)             # [inch]
 LEAN = (0.2, 0.2)          # [rad] of the links, where the bound matters
-PROBLEM = configuration.problem({})
+PROBLEM = controllers.problem({})
 T = PROBLEM.dt * np.arange(PROBLEM.horizon + 1)
 
 

@@ -4,13 +4,13 @@
 
 import numpy as np
 
-from dp_swing_ros import configuration
 from dp_swing_ros.dynamics.files import LearnedModel
 from dp_swing_ros.dynamics.structured import Structured
 from dp_swing_ros.learning.experience import Experience
 from dp_swing_ros.learning.regression import predicted
 from dp_swing_ros.pendulum.equations import Pendulum
 from dp_swing_ros.pendulum.parameters import PendulumParameters
+from dp_swing_ros.simulation import plants
 
 BODIES = {'cart_mass': 0.5, 'link1_mass': 0.5, 'link2_mass': 0.5, 'link1_length': 0.6,
           'link2_length': 0.6, 'cart_friction': 0.1}
@@ -38,7 +38,7 @@ def model_of(dynamics):
 def experience(duration, seed=0, **plant):
     """Return what is measured under random forces that keep the cart near the middle."""
     rng = np.random.default_rng(seed)
-    moved = configuration.plant({**BODIES, 'seed': seed, **plant})
+    moved = plants.plant({**BODIES, 'seed': seed, **plant})
     t, X, U = [], [], []
     for _ in range(round(20 * duration) + 1):
         measured = moved.measure()

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from results import row
 
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
 from dp_swing_ros.control.supervisor import Supervisor
 from dp_swing_ros.estimators import kalman
 from dp_swing_ros.evaluation.campaign.contestants import key, parse, play, simulated
@@ -23,9 +23,9 @@ def first(title, name, trial):
 
 @pytest.mark.parametrize('part', ablation.PARTS[1:], ids=lambda part: part.title)
 def test_what_is_left_out_is_there_by_default(part):
-    defaults = configuration.complete('mpc', {})
+    defaults = controllers.MPC.complete({})
     assert part.mpc or part.code
-    assert configuration.complete('mpc', {**part.mpc}) != defaults or not part.mpc
+    assert controllers.MPC.complete({**part.mpc}) != defaults or not part.mpc
     for name, value in part.mpc.items():
         solver, _, parameter = name.rpartition('.')
         assert value != defaults.get(name, defaults.get(parameter)), name

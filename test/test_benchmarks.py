@@ -17,7 +17,7 @@ import pytest
 import timing
 import torch
 
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
 from dp_swing_ros.control.bounded_lqr import BoundedLQR
 from dp_swing_ros.evaluation.campaign.rows import read
 from dp_swing_ros.pendulum.model import rollout
@@ -27,7 +27,7 @@ from dp_swing_ros.problem.cost import running, terminal, trajectory_cost
 
 @pytest.fixture
 def problem():
-    return configuration.problem({})
+    return controllers.problem({})
 
 
 def test_the_ratio_of_a_race_is_that_of_the_work(rng):
@@ -286,7 +286,7 @@ def test_the_oracle_believes_the_plant_alone(problem):
     x_0 = np.array(case.plant['initial_state'])
     none = np.zeros(oracle.AIM.steps)
     assert oracle.tried(problem, case, rollout(problem.model, x_0, none), none) is None
-    plan = BoundedLQR(configuration.problem({'horizon': oracle.AIM.steps})).start(x_0)
+    plan = BoundedLQR(controllers.problem({'horizon': oracle.AIM.steps})).start(x_0)
     metrics = oracle.tried(problem, case, plan.X, plan.U)
     assert metrics.success and metrics.largest_angle < oracle.DROP
 

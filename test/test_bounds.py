@@ -7,16 +7,18 @@ import math
 import numpy as np
 import pytest
 
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
+from dp_swing_ros.declarations import DECLARATIONS
 from dp_swing_ros.estimators import ESTIMATORS
 from dp_swing_ros.evaluation.metrics import measure, outcome
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.pendulum.state import DEFAULT_LINKS
+from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import simulate
 from dp_swing_ros.solvers import SOLVERS
 
 BASE = {'horizon': 8, 'mppi.samples': 32}
-FIELDS = {node: configuration.declared(node, DEFAULT_LINKS) for node in configuration.NODES}
+FIELDS = {node: each.fields(DEFAULT_LINKS) for node, each in DECLARATIONS.items()}
 # where more than one parameter decides, in what words
 REFUSED = {
     'link1_length': "'step' is 0.05", 'link2_length': "'step' is 0.05", 'step': "'step' is 1",
@@ -35,20 +37,20 @@ def bounds(node):
                 yield name, (kind(value),) * len(default) if listed else kind(value)
 
 
-CASES = [(nodes, *each) for nodes in (('plant',), ('mpc',), configuration.NODES)
+CASES = [(nodes, *each) for nodes in (('plant',), ('mpc',), tuple(DECLARATIONS))
          for each in bounds(nodes[0]) if all(each[0] in FIELDS[node] for node in nodes)]
 
 
 def played(plant, mpc, duration=0.25):
     """Return an episode of a plant and an mpc with these parameters."""
     with np.errstate(all='ignore'):
-        return simulate(configuration.plant(plant), configuration.controller({**BASE, **mpc}),
+        return simulate(plants.plant(plant), controllers.controller({**BASE, **mpc}),
                         duration)
 
 
 @pytest.mark.parametrize('nodes, name, value', CASES)
 def test_every_bound_works_or_is_refused(nodes, name, value):
-    plant, mpc = ({name: value} if node in nodes else {} for node in configuration.NODES)
+    plant, mpc = ({name: value} if node in nodes else {} for node in DECLARATIONS)
     for kind, names in (('solver', SOLVERS), ('estimator', ESTIMATORS)):
         if name.split('.')[0] in names:
             mpc = {**mpc, kind: name.split('.')[0]}
@@ -93,9 +95,9 @@ def test_what_diverges_is_measured_as_not_held(wild):
     (1e308, 2.4), (1e308, math.inf), (-2.41, 2.4), (math.nan, 2.4), (math.inf, math.inf)])
 def test_a_reference_that_is_not_on_the_track_is_refused(x, limit):
     with pytest.raises(ParameterError, match="parameter '?reference'? .*expected"):
-        configuration.controller({'track_limit': limit, 'reference': [x, 0, 0, 0, 0, 0]})
+        controllers.controller({'track_limit': limit, 'reference': [x, 0, 0, 0, 0, 0]})
 
 
 def test_a_reference_at_the_end_of_the_track_is_one():
-    problem = configuration.problem({'reference': [2.4, 0, 0, 0, 0, 0]})
+    problem = controllers.problem({'reference': [2.4, 0, 0, 0, 0, 0]})
     assert problem.x_r[0] == problem.given[0].track_limit == 2.4

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 from results import error_row, row
 
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
 from dp_swing_ros.evaluation.campaign.contestants import play
 from dp_swing_ros.evaluation.metrics import TIME_LIMIT
 
@@ -36,10 +36,10 @@ def made_up(*costs, rung=0, times=(0.002,) * 40 + (1e-4,) * 160, **of_row):
 def test_rungs_are_what_they_say_and_no_two_are_the_same():
     ladder = compute.ladder()
     assert len({rung.label for rung in ladder}) == len(ladder)
-    complete = [configuration.complete('mpc', {**rung.mpc, 'solver': rung.solver})
+    complete = [controllers.MPC.complete({**rung.mpc, 'solver': rung.solver})
                 for rung in ladder]   # refuses names that are none
     assert len(set(map(repr, complete))) == len(ladder)
-    defaults = configuration.complete('mpc', {})
+    defaults = controllers.MPC.complete({})
     for rung, values in zip(ladder, complete):
         changed = {name for name in values if values[name] != defaults[name]} - {'solver'}
         assert rung.method == compute.TEXTBOOK or changed <= set(rung.mpc)

@@ -11,7 +11,7 @@ import pandas as pd
 from PIL import Image
 import pytest
 
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
 from dp_swing_ros.problem.cost import trajectory_cost
 from dp_swing_ros.problem.plan import Status
 
@@ -20,7 +20,7 @@ EXACT = convergence.DESCENTS[1]
 
 @pytest.fixture(scope='module')
 def problem():
-    return configuration.problem({})
+    return controllers.problem({})
 
 
 @pytest.mark.parametrize('changed', [{}, {'iterations': 300, 'tolerance': 0.0}, {'iterations': 3}],

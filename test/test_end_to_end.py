@@ -17,13 +17,14 @@ import pytest
 from real_bags import record
 from rosbags.highlevel import AnyReader
 
-from dp_swing_ros import configuration
 from dp_swing_ros.bags import read_episode
 from dp_swing_ros.bags.episodes import configurations_of, reports_of
 from dp_swing_ros.bags.reader import Bag
+from dp_swing_ros.control import controllers
 from dp_swing_ros.errors import BagError
 from dp_swing_ros.evaluation.metrics import measure, outcome
 from dp_swing_ros.provenance import commit, machine
+from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import simulate
 from dp_swing_ros.solvers import SOLVERS
 
@@ -130,8 +131,8 @@ def test_a_lockstep_run_is_the_one_without_ros_to_the_bit(delay, tmp_path):
     bag = record(tmp_path, '--duration', '3', '--lockstep', '--solver', 'mppi', '--seed', '4',
                  plant=''.join(f'    {name}: {value}\n' for name, value in faults.items()))
     recorded = read_episode(bag)
-    plant = Watched(configuration.plant({**faults, 'seed': 4}))
-    simulate(plant, configuration.controller({'solver': 'mppi', 'seed': 4}), 3.0)
+    plant = Watched(plants.plant({**faults, 'seed': 4}))
+    simulate(plant, controllers.controller({'solver': 'mppi', 'seed': 4}), 3.0)
     X = np.array([measured.x for measured in plant.measured])
     assert len(X) >= 58 and len(recorded.X) == len(X) + 1   # the last one is not answered
     np.testing.assert_array_equal(recorded.X[:-1], X)

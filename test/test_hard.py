@@ -14,7 +14,7 @@ import pandas as pd
 import pytest
 import stamp
 
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
 from dp_swing_ros.evaluation.campaign.contestants import key, parse, parse_all, play
 from dp_swing_ros.evaluation.campaign.rows import identical, read, Row, store, UNKNOWN
 from dp_swing_ros.evaluation.scenarios import Case, SCENARIOS
@@ -95,7 +95,7 @@ def program():
     """Return a short program from near the goal, on a plant of its own."""
     pytest.importorskip('casadi')
     plant = oracle.plant_of(Case('model', 0, plant={'link1_mass': 0.3, 'force_limit': 15.0}))
-    problem = configuration.problem({}).with_physical(plant.physical)
+    problem = controllers.problem({}).with_physical(plant.physical)
     return plant, oracle.Program(problem, plant, oracle.Aim(
         steps=60, angle=np.inf, to_centre=True, share=0.8, iterations=100))
 
@@ -107,7 +107,7 @@ def test_the_program_follows_the_plant_and_its_pushes(program, pushed):
     x_0 = np.array([0.3, 0.1, -0.05, 0, 0, 0])
     pushes = tuple(3 * np.sin(0.3 * np.arange(200))) if pushed else ()
     X, U, _ = of.solve(x_0, np.zeros((61, 6)), pushes)
-    model = configuration.problem({}).with_physical(plant.physical).model._replace(h=0.005)
+    model = controllers.problem({}).with_physical(plant.physical).model._replace(h=0.005)
     for t in range(60):
         push = pushes[t] if pushed else 0.0
         np.testing.assert_allclose(hold(model, X[t], U[t] + push, 0.05), X[t + 1], atol=1e-6)

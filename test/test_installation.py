@@ -105,7 +105,7 @@ def test_the_console_brings_its_page_and_plays_bags_without_ros(installed):
 
 
 def test_a_campaign_finds_the_parameter_files_that_were_installed(installed):
-    found = installed.python('-c', 'from pathlib import Path; from dp_swing_ros.configuration '
+    found = installed.python('-c', 'from pathlib import Path; from dp_swing_ros.parameters.files '
                              'import locate; print(locate(Path("config/paper.yaml")))')
     assert found.stdout.startswith(str(installed.prefix)), found.stderr
     done = installed.tool('evaluate', '--contestants', 'nothing', '--scenarios', 'hanging',
@@ -156,9 +156,9 @@ def test_nothing_that_the_demo_imports_brings_torch(installed):
         [sys.executable, '-c', f"""
 import sys
 {imports}
-from dp_swing_ros import configuration
-for name in configuration.SOLVERS:
-    configuration.controller({{'solver': name}})
+from dp_swing_ros import SOLVERS
+for name in SOLVERS:
+    controllers.controller({{'solver': name}})
 print([name for name in ('torch', 'distributed') if name in sys.modules])
 """], capture_output=True, text=True, check=True)
     assert done.stdout == '[]\n'

@@ -10,7 +10,6 @@ import pytest
 from rig import Rig
 import uneven
 
-from dp_swing_ros import configuration
 from dp_swing_ros.learning.experience import Experience
 from dp_swing_ros.learning.models import parted
 from dp_swing_ros.learning.priors import structured
@@ -18,6 +17,7 @@ from dp_swing_ros.learning.regression import FINE, fitted, predicted, spread
 from dp_swing_ros.pendulum.equations import Pendulum
 from dp_swing_ros.pendulum.parameters import Drive, PendulumParameters
 from dp_swing_ros.pendulum.state import hanging, upright
+from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.engines import ENGINES, Motor
 
 
@@ -60,7 +60,7 @@ def test_a_rig_with_uneven_links_is_what_its_exact_model_says(name):
     pytest.importorskip('mujoco')
     with uneven.engines():
         case, = uneven.UnevenRig(name).cases(range(1))
-        engine, told = configuration.plant(case.plant).engine, uneven.exact(case).dynamics
+        engine, told = plants.plant(case.plant).engine, uneven.exact(case).dynamics
         h, u, x = 1e-5, 3.0, np.array([0.2, 1.0, -2.0, 0.5, 2.0, -1.0])
         moved = x.copy()
         engine.advance(moved, Motor(1.0, 0.0, 20.0, 1.0), 0.0, u, 0.0, h, 1)

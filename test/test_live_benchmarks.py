@@ -19,7 +19,7 @@ import pandas as pd
 import pytest
 import stamp
 
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.pendulum.state import equilibria
 from dp_swing_ros.tools.processes import Crew, isolated
@@ -35,7 +35,7 @@ def test_each_change_is_one_that_an_mpc_can_take(name, rng):
     drawn = [live_changes.CHANGES[name](rng) for _ in range(20)]
     assert len(set(map(str, drawn))) > 1
     for value in drawn:
-        configuration.controller(full({name: value}))
+        controllers.controller(full({name: value}))
 
 
 @pytest.mark.parametrize('values', live_changes.WRONG, ids=str)
@@ -43,7 +43,7 @@ def test_each_wrong_change_is_wrong(values):
     """But for those that are wrong while it runs alone."""
     if not set(values) & {'links', 'clock'}:
         with pytest.raises(ParameterError):
-            configuration.controller(full(values))
+            controllers.controller(full(values))
 
 
 def test_the_tour_goes_each_way_once():

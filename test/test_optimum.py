@@ -6,10 +6,11 @@ import numpy as np
 import optimum
 import pytest
 
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
 from dp_swing_ros.evaluation.campaign.contestants import parse, play
 from dp_swing_ros.evaluation.metrics import closed_loop_cost
 from dp_swing_ros.pendulum.state import is_upright
+from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import simulate
 
 ca = pytest.importorskip('casadi', reason='casadi is not installed; see make results')
@@ -17,7 +18,7 @@ ca = pytest.importorskip('casadi', reason='casadi is not installed; see make res
 
 @pytest.fixture(scope='module')
 def problem():
-    return configuration.problem({})
+    return controllers.problem({})
 
 
 @pytest.fixture(scope='module')
@@ -31,8 +32,8 @@ def library(tmp_path_factory):
 
 def test_a_run_of_the_plant_meets_the_constraints_at_its_cost():
     case = optimum.cases()[0]
-    duration = optimum.N * configuration.problem({}).dt
-    run = simulate(configuration.plant(case.plant), parse('ilqr').prepare()(0), duration)
+    duration = optimum.N * controllers.problem({}).dt
+    run = simulate(plants.plant(case.plant), parse('ilqr').prepare()(0), duration)
     program = optimum.program()
     cost_and_gaps = ca.Function('run', [program['x'], program['p']], [program['f'], program['g']])
     J, gaps = cost_and_gaps(np.append(run.X, run.U), run.X[0])

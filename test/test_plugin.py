@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from sampled_ilqr import SampledILQR
 
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
 from dp_swing_ros.evaluation.scenarios import SCENARIOS
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.pendulum.state import hanging
@@ -21,7 +21,7 @@ from dp_swing_ros.problem.plan import Status
 from dp_swing_ros.solvers import SOLVERS
 
 TOP = Path(__file__).parents[1]
-PROBLEM = configuration.problem({})
+PROBLEM = controllers.problem({})
 
 
 def solver(**parameters):
@@ -57,7 +57,7 @@ def test_tools_know_it_and_its_parameters(tool):
 
 def test_samples_beyond_the_memory_are_refused_under_its_name():
     with pytest.raises(ParameterError, match='sampled_ilqr.samples is 1000000'):
-        SampledILQR(configuration.problem({'horizon': 1000}),
+        SampledILQR(controllers.problem({'horizon': 1000}),
                     SampledILQR.Parameters(samples=1_000_000))
 
 

@@ -15,10 +15,12 @@ from results import row
 import rig
 import seeded
 
-from dp_swing_ros import configuration
+from dp_swing_ros import declarations
+from dp_swing_ros.control import controllers
 from dp_swing_ros.evaluation.campaign.contestants import key, play
 from dp_swing_ros.evaluation.metrics import measure
 from dp_swing_ros.parameters.files import for_node, sections
+from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import simulate
 
 CLEAN, TWICE = 1.9, 3.8   # [s] settling times
@@ -165,8 +167,8 @@ def test_the_page_is_written_with_its_tables_and_its_picture(rows, found, tmp_pa
 def voltage():
     """Return what config/voltage.yaml has for plant and mpc."""
     found = sections(Path(__file__).parents[1] / 'config' / 'voltage.yaml')
-    return [for_node(found, f'/{node}', configuration.declared(node, 2))
-            for node in configuration.NODES]
+    return [for_node(found, f'/{node}', declarations.DECLARATIONS[node].fields(2))
+            for node in declarations.DECLARATIONS]
 
 
 def test_the_voltage_drive_of_the_guide_is_that_of_its_motor(voltage):
@@ -188,8 +190,8 @@ def test_the_voltage_drive_of_the_guide_is_that_of_its_motor(voltage):
 def test_a_voltage_drive_is_held_as_the_guide_tells(voltage, solver):
     of_plant, of_mpc = voltage
     assert of_mpc.keys() == {'force_gain', 'cart_friction', 'cart_mass', 'force_limit'}
-    episode = simulate(configuration.plant(of_plant),
-                       configuration.controller({**of_mpc, 'solver': solver}), 8.0)
+    episode = simulate(plants.plant(of_plant),
+                       controllers.controller({**of_mpc, 'solver': solver}), 8.0)
     assert measure(episode).success
     # what acted is a force [N]; the limit bounds the command [V]
     assert max(abs(episode.U)) == pytest.approx(of_mpc['force_gain'] * of_mpc['force_limit'])

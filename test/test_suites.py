@@ -13,7 +13,7 @@ import suites
 import suites_episodes
 from suites_episodes import Episode, Outcome
 
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
 from dp_swing_ros.pendulum.model import rollout
 
 # two capsules on a box with a motor, made by nobody's suite: links of different make and length
@@ -51,7 +51,7 @@ def of_tasks():
 def moves_as_ours(model, advance, data, period, rng):
     """Check that a model and what is read from it are moved alike by a force for a while."""
     values = suites_episodes.parameters(model)
-    problem = configuration.problem({**values, 'step': period / 10})
+    problem = controllers.problem({**values, 'step': period / 10})
     data.qpos[:] = np.append(0.1, rng.uniform(-np.pi, np.pi, values['links']))
     data.qvel[:] = rng.normal(size=values['links'] + 1)
     x, action = suites_episodes.state(data), 0.3
@@ -93,7 +93,7 @@ def test_a_task_is_played(name, solver):
 def test_tuned_sets_are_of_the_mpc(name, links, solver):
     values = suites_episodes.tuned(suites_episodes.TASKS[name], solver)
     assert values['horizon']
-    configuration.complete('mpc', {'links': links, **values})
+    controllers.MPC.complete({'links': links, **values})
 
 
 @pytest.fixture

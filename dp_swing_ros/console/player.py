@@ -11,18 +11,18 @@ from typing import Any, NamedTuple
 
 from dp_swing_ros.bags.mcap_reader import Entry
 from dp_swing_ros.bags.reader import Bag
-from dp_swing_ros.configuration import declared, links_in, NODES
 from dp_swing_ros.console.client import Client
 from dp_swing_ros.console.history import answer, Row, row_of, thinned
 from dp_swing_ros.console.requests import Request, RequestError
 from dp_swing_ros.console.scene import exact, HEARD, number, Scene
 from dp_swing_ros.console.server import Server
+from dp_swing_ros.declarations import DECLARATIONS
 from dp_swing_ros.errors import BagError
 from dp_swing_ros.messages.fields import nanoseconds
 from dp_swing_ros.parameters import ParameterError
+from dp_swing_ros.pendulum.declaration import links_in
 from dp_swing_ros.provenance import package_version
-from dp_swing_ros.topics import (
-    CONFIGURATION, DIAGNOSTICS, JOINT_STATES, ROBOT_DESCRIPTION, Topic)
+from dp_swing_ros.topics import CONFIGURATION, DIAGNOSTICS, JOINT_STATES, ROBOT_DESCRIPTION, Topic
 
 BEFORE = 30    # states before one that is sought, of which what still counts may be
 RATES = (0.01, 100.0)
@@ -200,10 +200,11 @@ class Player:
         names = {node: found.node for node, found in scene.configurations.items()}
         server.publish('hello', {
             'kind': 'hello', 'version': package_version(), 'read_only': server.read_only,
-            'replay': True, 'nodes': {node: names.get(node) for node in NODES}, **scene.about(),
+            'replay': True, 'nodes': {node: names.get(node) for node in DECLARATIONS},
+            **scene.about(),
             'goals': [], 'solvers': [], 'presets': [], 'pausable': False,
             'duration': self.tape.duration})
-        for node in NODES:
+        for node in DECLARATIONS:
             server.publish(f'parameters of {node}', {
                 'kind': 'parameters', 'node': node,
                 'parameters': parameters_of(node, scene.parameters(node))})
@@ -257,7 +258,7 @@ class Player:
 def parameters_of(node: str, values: dict[str, Any]) -> list[dict[str, Any]]:
     """Return what is known of the parameters that a node ran with, for the page."""
     try:
-        fields = declared(node, links_in(values))
+        fields = DECLARATIONS[node].fields(links_in(values))
     except ParameterError:
         fields = {}
     return [parameter(name, values[name], fields[name]) for name in sorted(values)

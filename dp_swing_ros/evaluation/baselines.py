@@ -16,9 +16,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
 from dp_swing_ros.control.planner import Planner, Search
 from dp_swing_ros.control.receding_horizon import RecedingHorizon
+from dp_swing_ros.parameters import Values
 from dp_swing_ros.pendulum.derivatives import linearisation
 from dp_swing_ros.pendulum.equations import derivative, energy, Parts
 from dp_swing_ros.pendulum.model import hold, rollout, step
@@ -207,35 +208,35 @@ def shaping_force(problem: Problem, x: list[float]) -> float:
     return float(np.clip((wanted - free) / (pushed - free), *problem.bounds))
 
 
-def with_search(values: configuration.Values, search: Callable[[RecedingHorizon], Search]
+def with_search(values: Values, search: Callable[[RecedingHorizon], Search]
                 ) -> Callable[[int], Controller]:
     """Return what makes a receding horizon that obeys a search of this kind."""
     def make(seed: int) -> Controller:
-        controller = configuration.controller({**values, 'seed': seed})
+        controller = controllers.controller({**values, 'seed': seed})
         controller.planner.search = search(controller)
         return controller
     return make
 
 
-def tvlqr(values: configuration.Values) -> Callable[[int], Controller]:
+def tvlqr(values: Values) -> Callable[[int], Controller]:
     """Solve once for all seeds."""
-    problem = configuration.problem(values)
+    problem = controllers.problem(values)
     reference = swing_up(problem)
     return lambda seed: TVLQR(problem, reference)
 
 
-def tvlqr_ekf(values: configuration.Values) -> Callable[[int], Controller]:
+def tvlqr_ekf(values: Values) -> Callable[[int], Controller]:
     """Solve once for all seeds."""
-    reference = swing_up(configuration.problem(values))
+    reference = swing_up(controllers.problem(values))
     return with_search(values, lambda controller: Following(controller, reference))
 
 
-def nothing(values: configuration.Values) -> Callable[[int], Controller]:
+def nothing(values: Values) -> Callable[[int], Controller]:
     """Never apply a force."""
-    problem = configuration.problem(values)
+    problem = controllers.problem(values)
     return lambda seed: Nothing(problem)
 
 
-BASELINES: dict[str, Callable[[configuration.Values], Callable[[int], Controller]]] = {
+BASELINES: dict[str, Callable[[Values], Callable[[int], Controller]]] = {
     'tvlqr': tvlqr, 'tvlqr_ekf': tvlqr_ekf,
     'energy_ekf': lambda values: with_search(values, lambda _: shaped), 'nothing': nothing}

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from dp_swing_ros.configuration import default_cost
+from dp_swing_ros.control import controllers
 from dp_swing_ros.pendulum.parameters import LimitParameters
 from dp_swing_ros.pendulum.state import angles, Array, is_upright, links_of
 from dp_swing_ros.problem.plan import FALLBACK
@@ -179,7 +179,7 @@ def closed_loop_cost(episode: Episode) -> float:
     Source: cost.py, `running`, whose angle error is the chord.
     """
     U, X, error = episode.U, episode.X, episode.errors[:len(episode.U)]
-    cost, limits = default_cost(links_of(X)), LimitParameters()
+    cost, limits = controllers.cost({'links': links_of(X)}), LimitParameters()
     error[:, angles(X)] = 2 * np.sin(error[:, angles(X)] / 2)
     intrusion = np.maximum(0, np.abs(X[:len(U), 0]) - limits.track_limit + cost.track_margin)
     return float(np.sum(error ** 2 @ np.array(cost.state_weights) + cost.force_weight * U ** 2

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
 from dp_swing_ros.control.receding_horizon import RecedingHorizon
 from dp_swing_ros.dynamics.files import LearnedModel
 from dp_swing_ros.learning.experience import Experience
@@ -57,7 +57,7 @@ class Learner:
 
         first [s] is how long forces are random. Raises ParameterError.
         """
-        self.first, self.given = first, configuration.controller(values)
+        self.first, self.given = first, controllers.controller(values)
         self.nominal = self.given.nominal
         self.random = np.random.default_rng(self.given.parameters.seed)
         self.explorer = Explorer(self.nominal.u_max, self.random)

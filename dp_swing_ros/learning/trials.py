@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from dp_swing_ros import configuration
 from dp_swing_ros.evaluation.soak import OUT
 from dp_swing_ros.learning.learner import Learner
 from dp_swing_ros.pendulum.model import ROUNDING
 from dp_swing_ros.pendulum.state import Array, deviation
+from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import simulate
 
 PIECE = 0.5     # [s] between two looks whether it holds
@@ -48,7 +48,7 @@ def trials(learner: Learner, plant: Mapping[str, Any], trial: float, total: floa
     goal, seed = learner.nominal.x_r, int(plant.get('seed', 0))
     number, held = 0, 0.0
     while total - learner.duration >= PIECE and held < hold:
-        moved = configuration.plant({**plant, 'seed': seed + number})
+        moved = plants.plant({**plant, 'seed': seed + number})
         number, before, states = number + 1, learner.duration, list[Array]()
         learner.begin(1 / moved.parameters.rate)
         while moved.t + PIECE <= min(trial, total - before) + ROUNDING:

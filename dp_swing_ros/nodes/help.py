@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import textwrap
 from typing import NamedTuple
 
-from dp_swing_ros.configuration import declared
+from dp_swing_ros.declarations import DECLARATIONS
 from dp_swing_ros.nodes.parameters import OWN, shown
 from dp_swing_ros.parameters import expected
 from dp_swing_ros.pendulum.state import DEFAULT_LINKS
@@ -72,7 +72,7 @@ def lines(name: str) -> Iterator[str]:
         yield from ('', 'services:', *(
             f'  {each:21} std_srvs/srv/{"SetBool" if each in SWITCHES else "Trigger"}'
             for each in about.services))
-    fields = OWN[name] if name in OWN else declared(name, DEFAULT_LINKS)
+    fields = OWN[name] if name in OWN else DECLARATIONS[name].fields(DEFAULT_LINKS)
     if fields:
         yield from ('', 'parameters, with their defaults:')
     for full, field in fields.items():

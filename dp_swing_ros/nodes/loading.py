@@ -20,8 +20,8 @@ from dp_swing_ros.control.receding_horizon import RecedingHorizon
 from dp_swing_ros.errors import one_line
 from dp_swing_ros.parameters import ParameterError
 
-COMPILE = ('import json, sys; from dp_swing_ros import configuration; '
-           'configuration.controller(json.loads(sys.stdin.read())).warm_up()')
+COMPILE = ('import json, sys; from dp_swing_ros import controller; '
+           'controller(json.loads(sys.stdin.read())).warm_up()')
 NICENESS = 10     # of the process that compiles
 COMPILING = 300.0  # [s] that it has at most
 SLOWEST = 0.5     # [s] of a tick beyond its time limit; a machine that is busy needs some

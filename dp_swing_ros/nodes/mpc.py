@@ -22,7 +22,7 @@ from rclpy.duration import Duration
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, String
 
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
 from dp_swing_ros.control.receding_horizon import MpcParameters
 from dp_swing_ros.messages.configuration import from_text, is_of_plant
 from dp_swing_ros.messages.fields import BILLION, seconds, to_measured, to_state
@@ -84,7 +84,7 @@ class MpcNode(ProcessNode):
     def __init__(self) -> None:
         """Read the parameters, and refuse what cannot work."""
         super().__init__('mpc')
-        self.fields = configuration.declared_for('mpc', given(self))
+        self.fields = controllers.MPC.fields_for(given(self))
         values = declare(self, self.fields, live=True)
         self.thread_priority = values['thread_priority']
         self.links, self.u_max = values['links'], values['force_limit']
@@ -138,7 +138,7 @@ class MpcNode(ProcessNode):
         self.get_logger().info(f'preparing the solver {self.solver!r} (the first start on a '
                                'machine compiles for half a minute; later ones take a second)')
         began = time.perf_counter()
-        self.controller = configuration.controller(self.values)   # compiles, at the first start
+        self.controller = controllers.controller(self.values)   # compiles, at the first start
         self.tick_time = self.controller.warm_up()
         self.forget()
         self.loader = Loader(self.controller)
@@ -159,7 +159,7 @@ class MpcNode(ProcessNode):
         """Check other parameters, which count from a next tick on; raises ParameterError."""
         waits = self.timing.clock is Clock.LOCKSTEP   # time
         self.loader.slowest = math.inf if waits else SLOWEST
-        controller = self.made_aside(partial(configuration.controller, values), waits=waits)
+        controller = self.made_aside(partial(controllers.controller, values), waits=waits)
         self.loader.load(controller, values)
         if waits:
             self.loader.wait()

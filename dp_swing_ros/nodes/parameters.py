@@ -3,7 +3,7 @@
 """
 Parameters of logger, replay and console, and the tables of all parameters; needs no ROS.
 
-Plant and mpc have theirs where the plant and the controller are: see configuration.declared.
+Plant and mpc have theirs where the plant and the controller are: see declarations.py.
 """
 
 from collections.abc import Mapping

@@ -10,7 +10,6 @@ from typing import Any
 from rclpy.timer import Timer
 from std_msgs.msg import Float64, String
 
-from dp_swing_ros import configuration
 from dp_swing_ros.messages.fields import Report
 from dp_swing_ros.nodes.connections import (
     Audience, is_heard, listeners, LOOK_PERIOD, owners, publish, subscribe)
@@ -20,6 +19,7 @@ from dp_swing_ros.nodes.process import ProcessNode, run, STEADY
 from dp_swing_ros.nodes.ros_parameters import announce, declare, given, let_change
 from dp_swing_ros.runtime.plant import (
     Announcement, Description, PlantCore, Sent, State, Trouble, Warned)
+from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.plant import Plant
 from dp_swing_ros.topics import DISTURBANCE, FORCE_COMMAND, JOINT_STATES, ROBOT_DESCRIPTION
 
@@ -36,11 +36,11 @@ class PlantNode(ProcessNode):
     def __init__(self) -> None:
         """Read the parameters and offer the topics."""
         super().__init__('plant')
-        self.fields = configuration.declared_for('plant', given(self))
+        self.fields = plants.PLANT.fields_for(given(self))
         self.values = declare(self, self.fields, live=True)
         self.thread_priority = self.values['thread_priority']
         self.get_logger().info('preparing the integrator')   # compiled at the first start
-        self.core = PlantCore(configuration.plant(self.values))
+        self.core = PlantCore(plants.plant(self.values))
         self.clock = STEADY if self.core.lockstep else self.pace_clock
         if self.core.lockstep:   # which may be far ahead of who only listens
             self.delivery = CATCHING_UP
@@ -184,8 +184,8 @@ class PlantNode(ProcessNode):
 
 def ready(values: dict[str, Any]) -> Plant:
     """Return a plant whose integrator is compiled; raises ParameterError."""
-    configuration.plant(values).advance(1 / values['rate'])
-    return configuration.plant(values)
+    plants.plant(values).advance(1 / values['rate'])
+    return plants.plant(values)
 
 
 main = partial(run, PlantNode)

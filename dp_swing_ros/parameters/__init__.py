@@ -19,6 +19,8 @@ SHOWN = 200  # [characters] of a value in an error
 WORDS = {bool: 'true or false', int: 'a whole number', float: 'a number', str: 'a text'}
 
 
+Values = Mapping[str, Any]   # by the full name of the parameter
+
 Group = TypeVar('Group', bound='Parameters')
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import math
 from typing import Any, NamedTuple
 
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
 from dp_swing_ros.control.planner import Planner, Search
 from dp_swing_ros.control.receding_horizon import RecedingHorizon
 from dp_swing_ros.control.starts import solved
@@ -42,7 +42,7 @@ def answer(controller: RecedingHorizon, tick: Tick, counted: bool = True) -> Pla
     If `counted`, in as many iterations where a deadline may have ended them.
     """
     if tick.changed is not None:
-        controller.reconfigure(configuration.controller(tick.changed))
+        controller.reconfigure(controllers.controller(tick.changed))
     if tick.reset:
         controller.reset()
     if not tick.stopping:

@@ -17,9 +17,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dp_swing_ros import configuration
 from dp_swing_ros.bags.episodes import check_run, pushes_of, Sample, samples_of, states_in
 from dp_swing_ros.bags.reader import Bag
+from dp_swing_ros.control import controllers
 from dp_swing_ros.control.receding_horizon import MpcParameters, RecedingHorizon
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.evaluation.metrics import settling_time
@@ -30,6 +30,7 @@ from dp_swing_ros.problem.cost import running
 from dp_swing_ros.problem.plan import Plan
 from dp_swing_ros.rerun.answers import answer, respond, Tick
 from dp_swing_ros.rerun.ticks import configuration_of, own, record_of
+from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.plant import Plant
 from dp_swing_ros.simulation.stepper import Stepper
 from dp_swing_ros.topics import CONFIGURATION
@@ -72,9 +73,9 @@ class Run:
         self.plants = [(entry.time, own(found)) for entry in bag.entries_of(CONFIGURATION)
                        if (found := from_text(bag.decoded(entry).data)).node == plant.node]
         self.start, self.end = self.samples[0].stamp, self.samples[-1].stamp
-        self.problem = configuration.problem(self.mpc)
+        self.problem = controllers.problem(self.mpc)
         self.solver = str(self.mpc.get('solver', MpcParameters.solver))
-        simulated = configuration.plant(self.plant)
+        simulated = plants.plant(self.plant)
         self.limits = simulated.limits
         self.period = BILLION / simulated.parameters.rate   # [ns]
 
@@ -83,7 +84,7 @@ class Run:
         run = copy(self)
         changed = [each.changed for each in self.record.up_to(tick) if each.changed is not None]
         values = changed[-1] if changed else self.mpc
-        run.problem = configuration.problem(values)
+        run.problem = controllers.problem(values)
         run.solver = str(values.get('solver', MpcParameters.solver))
         sent = self.sent.get(tick.stamp, 0)
         run.plant = [self.plant, *(values for since, values in self.plants if since <= sent)][-1]
@@ -247,7 +248,7 @@ def controller_at(run: Run, until: Tick, solver: str) -> tuple[RecedingHorizon, 
 
     That of the recorded solver stops its solves where the recorded ones stopped.
     """
-    controller = configuration.controller({**run.mpc, 'solver': solver})
+    controller = controllers.controller({**run.mpc, 'solver': solver})
     recorded = run.mpc.get('solver', MpcParameters.solver)
     for tick in run.record.up_to(until):
         if tick.changed is not None:
@@ -261,7 +262,7 @@ def controller_at(run: Run, until: Tick, solver: str) -> tuple[RecedingHorizon, 
 
 def plant_at(run: Run, tick: Tick) -> Plant:
     """Return the plant when a tick's state arrives, its noise from the beginning of its seed."""
-    plant = configuration.plant({**run.plant, 'initial_state': np.asarray(tick.x).tolist()})
+    plant = plants.plant({**run.plant, 'initial_state': np.asarray(tick.x).tolist()})
     for before in run.record.up_to(tick)[-2:-1]:
         # until then, and where the actuator lags or a command is lost, the one before acts
         plant.force = plant.commands.force = before.force

@@ -16,10 +16,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dp_swing_ros import configuration, provenance
+from dp_swing_ros import provenance
 from dp_swing_ros.bags.episodes import (
     configurations_of, description_of, pushes_of, revisions_of, Sample, samples_of)
 from dp_swing_ros.bags.reader import Bag
+from dp_swing_ros.control import controllers
 from dp_swing_ros.control.receding_horizon import RecedingHorizon
 from dp_swing_ros.errors import BagError
 from dp_swing_ros.messages.configuration import BEFORE, Configuration, CONTROLLER, PLANT
@@ -29,8 +30,8 @@ from dp_swing_ros.pendulum.state import links_of, symbols, units
 from dp_swing_ros.pendulum.urdf import from_urdf, urdf
 from dp_swing_ros.problem.plan import Plan
 from dp_swing_ros.rerun.answers import answer, Tick
-from dp_swing_ros.rerun.ticks import (
-    commands_of, configuration_of, own, paired, Record, record_of)
+from dp_swing_ros.rerun.ticks import commands_of, configuration_of, own, paired, Record, record_of
+from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.plant import Plant
 from dp_swing_ros.simulation.stepper import Stepper
 from dp_swing_ros.topics import DIAGNOSTICS, FORCE_COMMAND, PLAN, ROBOT_DESCRIPTION, Topic
@@ -77,7 +78,7 @@ def verify(bag: Bag, progress: Callable[[list[Tick]], Iterable[Tick]]) -> Verifi
     except BagError as error:
         cause = f'; likely cause: {"; ".join(rivals)}' if rivals else ''
         raise BagError(f'{error}{cause}') from None
-    controller = configuration.controller(config.parameters)
+    controller = controllers.controller(config.parameters)
     pairing, plans = paired(record, commands_of(bag)), _plans_of(bag, record)
     differences = list[Difference]()
     for tick in progress(record.ticks):
@@ -201,7 +202,7 @@ def plant_again(bag: Bag, record: Record, has_others: bool) -> PlantAgain:
     revisions = list(revisions_of(bag)[PLANT].values())
     # a recording that began after changes has the last of them alone
     begun = [each for each in revisions if each.revision == 0 or each.since == BEFORE]
-    plant, last = (configuration.plant(own(found)) for found in (
+    plant, last = (plants.plant(own(found)) for found in (
         [*revisions[:1], *begun][-1], revisions[-1]))
     differences = []
     if bag.has(ROBOT_DESCRIPTION) and description_of(bag) != from_urdf(
@@ -267,7 +268,7 @@ def published(plant: Plant, forces: Mapping[int, float], end: int, pushes: Mappi
                 return
         for change in changes:
             if change.since == now:
-                plant.reconfigure(configuration.plant(own(change)))
+                plant.reconfigure(plants.plant(own(change)))
         stepper.finish(None if measured is None else forces[stamp])
 
 

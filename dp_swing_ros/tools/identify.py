@@ -8,11 +8,13 @@ from pathlib import Path
 
 from dp_swing_ros import figures
 from dp_swing_ros.bags.reader import Bag
-from dp_swing_ros.configuration import declared, NODES
+from dp_swing_ros.control.controllers import MPC
+from dp_swing_ros.declarations import DECLARATIONS
 from dp_swing_ros.identification.identify import Identified, identify
 from dp_swing_ros.identification.recorded import Recorded, recorded_of_one
 from dp_swing_ros.parameters import checked, unknown
 from dp_swing_ros.pendulum.state import joints, LINKS
+from dp_swing_ros.simulation.plants import PLANT
 from dp_swing_ros.tables import aligned
 from dp_swing_ros.tools.command_lines import (
     bag_parser, beside, execute, OK, print_incomplete, progress)
@@ -77,8 +79,8 @@ def _identify(arguments: argparse.Namespace) -> int:
 
 def check(known: Mapping[str, float], links: int) -> None:
     """Raise ParameterError for values that a rig with so many links cannot have."""
-    fields = {name: field for name, field in declared('mpc', links).items()
-              if name in declared('plant', links)}
+    fields = {name: field for name, field in MPC.fields(links).items()
+              if name in PLANT.fields(links)}
     for name, value in known.items():
         if name not in fields:
             raise unknown(name, 'mpc', fields)
@@ -88,7 +90,7 @@ def check(known: Mapping[str, float], links: int) -> None:
 def table(found: Identified) -> str:
     """Return a Markdown table of what was found, then of what was not: a row a parameter."""
     links = len(found.rms('after')) - 1
-    fields = declared('mpc', links)
+    fields = MPC.fields(links)
     rows = [['parameter', 'value', '95 %', 'before', 'unit']]
     for name, (low, high) in found.intervals.items():
         rows.append([name, number(found.values[name]), f'{number(low)} to {number(high)}',
@@ -117,7 +119,7 @@ def report(found: Identified, motions: Sequence[Recorded]) -> str:
 
 def parameter_file(found: Identified, links: int, bags: Iterable[Path]) -> str:
     """Return the text of a ROS parameter file with what mpc and plant both have."""
-    both = set.intersection(*(set(declared(node, links)) for node in NODES))
+    both = set.intersection(*(set(each.fields(links)) for each in DECLARATIONS.values()))
     lines = [f'# Identified from {", ".join(path.name for path in bags)}; intervals of 95 %.',
              '/**:', '  ros__parameters:', f'    links: {links}']
     for name, value in found.values.items():

@@ -11,12 +11,14 @@ from typing import Any
 
 from tqdm import tqdm
 
-from dp_swing_ros import configuration, environment, figures
+from dp_swing_ros import declarations, environment, figures
+from dp_swing_ros.control import controllers
 from dp_swing_ros.dynamics.files import LearnedModel
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.evaluation.soak import OUT
 from dp_swing_ros.learning.learner import FIRST, Learner
 from dp_swing_ros.learning.trials import Trial, trials
+from dp_swing_ros.simulation import plants
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tools.command_lines import (
     dated, execute, FAILED, new_folder, OK, program, within)
@@ -65,11 +67,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _learn(arguments: argparse.Namespace) -> int:
     if arguments.live:   # with an mpc that takes what is for its name
         located(arguments.params, {})
-    values = configuration.read(arguments.params)
+    values = declarations.read(arguments.params)
     plant = {**values['plant'], 'seed': arguments.seed}
     mpc = {**values['mpc'], 'solver': arguments.solver, 'seed': arguments.seed}
-    configuration.controller(mpc)   # refused before a folder is made
-    configuration.plant(plant)
+    controllers.controller(mpc)   # refused before a folder is made
+    plants.plant(plant)
     folder = new_folder(arguments.output or Path('runs', dated(f'learn_{arguments.solver}')))
     print(f'{arguments.solver}: {arguments.first:g} s of random forces first -> {folder}',
           flush=True)

@@ -22,7 +22,7 @@ from rclpy.parameter import Parameter
 from rclpy.task import Future
 from std_msgs.msg import Float64
 
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
 from dp_swing_ros.dynamics.files import LearnedModel
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.identification.recorded import APART
@@ -57,8 +57,8 @@ class LiveLearner:
 
     def __init__(self, node: Node, values: Mapping[str, Any]) -> None:
         """Take a node and the parameters of the mpc; raises ParameterError."""
-        self.node, values = node, configuration.complete(MPC, values)
-        self.problem = configuration.problem({**values, 'dynamics': ANALYTIC, 'model': 'rk4'})
+        self.node, values = node, controllers.MPC.complete(values)
+        self.problem = controllers.problem({**values, 'dynamics': ANALYTIC, 'model': 'rk4'})
         self.links, self.sensors = values['links'], group(SensorParameters, values)
         self.explorer = Explorer(self.problem.u_max, np.random.default_rng(values['seed']))
         self.online = Online(self.links)

@@ -5,7 +5,7 @@
 import argparse
 from collections.abc import Sequence
 
-from dp_swing_ros.configuration import declared, DEFAULTS, NODES
+from dp_swing_ros.declarations import DECLARATIONS
 from dp_swing_ros.nodes.parameters import OWN, shown, table
 from dp_swing_ros.pendulum.state import DEFAULT_LINKS, LINKS
 from dp_swing_ros.tables import compact
@@ -28,7 +28,8 @@ are refused.
 def reference() -> str:
     """Return the page as Markdown."""
     # those of the most links, with the defaults of two
-    nodes = {node: declared(node, max(LINKS)) | declared(node, DEFAULT_LINKS) for node in NODES}
+    nodes = {node: each.fields(max(LINKS)) | each.fields(DEFAULT_LINKS)
+             for node, each in DECLARATIONS.items()}
     shared = {name: field for name, field in nodes['plant'].items() if name in nodes['mpc']}
     own = {node: {name: field for name, field in fields.items() if name not in shared}
            for node, fields in nodes.items()}
@@ -41,8 +42,10 @@ def reference() -> str:
 
 def other_defaults() -> str:
     """Return the table of defaults that depend on the number of links."""
-    names = dict.fromkeys(name for values in DEFAULTS.values() for name in values)
-    fields = {links: declared('plant', links) | declared('mpc', links) for links in LINKS}
+    names = dict.fromkeys(name for each in DECLARATIONS.values()
+                          for values in each.defaults.values() for name in values)
+    fields = {links: {name: field for each in DECLARATIONS.values()
+                      for name, field in each.fields(links).items()} for links in LINKS}
     return compact([('parameter', *(f'links {links}' for links in LINKS)), *(
         (f'`{name}`', *(f'`{shown(fields[links][name].default)}`' for links in LINKS))
         for name in names)]) + '\n'

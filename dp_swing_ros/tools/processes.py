@@ -15,13 +15,12 @@ import subprocess
 import sys
 import time
 
-from dp_swing_ros import configuration
+from dp_swing_ros.declarations import DECLARATIONS
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.executables import ENDING
 from dp_swing_ros.nodes.parameters import OWN
 from dp_swing_ros.parameters import complete, near, ParameterError
-from dp_swing_ros.parameters.files import (
-    ANY_NODE, for_node, is_for, is_of_rclpy, locate, sections)
+from dp_swing_ros.parameters.files import ANY_NODE, for_node, is_for, is_of_rclpy, locate, sections
 from dp_swing_ros.pendulum.state import LINKS
 from dp_swing_ros.tools.command_lines import postponed, progress
 
@@ -44,8 +43,7 @@ def located(files: Iterable[Path], nodes: Mapping[str, Mapping[str, object]]) ->
     """
     places = list(map(locate, files))
     found = [(place, *section) for place in places for section in sections(place)]
-    declared = {**{node: configuration.declared(node, max(LINKS))
-                   for node in configuration.NODES}, **OWN}
+    declared = {**{node: each.fields(max(LINKS)) for node, each in DECLARATIONS.items()}, **OWN}
     for place, pattern, values in found:
         where = f'{place}, line {pattern.line}: '
         if not any(is_for(pattern, node) for node in declared):
@@ -60,8 +58,7 @@ def located(files: Iterable[Path], nodes: Mapping[str, Mapping[str, object]]) ->
         own = for_node([section[1:] for section in found], node, declared[node])
         asked = {name: value for name, value in {**own, **given}.items()
                  if not is_of_rclpy(name)}
-        complete(OWN[node] if node in OWN else configuration.declared_for(node, asked), asked,
-                 node)
+        complete(OWN[node] if node in OWN else DECLARATIONS[node].fields_for(asked), asked, node)
     return places
 
 

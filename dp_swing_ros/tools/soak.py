@@ -14,12 +14,14 @@ from typing import Any
 
 from tqdm import tqdm
 
-from dp_swing_ros import configuration
+from dp_swing_ros import declarations
+from dp_swing_ros.control import controllers
 from dp_swing_ros.evaluation.soak import (
     ALLOWED, answers, pendulum, processes, quantiles, SHORTEST as LONG_ENOUGH, Soak, summary,
     ticks, times)
 from dp_swing_ros.pendulum.state import DEFAULT_LINKS, LINKS
 from dp_swing_ros.provenance import commit, machine, package_version
+from dp_swing_ros.simulation import plants
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tables import aligned
 from dp_swing_ros.tools.command_lines import (
@@ -109,12 +111,12 @@ def soak(folder: Path, solver: str, duration: float, rate: float | None = None,
     shared = {'seed': seed, **({'links': links} if links else {}),
               **({} if thread_priority is None else {'thread_priority': thread_priority})}
     paced = {'duration': duration, 'lockstep': False, **({'rate': float(rate)} if rate else {})}
-    files = configuration.read(params)
-    plant_values = configuration.complete('plant', {**files['plant'], **shared, **paced})
+    files = declarations.read(params)
+    plant_values = plants.PLANT.complete({**files['plant'], **shared, **paced})
     mpc_values = {**files['mpc'], **shared}
-    mpc_values = configuration.complete('mpc', mpc_values)
+    mpc_values = controllers.MPC.complete(mpc_values)
     force_limit = mpc_values['force_limit']
-    x_r = configuration.cost(mpc_values).x_r
+    x_r = controllers.cost(mpc_values).x_r
     new_folder(folder)
     with burning(burn), Crew() as crew, Watcher(x_r, force_limit) as watcher:
         echo = crew.start('echo', {'thread_priority': mpc_values['thread_priority']},

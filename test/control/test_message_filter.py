@@ -9,11 +9,13 @@ from controllers import controller, plant
 import numpy as np
 import pytest
 
-from dp_swing_ros import configuration
+from dp_swing_ros import declarations
+from dp_swing_ros.control import controllers
 from dp_swing_ros.control.message_filter import MessageFilter
 from dp_swing_ros.evaluation.metrics import measure
 from dp_swing_ros.pendulum.state import is_upright, LINKS, SIZES, upright
 from dp_swing_ros.problem.plan import Status
+from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import simulate
 
 TRACK = 2.4
@@ -202,10 +204,10 @@ def test_a_position_may_stand_still_for_one_period_from_rest():
 @pytest.mark.parametrize('solver', ['ilqr', 'ddp'])
 def test_no_state_of_the_paper_s_own_plant_is_refused(solver):
     config = Path(__file__).parents[2] / 'config'
-    values = configuration.read([config / 'paper.yaml', config / 'paper_euler.yaml'])
+    values = declarations.read([config / 'paper.yaml', config / 'paper_euler.yaml'])
     for seed in range(3):
-        mpc = configuration.controller({**values['mpc'], 'solver': solver, 'seed': seed})
-        episode = simulate(configuration.plant(values['plant']), mpc, 3.0)
+        mpc = controllers.controller({**values['mpc'], 'solver': solver, 'seed': seed})
+        episode = simulate(plants.plant(values['plant']), mpc, 3.0)
         assert measure(episode).stand_ins == 0
         assert measure(episode).settling_time < 2.0
 
@@ -223,8 +225,8 @@ def test_a_plant_that_is_replaced_is_not_refused_for_ever():
 
     What is sent at first does not arrive: its plant is not found yet.
     """
-    first, hanging_still = configuration.plant({'force_bias': 1.5}), configuration.plant({})
-    control = configuration.controller({'solver': 'ilqr'})
+    first, hanging_still = plants.plant({'force_bias': 1.5}), plants.plant({})
+    control = controllers.controller({'solver': 'ilqr'})
     assert measure(simulate(first, control, 5.0)).success
     assert abs(control.belief.drive.bias) > 0.5
     begun = first.t + 1.0

@@ -15,7 +15,7 @@ from learned_dynamics import model_of, of_chain
 import numpy as np
 import pytest
 
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
 from dp_swing_ros.control.commands import SentCommands
 from dp_swing_ros.evaluation.metrics import measure
 from dp_swing_ros.pendulum.drive import lagged
@@ -26,6 +26,7 @@ from dp_swing_ros.pendulum.parameters import DIRECT, Drive, DriveParameters, Pen
 from dp_swing_ros.pendulum.state import angles, hanging, is_upright, to_turn_of
 from dp_swing_ros.problem.plan import Status
 from dp_swing_ros.rerun.answers import repeated
+from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import simulate
 from dp_swing_ros.simulation.plant import Plant, PlantParameters
 from dp_swing_ros.solvers import SOLVERS
@@ -128,7 +129,7 @@ def test_at_five_ticks_a_step_it_is_swung_up_as_at_one(solver, seed):
 def test_three_links_are_swung_up_by_forces_that_act_sooner_or_later(seed, rng):
     """Plans then begin between the steps of those before, by less than a millisecond."""
     pendulum, c = (make({'links': 3, 'seed': seed})
-                   for make in (configuration.plant, configuration.controller))
+                   for make in (plants.plant, controllers.controller))
     for n in range(55):
         delay = 0.011 + 0.0007 * rng.normal()
         force = c.update(pendulum.t, pendulum.x, delay).first_force(c.belief.problem.u_max)
@@ -452,7 +453,7 @@ print(sorted(name for name, count in compiled().items() if count != before[name]
 
 @pytest.mark.parametrize('solver', sorted(SOLVERS))
 def test_tick_that_a_deadline_cut_short_can_be_repeated(solver):
-    live, again = (configuration.controller({'solver': solver}) for _ in range(2))
+    live, again = (controllers.controller({'solver': solver}) for _ in range(2))
     live.warm_up()
     x, counts = hanging(), []
     for n, share in enumerate((1.0, 0.1, 0.5, 0.3, -1.0)):
@@ -540,8 +541,8 @@ def test_where_a_learned_model_is_wild_a_tick_has_a_finite_force():
     inertia = chain.inertia.copy()
     inertia[5, [0, 3]] = np.array((0.75, 0.25)) * chain.inertia[5, 0]   # of D_22: 1 and cos θ_2
     wild = replace(model_of(chain._replace(inertia=inertia)), drive=Drive(0.05, 0.05))
-    c = configuration.controller({'dynamics': 'learned', 'model': wild.to_text(),
-                                  'estimator': 'none'})
+    c = controllers.controller({'dynamics': 'learned', 'model': wild.to_text(),
+                                'estimator': 'none'})
     hanging = np.array([0.0, np.pi, np.pi, 0.0, 0.0, 9.0])
     for n, x in enumerate((np.zeros(6), hanging, hanging)):
         with np.errstate(all='ignore'):

@@ -8,10 +8,11 @@ from learned_dynamics import model_of, of_chain
 import numpy as np
 import pytest
 
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
 from dp_swing_ros.pendulum.parameters import PendulumParameters
 from dp_swing_ros.pendulum.state import angles, errors, is_upright
 from dp_swing_ros.problem.plan import Status
+from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import simulate
 from dp_swing_ros.solvers import SOLVERS
 
@@ -29,8 +30,8 @@ CHANGES = [
 
 def balanced(solver='ilqr', **values):
     """Return a controller that holds the pendulum, and the plant."""
-    c = configuration.controller({'solver': solver, **values})
-    p = configuration.plant({'initial_state': LEANING.tolist()})
+    c = controllers.controller({'solver': solver, **values})
+    p = plants.plant({'initial_state': LEANING.tolist()})
     simulate(p, c, 1.0)
     return c, p
 
@@ -52,14 +53,14 @@ def go_on(c, p, duration):
 def test_the_same_parameters_again_change_nothing(solver):
     (c, p), (other, q) = balanced(solver), balanced(solver)
     for _ in range(3):
-        other.reconfigure(configuration.controller({'solver': solver}))
+        other.reconfigure(controllers.controller({'solver': solver}))
         for X, Y in zip(*(go_on(*one, 0.2)[0] for one in ((c, p), (other, q)))):
             np.testing.assert_array_equal(X, Y)
 
 
 def test_what_changes_counts_in_the_next_plan():
     c, p = balanced()
-    c.reconfigure(configuration.controller({'horizon': 45, 'force_weight': 0.5, 'step': 0.04}))
+    c.reconfigure(controllers.controller({'horizon': 45, 'force_weight': 0.5, 'step': 0.04}))
     _, (plan, *_) = go_on(c, p, 0.05)
     assert (len(plan.U), plan.dt) == (45, 0.04)
     assert c.belief.problem.cost.R == 0.5
@@ -69,7 +70,7 @@ def test_what_changes_counts_in_the_next_plan():
 def test_the_last_plan_is_the_start_of_the_next(values):
     c, p = balanced(regulator=False)   # which may cost less than what is left
     before = c.planner.warm_starts(p.t)[0].U[0]
-    c.reconfigure(configuration.controller({'regulator': False, **values}))
+    c.reconfigure(controllers.controller({'regulator': False, **values}))
     left = c.planner.warm_starts(p.t)[0]
     assert left.U[0] == pytest.approx(before, abs=2e-3)   # in other steps, interpolated
     start = next(c.planner.starts.of(c.belief.x, c.planner.warm_starts(p.t)))
@@ -83,7 +84,7 @@ def test_the_last_plan_is_the_start_of_the_next(values):
 def test_what_is_believed_goes_on_unless_something_else_is_told(values, kept):
     c, p = balanced()
     estimator = c.observer.estimator
-    c.reconfigure(configuration.controller(values))
+    c.reconfigure(controllers.controller(values))
     assert (c.observer.estimator is estimator) is kept
     assert c.belief.problem.physical.link1_mass == pytest.approx(
         values.get('link1_mass', 0.5), rel=0.05)
@@ -92,12 +93,12 @@ def test_what_is_believed_goes_on_unless_something_else_is_told(values, kept):
 
 
 def test_what_is_learned_of_the_pendulum_is_kept():
-    c = configuration.controller({})
-    p = configuration.plant({'link2_mass': 0.65})
+    c = controllers.controller({})
+    p = plants.plant({'link2_mass': 0.65})
     simulate(p, c, 4.0)
     learned = c.belief.problem.physical
     assert learned.link2_mass > (0.5 + 0.65) / 2   # nearer to what is than to what was told
-    c.reconfigure(configuration.controller({'solver': 'ddp', 'horizon': 40}))
+    c.reconfigure(controllers.controller({'solver': 'ddp', 'horizon': 40}))
     assert c.belief.problem.physical == learned
 
 
@@ -106,11 +107,11 @@ def test_another_learned_model_changes_nothing_that_is_believed_of_the_state():
               for mass in (0.5, 0.55)]
     runs = []
     for then in models:
-        c = configuration.controller({'dynamics': 'learned', 'model': models[0]})
-        p = configuration.plant({'initial_state': LEANING.tolist(), 'force_bias': 2.0})
+        c = controllers.controller({'dynamics': 'learned', 'model': models[0]})
+        p = plants.plant({'initial_state': LEANING.tolist(), 'force_bias': 2.0})
         simulate(p, c, 2.0)
         before = c.belief.estimate
-        c.reconfigure(configuration.controller({'dynamics': 'learned', 'model': then}))
+        c.reconfigure(controllers.controller({'dynamics': 'learned', 'model': then}))
         X, plans = go_on(c, p, 0.05)
         assert np.abs(c.belief.estimate.x - before.x).max() < 0.1
         assert c.belief.estimate.drive.bias == pytest.approx(2.0, abs=0.5)
@@ -121,19 +122,19 @@ def test_another_learned_model_changes_nothing_that_is_believed_of_the_state():
 def test_enabled_counts_where_it_changes_alone():
     c, p = balanced()
     c.enable(False)
-    c.reconfigure(configuration.controller({'horizon': 40}))
+    c.reconfigure(controllers.controller({'horizon': 40}))
     assert not c.enabled
     c.enable(True)
-    c.reconfigure(configuration.controller({'horizon': 40, 'enabled': False}))
+    c.reconfigure(controllers.controller({'horizon': 40, 'enabled': False}))
     assert go_on(c, p, 0.05)[1][0].stats.status is Status.DISABLED
 
 
 def test_a_seed_begins_its_random_numbers():
     runs = []
     for seeds in ((0, 5, 5), (0, 5), (5,)):
-        c = configuration.controller({'seed': seeds[0]})
+        c = controllers.controller({'seed': seeds[0]})
         for seed in seeds[1:]:
-            c.reconfigure(configuration.controller({'seed': seed}))
+            c.reconfigure(controllers.controller({'seed': seed}))
         runs.append(c.planner.starts.draw(5))
     np.testing.assert_array_equal(runs[0], runs[1])
     np.testing.assert_array_equal(runs[0], runs[2])
@@ -145,7 +146,7 @@ def test_it_is_held_through_all_changes(solver):
     values = {'solver': solver}
     for change in CHANGES:
         values |= change
-        c.reconfigure(configuration.controller(values))
+        c.reconfigure(controllers.controller(values))
         X, plans = go_on(c, p, 0.5)
         assert np.abs(X[:, angles(c.belief.x)]).max() < 0.2, (change, values)
         assert not {plan.stats.status for plan in plans} & {Status.ZERO, Status.REGULATOR}, change
@@ -154,7 +155,7 @@ def test_it_is_held_through_all_changes(solver):
 def test_it_is_held_through_all_solvers():
     c, p = balanced()
     for before, solver in pairwise([*sorted(SOLVERS), *sorted(SOLVERS, reverse=True)]):
-        c.reconfigure(configuration.controller({'solver': solver}))
+        c.reconfigure(controllers.controller({'solver': solver}))
         assert np.abs(go_on(c, p, 0.25)[0][:, angles(c.belief.x)]).max() < 0.05, (before, solver)
 
 
@@ -162,6 +163,6 @@ def test_it_is_held_through_all_solvers():
 def test_one_change_leads_to_another_equilibrium(solver):
     c, p = balanced(solver, horizon=40)
     for goal in ('down_down', 'up_up'):
-        c.reconfigure(configuration.controller({'solver': solver, 'horizon': 40, 'goal': goal}))
+        c.reconfigure(controllers.controller({'solver': solver, 'horizon': 40, 'goal': goal}))
         X, _ = go_on(c, p, 5.0)
         assert is_upright(errors(X[-20:], c.belief.problem.x_r)).all(), goal

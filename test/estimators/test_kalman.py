@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from dp_swing_ros import configuration
 from dp_swing_ros.configuration import default_cost
+from dp_swing_ros.control import controllers
 from dp_swing_ros.control.commands import SentCommands
 from dp_swing_ros.estimators.gaussian import constrain, correct, SMALL
 from dp_swing_ros.estimators.kalman import (
@@ -362,7 +362,7 @@ def test_a_push_is_no_outlier(push):
 @pytest.mark.parametrize('push_gate, falls', [(3.0, False), (math.inf, True)])
 def test_a_push_of_a_held_pendulum_is_no_delay(push_gate, falls):
     """Two of some 9 N; an answer to them that does little looks like one that is late."""
-    c, delays = configuration.controller({'ekf.push_gate': push_gate}), []
+    c, delays = controllers.controller({'ekf.push_gate': push_gate}), []
     episode = simulate(plant(), c, 7.0, pushes=push_profile(1, 140),
                        on_tick=lambda t, plan: delays.append(c.belief.estimate.drive.delay))
     upright = np.cos(episode.X[60:, angles(c.belief.estimate.x)])

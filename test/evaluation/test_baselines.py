@@ -5,15 +5,16 @@ import dataclasses
 import numpy as np
 import pytest
 
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
 from dp_swing_ros.evaluation.baselines import BASELINES, stabilised, swing_up, TVLQR
 from dp_swing_ros.evaluation.metrics import measure
 from dp_swing_ros.pendulum.equations import energy
 from dp_swing_ros.pendulum.state import hanging, is_upright
 from dp_swing_ros.problem.plan import Status
+from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import simulate
 
-PROBLEM = configuration.problem({})
+PROBLEM = controllers.problem({})
 
 
 @pytest.fixture(scope='module')
@@ -38,13 +39,13 @@ def test_gains_of_the_goal_are_those_of_the_infinite_horizon(reference):
 
 
 def test_tvlqr_swings_up_and_holds(reference):
-    metrics = measure(simulate(configuration.plant({}), TVLQR(PROBLEM, reference), 6.0))
+    metrics = measure(simulate(plants.plant({}), TVLQR(PROBLEM, reference), 6.0))
     assert metrics.success
     assert metrics.largest_force <= 20.0
 
 
 def test_feedback_keeps_it_on_the_swing_up_that_forces_alone_leave(reference):
-    disturbed = configuration.plant({'force_noise': 0.5, 'seed': 1})
+    disturbed = plants.plant({'force_noise': 0.5, 'seed': 1})
     deaf = reference._replace(
         plan=dataclasses.replace(reference.plan, K=np.zeros_like(reference.plan.K)))
     assert measure(simulate(disturbed, TVLQR(PROBLEM, reference), 6.0)).success
@@ -55,7 +56,7 @@ def test_feedback_keeps_it_on_the_swing_up_that_forces_alone_leave(reference):
 @pytest.mark.parametrize('turns', [0, 1, -2])
 def test_a_start_near_the_goal_is_regulated_at_once(turns, reference):
     x = [0.0, 0.02 + 2 * np.pi * turns, 0.02, 0.0, 0.0, 0.0]
-    plant = configuration.plant({'initial_state': x})
+    plant = plants.plant({'initial_state': x})
     metrics = measure(simulate(plant, TVLQR(PROBLEM, reference), 3.0))
     assert metrics.success
     assert metrics.largest_angle < 0.1
@@ -94,7 +95,7 @@ def test_a_state_may_be_lost_before_the_first(name):
 
 @pytest.mark.parametrize('name', BASELINES)
 def test_a_baseline_closes_the_loop_of_a_plant_that_loses_messages(name):
-    plant = configuration.plant({'state_loss': 0.3, 'command_loss': 0.3, 'delay': 0.04})
+    plant = plants.plant({'state_loss': 0.3, 'command_loss': 0.3, 'delay': 0.04})
     episode = simulate(plant, BASELINES[name]({})(0), 2.0)
     assert np.all(np.isfinite(episode.X))
     assert measure(episode).stand_ins > 0 or name == 'nothing'
@@ -103,7 +104,7 @@ def test_a_baseline_closes_the_loop_of_a_plant_that_loses_messages(name):
 def test_the_estimator_keeps_a_swing_up_on_its_way_that_noise_leads_astray():
     def held(name):
         make = BASELINES[name]({})
-        return sum(measure(simulate(configuration.plant(
+        return sum(measure(simulate(plants.plant(
             {'velocity_noise': 0.2, 'seed': seed}), make(seed), 6.0)).success
             for seed in range(4))
     assert held('tvlqr') < held('tvlqr_ekf') == 4
@@ -111,7 +112,7 @@ def test_the_estimator_keeps_a_swing_up_on_its_way_that_noise_leads_astray():
 
 def test_the_energy_comes_to_that_of_upright():
     controller = BASELINES['energy_ekf']({})(0)
-    episode = simulate(configuration.plant({}), controller, 10.0)
+    episode = simulate(plants.plant({}), controller, 10.0)
     p = PROBLEM.model.pendulum
     still = np.where(np.arange(6) == 3, 0.0, episode.X)   # in the frame of the cart
     energies = [energy(p, x) for x in still.tolist()]
@@ -123,10 +124,10 @@ def test_the_energy_comes_to_that_of_upright():
 
 
 def test_nothing_does_nothing():
-    episode = simulate(configuration.plant({}), BASELINES['nothing']({})(0), 2.0)
+    episode = simulate(plants.plant({}), BASELINES['nothing']({})(0), 2.0)
     np.testing.assert_array_equal(episode.U, 0.0)
 
 
 def test_a_swing_up_that_cannot_be_is_refused():
     with pytest.raises(ValueError, match='no swing-up'):
-        swing_up(configuration.problem({'force_limit': 1.0}))
+        swing_up(controllers.problem({'force_limit': 1.0}))

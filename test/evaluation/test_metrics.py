@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from synthetic import first, PERIOD, swing_up, without_ticks
 
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
 from dp_swing_ros.evaluation.metrics import measure, Outcome, outcome, settling_time
 from dp_swing_ros.pendulum.state import is_upright
 from dp_swing_ros.problem.cost import running
@@ -211,7 +211,7 @@ def test_the_cart_may_be_off_the_centre_when_settled():
 
 def test_the_closed_loop_cost_is_that_of_the_default_problem(rng):
     X, U = rng.normal(size=(81, 6)) * [2.4, 6, 6, 1, 5, 5], rng.normal(0, 8, 80)
-    cost = configuration.problem({}).cost
+    cost = controllers.problem({}).cost
     expected = sum(running(cost, x, u) for x, u in zip(X, U))
     episode = dataclasses.replace(swing_up(), X=X, U=U)
     assert measure(episode).closed_loop_cost == pytest.approx(expected, rel=1e-12)

@@ -5,12 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
 from dp_swing_ros.evaluation.campaign.contestants import parse, play
 from dp_swing_ros.evaluation.campaign.summary import CRITERIA
 from dp_swing_ros.evaluation.scenarios import APART, FIRST_PUSH, LAST_PUSH, push_profile, SCENARIOS
 from dp_swing_ros.pendulum.parameters import DriveParameters, PendulumParameters
 from dp_swing_ros.pendulum.state import angles, equilibria, hanging, is_upright, LINKS
+from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import simulate
 from dp_swing_ros.simulation.plant import PlantParameters
 from dp_swing_ros.solvers import SOLVERS
@@ -24,7 +25,7 @@ def cases(name, seeds=None, levels=0, duration=10.0, links=2):
 @pytest.mark.parametrize('name', SCENARIOS)
 def test_every_case_is_one_of_a_plant_that_there_is(name, links):
     for case in cases(name, range(2), 3, links=links):
-        configuration.plant({'links': links, **case.plant})
+        plants.plant({'links': links, **case.plant})
         assert case.scenario == name
         assert len(case.pushes) in (0, 200)
 
@@ -96,7 +97,7 @@ def test_starts_near_the_goal_are_at_rest_in_the_middle(links):
 
 def test_a_start_is_not_made_of_the_numbers_of_the_first_plan():
     # both are drawn from the seed, and must have nothing to do with each other
-    first = configuration.controller({'seed': 3}).random.uniform(-1, 1, 2)
+    first = controllers.controller({'seed': 3}).random.uniform(-1, 1, 2)
     start = starts('near_goal', range(3, 4))[0, 1:3] / 0.3
     assert not np.allclose(first, start)
 
@@ -126,10 +127,10 @@ def test_force_noise_goes_to_18_percent_of_the_limit():
 
 
 def test_the_middle_of_the_model_sweep_is_the_nominal_plant():
-    nominal = configuration.plant({}).physical
+    nominal = plants.plant({}).physical
     for case in cases('model', range(1), 3):
         if case.level == 1.0:
-            assert configuration.plant(case.plant).physical == nominal
+            assert plants.plant(case.plant).physical == nominal
 
 
 def test_pushes_are_strong_and_apart():
@@ -169,7 +170,7 @@ def test_a_tight_track_is_known_to_plant_and_controller():
 
 def test_all_at_once_grows_with_its_level():
     half, twice = cases('all_at_once', range(7, 8), 2)
-    configuration.plant(twice.plant)
+    plants.plant(twice.plant)
     assert twice.plant['engine'] == half.plant['engine'] == 'own'
     assert (half.plant['encoder_counts'], twice.plant['encoder_counts']) == (8192, 2048)
     for name, nominal in (('actuation_delay', 0.0), ('force_gain', 1.0), ('link1_mass', 0.5),
@@ -205,14 +206,14 @@ RANGES['rig_all_fast'] = RANGES['rig_all']
 @pytest.mark.parametrize('name', RIGS)
 def test_a_rig_is_of_other_make_and_nobody_is_told(name):
     for case in cases(name, range(3)):
-        made = configuration.plant(case.plant)
+        made = plants.plant(case.plant)
         assert made.parameters.engine == 'mujoco'
         start = np.array(case.plant['initial_state']) - hanging()
         assert 0 < np.abs(start).max() < 5e-3
         wrong = {name for name, value in case.plant.items() if value != NOMINAL[name]}
         assert wrong - {'engine', 'initial_state'} or name == 'rig_clean'
         # what the contestants solve for is what they are told: nothing
-        assert configuration.controller({}).nominal.physical == PendulumParameters()
+        assert controllers.controller({}).nominal.physical == PendulumParameters()
 
 
 @pytest.mark.parametrize('links', LINKS)
@@ -265,7 +266,7 @@ def test_the_joints_of_a_rig_are_all_its_joints(links):
 
 @pytest.mark.parametrize('name', RIGS)
 def test_what_a_rig_s_sensors_are(name):
-    plant = configuration.plant(cases(name, range(1))[0].plant).parameters
+    plant = plants.plant(cases(name, range(1))[0].plant).parameters
     counts = {'rig_encoders': 2048, 'rig_backlash': 4096, 'rig_all': 4096,
               'rig_all_fast': 4096}.get(name, 0)
     assert (plant.encoder_counts, plant.velocities) == (counts, 'none' if counts else 'exact')
@@ -277,8 +278,8 @@ def test_what_a_rig_s_sensors_are(name):
 def test_a_rig_is_swung_up_and_held(name, seed, solver):
     """A quick version of a campaign: one rig, its worst level; that of seed 2 slides easily."""
     case = cases(name, range(seed, seed + 1))[-1]
-    c = configuration.controller({'solver': solver, 'seed': case.seed})
-    episode = simulate(configuration.plant({**case.plant, 'seed': case.seed}), c, 10.0)
+    c = controllers.controller({'solver': solver, 'seed': case.seed})
+    episode = simulate(plants.plant({**case.plant, 'seed': case.seed}), c, 10.0)
     held = episode.t >= 8.0
     assert np.abs(episode.X[held, 0]).max() < 0.02
     assert all(is_upright(x) for x in episode.X[held])

@@ -20,9 +20,9 @@ from dp_swing_ros.kernels.compilation import same_type_by
 SOLVES = """
 import hashlib, math, numpy as np
 import dp_swing_ros
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
 from dp_swing_ros.solvers import SOLVERS
-problem, plans = configuration.problem({'links': 1}), hashlib.sha256()  # compiles sooner
+problem, plans = controllers.problem({'links': 1}), hashlib.sha256()  # compiles sooner
 for solver in (SOLVERS['ddp'], SOLVERS['mppi']):   # iLQR's are among DDP's
     one, random = solver(problem, solver.Parameters()), np.random.default_rng(0)
     for _ in range(10):

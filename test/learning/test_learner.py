@@ -8,11 +8,12 @@ from learned_dynamics import BODIES
 import numpy as np
 import pytest
 
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
 from dp_swing_ros.evaluation.metrics import measure
 from dp_swing_ros.learning.learner import Explorer, Learner
 from dp_swing_ros.learning.trials import held_for, trials
 from dp_swing_ros.parameters import ParameterError
+from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import simulate
 
 NOISY = {**BODIES, 'position_noise': 0.01, 'velocity_noise': 0.01}
@@ -51,14 +52,14 @@ def test_what_is_learned_is_planned_with_by_an_mpc(tmp_path):
     one = learner()
     list(trials(one, NOISY, math.inf, 15.0, 2.0))
     (tmp_path / 'model.json').write_text(one.model.to_text())
-    control = configuration.controller({
+    control = controllers.controller({
         'dynamics': 'learned', 'model': str(tmp_path / 'model.json'), 'solver': 'ddp'})
-    assert measure(simulate(configuration.plant(BODIES), control, 8.0)).success
+    assert measure(simulate(plants.plant(BODIES), control, 8.0)).success
 
 
 @pytest.mark.parametrize('bodies', [{}, BODIES, {'cart_mass': 3.0, 'link1_mass': 1.0}])
 def test_random_forces_keep_off_the_ends_of_the_track(bodies):
-    explorer, plant = Explorer(20.0, np.random.default_rng(0)), configuration.plant(bodies)
+    explorer, plant = Explorer(20.0, np.random.default_rng(0)), plants.plant(bodies)
     places, forces = [], []
     for _ in range(400):
         forces.append(explorer.force(plant.measure().x))

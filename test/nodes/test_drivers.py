@@ -21,12 +21,12 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 from std_srvs.srv import SetBool
 
-from dp_swing_ros import configuration
 from dp_swing_ros.bags import read_episode
 from dp_swing_ros.messages.configuration import from_text
 from dp_swing_ros.messages.fields import from_diagnostics, nanoseconds
 from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
 from dp_swing_ros.pendulum.state import hanging, is_upright, to_turn_of
+from dp_swing_ros.simulation import plants
 from dp_swing_ros.tools import analyse, verify
 from dp_swing_ros.topics import (
     CONFIGURATION, DIAGNOSTICS, FORCE_COMMAND, FORCE_COMMAND_STAMPED, JOINT_STATES)
@@ -271,7 +271,7 @@ def test_foreign_names_signs_zeros_and_relative_angles_without_velocities_are_sw
     """In lockstep of the rig's making: it goes on when the force has come."""
     node = start_node('mpc', {**Rig.PARAMETERS, 'clock': 'lockstep'})
     node.wait_for('ready')
-    rig, plant, times = Rig(peer), configuration.plant({}), itertools.count(0, 50_000_000)
+    rig, plant, times = Rig(peer), plants.plant({}), itertools.count(0, 50_000_000)
     rig.meet()
     states = rig.swing(plant, 120, lambda: next(times), paced=False)
     assert is_upright(states[-20:]).all(), node.output()
@@ -332,7 +332,7 @@ def test_the_bag_of_a_foreign_rig_is_read_as_the_mpc_read_it(
         parameters['joint_offsets'] = [Rig.OFFSETS[0], 0.0, 0.0]
     mpc = start_node('mpc', parameters)
     mpc.wait_for('ready')
-    rig, plant = Rig(peer), configuration.plant({})
+    rig, plant = Rig(peer), plants.plant({})
     rig.meet()
     states = rig.swing(plant, 60, now)
     mpc.stop()

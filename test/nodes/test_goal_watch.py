@@ -4,9 +4,10 @@
 
 import pytest
 
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
 from dp_swing_ros.nodes.timing import GoalWatch
 from dp_swing_ros.pendulum.state import errors, is_upright
+from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import simulate
 
 
@@ -15,13 +16,13 @@ from dp_swing_ros.simulation.closed_loop import simulate
 def test_a_goal_that_no_plan_comes_to_is_told(goal, horizon, warns):
     """From hanging; once there, it is not told again."""
     arrival, told = GoalWatch(), []
-    controller = configuration.controller({'goal': goal, 'horizon': horizon})
+    controller = controllers.controller({'goal': goal, 'horizon': horizon})
     problem = controller.belief.problem
 
     def on_tick(t, plan):
         told.append(arrival.warning(t, is_upright(errors(plan.X[-1], problem.x_r)),
                                     problem.horizon * problem.dt))
-    simulate(configuration.plant({}), controller, 6.0, on_tick=on_tick)
+    simulate(plants.plant({}), controller, 6.0, on_tick=on_tick)
     assert any(told) is warns and bool(told[-1]) is warns
     assert not warns or 'expected a longer' in told[-1]
 

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
 from dp_swing_ros.control.receding_horizon import RecedingHorizon
 from dp_swing_ros.nodes.loading import Loaded, Loader
 from dp_swing_ros.parameters import ParameterError
@@ -31,7 +31,7 @@ def load(loader, controller):
 
 
 def test_what_cannot_be_loaded_is_told_and_the_next_is_loaded():
-    good = configuration.controller({})
+    good = controllers.controller({})
     broken = Broken(good.nominal, good.parameters, good.solver_parameters)
     loader = Loader(good, math.inf)   # however busy the machine is
     assert load(loader, broken) == Loaded(broken, {}, 'no license')
@@ -42,11 +42,11 @@ def test_what_cannot_be_loaded_is_told_and_the_next_is_loaded():
 
 
 def test_one_whose_ticks_would_be_late_whatever_the_deadline_is_refused():
-    good = configuration.controller({})
+    good = controllers.controller({})
     assert 'time_limit is 0.04 s; expected fewer' in load(Loader(good, SLOW), good).error
 
 
 def test_samples_beyond_the_memory_are_refused():
     with pytest.raises(ParameterError, match='mppi.samples is 1000000, which over a horizon '
                                              'of 1000 steps take 4 GB; expected 1.1 GB at most'):
-        configuration.controller({'solver': 'mppi', 'mppi.samples': 1_000_000, 'horizon': 1000})
+        controllers.controller({'solver': 'mppi', 'mppi.samples': 1_000_000, 'horizon': 1000})

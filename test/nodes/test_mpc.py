@@ -16,7 +16,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
 from dp_swing_ros.messages.fields import from_diagnostics, from_trajectory, seconds
 from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
 from dp_swing_ros.nodes.mpc import MpcNode
@@ -82,7 +82,7 @@ def test_the_published_plan_re_integrates_to_itself(peer, start_node):
     talk.send(LEANING)
     assert peer.until(lambda: talk.plans)
     plan = from_trajectory(talk.plans[0])
-    model = configuration.problem({}).model
+    model = controllers.problem({}).model
     np.testing.assert_array_equal(plan.X[0], LEANING)
     np.testing.assert_allclose(rollout(model, LEANING, plan.U), plan.X, atol=1e-12)
     np.testing.assert_allclose(plan.t, np.arange(31) * 0.05, atol=1e-9)
@@ -418,7 +418,7 @@ def mpc():
 
 
 def test_a_margin_as_wide_as_the_track_is_told(mpc, capfd):
-    mpc.controller = configuration.controller({'track_limit': 0.4})
+    mpc.controller = controllers.controller({'track_limit': 0.4})
     mpc.warn_of_problem()
     assert 'track_margin is 0.4 m of the 0.4 m of track' in capfd.readouterr().err
 

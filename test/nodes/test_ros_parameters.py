@@ -16,7 +16,7 @@ from rclpy.parameter import get_parameter_value, Parameter
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
-from dp_swing_ros import configuration
+from dp_swing_ros import declarations
 from dp_swing_ros.messages.configuration import Configuration
 from dp_swing_ros.nodes import ros_parameters
 from dp_swing_ros.nodes.parameters import named, shown, table
@@ -66,7 +66,7 @@ def declare_example(node, prefix=''):
 
 
 def declare_pendulum(node, kind):
-    return declare(node, configuration.declared_for(kind, ros_parameters.given(node)))
+    return declare(node, declarations.DECLARATIONS[kind].fields_for(ros_parameters.given(node)))
 
 
 def given(*pairs):
@@ -324,10 +324,10 @@ def test_what_stays_may_be_said_again(ask):
     assert node.get_parameter('bound').value == 5.0
 
 
-@pytest.mark.parametrize('kind', configuration.NODES)
+@pytest.mark.parametrize('kind', declarations.DECLARATIONS)
 @pytest.mark.parametrize('links', LINKS)
 def test_shown_defaults_can_be_pasted(make_node, kind, links):
-    fields = configuration.declared(kind, links)
+    fields = declarations.DECLARATIONS[kind].fields(links)
     rules = [f'links:={links}', *(f'{name}:={shown(field.default)}'
                                   for name, field in fields.items()
                                   if isinstance(field.default, tuple))]
@@ -338,11 +338,11 @@ def test_shown_defaults_can_be_pasted(make_node, kind, links):
 
 
 @pytest.mark.parametrize('links', LINKS)
-@pytest.mark.parametrize('kind', configuration.NODES)
+@pytest.mark.parametrize('kind', declarations.DECLARATIONS)
 def test_a_pendulum_has_the_parameters_of_its_links(make_node, kind, links):
     node = make_node(*given(f'links:={links}'))
     values = declare_pendulum(node, kind)
-    assert values == configuration.complete(kind, {'links': links})
+    assert values == declarations.DECLARATIONS[kind].complete({'links': links})
     for name in ('link{}_mass', 'link{}_length', 'link{}_inertia_factor', 'joint{}_friction'):
         assert [node.has_parameter(name.format(i)) for i in LINKS] == [i <= links for i in LINKS]
     listed = 'initial_state' if kind == 'plant' else 'reference'

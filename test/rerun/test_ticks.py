@@ -2,26 +2,26 @@
 # SPDX-License-Identifier: Apache-2.0
 import pytest
 
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
 from dp_swing_ros.messages.configuration import Configuration
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.rerun.ticks import own
 
 
 def recorded(**parameters):
-    return own(Configuration('/mpc', {**configuration.complete('mpc', {}), **parameters},
+    return own(Configuration('/mpc', {**controllers.MPC.complete({}), **parameters},
                              '', '', '', '', {}))
 
 
 def test_solvers_of_packages_that_are_gone_are_left_out_where_they_were_not_used():
     found = recorded(**{'shooting.change': 1.0, 'blend.share': 0.3, 'qos_overrides./a.b': 'c'})
-    assert found == configuration.complete('mpc', {})
+    assert found == controllers.MPC.complete({})
 
 
 def test_parameters_of_earlier_versions_that_decided_no_force_are_left_out():
-    assert recorded(shadow=['ddp']) == configuration.complete('mpc', {})
+    assert recorded(shadow=['ddp']) == controllers.MPC.complete({})
 
 
 def test_one_that_was_used_is_asked_for():
     with pytest.raises(ParameterError, match='shooting'):
-        configuration.controller(recorded(**{'solver': 'shooting', 'shooting.change': 1.0}))
+        controllers.controller(recorded(**{'solver': 'shooting', 'shooting.change': 1.0}))

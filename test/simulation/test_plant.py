@@ -8,7 +8,7 @@ from controllers import controller, LIMITS, plant
 import numpy as np
 import pytest
 
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
 from dp_swing_ros.evaluation.metrics import measure
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.pendulum.equations import energy, mass_matrix, Pendulum
@@ -17,6 +17,7 @@ from dp_swing_ros.pendulum.model import Model, rollout
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.pendulum.state import angles, from_joints, hanging, LINKS, SIZES, to_joints
 from dp_swing_ros.problem.plan import Status
+from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import simulate
 from dp_swing_ros.simulation.engines import stop_at_end
 from dp_swing_ros.simulation.plant import PlantParameters
@@ -448,7 +449,7 @@ def test_another_number_of_links_comes_up_too(name, links):
     if links == 3:
         values['initial_state'] = (0.1, 0.02, 0.02, 0.02, 0.0, 0.0, 0.0, 0.0)
     of_mpc = {'links': links, 'solver': name}
-    metrics = measure(simulate(configuration.plant(values), configuration.controller(of_mpc), 5.0))
+    metrics = measure(simulate(plants.plant(values), controllers.controller(of_mpc), 5.0))
     assert metrics.success
 
 

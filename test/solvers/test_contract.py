@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from sampled_ilqr import SampledILQR
 
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
 from dp_swing_ros.control.receding_horizon import MpcParameters
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.pendulum.integrators import INTEGRATORS
@@ -75,7 +75,7 @@ def modelled(request):
 
 
 def problem(links=2, **values):
-    return configuration.problem({'links': links, 'force_limit': 20.0, **values})
+    return controllers.problem({'links': links, 'force_limit': 20.0, **values})
 
 
 def problem_at(x_0, **values):

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
 from dp_swing_ros.evaluation.scenarios import SCENARIOS
 from dp_swing_ros.pendulum.derivatives import expand
 from dp_swing_ros.pendulum.state import hanging, LINKS, SIZES
@@ -16,7 +16,7 @@ from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.solvers.riccati import backward
 
 COUNT = 200
-PROBLEM = configuration.problem({})
+PROBLEM = controllers.problem({})
 SHARES = (1.0, *np.geomspace(1e-3, 1.0, 200), 0.0)
 
 
@@ -61,7 +61,7 @@ def test_what_has_converged_promises_nothing_without_regularisation(name, values
 @pytest.mark.parametrize('angle', [0.25, 0.5, 0.6])
 def test_the_exact_hessian_ends_a_descent_quadratically(angle):
     """Where no bound is in its way it takes few iterations through the last seven digits."""
-    p = configuration.problem({'force_limit': math.inf})
+    p = controllers.problem({'force_limit': math.inf})
     x = np.array([0.3, angle, 0.3 * angle, 0.0, 0.0, 0.0])
 
     def ending(hessian):
@@ -85,7 +85,7 @@ def test_every_solve_ends(name):
 @pytest.mark.parametrize('name', ['ilqr', 'ddp'])
 def test_near_the_goal_the_plan_is_the_regulator_s(name, links):
     """Where the problem is linear and unbounded, its optimum is known."""
-    p = configuration.problem({'links': links, 'force_limit': math.inf})
+    p = controllers.problem({'links': links, 'force_limit': math.inf})
     x = np.zeros(SIZES[links])
     x[:2] = 1e-3, 1e-4
     plan = SOLVERS[name](p, SOLVERS[name].Parameters()).solve(x, None, math.inf)

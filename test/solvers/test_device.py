@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.pendulum.state import hanging, SIZES
 from dp_swing_ros.problem.problem import policy_rollout, Rollout
@@ -24,7 +24,7 @@ devices = pytest.mark.parametrize('device', ['torch', pytest.param('cuda', marks
 
 
 def solver(device, seed=0, values=None, **parameters):
-    return MPPI(configuration.problem(values or {'horizon': 20}),
+    return MPPI(controllers.problem(values or {'horizon': 20}),
                 MPPIParameters(samples=SAMPLES, device=device, **parameters), seed)
 
 
@@ -106,7 +106,7 @@ def test_torch_compiles_a_program_of_every_size():
 def test_a_gpu_that_is_not_there_is_refused():
     parameters = MPPIParameters(device='cuda')
     with pytest.raises(ParameterError, match='finds no CUDA GPU; expected an NVIDIA GPU'):
-        MPPI(configuration.problem({}), parameters)
-    MPPI(configuration.problem({}), replace(parameters, device='cpu'))
+        MPPI(controllers.problem({}), parameters)
+    MPPI(controllers.problem({}), replace(parameters, device='cpu'))
     with pytest.raises(ParameterError, match='one of cpu, cuda, torch'):
         MPPIParameters(device='gpu')

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
 from dp_swing_ros.pendulum.derivatives import expand, STEPS
 from dp_swing_ros.pendulum.model import advance, rollout
 from dp_swing_ros.pendulum.state import LINKS
@@ -22,7 +22,7 @@ UNBOUNDED = Bounds(-math.inf, math.inf)
 
 @pytest.fixture(params=LINKS)
 def problem(request):
-    return configuration.problem({'links': request.param, 'cart_friction': 0.1, 'horizon': N})
+    return controllers.problem({'links': request.param, 'cart_friction': 0.1, 'horizon': N})
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@
 import numpy as np
 import pytest
 
-from dp_swing_ros import configuration
+from dp_swing_ros.control import controllers
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.pendulum.model import rollout
 from dp_swing_ros.pendulum.state import hanging, LINKS, SIZES
@@ -40,7 +40,7 @@ def drawn(problem, rng, samples, sigma=3.0, correlation=0.0, gain=0.0,
 
 
 def problem(**values):
-    return configuration.problem({'horizon': N, **values})
+    return controllers.problem({'horizon': N, **values})
 
 
 @pytest.mark.parametrize(('samples', 'values'), [
@@ -182,7 +182,7 @@ def test_without_an_elite_the_average_alone_is_a_candidate():
 @pytest.mark.parametrize('values', [{}, {'device': 'torch', 'samples': 64}])
 def test_near_the_goal_the_plan_is_the_regulator_s(values, links):
     """Where the problem is linear and unbounded, its optimum is known."""
-    p = configuration.problem({'links': links, 'force_limit': np.inf})
+    p = controllers.problem({'links': links, 'force_limit': np.inf})
     x, plan = np.zeros(SIZES[links]), None
     x[:2] = 1e-3, 1e-4
     for _ in range(3):

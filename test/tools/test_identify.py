@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 from real_bags import record, rewritten
 
-from dp_swing_ros import configuration
+from dp_swing_ros import declarations
 from dp_swing_ros.bags.reader import Bag
+from dp_swing_ros.control import controllers
 from dp_swing_ros.identification import recorded as times
 from dp_swing_ros.identification.recorded import recorded
 from dp_swing_ros.pendulum.parameters import PendulumParameters
+from dp_swing_ros.simulation import plants
 from dp_swing_ros.tools.identify import main
 from dp_swing_ros.topics import (
     CONFIGURATION, DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES, ROBOT_DESCRIPTION)
@@ -57,7 +59,7 @@ def test_the_process_finds_what_moved_the_plant(identified):
     assert 'force_gain held at 1.0' in shown
     assert times.LOCKSTEP in shown
     assert output.with_suffix('.png').stat().st_size > 10_000
-    values = configuration.read([output])
+    values = declarations.read([output])
     assert values['plant'] == values['mpc']
     for name, value in RIG.items():
         assert values['mpc'][name] == pytest.approx(value, rel=0.02, abs=2e-3), name
@@ -65,10 +67,10 @@ def test_the_process_finds_what_moved_the_plant(identified):
 
 def test_plant_and_mpc_take_the_file(identified, start_node):
     _, output = identified
-    values = configuration.read([output])
-    found = configuration.plant(values['plant']).physical
+    values = declarations.read([output])
+    found = plants.plant(values['plant']).physical
     assert found.cart_mass == values['plant']['cart_mass']
-    assert configuration.controller(values['mpc']).nominal_drive.gain == pytest.approx(1, abs=0.02)
+    assert controllers.controller(values['mpc']).nominal_drive.gain == pytest.approx(1, abs=0.02)
     mpc = start_node('mpc', arguments=['--params-file', str(output)])
     plant = start_node('plant', {'duration': 0.5}, arguments=['--params-file', str(output)])
     mpc.wait_for('ready')
@@ -83,7 +85,7 @@ def test_in_real_time_a_command_counts_from_when_it_was_sent(real_time, tmp_path
         found.motion.t, found.motion.sent[20:]) - 1]
     assert 0 < np.median(ages) < 0.05
     assert main([str(real_time), '-o', str(tmp_path / 'rig.yaml')]) == 0
-    values = configuration.read([tmp_path / 'rig.yaml'])['mpc']
+    values = declarations.read([tmp_path / 'rig.yaml'])['mpc']
     assert values['cart_mass'] == pytest.approx(RIG['cart_mass'], rel=0.03)
     assert values['link1_length'] == pytest.approx(RIG['link1_length'], rel=0.03)
 
@@ -120,7 +122,7 @@ def test_several_bags_are_of_one_rig(lockstep, real_time, tmp_path, capsys):
                  str(output)]) == 0
     shown = capsys.readouterr().out
     assert times.LOCKSTEP in shown and times.SAME in shown
-    assert configuration.read([output])['mpc']['cart_mass'] == 1.1
+    assert declarations.read([output])['mpc']['cart_mass'] == 1.1
 
 
 def test_a_bag_without_commands_is_one_line(lockstep, tmp_path, capsys):

@@ -9,10 +9,11 @@ from PIL import Image
 import pytest
 from real_bags import record, rewritten
 
-from dp_swing_ros import configuration
 from dp_swing_ros.bags.reader import Bag
+from dp_swing_ros.control import controllers
 from dp_swing_ros.dynamics.files import load
 from dp_swing_ros.pendulum.state import deviation
+from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import simulate
 from dp_swing_ros.tools.train import main
 from dp_swing_ros.topics import FORCE_COMMAND, JOINT_STATES
@@ -41,8 +42,8 @@ def test_the_process_leaves_a_model_that_holds_what_moved(bag, tmp_path):
     own, equations = (np.array(found.about[name]['speeds'])
                       for name in ('errors', 'errors of the equations'))
     assert np.all(own < 0.9 * equations)   # it stands still for most of it
-    plant = configuration.plant(BODIES)
-    learned = configuration.controller({'dynamics': 'learned', 'model': str(output)})
+    plant = plants.plant(BODIES)
+    learned = controllers.controller({'dynamics': 'learned', 'model': str(output)})
     episode = simulate(plant, learned, 10.0)
     assert np.all(deviation(episode.X[-40:], learned.nominal.x_r) < 0.1)
 

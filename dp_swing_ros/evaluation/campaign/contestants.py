@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from dp_swing_ros import configuration
+from dp_swing_ros import declarations
+from dp_swing_ros.control import controllers
 from dp_swing_ros.control.receding_horizon import starts_to_warm_up
 from dp_swing_ros.dynamics.files import load
 from dp_swing_ros.evaluation.baselines import BASELINES
@@ -20,6 +21,7 @@ from dp_swing_ros.evaluation.scenarios import Case, PERIOD
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.parameters.files import value_of
 from dp_swing_ros.problem.parameters import LEARNED
+from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import Controller, simulate
 from dp_swing_ros.simulation.episode import Episode
 from dp_swing_ros.solvers import SOLVERS
@@ -42,7 +44,7 @@ class Contestant:
     def prepare(self) -> Callable[[int], Controller]:
         """Return what makes the controller for a seed; raises ParameterError."""
         if self.name in SOLVERS:
-            return lambda seed: configuration.controller(
+            return lambda seed: controllers.controller(
                 {**self.mpc, 'solver': self.name, 'seed': seed})
         return BASELINES[self.name](self.mpc)
 
@@ -61,10 +63,10 @@ def parse(text: str) -> Contestant:
     parts = match['parts'].split('+') if match['parts'] else []
     files = [Path(part) for part in parts if '=' not in part]
     given = [part.split('=', 1) for part in parts if '=' in part]
-    values = configuration.read(files)
+    values = declarations.read(files)
     mpc = {**values['mpc'], **{name: value_of(value, name) for name, value in given}}
-    complete = configuration.complete('mpc', mpc)   # before hundreds of episodes find it out
-    configuration.complete('plant', values['plant'])
+    complete = controllers.MPC.complete(mpc)   # before hundreds of episodes find it out
+    plants.PLANT.complete(values['plant'])
     if complete['dynamics'] == LEARNED:   # its file may be another when a campaign goes on
         mpc['model'] = load(complete['model'], complete['links']).to_text()
     shown = '+'.join(part if '=' in part else Path(part).stem for part in parts)
@@ -105,12 +107,12 @@ def simulated(contestant: Contestant, case: Case) -> Episode:
     if case.told or case.mpc:
         contestant = replace(contestant, mpc={**contestant.mpc, **case.told, **case.mpc})
     controller = ready(contestant)(case.seed)
-    plant = configuration.plant(
+    plant = plants.plant(
         {**contestant.plant, **case.told, **case.plant, 'seed': case.seed})
     return simulate(plant, controller, case.duration, contestant.name,
                     pushes=np.array(case.pushes) if case.pushes else None,
                     resets={n: np.array(x) for n, x in case.resets},
-                    goal=configuration.cost(contestant.mpc).x_r)
+                    goal=controllers.cost(contestant.mpc).x_r)
 
 
 def measured(contestant: Contestant, case: Case, episode: Episode) -> Row:
@@ -126,10 +128,10 @@ def ready(contestant: Contestant) -> Callable[[int], Controller]:
     if name not in _ready:
         make = contestant.prepare()
         controller = make(0)
-        links = configuration.plant(contestant.plant).physical.links
+        links = plants.plant(contestant.plant).physical.links
         # the one start needs what the other does not
         for start in starts_to_warm_up(links):
-            plant = configuration.plant({**contestant.plant, 'initial_state': start.tolist()})
+            plant = plants.plant({**contestant.plant, 'initial_state': start.tolist()})
             simulate(plant, controller, WARM_UP * PERIOD)
         controller.fallback(WARM_UP * PERIOD)
         _ready[name] = make

@@ -8,7 +8,8 @@ from learned_dynamics import model_of, of_chain
 import numpy as np
 import pytest
 
-from dp_swing_ros import configuration
+from dp_swing_ros import declarations
+from dp_swing_ros.control import controllers
 from dp_swing_ros.evaluation.campaign import contestants
 from dp_swing_ros.evaluation.metrics import measure
 from dp_swing_ros.parameters import ParameterError
@@ -16,13 +17,14 @@ from dp_swing_ros.parameters.files import value_of
 from dp_swing_ros.pendulum.parameters import DIRECT, DriveParameters, PendulumParameters
 from dp_swing_ros.pendulum.state import LINKS, SIZES
 from dp_swing_ros.problem.cost import ANGLE_ERRORS
+from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import simulate
 
 CONFIG = Path(__file__).parents[1] / 'config'
 
 
 def test_names_reach_their_groups():
-    controller = configuration.controller({
+    controller = controllers.controller({
         'solver': 'mppi', 'horizon': 12, 'mppi.samples': 64, 'link1_mass': 0.7, 'seed': 4,
         'force_weight': 0.01})
     assert controller.belief.problem.horizon == 12
@@ -32,31 +34,31 @@ def test_names_reach_their_groups():
 
 
 def test_the_pendulum_of_the_plant_is_not_that_of_the_model():
-    plant = configuration.plant({'link1_mass': 0.7, 'force_noise': 1})
+    plant = plants.plant({'link1_mass': 0.7, 'force_noise': 1})
     assert plant.physical.link1_mass == 0.7
     assert plant.parameters.force_noise == 1.0
-    model = configuration.problem({}).model
-    assert model != configuration.problem({'link1_mass': 0.7}).model
+    model = controllers.problem({}).model
+    assert model != controllers.problem({'link1_mass': 0.7}).model
 
 
 def test_plant_and_controller_have_a_drive_each():
     values = {'actuation_delay': 0.03, 'motor_time_constant': 0.02, 'force_gain': 0.9,
               'force_bias': 1.5}
-    controller = configuration.controller(values)
+    controller = controllers.controller(values)
     assert controller.belief.drive == controller.observer.nominal_drive == (0.03, 0.02, 0.9, 1.5)
     assert controller.belief.problem.bounds == pytest.approx((1.5 - 18.0, 1.5 + 18.0))
     assert controller.nominal.bounds == (-20.0, 20.0)
-    assert vars(configuration.plant(values).drive) == values
-    assert configuration.controller({}).belief.drive == DIRECT
-    assert configuration.plant({}).drive == DriveParameters()
+    assert vars(plants.plant(values).drive) == values
+    assert controllers.controller({}).belief.drive == DIRECT
+    assert plants.plant({}).drive == DriveParameters()
 
 
 @pytest.mark.parametrize('build, values, words', [
-    (configuration.controller, {'mppi.sample': 9}, ["'mppi.sample'", "'mpc'", "'mppi.samples'"]),
-    (configuration.controller, {'force_noise': 1.0}, ["'force_noise'", "'mpc'"]),
-    (configuration.plant, {'horizon': 3}, ["'horizon'", "'plant'", 'force_noise']),
-    (configuration.controller, {'mppi.samples': 2.5}, ['mppi.samples', '2.5', 'whole number']),
-    (configuration.controller, {'solver': 'sqp'}, ["'sqp'", 'ddp, ilqr, mppi'])])
+    (controllers.controller, {'mppi.sample': 9}, ["'mppi.sample'", "'mpc'", "'mppi.samples'"]),
+    (controllers.controller, {'force_noise': 1.0}, ["'force_noise'", "'mpc'"]),
+    (plants.plant, {'horizon': 3}, ["'horizon'", "'plant'", 'force_noise']),
+    (controllers.controller, {'mppi.samples': 2.5}, ['mppi.samples', '2.5', 'whole number']),
+    (controllers.controller, {'solver': 'sqp'}, ["'sqp'", 'ddp, ilqr, mppi'])])
 def test_what_a_node_would_refuse_is_refused(build, values, words):
     with pytest.raises(ParameterError) as error:
         build(values)
@@ -66,7 +68,7 @@ def test_what_a_node_would_refuse_is_refused(build, values, words):
 @pytest.mark.parametrize('links', LINKS)
 def test_the_defaults_are_of_the_number_of_links(links):
     plant, controller = (build({'links': links}) for build in (
-        configuration.plant, configuration.controller))
+        plants.plant, controllers.controller))
     assert plant.physical.links == controller.belief.problem.physical.links == links
     problem = controller.belief.problem
     assert len(plant.parameters.initial_state) == len(problem.x_r) == SIZES[links]
@@ -81,21 +83,21 @@ def test_the_defaults_are_of_the_number_of_links(links):
     ('mpc', {'links': 4}, ['links', '4', 'at most 3'])])
 def test_what_another_number_of_links_has_is_refused(node, values, words):
     with pytest.raises(ParameterError) as error:
-        configuration.complete(node, values)
+        declarations.DECLARATIONS[node].complete(values)
     assert all(word in str(error.value) for word in words), error.value
 
 
 def test_the_paper_s_file_is_read():
-    values = configuration.read([CONFIG / 'paper.yaml'])
-    assert configuration.plant(values['plant']).limits.force_limit == math.inf
-    problem = configuration.problem(values['mpc'])
+    values = declarations.read([CONFIG / 'paper.yaml'])
+    assert plants.plant(values['plant']).limits.force_limit == math.inf
+    problem = controllers.problem(values['mpc'])
     assert problem.cost.angle_error is ANGLE_ERRORS['angle']
     np.testing.assert_array_equal(problem.cost.P, 1000 * np.diag(problem.cost.S))
 
 
 def test_of_several_files_the_later_prevails():
     files = [CONFIG / 'paper.yaml', CONFIG / 'paper_mppi.yaml']
-    values = configuration.read(files)
+    values = declarations.read(files)
     assert values['plant']['force_limit'] == values['mpc']['force_limit'] == 75.0
     assert values['mpc']['mppi.samples'] == 100
 
@@ -119,7 +121,7 @@ def test_all_that_ros_allows_is_read(tmp_path):
 plant:
   ros__parameters: {rate: 50}
 """)
-    assert configuration.read([path]) == {
+    assert declarations.read([path]) == {
         'plant': {'link1_mass': 0.6, 'rate': 50},
         'mpc': {'link1_mass': 0.6, 'mppi.samples': 9, 'mppi.temperature': 0.01,
                 'force_limit': math.inf}}
@@ -134,7 +136,7 @@ second:
   mpc:
     ros__parameters: {{horizon: 20}}
 """)
-    assert configuration.read([path]) == {
+    assert declarations.read([path]) == {
         'plant': {'cart_mass': 1.2}, 'mpc': {'solver': 'ddp', 'cart_mass': 1.2, 'horizon': 20}}
 
 
@@ -146,13 +148,13 @@ second:
 def test_a_file_that_is_none_is_refused(text, words, tmp_path):
     path = written(tmp_path, text)
     with pytest.raises(ParameterError) as error:
-        configuration.read([path])
+        declarations.read([path])
     assert all(word in str(error.value) for word in [str(path), *words]), error.value
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path):
     with pytest.raises(ParameterError, match='none.yaml'):
-        configuration.read([tmp_path / 'none.yaml'])
+        declarations.read([tmp_path / 'none.yaml'])
 
 
 @pytest.mark.parametrize('text, value', [
@@ -162,14 +164,14 @@ def test_texts_are_values_as_ros_reads_them(text, value, tmp_path):
     assert value_of(text) == value
     assert type(value_of(text)) is type(value)
     path = written(tmp_path, f'mpc:\n  ros__parameters:\n    horizon: {text}\n')
-    assert configuration.read([path])['mpc'] == {'horizon': value}
+    assert declarations.read([path])['mpc'] == {'horizon': value}
 
 
 @pytest.mark.parametrize('text', ['[1.0, 2]', '', '[a, 1]'])
 def test_what_ros_would_refuse_is_refused(text, tmp_path):
     path = written(tmp_path, f'mpc:\n  ros__parameters:\n    a:\n      b: {text}\n')
     with pytest.raises(ParameterError, match="parameter file .*: parameter 'a.b' is"):
-        configuration.read([path])
+        declarations.read([path])
     with pytest.raises(ParameterError, match="parameter 'horizon' is"):
         contestants.parse(f'ilqr:horizon={text}')
 
@@ -185,10 +187,10 @@ def learned(tmp_path_factory):
 @pytest.mark.parametrize('solver', ['ilqr', 'ddp', 'mppi'])
 def test_a_learned_model_is_planned_with(learned, solver):
     """The same as the equations, it swings up as these do; state and force are estimated."""
-    controller = configuration.controller({
+    controller = controllers.controller({
         'solver': solver, 'dynamics': 'learned', 'model': learned, 'seed': 1})
     assert controller.belief.problem.model.pendulum.kind == of_chain(PendulumParameters()).kind
-    episode = simulate(configuration.plant({'position_noise': 1e-3, 'seed': 1}), controller, 6.0)
+    episode = simulate(plants.plant({'position_noise': 1e-3, 'seed': 1}), controller, 6.0)
     assert measure(episode).success
     # the drive is left to estimate, and there is none
     assert controller.belief.drive.delay < 0.01 and controller.belief.drive.time_constant < 0.01
@@ -199,7 +201,7 @@ def test_a_learned_model_is_planned_with(learned, solver):
 def test_the_learned_model_matters(learned):
     """Of another pendulum it leads to other forces."""
     text = model_of(of_chain(PendulumParameters(link2_mass=0.8))).to_text()
-    forces = [configuration.controller({'dynamics': 'learned', 'model': model}).update(
+    forces = [controllers.controller({'dynamics': 'learned', 'model': model}).update(
         0.0, np.array([0.0, 3.0, 3.1, 0.0, 0.1, 0.0])).U for model in (learned, text)]
     assert np.abs(forces[0] - forces[1]).max() > 0.1
 
@@ -210,4 +212,4 @@ def test_the_learned_model_matters(learned):
     ({'dynamics': 'learnt', 'model': 'rk4'}, "'dynamics' is 'learnt'; expected one of analytic")])
 def test_dynamics_and_model_go_together(values, words):
     with pytest.raises(ParameterError, match=words):
-        configuration.controller(values)
+        controllers.controller(values)

@@ -1,0 +1,45 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The parameters of plant and mpc side by side, for those who read files or runs of both."""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from dp_swing_ros.control.controllers import MPC
+from dp_swing_ros.parameters import ParameterError
+from dp_swing_ros.parameters.files import ANY_NODE, is_of_rclpy, locate, sections
+from dp_swing_ros.pendulum.state import LINKS
+from dp_swing_ros.simulation.plants import PLANT
+
+DECLARATIONS = {each.node: each for each in (PLANT, MPC)}
+
+
+def read(paths: Iterable[Path]) -> dict[str, dict[str, Any]]:
+    """
+    Return what ROS parameter files hold for plant and mpc, where files differ the later's.
+
+    Of what is for any node (/**) each takes what is its own, as the nodes do.
+    Raises ParameterError where a file is none, or is for other nodes.
+    """
+    known = {node: declaration.fields(max(LINKS)).keys()
+             for node, declaration in DECLARATIONS.items()}
+    found: dict[str, dict[str, Any]] = {node: {} for node in known}
+    for path in map(locate, paths):
+        for pattern, values in sections(path):
+            # /**/mpc and /second/mpc are for an mpc, /** is for any node
+            name = pattern.rsplit('/', 1)[-1]
+            if name in ANY_NODE:
+                for node, names in known.items():
+                    found[node].update({key: values[key] for key in names & values})
+                continue
+            own = {key: value for key, value in values.items() if not is_of_rclpy(key)}
+            # a node may be called otherwise: then what it is given tells what it is
+            roles = [name] if name in known else [
+                node for node, names in known.items() if own.keys() <= names]
+            if len(roles) != 1:
+                raise ParameterError(f'{path} has parameters for {pattern!r}; expected nodes '
+                                     f'called {" or ".join(known)}, or such that one of them '
+                                     'alone has')
+            found[roles[0]].update(own)
+    return found

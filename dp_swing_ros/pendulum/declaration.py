@@ -1,0 +1,75 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The parameters of a node by their full names, for any number of links.
+
+A node takes them by name ({'horizon': 30, 'mppi.samples': 512}), from the command line or a YAML
+file; the same names and files make the same objects without a node.
+"""
+
+from collections.abc import Callable, Iterable, Mapping
+import copy
+import dataclasses
+from types import MappingProxyType
+from typing import Any
+
+from dp_swing_ros.parameters import complete, fields_of, ParameterError, Parameters, Values
+from dp_swing_ros.parameters.scheduling import SchedulingParameters
+from dp_swing_ros.pendulum.parameters import (
+    DriveParameters, LimitParameters, PendulumParameters)
+from dp_swing_ros.pendulum.state import DEFAULT_LINKS, LINKS
+
+SHARED = ('', PendulumParameters), ('', DriveParameters), ('', LimitParameters)
+OF_BOTH: dict[int, dict[str, Any]] = {1: {}, 2: {}, 3: {'force_limit': 40.0}}
+
+Group = tuple[str, type[Parameters]]   # what names begin with, and the fields
+
+
+class Declaration:
+    """What parameters a node has; plant and controller share those of the pendulum."""
+
+    def __init__(self, node: str, groups: Callable[[], Iterable[Group]],
+                 defaults: Mapping[int, Mapping[str, Any]]) -> None:
+        """Take the node, its own groups, and what differs from declared defaults, by links."""
+        self.node, self.groups = node, groups
+        self.defaults = {links: {**OF_BOTH[links], **defaults.get(links, {})} for links in LINKS}
+
+    def fields(self, links: int) -> dict[str, dataclasses.Field]:
+        """Return the parameters by full names, with defaults for so many links."""
+        found = {}
+        for prefix, kind in (*SHARED, *self.groups(), ('', SchedulingParameters)):
+            for field in map(copy.copy, fields_of(kind, links)):
+                sizes = field.metadata['size']
+                field.metadata = MappingProxyType(
+                    {**field.metadata, 'size': sizes and {links: sizes[links]}})
+                field.default = self.defaults[links].get(prefix + field.name, field.default)
+                found[prefix + field.name] = field
+        return found
+
+    def fields_for(self, values: Values) -> dict[str, dataclasses.Field]:
+        """
+        Return the parameters by their full names, with as many links as values ask for.
+
+        Raises ParameterError where one of the values is of a pendulum with more links.
+        """
+        links = links_in(values)
+        fields = self.fields(links)
+        for name in sorted(set(values) - set(fields)):
+            there = [n for n in LINKS if name in self.fields(n)]
+            if there:
+                raise ParameterError(f'parameter {name!r} is one of a pendulum with {min(there)} '
+                                     f'links; this one has {links} (parameter links)')
+        return fields
+
+    def complete(self, values: Values) -> dict[str, Any]:
+        """
+        Return the value of every parameter, checked, where some are given.
+
+        Raises ParameterError, also for names that the node lacks with so many links.
+        """
+        return complete(self.fields_for(values), values, self.node)
+
+
+def links_in(values: Values) -> int:
+    """Return the number of links that parameters are for; raises ParameterError."""
+    return PendulumParameters(links=values.get('links', DEFAULT_LINKS)).links
