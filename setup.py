@@ -20,7 +20,6 @@ EXECUTABLES = [
     'plant = dp_swing_ros.executables:plant',
     'mpc = dp_swing_ros.executables:mpc',
     'relay = dp_swing_ros.executables:relay',
-    'echo = dp_swing_ros.executables:echo',
     'logger = dp_swing_ros.executables:logger',
     'replay = dp_swing_ros.executables:replay',
     'console = dp_swing_ros.executables:console',
@@ -34,7 +33,6 @@ EXECUTABLES = [
     'recover = dp_swing_ros.executables:recover',
     'parameters = dp_swing_ros.executables:parameters',
     'play = dp_swing_ros.executables:play',
-    'soak = dp_swing_ros.executables:soak',
     'train = dp_swing_ros.executables:train',
     'verify = dp_swing_ros.executables:verify',
 ]

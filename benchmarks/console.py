@@ -20,13 +20,13 @@ from live_rates import figures, prioritised, PRIORITY
 import numpy as np
 import pandas as pd
 import psutil
+from soak import soak
 from stamp import folders, made, sources, store_page, store_table, TOP, verdict
 
 from dp_swing_ros.evaluation.comparison import median
 from dp_swing_ros.tables import compact
 from dp_swing_ros.tools.play import PAGE, TRIES
 from dp_swing_ros.tools.processes import await_ready, Crew, isolated, Process
-from dp_swing_ros.tools.soak import soak
 
 SOLVER = 'ilqr'
 DURATION = 60.0   # [s] of a run

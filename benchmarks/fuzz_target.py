@@ -34,7 +34,7 @@ from websockets.exceptions import WebSocketException
 from websockets.sync.client import connect
 
 PR_SET_PDEATHSIG = 1   # of Linux
-NODES = ('mpc', 'plant', 'console', 'logger', 'echo', 'relay')
+NODES = ('mpc', 'plant', 'console', 'logger', 'relay')
 PATIENCE = 10.0       # [s] for what takes a tenth of one: the machine may be busy
 STARTING = 120.0      # [s] for nodes, which may compile
 MEMORY = 3 << 30      # [bytes] that a process may have

@@ -28,14 +28,13 @@ from dp_swing_ros.evaluation.campaign.rows import grouped, Row, solves, store
 from dp_swing_ros.evaluation.campaign.summary import common, duel, Failure, why
 from dp_swing_ros.evaluation.comparison import median, rate, sign_test
 from dp_swing_ros.evaluation.scenarios import PERIOD, SCENARIOS
-from dp_swing_ros.evaluation.soak import OUT
 from dp_swing_ros.figures.style import OWN, solver_name, styled
 from dp_swing_ros.learning.experience import Experience
 from dp_swing_ros.learning.learner import FIRST, Learner
 from dp_swing_ros.learning.models import learned, parted
 from dp_swing_ros.learning.quality import AHEAD, errors
 from dp_swing_ros.learning.recorded import stretches_of
-from dp_swing_ros.learning.trials import held_for, trials
+from dp_swing_ros.learning.trials import held_for, OUT, trials
 from dp_swing_ros.pendulum.equations import Pendulum
 from dp_swing_ros.pendulum.geometry import joint_positions
 from dp_swing_ros.pendulum.parameters import PendulumParameters

@@ -15,12 +15,12 @@ from typing import Any, NamedTuple
 
 from campaigns import METHODS
 import pandas as pd
+from soak import answers, pendulum, processes, Soak, soak, times
 from stamp import made, sources, store_page, TOP, verdict
 
-from dp_swing_ros.evaluation.soak import answers, OUT, pendulum, processes, Soak, times
+from dp_swing_ros.learning.trials import OUT
 from dp_swing_ros.tables import compact
 from dp_swing_ros.tools.processes import isolated
-from dp_swing_ros.tools.soak import soak
 
 LONG = 600.0      # [s] at 20 Hz
 RATES = (20.0, 100.0, 200.0, 300.0, 400.0, 500.0)   # [Hz]
@@ -29,9 +29,9 @@ FAST, FASTEST, FOR = 'ddp', 500.0, 60.0    # who is to keep up at which rate [Hz
 PRIORITY = 50     # of real time, where they have one
 KEPT_UP = 0.95    # of the states are answered before the next: a rate that is held
 ABOUT = (
-    'Each line is of [soaks](../nodes.md#soak): plant and mpc as processes in real time, with '
-    'their defaults, beside a bare echo. State to force is from the publication of a state to '
-    'that of its force; late are answers after the next state, and of these those by itself '
+    'Each line is of [soaks](../../benchmarks/soak.py): plant and mpc as processes in real time, '
+    'with their defaults, beside a bare echo. State to force is from the publication of a state '
+    'to that of its force; late are answers after the next state, and of these those by itself '
     'that the machine did not cause, as the echo tells. The rows: [{0}.csv.gz]({0}.csv.gz).\n')
 
 

@@ -8,16 +8,20 @@ Run by `make results`, on a machine that must do nothing else.
 
 import argparse
 from collections.abc import Sequence
+import json
+import math
 from pathlib import Path
-import shutil
 import tempfile
+from typing import Any
 
+from resources import WARM
+from soak import answers, processes, Soak, soak, summary, ticks, times
+from soak_figures import draw
 from stamp import folders, made, sources, TOP, verdict
 
-from dp_swing_ros.evaluation.soak import answers, processes, Soak, ticks, times, WARM
+from dp_swing_ros.provenance import commit, machine, package_version
 from dp_swing_ros.tables import compact
 from dp_swing_ros.tools.processes import isolated
-from dp_swing_ros.tools.soak import soak, write
 
 SOLVER, DURATION = 'ilqr', 3600.0   # [s]
 GROWTH = 1.0   # [MB] below which the memory of plant and mpc is to grow
@@ -29,7 +33,7 @@ def page(found: Soak, made: str) -> str:
     grown = {name: used[name]['growth [MB]'] for name in ('plant', 'mpc')}
     return '\n'.join([
         '# A soak\n', made,
-        f'`ros2 run dp_swing_ros soak --duration {DURATION:g}`: see [soak](../nodes.md#soak). '
+        f'[What it measures](../../benchmarks/soak.py) over {DURATION:g} s. '
         f'`{found.solver}` was {"up to the end" if found.success else "**not held**"}. Late '
         f'answers that the machine did not cause, as the echo tells: {by_itself} (none is the '
         f'aim: {verdict(by_itself == 0)}). Memory, after the first {WARM:g} s: '
@@ -48,6 +52,13 @@ def table(of: dict[str, dict[str, float]]) -> str:
                                     for row, values in of.items())])
 
 
+def _plain(value: Any) -> Any:
+    """Return what JSON can hold: NaN, which is none of its numbers, becomes null."""
+    if isinstance(value, dict):
+        return {key: _plain(each) for key, each in value.items()}
+    return None if isinstance(value, float) and math.isnan(value) else value
+
+
 def main(argv: Sequence[str] | None = None) -> None:
     """Soak, and write the page."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -56,11 +67,12 @@ def main(argv: Sequence[str] | None = None) -> None:
     arguments = parser.parse_args(argv)
     results, figures = folders(arguments.docs)
     with tempfile.TemporaryDirectory() as temporary, isolated():
-        folder = Path(temporary, 'soak')
-        found = soak(folder, SOLVER, arguments.duration)
-        write(found, folder, {})
-        shutil.copy(folder / 'summary.json', results / 'live_soak.json')
-        shutil.copy(folder / 'soak.png', figures / 'live_soak.png')
+        found = soak(Path(temporary, 'soak'), SOLVER, arguments.duration)
+    text = json.dumps(_plain({'version': package_version(), 'commit': commit(),
+                              'machine': machine(), **summary(found)}),
+                      indent=2, ensure_ascii=False)
+    (results / 'live_soak.json').write_text(f'{text}\n', encoding='utf-8')
+    draw(found).savefig(figures / 'live_soak.png')
     (results / 'live_soak.md').write_text(
         page(found, made('live_soak', sources('live_soak'))), encoding='utf-8')
 

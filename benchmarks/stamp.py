@@ -35,12 +35,12 @@ BAGS = ('bags/', 'environment.py', 'executables.py', 'messages/',
         'tools/processes.py', 'topics.py')
 LIVE = (*BAGS, 'runtime/', *(f'nodes/{name}.py' for name in (
     'cdr', 'diagnostics', 'loading', 'messages', 'mpc', 'plant', 'tick_figures', 'timing')))
-SOAK = (*LIVE, 'evaluation/soak.py', 'tools/demo.py', 'tools/resources.py', 'tools/soak.py',
-        'tools/tool_node.py', 'tools/watcher.py')
+SOAK = (*LIVE, 'tools/demo.py', 'tools/tool_node.py')
+SOAKING = 'soak watcher resources echo'
 OPERATED = (*LIVE, 'tools/tool_node.py')
 CONSOLE = (*SOAK, 'console/', 'nodes/actions.py', 'nodes/console.py', 'nodes/partners.py',
            'parameters/console.py', 'pendulum/geometry.py', 'tools/play.py')
-LEARNED = ('evaluation/soak.py', 'learning/')
+LEARNED = ('learning/',)
 DEVICE = 'solvers/device.py'   # loaded for samples on a device, and no episode has such
 
 
@@ -66,13 +66,14 @@ MEASURED = {
     'foreign': Measured('foreign foreign_plant', LIVE),
     'live_changes': Measured('live_changes live_operator', OPERATED),
     'live_faults': Measured('live_faults faults live_operator', OPERATED),
-    'live_rates': Measured('live_rates', SOAK),
-    'live_busy': Measured('live_busy live_rates', SOAK),
-    'live_soak': Measured('live_soak', SOAK),
-    'live': Measured('live live_faults faults live_operator live_rates live_soak', SOAK),
+    'live_rates': Measured(f'live_rates {SOAKING}', SOAK),
+    'live_busy': Measured(f'live_busy live_rates {SOAKING}', SOAK),
+    'live_soak': Measured(f'live_soak soak_figures {SOAKING}', SOAK),
+    'live': Measured('live live_faults faults live_operator live_rates live_soak soak_figures '
+                     + SOAKING, SOAK),
     'learned': Measured('learned', LEARNED),
     'learned_rigs': Measured('learned_rigs learned rig uneven', LEARNED),
-    'console': Measured('console chromium live_rates', CONSOLE),
+    'console': Measured(f'console chromium live_rates {SOAKING}', CONSOLE),
     'durability': Measured('durability numbered readers', (*BAGS, 'recovery/', 'tools/recover.py'),
                            episodes=False),
     'damaged_bags': Measured('mutated_bags mutations forgeries', (

@@ -29,14 +29,12 @@ NODES = {
     'plant': 'integrates the pendulum, publishes its state, applies the force',
     'mpc': 'solves from each state, publishes the force',
     'relay': 'hands the force on to a controller of ros2_control',
-    'echo': 'answers each state at once: what a machine adds to any mpc',
     'logger': 'writes the topics to an MCAP bag',
     'replay': 'plays a bag back',
     'console': 'a page in the browser: poke it, tune it, watch it think'}
 BY_COLCON = {
     'demo': 'runs plant, mpc and logger, and draws the results',
-    'play': 'plant, mpc and a page in the browser on them',
-    'soak': 'runs plant and mpc for long in real time: latency, memory, falls'}
+    'play': 'plant, mpc and a page in the browser on them'}
 COMMANDS = TOOLS | NODES | BY_COLCON
 
 

@@ -17,12 +17,10 @@ COMPUTING = ('numpy', 'numba', 'scipy')
 AFTERWARDS = ('__main__.py', 'bags/', 'console/', 'environment.py',
               'evaluation/campaign/manifest.py',
               'evaluation/campaign/report.py', 'evaluation/campaign/runner.py',
-              'evaluation/campaign/summary.py', 'evaluation/comparison.py', 'evaluation/soak.py',
-              'executables.py',
+              'evaluation/campaign/summary.py', 'evaluation/comparison.py', 'executables.py',
               'figures/', 'identification/', 'learning/', 'messages/', 'nodes/',
               'parameters/console.py', 'pendulum/geometry.py', 'pendulum/urdf.py', 'provenance.py',
-              'recovery/',
-              'report/', 'rerun/', 'runtime/', 'tables.py', 'tools/', 'topics.py')
+              'recovery/', 'report/', 'rerun/', 'runtime/', 'tables.py', 'tools/', 'topics.py')
 
 
 def machine() -> str:

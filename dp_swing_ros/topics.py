@@ -23,7 +23,6 @@ TRIES = Topic('mpc/tries', 'sensor_msgs/msg/PointCloud2')
 DIAGNOSTICS = Topic('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray')
 ROBOT_DESCRIPTION = Topic('robot_description', 'std_msgs/msg/String', latched=True)
 CONFIGURATION = Topic('configuration', 'std_msgs/msg/String', latched=True)  # as YAML
-ECHO = Topic('echo', 'std_msgs/msg/Float64')   # beside the forces, see nodes/echo.py
 # of the forward_command_controller in config/ros2_control.yaml
 CONTROLLER_COMMANDS = Topic('force_controller/commands', 'std_msgs/msg/Float64MultiArray')
 

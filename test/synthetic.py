@@ -1,13 +1,11 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Episodes and soaks that are made up, to test what looks at them."""
+"""Episodes that are made up, to test what looks at them."""
 
-from collections import Counter
 import dataclasses
 
 import numpy as np
 
-from dp_swing_ros.evaluation.soak import Forces, Soak, Usage
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.simulation.episode import Episode, Ticks
 
@@ -50,16 +48,3 @@ def without_ticks(episode: Episode) -> Episode:
     """Return a run that nobody controlled."""
     return dataclasses.replace(
         episode, solver='', ticks=Ticks(*(column[:0] for column in episode.ticks)))
-
-
-def soaked(count: int, rise: float = 2.0) -> Soak:
-    """Return a soak of so many states, hanging for `rise` seconds, in which nothing is late."""
-    t = PERIOD * np.arange(count)
-    seen = np.arange(0.0, t[-1], 1.0)
-    usage = Usage(seen, np.full(len(seen), 2e8), np.full(len(seen), 1e8), 0.1 * seen)
-    return Soak(
-        solver='ddp', period=PERIOD, t=t, latency=np.full(count, 0.004),
-        echo=np.full(count, 0.001), deviation=np.where(t < rise - PERIOD / 2, np.pi, 0.01),
-        solve_time=np.full(count, 0.002), statuses=Counter(CONVERGED=count), late_total=0,
-        skipped_ticks=0, forces=Forces(count + 1, 0, 0, 20.0), missed=0,
-        usage={name: usage for name in ('plant', 'mpc', 'echo', 'watcher')})

@@ -7,10 +7,9 @@ from collections.abc import Sequence
 from matplotlib.figure import Figure
 import numpy as np
 
-from dp_swing_ros.evaluation.soak import OUT
 from dp_swing_ros.figures.style import FAINT, in_numbers, legend, PALETTE, PAPER, styled
 from dp_swing_ros.learning.quality import AHEAD, Errors
-from dp_swing_ros.learning.trials import Trial
+from dp_swing_ros.learning.trials import OUT, Trial
 
 
 @styled

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from dp_swing_ros.evaluation.soak import OUT
 from dp_swing_ros.learning.learner import Learner
 from dp_swing_ros.pendulum.model import ROUNDING
 from dp_swing_ros.pendulum.state import Array, deviation
 from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import simulate
 
+OUT = 0.2       # [rad] of the largest error of an angle: no longer held
 PIECE = 0.5     # [s] between two looks whether it holds
 
 

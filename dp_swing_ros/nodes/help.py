@@ -11,7 +11,7 @@ from dp_swing_ros.nodes.parameters import OWN, shown
 from dp_swing_ros.parameters import expected
 from dp_swing_ros.pendulum.state import DEFAULT_LINKS
 from dp_swing_ros.topics import (
-    CONFIGURATION, CONTROLLER_COMMANDS, DIAGNOSTICS, DISTURBANCE, ECHO, FORCE_COMMAND,
+    CONFIGURATION, CONTROLLER_COMMANDS, DIAGNOSTICS, DISTURBANCE, FORCE_COMMAND,
     FORCE_COMMAND_STAMPED, JOINT_STATES, PLAN, ROBOT_DESCRIPTION, Topic, TRIES)
 
 WIDTH = 99
@@ -44,9 +44,6 @@ NODE: dict[str, About] = {
     'relay': About(
         'Hands the force on to a forward_command_controller of ros2_control, and a zero where '
         'none comes for 0.25 s.', (CONTROLLER_COMMANDS, CONFIGURATION), (FORCE_COMMAND,)),
-    'echo': About(
-        'Answers every state with its stamp [s], at once: how long that takes is what a machine '
-        'adds to any mpc.', (ECHO, CONFIGURATION), (JOINT_STATES,)),
     'logger': About('Writes topics to an MCAP bag that rosbag2 opens.', (CONFIGURATION,), ()),
     'replay': About(
         'Plays a bag back onto its topics with its recorded timing.',

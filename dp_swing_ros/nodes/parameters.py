@@ -98,5 +98,5 @@ def shown(value: Any) -> str:
 
 
 # by the name of the node, but for plant and mpc
-OWN = {'relay': named(Parameters), 'echo': named(Parameters), 'logger': named(LoggerParameters),
+OWN = {'relay': named(Parameters), 'logger': named(LoggerParameters),
        'replay': named(ReplayParameters), 'console': named(ConsoleParameters)}

@@ -15,9 +15,8 @@ from dp_swing_ros import declarations, environment, figures
 from dp_swing_ros.control import controllers
 from dp_swing_ros.dynamics.files import LearnedModel
 from dp_swing_ros.errors import UserError
-from dp_swing_ros.evaluation.soak import OUT
 from dp_swing_ros.learning.learner import FIRST, Learner
-from dp_swing_ros.learning.trials import Trial, trials
+from dp_swing_ros.learning.trials import OUT, Trial, trials
 from dp_swing_ros.simulation import plants
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tools.command_lines import (

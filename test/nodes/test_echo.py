@@ -1,16 +1,17 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
+from echo import ECHO
 import numpy as np
 import pytest
 
 from dp_swing_ros.messages.fields import seconds
 from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
-from dp_swing_ros.topics import ECHO, JOINT_STATES
+from dp_swing_ros.topics import JOINT_STATES
 
 
 def test_every_state_is_answered_with_its_stamp(start_node, peer):
-    echo = start_node('echo')
+    echo = start_node('echo.py')
     echo.wait_for('ready')
     answers, states = peer.record(ECHO), peer.publisher(JOINT_STATES)
 
@@ -30,6 +31,6 @@ def test_every_state_is_answered_with_its_stamp(start_node, peer):
 
 @pytest.mark.parametrize('name', ['rate', 'solver'])
 def test_it_has_no_parameters_of_plant_or_mpc(start_node, name):
-    echo = start_node('echo', {name: 1})
+    echo = start_node('echo.py', {name: 1})
     assert echo.wait() == 2
-    assert f"echo: error: unknown parameter '{name}'" in echo.output()
+    assert f"echo.py: error: unknown parameter '{name}'" in echo.output()

@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-NODES = ('plant', 'mpc', 'relay', 'echo', 'logger', 'replay', 'console')
+NODES = ('plant', 'mpc', 'relay', 'logger', 'replay', 'console')
 
 
 @pytest.mark.parametrize(('name', 'option'), [
@@ -19,7 +19,6 @@ def test_help_says_what_it_does_and_takes(start_node, name, option):
     for word in {'plant': ('joint_states  ', 'cart_mass:=1 kg', 'plant/reset'),
                  'mpc': ('force_command  ', 'mppi.samples:=', 'solver:=ilqr'),
                  'relay': ('force_controller/commands', 'force_command  '),
-                 'echo': ('echo  ', 'joint_states  '),
                  'logger': ('configuration  ', 'output:='),
                  'replay': ('replay/pause', 'rate:=1'),
                  'console': ('disturbance  ', 'port:=8080')}[name]:
@@ -58,7 +57,7 @@ def test_of_what_is_for_any_node_each_takes_its_own(start_node, tmp_path, name):
     own = {'logger': {'output': str(tmp_path / 'bag')}, 'console': {'port': 0}}
     node = start_node(name, own.get(name, {}), arguments=['--params-file', str(file)])
     expected = {'plant': 'states a second', 'mpc': "the solver 'ddp'",
-                'relay': 'ready, for /force_controller/commands', 'echo': 'ready',
+                'relay': 'ready, for /force_controller/commands',
                 'logger': 'recording to', 'replay': "parameter 'bag' is empty",
                 'console': 'the page is at'}[name]
     node.wait_for(expected)

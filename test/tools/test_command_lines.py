@@ -141,8 +141,7 @@ def test_a_bug_has_its_traceback():
 @pytest.mark.parametrize('tool, argument', [
     *((tool, 'BAG') for tool in ('analyse', 'compare', 'export', 'identify', 'recover',
                                  'verify')),
-    ('demo', '--solver'), ('evaluate', '--scenarios'), ('parameters', '--help'),
-    ('soak', '--burn')])
+    ('demo', '--solver'), ('evaluate', '--scenarios'), ('parameters', '--help')])
 def test_help_names_tool_and_arguments(tool, argument, capsys):
     with pytest.raises(SystemExit) as end:
         import_module(f'dp_swing_ros.tools.{tool}').main(['--help'])

@@ -1,79 +1,63 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What a soak measured, plant and mpc in real time beside a bare echo, and the figures of it.
+A soak: plant and mpc as processes in real time, watched for as long as is asked.
 
-Latencies are from the publication of a state to that of its answer, by the clock of both
-publishers: how long whoever watches them takes to hear of it does not count.
+Beside them runs an echo (echo.py), which only answers each state at once: the time that takes is
+what machine and middleware add to any mpc. What is measured:
+
+Latency of both, from the publication of a state to that of its answer by the publishers' own
+times, so that the watching process does not count. A force that is ready early waits in real
+time, and that counts, too. The mpc's p99 should be within the sum of those of echo and solve and
+1 ms.
+
+States that were answered before the next came, late, or never. A late answer is late by itself
+unless the machine was to blame: the state was late itself, or the echo, within a period of it,
+took so much longer than its median that the answer would have been in time without that. A stall
+between two states, which no echo sees, counts against the mpc. The mpc answers the newest state:
+where a tick takes longer than a period, as it may at 500 Hz, those in between stay unanswered.
+
+Ticks without a solve, and those that the plant skipped; memory once a second, and its growth;
+processor time; forces that were not finite or beyond the limit; and falls of the pendulum since
+it has swung up, the largest angle, and the time out of 0.2 rad.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 import math
-from typing import Any, NamedTuple
+import os
+from pathlib import Path
+import time
+from types import MappingProxyType
+from typing import Any
 
+import echo
 import numpy as np
+from resources import burning, Resources, Usage
+from tqdm import tqdm
+from watcher import Forces, Watcher
 
+from dp_swing_ros.control import controllers
 from dp_swing_ros.evaluation.metrics import quantile, WITHOUT_SOLVE
+from dp_swing_ros.learning.trials import OUT
+from dp_swing_ros.messages.fields import BILLION
 from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.tools.demo import SILENCE
+from dp_swing_ros.tools.processes import await_ready, Crew, Process, ProcessError
 
 QUANTILES = {'p50': 0.5, 'p99': 0.99, 'p99.9': 0.999, 'max': 1.0}
 ALLOWED = 1e-3      # [s] beyond what the echo and a solve take, for the mpc around a solve
-OUT = 0.2           # [rad] of the largest error of an angle: no longer held
 FALLEN = math.pi / 2
 HOLD = 1.0          # [s] within OUT: swung up
-WARM, FIRST, LAST = 60.0, 10.0, 0.1   # [s], [s] after that, share of the run at its end
-SHORTEST = (WARM + FIRST) / (1 - LAST)   # [s] of a run that tells how memory grows
-
-
-class Forces(NamedTuple):
-    """How many there were, and how many of them must not have been."""
-
-    total: int
-    not_finite: int
-    beyond_limit: int
-    largest: float   # [N]
-
-
-class Usage(NamedTuple):
-    """
-    What a process took of the machine.
-
-    Shapes: t (K,) [s] from the first state, resident and private memory (K,) [bytes], processor
-    time (K,) [s].
-    """
-
-    t: Array
-    resident: Array
-    private: Array
-    processor: Array
-
-    @property
-    def share(self) -> float:
-        """Return the processor time in a second, NaN where it was seen but once."""
-        passed = np.ptp(self.t) if len(self.t) else 0.0
-        return float(np.ptp(self.processor) / passed) if passed > 0 else math.nan
-
-    @property
-    def growth(self) -> float:
-        """
-        Return by how much the resident memory grew [bytes], NaN where the run is too short.
-
-        From the ten seconds after the first minute to the last tenth; medians.
-        """
-        if not len(self.t):
-            return math.nan
-        first = (self.t >= WARM) & (self.t < WARM + FIRST)
-        last = self.t >= (1 - LAST) * self.t[-1]
-        if not first.any() or self.t[last][0] < WARM + FIRST:
-            return math.nan
-        return float(np.median(self.resident[last]) - np.median(self.resident[first]))
+PAUSE = 0.02        # [s] between two looks at what has come
+SAMPLE = 1.0        # [s] between two looks at memory and processor time
+SETTLE = 0.2        # [s] for the last messages to come
 
 
 @dataclass(frozen=True)
 class Soak:
     """
-    A soak, from the first state that the mpc answered on.
+    What a soak measured, from the first state that the mpc answered on.
 
     Shapes, N states and M ticks of the mpc with a solve: t (N,) [s] when the states were
     published, latency and echo (N,) [s] until mpc and echo answered, NaN where they did not,
@@ -149,6 +133,91 @@ class Soak:
     def bound(self) -> float:
         """Return what the p99 of the latency should stay below [s]: echo, solve and ALLOWED."""
         return quantile(self.echo, 0.99) + quantile(self.solve_time, 0.99) + ALLOWED
+
+
+def soak(folder: Path, solver: str, duration: float, rate: float = 20.0, seed: int = 0,
+         burn: int = 0, thread_priority: int = 0,
+         beside: Mapping[str, int] = MappingProxyType({})) -> Soak:
+    """
+    Watch a plant and an mpc for a time [s], and return what was found; the logs are in the folder.
+
+    rate [Hz] is that of the states; burn is the number of busy processes beside them; beside are
+    the numbers of other processes to watch, by name. A process that fails ends a soak early, and
+    leaves what there is. Raises ProcessError where one does not come up.
+    """
+    shared = {'seed': seed, 'thread_priority': thread_priority}
+    values = controllers.MPC.complete({'solver': solver, **shared})
+    folder.mkdir()
+    with burning(burn), Crew() as crew, Watcher(
+            controllers.cost(values).x_r, values['force_limit']) as watcher:
+        echoing = crew.start('echo', {'thread_priority': thread_priority}, folder / 'echo.log',
+                             script=Path(echo.__file__))
+        mpc = crew.start('mpc', {'solver': solver, **shared}, folder / 'mpc.log')
+        await_ready([echoing, mpc], lambda: {'echo', 'mpc'} - watcher.listeners(), time.sleep)
+        plant = crew.start('plant', {**shared, 'duration': duration, 'rate': rate,
+                                     'lockstep': False}, folder / 'plant.log')
+        await_ready([plant], lambda: set() if watcher.take() else {'plant'}, time.sleep)
+        resources = Resources({**{each.name: each.pid for each in (plant, mpc, echoing)},
+                               'watcher': os.getpid(), **beside})
+        failure = ''
+        try:
+            _follow(watcher, resources, plant, [mpc, echoing], duration, folder)
+            for process in (mpc, echoing):
+                process.end()   # the mpc sends a last zero
+            time.sleep(SETTLE)
+        except ProcessError as error:
+            failure = str(error)
+        watcher.take()
+    return _found(watcher, solver, 1 / rate, resources.usage(), failure)
+
+
+def _follow(watcher: Watcher, resources: Resources, plant: Process, others: Sequence[Process],
+            duration: float, folder: Path) -> None:
+    """Watch until the plant ends itself; raises ProcessError."""
+    sampled = -math.inf
+    with tqdm(total=duration, bar_format='{n:5.0f}/{total:g} s |{bar}| {desc}',
+              disable=None) as bar:
+        while plant.running:
+            time.sleep(PAUSE)
+            watcher.take()
+            now = time.monotonic()
+            if now - sampled < SAMPLE:
+                continue
+            sampled = now
+            for process in others:
+                process.check()
+            if now - watcher.heard > SILENCE:
+                raise ProcessError(f'no state for {SILENCE:g} s; the logs are in {folder}')
+            if watcher.elapsed < duration - PAUSE:   # then it lets its memory go
+                resources.sample(watcher.elapsed)
+            bar.set_description_str(in_words(watcher), refresh=False)
+            bar.update(min(watcher.elapsed, duration) - bar.n)
+        plant.finish()
+
+
+def in_words(watcher: Watcher) -> str:
+    """Return what was heard last for a line of progress."""
+    solved = f'solve {1e3 * watcher.solve_time[-1]:.2f} ms  ' if watcher.solve_time else ''
+    return (f'|θ| {watcher.deviation[-1]:.3f} rad  {solved}late {watcher.late_total}  '
+            f'skipped {watcher.skipped_ticks}')
+
+
+def _found(watcher: Watcher, solver: str, period: float, usage: Mapping[str, Usage],
+           failure: str) -> Soak:
+    """Return what was heard of a solver, with the period of the plant [s]."""
+    sent = np.array(watcher.sent)
+    # the force itself is sent before its stamped copy, by up to some milliseconds
+    forces = before(np.array(watcher.answers), np.array(watcher.commands))
+    latency = match(np.array(watcher.stamps), sent, np.array(watcher.answered), forces)
+    # as the echo divided, which NumPy would round in another way
+    seconds = np.array([stamp / BILLION for stamp in watcher.stamps])
+    echoed = match(seconds, sent, np.array(watcher.echoed), np.array(watcher.echoes))
+    known = np.flatnonzero(np.isfinite(latency))
+    begin = known[0] if len(known) else 0   # before, plant and mpc got to know each other
+    return Soak(
+        solver, period, (sent[begin:] - sent[:1]) / BILLION, latency[begin:], echoed[begin:],
+        np.array(watcher.deviation)[begin:], np.array(watcher.solve_time), watcher.statuses,
+        watcher.late_total, watcher.skipped_ticks, watcher.forces, watcher.missed, usage, failure)
 
 
 def match(stamps: Array, sent: Array, answered: Array, answers: Array) -> Array:

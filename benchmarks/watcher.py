@@ -10,17 +10,25 @@ import math
 import time
 from typing import Any, NamedTuple
 
-import numpy as np
+from echo import ECHO
 
-from dp_swing_ros.evaluation.soak import before, Forces, match, Soak, Usage
 from dp_swing_ros.messages.fields import BILLION, nanoseconds, to_state
 from dp_swing_ros.nodes.connections import QUEUE, subscribe
 from dp_swing_ros.pendulum.state import Array, deviation, links_of
 from dp_swing_ros.tools.tool_node import listeners, tool_node
 from dp_swing_ros.topics import (
-    DIAGNOSTICS, ECHO, FORCE_COMMAND, FORCE_COMMAND_STAMPED, JOINT_STATES, Topic)
+    DIAGNOSTICS, FORCE_COMMAND, FORCE_COMMAND_STAMPED, JOINT_STATES, Topic)
 
 ROUNDING = 1e-9   # [N]
+
+
+class Forces(NamedTuple):
+    """How many there were, and how many of them must not have been."""
+
+    total: int
+    not_finite: int
+    beyond_limit: int
+    largest: float   # [N]
 
 
 class Numbers(NamedTuple):
@@ -80,6 +88,11 @@ class Watcher:
         """Return the time from the first state to the last [s]."""
         return (self.sent[-1] - self.sent[0]) / BILLION if self.sent else 0.0
 
+    @property
+    def missed(self) -> int:
+        """Return how many messages did not come."""
+        return sum(each.last - each.first + 1 - each.heard for each in self.numbers.values())
+
     def take(self) -> bool:
         """Take all messages that have come; return whether there has been a state."""
         for subscription in self._subscriptions:
@@ -87,28 +100,6 @@ class Watcher:
                 while taken := subscription.handle.take_message(subscription.msg_type, False):
                     subscription.callback(*taken)
         return len(self.sent) > 0
-
-    def soak(self, solver: str, period: float, usage: Mapping[str, Usage],
-             failure: str) -> Soak:
-        """Return what was heard of a solver, with the period of the plant [s]."""
-        sent = np.array(self.sent)
-        # the force itself is sent before its stamped copy, by up to some milliseconds
-        answers = before(np.array(self.answers), np.array(self.commands))
-        latency = match(np.array(self.stamps), sent, np.array(self.answered), answers)
-        # as the echo divided, which NumPy would round in another way
-        seconds = np.array([stamp / BILLION for stamp in self.stamps])
-        echo = match(seconds, sent, np.array(self.echoed), np.array(self.echoes))
-        known = np.flatnonzero(np.isfinite(latency))
-        begin = known[0] if len(known) else 0   # before, plant and mpc got to know each other
-        missed = sum(each.last - each.first + 1 - each.heard for each in self.numbers.values())
-        return Soak(
-            solver, period, (sent[begin:] - self._first) / BILLION, latency[begin:], echo[begin:],
-            np.array(self.deviation)[begin:], np.array(self.solve_time), self.statuses,
-            self.late_total, self.skipped_ticks, self.forces, missed, usage, failure)
-
-    @property
-    def _first(self) -> int:
-        return self.sent[0] if self.sent else 0
 
     def _count(self, topic: Topic, info: Mapping[str, int]) -> int:
         """Count a message of a topic with one publisher; return when it was sent [ns]."""

@@ -5,10 +5,11 @@
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 import numpy as np
+from soak import Soak
 
-from dp_swing_ros.evaluation.soak import OUT, Soak
 from dp_swing_ros.figures.style import (
     ALARM, CART, FAINT, in_decades, in_numbers, legend, PALETTE, solver_name, styled)
+from dp_swing_ros.learning.trials import OUT
 from dp_swing_ros.pendulum.state import Array
 
 BINS = 1000     # of a curve over time; of more states each is drawn by the largest in a bin
@@ -19,7 +20,7 @@ LEAST = 1e-4    # [rad] smaller deviations are drawn here
 
 
 @styled
-def soak(found: Soak) -> Figure:
+def draw(found: Soak) -> Figure:
     """Draw the distribution of the latencies, and latency, deviation and memory over time."""
     figure = Figure(figsize=(10.8, 7.2), layout='constrained')
     (distribution, latency), (memory, deviation) = figure.subplots(2, 2, width_ratios=(1.0, 1.4))

@@ -5,18 +5,21 @@
 from array import array
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, ExitStack
+import math
 import os
 from pathlib import Path
 import subprocess
 import sys
+from typing import NamedTuple
 
 import numpy as np
 
-from dp_swing_ros.evaluation.soak import Usage
+from dp_swing_ros.pendulum.state import Array
 
 PAGE = os.sysconf('SC_PAGE_SIZE')     # [bytes]
 TICK = 1 / os.sysconf('SC_CLK_TCK')   # [s]
 USER, SYSTEM = 11, 12   # places in /proc/PID/stat after the name, whatever that holds
+WARM, FIRST, LAST = 60.0, 10.0, 0.1   # [s], [s] after that, share of the run at its end
 # ends with its parent, even where that was killed
 BURN = """
 import os, sys
@@ -24,6 +27,41 @@ while os.getppid() == int(sys.argv[1]):
     for _ in range(1_000_000):
         pass
 """
+
+
+class Usage(NamedTuple):
+    """
+    What a process took of the machine.
+
+    Shapes: t (K,) [s] from the first state, resident and private memory (K,) [bytes], processor
+    time (K,) [s].
+    """
+
+    t: Array
+    resident: Array
+    private: Array
+    processor: Array
+
+    @property
+    def share(self) -> float:
+        """Return the processor time in a second, NaN where it was seen but once."""
+        passed = np.ptp(self.t) if len(self.t) else 0.0
+        return float(np.ptp(self.processor) / passed) if passed > 0 else math.nan
+
+    @property
+    def growth(self) -> float:
+        """
+        Return by how much the resident memory grew [bytes], NaN where the run is too short.
+
+        From the ten seconds after the first minute to the last tenth; medians.
+        """
+        if not len(self.t):
+            return math.nan
+        first = (self.t >= WARM) & (self.t < WARM + FIRST)
+        last = self.t >= (1 - LAST) * self.t[-1]
+        if not first.any() or self.t[last][0] < WARM + FIRST:
+            return math.nan
+        return float(np.median(self.resident[last]) - np.median(self.resident[first]))
 
 
 class Resources:

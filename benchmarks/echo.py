@@ -1,8 +1,8 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The echo: answers every state at once; how long that takes is what a machine adds to any mpc."""
+"""The node `echo` answers each state at once: what machine and middleware add to any mpc."""
 
-from functools import partial
+import sys
 
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
@@ -13,7 +13,9 @@ from dp_swing_ros.nodes.parameters import named
 from dp_swing_ros.nodes.process import ProcessNode, run
 from dp_swing_ros.nodes.ros_parameters import declare
 from dp_swing_ros.parameters.scheduling import SchedulingParameters
-from dp_swing_ros.topics import ECHO, JOINT_STATES
+from dp_swing_ros.topics import JOINT_STATES, Topic
+
+ECHO = Topic('echo', 'std_msgs/msg/Float64')
 
 
 class EchoNode(ProcessNode):
@@ -31,4 +33,5 @@ class EchoNode(ProcessNode):
         self.answers.publish(Float64(data=seconds(message.header.stamp)))
 
 
-main = partial(run, EchoNode)
+if __name__ == '__main__':
+    sys.exit(run(EchoNode))

@@ -1,20 +1,37 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The figures of a soak, of samples that are made up."""
+"""The figures of a soak, of samples that are made up, and a short one."""
 
 from collections import Counter
 import dataclasses
 import json
 import math
+import os
+import signal
 
 import numpy as np
 import pytest
-from synthetic import soaked
+from resources import Resources, Usage
+import soak
+from soak import before, Forces, match, quantiles, Soak
+from soak_figures import binned, BINS, draw
 
-from dp_swing_ros.evaluation import soak
-from dp_swing_ros.evaluation.soak import before, Forces, match, quantiles, Usage
+from dp_swing_ros.tools.processes import isolated
 
-PERIOD = 0.05
+PERIOD = 0.05   # [s]
+
+
+def soaked(count: int, rise: float = 2.0) -> Soak:
+    """Return a soak of so many states, hanging for `rise` seconds, in which nothing is late."""
+    t = PERIOD * np.arange(count)
+    seen = np.arange(0.0, t[-1], 1.0)
+    usage = Usage(seen, np.full(len(seen), 2e8), np.full(len(seen), 1e8), 0.1 * seen)
+    return Soak(
+        solver='ddp', period=PERIOD, t=t, latency=np.full(count, 0.004),
+        echo=np.full(count, 0.001), deviation=np.where(t < rise - PERIOD / 2, np.pi, 0.01),
+        solve_time=np.full(count, 0.002), statuses=Counter(CONVERGED=count), late_total=0,
+        skipped_ticks=0, forces=Forces(count + 1, 0, 0, 20.0), missed=0,
+        usage={name: usage for name in ('plant', 'mpc', 'echo', 'watcher')})
 
 
 def with_times(latency=(), echo=(), **others):
@@ -114,24 +131,6 @@ def test_whoever_fails_falls_or_pushes_too_hard_has_no_success(change):
     assert not found.success
 
 
-def usage(duration, grown):
-    t = np.arange(0.0, duration)
-    memory = 1e8 + np.where(t > 70, grown, 0.0) + np.where(t < 60, -3e7, 0.0)
-    return Usage(t, memory, 0.5 * memory, 0.25 * t)
-
-
-@pytest.mark.parametrize('duration, growth', [(600.0, 2e6), (79.0, 2e6), (77.0, None)])
-def test_memory_grows_from_the_first_minute_on(duration, growth):
-    found = usage(duration, 2e6)
-    assert found.growth == growth if growth else math.isnan(found.growth)
-    assert found.share == pytest.approx(0.25)
-
-
-def test_of_a_process_that_was_never_seen_nothing_is_known():
-    nothing = Usage(*[np.array([])] * 4)
-    assert math.isnan(nothing.growth) and math.isnan(nothing.share)
-
-
 def test_ticks_without_a_solve_are_counted():
     found = dataclasses.replace(
         soaked(count=12), statuses=Counter(CONVERGED=9, LAST_POLICY=2, ZERO=1, FEEDBACK=4))
@@ -146,3 +145,85 @@ def test_the_bound_is_made_of_echo_and_solve():
 
 def test_the_summary_is_plain():
     assert json.loads(json.dumps(soak.summary(with_times())))['answers']['mpc']['states'] == 12
+
+
+def of_label(axes, label):
+    line, = [line for line in axes.lines if line.get_label() == label]
+    return line
+
+
+def test_answers_are_drawn_by_their_share_and_over_time():
+    found = soaked(100)
+    found.latency[3] = 0.07
+    distribution, latency, memory, deviation = draw(found).axes
+    curve = of_label(distribution, 'state to force')
+    assert curve.get_xdata().tolist() == pytest.approx([4.0] * 99 + [70.0])
+    assert curve.get_ydata()[[0, -1]] == pytest.approx([1.0, 0.01])
+    np.testing.assert_allclose(of_label(latency, 'state to force').get_ydata(),
+                               1e3 * found.latency)
+    assert of_label(latency, 'late (1, 1 by itself)').get_xydata().tolist() == [
+        pytest.approx([found.t[3], 70.0])]
+    assert [line.get_label() for line in memory.lines] == [
+        f'{name} (200 MB)' for name in ('plant', 'mpc', 'echo')]
+    assert deviation.lines[0].get_ydata().tolist() == pytest.approx(found.deviation)
+
+
+def test_of_many_the_largest_of_each_bin_is_drawn():
+    t, values = np.arange(10.0 * BINS), np.zeros(10 * BINS)
+    values[17], values[30:40] = 5.0, math.nan
+    at, largest = binned(t, values)
+    assert at[:4].tolist() == [0.0, 10.0, 20.0, 30.0]
+    assert largest[:3].tolist() == [0.0, 5.0, 0.0]
+    assert math.isnan(largest[3])
+
+
+@pytest.mark.filterwarnings('error')
+@pytest.mark.parametrize('change', [
+    {'latency': np.full(100, math.nan), 'solve_time': np.array([])},
+    {'usage': {'mpc': Usage(*[np.array([])] * 4)}}, {'deviation': np.zeros(100)}],
+    ids=['no answer', 'unseen', 'exact'])
+def test_odd_soaks_are_drawn_without_a_warning(change, tmp_path):
+    draw(dataclasses.replace(soaked(100), **change)).savefig(tmp_path / 'soak.png', dpi=30)
+
+
+def test_a_soak_counts_every_state_once_and_watches_each_process(tmp_path):
+    duration, rate = 8.0, 50.0
+    with isolated():
+        found = soak.soak(tmp_path / 'soak', 'ddp', duration, rate, seed=3, burn=1)
+    assert found.failure == ''
+    answers, times, ticks = soak.answers(found), soak.times(found), soak.ticks(found)
+    for who, name in (('mpc', 'mpc, state to force'), ('echo', 'echo, state to answer')):
+        row = answers[who]
+        assert 0 < row['states'] <= duration * rate + 1
+        assert row['states'] == row['answered in time'] + row['late'] + row['unanswered']
+        assert row['answered in time'] > 0
+        assert times[name]['count'] == row['answered in time'] + row['late']
+    for row in times.values():
+        assert 0 < row['p50'] <= row['p99'] <= row['p99.9'] <= row['max']
+    assert ticks['messages not heard'] == 0
+    answered = answers['mpc']['states'] - answers['mpc']['unanswered']
+    assert ticks['of the mpc'] >= answered
+    assert found.forces.total > answered   # a last zero
+    assert found.forces.not_finite == found.forces.beyond_limit == 0
+    assert 10.0 < found.forces.largest <= 20.0
+    processes = soak.processes(found)
+    assert list(processes) == ['plant', 'mpc', 'echo', 'watcher']
+    for row in processes.values():
+        assert 0.0 < row['processor [%]'] < 100.0 * os.cpu_count()
+        assert 1.0 < row['private [MB]'] < row['resident [MB]'] < 2000.0
+
+
+def test_a_process_that_dies_is_named_and_the_rest_reported(tmp_path, monkeypatch):
+    class Deadly(Resources):
+
+        def sample(self, t):
+            super().sample(t)
+            if t > 2.0:
+                os.kill(self.pids['mpc'], signal.SIGKILL)
+
+    monkeypatch.setattr(soak, 'Resources', Deadly)
+    with isolated():
+        found = soak.soak(tmp_path / 'soak', 'ddp', 3600.0)
+    assert found.failure.startswith('mpc ended early with exit code')
+    assert soak.answers(found)['mpc']['answered in time'] > 0
+    assert not found.success

@@ -1,20 +1,23 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
+import math
 import os
 import signal
 import subprocess
 import sys
 import time
 
-from conftest import wait_until
+from conftest import BENCHMARKS, wait_until
+import numpy as np
+import pytest
+from resources import burning, Resources, Usage
 
-from dp_swing_ros.tools.resources import burning, Resources
 
 IDLE = 'import time; print(flush=True); time.sleep(60)'
 KILLED = """
 import os, signal
-from dp_swing_ros.tools.resources import burning
+from resources import burning
 with burning(2) as burners:
     print(*(burner.pid for burner in burners), flush=True)
     os.kill(os.getpid(), signal.SIGKILL)
@@ -74,7 +77,26 @@ def runs(pid):
 
 
 def test_burners_end_with_a_tool_that_is_killed():
-    done = subprocess.run([sys.executable, '-c', KILLED], capture_output=True, text=True)
+    done = subprocess.run([sys.executable, '-c', KILLED], cwd=BENCHMARKS, capture_output=True,
+                          text=True)
     burners = [int(pid) for pid in done.stdout.split()]
     assert len(burners) == 2
     assert wait_until(lambda: not any(map(runs, burners)), timeout=30.0)
+
+
+def usage(duration, grown):
+    t = np.arange(0.0, duration)
+    memory = 1e8 + np.where(t > 70, grown, 0.0) + np.where(t < 60, -3e7, 0.0)
+    return Usage(t, memory, 0.5 * memory, 0.25 * t)
+
+
+@pytest.mark.parametrize('duration, growth', [(600.0, 2e6), (79.0, 2e6), (77.0, None)])
+def test_memory_grows_from_the_first_minute_on(duration, growth):
+    found = usage(duration, 2e6)
+    assert found.growth == growth if growth else math.isnan(found.growth)
+    assert found.share == pytest.approx(0.25)
+
+
+def test_of_a_process_that_was_never_seen_nothing_is_known():
+    nothing = Usage(*[np.array([])] * 4)
+    assert math.isnan(nothing.growth) and math.isnan(nothing.share)
