@@ -4,6 +4,7 @@
 
 import rclpy  # noqa: F401  the wheels start Python anew here, before anything else is read
 from rclpy.serialization import serialize_message
+from rosbags.typesys import get_typestore, Stores
 from std_msgs.msg import String
 
 from dp_swing_ros import topics
@@ -16,6 +17,7 @@ from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
 from dp_swing_ros.pendulum.urdf import urdf
 
 START = 1_000_000_000_000  # [ns]
+TYPES = get_typestore(Stores.ROS2_JAZZY)
 
 
 def told(node, parameters, **others):
@@ -26,8 +28,14 @@ def told(node, parameters, **others):
 
 
 def serialised(message):
-    """Return the bytes of a message, which it may be already."""
-    return message if isinstance(message, bytes) else serialize_message(message)
+    """Return the bytes of a message, which it may be already; the same ones in every process."""
+    if isinstance(message, bytes):
+        return message
+    package, _, _ = type(message).__module__.partition('.')
+    name = f'{package}/msg/{type(message).__name__}'
+    # between fields rclpy leaves what was in the memory, rosbags zeros
+    fields = TYPES.deserialize_cdr(serialize_message(message), name)
+    return bytes(TYPES.serialize_cdr(fields, name))
 
 
 def write_bag(episode, folder, configurations=()):

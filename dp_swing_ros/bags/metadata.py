@@ -98,6 +98,7 @@ class Described(NamedTuple):
     files: Sequence[str] = ()       # of the folder; none of a file
     custom: Mapping[str, str] = MappingProxyType({})
     compressed: bool = False        # each message by itself, with zstd
+    types: Mapping[str, str] = MappingProxyType({})   # of the topics, by name
     malformed: bool = False         # it is there, but not what rosbag2 writes
 
     def recorded(self, count: int, damaged: bool) -> str:
@@ -135,8 +136,10 @@ def described(path: Path) -> Described:
         if compressed and form != 'zstd':
             raise BagError(f'the messages of {str(path)!r} are compressed with {form[:40]!r}; '
                            'expected zstd: `ros2 bag convert` makes a bag without compression')
+        topics = [each['topic_metadata'] for each in about.get('topics_with_message_count') or ()]
         return Described(None if count is None else int(count), names if path.is_dir() else (),
-                         {str(key): str(value) for key, value in custom.items()}, compressed)
+                         {str(key): str(value) for key, value in custom.items()}, compressed,
+                         {str(topic['name']): str(topic['type']) for topic in topics})
     except (AttributeError, KeyError, OSError, TypeError, ValueError):
         return Described(malformed=True)
 

@@ -4,11 +4,11 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import closing, suppress
+from contextlib import closing
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from mcap.records import Message
+from mcap.records import Channel, DataEnd, Message, Schema, Statistics
 
 from dp_swing_ros.bags.mcap_reader import (
     ChannelInfo, contents, DamagedFile, Data, Declared, Definitions, Entry, read, UnreadableType,
@@ -19,12 +19,9 @@ from dp_swing_ros.bags.reader import files_of
 from dp_swing_ros.bags.writer import BagWriter
 from dp_swing_ros.errors import BagError
 from dp_swing_ros.parameters.files import parse, YamlError
-from dp_swing_ros.recovery.records import index_fits
-from dp_swing_ros.recovery.scan import Damage, Found, Reason, Scan
+from dp_swing_ros.recovery.scan import Damage, Found, scan, summary_is_verified
 
 LATEST = 2 ** 63  # [ns] what the times of rosbag2 end at
-PADDING = 12      # [bytes] that a body may have more than its definition asks for
-WRONG = 'that are not what their type says'
 
 Progress = Callable[[Iterable[Found | Damage]], Iterable[Found | Damage]]
 
@@ -61,15 +58,11 @@ class Recovery:
         self.notes: list[str] = []      # on the files
         self.damages: list[str] = []    # of bytes
         self.faults = Counter[str]()    # of messages that are left out, by what is wrong
-        self.unjudged = Counter[str]()  # saved as they are, by what nobody can read
-        self.counted: int | None = 0        # messages by the files' own counts, where all have one
-        self.unverified = 0   # saved, but no checksum says whether they are as they were
+        self.counted: int | None = 0    # messages by the files' own counts, where all have one
         self._about = about
         self._declared: dict[Path, Declared] = {}
-        self._counts = Counter[Path]()   # messages
         self._kinds: dict[str, tuple[Any, ...]] = {}   # of the topics' channels
         self._left_out = set[tuple[Path, int]]()  # messages by their number in the file
-        self._seen: set[int] = set()              # hashes of messages to save
 
     @property
     def saved(self) -> int:
@@ -79,7 +72,9 @@ class Recovery:
     @property
     def recorded(self) -> str:
         """How many messages there once were, as far as known; nothing where all are saved."""
-        about = self._about._replace(messages=self._about.messages or self.counted)
+        known = self._about.messages or self.counted
+        # with more than these some are there twice, and others may be missing
+        about = self._about._replace(messages=known if known and self.saved <= known else None)
         return about.recorded(self.saved, bool(self.damages or self.faults))
 
     @property
@@ -101,16 +96,11 @@ class Recovery:
         """Add the messages of a file, and what is wrong with it."""
         with contents(file) as data:
             damages = self._examine_bytes(file, data, progress)
-            # what repeats itself was recorded so, unless the file holds another
-            again = any(damage.reason is Reason.SECOND_FILE for damage in damages)
-            seen = self._seen if again else set[int]()
             broken = any(not damage.is_cut for damage in damages)
             for number, (entry, verified) in enumerate(self._messages(file, data)):
-                fault = self._add(entry, verified, broken, seen)
-                if fault:
+                if fault := self._add(entry, verified or not broken):
                     self.faults[fault] += 1
                     self._left_out.add((file, number))
-            self._seen |= seen
 
     def entries(self, file: Path) -> Iterator[Entry]:
         """Yield the messages of a file that are to be saved, once it was examined."""
@@ -121,73 +111,74 @@ class Recovery:
 
     def _examine_bytes(self, file: Path, data: Data, progress: Progress) -> list[Damage]:
         """Return the damages of a file, and keep what it declares and counts."""
-        scan, damages, declared = Scan(data), list[Damage](), dict[tuple[type, int], Any]()
-        for item in progress(scan):
+        damages, counted = list[Damage](), None
+        # what is declared where a checksum verifies it, and where none does
+        verified, unverified, summary = (dict[tuple[type, int], Any]() for _ in range(3))
+        of_summary = verified if summary_is_verified(data) else summary
+        place = unverified
+        for item in progress(scan(data)):
             if isinstance(item, Damage):
                 damages.append(item)
-            elif isinstance(item.record, Message):
-                self._counts[file] += 1
-            else:
+            elif isinstance(item.record, DataEnd):
+                place = of_summary
+            elif isinstance(item.record, (Schema, Channel)):
                 # None for two things of a number, as where another file was appended
+                declared = verified if item.verified else place
                 key = type(item.record), item.record.id
                 if declared.setdefault(key, item.record) != item.record:
                     declared[key] = None
-        self._declared[file] = declared
+            elif isinstance(item.record, Statistics):
+                counted = item.record.message_count
+        self._declared[file] = self._trusted({**unverified, **verified}, summary)
         self.damages += [f'{file.name}, bytes {item.begin} to {item.end} '
                          f'({item.end - item.begin}): {item.reason.value}' for item in damages]
-        self.counted = None if self.counted is None or scan.counted is None \
-            else self.counted + scan.counted
+        self.counted = None if self.counted is None or counted is None \
+            else self.counted + counted
         if not damages:
             try:
                 read(data, Wanted(ends=()))
-                if not index_fits(data):
-                    self.notes.append(f'{file.name} has an index that does not fit what it '
-                                      'points to')
             except DamagedFile as damage:
                 self.notes.append(f'{file.name} is damaged {damage}')
         return damages
+
+    def _trusted(self, declared: Declared, summary: Declared) -> Declared:
+        """Return what is declared, and what only a summary says of topics of metadata.yaml."""
+        known = {**summary, **declared}
+        for key, channel in known.items():
+            if isinstance(channel, Channel):
+                of_schema = Schema, channel.schema_id
+                schema = known.get(of_schema)
+                named = self._about.types.get(channel.topic) == (schema.name if schema else '')
+                if not named and {key, of_schema} & (known.keys() - declared.keys()):
+                    known[key] = None
+        return known
 
     def _messages(self, file: Path, data: Data) -> Iterator[tuple[Entry | None, bool]]:
         """Yield each message, unless nothing says whose it is, and whether it is verified."""
         # What the number of a channel means is what was declared last of it. After damage, which
         # may have taken the declaration, it is what is declared anywhere in the file.
-        anywhere, compressed = self._declared[file], self._about.compressed
-        definitions = Definitions(anywhere, compressed)
-        left = self._counts[file]   # after the last there may be GiB of nothing
-        for item in Scan(data) if left else ():
+        declared, compressed = self._declared[file], self._about.compressed
+        definitions = Definitions(declared, compressed)
+        for item in scan(data):
             if isinstance(item, Damage):
-                definitions = Definitions(anywhere, compressed)
+                definitions = Definitions(declared, compressed)
             elif isinstance(item.record, Message):
                 yield definitions.entry(item.record), item.verified
-                left -= 1
-                if not left:
-                    return
-            else:
+            elif isinstance(item.record, (Schema, Channel)) and (
+                    item.verified or declared.get((type(item.record), item.record.id)) is None):
                 definitions.declare(item.record)
 
-    def _add(self, entry: Entry | None, verified: bool, broken: bool, seen: set[int]) -> str:
+    def _add(self, entry: Entry | None, trusted: bool) -> str:
         """Account for a message, or return why it is left out."""
         if entry is None:
             return 'of a channel that nothing whole describes'
         name, kind = entry.topic, entry.channel.kind
-        fault, doubt = _judged(entry)
-        key = hash((name, *entry[1:]))
-        if max(entry.received, entry.sent) >= LATEST:
-            fault = 'at a time that cannot be'
-        elif self._kinds.get(name, kind) != kind:
-            fault = 'of another type than the topic had before'
-        elif doubt and broken and not verified:
-            fault = f'{doubt}, and no checksum verifies them'
-        elif not fault and key in self._seen:
-            fault = 'that are there twice'
-        if fault:
+        if fault := _fault(entry, trusted):
             return f'on {name} {fault}'
-        seen.add(key)
-        if name not in self.topics:
-            self.topics[name], self._kinds[name] = _recorded(entry.channel), kind
+        if self._kinds.setdefault(name, kind) != kind:
+            return f'on {name} of another type than the topic had before'
+        self.topics.setdefault(name, _recorded(entry.channel))
         self.accounts[name] = self.accounts.get(name, Account()).with_message(entry)
-        self.unverified += not verified
-        self.unjudged.update([f'on {name} {doubt}'] if doubt else [])
         return ''
 
 
@@ -221,27 +212,24 @@ def recover(path: Path, output: Path, progress: Progress = iter) -> Recovery:
     return found
 
 
-def _judged(entry: Entry) -> tuple[str, str]:
-    """Return why a message is none, and why nobody can say whether it is one; or nothing."""
-    channel = entry.channel
+def _fault(entry: Entry, trusted: bool) -> str:
+    """Return why a message is none, or cannot be trusted to be one; else nothing."""
+    if max(entry.received, entry.sent) >= LATEST:
+        return 'at a time that cannot be'
     try:
         data = entry.data
     except ValueError:
-        return 'that are compressed and do not decompress', ''
-    if not channel.definition.strip():   # as that of a type that the recorder did not know, too
-        return '', 'without a definition'
-    if not channel.is_ros:
-        return '', f'in {channel.encoding!r}, defined in {channel.definition_encoding!r}'
-    try:
-        channel.decode(data)
-    except UnreadableType:
-        return '', 'of a type whose definition or encoding cannot be read'
-    except Exception:  # noqa: B902  as many kinds as there are fields
-        return WRONG, ''
-    with suppress(Exception):
-        channel.decode(data[:-PADDING])
-        return WRONG, ''
-    return '', ''
+        return 'that are compressed and do not decompress'
+    # without a definition comes a type that the recorder did not know
+    if entry.channel.is_ros and entry.channel.definition.strip():
+        try:
+            entry.channel.decode(data)
+            return ''
+        except UnreadableType:
+            pass
+        except Exception:  # noqa: B902  as many kinds as there are fields
+            return 'that are not what their type says'
+    return '' if trusted else 'that neither a checksum nor their type verifies'
 
 
 def _recorded(channel: ChannelInfo) -> Recorded:

@@ -3,28 +3,40 @@
 """
 Goes through an MCAP file whatever happened to it: what is whole, and what is damaged where.
 
-Where no record can be, it goes on at the next place where one plausibly is, and a record after
-it: a chunk is known by saying its size twice, and proved by its checksum.
+Where no record can be, it goes on at the next chunk, or the next record that another follows.
+Source: the MCAP specification, "Records". All numbers are little-endian; a record is an opcode,
+the length of its body (8 bytes) and the body.
 """
 
+from collections.abc import Generator, Iterator
 from contextlib import suppress
 import enum
+from io import BytesIO
 import re
-from typing import Iterator, NamedTuple
+import struct
+from typing import Any, NamedTuple
+import zlib
 
+from mcap import records
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import EndOfFile
 from mcap.opcode import Opcode
-from mcap.records import Channel, Message, Schema, Statistics
+from mcap.records import Channel, DataEnd, McapRecord, Message, Schema
 from mcap.writer import MCAP0_MAGIC as MAGIC
 
 from dp_swing_ros.bags.mcap_reader import (
-    Data, Entry, LARGEST, Mapped, Messages, unpack, Unpacked, Wanted)
-from dp_swing_ros.recovery.records import (
-    ChunkHead, HEAD, KINDS, OF_MESSAGES, Record, record_at, walk)
+    Data, Entry, LARGEST, Mapped, Messages, STREAMS, unpack, Wanted)
 
-CANDIDATE = re.compile(rb'(?=[\x01-\x0f].{4}\0{4}|\x89MCAP0\r\n)', re.DOTALL)
-PATIENCE = 64  # times the size of the file is looked at in vain; a forged file ends there
+HEAD = struct.Struct('<BQ')  # opcode, length
+CHUNK = struct.Struct('<QQQII')  # its first and last time, size, checksum; length of a text
+PRIVATE = 0x80  # opcodes from here on are anybody's, to be skipped
+KINDS: dict[int, Any] = {   # MESSAGE_INDEX is a MessageIndex
+    opcode: getattr(records, opcode.name.title().replace('_', '')) for opcode in Opcode}
+NEXT_RECORD = re.compile(rb'[\x01-\x0f].{4}\0{4}|\x89MCAP0\r\n', re.DOTALL)
+NEXT_OF_CHUNKS = re.compile(rb'[\x06-\x0f].{4}\0{4}|\x89MCAP0\r\n', re.DOTALL)
+DATA_END = HEAD.pack(Opcode.DATA_END, 4)   # the summary begins after it and its checksum
+OF_MESSAGES = (Schema, Channel, Message)
 ZEROS = bytes(1 << 20)  # a power cut leaves GiB of them, or a file that is mostly holes
-COST = 64      # [bytes] to look for a record in vain costs as much as to read so many
 
 
 class Reason(enum.Enum):
@@ -33,9 +45,8 @@ class Reason(enum.Enum):
     CUT = 'the file ends within it'
     NO_END = 'the file has no end'
     CHECKSUM = 'its checksum or size is wrong'
-    PACKED = 'it cannot be unpacked to its end'
     NO_RECORD = 'nothing of MCAP'
-    SECOND_FILE = 'another file begins here'
+    TWICE = 'the same chunk is there before'
 
 
 class Damage(NamedTuple):
@@ -53,166 +64,184 @@ class Damage(NamedTuple):
 
 class Found(NamedTuple):
     """
-    A schema, channel or message, and whether a checksum verifies it.
+    A whole record, and whether a checksum verifies it.
 
     Without one, as outside of chunks, its numbers may be wrong and nobody can know.
     """
 
-    record: Schema | Channel | Message
+    record: McapRecord
     verified: bool
 
 
-class Scan:
-    """The contents of a file in their order; ask for it once."""
+class Chunk(NamedTuple):
+    """What a chunk says of itself, and where its data begins."""
 
-    def __init__(self, data: Data) -> None:
-        self._data, self._size = data, len(data)
-        self._patience = PATIENCE * self._size
-        self._last: int | None = None  # opcode
-        self._ended = self._cut = False
-        self.place = 0  # up to here it was looked at
-        self.counted: int | None = None  # messages, by the file's own count
+    compression: str
+    size: int      # [bytes] unpacked
+    checksum: int
+    begin: int
 
-    def __iter__(self) -> Iterator[Found | Damage]:
-        while self.place < self._size:
-            yield from self._step()
-        if not self._ended and not self._cut:
-            yield self._damage(self._size, Reason.NO_END)
 
-    def _step(self) -> Iterator[Found | Damage]:
-        """Yield what is here, and go on to where the next can be."""
-        if self._begins(self.place):
-            end, follows = self.place + len(MAGIC), self._last == Opcode.FOOTER
-            if self.place > 0 and not follows:
-                yield self._damage(end, Reason.SECOND_FILE)
-            self._ended, self._last, self.place = follows, None, end
-            return
-        if self._ended:
-            yield self._damage(self.place, Reason.SECOND_FILE)
-            self._ended = False
-        record = record_at(self._data, self.place)
-        if record is None:
-            limit = self._next(self.place + 1)
-            yield self._damage(limit, self._why(limit))
-            return
-        self._last = record.opcode
-        if isinstance(record.content, ChunkHead):
-            yield from self._of_chunk(record, record.content)
+class Record(NamedTuple):
+    """Where a record ends, and what is in it; None where it is anybody's, or MAGIC."""
+
+    end: int
+    content: McapRecord | Chunk | None
+
+
+Ended = Generator[Found, None, tuple[int, Reason | None]]   # where it ends, and what is wrong
+
+
+def scan(data: Data) -> Iterator[Found | Damage]:
+    """Yield the contents of a file in their order."""
+    begin, chunked, reason, chunks = 0, False, None, set[int]()
+    while begin < len(data):
+        record = record_at(data, begin)
+        if record and isinstance(record.content, Chunk):
+            chunked = True
+            end, reason = yield from _of_chunk(data, begin, record.end, record.content, chunks)
         else:
-            yield from self._of_record(record)
+            chunked = chunked and not (record and isinstance(record.content, DataEnd))
+            end, reason = yield from _of_other(data, begin, record, chunked)
+        if reason:
+            yield Damage(begin, end, reason)
+        begin = end
+    if reason is not Reason.CUT and data[max(len(data) - len(MAGIC), len(MAGIC)):] != MAGIC:
+        yield Damage(begin, begin, Reason.NO_END)
 
-    def _damage(self, end: int, reason: Reason) -> Damage:
-        """Return the damage that begins here, and go on after it."""
-        damage = Damage(self.place, end, reason)
-        self.place, self._cut = end, reason is Reason.CUT
-        return damage
 
-    def _of_record(self, record: Record) -> Iterator[Found | Damage]:
-        if not self._follows(record.end):
-            # either it or what follows is damaged; inside of what is whole nothing is found
-            limit = self._next(record.begin + 1)
-            if limit < record.end:
-                yield self._damage(limit, Reason.NO_RECORD)
-                return
-        self.place = record.end
-        if isinstance(record.content, OF_MESSAGES):
-            yield Found(record.content, verified=False)
-        elif isinstance(record.content, Statistics):
-            self.counted = record.content.message_count
+def _of_chunk(data: Data, begin: int, end: int, chunk: Chunk, before: set[int]) -> Ended:
+    """Yield what is in a chunk if it is whole, or the beginning of one that the file ends in."""
+    verified = False
+    if not (is_cut := end > len(data)):
+        content = unpack(data[chunk.begin:end], *chunk[:3])
+        if not (verified := content.verified):
+            if not _follows(data, end):
+                end = _next(data, begin + 1, chunked=True)
+            return end, Reason.CHECKSUM
+        if content.content and hash(content.content) in before:
+            return end, Reason.TWICE
+        before.add(hash(content.content))
+    elif (end := _next(data, begin + 1, chunked=True)) < len(data):
+        return end, Reason.CHECKSUM
+    else:
+        content = unpack(data[chunk.begin:], *chunk[:3])
+    place = 0
+    while (record := record_at(content.content, place)) and (
+            record.content is None or isinstance(record.content, OF_MESSAGES)):
+        if record.content:
+            yield Found(record.content, verified and chunk.checksum != 0)
+        place = record.end
+    return end, Reason.CUT if is_cut else Reason.NO_RECORD if place < chunk.size else None
 
-    def _of_chunk(self, record: Record, head: ChunkHead) -> Iterator[Found | Damage]:
-        fits = not record.is_odd and record.end <= self._size
-        limit, reason = record.end, None
-        content = self._unpacked(head, limit) if fits else Unpacked(b'', False, False)
-        if not content.verified:
-            if not fits or not self._follows(limit):
-                limit = self._next(self._inside(record, head))
-                if fits and limit >= record.end:
-                    limit = record.end
-                else:
-                    content = self._unpacked(head, limit)
-            reason = Reason.CUT if limit == self._size and not fits else \
-                Reason.CHECKSUM if content.complete else Reason.PACKED
-        # Of a chunk that was cut short the beginning is good. Of one with other bytes it is not:
-        # unpacking goes on past them, and may fail much later or never.
-        short = not fits or limit < record.end
-        usable = content.verified or short and not content.complete
-        verified, end = content.verified and head.checksum != 0, 0
-        for each in walk(content.content if usable else b''):
-            end = each.end
-            if isinstance(each.content, OF_MESSAGES):
-                yield Found(each.content, verified)
-        if reason is None and end < len(content.content):
-            reason = Reason.NO_RECORD
-        if reason is not None:
-            yield self._damage(limit, reason)
-        self.place = limit
 
-    def _unpacked(self, head: ChunkHead, limit: int) -> Unpacked:
-        self._patience -= limit - head.begin
-        if min(head.end, limit) - head.begin > LARGEST:
-            return Unpacked(b'', False, False)
-        return unpack(self._data[head.begin:min(head.end, limit)], head.compression, head.size,
-                      head.checksum)
+def _of_other(data: Data, begin: int, record: Record | None, chunked: bool) -> Ended:
+    """Yield what is in a record outside of chunks, unless it is damaged."""
+    if record is None:
+        end = _next(data, begin + 1, chunked)
+        return end, Reason.CUT if end == len(data) and _is_cut(data, begin) else Reason.NO_RECORD
+    if not _follows(data, record.end):
+        # it or what follows is damaged; inside of what is whole nothing is found
+        end = _next(data, begin + 1, chunked, record.end)
+        if end < record.end:
+            return end, Reason.NO_RECORD
+    if isinstance(record.content, McapRecord):
+        yield Found(record.content, verified=False)
+    return record.end, None
 
-    def _inside(self, record: Record, head: ChunkHead) -> int:
-        # What lies unpacked in a chunk looks like records of the file, as far as it is whole.
-        if head.compression or head.end - head.begin > min(self._patience, LARGEST):
-            return record.begin + 1
-        self._patience -= head.end - head.begin
-        return head.begin + max((each.end for each in walk(self._data[head.begin:head.end])),
-                                default=0)
 
-    def _begins(self, place: int) -> bool:
-        """Return whether a file begins or ends here."""
-        return self._data[place:place + len(MAGIC)] == MAGIC
+def record_at(data: Data, begin: int) -> Record | None:
+    """Return the record at a place, of a chunk also one that the file is too short for."""
+    if data[begin:begin + len(MAGIC)] == MAGIC:
+        return Record(begin + len(MAGIC), None)
+    opcode, length = _head(data, begin)
+    begin, end = begin + HEAD.size, begin + HEAD.size + length
+    if opcode == Opcode.CHUNK:
+        chunk = _chunk(data, begin, end)
+        return chunk and Record(end, chunk)
+    if opcode >= PRIVATE and end <= len(data):
+        return Record(end, None)
+    if opcode not in KINDS or end > min(len(data), begin + LARGEST):
+        return None
+    stream = ReadDataStream(BytesIO(data[begin:end]))
+    with suppress(EndOfFile, OverflowError, UnicodeDecodeError, struct.error):
+        return Record(end, KINDS[opcode].read(
+            stream, *([length] if opcode == Opcode.MESSAGE else [])))
+    return None
 
-    def _follows(self, place: int) -> bool:
-        """Return whether the file ends here, or goes on with a record."""
-        if place == self._size or self._begins(place):
-            return True
-        record = record_at(self._data, place)
-        return record is not None and not record.is_odd
 
-    def _next(self, place: int) -> int:
-        """Return the next place where a record plausibly is, or the end."""
-        place = self._after_zeros(place)
-        # not finditer, which would hold on to the map of a file
-        while (match := CANDIDATE.search(self._data, place)) is not None:
-            begin = match.start()
-            if self._begins(begin):
-                return begin
-            if self._patience < 0:
-                break
-            self._patience -= COST
-            place, record = begin + 1, record_at(self._data, begin, exact=True)
-            if record is None or record.is_odd:
-                continue
-            if record.opcode == Opcode.CHUNK or self._follows(record.end):
-                return begin
-            self._patience -= record.end - begin
-        return self._size
+def _head(data: Data, begin: int) -> tuple[int, int]:
+    """Return opcode and length of the record at a place; no opcode is 0."""
+    head = data[begin:begin + HEAD.size]
+    return HEAD.unpack(head) if len(head) == HEAD.size else (0, 0)
 
-    def _after_zeros(self, place: int) -> int:
-        """Return a place after which there is something else than zeros soon, or the end."""
-        while place < self._size:
-            place = self._data.after_hole(place) if isinstance(self._data, Mapped) else place
-            block = self._data[place:place + len(ZEROS)]
-            if block != ZEROS[:len(block)]:
-                break
-            place += len(block)
-        return place
 
-    def _why(self, end: int) -> Reason:
-        # A killed process leaves half a record, a power cut zeros.
-        if end < self._size or end == self.place:
-            return Reason.NO_RECORD
-        left, head = end - self.place, self._data[self.place:self.place + HEAD.size]
-        if MAGIC.startswith(head) or self._after_zeros(self.place) == end \
-                or head[0] in (*KINDS, Opcode.CHUNK) and (
-                    left < HEAD.size or HEAD.unpack(head)[1] > left - HEAD.size):
-            return Reason.CUT
-        return Reason.NO_RECORD
+def _chunk(data: Data, begin: int, end: int) -> Chunk | None:
+    """Return what a chunk says of itself, if its two sizes agree, which makes it known."""
+    text = begin + CHUNK.size
+    if text > len(data):
+        return None
+    _, _, size, checksum, length = CHUNK.unpack(data[begin:text])
+    compression, begin = data[text:text + min(length, 8)], text + length + 8
+    if begin > len(data) or end - begin != int.from_bytes(data[begin - 8:begin], 'little') \
+            or end - begin > LARGEST or compression.decode(errors='replace') not in STREAMS:
+        return None
+    return Chunk(compression.decode(), size, checksum, begin)
+
+
+def _follows(data: Data, place: int) -> bool:
+    """Return whether the file ends here, or goes on with what looks like a record."""
+    if place == len(data) or data[place:place + len(MAGIC)] == MAGIC:
+        return True
+    opcode, length = _head(data, place)
+    if opcode == Opcode.CHUNK:
+        return record_at(data, place) is not None
+    return (opcode in KINDS or opcode >= PRIVATE) and place + HEAD.size + length <= len(data)
+
+
+def _next(data: Data, place: int, chunked: bool, limit: int | None = None) -> int:
+    """Return the next place where a record plausibly is, or the limit, by default the end."""
+    limit = len(data) if limit is None else limit
+    # among chunks what looks like a message, or declares one, may be of a damaged chunk
+    pattern = NEXT_OF_CHUNKS if chunked else NEXT_RECORD
+    place = _after_zeros(data, place)
+    # not finditer, which would hold on to the map of a file
+    while match := pattern.search(data, place, limit):
+        place = match.start()
+        if _follows(data, place):
+            opcode, length = _head(data, place)
+            if data[place] == MAGIC[0] or opcode == Opcode.CHUNK or (
+                    _follows(data, place + HEAD.size + length) and record_at(data, place)):
+                return place
+        place += 1
+    return limit
+
+
+def _after_zeros(data: Data, place: int) -> int:
+    """Return a place after which there is something else than zeros soon, or the end."""
+    while place < len(data):
+        place = data.after_hole(place) if isinstance(data, Mapped) else place
+        block = data[place:place + len(ZEROS)]
+        if block != ZEROS[:len(block)]:
+            break
+        place += len(block)
+    return place
+
+
+def _is_cut(data: Data, begin: int) -> bool:
+    """Return whether the rest is half a record, as of a killed process, or zeros."""
+    opcode, length = _head(data, begin)
+    return MAGIC.startswith(data[begin:begin + len(MAGIC)]) \
+        or _after_zeros(data, begin) == len(data) \
+        or data[begin] in KINDS and (opcode == 0 or begin + HEAD.size + length > len(data))
+
+
+def summary_is_verified(data: Data) -> bool:
+    """Return whether the checksum in the footer, where there is one, fits the summary."""
+    end = len(data) - len(MAGIC) - 4
+    begin = data.rfind(DATA_END, max(end - LARGEST, 0)) + len(DATA_END) + 4
+    checksum = int.from_bytes(data[max(end, 0):end + 4], 'little')
+    return checksum != 0 and zlib.crc32(data[begin:end]) == checksum
 
 
 def beginning_of(data: Data, wanted: Wanted) -> tuple[list[Entry], Damage | None]:
@@ -223,7 +252,7 @@ def beginning_of(data: Data, wanted: Wanted) -> tuple[list[Entry], Damage | None
     """
     messages = Messages(wanted)
     with suppress(ValueError):   # of a channel: the reader has said so already
-        for item in Scan(data):
+        for item in scan(data):
             if isinstance(item, Damage):
                 return messages.entries, item
             messages.add(item.record)

@@ -37,7 +37,6 @@ def _recover(arguments: argparse.Namespace) -> int:
     if found.whole:
         print(f'{bag} {"has nothing to repair" if found.incomplete else "is whole"}: '
               f'{found.saved} messages; nothing was written')
-        print(*_unjudged(found), sep='\n', end='\n' if found.unjudged else '')
     else:
         print(_report(found, bag, output))
     if found.incomplete:
@@ -58,17 +57,7 @@ def _report(found: Recovery, bag: Path, output: Path) -> str:
          f'{(account.last - start) / BILLION:.3f}',
          '-' if account.missing is None else str(account.missing))
         for name, account in sorted(found.accounts.items()))], names=1)
-    lines = [f'{bag} is damaged; saved {found.saved} messages{counted}: {output}', '',
-             topics, '',
-             f'time 0 is {date:%Y-%m-%d %H:%M:%S} UTC; lost: numbers skipped where one publisher '
-             'counts', '', 'damaged:', *(f'  {loss}' for loss in losses)]
-    lines += ['', *_unjudged(found)] if found.unjudged else []
-    if found.unverified:
-        lines += ['', f'{found.unverified} messages were saved that no checksum verifies, as '
-                  'those of a chunk without its end; their numbers may be wrong']
-    return '\n'.join(lines)
-
-
-def _unjudged(found: Recovery) -> list[str]:
-    """Return which messages are kept though nobody can say whether they are of their type."""
-    return [f'kept unjudged: {count} messages {doubt}' for doubt, count in found.unjudged.items()]
+    return '\n'.join([
+        f'{bag} is damaged; saved {found.saved} messages{counted}: {output}', '', topics, '',
+        f'time 0 is {date:%Y-%m-%d %H:%M:%S} UTC; lost: numbers skipped where one publisher '
+        'counts', '', 'damaged:', *(f'  {loss}' for loss in losses)])
