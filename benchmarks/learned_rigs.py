@@ -96,7 +96,7 @@ def contestants(case: Case, counts: Sequence[int] = RUNS) -> list[Contestant]:
     for count in counts:
         last = runs[count - 1].controller   # what it believes in the end, as `train` has it
         known = Pendulum.of(last.belief.problem.physical)
-        drive = Drive(last.drive.delay, last.drive.time_constant)
+        drive = Drive(last.belief.drive.delay, last.belief.drive.time_constant)
         seen = [stretch for run in runs[:count] for stretch in run.experience(drive)]
         model = learned(known, parted(seen, case.seed), drive=drive)
         found.append(Contestant(label(count), SOLVER, {},
