@@ -20,7 +20,7 @@ def generators(seed):
     p, c = plant(seed), controller('mppi', seed)
     return {'sensors': p.sensor_noise, 'force': p.force_noise, 'states lost': p.state_loss,
             'commands lost': p.commands.loss, 'commands late': p.commands.lateness,
-            'samples': c.solver.random, 'starts': c.starts.random_forces,
+            'samples': c.planner.solver.random, 'starts': c.planner.starts.random_forces,
             'initial state': np.random.default_rng((START, seed)),
             'pushes': np.random.default_rng((PUSHES, seed))}
 
@@ -48,8 +48,8 @@ def test_what_a_number_was_given_to_stays():
 
 def test_a_solver_built_with_a_seed_draws_what_the_controller_s_does():
     c = controller('mppi', 7)
-    alone = SOLVERS['mppi'](c.problem, c.solver_parameters, 7)
-    np.testing.assert_array_equal(alone.random.random(5), c.solver.random.random(5))
+    alone = SOLVERS['mppi'](c.nominal, c.planner.solver_parameters, 7)
+    np.testing.assert_array_equal(alone.random.random(5), c.planner.solver.random.random(5))
 
 
 def test_the_starts_of_the_published_campaigns_stay():

@@ -49,6 +49,7 @@ POLL = 0.05      # [s]
 DELIVERY = 0.3   # [s] at most for a last force to arrive
 MEETING = 1.0    # [s] for nodes to find each other
 SILENCE = 10.0   # [s] without a state, after which nobody seems to send any
+COMPILING = 120.0   # [s] the same, until the mpc acts
 LONGEST = 0.5    # [s] between two states; beyond, it is no experience
 
 
@@ -130,8 +131,10 @@ class LiveLearner:
         end = time.monotonic() + duration
         while (left := end - time.monotonic()) > 0:
             self.executor.spin_once(timeout_sec=left)
-        if time.monotonic() - self.heard > SILENCE:
-            raise UserError(f'no state on {JOINT_STATES.name} for {SILENCE:g} s; start a plant, '
+        # a plant in lockstep waits for an mpc, which at its first start compiles
+        silence = SILENCE if self.explores or self.acts else COMPILING
+        if time.monotonic() - self.heard > silence:
+            raise UserError(f'no state on {JOINT_STATES.name} for {silence:g} s; start a plant, '
                             'in the same ROS domain')
 
     def explore(self) -> None:

@@ -97,7 +97,7 @@ def test_starts_near_the_goal_are_at_rest_in_the_middle(links):
 
 def test_a_start_is_not_made_of_the_numbers_of_the_first_plan():
     # both are drawn from the seed, and must have nothing to do with each other
-    first = controllers.controller({'seed': 3}).random.uniform(-1, 1, 2)
+    first = controllers.controller({'seed': 3}).planner.random.uniform(-1, 1, 2)
     start = starts('near_goal', range(3, 4))[0, 1:3] / 0.3
     assert not np.allclose(first, start)
 

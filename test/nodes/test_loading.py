@@ -32,7 +32,8 @@ def load(loader, controller):
 
 def test_what_cannot_be_loaded_is_told_and_the_next_is_loaded():
     good = controllers.controller({})
-    broken = Broken(good.nominal, good.parameters, good.solver_parameters)
+    broken = Broken(good.nominal, good.parameters, good.planner.solver_parameters,
+                    good.observer.estimator_parameters)
     loader = Loader(good, math.inf)   # however busy the machine is
     assert load(loader, broken) == Loaded(broken, {}, 'no license')
     assert load(loader, good) == Loaded(good, {}, '')

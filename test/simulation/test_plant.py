@@ -206,10 +206,10 @@ class Listener:
 
     def update(self, t, x, delay):
         self.told.append((t, delay))
-        return self.inner.zero_force(t + delay)
+        return self.inner.fallback(t + delay)
 
     def fallback(self, begins):
-        return self.inner.zero_force(begins)
+        return self.inner.fallback(begins)
 
 
 @pytest.mark.parametrize('delay', [0.0, 0.05, 0.07])

@@ -70,7 +70,7 @@ def test_plant_and_mpc_take_the_file(identified, start_node):
     values = declarations.read([output])
     found = plants.plant(values['plant']).physical
     assert found.cart_mass == values['plant']['cart_mass']
-    assert controllers.controller(values['mpc']).nominal_drive.gain == pytest.approx(1, abs=0.02)
+    assert controllers.controller(values['mpc']).belief.drive.gain == pytest.approx(1, abs=0.02)
     mpc = start_node('mpc', arguments=['--params-file', str(output)])
     plant = start_node('plant', {'duration': 0.5}, arguments=['--params-file', str(output)])
     mpc.wait_for('ready')

@@ -26,7 +26,7 @@ def test_files_set_plant_and_mpc():
     contestant = parse(f'mppi:{CONFIG}/paper.yaml+{CONFIG}/paper_mppi.yaml')
     assert contestant.label == 'mppi:paper+paper_mppi'
     assert contestant.plant['force_limit'] == 75.0
-    assert contestant.prepare()(0).problem.horizon == 35
+    assert contestant.prepare()(0).nominal.horizon == 35
 
 
 def test_single_parameters_come_last():
@@ -38,13 +38,13 @@ def test_single_parameters_come_last():
 def test_a_label_may_be_given():
     contestant = parse('quick=mppi:mppi.samples=64')
     assert (contestant.label, contestant.name) == ('quick', 'mppi')
-    assert contestant.prepare()(0).solver_parameters.samples == 64
+    assert contestant.prepare()(0).planner.solver_parameters.samples == 64
 
 
 def test_a_baseline_is_built_on_the_same_problem():
     controller = parse('nothing:step=0.1').prepare()(0)
     assert isinstance(controller, Nothing)
-    assert controller.belief.problem.dt == 0.1
+    assert controller.problem.dt == 0.1
 
 
 def test_a_learned_model_is_what_its_file_was_when_the_contestant_was_read(tmp_path):
@@ -55,7 +55,7 @@ def test_a_learned_model_is_what_its_file_was_when_the_contestant_was_read(tmp_p
     contestant = parse(f'ilqr:{values}')
     other = model_of(of_chain(PendulumParameters())).to_text()
     file.write_text(other)
-    found = contestant.prepare()(0).problem.learned.dynamics.inertia
+    found = contestant.prepare()(0).nominal.learned.dynamics.inertia
     assert found[5, 0] == pytest.approx(1.6 * from_text(other).dynamics.inertia[5, 0])
     assert parse(f'ddp:dynamics=learned+model={file}').mpc['model'] == other
     with pytest.raises(ParameterError, match='none.json.*No such file'):
