@@ -4,6 +4,7 @@
 
 import rclpy  # noqa: F401  the wheels start Python anew here, before anything else is read
 from rclpy.serialization import serialize_message
+from rosbags.serde import SerdeError
 from rosbags.typesys import get_typestore, Stores
 from std_msgs.msg import String
 
@@ -33,8 +34,11 @@ def serialised(message):
         return message
     package, _, _ = type(message).__module__.partition('.')
     name = f'{package}/msg/{type(message).__name__}'
-    # between fields rclpy leaves what was in the memory, rosbags zeros
-    fields = TYPES.deserialize_cdr(serialize_message(message), name)
+    data = serialize_message(message)
+    try:   # between fields rclpy leaves what was in the memory, rosbags zeros
+        fields = TYPES.deserialize_cdr(data, name)
+    except SerdeError:   # which does not read what rclpy writes of one without a list
+        return data
     return bytes(TYPES.serialize_cdr(fields, name))
 
 

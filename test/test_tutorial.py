@@ -14,7 +14,7 @@ import pytest
 from real_bags import record
 
 from dp_swing_ros.__main__ import TOOLS
-from dp_swing_ros.configuration import complete, NODES
+from dp_swing_ros.declarations import DECLARATIONS
 from dp_swing_ros.nodes.parameters import LoggerParameters, named
 from dp_swing_ros.parameters import checked
 from dp_swing_ros.parameters.files import value_of
@@ -55,7 +55,7 @@ def here(tmp_path_factory):
 
 
 def test_every_executable_is_a_tool_or_a_node():
-    assert {words.split()[0] for words in COMMANDS} <= {*TOOLS, *NODES, 'logger', 'demo'}
+    assert {words.split()[0] for words in COMMANDS} <= {*TOOLS, *DECLARATIONS, 'logger', 'demo'}
 
 
 @pytest.mark.parametrize('words', commands(TOOLS), ids=' '.join)
@@ -74,14 +74,15 @@ def test_the_demo_takes_its_arguments(words):
     assert command_line().parse_args(words[1:])
 
 
-@pytest.mark.parametrize('words', commands({*NODES, 'logger'}), ids=' '.join)
+@pytest.mark.parametrize('words', commands({*DECLARATIONS, 'logger'}), ids=' '.join)
 def test_a_node_has_its_parameters(words):
     given = dict(re.findall(r'-p (\S+?):=(\S+)', ' '.join(words)))
     if words[0] == 'logger':
         for name, value in given.items():
             checked(named(LoggerParameters)[name], value)
     elif given.get('solver') != 'search':
-        complete(words[0], {name: value_of(value) for name, value in given.items()})
+        DECLARATIONS[words[0]].complete(
+            {name: value_of(value) for name, value in given.items()})
 
 
 @pytest.mark.parametrize('block', [each for each in blocks('python') if 'class ' not in each],

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from dp_swing_ros.configuration import default_cost
 from dp_swing_ros.control import controllers
 from dp_swing_ros.control.commands import SentCommands
 from dp_swing_ros.estimators.gaussian import constrain, correct, SMALL
@@ -56,7 +55,7 @@ SCALED = scaled(PHYSICAL)
 
 
 def estimator(physical=PHYSICAL, drive=DIRECT, **parameters):
-    problem = Problem.of(physical, LimitParameters(), default_cost(physical.links),
+    problem = Problem.of(physical, LimitParameters(), controllers.cost({'links': physical.links}),
                          PredictionParameters())
     return ExtendedKalmanFilter(problem, drive, KalmanParameters(**parameters))
 

@@ -7,7 +7,7 @@ import sys
 import pytest
 
 OF_BAGS = ('dp_swing_ros.bags', 'dp_swing_ros.recovery', 'lz4', 'mcap', 'mcap_ros2', 'zstandard')
-OF_CONTROL = ('dp_swing_ros.configuration', 'dp_swing_ros.control', 'dp_swing_ros.kernels',
+OF_CONTROL = ('dp_swing_ros.control', 'dp_swing_ros.declarations', 'dp_swing_ros.kernels',
               'numba', 'scipy')
 SLOW = ('matplotlib', 'scipy.optimize', 'scipy.stats', 'torch')
 

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from dp_swing_ros.configuration import default_cost
+from dp_swing_ros.control import controllers
 from dp_swing_ros.pendulum.derivatives import STEPS
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.pendulum.state import hanging, LINKS
@@ -34,7 +34,7 @@ def costs():
     """Return costs by names: the paper's, the tuned ones, and about another equilibrium."""
     found = {'shifted': SHIFTED, 'slow': CostParameters(cart_speed_limit=2.0, speed_weight=50.0)}
     for links in LINKS:
-        tuned = default_cost(links)
+        tuned = controllers.cost({'links': links})
         found.update({f'tuned {links}': tuned,
                       f'paper {links}': dataclasses.replace(tuned, **AS_THE_PAPER),
                       f'hanging {links}': dataclasses.replace(

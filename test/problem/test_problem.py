@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 
-from dp_swing_ros.configuration import default_cost
+from dp_swing_ros.control import controllers
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.pendulum.derivatives import linearisation
 from dp_swing_ros.pendulum.model import rollout
@@ -27,7 +27,7 @@ def problem(cost=CostParameters(), limits=LimitParameters(),
 
 
 def default(links, **prediction):
-    return problem(default_cost(links), links=links,
+    return problem(controllers.cost({'links': links}), links=links,
                    prediction=PredictionParameters(**{'horizon': 100, **prediction}))
 
 
@@ -45,7 +45,7 @@ def near(reference, size=0.02):
     (-1, 0, np.pi, 0, 0, 0), (0, np.pi, np.pi, np.pi, 0, 0, 0, 0)])
 def test_the_regulator_holds_every_equilibrium(reference):
     links = len(reference) // 2 - 1
-    p = problem(replace(default_cost(links), reference=reference), links=links)
+    p = problem(replace(controllers.cost({'links': links}), reference=reference), links=links)
     x = near(reference)
     X = rollout(p.model, x, regulator_rollout(p, x).U)
     assert np.abs(X[-1] - reference).max() < 0.05
@@ -54,7 +54,7 @@ def test_the_regulator_holds_every_equilibrium(reference):
 @pytest.mark.parametrize('reference', [(0, 1, 0, 0, 0, 0), (0, 0, 0, 0.5, 0, 0)])
 def test_a_reference_that_is_no_equilibrium_is_refused(reference):
     with pytest.raises(ParameterError, match='reference is .*; expected an equilibrium'):
-        problem(replace(default_cost(2), reference=reference))
+        problem(replace(controllers.cost({'links': 2}), reference=reference))
 
 
 @pytest.mark.parametrize('track, margin, weight, warns', [
@@ -68,7 +68,7 @@ def test_a_margin_that_leaves_little_of_the_track_is_told(track, margin, weight,
 
 
 def test_a_goal_by_its_name_is_the_reference_with_its_angles():
-    given = replace(default_cost(2), reference=(0.5, np.pi, np.pi, 0, 0, 0))
+    given = replace(controllers.cost({'links': 2}), reference=(0.5, np.pi, np.pi, 0, 0, 0))
     np.testing.assert_array_equal(problem(given).x_r, given.reference)
     named = problem(replace(given, goal='up_down'))
     np.testing.assert_array_equal(named.x_r, (0.5, 0, np.pi, 0, 0, 0))
@@ -79,11 +79,11 @@ def test_a_goal_by_its_name_is_the_reference_with_its_angles():
 def test_a_goal_of_another_number_of_links_is_refused():
     with pytest.raises(ParameterError, match="goal is 'up'; expected one of given, down_down, "
                                              'down_up, up_down, up_up for links 2'):
-        problem(replace(default_cost(2), goal='up'))
+        problem(replace(controllers.cost({'links': 2}), goal='up'))
 
 
 def test_the_regulator_holds_three_links_up():
-    p = problem(default_cost(3), LimitParameters(force_limit=40.0), links=3)
+    p = problem(controllers.cost({'links': 3}), LimitParameters(force_limit=40.0), links=3)
     x = near(upright(3), 0.002)
     assert np.abs(regulator_rollout(p, x).X[-1]).max() < 0.01
 
@@ -127,7 +127,7 @@ def test_a_policy_does_not_see_whole_turns(links):
         np.testing.assert_allclose(found.U, plain.U, atol=1e-6)
         assert found.U[0] == pytest.approx(plain.U[0], rel=1e-6)
     np.testing.assert_allclose(turns_of(p, turned), turned - x)
-    as_is = problem(replace(default_cost(links), angle_error='angle'), links=links)
+    as_is = problem(replace(controllers.cost({'links': links}), angle_error='angle'), links=links)
     np.testing.assert_array_equal(turns_of(as_is, turned), 0.0)
 
 
@@ -181,7 +181,7 @@ def test_parameters_are_frozen():
 def test_dry_friction_does_not_change_the_regulator(links):
     """Made smooth it would count as strong viscous friction, on which one cannot rely at rest."""
     dry = PendulumParameters(links=links, cart_dry_friction=4.0, joint1_dry_friction=0.05)
-    found, expected = (Problem.of(each, LimitParameters(), default_cost(links),
+    found, expected = (Problem.of(each, LimitParameters(), controllers.cost({'links': links}),
                                   PredictionParameters())
                        for each in (dry, PendulumParameters(links=links)))
     np.testing.assert_array_equal(found.lqr.K, expected.lqr.K)

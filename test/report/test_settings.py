@@ -6,20 +6,20 @@ import math
 import pytest
 from recorded_runs import told
 
-from dp_swing_ros.configuration import declared, NODES
+from dp_swing_ros.declarations import DECLARATIONS
 from dp_swing_ros.pendulum.state import LINKS
 from dp_swing_ros.report.settings import differences, in_words, provenances, settings
 
 
 def defaults(node, links=2):
     """Return the parameters that a node tells when it was given the number of links alone."""
-    values = {name: field.default for name, field in declared(node, links).items()}
+    values = {name: field.default for name, field in DECLARATIONS[node].fields(links).items()}
     return {name: list(value) if isinstance(value, tuple) else value
             for name, value in {'use_sim_time': False, **values, 'links': links}.items()}
 
 
 @pytest.mark.parametrize('links', LINKS)
-@pytest.mark.parametrize('node', NODES)
+@pytest.mark.parametrize('node', DECLARATIONS)
 def test_defaults_are_not_changed(node, links):
     found = settings({node: told(node, defaults(node, links))})
     assert len(found) == len(defaults(node, links))
