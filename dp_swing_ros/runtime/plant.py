@@ -123,6 +123,7 @@ class PlantCore:
     def reset(self, now: int, epoch: int) -> Sent:
         """Go back to the initial state; in lockstep, to time zero too."""
         self.plant.reset()
+        self.push = 0.0   # was asked for a period that does not come
         self.configured = self.configured._replace(resets=self.configured.resets + 1)
         # before the state, so that no plan from before is followed from there
         sent: Sent = [self.configured]

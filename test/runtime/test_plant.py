@@ -361,6 +361,17 @@ def test_a_force_that_answers_no_state_is_not_obeyed():
     assert run.states[-1].force == 2.0
 
 
+@pytest.mark.parametrize('parameters', [{}, {'lockstep': True}])
+def test_a_push_from_before_a_reset_does_not_act_after_it(parameters):
+    run, alone = (Running(initial_state=LEANING, **parameters) for _ in range(2))
+    run.take(run.core.on_push(5.0))
+    for each in (run, alone):
+        each.reset()
+        each.force(0.0)
+        each.tick()
+    np.testing.assert_array_equal(run.states[-1].x, alone.states[-1].x)
+
+
 def test_a_force_from_before_a_reset_is_not_obeyed():
     run = lockstep()
     run.force(1.0)
