@@ -145,6 +145,11 @@ class RecedingHorizon:
         self.observer.reconfigure(other.observer)
         self.planner.reconfigure(other.planner, self.belief.problem)
 
+    def anew(self, problem: Problem, drive: Drive = DIRECT) -> 'RecedingHorizon':
+        """Return a controller with these parameters that knows nothing, for problem and drive."""
+        return RecedingHorizon(problem, self.parameters, self.planner.solver_parameters,
+                               self.observer.estimator_parameters, drive)
+
     def warm_up(self, most: float = math.inf) -> float:
         """
         Compile all that a tick and its report need, on a copy of the controller.
@@ -153,8 +158,7 @@ class RecedingHorizon:
         `most`.
         """
         problem = self.nominal
-        twin = RecedingHorizon(problem, self.parameters, self.planner.solver_parameters,
-                               self.observer.estimator_parameters, self.observer.nominal_drive)
+        twin = self.anew(problem, self.observer.nominal_drive)
         twin.enable(True)
         taken = list[float]()
         # twice, for compiling takes longer than a tick may

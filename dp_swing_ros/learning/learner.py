@@ -125,9 +125,7 @@ class Learner:
             problem = Problem.of(self.nominal.physical, *self.nominal.given, model)
         except (FloatingPointError, np.linalg.LinAlgError, ParameterError):
             return   # more experience will tell
-        self.model, given = model, self.given
-        informed = RecedingHorizon(problem, given.parameters, given.planner.solver_parameters,
-                                   given.observer.estimator_parameters)
+        self.model, informed = model, self.given.anew(problem)
         if self.controller is None:
             self.controller = informed
         else:

@@ -216,7 +216,8 @@ def take_over(run: Run, tick: Tick, solver: str, end: int) -> list[Sample]:
     controller, answered = controller_at(run, tick, solver)
     plan: Plan | None = answered
     plant = plant_at(run, tick)
-    stepper, period = Stepper(plant), 1 / plant.parameters.rate
+    stepper = Stepper(plant)
+    period = stepper.period
     samples = [Sample(tick.stamp, np.asarray(tick.x), math.nan)]
     count = round((end - tick.stamp) / BILLION / period)
     arrival = tick.stamp + round(plant.parameters.delay * BILLION)

@@ -79,8 +79,8 @@ def _identify(arguments: argparse.Namespace) -> int:
 
 def check(known: Mapping[str, float], links: int) -> None:
     """Raise ParameterError for values that a rig with so many links cannot have."""
-    fields = {name: field for name, field in MPC.fields(links).items()
-              if name in PLANT.fields(links)}
+    of_plant = PLANT.fields(links)
+    fields = {name: field for name, field in MPC.fields(links).items() if name in of_plant}
     for name, value in known.items():
         if name not in fields:
             raise unknown(name, 'mpc', fields)

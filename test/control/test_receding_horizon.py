@@ -551,3 +551,10 @@ def test_where_a_learned_model_is_wild_a_tick_has_a_finite_force():
         assert np.isfinite(ahead).all() == (n == 0)
         assert np.all(np.isfinite(plan.U)) and np.abs(plan.U).max() <= 20.0
         assert (plan.stats.status.name in ('ZERO', 'LAST_POLICY', 'REGULATOR')) == (n > 0)
+
+
+def test_what_was_disabled_between_two_ticks_begins_with_a_first_plan():
+    c = controller()
+    plan = c.update(0.0, FALLING)
+    assert c.enable(False) and c.enable(True)
+    assert len(c.update(0.05, plan.X[1]).stats.candidates) == c.parameters.first_starts
