@@ -156,9 +156,9 @@ def test_nothing_that_the_demo_imports_brings_torch(installed):
         [sys.executable, '-c', f"""
 import sys
 {imports}
-from dp_swing_ros import SOLVERS
+from dp_swing_ros import controller, SOLVERS
 for name in SOLVERS:
-    controllers.controller({{'solver': name}})
+    controller({{'solver': name}})
 print([name for name in ('torch', 'distributed') if name in sys.modules])
 """], capture_output=True, text=True, check=True)
     assert done.stdout == '[]\n'
