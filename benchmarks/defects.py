@@ -163,23 +163,21 @@ DEFECTS = [
            'push, self.push = self.push, 0.0', 'push = self.push', 'runtime'),
     defect('a force that is no number is obeyed', 'runtime/plant.py',
            'if not math.isfinite(force):', 'if math.isinf(force):', 'runtime'),
-    defect('the stream of commands does not end with zero', 'nodes/mpc.py',
-           'if self.sent:\n            self.command(0.0)', 'if self.sent < 0:\n'
-           '            self.command(0.0)', 'nodes/test_mpc.py nodes/test_shutdown.py'),
-    defect('a lost state is counted twice by the mpc', 'nodes/mpc.py',
+    defect('the stream of commands does not end with zero', 'runtime/mpc.py',
+           'if self.forces:\n            self.command(0.0)', 'if self.forces < 0:\n'
+           '            self.command(0.0)', 'runtime'),
+    defect('a lost state is counted twice by the mpc', 'runtime/mpc.py',
            'self.missed_total += steps - 1 if', 'self.missed_total += 2 * (steps - 1) if',
-           'nodes/test_mpc.py nodes/test_live.py'),
-    defect('a figure of the diagnostics has another name', 'nodes/mpc.py',
-           "'late_total': self.late_total", "'late_ticks': self.late_total",
-           'nodes/test_mpc.py tools/test_analyse.py'),
-    defect('a deadline is counted from the state, not from the tick', 'nodes/mpc.py',
-           'deadline = began + min(', 'deadline = measured.t + min(',
-           'nodes/test_mpc.py nodes/test_live.py'),
-    defect('the watchdog barks after microseconds', 'nodes/timing.py',
-           'round(duration * 1e9)', 'round(duration * 1e3)', 'nodes/test_timing.py'),
-    defect('a tick is given more than is left', 'nodes/timing.py',
-           'min(longest, max(left - SLACK', 'max(longest, max(left - SLACK',
-           'nodes/test_timing.py'),
+           'runtime'),
+    defect('a figure of the diagnostics has another name', 'messages/ticks.py',
+           'found[name] = value', "found[name.replace('_total', '_ticks')] = value",
+           'runtime tools/test_analyse.py'),
+    defect('a deadline is counted from the state, not from the tick', 'runtime/mpc.py',
+           'deadline = began + min(', 'deadline = measured.t + min(', 'runtime'),
+    defect('the watchdog barks after microseconds', 'nodes/mpc.py',
+           'round(after * 1e9)', 'round(after * 1e3)', 'nodes/test_mpc.py'),
+    defect('a tick is given more than is left', 'runtime/timing.py',
+           'min(longest, max(left - SLACK', 'max(longest, max(left - SLACK', 'runtime'),
     # messages
     defect('nanoseconds are read as microseconds', 'messages/fields.py',
            'return nanoseconds(stamp) / BILLION', 'return stamp.sec + stamp.nanosec * 1e-6',
@@ -232,8 +230,8 @@ DEFECTS = [
            'if now < until}', 'if until}', 'console/test_pulls.py'),
     defect('a page of any port is ours', 'console/access.py',
            'if port != str(self.port):', 'if not port:', 'console/test_access.py'),
-    defect('the lead is that over the dearest start', 'nodes/tick_figures.py',
-           'costs[1] - costs[0]', 'costs[-1] - costs[0]', 'nodes/test_tick_figures.py')]
+    defect('the lead is that over the dearest start', 'messages/ticks.py',
+           'costs[1] - costs[0]', 'costs[-1] - costs[0]', 'runtime')]
 
 
 class MovedError(Exception):

@@ -50,7 +50,7 @@ CONTRACTS = {
         'simulation'}, 55),
     'mpc': Contract({
         'control', 'dynamics', 'estimators', 'kernels', 'messages', 'nodes', 'parameters',
-        'pendulum', 'problem', 'solvers'}, 80),
+        'pendulum', 'problem', 'runtime', 'solvers'}, 84),
     'logger': Contract({
         'bags', 'messages', 'nodes', 'parameters', 'pendulum', 'simulation'}, 37)}
 

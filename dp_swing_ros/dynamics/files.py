@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from dp_swing_ros.dynamics.structured import harmonics, links, Structured
-from dp_swing_ros.errors import one_line
-from dp_swing_ros.parameters import ParameterError, SHOWN
+from dp_swing_ros.errors import one_line, SHOWN
+from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.parameters.files import SCALAR
 from dp_swing_ros.pendulum.drive import HISTORY
 from dp_swing_ros.pendulum.parameters import DIRECT, Drive

@@ -14,6 +14,7 @@ from dp_swing_ros.pendulum.sensors import SensorParameters
 from dp_swing_ros.pendulum.state import Array, joints, LINKS
 
 BILLION = 1_000_000_000  # nanoseconds in a second
+OK, WARN, ERROR = range(3)   # levels of a report
 
 
 class Trajectory(NamedTuple):
@@ -35,6 +36,7 @@ class Report(NamedTuple):
     level: int
     message: str
     values: dict[str, float | int | str]
+    part: str = ''   # of the node, whose status it is
 
 
 def seconds(stamp: Any) -> float:

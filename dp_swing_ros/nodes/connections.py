@@ -142,13 +142,18 @@ def is_heard(node: Node, publisher: Publisher, wanted: set[str]) -> bool:
 
     Until then a message may be lost to them: discovery goes one way at a time.
     """
+    return bool(wanted) and wanted <= hearers(node, publisher)
+
+
+def hearers(node: Node, publisher: Publisher) -> set[str]:
+    """Return the nodes that hear a publisher; none before all that are there do."""
     own = node.get_fully_qualified_name()
     senders = [each for each in node.get_publishers_info_by_topic(publisher.topic_name)
                if owner(each) == own]
     listeners = [each for each in node.get_subscriptions_info_by_topic(publisher.topic_name)
                  if not any(mismatch(sender, each) for sender in senders)]
-    return bool(wanted) and wanted <= set(map(owner, listeners)) and (
-        publisher.get_subscription_count() >= len(listeners))
+    complete = publisher.get_subscription_count() >= len(listeners)
+    return set(map(owner, listeners)) if complete else set()
 
 
 class Mismatch(NamedTuple):

@@ -7,15 +7,15 @@ A status carries the node's full name, so that of several pendulums each has its
 hardware the topic of the joint states that it drives.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
-from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
 
+from dp_swing_ros.messages.fields import ERROR, OK, Report, WARN
 from dp_swing_ros.messages.states import States
 from dp_swing_ros.nodes.cdr import to_diagnostics
 from dp_swing_ros.nodes.connections import mismatch, NAMELESS, owner, POLICIES, publish
+from dp_swing_ros.nodes.messages import to_stamp
 from dp_swing_ros.nodes.process import ProcessNode
 from dp_swing_ros.topics import DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES
 
@@ -37,32 +37,35 @@ class Diagnostics:
         self.logged = set[str]()
         node.every(LOOK_PERIOD, self.on_look)
 
-    def publish(self, stamp: Time, level: bytes, message: str,
-                values: Mapping[str, float | int | str], part: str = '') -> None:
+    def publish(self, report: Report) -> None:
         """Publish the node's status, or that of a part of it."""
+        stamp, level, message, values, part = report
         name = f'{self.name}: {part}' if part else self.name
-        self.publisher.publish(to_diagnostics(stamp, name, level[0], message, values,
+        self.publisher.publish(to_diagnostics(to_stamp(stamp), name, level, message, values,
                                               self.hardware))
 
     def on_look(self) -> None:
         """Publish what is wrong with the topics, and once that nothing is any more."""
         errors, warnings = list(incompatible(self.node)), list(rivals(self.node, self.states))
         logger, before, self.rivals = self.node.get_logger(), self.logged, warnings
-        for texts, log in ((errors, logger.error), (warnings, logger.warning)):
-            for text in texts:
-                if _told(text) not in before and NAMELESS not in text:
-                    log(text)
+        new = [text for text in errors + warnings
+               if _told(text) not in before and NAMELESS not in text]
+        for text in new:
+            if text in errors:   # to rclpy each line of code is of one severity
+                logger.error(text)
+            else:
+                logger.warning(text)
         self.logged = set(map(_told, errors + warnings))
         if self.states is not None and self.states.refusal:
             errors.append(self.states.refusal)
         if not (errors or warnings or self.faulty):
             return
         self.faulty = bool(errors or warnings)
-        level = DiagnosticStatus.ERROR if errors else \
-            DiagnosticStatus.WARN if warnings else DiagnosticStatus.OK
-        self.publish(self.node.get_clock().now().to_msg(), level,
-                     '; '.join(errors + warnings) or 'one publisher each, heard by all',
-                     {'incompatible': len(errors), 'rivals': len(warnings)}, 'topics')
+        self.publish(Report(
+            self.node.get_clock().now().nanoseconds,
+            ERROR if errors else WARN if warnings else OK,
+            '; '.join(errors + warnings) or 'one publisher each, heard by all',
+            {'incompatible': len(errors), 'rivals': len(warnings)}, 'topics'))
 
 
 def _told(text: str) -> str:

@@ -14,12 +14,17 @@ from dp_swing_ros.messages.fields import BILLION
 from dp_swing_ros.pendulum.state import Array, joints, links_of
 from dp_swing_ros.pendulum.urdf import ROOT
 
+LAST = 2 ** 31 * BILLION - 1   # [ns]
 POINT = ('x', 'y', 'z', 'weight')   # of a cloud
 
 
 def to_stamp(time: float | int) -> Time:
-    """Convert a time in seconds (float) or, to the nanosecond, in nanoseconds (int)."""
-    all_of_it = time if isinstance(time, int) else round(time * BILLION)
+    """
+    Convert a time in seconds (float) or, to the nanosecond, in nanoseconds (int).
+
+    One beyond the last that there is becomes that.
+    """
+    all_of_it = min(time if isinstance(time, int) else round(time * BILLION), LAST)
     return Time(sec=all_of_it // BILLION, nanosec=all_of_it % BILLION)
 
 

@@ -154,8 +154,8 @@ class PlantNode(ProcessNode):
             match each:
                 case State(stamp, x, force):
                     self.states.publish(to_joint_state(to_stamp(stamp), x, force))
-                case Report(stamp, level, text, values):
-                    self.diagnostics.publish(to_stamp(stamp), bytes([level]), text, values)
+                case Report():
+                    self.diagnostics.publish(each)
                 case Announcement(revision, since, resets):
                     announce(self, self.values, revision, since, resets)
                 case Description(text):

@@ -38,12 +38,12 @@ from rclpy.utilities import remove_ros_args
 from std_srvs.srv import SetBool, Trigger
 
 from dp_swing_ros import environment
-from dp_swing_ros.errors import one_line, UserError
+from dp_swing_ros.errors import failure, UserError
 from dp_swing_ros.executables import on_signals_to_node
 from dp_swing_ros.nodes.fast_lane import FastLane
 from dp_swing_ros.nodes.ros_parameters import check_given, refuse_unknown
 from dp_swing_ros.nodes.taking import Executor
-from dp_swing_ros.parameters import ParameterError, SHOWN
+from dp_swing_ros.parameters import ParameterError
 
 CLOCK = '/clock'
 AWAY = 2.0   # [s] at most for what is made aside
@@ -149,13 +149,6 @@ class ProcessNode(Node):
         except Exception as error:  # noqa: B902
             self.on_failure(error)
             return False, failure(error)
-
-
-def failure(error: Exception) -> str:
-    """Return in one line what failed, and where."""
-    place = traceback.extract_tb(error.__traceback__)[-1:]
-    where = ''.join(f' ({Path(each.filename).name}, line {each.lineno})' for each in place)
-    return f'{type(error).__name__}: {one_line(error)[:SHOWN]}{where}'
 
 
 def _fulfil(made: 'futures.Future[Made]', make: Callable[[], Made]) -> None:

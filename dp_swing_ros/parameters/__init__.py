@@ -14,8 +14,9 @@ import numbers
 from typing import Any, Callable, Iterable, Mapping, TypeVar
 import warnings
 
+from dp_swing_ros.errors import SHOWN
+
 LARGEST = 2 ** 63 - 1  # whole number that a ROS parameter holds
-SHOWN = 200  # [characters] of a value in an error
 WORDS = {bool: 'true or false', int: 'a whole number', float: 'a number', str: 'a text'}
 
 

@@ -13,6 +13,7 @@ from dp_swing_ros.errors import BagError
 from dp_swing_ros.estimators import ESTIMATORS
 from dp_swing_ros.messages.configuration import Configuration, CONTROLLER, PLANT
 from dp_swing_ros.messages.fields import BILLION, Report
+from dp_swing_ros.messages.ticks import NEEDED, TickReport
 from dp_swing_ros.parameters.files import is_of_rclpy
 from dp_swing_ros.rerun.answers import Tick
 from dp_swing_ros.solvers import SOLVERS
@@ -21,7 +22,6 @@ from dp_swing_ros.topics import FORCE_COMMAND, JOINT_STATES
 AGREEING = 3  # forces in a row that are the same, where two sequences meet again
 # parameters of earlier controllers that decided no force, or none with dynamics of today
 DROPPED = {'shadow', 'unseen', 'disagreement_weight'}
-NEEDED = ('force', 'cost', 'status', 'real_time', 'delay', 'solves', 'carried', 'resets', 'number')
 
 
 class Record(NamedTuple):
@@ -84,53 +84,57 @@ def record_of(bag: Bag, anywhere: bool = False) -> Record:
     return bag.parse(_record, bag, reports, anywhere)
 
 
-def _from_a_beginning(reports: list[Report]) -> list[Report]:
+class Reported(NamedTuple):
+    """What a controller reported of a tick, and the stamp of its state [ns]."""
+
+    stamp: int
+    tick: TickReport
+
+
+def _from_a_beginning(reports: list[Reported]) -> list[Reported]:
     """Return the reports from the first tick of a controller, or the first after a reset, on."""
-    if int(reports[0].values['number']) == 1:
+    if reports[0].tick.number == 1:
         return reports
-    fresh = (n for n, (before, after) in enumerate(pairwise(reports), start=1)
-             if int(after.values['resets']) > int(before.values['resets']))
-    return reports[next(fresh, len(reports)):]
+    first = (n for n, (before, after) in enumerate(pairwise(reports), start=1)
+             if after.tick.resets > before.tick.resets)
+    return reports[next(first, len(reports)):]
 
 
 def _record(bag: Bag, reports: list[Report], anywhere: bool) -> Record:
-    reports = sorted(reports, key=lambda each: int(each.values['number']))
+    reported = sorted((Reported(report.stamp, TickReport.read(report.values))
+                       for report in reports), key=lambda each: each.tick.number)
     states = {sample.stamp: sample.x for sample in samples_of(bag)}
-    found = list(dropwhile(lambda each: each.stamp not in states, reports)) if anywhere \
-        else _from_a_beginning(reports)
+    found = list(dropwhile(lambda each: each.stamp not in states, reported)) if anywhere \
+        else _from_a_beginning(reported)
     if not found:
-        return Record([], f'tick 1 is missing (the next is {reports[0].values["number"]}), and '
+        return Record([], f'tick 1 is missing (the next is {reported[0].tick.number}), and '
                       'there is none after a reset')
     revisions = revisions_of(bag).get(CONTROLLER, {})
     ticks: list[Tick] = []
     resets = 0
     revision = min(revisions, default=0)
-    first = int(found[0].values['number'])
-    for report in found:
-        number, carried = (int(report.values[name]) for name in ('number', 'carried'))
+    first = found[0].tick.number
+    for stamp, tick in found:
+        number = tick.number
         if ticks and number == ticks[-1].number:
             raise BagError(f'{bag} has two ticks number {number}: the {CONTROLLER} was started '
                            'again, or two ran; record one at a time')
         if number != first + len(ticks):
             return Record(ticks, f'tick {first + len(ticks)} is missing (the next is {number})')
-        if not carried and report.stamp not in states:
-            return Record(ticks, f'the state of tick {number} is missing ({report.stamp} ns)'
+        if not tick.carried and stamp not in states:
+            return Record(ticks, f'the state of tick {number} is missing ({stamp} ns)'
                           + ('' if ticks else _early(bag)))
-        values: dict[str, Any] = report.values
-        before, revision = revision, int(values.get('revision', revision))
+        before, revision = revision, revision if tick.revision is None else tick.revision
         if revision != before and revision not in revisions:
             return Record(ticks, f'the parameters of tick {number} are missing, changed for the '
                           f'{revision}th time')
         ticks.append(Tick(
-            number, report.stamp, float(values.get('time', report.stamp / BILLION)),
-            None if carried else states[report.stamp], float(values.get('time_noise', 0.0)),
-            float(values['delay']), bool(values['real_time']), int(values['resets']) > resets,
-            bool(values.get('enabled', True)),   # which older ones always were
-            bool(values.get('stopping', False)),
-            tuple(map(int, str(values['solves']).split())), str(values['status']),
-            float(values['cost']), float(values['force']),
+            number, stamp, stamp / BILLION if tick.time is None else tick.time,
+            None if tick.carried else states[stamp], tick.time_noise, tick.delay, tick.real_time,
+            tick.resets > resets, tick.enabled, tick.stopping,
+            tuple(map(int, tick.solves.split())), tick.status, tick.cost, tick.force,
             own(revisions[revision]) if revision != before else None))
-        resets = int(values['resets'])
+        resets = tick.resets
     return Record(ticks, '')
 
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dp_swing_ros.messages.configuration import BEFORE
-from dp_swing_ros.messages.fields import BILLION, Report
+from dp_swing_ros.messages.fields import BILLION, ERROR, OK, Report, WARN
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.pendulum.urdf import urdf
 from dp_swing_ros.runtime.pace import Answer, Pace
@@ -23,7 +23,6 @@ REPORT_PERIOD = 1.0  # [s] between two diagnostics
 MEETING = 300_000_000   # [ns] until it hears what is sent to it: discovery goes one way at a time
 ROUNDING = 1e-9      # [s]
 REAL_TIME = Answer(False, f'real time cannot be stopped; {STOPPABLE}')
-OK, WARN, ERROR = range(3)   # levels of a report
 
 
 class State(NamedTuple):

@@ -15,7 +15,6 @@ import pytest
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rosgraph_msgs.msg import Clock
-from std_srvs.srv import Trigger
 from test_mpc import Conversation, LEANING
 
 from dp_swing_ros.bags import read_episode
@@ -45,24 +44,6 @@ def value(peer, name):
     return parameter_value_to_python(found)
 
 
-def test_a_change_counts_from_the_next_tick_on(peer, start_node):
-    told = peer.record(CONFIGURATION)
-    talk = Conversation(peer, start_node)
-    talk.send(LEANING)
-    assert talk.report().values['revision'] == 0
-    assert put(peer, horizon=40, step=0.04, solver='ddp') == ''
-    talk.send(LEANING + 1e-3)
-    values = talk.report().values
-    plan = from_trajectory(talk.plans[-1])
-    assert (len(plan.U), plan.t[1]) == (40, pytest.approx(0.04))
-    assert (values['revision'], values['solver']) == (1, 'ddp')
-    assert peer.until(lambda: any('revision: 1' in each.data for each in told))
-    configured = from_text(told[-1].data)
-    assert configured.parameters['horizon'] == 40
-    assert (value(peer, 'horizon'), value(peer, 'solver')) == (40, 'ddp')
-    assert talk.node.stop() == 0
-
-
 REFUSED = [
     ({'force_weight': -1.0}, "'force_weight' is -1.0; expected at least"),
     ({'solver': 'lqr'}, 'expected one of ddp, ilqr'),
@@ -75,8 +56,8 @@ REFUSED = [
     ({'initial_force': math.nan}, 'initial_force'), ({'force_weight': None}, 'a number')]
 
 
-def test_changes_that_are_refused_say_why_and_change_nothing(peer, start_node):
-    """Each beside one that is right, for all of a request change or none."""
+def test_all_of_a_request_change_or_none(peer, start_node):
+    told = peer.record(CONFIGURATION)
     talk = Conversation(peer, start_node)
     names = {'horizon', *(name for wrong, _ in REFUSED for name in wrong)} - {'smaples'}
     before = {name: value(peer, name) for name in names}
@@ -86,6 +67,17 @@ def test_changes_that_are_refused_say_why_and_change_nothing(peer, start_node):
         talk.send(LEANING + 1e-3 * talk.n)
         assert talk.report().values['revision'] == 0
     assert {name: value(peer, name) for name in names} == before
+    # whole numbers will do for numbers
+    assert put(peer, horizon=40, step=0.04, solver='ddp', force_limit=10,
+               state_weights=[20, 100, 100, 2, 6, 1]) == ''
+    assert abs(talk.send(LEANING + 1e-3 * talk.n)) <= 10.0
+    values, plan = talk.report().values, from_trajectory(talk.plans[-1])
+    assert (len(plan.U), plan.t[1]) == (40, pytest.approx(0.04))
+    assert (values['revision'], values['solver']) == (1, 'ddp')
+    assert peer.until(lambda: any('revision: 1' in each.data for each in told))
+    assert from_text(told[-1].data).parameters['horizon'] == 40
+    assert (value(peer, 'force_limit'), value(peer, 'solver')) == (10.0, 'ddp')
+    assert list(value(peer, 'state_weights')) == [20.0, 100.0, 100.0, 2.0, 6.0, 1.0]
 
 
 def test_no_parameter_ends_or_holds_up_what_drives(peer, start_node, tmp_path):
@@ -110,17 +102,6 @@ def test_no_parameter_ends_or_holds_up_what_drives(peer, start_node, tmp_path):
     mpc.signal(signal.SIGINT)
     assert mpc.wait() == 0 and 'Traceback' not in mpc.output()
     assert peer.until(lambda: forces[-1].data == 0.0)
-
-
-def test_a_whole_number_will_do_for_a_number(peer, start_node):
-    talk = Conversation(peer, start_node)
-    assert put(peer, force_limit=10, state_weights=[20, 100, 100, 2, 6, 1]) == ''
-    assert value(peer, 'force_limit') == 10.0
-    assert list(value(peer, 'state_weights')) == [20.0, 100.0, 100.0, 2.0, 6.0, 1.0]
-    hanging = [0.0, np.pi, np.pi, 0.0, 0.0, 0.0]
-    assert abs(talk.send(hanging)) <= 10.0
-    talk.report()
-    assert np.abs(from_trajectory(talk.plans[-1]).U).max() == pytest.approx(10.0)
 
 
 def ros2_param(*command):
@@ -148,34 +129,14 @@ def test_a_file_is_loaded_as_a_whole_or_not_at_all(peer, start_node, tmp_path):
     file.write_text('mpc:\n  ros__parameters: {state_weights: [1, 2.0]}\n')
     code, text = param('load', '/mpc', str(file))
     assert code == 2 and "'state_weights' is [1, 2.0]; ROS wants" in text
-
-
-def test_the_command_line_changes_it(peer, start_node, tmp_path):
-    """`ros2 param`, of ros2cli or what stands in for it."""
-    talk = Conversation(peer, start_node)
-    param = partial(ros2_param, 'ros2')
-    file = tmp_path / 'weights.yaml'
+    param = partial(ros2_param, 'ros2')   # of ros2cli, where that is installed
     file.write_text('/mpc:\n  ros__parameters:\n    horizon: 20\n    force_weight: 0.5\n')
     assert param('set', '/mpc', 'solver', 'ddp') == (0, 'Set parameter successful\n')
     code, text = param('set', '/mpc', 'solver', 'lqr')
     assert code == 1 and 'expected one of ddp, ilqr' in text
     assert param('load', '/mpc', str(file))[0] == 0
-    assert 'ddp' in param('get', '/mpc', 'solver')[1]
+    assert 'ddp' in param('get', '/mpc', 'solver')[1] and value(peer, 'horizon') == 20
     assert 'mppi.samples' in param('list', '/mpc')[1]
-    talk.send(LEANING)
-    values = talk.report().values
-    assert values['solver'] == 'ddp'
-    assert len(from_trajectory(talk.plans[-1]).U) == 20
-
-
-def test_a_reset_keeps_what_was_changed(peer, start_node):
-    talk = Conversation(peer, start_node)
-    assert put(peer, horizon=12) == ''
-    talk.send(LEANING)
-    assert peer.call(Trigger, 'mpc/reset').success
-    talk.send(LEANING + 1e-3)
-    talk.report()
-    assert len(from_trajectory(talk.plans[-1]).U) == 12
 
 
 def test_a_run_with_changes_is_repeated_to_the_bit(peer, start_node, tmp_path, capsys):

@@ -8,15 +8,12 @@ parameter `clock`, or from whoever publishes the states, on the topic `configura
 """
 
 from collections import deque
-from collections.abc import Callable
 from enum import Enum
 import math
 from statistics import median
-import time
 from typing import NamedTuple
 
 from dp_swing_ros.messages.configuration import Configuration, is_of_plant
-from dp_swing_ros.nodes.process import ProcessNode
 
 OLDEST = 1.0       # [s] a state older than this cannot be: no plan reaches much further
 AHEAD = 0.005      # [s] a stamp may be this far in the future, where clocks are kept together
@@ -191,31 +188,27 @@ class Latency:
         self.given = min(longest, max(left - SLACK, median(self.ticks)))
         return self.given + self.transport()
 
-    def keep(self, began: float, first: bool) -> None:
+    def rest(self, taken: float, first: bool) -> float:
         """
-        Wait until the time that the tick was given, which began at time.perf_counter() [s].
+        Return what is left of the time that the tick was given [s], after what it has taken [s].
 
         The first of a run solves from more starts than others, so it says nothing about them.
         """
-        taken = time.perf_counter() - began
         if not first:
             self.ticks.append(taken)
-        time.sleep(max(self.given - taken, 0.0))
+        return max(self.given - taken, 0.0)
 
 
 class Watchdog:
-    """Learns the period of its feedings, by the node's clock; barks where none came."""
+    """Learns the period of the states, by the controller's clock, and how long to wait for one."""
 
-    def __init__(self, node: ProcessNode, period: float, bark: Callable[[], None]) -> None:
-        """Take the node whose timer it is, the period [s] until one is known, and what to call."""
-        self.bark, self.first = bark, period
-        # a clock that is set must not look like silence, and simulated time may stand still
-        self.timer = node.create_timer(1.0, self.on_time, clock=node.pace_clock, autostart=False)
+    def __init__(self, period: float) -> None:
+        """Take the period [s] until one is known."""
+        self.first = period
         self.forget()
 
     def forget(self) -> None:
-        """Stop, and forget the period."""
-        self.timer.cancel()
+        """Forget the period."""
         self.periods: deque[float] = deque([self.first], maxlen=PERIODS)
 
     @property
@@ -223,25 +216,11 @@ class Watchdog:
         """Return the period [s] as it is known."""
         return float(median(self.periods))
 
-    def feed(self, period: float) -> None:
-        """Wait anew; the last feeding was this time [s] ago."""
+    def feed(self, period: float) -> float:
+        """Take that the last state was a time [s] ago; return how long [s] the next may take."""
         if period > 0:
             self.periods.append(period)
-        self.wait(self.period + max(PATIENCE * self.period, SPARE))
-
-    def wait(self, duration: float) -> None:
-        """Bark after a time [s]."""
-        self.timer.timer_period_ns = round(duration * 1e9)
-        self.timer.reset()
-
-    def on_time(self) -> None:
-        """Bark, after a wait for the next."""
-        self.wait(self.period)
-        self.bark()
-
-    def stop(self) -> None:
-        """Bark no more until it is fed."""
-        self.timer.cancel()
+        return self.period + max(PATIENCE * self.period, SPARE)
 
 
 class GoalWatch:

@@ -8,8 +8,8 @@ import pytest
 
 from dp_swing_ros.control import controllers
 from dp_swing_ros.control.receding_horizon import RecedingHorizon
-from dp_swing_ros.nodes.loading import Loaded, Loader
 from dp_swing_ros.parameters import ParameterError
+from dp_swing_ros.runtime.loading import Loaded, Loader
 
 SLOW = -math.inf   # of which every tick is late
 

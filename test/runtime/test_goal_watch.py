@@ -5,8 +5,8 @@
 import pytest
 
 from dp_swing_ros.control import controllers
-from dp_swing_ros.nodes.timing import GoalWatch
 from dp_swing_ros.pendulum.state import errors, is_upright
+from dp_swing_ros.runtime.timing import GoalWatch
 from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import simulate
 

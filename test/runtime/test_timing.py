@@ -3,13 +3,12 @@
 """When a state was measured, whatever its stamp says."""
 
 import math
-import time
 
 import numpy as np
 import pytest
 
 from dp_swing_ros.messages.configuration import Configuration
-from dp_swing_ros.nodes.timing import (
+from dp_swing_ros.runtime.timing import (
     AGAIN, Clock, LATELY, Latency, LONGEST_TRANSPORT, Setbacks, SLACK, Timing)
 
 NOW = 1000.0   # [s]
@@ -138,14 +137,13 @@ def test_others_announce_nothing_and_a_parameter_says_more():
     assert timing.clock is Clock.ARRIVAL
 
 
-def test_a_tick_is_given_what_all_but_the_longest_of_late_took(monkeypatch):
-    monkeypatch.setattr(time, 'sleep', lambda _: None)
+def test_a_tick_is_given_what_all_but_the_longest_of_late_took():
     latency = Latency(0.008)
     assert latency.expected(math.inf) == 0.008
-    latency.keep(time.perf_counter() - 1.0, first=True)   # which says nothing about the next
+    latency.rest(1.0, first=True)   # which says nothing about the next
     assert latency.expected(math.inf) == 0.008
     for taken in [0.003] * 18 + [0.03, 0.006]:
-        latency.keep(time.perf_counter() - taken, first=False)
+        latency.rest(taken, first=False)
     assert latency.expected(math.inf) == pytest.approx(0.006, abs=1e-3)
     # where the next state comes sooner, less, but what it takes to be no longer late
     assert latency.expected(0.005) == 0.005 - SLACK
@@ -153,12 +151,9 @@ def test_a_tick_is_given_what_all_but_the_longest_of_late_took(monkeypatch):
 
 
 def test_a_force_waits_until_what_the_tick_was_given():
-    latency, began = Latency(0.05), time.perf_counter()
-    latency.keep(began, first=True)
-    assert time.perf_counter() - began >= 0.05
-    began = time.perf_counter() - 0.06
-    latency.keep(began, first=True)
-    assert time.perf_counter() - began < 0.1    # a late one does not wait
+    latency = Latency(0.05)
+    assert latency.rest(0.02, first=True) == pytest.approx(0.03)
+    assert latency.rest(0.06, first=True) == 0.0   # a late one does not wait
 
 
 def test_a_force_is_expected_to_travel_as_states_do():

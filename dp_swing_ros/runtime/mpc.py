@@ -1,0 +1,530 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+What the mpc does with what comes, and when: the node without ROS, by any clocks.
+
+Where states stop coming in real time, the last plan is followed for a while; then the force is
+zero.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
+import math
+from typing import Any, NamedTuple, Protocol
+
+from dp_swing_ros.control import controllers
+from dp_swing_ros.control.receding_horizon import MpcParameters, RecedingHorizon
+from dp_swing_ros.errors import failure
+from dp_swing_ros.messages.configuration import from_text, is_of_plant
+from dp_swing_ros.messages.fields import (
+    BILLION, ERROR, nanoseconds, OK, Report, to_measured, to_state, WARN)
+from dp_swing_ros.messages.states import States
+from dp_swing_ros.messages.ticks import TickReport, tip_paths
+from dp_swing_ros.parameters import group
+from dp_swing_ros.pendulum.sensors import HANGING, SensorParameters, Standstill
+from dp_swing_ros.pendulum.state import Array, errors, is_upright
+from dp_swing_ros.problem.plan import FALLBACK, Plan, Status
+from dp_swing_ros.runtime.loading import Loader, SLOWEST
+from dp_swing_ros.runtime.pace import Answer
+from dp_swing_ros.runtime.timing import (
+    Clock, GoalWatch, Latency, Measured, Setbacks, Timing, Watchdog)
+
+MEETING = 2.0        # [s] at most, to learn who sends the states, and for them to find the forces
+SMOOTHING = 0.1      # share of the newest tick in the mean pace
+ENDING = 1.0         # [s] at most, beyond the time of a controlled stop
+PACES = (0.01, 100.0)  # slowest and fastest of a simulated clock, in seconds a second
+
+
+class Clocks(Protocol):
+    """The clocks of a controller."""
+
+    @property
+    def simulated(self) -> bool:
+        """Return whether its own is a simulated one, which may go at any pace."""
+
+    def now(self) -> int:
+        """Return the time of its own clock [ns]."""
+
+    def today(self) -> float:
+        """Return the time of day [s], by which messages are sent and received."""
+
+    def steady(self) -> float:
+        """Return the time of a clock that is never set [s], that of time.perf_counter()."""
+
+    def sleep(self, duration: float) -> None:
+        """Let a time [s] of the steady clock pass."""
+
+
+class Arrived(NamedTuple):
+    """A JointState, and how it came."""
+
+    message: Any
+    publisher: bytes   # its GID
+    number: int        # that its publisher gave it
+    sent: int          # [ns] by the clock of its publisher
+    received: int      # [ns] by the time of day
+
+
+class Peers(NamedTuple):
+    """The nodes around a controller, by their full names."""
+
+    senders: set[str]      # of states
+    announcers: set[str]   # of what they run with
+    hearers: set[str]      # of the forces, once all that are there are connected
+
+
+class Force(NamedTuple):
+    """A command, and the stamp of the state that it answers."""
+
+    stamp: int     # [ns]
+    force: float   # [N]
+
+
+class Planned(NamedTuple):
+    """A plan for the state of a stamp [ns]."""
+
+    stamp: int
+    plan: Plan
+
+
+class Tried(NamedTuple):
+    """Where the tip goes in some tries of a solver: paths (M, N + 1, 2) [m], weights (M,)."""
+
+    stamp: int   # [ns]
+    paths: Array
+    weights: Array
+
+
+class Announcement(NamedTuple):
+    """What it runs with in place of what was given, or found; that of a revision."""
+
+    parameters: Mapping[str, Any]
+    revision: int
+
+
+class PutBack(NamedTuple):
+    """That it goes on with these parameters: others turned out not to work."""
+
+    parameters: Mapping[str, Any]
+
+
+class Wake(NamedTuple):
+    """That `on_silence` is to be called after a time [s] of its own clock; None: not any more."""
+
+    after: float | None
+
+
+class Said(NamedTuple):
+    """A line for the log: of level OK, WARN or ERROR."""
+
+    level: int
+    text: str
+
+
+Sent = Force | Planned | Tried | Report | Announcement | PutBack | Wake | Said
+
+
+class Arrival(NamedTuple):
+    """How the last state came."""
+
+    t: float        # [s] when it was measured, by the clock of the controller
+    now: float      # [s] when it came, by the same
+    steady: float   # [s] and by the steady one
+    number: int
+    sent: int       # [ns]
+
+
+class Times(NamedTuple):
+    """When a tick was, and how long what took [s]."""
+
+    t: float               # when its state was measured, by the clock of the controller
+    age: float = 0.0       # of the state when it came
+    delay: float = 0.0     # from the measurement until the force was to act
+    latency: float = 0.0   # and until it was sent
+
+
+class MpcCore:
+    """
+    A controller in real time, or in lockstep with a plant: one force a state.
+
+    In lockstep there is no latency to make up for and no deadline, so that the result does not
+    depend on the machine. What fails in a tick costs its force, which is zero then.
+    """
+
+    def __init__(self, values: Mapping[str, Any], clocks: Clocks, send: Callable[[Sent], None],
+                 name: Callable[[bytes], str] = repr) -> None:
+        """
+        Take all parameters, the clocks, what sends what it is given, at once, and what names GIDs.
+
+        Raises ParameterError for what cannot work.
+        """
+        self.values = dict(values)
+        self.clocks, self.send = clocks, send
+        self.parameters = group(MpcParameters, values)
+        self.sensors = group(SensorParameters, values)
+        self.standstill = Standstill() if self.sensors.zero == HANGING else None
+        self.timing = Timing(self.parameters.clock)
+        self.states = States(self.sensors.joint_names, partial(self.say, WARN), name)
+        self.watchdog = Watchdog(values['step'])
+        self.setbacks = Setbacks()    # of simulated time
+        self.revision = 0             # how often the parameters have changed
+        self.found: dict[str, Any] = {}   # instead of those that were given
+        self.configured = dict[str, int]()   # resets of the nodes that have announced themselves
+        self.plants = set[str]()      # the names of those that are plants of ours
+        self.rivals: Sequence[str] = ()   # in words, who else commands or sends states
+        self.forces = 0     # that were sent
+        self.answered = 0   # [ns] the stamp of the last state
+        self.resets = 0
+        self.ends_by = math.inf   # [s] from the request to end on
+        self.waiting: Arrived | None = None   # the newest state, until it can be answered
+        self.met = False
+        self.said = dict[str, float]()   # [s] when
+
+    def prepare(self) -> None:
+        """Compile all that a tick needs; raises ParameterError for what cannot work."""
+        self.controller = controllers.controller(self.values)
+        self.tick_time = self.controller.warm_up()
+        self.forget()
+        self.loader = Loader(self.controller)
+        self.warn_of_problem()
+        self.note_learned()
+        if self.found:
+            self.send(Announcement(self.found, self.revision))
+
+    def forget(self) -> None:
+        """Begin anew."""
+        self.controller.reset()
+        self.timing.reset()
+        self.watchdog.forget()
+        self.send(Wake(None))
+        self.latency = Latency(self.tick_time)
+        self.pace = 1.0         # seconds of this node's clock in a second
+        self.time_noise = 0.0   # [s] by which the times of measurements may be off
+        self.carried = 0        # periods since the last state
+        self.late_total = self.missed_total = 0   # ticks, and states that others overtook
+        self.is_first = True    # the next plan is
+        self.goal_watch = GoalWatch()
+        self.last = Arrival(math.nan, math.nan, math.nan, 0, 0)
+
+    @property
+    def lockstep(self) -> bool:
+        """Return whether time waits for the forces."""
+        return self.timing.clock is Clock.LOCKSTEP
+
+    # parameters
+
+    def on_change(self, values: dict[str, Any], make: Callable[
+            [Callable[[], RecedingHorizon]], RecedingHorizon]) -> None:
+        """
+        Check other parameters, which count from a next tick on; raises ParameterError.
+
+        `make` returns what a function does, however long that takes.
+        """
+        self.loader.slowest = math.inf if self.lockstep else SLOWEST
+        self.loader.load(make(partial(controllers.controller, values)), values)
+        if self.lockstep:   # time waits
+            self.loader.wait()
+
+    def reconfigure(self) -> None:
+        """Go on with other parameters, if such are ready, or put the last ones back."""
+        loaded = self.loader.take()
+        if loaded is None:
+            return
+        if loaded.error:
+            text = f'the new parameters cannot be used: {loaded.error}; going on with the last'
+            self.say(ERROR, text)
+            self.send(Report(self.answered, ERROR, text, {}, 'parameters'))
+            self.send(PutBack(self.values))
+            return
+        self.controller.reconfigure(loaded.controller)
+        self.values, self.parameters = loaded.values, self.controller.parameters
+        self.revision += 1
+        self.warn_of_problem()
+        self.note_learned()
+        self.send(Announcement({**self.values, **self.found}, self.revision))
+
+    def warn_of_problem(self) -> None:
+        """Tell of parameters that are possible, but hardly meant."""
+        if warning := self.controller.nominal.warning:
+            self.say(WARN, warning)
+
+    def note_learned(self) -> None:
+        """Announce what a learned model holds in place of its file, so that a bag has it."""
+        learned = self.controller.nominal.learned
+        self.found.pop('model', None)
+        if learned is not None:
+            self.found['model'] = learned.to_text()
+
+    def on_configuration(self, text: str) -> None:
+        """Learn from a plant, or from the recording of one, what its stamps are."""
+        try:
+            configured = from_text(text)
+            self.timing.learn(configured)
+        except (TypeError, ValueError) as error:
+            self.say(WARN, f'{error}; going on without it', 'configuration', 10.0)
+            return
+        if is_of_plant(configured):
+            self.plants.add(configured.node)
+        before = self.configured.get(configured.node)
+        self.configured[configured.node] = configured.resets
+        # a plan from before leads from where the pendulum is no more; a plant that begins again
+        # is another one, of which nothing is known yet
+        begins = is_of_plant(configured) and configured.revision == 0
+        if before is not None and (begins or configured.resets != before):
+            self.reset()
+
+    # states
+
+    def on_states(self, arrived: Iterable[Arrived]) -> None:
+        """Take all that came on the topic of the states: of several, the newest is answered."""
+        newest = None
+        for each in arrived:
+            if self.states.picks(each.message, each.publisher, each.number, self.clocks.steady(),
+                                 asked_again=self.lockstep):
+                newest = each._replace(number=self.states.number)
+        if newest is None:
+            return
+        if self.met:
+            self.surely(partial(self.answer, newest))
+        else:
+            if self.waiting is None:
+                self.meets_by = self.clocks.steady() + MEETING
+            self.waiting = newest
+        self.states.rest(self.clocks.steady())
+
+    def meet(self, peers: Peers) -> None:
+        """Answer the first state once it can be, or at the latest after a while."""
+        if self.waiting is not None and (
+                self.can_answer(peers) or self.clocks.steady() > self.meets_by):
+            self.met = True
+            self.surely(partial(self.answer, self.waiting))
+
+    def can_answer(self, peers: Peers) -> bool:
+        """Return whether the clocks are known and a plant hears the forces."""
+        if self.clocks.now() == 0:   # a simulated one that was not heard yet
+            return False
+        announcers = peers.senders & peers.announcers
+        if self.timing.given is None and not announcers <= self.configured.keys():
+            return False
+        # a plant in lockstep would wait forever for a force that it did not hear
+        wanted = peers.senders if self.lockstep else announcers & self.plants
+        return not (self.lockstep or wanted) or bool(wanted) and wanted <= peers.hearers
+
+    def surely(self, tick: Callable[[], None]) -> None:
+        """Do a tick; where it fails without a force, that is zero, and the next is a first one."""
+        forces = self.forces
+        try:
+            tick()
+        except Exception as error:  # noqa: B902
+            text = failure(error)
+            self.say(ERROR, f'{text}; going on', 'failure', 1.0)
+            if self.forces == forces:
+                self.command(0.0)
+                self.reset()
+            self.send(Report(self.answered, ERROR, text, {}, 'failure'))
+
+    def answer(self, arrived: Arrived) -> None:
+        """Send a force for a state, and report how that came about."""
+        self.reconfigure()
+        clocks, stamp = self.clocks, nanoseconds(arrived.message.header.stamp)
+        now, began = clocks.now() / BILLION, clocks.steady()
+        sent = now - (clocks.today() - arrived.sent / BILLION) * self.pace
+        measured = self.timing.measured(stamp / BILLION, now, sent)
+        if self.standstill and not self.found_zero(self.standstill, measured.t, arrived.message):
+            return
+        self.answered = stamp
+        before = self.last
+        self.last = Arrival(measured.t, now, began, arrived.number, arrived.sent)
+        # what the publisher sent in between was overwritten while a solve went on
+        steps = max(arrived.number - before.number, 1)
+        self.missed_total += steps - 1 if before.number else 0
+        period = (measured.t - before.t) / steps
+        self.carried = 0
+        delay, deadline, real_time = measured.age, math.inf, not self.lockstep
+        if real_time:
+            self.pace = self.pace_since(before)
+            self.latency.add_transport((arrived.received - arrived.sent) / BILLION)
+            # it may have waited for the tick before; this one catches up
+            left = self.latency.left(self.watchdog.period / self.pace,
+                                     clocks.today() - arrived.received / BILLION)
+            delay += self.latency.expected(left) * self.pace
+            deadline = began + min(self.parameters.time_limit / self.pace, left)
+            self.time_noise = self.parameters.time_noise * self.pace
+        plan, complaint = self.solve(arrived.message, measured.t, delay, deadline)
+        late = plan.stats.solve_time * self.pace > (period if period > 0 else plan.dt)
+        if real_time and self.controller.enabled:
+            clocks.sleep(self.latency.rest(clocks.steady() - began, self.is_first))
+            self.is_first = False
+        force = self.command(plan.first_force(self.u_max), plan)
+        sent_at = clocks.steady()
+        if real_time:
+            self.send(Wake(self.watchdog.feed(period)))
+        self.report(stamp, plan, complaint, self.warning(measured), force, late, real_time, Times(
+            measured.t, measured.age, delay, measured.age + (sent_at - began) * self.pace))
+        self.latency.reports.append(clocks.steady() - sent_at)
+
+    def solve(self, message: Any, t: float, delay: float, deadline: float) -> tuple[Plan, str]:
+        """Return the plan for a state measured at a time [s], and what is wrong with the state."""
+        try:
+            x = to_state(message, self.values['links'], self.sensors)
+            plan = self.controller.update(t, x, delay, deadline, self.time_noise)
+            complaint = self.controller.belief.rejection
+        except ValueError as error:
+            plan, complaint = self.controller.fallback(t + delay), str(error)
+        if complaint:
+            # what fights over the pendulum is not the fault of its sensors
+            complaint = '; '.join((*self.rivals, complaint))
+            self.say(ERROR, f'{complaint}; going on without this state', 'state', 1.0)
+        return plan, complaint
+
+    def warning(self, measured: Measured) -> str:
+        """Return what is wrong with the stamp of a state, or with the clock."""
+        setbacks = self.setbacks.complaint(self.clocks.steady())
+        if setbacks:
+            self.say(WARN, setbacks, 'setbacks', 5.0)
+        return '; '.join(filter(None, (measured.complaint, setbacks)))
+
+    def found_zero(self, standstill: Standstill, t: float, message: Any) -> bool:
+        """Take a state measured at a time [s]; return whether it tells the sensors' zero."""
+        words = 'waiting for the pendulum to hang still, which tells the zero of its sensors'
+        place = None
+        try:
+            place = standstill.place(t, to_measured(message, self.sensors.joint_names))
+        except ValueError as error:
+            words = str(error)
+        if self.lockstep:
+            words = 'in lockstep nobody sees the pendulum hang still; set zero to given'
+        if place is None:
+            self.say(WARN, words, 'zero', 5.0)
+            self.send(Report(nanoseconds(message.header.stamp), WARN, words, {}, 'zero'))
+            return False
+        self.sensors, self.standstill = self.sensors.hanging_at(place), None
+        self.found['joint_offsets'] = self.sensors.joint_offsets
+        self.send(Announcement(self.found, self.revision))
+        self.say(OK, 'the pendulum hangs still; joint_offsets: '
+                 f'{list(self.sensors.joint_offsets)}')
+        return True
+
+    def pace_since(self, before: Arrival) -> float:
+        """Return the pace of this controller's clock, which may be a simulated one."""
+        passed = self.last.steady - before.steady
+        if not (self.clocks.simulated and passed > 0):
+            return self.pace
+        pace = (self.last.now - before.now) / passed
+        return self.pace + SMOOTHING * (min(max(pace, PACES[0]), PACES[1]) - self.pace)
+
+    def on_setback(self) -> None:
+        """Take that the clock jumped back."""
+        self.setbacks.times.append(self.clocks.steady())
+
+    # no states
+
+    def on_silence(self) -> None:
+        """Follow the last plan without a state that should have come, for a while."""
+        self.send(Wake(self.watchdog.period))
+        self.surely(partial(self.answer_nothing, f'no state came in {self.carried + 1} periods'))
+
+    def answer_nothing(self, complaint: str) -> None:
+        """Send a force that answers no state."""
+        self.carried += 1
+        now = self.clocks.now()
+        t, delay = now / BILLION, self.latency.transport() * self.pace
+        plan = self.controller.fallback(t + delay)
+        if plan.stats.status in (Status.ZERO, Status.DISABLED):
+            self.send(Wake(None))
+        force = self.command(plan.first_force(self.u_max), plan)
+        self.report(now, plan, complaint, '', force, False, True, Times(t, delay=delay))
+
+    # what is sent
+
+    @property
+    def u_max(self) -> float:
+        """Return the largest force [N]."""
+        return float(self.values['force_limit'])
+
+    def command(self, force: float, plan: Plan | None = None) -> float:
+        """Send a force [N], which may be the first of a plan; return it."""
+        if plan is not None and plan.stats.status is Status.STOP:
+            self.say(ERROR, f'controlled stop: {self.controller.stopping}', 'stop', 10.0)
+        self.send(Force(self.answered, force))
+        self.forces += 1
+        return force
+
+    def report(self, stamp: int, plan: Plan, complaint: str, warning: str, force: float,
+               late: bool, real_time: bool, times: Times) -> None:
+        """Send the plan and the figures of the tick."""
+        controller, stats = self.controller, plan.stats
+        problem, stopping = controller.belief.problem, controller.stopping
+        self.send(Planned(stamp, plan))
+        if plan.tries is not None:
+            self.send(Tried(stamp, tip_paths(plan.X[0], plan.tries, problem), plan.tries.weights))
+        # what is disabled is not expected to arrive
+        arrives = not controller.enabled or is_upright(errors(plan.X[-1], problem.x_r))
+        astray = self.goal_watch.warning(times.t, bool(arrives), problem.horizon * problem.dt)
+        if astray:
+            self.say(WARN, astray, 'goal', 10.0)
+        warning = '; '.join(filter(None, (
+            warning, astray,
+            'the solve failed' if stats.candidates and stats.status in FALLBACK else '')))
+        self.late_total += late
+        level = OK
+        if complaint or stopping or stats.status is Status.ZERO:
+            level = ERROR
+        elif warning or late or stats.status in (*FALLBACK, Status.DISABLED):
+            level = WARN
+        tick = TickReport.of(
+            plan, problem, controller.belief.estimate, solver=self.parameters.solver,
+            age=times.age, latency=times.latency, delay=times.delay, late=late,
+            late_total=self.late_total, missed_total=self.missed_total, force=force,
+            real_time=real_time, time=times.t, time_noise=self.time_noise, carried=self.carried,
+            resets=self.resets, revision=self.revision, number=self.forces,
+            enabled=controller.enabled, stopping=bool(stopping),
+            sent=0 if self.carried else self.last.sent, clock=self.timing.clock.name.lower())
+        words = filter(None, (complaint, stopping, warning, stats.status.value))
+        self.send(Report(stamp, level, '; '.join(words), tick.values()))
+
+    def say(self, level: int, text: str, about: str = '', every: float = 0.0) -> None:
+        """Log a line, of those about one thing no more than one in a time [s]."""
+        now = self.clocks.steady()
+        if now - self.said.get(about, -math.inf) >= every:
+            self.said[about] = now
+            self.send(Said(level, text))
+
+    # what it is asked for
+
+    def reset(self) -> Answer:
+        """Forget the last plan and restart the random numbers."""
+        self.forget()
+        self.resets += 1
+        return Answer(True, 'the next tick is a first one')
+
+    def enable(self, enabled: bool) -> Answer:
+        """
+        Act again, from a first plan, or let the force go at once.
+
+        States are believed meanwhile, so that it knows the pendulum when it is enabled again.
+        """
+        changes = self.controller.enable(enabled)
+        self.is_first = self.is_first or changes
+        if changes:
+            self.say(WARN, 'enabled' if enabled else 'disabled: the force is zero')
+        # in lockstep it would answer the next state, and each answer from then on come too early
+        if changes and not enabled and self.forces and not self.lockstep:
+            self.answer_nothing('')
+        return Answer(True, 'enabled: a force for each state' if enabled
+                      else 'disabled: zero force')
+
+    def may_end(self) -> bool:
+        """Return whether the cart is braked, where it is to be before the end."""
+        seconds = self.parameters.controlled_stop
+        if not (seconds and self.forces and self.controller.enabled):
+            return True
+        if not math.isfinite(self.ends_by):
+            self.ends_by = self.clocks.steady() + seconds + ENDING
+            self.controller.stop('the process ends')
+        return self.clocks.steady() > self.ends_by
+
+    def close(self) -> None:
+        """End the stream of commands with zero."""
+        if self.forces:
+            self.command(0.0)

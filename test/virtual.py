@@ -1,0 +1,183 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""A controller in virtual time: a driver whose clocks are set by hand."""
+
+from itertools import pairwise
+import math
+
+import numpy as np
+
+from dp_swing_ros.control import controllers
+from dp_swing_ros.messages.configuration import Configuration
+from dp_swing_ros.messages.fields import BILLION, Report
+from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
+from dp_swing_ros.pendulum.state import joints
+from dp_swing_ros.runtime.loading import kind_of
+from dp_swing_ros.runtime.mpc import (
+    Announcement, Arrived, Force, MpcCore, Peers, Planned, Said, Wake)
+
+DAY = 1_700_000_000      # [s] when it begins
+AHEAD = 1e9              # [s] of the steady clock; no deadline by it has passed on any machine
+TICK = 0.004             # [s] that a tick takes, as the controller takes it
+PERIOD = 0.05            # [s] of the driver's states
+LEANING = np.array([0.1, 0.02, -0.01, 0.0, 0.05, 0.0])
+KNOWN = Peers({'/driver'}, set(), {'/driver'})
+
+
+class VirtualClocks:
+    """Clocks of which time of day and the steady one go together, and a simulated one."""
+
+    def __init__(self, simulated=None):
+        self.time, self.simulated_time = 0.0, simulated   # [s] since it began
+
+    @property
+    def simulated(self):
+        return self.simulated_time is not None
+
+    def now(self):
+        return round((DAY + self.time if self.simulated_time is None else self.simulated_time)
+                     * BILLION)
+
+    def today(self):
+        return DAY + self.time
+
+    def steady(self):
+        return AHEAD + self.time
+
+    def sleep(self, duration):
+        self.time += duration
+
+
+class Running:
+    """A core that has prepared itself, what it sent, and when it is to be woken."""
+
+    def __init__(self, simulated=None, peers=KNOWN, **parameters):
+        self.clocks, self.sent, self.peers = VirtualClocks(simulated), [], peers
+        self.wakes_at, self.numbers = math.inf, {}
+        self.core = MpcCore(controllers.MPC.complete(parameters), self.clocks, self.take,
+                            lambda gid: f'/{gid.decode()}')
+        self.core.prepare()
+        self.core.tick_time = TICK
+        self.core.controller.update = self.solving(self.core.controller.update)
+        self.core.forget()
+        self.sent.clear()
+
+    def solving(self, update):
+        """Return a solve that takes the time of a tick."""
+        def solve(*given):
+            plan = update(*given)
+            self.clocks.time += TICK
+            return plan
+        return solve
+
+    def take(self, sent):
+        self.sent.append(sent)
+        if isinstance(sent, Wake):
+            self.wakes_at = math.inf if sent.after is None else self.clocks.time + sent.after
+
+    def of(self, kind):
+        return [each for each in self.sent if isinstance(each, kind)]
+
+    @property
+    def forces(self):
+        return [each.force for each in self.of(Force)]
+
+    @property
+    def plan(self):
+        """Return the last plan."""
+        return self.of(Planned)[-1].plan
+
+    @property
+    def reports(self):
+        """Return the reports on ticks."""
+        return [each for each in self.of(Report) if not each.part]
+
+    @property
+    def report(self):
+        return self.reports[-1]
+
+    @property
+    def answers(self):
+        """Return the reports on states."""
+        return [each for each in self.reports if not each.values['carried']]
+
+    def log(self, level=None):
+        return [each.text for each in self.of(Said) if level in (None, each.level)]
+
+    def announced(self):
+        return self.of(Announcement)
+
+    def passes(self, duration):
+        """Let a time [s] pass, in which it may be woken."""
+        end = self.clocks.time + duration
+        while self.wakes_at <= end:
+            self.clocks.time = max(self.wakes_at, self.clocks.time)
+            self.wakes_at = math.inf
+            self.core.on_silence()
+        self.clocks.time = max(end, self.clocks.time)
+
+    def came(self, message, publisher=b'driver', number=None, sent=None, way=1e-3):
+        """Return a message that arrives now; sent [s] is by the clock of its publisher."""
+        self.numbers[publisher] = number or self.numbers.get(publisher, 0) + 1
+        now = self.clocks.today()
+        return Arrived(message, publisher, self.numbers[publisher],
+                       round((now - way if sent is None else sent) * BILLION),
+                       round(now * BILLION))
+
+    def hear(self, *messages, **about):
+        """Let messages come; return the last force."""
+        self.core.on_states([self.came(message, **about) for message in messages])
+        if not self.core.met:
+            self.core.meet(self.peers)
+        return self.forces[-1] if self.forces else None
+
+    def state(self, x, stamp=None, **about):
+        """Let a state come, with the stamp of now or another [s]; return the last force."""
+        stamp = self.clocks.now() if stamp is None else round(stamp * BILLION)
+        return self.hear(to_joint_state(to_stamp(stamp), np.asarray(x, float), 0.0), **about)
+
+    def stream(self, count, x=LEANING, stamp=lambda now: now, period=PERIOD, each=None):
+        """Let states come at a steady pace, that differ; stamp(now) is that of each [s]."""
+        for n in range(count):
+            began = self.clocks.time
+            self.state(np.asarray(x) * (1 + 1e-3 * n), stamp(self.clocks.now() / BILLION))
+            if each is not None:
+                each()
+            self.passes(began + period - self.clocks.time)
+
+    def lockstep(self, *states):
+        """Let states come in simulated time; return the forces that answer them."""
+        return [self.state(x, PERIOD * self.numbers.get(b'driver', 0)) for x in states]
+
+    def plant(self, revision=0, resets=0, **parameters):
+        """Let a plant announce itself."""
+        values = {'lockstep': False, 'rate': 20.0, **parameters}
+        self.core.on_configuration(Configuration(
+            '/plant', values, '', '', '', '', {}, revision, 0, resets).to_text())
+
+    def change(self, **parameters):
+        """Ask for other parameters, and wait until they are loaded."""
+        def make(controller):
+            made = controller()
+            self.core.loader.kinds.add(kind_of(made))   # needs no process that compiles
+            return made
+        self.core.on_change({**self.core.values, **parameters}, make)
+        thread = self.core.loader.thread
+        if thread is not None:
+            thread.join()
+
+
+def lockstep(**parameters):
+    """Return a core in lockstep."""
+    return Running(clock='lockstep', **parameters)
+
+
+def periods(reports):
+    """Return the times [s] between the reports."""
+    return [after.values['time'] - before.values['time'] for before, after in pairwise(reports)]
+
+
+def hanging_rig(x, signs=(1.0, -1.0, 1.0), offsets=(-0.2, 2.5, 0.7)):
+    """Return position by joint as a rig with zeros and signs of its own measures a state."""
+    measured = np.array(offsets) + np.array(signs) * (x[0], x[1], x[2] - x[1])
+    return dict(zip(joints(2), measured))
