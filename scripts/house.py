@@ -50,7 +50,7 @@ CONTRACTS = {
         'simulation'}, 55),
     'mpc': Contract({
         'control', 'dynamics', 'estimators', 'kernels', 'messages', 'nodes', 'parameters',
-        'pendulum', 'problem', 'runtime', 'solvers'}, 84),
+        'pendulum', 'problem', 'runtime', 'solvers'}, 85),
     'logger': Contract({
         'bags', 'messages', 'nodes', 'parameters', 'pendulum', 'simulation'}, 37)}
 

@@ -12,9 +12,10 @@ from dp_swing_ros.messages.configuration import Configuration
 from dp_swing_ros.messages.fields import BILLION, Report
 from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
 from dp_swing_ros.pendulum.state import joints
+from dp_swing_ros.runtime.handshake import Peers
 from dp_swing_ros.runtime.loading import kind_of
-from dp_swing_ros.runtime.mpc import (
-    Announcement, Arrived, Force, MpcCore, Peers, Planned, Said, Wake)
+from dp_swing_ros.runtime.mpc import Announcement, Force, MpcCore, Planned, Said, Wake
+from dp_swing_ros.runtime.schedule import Arrived
 
 DAY = 1_700_000_000      # [s] when it begins
 AHEAD = 1e9              # [s] of the steady clock; no deadline by it has passed on any machine
@@ -54,18 +55,20 @@ class Running:
     def __init__(self, simulated=None, peers=KNOWN, **parameters):
         self.clocks, self.sent, self.peers = VirtualClocks(simulated), [], peers
         self.wakes_at, self.numbers = math.inf, {}
+        self.left = []   # [s] of time for each solve
         self.core = MpcCore(controllers.MPC.complete(parameters), self.clocks, self.take,
                             lambda gid: f'/{gid.decode()}')
         self.core.prepare()
-        self.core.tick_time = TICK
+        self.core.schedule.tick_time = TICK
         self.core.controller.update = self.solving(self.core.controller.update)
         self.core.forget()
         self.sent.clear()
 
     def solving(self, update):
         """Return a solve that takes the time of a tick."""
-        def solve(*given):
-            plan = update(*given)
+        def solve(t, x, delay, deadline, time_noise):
+            self.left.append(deadline - self.clocks.steady())
+            plan = update(t, x, delay, deadline, time_noise)
             self.clocks.time += TICK
             return plan
         return solve
@@ -127,8 +130,7 @@ class Running:
     def hear(self, *messages, **about):
         """Let messages come; return the last force."""
         self.core.on_states([self.came(message, **about) for message in messages])
-        if not self.core.met:
-            self.core.meet(self.peers)
+        self.core.meet(self.peers)
         return self.forces[-1] if self.forces else None
 
     def state(self, x, stamp=None, **about):

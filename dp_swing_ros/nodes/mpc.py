@@ -24,8 +24,10 @@ from dp_swing_ros.nodes.messages import to_point_cloud, to_stamp, to_stamped_for
 from dp_swing_ros.nodes.process import ProcessNode, run
 from dp_swing_ros.nodes.ros_parameters import announce, declare, given, let_change
 from dp_swing_ros.nodes.taking import take
+from dp_swing_ros.runtime.handshake import Peers
 from dp_swing_ros.runtime.mpc import (
-    Announcement, Arrived, Force, MpcCore, Peers, Planned, PutBack, Said, Sent, Tried, Wake)
+    Announcement, Force, MpcCore, Planned, PutBack, Said, Sent, Tried, Wake)
+from dp_swing_ros.runtime.schedule import Arrived
 from dp_swing_ros.topics import (
     CONFIGURATION, FORCE_COMMAND, FORCE_COMMAND_STAMPED, JOINT_STATES, PLAN, TRIES)
 
@@ -103,7 +105,7 @@ class MpcNode(ProcessNode):
             self.lane.note()
         self.core.rivals = self.diagnostics.rivals
         self.core.on_states(self.arrived(message, info))
-        if not self.core.met and self.meeting is None:
+        if not self.core.handshake.done and self.meeting is None:
             self.meeting = self.every(MEETING_POLL, self.on_meeting)
             self.on_meeting()
 
@@ -118,7 +120,7 @@ class MpcNode(ProcessNode):
         """Look who is there, until the first state is answered."""
         self.core.meet(Peers(owners(self, JOINT_STATES), owners(self, CONFIGURATION),
                              hearers(self, self.forces)))
-        if self.core.met and self.meeting is not None:
+        if self.core.handshake.done and self.meeting is not None:
             self.destroy_timer(self.meeting)
 
     def on_configuration(self, message: String) -> None:

@@ -10,67 +10,27 @@ zero.
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 import math
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from dp_swing_ros.control import controllers
 from dp_swing_ros.control.receding_horizon import MpcParameters, RecedingHorizon
 from dp_swing_ros.errors import failure
-from dp_swing_ros.messages.configuration import from_text, is_of_plant
+from dp_swing_ros.messages.configuration import from_text
 from dp_swing_ros.messages.fields import (
-    BILLION, ERROR, nanoseconds, OK, Report, to_measured, to_state, WARN)
+    ERROR, nanoseconds, OK, Report, to_measured, to_state, WARN)
 from dp_swing_ros.messages.states import States
 from dp_swing_ros.messages.ticks import TickReport, tip_paths
 from dp_swing_ros.parameters import group
 from dp_swing_ros.pendulum.sensors import HANGING, SensorParameters, Standstill
 from dp_swing_ros.pendulum.state import Array, errors, is_upright
 from dp_swing_ros.problem.plan import FALLBACK, Plan, Status
+from dp_swing_ros.runtime.handshake import Handshake, Peers
 from dp_swing_ros.runtime.loading import Loader, SLOWEST
 from dp_swing_ros.runtime.pace import Answer
-from dp_swing_ros.runtime.timing import (
-    Clock, GoalWatch, Latency, Measured, Setbacks, Timing, Watchdog)
+from dp_swing_ros.runtime.schedule import Arrived, Clocks, Schedule, Slot
+from dp_swing_ros.runtime.timing import GoalWatch, Measured, Setbacks
 
-MEETING = 2.0        # [s] at most, to learn who sends the states, and for them to find the forces
-SMOOTHING = 0.1      # share of the newest tick in the mean pace
 ENDING = 1.0         # [s] at most, beyond the time of a controlled stop
-PACES = (0.01, 100.0)  # slowest and fastest of a simulated clock, in seconds a second
-
-
-class Clocks(Protocol):
-    """The clocks of a controller."""
-
-    @property
-    def simulated(self) -> bool:
-        """Return whether its own is a simulated one, which may go at any pace."""
-
-    def now(self) -> int:
-        """Return the time of its own clock [ns]."""
-
-    def today(self) -> float:
-        """Return the time of day [s], by which messages are sent and received."""
-
-    def steady(self) -> float:
-        """Return the time of a clock that is never set [s], that of time.perf_counter()."""
-
-    def sleep(self, duration: float) -> None:
-        """Let a time [s] of the steady clock pass."""
-
-
-class Arrived(NamedTuple):
-    """A JointState, and how it came."""
-
-    message: Any
-    publisher: bytes   # its GID
-    number: int        # that its publisher gave it
-    sent: int          # [ns] by the clock of its publisher
-    received: int      # [ns] by the time of day
-
-
-class Peers(NamedTuple):
-    """The nodes around a controller, by their full names."""
-
-    senders: set[str]      # of states
-    announcers: set[str]   # of what they run with
-    hearers: set[str]      # of the forces, once all that are there are connected
 
 
 class Force(NamedTuple):
@@ -124,31 +84,11 @@ class Said(NamedTuple):
 Sent = Force | Planned | Tried | Report | Announcement | PutBack | Wake | Said
 
 
-class Arrival(NamedTuple):
-    """How the last state came."""
-
-    t: float        # [s] when it was measured, by the clock of the controller
-    now: float      # [s] when it came, by the same
-    steady: float   # [s] and by the steady one
-    number: int
-    sent: int       # [ns]
-
-
-class Times(NamedTuple):
-    """When a tick was, and how long what took [s]."""
-
-    t: float               # when its state was measured, by the clock of the controller
-    age: float = 0.0       # of the state when it came
-    delay: float = 0.0     # from the measurement until the force was to act
-    latency: float = 0.0   # and until it was sent
-
-
 class MpcCore:
     """
     A controller in real time, or in lockstep with a plant: one force a state.
 
-    In lockstep there is no latency to make up for and no deadline, so that the result does not
-    depend on the machine. What fails in a tick costs its force, which is zero then.
+    What fails in a tick costs its force, which is zero then.
     """
 
     def __init__(self, values: Mapping[str, Any], clocks: Clocks, send: Callable[[Sent], None],
@@ -163,27 +103,23 @@ class MpcCore:
         self.parameters = group(MpcParameters, values)
         self.sensors = group(SensorParameters, values)
         self.standstill = Standstill() if self.sensors.zero == HANGING else None
-        self.timing = Timing(self.parameters.clock)
+        self.schedule = Schedule(clocks, self.parameters.clock, values['step'])
+        self.handshake = Handshake()
         self.states = States(self.sensors.joint_names, partial(self.say, WARN), name)
-        self.watchdog = Watchdog(values['step'])
         self.setbacks = Setbacks()    # of simulated time
         self.revision = 0             # how often the parameters have changed
         self.found: dict[str, Any] = {}   # instead of those that were given
-        self.configured = dict[str, int]()   # resets of the nodes that have announced themselves
-        self.plants = set[str]()      # the names of those that are plants of ours
         self.rivals: Sequence[str] = ()   # in words, who else commands or sends states
         self.forces = 0     # that were sent
         self.answered = 0   # [ns] the stamp of the last state
         self.resets = 0
         self.ends_by = math.inf   # [s] from the request to end on
-        self.waiting: Arrived | None = None   # the newest state, until it can be answered
-        self.met = False
         self.said = dict[str, float]()   # [s] when
 
     def prepare(self) -> None:
         """Compile all that a tick needs; raises ParameterError for what cannot work."""
         self.controller = controllers.controller(self.values)
-        self.tick_time = self.controller.warm_up()
+        self.schedule.tick_time = self.controller.warm_up()
         self.forget()
         self.loader = Loader(self.controller)
         self.warn_of_problem()
@@ -194,22 +130,17 @@ class MpcCore:
     def forget(self) -> None:
         """Begin anew."""
         self.controller.reset()
-        self.timing.reset()
-        self.watchdog.forget()
+        self.schedule.reset()
         self.send(Wake(None))
-        self.latency = Latency(self.tick_time)
-        self.pace = 1.0         # seconds of this node's clock in a second
         self.time_noise = 0.0   # [s] by which the times of measurements may be off
         self.carried = 0        # periods since the last state
-        self.late_total = self.missed_total = 0   # ticks, and states that others overtook
-        self.is_first = True    # the next plan is
+        self.late_total = 0     # ticks
         self.goal_watch = GoalWatch()
-        self.last = Arrival(math.nan, math.nan, math.nan, 0, 0)
 
     @property
     def lockstep(self) -> bool:
         """Return whether time waits for the forces."""
-        return self.timing.clock is Clock.LOCKSTEP
+        return self.schedule.lockstep
 
     # parameters
 
@@ -259,18 +190,11 @@ class MpcCore:
         """Learn from a plant, or from the recording of one, what its stamps are."""
         try:
             configured = from_text(text)
-            self.timing.learn(configured)
+            self.schedule.timing.learn(configured)
         except (TypeError, ValueError) as error:
             self.say(WARN, f'{error}; going on without it', 'configuration', 10.0)
             return
-        if is_of_plant(configured):
-            self.plants.add(configured.node)
-        before = self.configured.get(configured.node)
-        self.configured[configured.node] = configured.resets
-        # a plan from before leads from where the pendulum is no more; a plant that begins again
-        # is another one, of which nothing is known yet
-        begins = is_of_plant(configured) and configured.revision == 0
-        if before is not None and (begins or configured.resets != before):
+        if self.handshake.learn(configured):
             self.reset()
 
     # states
@@ -284,31 +208,19 @@ class MpcCore:
                 newest = each._replace(number=self.states.number)
         if newest is None:
             return
-        if self.met:
+        if self.handshake.done:
             self.surely(partial(self.answer, newest))
         else:
-            if self.waiting is None:
-                self.meets_by = self.clocks.steady() + MEETING
-            self.waiting = newest
+            self.handshake.keep(newest, self.clocks.steady())
         self.states.rest(self.clocks.steady())
 
     def meet(self, peers: Peers) -> None:
         """Answer the first state once it can be, or at the latest after a while."""
-        if self.waiting is not None and (
-                self.can_answer(peers) or self.clocks.steady() > self.meets_by):
-            self.met = True
-            self.surely(partial(self.answer, self.waiting))
-
-    def can_answer(self, peers: Peers) -> bool:
-        """Return whether the clocks are known and a plant hears the forces."""
         if self.clocks.now() == 0:   # a simulated one that was not heard yet
-            return False
-        announcers = peers.senders & peers.announcers
-        if self.timing.given is None and not announcers <= self.configured.keys():
-            return False
-        # a plant in lockstep would wait forever for a force that it did not hear
-        wanted = peers.senders if self.lockstep else announcers & self.plants
-        return not (self.lockstep or wanted) or bool(wanted) and wanted <= peers.hearers
+            return
+        first = self.handshake.complete(peers, self.schedule.timing, self.clocks.steady())
+        if first is not None:
+            self.surely(partial(self.answer, first))
 
     def surely(self, tick: Callable[[], None]) -> None:
         """Do a tick; where it fails without a force, that is zero, and the next is a first one."""
@@ -326,51 +238,38 @@ class MpcCore:
     def answer(self, arrived: Arrived) -> None:
         """Send a force for a state, and report how that came about."""
         self.reconfigure()
-        clocks, stamp = self.clocks, nanoseconds(arrived.message.header.stamp)
-        now, began = clocks.now() / BILLION, clocks.steady()
-        sent = now - (clocks.today() - arrived.sent / BILLION) * self.pace
-        measured = self.timing.measured(stamp / BILLION, now, sent)
-        if self.standstill and not self.found_zero(self.standstill, measured.t, arrived.message):
+        schedule, message = self.schedule, arrived.message
+        stamp, arrival = nanoseconds(message.header.stamp), schedule.arrival(arrived)
+        measured = arrival.measured
+        if self.standstill and not self.found_zero(self.standstill, measured.t, message):
             return
-        self.answered = stamp
-        before = self.last
-        self.last = Arrival(measured.t, now, began, arrived.number, arrived.sent)
-        # what the publisher sent in between was overwritten while a solve went on
-        steps = max(arrived.number - before.number, 1)
-        self.missed_total += steps - 1 if before.number else 0
-        period = (measured.t - before.t) / steps
-        self.carried = 0
-        delay, deadline, real_time = measured.age, math.inf, not self.lockstep
+        self.answered, self.carried = stamp, 0
+        slot = schedule.slot(arrived, arrival, self.parameters.time_limit)
+        real_time = not schedule.lockstep
         if real_time:
-            self.pace = self.pace_since(before)
-            self.latency.add_transport((arrived.received - arrived.sent) / BILLION)
-            # it may have waited for the tick before; this one catches up
-            left = self.latency.left(self.watchdog.period / self.pace,
-                                     clocks.today() - arrived.received / BILLION)
-            delay += self.latency.expected(left) * self.pace
-            deadline = began + min(self.parameters.time_limit / self.pace, left)
-            self.time_noise = self.parameters.time_noise * self.pace
-        plan, complaint = self.solve(arrived.message, measured.t, delay, deadline)
-        late = plan.stats.solve_time * self.pace > (period if period > 0 else plan.dt)
+            self.time_noise = self.parameters.time_noise * schedule.pace
+        plan, complaint = self.solve(message, slot)
+        period = slot.period if slot.period > 0 else plan.dt
+        late = plan.stats.solve_time * schedule.pace > period
         if real_time and self.controller.enabled:
-            clocks.sleep(self.latency.rest(clocks.steady() - began, self.is_first))
-            self.is_first = False
+            schedule.wait(slot)
         force = self.command(plan.first_force(self.u_max), plan)
-        sent_at = clocks.steady()
+        sent_at, latency = self.clocks.steady(), slot.age + schedule.taken(slot)
         if real_time:
-            self.send(Wake(self.watchdog.feed(period)))
-        self.report(stamp, plan, complaint, self.warning(measured), force, late, real_time, Times(
-            measured.t, measured.age, delay, measured.age + (sent_at - began) * self.pace))
-        self.latency.reports.append(clocks.steady() - sent_at)
+            self.send(Wake(schedule.watchdog.feed(slot.period)))
+        self.report(stamp, plan, complaint, self.warning(measured), late=late, force=force,
+                    age=slot.age, latency=latency, delay=slot.delay, real_time=real_time,
+                    time=slot.t)
+        schedule.latency.reports.append(self.clocks.steady() - sent_at)
 
-    def solve(self, message: Any, t: float, delay: float, deadline: float) -> tuple[Plan, str]:
-        """Return the plan for a state measured at a time [s], and what is wrong with the state."""
+    def solve(self, message: Any, slot: Slot) -> tuple[Plan, str]:
+        """Return the plan for a state, and what is wrong with that."""
         try:
             x = to_state(message, self.values['links'], self.sensors)
-            plan = self.controller.update(t, x, delay, deadline, self.time_noise)
+            plan = self.controller.update(slot.t, x, slot.delay, slot.deadline, self.time_noise)
             complaint = self.controller.belief.rejection
         except ValueError as error:
-            plan, complaint = self.controller.fallback(t + delay), str(error)
+            plan, complaint = self.controller.fallback(slot.t + slot.delay), str(error)
         if complaint:
             # what fights over the pendulum is not the fault of its sensors
             complaint = '; '.join((*self.rivals, complaint))
@@ -405,14 +304,6 @@ class MpcCore:
                  f'{list(self.sensors.joint_offsets)}')
         return True
 
-    def pace_since(self, before: Arrival) -> float:
-        """Return the pace of this controller's clock, which may be a simulated one."""
-        passed = self.last.steady - before.steady
-        if not (self.clocks.simulated and passed > 0):
-            return self.pace
-        pace = (self.last.now - before.now) / passed
-        return self.pace + SMOOTHING * (min(max(pace, PACES[0]), PACES[1]) - self.pace)
-
     def on_setback(self) -> None:
         """Take that the clock jumped back."""
         self.setbacks.times.append(self.clocks.steady())
@@ -421,19 +312,19 @@ class MpcCore:
 
     def on_silence(self) -> None:
         """Follow the last plan without a state that should have come, for a while."""
-        self.send(Wake(self.watchdog.period))
+        self.send(Wake(self.schedule.watchdog.period))
         self.surely(partial(self.answer_nothing, f'no state came in {self.carried + 1} periods'))
 
     def answer_nothing(self, complaint: str) -> None:
         """Send a force that answers no state."""
         self.carried += 1
-        now = self.clocks.now()
-        t, delay = now / BILLION, self.latency.transport() * self.pace
-        plan = self.controller.fallback(t + delay)
+        now, slot = self.clocks.now(), self.schedule.silent_slot()
+        plan = self.controller.fallback(slot.t + slot.delay)
         if plan.stats.status in (Status.ZERO, Status.DISABLED):
             self.send(Wake(None))
         force = self.command(plan.first_force(self.u_max), plan)
-        self.report(now, plan, complaint, '', force, False, True, Times(t, delay=delay))
+        self.report(now, plan, complaint, '', force=force, delay=slot.delay, latency=0.0,
+                    real_time=True, time=slot.t)
 
     # what is sent
 
@@ -450,9 +341,9 @@ class MpcCore:
         self.forces += 1
         return force
 
-    def report(self, stamp: int, plan: Plan, complaint: str, warning: str, force: float,
-               late: bool, real_time: bool, times: Times) -> None:
-        """Send the plan and the figures of the tick."""
+    def report(self, stamp: int, plan: Plan, complaint: str, warning: str, *, time: float,
+               late: bool = False, **figures: Any) -> None:
+        """Send the plan and the figures of the tick, as TickReport names them."""
         controller, stats = self.controller, plan.stats
         problem, stopping = controller.belief.problem, controller.stopping
         self.send(Planned(stamp, plan))
@@ -460,7 +351,7 @@ class MpcCore:
             self.send(Tried(stamp, tip_paths(plan.X[0], plan.tries, problem), plan.tries.weights))
         # what is disabled is not expected to arrive
         arrives = not controller.enabled or is_upright(errors(plan.X[-1], problem.x_r))
-        astray = self.goal_watch.warning(times.t, bool(arrives), problem.horizon * problem.dt)
+        astray = self.goal_watch.warning(time, bool(arrives), problem.horizon * problem.dt)
         if astray:
             self.say(WARN, astray, 'goal', 10.0)
         warning = '; '.join(filter(None, (
@@ -473,13 +364,12 @@ class MpcCore:
         elif warning or late or stats.status in (*FALLBACK, Status.DISABLED):
             level = WARN
         tick = TickReport.of(
-            plan, problem, controller.belief.estimate, solver=self.parameters.solver,
-            age=times.age, latency=times.latency, delay=times.delay, late=late,
-            late_total=self.late_total, missed_total=self.missed_total, force=force,
-            real_time=real_time, time=times.t, time_noise=self.time_noise, carried=self.carried,
-            resets=self.resets, revision=self.revision, number=self.forces,
-            enabled=controller.enabled, stopping=bool(stopping),
-            sent=0 if self.carried else self.last.sent, clock=self.timing.clock.name.lower())
+            plan, problem, controller.belief.estimate, solver=self.parameters.solver, time=time,
+            late=late, late_total=self.late_total, missed_total=self.schedule.missed_total,
+            time_noise=self.time_noise, carried=self.carried, resets=self.resets,
+            revision=self.revision, number=self.forces, enabled=controller.enabled,
+            stopping=bool(stopping), sent=0 if self.carried else self.schedule.sent,
+            clock=self.schedule.timing.clock.name.lower(), **figures)
         words = filter(None, (complaint, stopping, warning, stats.status.value))
         self.send(Report(stamp, level, '; '.join(words), tick.values()))
 
@@ -505,7 +395,7 @@ class MpcCore:
         States are believed meanwhile, so that it knows the pendulum when it is enabled again.
         """
         changes = self.controller.enable(enabled)
-        self.is_first = self.is_first or changes
+        self.schedule.is_first = self.schedule.is_first or changes
         if changes:
             self.say(WARN, 'enabled' if enabled else 'disabled: the force is zero')
         # in lockstep it would answer the next state, and each answer from then on come too early

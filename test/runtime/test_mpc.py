@@ -18,7 +18,8 @@ from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.pendulum.model import rollout
 from dp_swing_ros.pendulum.state import hanging, is_upright, joints, upright
 from dp_swing_ros.problem.plan import Status
-from dp_swing_ros.runtime.mpc import Force, MpcCore, Peers, Planned, PutBack, Tried
+from dp_swing_ros.runtime.handshake import Peers
+from dp_swing_ros.runtime.mpc import Force, MpcCore, Planned, PutBack, Tried
 from dp_swing_ros.simulation import plants
 from dp_swing_ros.solvers import SOLVERS
 
@@ -305,7 +306,7 @@ def test_states_that_were_overtaken_count_in_the_period_and_are_not_solved():
     run.passes(PERIOD)
     run.state(LEANING, number=17)
     assert run.report.values['missed_total'] == 5
-    assert run.core.watchdog.period == pytest.approx(PERIOD, rel=1e-6)
+    assert run.core.schedule.watchdog.period == pytest.approx(PERIOD, rel=1e-6)
 
 
 def test_a_state_that_waited_is_to_act_later_and_has_less_time():
@@ -316,6 +317,17 @@ def test_a_state_that_waited_is_to_act_later_and_has_less_time():
     run.core.on_states([arrived])
     assert run.report.values['age'] == pytest.approx(0.01, abs=1e-6)
     assert run.report.values['delay'] == pytest.approx(0.01 + TICK + 1e-3, abs=1e-6)
+    # of which four fifths of a period are there
+    assert run.left[1:] == pytest.approx([0.8 * PERIOD] * 4 + [0.8 * PERIOD - 0.01], abs=1e-6)
+
+
+def test_a_solve_has_its_time_limit_at_most():
+    run = Running(clock='stamps', time_limit=0.03)
+    run.stream(3)
+    assert run.left == pytest.approx([0.03] * 3)
+    run = lockstep(time_limit=0.03)
+    run.lockstep(LEANING)
+    assert run.left == [math.inf]
 
 
 def test_the_estimate_is_reported():
@@ -414,7 +426,7 @@ def test_at_the_pace_of_a_simulated_clock_times_are_its_own():
     def goes_on():
         run.clocks.simulated_time += 2 * PERIOD
     run.stream(60, each=goes_on)
-    assert run.core.pace == pytest.approx(2.0, rel=0.05)
+    assert run.core.schedule.pace == pytest.approx(2.0, rel=0.05)
     assert run.report.values['delay'] == pytest.approx(2 * (TICK + 1e-3), rel=0.1)
     assert run.report.values['time_noise'] == pytest.approx(2e-3, rel=0.05)
 
