@@ -157,14 +157,6 @@ def test_lockstep_waits_for_a_bare_publisher_and_is_stopped_and_slowed_down(peer
     assert seconds(states[-1].header.stamp) == 1.0
 
 
-def test_lockstep_without_any_state_ends_after_its_duration(peer, start_node):
-    states = peer.record(JOINT_STATES)
-    node = start_node('plant', {'lockstep': True, 'state_loss': 1.0, 'duration': 5.0})
-    peer.publisher(FORCE_COMMAND)
-    assert node.wait() == 0
-    assert not states
-
-
 def test_with_simulated_time_it_goes_as_the_clock_does(peer, start_node):
     clock = peer.node.create_publisher(Clock, '/clock', 10)
     states, reports = peer.record(JOINT_STATES), peer.record(DIAGNOSTICS)
@@ -211,23 +203,6 @@ def test_in_lockstep_a_controller_that_joins_late_gets_the_unanswered_state(peer
     other.close()
 
 
-def test_a_namespace_gives_a_second_pendulum_whose_status_says_so(peer, start_node):
-    states = peer.record(JOINT_STATES._replace(name='/second/joint_states'))
-    reports = peer.record(DIAGNOSTICS)
-    start_node('plant', arguments=['-r', '__ns:=/second'])
-    assert peer.until(lambda: len(states) > 3 and reports)
-    assert (reports[0].status[0].name, reports[0].status[0].hardware_id) == (
-        'second/plant', '/second/joint_states')
-
-
-def test_an_impossible_parameter_ends_it_with_one_line(start_node):
-    node = start_node('plant', {'link1_masss': 1.0})
-    assert node.wait() == 2
-    assert len(node.complaint().strip().splitlines()) == 1
-    assert "unknown parameter 'link1_masss'" in node.complaint()
-    assert "did you mean 'link1_mass'" in node.complaint()
-
-
 def test_two_plants_and_two_mpcs_name_each_other_and_are_the_cause(start_node, tmp_path, capsys):
     logger = start_node('logger', {'output': str(tmp_path / 'bag')})
     pairs = {kind: [start_node(kind, arguments=['-r', f'__node:={name}']) for name in (
@@ -244,21 +219,14 @@ def test_two_plants_and_two_mpcs_name_each_other_and_are_the_cause(start_node, t
     assert 'likely cause: ' in shown
 
 
-def late_states(peer):
+def late_states(peer, name='/joint_states'):
     """Return a list that fills with the states as a reader asks for them that comes late."""
-    states, name = [], '/joint_states'
+    states = []
     assert peer.until(lambda: peer.node.get_publishers_info_by_topic(name))
     profile = request_for([
         each.qos_profile for each in peer.node.get_publishers_info_by_topic(name)])
     peer.node.create_subscription(JointState, name, states.append, profile)
     return states
-
-
-def test_who_comes_late_gets_a_fresh_state(peer, start_node):
-    first_states(peer, start_node, 20)
-    late = late_states(peer)
-    assert peer.until(lambda: late)
-    assert peer.node.get_clock().now().nanoseconds / 1e9 - seconds(late[0].header.stamp) < 0.3
 
 
 def test_states_are_kept_for_who_asks_for_it(peer, start_node):
@@ -274,55 +242,56 @@ def test_states_are_kept_for_who_asks_for_it(peer, start_node):
 
 
 @pytest.mark.parametrize(('name', 'value', 'words'), [
-    ('/joint_states.publisher.durability', 'for ever', 'is impossible'),
-    ('/joint_states.publisher.depth', 'deep', 'is impossible'),
-    ('/joint_state.publisher.depth', 9, "did you mean 'qos_overrides./joint_states.publisher.")])
-def test_impossible_overrides_end_it_with_one_line(start_node, name, value, words):
-    node = start_node('plant', {f'qos_overrides.{name}': value})
+    ('link1_masss', 1.0, "did you mean 'link1_mass'"),
+    ('qos_overrides./joint_states.publisher.durability', 'for ever', 'is impossible'),
+    ('qos_overrides./joint_state.publisher.depth', 9,
+     "did you mean 'qos_overrides./joint_states.publisher.")])
+def test_what_is_impossible_ends_it_with_one_line(start_node, name, value, words):
+    node = start_node('plant', {name: value})
     assert node.wait() == 2
     last = node.output().strip().splitlines()[-1]
     assert last.startswith('plant: error: ') and words in last, node.output()
     assert 'Traceback' not in node.output()
 
 
-def test_the_first_state_waits_for_all_who_listen(peer, start_node):
-    node = start_node('plant')
-    node.wait_for('states a second')
-    states = peer.record(JOINT_STATES)   # found later than the plant is ready
-    other = peer.record(JOINT_STATES)
-    assert peer.until(lambda: len(other) > 2)
-    assert to_state(states[0]).tolist() == to_state(other[0]).tolist() == [
-        0.0, math.pi, math.pi, 0.0, 0.0, 0.0]
-    assert states[0].header.stamp == other[0].header.stamp
-
-
-def topics_of(reports, node='plant'):
-    """Return the reports of a node on its topics."""
-    found = (from_diagnostics(report, f'{node}: topics') for report in reports)
+def topics_of(reports):
+    """Return the reports of the plant on its topics."""
+    found = (from_diagnostics(report, 'plant: topics') for report in reports)
     return [report for report in found if report is not None]
 
 
-def test_who_cannot_hear_is_an_error_in_the_diagnostics(peer, start_node):
+def test_all_who_listen_hear_it_and_who_cannot_is_named(peer, start_node):
+    """From the same first state on; whoever comes later hears what is new."""
+    namespace = '/second'
     reports = peer.record(DIAGNOSTICS)
-    first_states(peer, start_node)
-    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    deaf = peer.node.create_subscription(JointState, 'joint_states', print, latched)
-    assert peer.until(lambda: topics_of(reports))
-    report = topics_of(reports)[0]
-    assert report.level == DiagnosticStatus.ERROR[0]
-    assert '/joint_states from /plant to /peer: durability volatile is offered' in report.message
-    peer.node.destroy_subscription(deaf)
-    assert peer.until(lambda: topics_of(reports)[-1].level == DiagnosticStatus.OK[0])
-
-
-def test_a_second_master_is_a_warning_in_the_diagnostics(peer, start_node):
-    reports = peer.record(DIAGNOSTICS)
-    first_states(peer, start_node)
-    peer.publisher(FORCE_COMMAND)
+    start_node('plant', arguments=['-r', f'__ns:={namespace}']).wait_for('states a second')
+    topic = JOINT_STATES._replace(name=f'{namespace}/joint_states')
+    states, other = peer.record(topic), peer.record(topic)   # found later than it is ready
+    assert peer.until(lambda: len(other) > 2 and reports)
+    assert to_state(states[0]).tolist() == to_state(other[0]).tolist() == [
+        0.0, math.pi, math.pi, 0.0, 0.0, 0.0]
+    assert states[0].header.stamp == other[0].header.stamp
+    assert (reports[0].status[0].name, reports[0].status[0].hardware_id) == (
+        'second/plant', '/second/joint_states')
+    late = late_states(peer, topic.name)
+    assert peer.until(lambda: late)
+    assert peer.node.get_clock().now().nanoseconds / 1e9 - seconds(late[0].header.stamp) < 1.0
+    commands = FORCE_COMMAND._replace(name=f'{namespace}/force_command')
+    peer.publisher(commands)
     peer.spin(1.5)
     assert not topics_of(reports)
-    peer.publisher(FORCE_COMMAND)
+    peer.publisher(commands)
     assert peer.until(lambda: topics_of(reports))
     report = topics_of(reports)[0]
     assert report.level == DiagnosticStatus.WARN[0]
-    assert '/force_command has 2 publishers, /peer, /peer; expected one' in report.message
+    assert '/second/force_command has 2 publishers, /peer, /peer; expected one' in report.message
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    deaf = peer.node.create_subscription(JointState, topic.name, print, latched)
+
+    def last_of(level):
+        return peer.until(lambda: topics_of(reports)[-1].level == level)
+    assert last_of(DiagnosticStatus.ERROR[0])
+    assert f'{topic.name} from /second/plant to /peer: durability volatile is offered' in (
+        topics_of(reports)[-1].message)
+    peer.node.destroy_subscription(deaf)
+    assert last_of(DiagnosticStatus.WARN[0])
