@@ -144,15 +144,13 @@ def lockstep_bag(tmp_path_factory):
     """Return the bag of a run of plant, mpc and logger in lockstep, one for all test processes."""
     here = tmp_path_factory.getbasetemp()
     shared = here.parent if 'PYTEST_XDIST_WORKER' in os.environ else here
-    folder = shared / 'lockstep'
     with (shared / 'lockstep.lock').open('w') as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        if not folder.exists():
-            subprocess.run(['ros2', 'run', 'dp_swing_ros', 'demo', '--lockstep', '--duration', '5',
-                            '--no-figures', '--output', str(folder)], check=True,
-                           capture_output=True, timeout=280,
-                           env={**os.environ, 'ROS_DOMAIN_ID': ''})
-    return folder / 'bag'
+        bag = shared / 'lockstep' / 'run' / 'bag'
+        if not bag.exists():
+            from real_bags import record   # a second of loading
+            record(shared / 'lockstep', '--lockstep', '--duration', '5')
+    return bag
 
 
 @contextmanager

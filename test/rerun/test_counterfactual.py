@@ -2,15 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """A solver that takes over its own recorded run does what it did."""
 
-from contextlib import closing
+import itertools
 
 import numpy as np
-from peer import Peer
 import pytest
 from real_bags import record
 from std_msgs.msg import Float64
 
 from dp_swing_ros.bags.reader import Bag
+from dp_swing_ros.nodes.connections import publish, subscribe
 from dp_swing_ros.rerun.counterfactual import (
     controller_at, counterfactual, plant_at, Run)
 from dp_swing_ros.rerun.verification import verify
@@ -68,23 +68,23 @@ def test_another_solver_does_otherwise(runs):
     assert min(one.regret(trajectory) for trajectory in one.trajectories().values()) == 0.0
 
 
+PUSHES = {20: [6.0], 21: [6.0], 40: [-4.0, 200.0, -5.0], 50: [200.0]}   # [N] after a state
+
+
+def push(node):
+    """Push after some of the states."""
+    pushes, number = publish(node, DISTURBANCE), itertools.count()
+
+    def on_state(_):
+        for force in PUSHES.get(next(number), []):   # of one period add up, but for 200 N, refused
+            pushes.publish(Float64(data=force))
+    subscribe(node, JOINT_STATES, on_state)
+
+
 @pytest.mark.parametrize('mode', [
-    {'lockstep': True, 'pace': 2.0}, pytest.param({}, marks=pytest.mark.real_time)])
-def test_whoever_takes_over_is_pushed_as_the_recorded_one_was(start_node, tmp_path, mode):
-    logger = start_node('logger', {'output': str(tmp_path / 'bag')})
-    logger.wait_for('recording to')
-    start_node('mpc').wait_for('ready')
-    with closing(Peer()) as peer:
-        states = peer.record(JOINT_STATES)
-        start_node('plant', {'start': 'up_up', **mode})
-        pushes = peer.publisher(DISTURBANCE)
-        assert peer.until(lambda: pushes.get_subscription_count() == 2)   # plant and logger
-        for state, *forces in ((20, 6.0), (21, 6.0), (40, -4.0, 200.0, -5.0), (50, 200.0), (60,)):
-            assert peer.until(lambda state=state: len(states) > state)
-            for force in forces:   # those of one period add up, but for 200 N, refused
-                pushes.publish(Float64(data=force))
-    logger.stop()
-    run = Run(Bag(tmp_path / 'bag'))
+    ['--lockstep'], pytest.param([], marks=pytest.mark.real_time)])
+def test_whoever_takes_over_is_pushed_as_the_recorded_one_was(tmp_path, mode):
+    run = Run(Bag(record(tmp_path, '--duration', '3', *mode, plant='start: up_up', meddle=push)))
     one = taken_over(run, 0.5, ['ilqr'], 2.0)
     again, recorded = one.others[0], one.recorded
     begin = next(n for n, push in enumerate(recorded.U) if push != 0.0)

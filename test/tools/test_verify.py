@@ -67,7 +67,7 @@ def test_noise_lost_states_and_what_the_estimator_makes_of_them(solver, tmp_path
 
 
 def test_real_time_comes_out_again(tmp_path, capsys):
-    bag = record(tmp_path, '--duration', '4')
+    bag = record(tmp_path, '--duration', '1')
     ticks = record_of(Bag(bag)).ticks
     assert all(one.real_time and one.delay > 0 for one in ticks)
     # the plant ends first: the mpc carries on, then lets go
@@ -83,7 +83,7 @@ def test_real_time_comes_out_again(tmp_path, capsys):
 
 @pytest.mark.parametrize('solver', sorted(SOLVERS))
 def test_solves_that_a_deadline_cut_come_out_again(solver, tmp_path, capsys):
-    bag = record(tmp_path, '--solver', solver, '--duration', '3',
+    bag = record(tmp_path, '--solver', solver, '--duration', '1',
                  mpc='    time_limit: 0.0005\n')
     cut = [one for one in record_of(Bag(bag)).ticks if one.status == 'DEADLINE']
     assert len(cut) > 3
@@ -91,7 +91,7 @@ def test_solves_that_a_deadline_cut_come_out_again(solver, tmp_path, capsys):
 
 
 def test_states_that_did_not_come_in_real_time(tmp_path, capsys):
-    bag = record(tmp_path, '--duration', '4', plant=FAULTS, mpc='    carry_over: 0.04\n')
+    bag = record(tmp_path, '--duration', '2', plant=FAULTS, mpc='    carry_over: 0.04\n')
     ticks = record_of(Bag(bag)).ticks
     pairs = list(zip(ticks, ticks[1:]))
     assert any(one.x is None and following.x is not None for one, following in pairs)
@@ -358,10 +358,10 @@ def test_a_bag_holds_the_learned_model_that_it_was_planned_with(tmp_path, capsys
     """So it is verified where the file is no more, and differs where the model does."""
     file = tmp_path / 'model.json'
     file.write_text(model_of(of_chain(PendulumParameters())).to_text())
-    bag = record(tmp_path, '--solver', 'ddp', '--duration', '2', '--lockstep',
+    bag = record(tmp_path, '--solver', 'ddp', '--duration', '1', '--lockstep',
                  mpc=f'    dynamics: learned\n    model: {file}\n')
     file.unlink()
-    assert verified(bag, capsys)[:2] == (0, whole(41, 'ddp'))
+    assert verified(bag, capsys)[:2] == (0, whole(21, 'ddp'))
 
     def heavier(message):
         found = from_text(message.data)
