@@ -6,9 +6,9 @@ import os
 from pathlib import Path
 import signal
 import subprocess
-import time
 import uuid
 
+from conftest import wait_until
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 import numpy as np
@@ -27,10 +27,10 @@ from dp_swing_ros.provenance import commit, machine
 from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import simulate
 from dp_swing_ros.solvers import SOLVERS
+from dp_swing_ros.tools import demo
 
 LIMIT = 280  # [s] for one call; the first start on a machine compiles
 MARK = 'DP_SWING_ROS_TEST'
-STOOD_STILL = 0.2  # [s] without a state: the machine did something else
 
 
 class Demo:
@@ -76,37 +76,49 @@ def messages(bag, topic):
 
 @pytest.mark.parametrize('solver', sorted(SOLVERS))
 def test_solver_swings_up_in_lockstep_and_the_bag_tells_with_what(solver, tmp_path):
-    demo = Demo(tmp_path, '--solver', solver, '--duration', '6', '--seed', '3', '--lockstep',
-                '--no-figures')
-    assert demo.finish() == 0, demo.out + demo.err
-    assert demo.left_behind() == []
-    episode = read_episode(demo.folder / 'bag')
+    bag = record(tmp_path, '--solver', solver, '--duration', '6', '--seed', '3', '--lockstep')
+    episode = read_episode(bag)
     metrics = measure(episode)
     assert metrics.success
-    assert max(abs(force.data) for force in messages(demo.folder / 'bag', '/force_command')) <= 20
+    assert max(abs(force.data) for force in messages(bag, '/force_command')) <= 20
     assert metrics.largest_force <= 20.0
     assert metrics.largest_position <= 2.4
     assert episode.solver == solver
-    assert f'{metrics.settling_time:.2f}' in demo.out
-    told = configurations_of(Bag(demo.folder / 'bag'))
+    told = configurations_of(Bag(bag))
     assert set(told) == {'plant', 'mpc', 'logger'}
     assert (told['mpc'].parameters['solver'], told['mpc'].parameters['seed']) == (solver, 3)
     assert told['plant'].parameters['duration'] == 6.0
+    this = commit(), machine()
     for each in told.values():
-        assert (each.commit, each.machine) == (commit(), machine())
+        assert (each.commit, each.machine) == this
         assert each.packages['numpy'] == np.__version__
 
 
 def test_same_seed_gives_the_same_run_to_the_bit(tmp_path):
-    arguments = ('--solver', 'mppi', '--seed', '3', '--duration', '2', '--lockstep',
+    """Whether three processes do it or one."""
+    arguments = ('--solver', 'mppi', '--seed', '3', '--duration', '5', '--lockstep',
                  '--no-figures')
-    both = [Demo(tmp_path / name, *arguments) for name in ('first', 'second')]
-    for demo in both:
-        demo.finish()
-    first, second = (read_episode(demo.folder / 'bag') for demo in both)
+    run = Demo(tmp_path, *arguments)
+    assert run.finish() == 0, run.out + run.err
+    assert run.left_behind() == []
+    first = read_episode(run.folder / 'bag')
+    second = read_episode(record(tmp_path / 'again', *arguments))
+    assert f'{measure(first).settling_time:.2f}' in run.out
     np.testing.assert_array_equal(first.X, second.X)
     np.testing.assert_array_equal(first.U, second.U)
     np.testing.assert_array_equal(first.ticks.cost, second.ticks.cost)
+
+
+def test_several_runs_end_in_a_summary(here, monkeypatch, capsys):
+    def perform(folder, solver, seed, duration, links, lockstep, files):
+        assert (links, lockstep, files) == (None, True, [])
+        return record(folder / 'here', '--solver', solver, '--seed', str(seed),
+                      '--duration', str(duration), '--lockstep')
+    monkeypatch.setattr(demo, 'perform', perform)
+    assert demo.main(['--runs', '2', '--duration', '5', '--lockstep', '--no-figures',
+                      '--output', 'run']) == 0
+    assert 'upright in 2 of 2 runs (95 % interval 34-100 %)' in capsys.readouterr().out
+    assert [path.name for path in sorted((here / 'run').iterdir())] == ['seed_0', 'seed_1']
 
 
 class Watched:
@@ -138,24 +150,13 @@ def test_a_lockstep_run_is_the_one_without_ros_to_the_bit(delay, tmp_path):
     np.testing.assert_array_equal(recorded.X[:-1], X)
 
 
-def undisturbed(folder, *arguments):
-    """Return a finished demo through which the machine did not stand still."""
-    for attempt in range(3):
-        demo = Demo(folder / str(attempt), *arguments)
-        demo.finish()
-        t = read_episode(demo.folder / 'bag').t
-        if np.diff(t).max() < STOOD_STILL:
-            return demo
-    pytest.skip('the machine stood still in the middle of every run')
-
-
 def test_real_time_run_leaves_a_whole_bag_and_pictures(tmp_path):
-    demo = undisturbed(tmp_path, '--duration', '10')
-    assert demo.process.returncode == 0, demo.out + demo.err
-    assert demo.left_behind() == []
-    bag = demo.folder / 'bag'
+    run = Demo(tmp_path, '--duration', '2')
+    code, bag = run.finish(), run.folder / 'bag'
+    assert run.left_behind() == []
     states, forces = messages(bag, '/joint_states'), messages(bag, '/force_command')
     episode, ticks = read_episode(bag), reports_of(Bag(bag))
+    assert code == (0 if measure(episode).success else 1), run.out + run.err
     assert len(states) == len(episode.t)
     assert len(forces) == len(ticks) + 1
     assert forces[-1].data == 0.0
@@ -164,15 +165,13 @@ def test_real_time_run_leaves_a_whole_bag_and_pictures(tmp_path):
     assert len(episode.ticks.t) <= len(ticks) and episode.ticks.t[-1] <= episode.t[-1]
     for name in ('hero.png', 'snapshots.png', 'squared_error.png', 'timeline.png',
                  'animation.gif'):
-        with Image.open(demo.folder / name) as image:
+        with Image.open(run.folder / name) as image:
             image.verify()
-    report = (demo.folder / 'report.html').read_text()
+    report = (run.folder / 'report.html').read_text()
     assert f'iLQR: {outcome(episode).value}' in report
     assert commit() in report and machine() in report
     assert len(report) < 3e6
-    assert episode.t[-1] == pytest.approx(10.0, abs=0.1)
-    # the controller heard the plant at once
-    assert episode.ticks.t[0] < 0.6
+    assert episode.t[-1] > 1.8   # [s] of a clock that stops with the plant
 
 
 def states_so_far(bag):
@@ -183,46 +182,30 @@ def states_so_far(bag):
         return 0
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_interrupted_demo_ends_everything_and_finishes_the_bag(number, tmp_path):
-    demo = Demo(tmp_path, '--duration', '60')
-    end = time.monotonic() + LIMIT
-    while states_so_far(demo.folder / 'bag') < 20 and time.monotonic() < end:
-        assert demo.process.poll() is None, demo.finish() or demo.err
-        time.sleep(0.1)
-    demo.process.send_signal(number)
-    assert demo.finish() == 130
-    assert demo.left_behind() == []
-    assert 'demo: interrupted' in demo.err
-    assert len(read_episode(demo.folder / 'bag').t) >= 20
+def test_demo_joins_no_other_and_an_interrupt_ends_everything_and_finishes_the_bag(tmp_path):
+    run = Demo(tmp_path / 'first', '--duration', '60')
+    domain = run.process.stdout.readline().removeprefix('ROS_DOMAIN_ID=').strip()
+
+    def is_recording():
+        assert run.process.poll() is None, run.finish() or run.err
+        return states_so_far(run.folder / 'bag') >= 20
+    assert wait_until(is_recording, LIMIT)
+    other = Demo(tmp_path / 'second', domain=domain)
+    assert other.finish() == 2, other.out + other.err
+    assert 'already in this ROS domain' in other.err
+    run.process.send_signal(signal.SIGINT)
+    assert run.finish() == 130
+    assert run.left_behind() == []
+    assert 'demo: interrupted' in run.err
+    assert len(read_episode(run.folder / 'bag').t) >= 20
 
 
 def test_node_that_fails_is_shown_and_ends_the_demo(tmp_path):
     file = tmp_path / 'wrong.yaml'
     file.write_text('mpc:\n  ros__parameters: {dynamics: learned, model: none.json}\n')
-    demo = Demo(tmp_path, '--params', str(file))
-    assert demo.finish() == 1
-    assert demo.left_behind() == []
-    assert 'mpc ended early with exit code 2' in demo.err
-    assert 'none.json' in demo.err
-    assert 'Traceback' not in demo.err
-
-
-def test_several_runs_end_in_a_summary(tmp_path):
-    demo = Demo(tmp_path, '--runs', '2', '--duration', '5', '--lockstep', '--no-figures')
-    assert demo.finish() == 0, demo.out + demo.err
-    assert 'upright in 2 of 2 runs (95 % interval 34-100 %)' in demo.out
-    assert [path.name for path in sorted(demo.folder.iterdir())] == ['seed_0', 'seed_1']
-
-
-def test_demo_does_not_join_another(tmp_path):
-    first = Demo(tmp_path / 'first', '--duration', '30', '--no-figures')
-    domain = first.process.stdout.readline().removeprefix('ROS_DOMAIN_ID=').strip()
-    end = time.monotonic() + LIMIT
-    while not (first.folder / 'plant.log').exists() and time.monotonic() < end:
-        time.sleep(0.1)
-    second = Demo(tmp_path / 'second', domain=domain)
-    assert second.finish() == 2, second.out + second.err
-    assert 'already in this ROS domain' in second.err
-    first.process.send_signal(signal.SIGINT)
-    assert first.finish() == 130, first.out + first.err
+    run = Demo(tmp_path, '--params', str(file))
+    assert run.finish() == 1
+    assert run.left_behind() == []
+    assert 'mpc ended early with exit code 2' in run.err
+    assert 'none.json' in run.err
+    assert 'Traceback' not in run.err
