@@ -3,6 +3,7 @@
 """The package as pip installs it, without colcon, ROS and torch; and what colcon has instead."""
 
 from importlib.metadata import distribution
+import json
 import os
 from pathlib import Path
 import re
@@ -10,6 +11,7 @@ import shutil
 import subprocess
 import sys
 import tomllib
+from typing import NamedTuple
 
 import pytest
 
@@ -35,6 +37,42 @@ ABSENT = {'rclpy', 'ament_index_python', 'builtin_interfaces', 'diagnostic_msgs'
           'distributed'}
 
 
+# calls one command after the other, as `python -m dp_swing_ros` would, and snippets of Python
+CALLING = """
+import contextlib, io, json, runpy, sys
+from dp_swing_ros.__main__ import main
+
+def called(argv):
+    sys.argv = ['__main__.py', *argv]
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        try:
+            code = main(argv) if argv[0] != 'python' else bool(not runpy.run_path(argv[1]))
+        except SystemExit as end:
+            code = end.code
+    return [code, out.getvalue(), err.getvalue()]
+
+answers = [called(argv) for argv in json.load(sys.stdin)]
+json.dump(answers, sys.stdout)
+"""
+HERE = '--scenarios hanging --seeds 1 --output'
+CAMPAIGN = f'evaluate --contestants nothing --duration 0.5 --jobs 1 --no-figures {HERE} campaign'
+DEVICES = {device: f'evaluate --contestants mppi:mppi.device={device} {HERE} {device}'
+           for device in ('cuda', 'torch')}
+CLUSTER = f'evaluate --contestants nothing --dask tcp://127.0.0.1:1 {HERE} cluster'
+WHERE = 'where.py'
+ANALYSIS = 'analyse my_bag --no-animation --output analysis'
+IN_ROS = [*NODES, *BY_COLCON]
+
+
+class Answer(NamedTuple):
+    """What a command printed, and its exit code."""
+
+    code: int
+    out: str
+    err: str
+
+
 class Installed:
     """The package in a prefix of its own, and Python to run it in an empty folder."""
 
@@ -45,12 +83,15 @@ class Installed:
                             if name in os.environ}
         self.environment['PYTHONPATH'] = f'{here}{os.pathsep}{self.site}'
 
-    def python(self, *arguments):
+    def python(self, *arguments, stdin=None):
         return subprocess.run([sys.executable, *map(str, arguments)], cwd=self.here, text=True,
-                              env=self.environment, capture_output=True, timeout=280)
+                              env=self.environment, capture_output=True, timeout=280, input=stdin)
 
-    def tool(self, *arguments):
-        return self.python('-m', 'dp_swing_ros', *arguments)
+    def answers(self, commands):
+        """Return what each of the commands answers, all in one process."""
+        done = self.python('-c', CALLING, stdin=json.dumps([each.split() for each in commands]))
+        assert done.returncode == 0, done.stderr
+        return {command: Answer(*each) for command, each in zip(commands, json.loads(done.stdout))}
 
 
 @pytest.fixture(scope='module')
@@ -64,6 +105,22 @@ def installed(tmp_path_factory):
     here.mkdir()
     (here / 'sitecustomize.py').write_text(WITHOUT.format(absent=sorted(ABSENT)))
     return Installed(folder / 'prefix', here)
+
+
+@pytest.fixture(scope='module')
+def answers(installed, lockstep_bag):
+    """Return what all commands of these tests answer where there is no ROS."""
+    (installed.here / 'my_bag').symlink_to(lockstep_bag)
+    codes = snippets()
+    (installed.here / WHERE).write_text(
+        'from pathlib import Path; from dp_swing_ros.parameters.files import locate; '
+        'print(locate(Path("config/paper.yaml")))')
+    for n, code in enumerate(codes):
+        (installed.here / f'snippet_{n}.py').write_text(code)
+    return installed.answers([
+        *(f'{tool} --help' for tool in TOOLS), *IN_ROS, 'console nothing', CAMPAIGN,
+        *(f'python snippet_{n}.py' for n in range(len(codes))), f'python {WHERE}', ANALYSIS,
+        CLUSTER, *DEVICES.values()])
 
 
 def test_pip_puts_one_name_on_the_path(installed):
@@ -80,38 +137,34 @@ def test_colcon_has_every_tool_and_node_where_ros2_run_looks():
 
 
 @pytest.mark.parametrize('tool', TOOLS)
-def test_a_tool_needs_no_ros(tool, installed):
-    done = installed.tool(tool, '--help')
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith(f'usage: python -m dp_swing_ros {tool}')
+def test_a_tool_needs_no_ros(tool, answers):
+    answer = answers[f'{tool} --help']
+    assert answer.code == 0, answer.err
+    assert answer.out.startswith(f'usage: python -m dp_swing_ros {tool}')
 
 
-@pytest.mark.parametrize('name', [*NODES, *BY_COLCON])
-def test_what_needs_ros_is_refused_in_one_line(name, installed):
-    done = installed.tool(name)
-    assert done.returncode == 2
+@pytest.mark.parametrize('name', IN_ROS)
+def test_what_needs_ros_is_refused_in_one_line(name, answers):
+    assert answers[name].code == 2
     assert re.fullmatch(rf'dp_swing_ros: error: {name} needs the Python module \w+, which is not '
-                        'installed; source .*\n', done.stderr)
+                        'installed; source .*\n', answers[name].err)
 
 
 def test_parameters_of_all_nodes_are_printed_without_ros(installed):
-    assert installed.tool('parameters').stdout == (TOP / 'docs' / 'parameters.md').read_text()
+    done = installed.python('-m', 'dp_swing_ros', 'parameters')
+    assert done.stdout == (TOP / 'docs' / 'parameters.md').read_text()
 
 
-def test_the_console_brings_its_page_and_plays_bags_without_ros(installed):
+def test_the_console_brings_its_page_and_plays_bags_without_ros(installed, answers):
     assert (installed.site / 'dp_swing_ros' / 'console' / 'page' / 'index.html').is_file()
-    done = installed.tool('console', 'nothing')
-    assert (done.returncode, "there is no bag 'nothing'" in done.stderr) == (2, True), done.stderr
+    answer = answers['console nothing']
+    assert (answer.code, "there is no bag 'nothing'" in answer.err) == (2, True), answer
 
 
-def test_a_campaign_finds_the_parameter_files_that_were_installed(installed):
-    found = installed.python('-c', 'from pathlib import Path; from dp_swing_ros.parameters.files '
-                             'import locate; print(locate(Path("config/paper.yaml")))')
-    assert found.stdout.startswith(str(installed.prefix)), found.stderr
-    done = installed.tool('evaluate', '--contestants', 'nothing', '--scenarios', 'hanging',
-                          '--seeds', '1', '--duration', '0.5', '--jobs', '1', '--no-figures',
-                          '--output', 'campaign')
-    assert done.returncode == 0, done.stderr
+def test_a_campaign_finds_the_parameter_files_that_were_installed(installed, answers):
+    found = answers[f'python {WHERE}']
+    assert found.out.startswith(str(installed.prefix)), found.err
+    assert answers[CAMPAIGN].code == 0, answers[CAMPAIGN].err
     page = (installed.here / 'campaign' / 'summary.md').read_text()
     assert '`nothing` | 0 of 1' in page
     assert 'version not installed' not in page
@@ -124,19 +177,15 @@ def snippets():
             if 'needs no ROS' in code or 'simulate(' in code]
 
 
-def test_what_readme_says_needs_no_ros_needs_none(installed, lockstep_bag):
-    (installed.here / 'my_bag').symlink_to(lockstep_bag)
-    codes = snippets()
-    assert len(codes) == 2
-    for code in codes:
-        (installed.here / 'snippet.py').write_text(code)
-        done = installed.python('snippet.py')
-        assert done.returncode == 0, done.stderr
+def test_what_readme_says_needs_no_ros_needs_none(answers):
+    assert len(snippets()) == 2
+    for n in range(2):
+        answer = answers[f'python snippet_{n}.py']
+        assert answer.code == 0, answer.err
 
 
-def test_a_bag_is_analysed_into_a_whole_page(installed, lockstep_bag):
-    done = installed.tool('analyse', lockstep_bag, '--no-animation', '--output', 'analysis')
-    assert (done.returncode, done.stderr) == (0, '')
+def test_a_bag_is_analysed_into_a_whole_page(installed, answers):
+    assert (answers[ANALYSIS].code, answers[ANALYSIS].err) == (0, '')
     page = (installed.here / 'analysis' / 'report.html').read_text()
     assert (TOP / 'dp_swing_ros' / 'report' / 'style.css').read_text()[:200] in page
 
@@ -164,18 +213,15 @@ print([name for name in ('torch', 'distributed') if name in sys.modules])
     assert done.stdout == '[]\n'
 
 
-def test_a_cluster_without_dask_is_refused_in_one_line(installed):
-    done = installed.tool('evaluate', '--contestants', 'nothing', '--scenarios', 'hanging',
-                          '--seeds', '1', '--dask', 'tcp://127.0.0.1:1', '--output', 'cluster')
-    assert done.returncode == 1
-    assert done.stderr == ('evaluate: error: --dask needs the Python package distributed, which '
-                           'is not installed; pip install distributed\n')
+def test_a_cluster_without_dask_is_refused_in_one_line(answers):
+    assert (answers[CLUSTER].code, answers[CLUSTER].err) == (
+        1, 'evaluate: error: --dask needs the Python package distributed, which is not installed; '
+        'pip install distributed\n')
 
 
-@pytest.mark.parametrize('device', ['cuda', 'torch'])
-def test_a_device_without_torch_is_refused_in_one_line(device, installed):
-    done = installed.tool('evaluate', '--contestants', f'mppi:mppi.device={device}',
-                          '--scenarios', 'hanging', '--seeds', '1', '--output', device)
-    assert done.returncode == 2
+@pytest.mark.parametrize('device', DEVICES)
+def test_a_device_without_torch_is_refused_in_one_line(device, answers):
+    answer = answers[DEVICES[device]]
+    assert answer.code == 2
     assert re.fullmatch(rf"evaluate: error: parameter mppi.device is '{device}', but torch is not "
-                        r'installed; .*pip install.*\n', done.stderr)
+                        r'installed; .*pip install.*\n', answer.err)
