@@ -9,7 +9,6 @@ SHELL := /bin/bash
 
 VENV := .venv
 BIN := $(VENV)/bin
-SUITES := .venv-suites
 WITH_ROS := source $(BIN)/activate && source install/setup.bash
 SOURCES := package.xml setup.py setup.cfg resource/dp_swing_ros $(wildcard config/*) \
 	$(shell find dp_swing_ros -type f ! -name '*.pyc')
@@ -46,11 +45,10 @@ docs: setup  ## the references of parameters and of the Python API, the drawings
 evaluate: setup  ## run a campaign of episodes without ROS (EVALUATE='...' for its arguments)
 	@$(WITH_ROS) && ros2 run dp_swing_ros evaluate $(EVALUATE)
 
-results: setup $(if $(filter benchmark hard optimum oracle,$(or $(PAGES),oracle)),$(VENV)/.peers)
-results: $(if $(filter ablation foreign learned_rigs rig,$(PAGES)),$(VENV)/.installed-rig)
-results: $(if $(filter console durability,$(or $(PAGES),console)),$(VENV)/.installed-test)
-results: $(if $(filter suites,$(or $(PAGES),suites)),$(SUITES)/.installed)
-results:  ## every published figure anew, in twelve and a half hours (PAGES='random robustness' for some)
+results: setup $(if $(filter benchmark,$(or $(PAGES),benchmark)),$(VENV)/.peers)
+results: $(if $(filter rigs rig methods ablation learned learned_rigs,$(PAGES)),$(VENV)/.installed-rig)
+results: $(if $(filter bags durability,$(or $(PAGES),bags)),$(VENV)/.installed-test)
+results:  ## every published figure anew, in less than three hours (PAGES='reliability live' for some)
 	@$(WITH_ROS) && python benchmarks/published.py $(PAGES) $(RESULTS)
 
 test: setup $(VENV)/.installed-test  ## all tests, linters and type checks (PYTEST='...' for arguments of pytest)
@@ -67,7 +65,7 @@ shell: setup  ## a shell in which ros2 run dp_swing_ros ... works
 	@exec bash --rcfile <(echo '[ ! -f ~/.bashrc ] || source ~/.bashrc; $(WITH_ROS)') -i
 
 clean:  ## remove what was built; runs/ stays
-	rm -rf build install log $(VENV) $(SUITES) .pytest_cache .mypy_cache .import_linter_cache
+	rm -rf build install log $(VENV) .pytest_cache .mypy_cache .import_linter_cache
 
 $(VENV)/.installed: pyproject.toml constraints.txt scripts/ros2
 	@$(PYTHON) -c 'import sys; sys.exit(not (3, 10) <= sys.version_info < (3, 15))' || \
@@ -92,15 +90,6 @@ $(VENV)/.installed-test: $(VENV)/.installed
 
 $(VENV)/.peers: $(VENV)/.installed
 	@$(call INSTALL,peers)
-	@touch $@
-
-$(SUITES)/.installed: BIN := $(SUITES)/bin
-$(SUITES)/.installed: pyproject.toml constraints.txt
-	@echo '== the tasks of others into $(SUITES)'
-	@[ -x $(BIN)/pip ] || $(PYTHON) -m venv $(SUITES) || \
-	  $(call FAIL,$(PYTHON) cannot make a virtual environment; install python3-venv)
-	@$(BIN)/python -m pip install --quiet 'pip>=25.1' && \
-	  $(call INSTALL,suites)
 	@touch $@
 
 # A module that is gone from the sources must not live on in what was built from them.

@@ -15,7 +15,6 @@ import math
 from typing import Any, NamedTuple
 
 import campaigns
-from matplotlib.figure import Figure
 import numpy as np
 
 from dp_swing_ros.control import message_filter, observer, starts
@@ -31,15 +30,14 @@ from dp_swing_ros.evaluation.campaign.contestants import Contestant, key, parse
 from dp_swing_ros.evaluation.campaign.rows import Row
 from dp_swing_ros.evaluation.comparison import paired_ratio, Ratio, SAME_COST, sign_test
 from dp_swing_ros.evaluation.scenarios import Case, SCENARIOS
-from dp_swing_ros.figures.style import colours, name_lines, solver_name, styled
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.problem.plan import Plan
 from dp_swing_ros.simulation.closed_loop import Controller
 from dp_swing_ros.tables import compact
 
 SOLVERS = ('ilqr', 'mppi')     # around DDP stands what stands around iLQR
-SEEDS = range(1000, 1050)     # held out: nothing was chosen on them
-FEW = range(1000, 1020)       # of what a part is meant for
+SEEDS = range(1000, 1020)     # held out: nothing was chosen on them
+FEW = range(1000, 1010)       # of what a part is meant for
 SHOWN = 0.01                  # p of a difference in what is held
 
 
@@ -121,7 +119,7 @@ def nominal_bounds(drive: Any, problem: Any) -> Any:
 
 
 rejection, warm_starts = MessageFilter.rejection, Planner.warm_starts
-DEFAULTS = 'nothing, the defaults'
+DEFAULTS, NOTHING = 'nothing, the defaults', 'nothing shown'
 NO_ERRORS = {f'ekf.{name}_error': 0.0 for name in (
     'body', 'gain', 'friction', 'cart_dry_friction', 'joint_dry_friction', 'delay', 'lag')}
 PARTS = [
@@ -267,7 +265,8 @@ class Cell(NamedTuple):
 
     def episodes(self) -> list[tuple[Contestant, Case]]:
         """Return the episodes."""
-        return [(contestant(self.part, self.name), case) for case in self.trial.cases()]
+        without = contestant(self.part, self.name)
+        return [(without, case) for case in self.trial.cases()]
 
 
 def cells() -> list[Cell]:
@@ -340,7 +339,7 @@ def verdict(part: Part, of: Differences) -> str:
     found = {one.verdict for place, one in of.items() if place[0] == part.title}
     if 1 in found:
         return 'worth it, but not everywhere' if -1 in found else 'worth it'
-    return 'better without' if -1 in found else 'nothing shown'
+    return 'better without' if -1 in found else NOTHING
 
 
 def page(rows: Sequence[Row], made: str) -> str:
@@ -357,8 +356,9 @@ def page(rows: Sequence[Row], made: str) -> str:
     return '\n'.join([
         '# What each part is worth\n', made,
         f'{len(rows)} episodes of {campaigns.DURATION:g} s, of `uptime` of 60 s; the rows: '
-        '[ablation.csv.gz](ablation.csv.gz). Each line leaves one part of the controller out and '
-        'keeps all others; in brackets behind some, what stands in its place. '
+        '`results/ablation.csv.gz`. Each line leaves one part of the controller out and '
+        'keeps all others; in brackets behind some, what stands in its place; those of which '
+        'nothing is shown are only named below. '
         f'The trials are those of [evaluate](../evaluation.md): {", ".join(map(str, TRIALS))}, '
         f'seeds {SEEDS.start}-{SEEDS.stop - 1}, and for most parts one more that they are meant '
         f'for, seeds {FEW.start}-{FEW.stop - 1}. A cell is how many were held, and the '
@@ -371,13 +371,14 @@ def page(rows: Sequence[Row], made: str) -> str:
         'some are so by chance. Without an estimator no velocity is known in `rig_all`, where '
         'none is measured, so nothing can be held.\n',
         compact([('left out', 'solver', *map(str, TRIALS), 'meant for'),
-                 *(line(part, name) for part in PARTS for name in solvers_of(part))]) + '\n',
+                 *(line(part, name) for part in PARTS for name in solvers_of(part)
+                   if part.title == DEFAULTS or verdict(part, of) != NOTHING)]) + '\n',
         *(f'{title[0].upper()}{title[1:]}: {"; ".join(parts)}.\n'
           for title, parts in verdicts.items()),
         '"Nothing shown" is no proof that a part does nothing. What guards against outliers and '
         'dead sensors meets none of them here, and where several do the same, as the other starts '
         'do, none is missed alone.\n',
-        textbook(of), '![What is lost without each part](../figures/ablation.png)\n'])
+        textbook(of)])
 
 
 def solvers_of(part: Part) -> Sequence[str]:
@@ -393,33 +394,3 @@ def textbook(of: Differences) -> str:
     return ('MPPI as the textbook has it (`config/textbook_mppi.yaml`: forces about forces, no '
             f'elite, no derivatives) holds, with nothing around it, {alone}; with all that is '
             f'around it here, {scaffolded}.\n')
-
-
-@styled
-def picture(rows: Sequence[Row]) -> Figure:
-    """Show for each part what the runs that are still held cost without it, and what is lost."""
-    of, colour = differences(rows), colours(campaigns.METHODS)
-    parts = PARTS[1:]
-    figure = Figure((9.0, 0.21 * len(parts) + 1.2), layout='constrained')
-    panels = figure.subplots(1, len(TRIALS), sharex=True, sharey=True)
-    for axes, trial in zip(panels, TRIALS):
-        for place, part in enumerate(parts):
-            for n, name in enumerate(part.solvers):
-                one = of[part.title, name, trial]
-                y = -place + 0.15 * (len(part.solvers) - 1 - 2 * n)
-                if one.cost is not None:
-                    axes.plot((one.cost.low, one.cost.high), (y, y), color=colour[name])
-                    axes.plot(one.cost.value, y, 'o', color=colour[name], markersize=3)
-                if one.p < SHOWN:
-                    axes.annotate(f'{one.held} of {one.cases}', (0.76 + 0.24 * n, -place),
-                                  xycoords=('axes fraction', 'data'), color=colour[name],
-                                  fontsize=6, ha='right', va='center')
-        axes.axvspan(1 / SAME_COST, SAME_COST, color='0.9', zorder=0)
-        axes.set(title=trial.scenario, xscale='log', xlim=(0.7, 9), xlabel='cost, × the defaults',
-                 yticks=-np.arange(len(parts)), yticklabels=[part.title for part in parts])
-        axes.set_xticks((1, 2, 4), ('1', '2', '4'))
-        axes.minorticks_off()
-        axes.grid()
-    name_lines(figure, {solver_name(name): {'color': colour[name], 'marker': 'o'}
-                        for name in campaigns.METHODS})
-    return figure

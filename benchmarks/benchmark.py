@@ -3,8 +3,8 @@
 """
 Measure this package and its peers on the same problems, in turn, and write the page about it.
 
-Run by `make results`, on a machine that must do nothing else: docs/results/benchmark.md, .json
-and docs/figures/benchmark_*.png. What is not installed is left out, and the page says so.
+Run by `make results`, on a machine that must do nothing else: benchmark.md, .json and
+a picture. What is not installed is left out, and the page says so.
 """
 
 import argparse
@@ -16,7 +16,7 @@ from typing import Any
 import benchmark_figures
 import benchmark_page
 from campaigns import METHODS
-from stamp import made, sources
+from stamp import made, sources, TOP
 from timing import median, Missing, race, ratio, Work
 
 from dp_swing_ros import provenance
@@ -24,9 +24,9 @@ from dp_swing_ros.control import controllers
 from dp_swing_ros.pendulum.state import Array
 
 PEERS = {'crocoddyl': 'crocoddyl', 'pin': 'pinocchio', 'casadi': 'casadi', 'torch': 'torch',
-         'pytorch_mppi': 'pytorch_mppi', 'mujoco': 'mujoco'}   # distribution: module
+         'pytorch_mppi': 'pytorch_mppi'}   # distribution: module
 SAMPLES = (256, 1024, 8192, 65536)
-COMPILED = {'compiled': True, 'closed': False, 'twin': False}
+KINDS = 'compiled', 'closed'
 
 
 def compared(works: dict[str, Work], rounds: int) -> dict[str, Any]:
@@ -55,23 +55,19 @@ def whole_solves(rounds: int) -> dict[str, Any]:
 
 
 def sampling(rounds: int) -> dict[str, Any]:
-    """Compare updates with pytorch_mppi, and rollouts with MuJoCo."""
-    from limit import rollouts
-    from peers_sampling import mujoco_rollouts, our_tick, torch_tick
+    """Compare updates with pytorch_mppi."""
+    from peers_sampling import our_tick, torch_tick
 
     problem, found = controllers.problem({}), {}
     for samples in SAMPLES:
         few = min(rounds, max(12, rounds * 1024 // samples))
-        ticks = {f'mppi, {threads} threads': our_tick(problem, samples, threads=threads)
+        works = {f'mppi, {threads} threads': our_tick(problem, samples, threads=threads)
                  for threads in (1, 2)}
-        for kind in COMPILED:
+        for kind in KINDS:
             for threads in (1, 2):
-                ticks[f'pytorch_mppi {kind}, {threads} threads'] = torch_tick(
+                works[f'pytorch_mppi {kind}, {threads} threads'] = torch_tick(
                     problem, samples, kind, threads)
-        steps = {'mppi rollouts': rollouts(problem, samples)}
-        for threads in (1, 2):
-            steps[f'MuJoCo, {threads} threads'] = mujoco_rollouts(problem, samples, threads)
-        found[str(samples)] = {'ticks': compared(ticks, few), 'steps': compared(steps, few)}
+        found[str(samples)] = compared(works, few)
     return found
 
 
@@ -82,25 +78,6 @@ def gpu(rounds: int) -> dict[str, Any]:
     return {'device': device, **compared(works, rounds)}
 
 
-def paper(rounds: int) -> dict[str, Any]:
-    """Compare iterations with the paper's autograd."""
-    from paper_method import iterations
-    return compared(iterations(), max(rounds // 4, 3))
-
-
-def limits(rounds: int) -> dict[str, Any]:
-    """Compare rollouts with the machine."""
-    from limit import measure
-    return measure(rounds)
-
-
-def growing(rounds: int) -> dict[str, Any]:
-    """Measure growth, ticks and episodes."""
-    from growth import episodes, growth, holding
-    return {**growth(rounds), 'holding': {name: t._asdict() for name, t in holding(20.0).items()},
-            'episodes': {name: t._asdict() for name, t in episodes().items()}}
-
-
 def starting(rounds: int) -> dict[str, Any]:
     """Measure the start of the node."""
     from startup import start_ups
@@ -108,8 +85,8 @@ def starting(rounds: int) -> dict[str, Any]:
 
 
 FAMILIES: dict[str, Callable[[int], dict[str, Any]]] = {
-    'gradient': gradient, 'solves': whole_solves, 'sampling': sampling, 'gpu': gpu, 'paper': paper,
-    'limit': limits, 'growth': growing, 'startup': starting}
+    'gradient': gradient, 'solves': whole_solves, 'sampling': sampling, 'gpu': gpu,
+    'startup': starting}
 
 
 def main() -> None:
@@ -117,7 +94,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--rounds', type=int, default=24, help='of each comparison')
     parser.add_argument('--only', nargs='+', choices=FAMILIES, default=list(FAMILIES))
-    parser.add_argument('--docs', type=Path, default=Path(__file__).parents[1] / 'docs')
+    parser.add_argument('--docs', type=Path, default=TOP / 'results')
     arguments = parser.parse_args()
     results: dict[str, Any] = {
         'made': made('benchmark', sources('benchmark'), [*provenance.COMPUTING, *installed()]),
@@ -135,7 +112,9 @@ def main() -> None:
     path = arguments.docs / 'results' / 'benchmark'
     path.with_suffix('.json').write_text(json.dumps(results, indent=1) + '\n')
     path.with_suffix('.md').write_text(benchmark_page.page(results))
-    benchmark_figures.draw(results, arguments.docs / 'figures')
+    if 'sampling' in results:
+        benchmark_figures.samples(results['sampling']).savefig(
+            arguments.docs / 'figures' / 'benchmark_samples.png')
 
 
 def installed() -> list[str]:

@@ -65,27 +65,11 @@ def targets(results: dict[str, Any]) -> list[Target]:
                         over_crocoddyl(near, name, model, actuation), True))
     if 'sampling' in results:
         for samples, aim in (('1024', 100), ('8192', 40)):
-            for kind in ('twin', 'closed', 'compiled'):
-                ticks = results['sampling'][samples]['ticks']
+            for kind in ('closed', 'compiled'):
+                ticks = results['sampling'][samples]
                 found.append(Target(
                     f'mppi per update against pytorch_mppi {kind}, {samples} samples', aim,
                     over(ticks, fastest(ticks, 'mppi, '), kind), True))
-    if 'paper' in results:
-        for kind in ('step by step', 'batched'):
-            found.append(Target(f"ddp per iteration against the paper's autograd, {kind}", 2000,
-                                over(results['paper'], 'ddp', 'autograd ddp', kind), True))
-    if 'limit' in results:
-        found.append(Target('share of the most multiply-adds measured [%]', 40,
-                            100 * results['limit']['share']['value'], True))
-    if 'growth' in results:
-        growth = results['growth']
-        for name, aim in (('ilqr', 0.2), ('ddp', 0.2), ('mppi', 1.5)):
-            found.append(Target(f'{name}: median tick while holding [ms]', aim,
-                                1e3 * growth['holding'][name]['value'], False))
-        for size in ('horizon', 'samples'):
-            for name, grown in growth[size].items():
-                found.append(Target(f'{name}: exponent over the {size}', 1.05,
-                                    grown['exponent']['value'], False))
     for name, kinds in results.get('startup', {}).items():
         for kind, aim in (('warm', 2.5), ('cold', 25.0)):
             found.append(Target(f'{name}: start of the mpc to its first force, {kind} [s]', aim,
@@ -141,7 +125,7 @@ def over_starts(ratio: dict[str, float] | None) -> str:
 def page(results: dict[str, Any]) -> str:
     """Return the page as Markdown."""
     parts = [
-        '# Against peers, and the limit of the machine', results['made'].strip(),
+        '# Against peers', results['made'].strip(),
         f'Contenders take turns in one process; medians of up to {results["rounds"]} rounds, in '
         'brackets the 95 % interval (bootstrap over rounds). Ours solve in one thread where '
         'nothing else is said; so do crocoddyl and CasADi. Of MPPI the faster of one and two '
@@ -155,11 +139,8 @@ def page(results: dict[str, Any]) -> str:
         parts.append('Not measured: ' + '; '.join(
             f'{name}, for {why}' for name, why in results['missing'].items()) + '.')
     if 'sampling' in results:
-        parts.append(
-            'Of pytorch_mppi, `twin` runs the equations as they stand in the paper, with a linear '
-            'system solved in each stage; `closed` those of this package; `compiled` '
-            "that through torch.compile. Of the paper's autograd, `step by step` is as its "
-            'authors did it; `batched` takes all steps at once.')
+        parts.append('pytorch_mppi runs on our equations (`closed`), and on these through '
+                     'torch.compile (`compiled`).')
     if 'gradient' in results:
         parts += ['## One iteration, N = 30, 50 ms, double precision']
         for start, race in results['gradient'].items():
@@ -167,38 +148,10 @@ def page(results: dict[str, Any]) -> str:
     if 'solves' in results:
         parts.append(solves(results['solves']))
     for samples, found in results.get('sampling', {}).items():
-        parts += [f'## MPPI, {int(samples):,} samples', times(found['ticks']),
-                  'Rollouts alone, per step:', times(found['steps'])]
+        parts += [f'## MPPI, {int(samples):,} samples', times(found)]
     if 'gpu' in results:
         parts += [f'## MPPI on {results["gpu"]["device"]}, 100 steps, one update',
                   times(results['gpu']), GPU_PEER]
-    if 'paper' in results:
-        parts += ["## The paper's autograd, one iteration", times(results['paper'])]
-    if 'limit' in results:
-        limit = results['limit']
-        parts += ['## The limit of the machine', compact([
-            ['what', '10⁹ multiply-adds or steps per second'],
-            *([name, f'{1e-9 * rate:.4g}'] for name, rate in limit['rates'].items())]),
-            f'A step of a sample takes {limit["per_step"]:.0f} operations: '
-            + ', '.join(f'{number:.0f} {kind}' for kind, number in
-                        limit['operations']['sample'].items())
-            + f'. The limit is the best of the single-precision rates above, {limit["limit"]}. '
-            f'The share is the operations per second of {limit["best"]}, over two per '
-            f'multiply-add of the limit: {100 * limit["share"]["value"]:.1f} % '
-            f'({100 * limit["share"]["low"]:.1f}-{100 * limit["share"]["high"]:.1f}). With the '
-            'whole of it, the rollouts of an update would take '
-            + ', '.join(f'{1e3 * least:.2g} ms at {samples:,} samples'
-                        for samples, least in limit['least'].items()) + '.']
-    if 'growth' in results:
-        parts += ['## Growth', '![time against horizon](../figures/benchmark_horizon.png)',
-                  'Episodes of 10 s by `evaluate`, in one process: ' + ', '.join(
-                      f'{name} {1 / t["value"]:.1f} a second ({10 / t["value"]:.0f} times real '
-                      'time)' for name, t in results['growth']['episodes'].items()) + '.']
-        parts.append(compact([['most memory of one call [kB]', 'sizes', 'bytes / 1000'], *(
-            [f'{name} over the {size}', ', '.join(map(str, grown['sizes'])),
-             ', '.join(f'{number / 1e3:.0f}' for number in grown['bytes'])]
-            for size in ('horizon', 'samples')
-            for name, grown in results['growth'][size].items())]))
     if 'sampling' in results:
         parts.append('![time against samples](../figures/benchmark_samples.png)')
     return '\n\n'.join(parts) + '\n'

@@ -1,6 +1,6 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The campaigns of docs/results that are those of `evaluate`: random, robustness, baselines."""
+"""Parts of the page of reliability: the campaigns of `evaluate` that are published."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -10,16 +10,16 @@ from typing import Any, NamedTuple
 
 from dp_swing_ros.control import controllers
 from dp_swing_ros.estimators.unknowns import UnknownsParameters
-from dp_swing_ros.evaluation.campaign import manifest
+from dp_swing_ros.evaluation.campaign import manifest, report
 from dp_swing_ros.evaluation.campaign.contestants import Contestant, parse_all
-from dp_swing_ros.evaluation.campaign.report import markdown
 from dp_swing_ros.evaluation.campaign.rows import Row
-from dp_swing_ros.evaluation.campaign.summary import summarise
+from dp_swing_ros.evaluation.campaign.summary import summarise, Summary
 from dp_swing_ros.evaluation.scenarios import Case, RIGS, SCENARIOS, STRESS
 from dp_swing_ros.figures import of_campaign
 from dp_swing_ros.parameters import fields_of
 from dp_swing_ros.pendulum.state import DEFAULT_LINKS
 from dp_swing_ros.simulation.plant import PlantParameters
+from dp_swing_ros.tables import compact
 
 CONFIG = Path(__file__).parents[1] / 'config'
 DURATION = 10.0  # [s]
@@ -92,49 +92,59 @@ def truth(case: Case) -> dict[str, Any]:
 
 CAMPAIGNS = {
     'random': Campaign(
-        'Random starts', METHODS, ('random',), None, {'random': 50},
-        {'starts': ('random_starts', 'Random starts'), 'settling': ('settling', 'Settling'),
-         'solve_times': ('solve_times', 'Solve times')}),
+        'From random starts', METHODS, ('random',), None, {'random': 50},
+        {'starts': ('random_starts', 'Random starts')}),
+    'fresh': Campaign('From fresh random starts', METHODS[:1], ('random',), range(10_000, 12_000),
+                      {}, {}),
     'robustness': Campaign(
-        'Robustness', (*METHODS, *OF_ESTIMATOR, BASELINE, 'nothing'),
+        'With one thing wrong at a time', (*METHODS, *OF_ESTIMATOR, BASELINE),
         tuple(name for name in SCENARIOS
               if name not in ('random', 'transitions', *STRESS, *RIGS)), None,
-        {'hanging': 20},
-        {'criteria': ('robustness', 'Robustness'), 'sweeps': ('sweeps', 'Sweeps')}),
-    'baselines': Campaign(
-        'Baselines', (*METHODS, 'tvlqr', 'tvlqr_ekf', 'energy_ekf', 'nothing'),
-        ('hanging', 'random', 'near_goal', 'pushes'), range(20), {'hanging': 20},
-        {'successes': ('baselines', 'Baselines')}),
+        {'hanging': 20}, {'criteria': ('robustness', 'Robustness')}),
     'stress': Campaign(
-        'Stress', (*METHODS, TEXTBOOK, 'tvlqr', 'tvlqr_ekf', 'energy_ekf'), STRESS,
-        None, {}, {'sweeps': ('stress', 'What is held, by level')}),
+        'Under stress', (*METHODS, TEXTBOOK, BASELINE), STRESS, None, {},
+        {'sweeps': ('stress', 'What is held, by level')}),
     # hanging to up_down is beyond 30 steps
     'transitions': Campaign(
         'From each equilibrium to each other',
-        tuple(f'{name}={name}:horizon=40' for name in METHODS), ('transitions',), None, {},
-        {'settling': ('transitions', 'Settling, all ways')}),
-    'fresh': Campaign('Fresh seeds', METHODS[:1], ('random',), range(10_000, 20_000), {}, {})}
+        tuple(f'{name}={name}:horizon=40' for name in METHODS), ('transitions',), range(50), {},
+        {})}
 
 
 def page(name: str, rows: Sequence[Row], made: str, figures: Path) -> str:
-    """Return the page of a campaign from its rows, and draw its pictures into a folder."""
+    """Return the part of a campaign from its rows, and draw its pictures into a folder."""
     campaign = CAMPAIGNS[name]
     summary = summarise(campaign.description(), rows, len(rows))
     drawn = dict(of_campaign(summary, rows))
     for kind, (file, _) in campaign.pictures.items():
-        if kind in drawn:
-            drawn[kind].savefig(figures / f'{file}.png')
-    shown = [f'![{title}](../figures/{file}.png)\n'
-             for kind, (file, title) in campaign.pictures.items() if kind in drawn]
+        drawn[kind].savefig(figures / f'{file}.png')
     timed = ', '.join(f'seeds 0 to {count - 1} of `{scenario}`'
                       for scenario, count in campaign.timed.items())
-    clock = (f'Solve times and misses are those of {timed}, played by one process alone.' if timed
-             else 'Solves are not timed here.')
+    clock = f' Solve times are those of {timed}, played by one process alone.' if timed else ''
     named = ''.join(f' `{label}` is `{what.replace(str(CONFIG), "config")}`.' for label, what in (
         text.split('=', 1) for text in campaign.contestants
         if '=' in text.partition(':')[0]))
     if f'`{TOLD}`' in named:
         named += f' `{TOLD}` also has what is true of each plant: bodies, drive and delay.'
-    return markdown(summary, campaign.title, [
-        made, f'{len(rows)} episodes of {DURATION:g} s; their rows: '
-        f'[{name}.csv.gz]({name}.csv.gz). {clock}{named}\n', *shown])
+    tables = [held(summary)] if len(campaign.scenarios) > 1 else [
+        report.standings(summary.standings)]
+    tables += [report.ways(summary.standings)] if any(
+        one.ways for one in summary.standings) else []
+    tables += [report.SCORES, report.scores(summary)] if any(
+        one.criteria for one in summary.scores) else []
+    tables += ['Levels that pass, with more than half of their runs, and those that fail:',
+               report.breaks(summary)] if any(one.sweeps for one in summary.standings) else []
+    return '\n\n'.join([
+        f'# {campaign.title}', made.strip(),
+        f'{len(rows)} episodes of {DURATION:g} s.{clock}{named} Rows: `results/{name}.csv.gz`.',
+        *(f'![{title}](../figures/{file}.png)' for file, title in campaign.pictures.values()),
+        *tables, ''])
+
+
+def held(summary: Summary) -> str:
+    """Return a table of who holds how many of each scenario."""
+    names = summary.campaign['contestants']
+    found = {(one.scenario, one.contestant): report.share(one.held) for one in summary.standings}
+    return compact([('scenario', *(f'`{name}`' for name in names)), *(
+        (f'`{scenario}`', *(found[scenario, name] for name in names))
+        for scenario in summary.campaign['scenarios'])])

@@ -52,7 +52,7 @@ def main() -> None:
     parser.add_argument('--kills-fast', type=int, default=10, help=f'at {FAST:g} messages/s')
     parser.add_argument('--seconds', type=float, default=60.0, help='of full load')
     parser.add_argument('--seed', type=int, default=0, help='of the moments of the kills')
-    parser.add_argument('--docs', type=Path, default=TOP / 'docs')
+    parser.add_argument('--docs', type=Path, default=TOP / 'results')
     arguments = parser.parse_args()
     rng = np.random.default_rng(arguments.seed)
     with isolated(), tempfile.TemporaryDirectory() as name:

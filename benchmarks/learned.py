@@ -43,7 +43,7 @@ from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import simulate
 from dp_swing_ros.tables import compact
 
-SEEDS, PREDICTED = 100, 8
+SEEDS, PREDICTED = 25, 8
 # as in its code: settings_cdp.m and dynamics_cdp.m
 BODIES = {'cart_mass': 0.5, 'link1_mass': 0.5, 'link2_mass': 0.5, 'link1_length': 0.6,
           'link2_length': 0.6, 'cart_friction': 0.1}
@@ -207,11 +207,9 @@ def page(of_trials: pd.DataFrame, breakless: pd.DataFrame, rows: Sequence[Row],
          predicted: pd.DataFrame, made: str) -> str:
     """Return the page as Markdown."""
     return '\n'.join([
-        '# Learned dynamics\n', made,
-        'How they are learned: [learned dynamics](../learned_dynamics.md). '
-        'In brackets intervals of 95 %: of shares Wilson, else by the bootstrap. The rows: '
-        '[trials](learned_trials.csv.gz), [without a break](learned_long.csv.gz), '
-        '[by a log](learned.csv.gz), [predictions](learned_predictions.csv.gz).\n',
+        '# Of a simulated plant\n', made,
+        'In brackets intervals of 95 %: of shares Wilson, else by the bootstrap. Rows: '
+        '`results/learned*.csv.gz`.\n',
         '## From random forces\n', of_limits(of_trials, breakless),
         '## By a log\n', of_log(rows),
         '## DDP against iLQR\n', of_duels(rows), of_learners(of_trials),

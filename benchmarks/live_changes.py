@@ -259,7 +259,7 @@ def page(changed: pd.DataFrame, legs: pd.DataFrame, made: str) -> str:
         f'{LEG:g} s, with `horizon` {HORIZON} and the defaults else, recorded by a logger. Times '
         'until the last stay at the goal began [s] (all angles within 0.1 rad and all speeds '
         f'under 1, for {HOLD:g} s at least): {"; ".join(held)}. '
-        'In lockstep, with 100 seeds a way: [transitions](transitions.md).\n',
+        'In lockstep: [reliability](reliability.md#from-each-equilibrium-to-each-other).\n',
         compact([('way', *(f'`{solver}`' for solver in solvers)), *ways]), ''])
 
 
@@ -267,8 +267,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Change, tour, and write the page."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--count', type=int, default=COUNT, help='of changes of each kind')
-    parser.add_argument('--solvers', nargs='+', default=METHODS)
-    parser.add_argument('--docs', type=Path, default=TOP / 'docs')
+    parser.add_argument('--solvers', nargs='+', default=METHODS[:1])
+    parser.add_argument('--docs', type=Path, default=TOP / 'results')
     arguments = parser.parse_args(argv)
     results, figures = arguments.docs / 'results', arguments.docs / 'figures'
     for made_here in (results, figures):

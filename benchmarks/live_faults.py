@@ -35,7 +35,7 @@ from dp_swing_ros.tables import compact
 from dp_swing_ros.tools.processes import Crew, isolated, Process
 from dp_swing_ros.topics import DISTURBANCE, FORCE_COMMAND
 
-RUNS = 10         # of each fault and solver
+RUNS = 3          # of each fault and solver
 DOWN = 0.2        # [rad] of an angle, beyond which it is down
 STAYS = 1.0       # [s] within that: up again
 ALLOWED = 10.0    # [s] after the end of a fault
@@ -239,7 +239,7 @@ def page(rows: pd.DataFrame, made: str) -> str:
         'is the aim; a process that was killed is started 0.5 s later, and takes its time to load '
         'from then on; a plant that is started, or reset, hangs. In brackets the 95 % interval '
         '(Wilson). Not finite and beyond the limit are forces on `force_command`, all that were '
-        'sent by anybody. The rows: [live_faults.csv.gz](live_faults.csv.gz).\n',
+        'sent by anybody. Rows: `results/live_faults.csv.gz`.\n',
         compact([('fault', 'solver', f'up again within {ALLOWED:g} s', 'never down',
                   'median until up [s]', 'longest [s]', 'largest angle [rad]', 'not finite',
                   'beyond the limit'), *lines]), ''])
@@ -250,7 +250,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--runs', type=int, default=RUNS, help='of each fault and solver')
     parser.add_argument('--solvers', nargs='+', default=METHODS)
-    parser.add_argument('--docs', type=Path, default=TOP / 'docs')
+    parser.add_argument('--docs', type=Path, default=TOP / 'results')
     arguments = parser.parse_args(argv)
     with isolated(), tempfile.TemporaryDirectory() as folder:
         rows = pd.DataFrame([found for solver in arguments.solvers

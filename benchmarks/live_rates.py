@@ -1,7 +1,7 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Plant and mpc in real time beside a bare echo: for long, and as fast as they can.
+Plant and mpc in real time beside a bare echo, as fast as they can.
 
 Run by `make results`, on a machine that must do nothing else.
 """
@@ -16,13 +16,12 @@ from typing import Any, NamedTuple
 from campaigns import METHODS
 import pandas as pd
 from soak import answers, pendulum, processes, Soak, soak, times
-from stamp import made, sources, store_page, TOP, verdict
+from stamp import made, sources, store_page, TOP
 
 from dp_swing_ros.learning.trials import OUT
 from dp_swing_ros.tables import compact
 from dp_swing_ros.tools.processes import isolated
 
-LONG = 600.0      # [s] at 20 Hz
 RATES = (20.0, 100.0, 200.0, 300.0, 400.0, 500.0)   # [Hz]
 SHORT = 20.0      # [s] at each
 FAST, FASTEST, FOR = 'ddp', 500.0, 60.0    # who is to keep up at which rate [Hz] for how long [s]
@@ -32,7 +31,7 @@ ABOUT = (
     'Each line is of [soaks](../../benchmarks/soak.py): plant and mpc as processes in real time, '
     'with their defaults, beside a bare echo. State to force is from the publication of a state '
     'to that of its force; late are answers after the next state, and of these those by itself '
-    'that the machine did not cause, as the echo tells. The rows: [{0}.csv.gz]({0}.csv.gz).\n')
+    'that the machine did not cause, as the echo tells. Rows: `results/{0}.csv.gz`.\n')
 
 
 class Run(NamedTuple):
@@ -47,15 +46,13 @@ class Run(NamedTuple):
     thread_priority: int = 0
 
 
-def runs(long: float = LONG) -> Iterator[Run]:
+def runs() -> Iterator[Run]:
     """Yield all that are done."""
-    for solver in METHODS:
-        yield Run('long', solver, long)
     for priority in (0, PRIORITY):
         yield Run('fast', FAST, FOR, FASTEST, thread_priority=priority)
-        for solver in METHODS:
-            for each in RATES:
-                yield Run('rates', solver, SHORT, each, thread_priority=priority)
+    for solver in METHODS:
+        for each in RATES:
+            yield Run('rates', solver, SHORT, each)
 
 
 def play(run: Run, folder: Path) -> dict[str, Any]:
@@ -101,19 +98,6 @@ def answered(rows: pd.DataFrame) -> str:
     return f'{100 * rows.in_time.sum() / max(rows.states.sum(), 1):.2f} %'
 
 
-def of_long(rows: pd.DataFrame) -> str:
-    """Return the table of the long runs."""
-    return compact([
-        ('solver', 'time [s]', 'states', 'late ticks', 'late, by itself', 'unanswered',
-         'state to force p50 [ms]', 'p99', 'echo p99', 'solve p99',
-         'echo p99 + solve p99 + 1 ms'),
-        *((f'`{row.solver}`', f'{row.duration:g}', str(row.states), str(row.late_total),
-           f'{row.late}, {row.late_by_itself}', str(row.unanswered), f'{row.mpc_p50:.2f}',
-           f'{row.mpc_p99:.2f}', f'{row.echo_p99:.2f}', f'{row.solve_p99:.2f}',
-           f'{row.bound:.2f}: {verdict(row.mpc_p99 <= row.bound)}')
-          for row in rows.itertuples())])
-
-
 def prioritised(priority: int) -> str:
     """Return a real-time priority as the tables have it."""
     return f'{priority}' if priority else 'none'
@@ -133,16 +117,13 @@ def of_rates(rows: pd.DataFrame) -> str:
 
 
 def held(rows: pd.DataFrame) -> str:
-    """Return the highest rates that each solver holds, as a sentence."""
-    found = []
-    for priority, all_of in rows.groupby('thread_priority'):
-        highest = {solver: of.rate[of.in_time >= KEPT_UP * of.states].max()
-                   for solver, of in all_of.groupby('solver', sort=False)}
-        found.append(f'with {f"priority {priority}" if priority else "no priority"} ' + ', '.join(
-            f'`{solver}` {"none" if math.isnan(rate) else f"{rate:g} Hz"}'
-            for solver, rate in highest.items()))
+    """Return the highest rate that each solver holds, as a sentence."""
+    highest = {solver: of.rate[of.in_time >= KEPT_UP * of.states].max()
+               for solver, of in rows.groupby('solver', sort=False)}
     return (f'The highest of these rates at which {100 * KEPT_UP:g} % of the states are answered '
-            f'before the next: {"; ".join(found)}.')
+            'before the next, without a priority: ' + ', '.join(
+                f'`{solver}` {"none" if math.isnan(rate) else f"{rate:g} Hz"}'
+                for solver, rate in highest.items()) + '.')
 
 
 def page(rows: pd.DataFrame, made: str) -> str:
@@ -150,20 +131,17 @@ def page(rows: pd.DataFrame, made: str) -> str:
     of = dict(list(rows.groupby('part')))
     return '\n'.join([
         '# Rates and latencies\n', made, ABOUT.format('live_rates'),
-        '## Long, at 20 Hz\n', of_long(of['long']), '',
-        '## Fast\n',
-        'Without and with [a real-time priority](../nodes.md#time) of plant, mpc and echo. '
-        'Processor in hundredths of one core.\n',
+        'Some with [a real-time priority](../nodes.md#time) of plant, mpc and echo. Processor in '
+        'hundredths of one core.\n',
         of_rates(pd.concat([of['rates'], of['fast']])), '', held(of['rates']), ''])
 
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Do all runs, and write the page."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--long', type=float, default=LONG, help='time of a long run [s]')
-    parser.add_argument('--docs', type=Path, default=TOP / 'docs')
+    parser.add_argument('--docs', type=Path, default=TOP / 'results')
     arguments = parser.parse_args(argv)
-    rows = played(runs(arguments.long))
+    rows = played(runs())
     store_page('live_rates', rows, page(rows, made('live_rates', sources('live_rates'))),
                arguments.docs)
 

@@ -1,7 +1,7 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Plant and mpc in real time for an hour beside a bare echo.
+Plant and mpc in real time for minutes beside a bare echo.
 
 Run by `make results`, on a machine that must do nothing else.
 """
@@ -23,7 +23,7 @@ from dp_swing_ros.provenance import commit, machine, package_version
 from dp_swing_ros.tables import compact
 from dp_swing_ros.tools.processes import isolated
 
-SOLVER, DURATION = 'ilqr', 3600.0   # [s]
+SOLVER, DURATION = 'ilqr', 300.0   # [s]
 GROWTH = 1.0   # [MB] below which the memory of plant and mpc is to grow
 
 
@@ -63,7 +63,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Soak, and write the page."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--duration', type=float, default=DURATION, help='[s]')
-    parser.add_argument('--docs', type=Path, default=TOP / 'docs')
+    parser.add_argument('--docs', type=Path, default=TOP / 'results')
     arguments = parser.parse_args(argv)
     results, figures = folders(arguments.docs)
     with tempfile.TemporaryDirectory() as temporary, isolated():

@@ -1,22 +1,18 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Which method, when: what the pages of random starts, of stress and of computing time say together.
+Which method, when: what random starts and stress say together.
 
-Nothing is played here; the rows are those that these pages store.
+Nothing is played here; the rows are those that these parts leave in results/.
 """
 
-import argparse
 from collections.abc import Mapping, Sequence
-import hashlib
 from pathlib import Path
 from typing import NamedTuple
 
 from campaigns import METHODS
-import compute
 from matplotlib.figure import Figure
 import numpy as np
-import stamp
 
 from dp_swing_ros.evaluation.campaign.report import number, ratio, share, verdict
 from dp_swing_ros.evaluation.campaign.rows import grouped, read, Row, solves
@@ -28,29 +24,13 @@ from dp_swing_ros.figures.style import as_share, colours, FAINT, name_lines, sol
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.tables import compact
 
-RESULTS = stamp.TOP / 'docs' / 'results'
-PAGES = 'random', 'stress', 'compute'
+NEEDED = 'random', 'stress'
 FIRST = METHODS[0]          # whom the others are compared with
 SHOWN = (*METHODS, 'mppi_textbook')
-LADDERS = {'mppi_textbook': compute.TEXTBOOK}   # that compute.py names otherwise
 COST, APART = 'closed_loop_cost', 1.25   # times as much is in the tails
 RESETS = 'uptime'           # where how it ends says little, and the time upright much
-BUDGETS = 1.0, 4.0, 20.0    # [ms]
 
 Stored = Mapping[str, Sequence[Row]]
-
-
-def sources() -> str:
-    """Return a digest of all that decides the page: code and rows."""
-    digest = hashlib.sha256(stamp.sources('methods').encode())
-    for page in PAGES:
-        digest.update((RESULTS / f'{page}.csv.gz').read_bytes())
-    return digest.hexdigest()[:16]
-
-
-def stored() -> Stored:
-    """Return the rows of the pages."""
-    return {page: read(RESULTS / f'{page}.csv.gz') for page in PAGES}
 
 
 def of(rows: Sequence[Row], method: str, scenario: str = '') -> list[Row]:
@@ -109,8 +89,8 @@ def upright(rows: Sequence[Row]) -> float:
     return float(np.mean([row.metrics.uptime for row in rows]))
 
 
-def page(rows: Stored, made: str) -> str:
-    """Return the page."""
+def page(rows: Stored) -> str:
+    """Return the part."""
     lines = []
     for method in SHOWN:
         starts = of(rows['random'], method)
@@ -127,16 +107,11 @@ def page(rows: Stored, made: str) -> str:
             held(of(rows['stress'], method, scenario)) for scenario in STRESS)),
          number(upright(of(rows['stress'], method, RESETS)), 1, 100.0))
         for method in grouped(rows['stress'], lambda row: row.key.contestant)]
-    ladders = climbed(rows)
-    within = [(f'`{method}`', *(compute.within(ladders[method], budget) for budget in BUDGETS))
-              for method in SHOWN if method in ladders]
     return '\n'.join([
-        '# Which method, when\n', made,
-        'Put together from the pages of [random starts](random.md), [stress](stress.md) and '
-        '[computing time](compute.md), each with its rows; what follows from it: '
-        '[evaluation](../evaluation.md#which-method-when).\n',
-        '![Success under stress, closed-loop cost beside iLQR, cost against computing time]'
-        '(../figures/methods.png)\n',
+        '# What each holds, and at what cost\n',
+        'From the rows of [random starts](reliability.md#from-random-starts) and of '
+        '[stress](reliability.md#under-stress).\n',
+        '![What is held, and closed-loop cost beside iLQR](../figures/methods.png)\n',
         f'Σℓ is the closed-loop cost over that of `{FIRST}` on the same cases, where both held: '
         'the median and where nine tenths of the cases are, then the geometric mean, which the '
         'tails move, with its 95 % interval (bootstrap); equivalent is what an equivalence test '
@@ -147,27 +122,15 @@ def page(rows: Stored, made: str) -> str:
                   'Σℓ under stress, median (5-95 %)', 'Σℓ under stress, mean'), *lines]) + '\n',
         'Held, by scenario:\n',
         compact([('method', *(f'`{name}`' for name in STRESS), f'upright in `{RESETS}` [%]'),
-                 *by_scenario]) + '\n',
-        'The cost over the least that is known, with so long a solve (median, in the swing-up) at '
-        'most:\n',
-        compact([('method', *(f'{budget:g} ms' for budget in BUDGETS)), *within]), ''])
-
-
-def climbed(rows: Stored) -> dict[str, list[compute.Result]]:
-    """Return the rungs of each method that SHOWN has, under the names there."""
-    found = grouped(compute.results(rows['compute'], compute.least_known(rows['compute'])),
-                    lambda one: one.rung.method)
-    return {method: found[name] for method in SHOWN
-            if (name := LADDERS.get(method, method)) in found}
+                 *by_scenario]), ''])
 
 
 @styled
 def picture(rows: Stored) -> Figure:
-    """Show success under stress, cost beside the first method, and cost against time."""
-    names = {method: solver_name(LADDERS.get(method, method)) for method in SHOWN}
+    """Show what is held from random starts and under stress, and cost beside the first method."""
     colour, apart = colours(SHOWN), np.linspace(-0.3, 0.3, len(SHOWN))
-    figure = Figure((9.6, 3.9), layout='constrained')
-    success, beside, time = figure.subplots(1, 3, width_ratios=(1.3, 1.3, 1))
+    figure = Figure((8.0, 3.9), layout='constrained')
+    success, beside = figure.subplots(1, 2)
     places = -np.arange(len(STRESS) + 1)
     for n, method in enumerate(SHOWN):
         of_all = [('random', ''), *(('stress', scenario) for scenario in STRESS)]
@@ -180,33 +143,19 @@ def picture(rows: Stored) -> Figure:
             success.plot(one.successes / one.runs, y, 'o', color=colour[method], markersize=3.5)
             beside.plot([against.low, against.high], [y, y], color=colour[method], linewidth=1)
             beside.plot(against.value, y, 'o', color=colour[method], markersize=3.5)
-    for method, rungs in climbed(rows).items():
-        time.plot([one.time for one in rungs], [one.cost.value for one in rungs], 'o-',
-                  color=colour[method], markersize=3, linewidth=1.2)
     success.set(title='held', yticks=places, yticklabels=['random starts', *STRESS])
     as_share(success, 'x')
     beside.axvline(1, color=FAINT, linewidth=1)
-    beside.set(title=f'cost over that of {names[FIRST]}', yticks=places, yticklabels=[])
-    time.set(title='cost over the least known', xlabel='median solve [ms]', xscale='log',
-             yscale='log')
-    time.set_yticks(compute.RATIOS, [f'{value:g}' for value in compute.RATIOS])
-    time.minorticks_off()
-    for axes in (success, beside, time):
+    beside.set(title=f'cost over that of {solver_name(FIRST)}', yticks=places, yticklabels=[])
+    for axes in (success, beside):
         axes.grid()
-    name_lines(figure, {names[method]: {'color': colour[method], 'marker': 'o'}
+    name_lines(figure, {solver_name(method): {'color': colour[method], 'marker': 'o'}
                         for method in SHOWN}, entry=1.6)
     return figure
 
 
-def main() -> None:
-    """Write the page."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--docs', type=Path, default=stamp.TOP / 'docs')
-    docs, rows = parser.parse_args().docs, stored()
+def write(stored: Path, docs: Path) -> None:
+    """Write the part and its picture, from a folder of rows into one of documents."""
+    rows = {name: read(stored / f'{name}.csv.gz') for name in NEEDED}
     picture(rows).savefig(docs / 'figures' / 'methods.png')
-    (docs / 'results' / 'methods.md').write_text(page(rows, stamp.made(
-        'methods', sources())), encoding='utf-8')
-
-
-if __name__ == '__main__':
-    main()
+    (docs / 'results' / 'methods.md').write_text(page(rows), encoding='utf-8')

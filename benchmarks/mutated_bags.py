@@ -1,11 +1,10 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Damage a bag in many ways, give it to the tools, and write docs/results/damaged_bags.md.
+Damage a bag in many ways, give it to the tools, and write damaged_bags.md.
 
 A tool passes if it ends soon, with exit code 2 and one line, or with a result that is that of the
-undamaged bag or comes with the notice "Incomplete: N of M messages". A mutation that fixes the
-checksums makes another recording, so any result is right there. The exit code is 1 if a tool
+undamaged bag or comes with the notice "Incomplete: N of M messages". The exit code is 1 if a tool
 failed.
 """
 
@@ -25,7 +24,7 @@ from types import ModuleType
 from typing import NamedTuple
 import warnings
 
-from mutations import FORGED, MUTATIONS
+from mutations import MUTATIONS
 import numpy as np
 from stamp import made, sources, TOP
 from tqdm import tqdm
@@ -42,7 +41,7 @@ from dp_swing_ros.tools.processes import isolated
 
 PATIENCE = 20  # [s] for a tool
 INCOMPLETE = 'Incomplete: '  # begins what a tool says of a bag that lacks messages
-ERROR, RESULT, PARTIAL, OTHER = 'error', 'result', 'reported as partial', 'forged'
+ERROR, RESULT, PARTIAL = 'error', 'result', 'reported as partial'
 
 
 class Whole(NamedTuple):
@@ -61,22 +60,22 @@ class Hang(BaseException):
     """A tool takes too long."""
 
 
-def analyse(bag: Path, whole: Whole, forged: bool) -> str:
+def analyse(bag: Path, whole: Whole) -> str:
     """Read a bag as `analyse` does."""
     try:
-        return _same(shown(bag), whole, forged)
+        return _same(shown(bag), whole)
     except UserError as error:
         return _one_line(str(error))
 
 
-def analyse_partial(bag: Path, whole: Whole, forged: bool) -> str:
+def analyse_partial(bag: Path, whole: Whole) -> str:
     """Call `analyse --partial`: the user said that a part will do, and learns that it is one."""
     try:
         text = shown(bag, partial=True)
     except UserError as error:
         return _one_line(str(error))
-    if forged or text == whole.table:
-        return OTHER if forged else RESULT
+    if text == whole.table:
+        return RESULT
     with replaced(analysis, 'write', lambda *_: []):    # pictures take long, and are tested
         _, text, _ = called(analysis.main, [str(bag), '--partial'])
     if INCOMPLETE not in text:
@@ -84,7 +83,7 @@ def analyse_partial(bag: Path, whole: Whole, forged: bool) -> str:
     return PARTIAL
 
 
-def recovered(bag: Path, whole: Whole, forged: bool) -> str:
+def recovered(bag: Path, whole: Whole) -> str:
     """Recover a bag; nothing is in the new one that was not in the undamaged one."""
     output = bag.with_name('recovered')
     code, text, complaint = called(recover.main, [str(bag), '--output', str(output)])
@@ -93,38 +92,38 @@ def recovered(bag: Path, whole: Whole, forged: bool) -> str:
     if code != 0:
         raise Failure(f'exit code {code}')
     if 'is whole' in text:
-        return OTHER if forged else _same(shown(bag), whole, forged)
+        return _same(shown(bag), whole)
     found = messages(output)
-    if not forged and not found <= whole.messages:
+    if not found <= whole.messages:
         raise Failure(f'{len(found - whole.messages)} messages were never recorded')
     with contextlib.suppress(UserError):
         shown(output)
-    if not forged and found != whole.messages and not (
+    if found != whole.messages and not (
             INCOMPLETE in text and Bag(output).incomplete):
         raise Failure('messages are gone, and neither the tool nor the new bag says so')
-    return OTHER if forged else PARTIAL
+    return PARTIAL
 
 
-def verified(bag: Path, whole: Whole, forged: bool) -> str:
-    """Verify a bag; where no checksum is forged, no force may come out another."""
+def verified(bag: Path, whole: Whole) -> str:
+    """Verify a bag; no force may come out another."""
     code, _, complaint = called(verify.main, [str(bag)])
     if code == 2:
         return _one_line(complaint)
-    if code != 0 and not forged:
+    if code != 0:
         raise Failure(f'exit code {code}')
-    return OTHER if forged else RESULT
+    return RESULT
 
 
-def replayed(bag: Path, whole: Whole, forged: bool) -> str:
+def replayed(bag: Path, whole: Whole) -> str:
     """Play a bag, a thousand times as fast, with all its messages or none."""
     code, text, complaint = called(replay.main, [
         'replay', '--ros-args', '--log-level', 'fatal', '-p', f'bag:={bag}', '-p', 'rate:=1000.0',
         '-p', 'wait:=0.0', '-p', 'playback_duration:=60.0'])
     if code == 2:
         return _one_line(complaint)
-    if code != 0 or not forged and f': {len(whole.messages)} messages' not in text:
+    if code != 0 or f': {len(whole.messages)} messages' not in text:
         raise Failure(f'exit code {code}: {text}{complaint}')
-    return OTHER if forged else RESULT
+    return RESULT
 
 
 @contextlib.contextmanager
@@ -146,7 +145,7 @@ def called(main: Callable[[list[str]], int], arguments: list[str]) -> tuple[int,
     return code, text.getvalue(), complaint.getvalue()
 
 
-TOOLS: dict[str, Callable[[Path, Whole, bool], str]] = {
+TOOLS: dict[str, Callable[[Path, Whole], str]] = {
     'analyse': analyse, 'analyse --partial': analyse_partial, 'recover': recovered,
     'verify': verified, 'replay': replayed}
 
@@ -165,10 +164,10 @@ def messages(bag: Path) -> set[tuple[str, int, int, int, bytes]]:
             for entry in Bag(bag).entries}
 
 
-def _same(text: str, whole: Whole, forged: bool) -> str:
-    if text != whole.table and not forged:
+def _same(text: str, whole: Whole) -> str:
+    if text != whole.table:
         raise Failure('another table than that of the undamaged bag')
-    return RESULT if text == whole.table else OTHER
+    return RESULT
 
 
 def _one_line(error: str) -> str:
@@ -177,11 +176,11 @@ def _one_line(error: str) -> str:
     return ERROR
 
 
-def outcome(tool: str, bag: Path, whole: Whole, forged: bool) -> str:
+def outcome(tool: str, bag: Path, whole: Whole) -> str:
     """Return what came of a tool; raises Failure."""
     with within(PATIENCE):
         try:
-            return TOOLS[tool](bag, whole, forged)
+            return TOOLS[tool](bag, whole)
         except Hang:
             raise Failure(f'not done after {PATIENCE} s') from None
         except Failure:
@@ -218,7 +217,7 @@ def play(bag: Path, seeds: range) -> tuple[Counter[tuple[str, str, str]], list[s
                 shutil.copytree(bag, mutated)
                 MUTATIONS[kind](mutated, np.random.default_rng(seed))
                 try:
-                    counts[kind, tool, outcome(tool, mutated, whole, kind in FORGED)] += 1
+                    counts[kind, tool, outcome(tool, mutated, whole)] += 1
                 except Failure as failure:
                     counts[kind, tool, 'FAILED'] += 1
                     fails.append(f'seed {seed}, {kind}, {tool}: {failure}')
@@ -242,7 +241,7 @@ def page(counts: Counter[tuple[str, str, str]], seeds: range) -> str:
              'A recorded run is damaged and given to each tool, with the seeds '
              f'{seeds.start} to {seeds[-1]}. error: exit code 2 and one line; '
              'result: the table of the undamaged bag; reported as partial: a part of it, with '
-             'that notice; forged: checksums were made to fit, so nobody can see it; FAILED: '
+             'that notice; FAILED: '
              'a traceback, a wrong table or message, or no end after '
              f'{PATIENCE} s.\n']
     rows = [['damage', *TOOLS]]
@@ -261,9 +260,9 @@ def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('--bag', type=Path, help='folder of a recorded run (default: a new one)')
-    parser.add_argument('--count', type=int, default=500)
+    parser.add_argument('--count', type=int, default=240)
     parser.add_argument('--seed', type=int, default=0, help='the first one')
-    parser.add_argument('--docs', type=Path, default=TOP / 'docs')
+    parser.add_argument('--docs', type=Path, default=TOP / 'results')
     arguments = parser.parse_args(argv)
     seeds = range(arguments.seed, arguments.seed + arguments.count)
     with tempfile.TemporaryDirectory(prefix='mutated_bags_') as place, isolated():

@@ -115,8 +115,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument('--output', type=Path, metavar='DIR',
                         default=Path('runs', f'paper_{datetime.now():%Y%m%d_%H%M%S}'),
                         help='folder for the bags and logs (default: runs/paper_TIME)')
-    parser.add_argument('--docs', type=Path, default=TOP / 'docs', metavar='DIR',
-                        help='folder for figures/ and results/ (default: docs)')
+    parser.add_argument('--docs', type=Path, default=TOP / 'results', metavar='DIR',
+                        help='folder for figures/ and results/ (default: results)')
     return parser
 
 

@@ -39,7 +39,7 @@ def page(measured: Measured, made: str) -> str:
 
 {made}
 What they mean, claim by claim: [the paper's figures and claims](../paper.md); the rows:
-[paper.csv.gz](paper.csv.gz).
+`results/paper.csv.gz`.
 
 Seeds 0 to {seeds - 1} of each, in lockstep, first attempts only. A seed moves each state of the
 start by chance (standard deviation {NEARLY:g}), for all solvers and set-ups alike, so that no two

@@ -3,13 +3,15 @@
 """
 Make the published figures anew from one commit: the pages of docs/results, README's table.
 
-Behind `make results`. What was played stays under runs/results until the sources change, so that a
-call that is stopped goes on where it was; a page that is there is put in its place again.
+Behind `make results`. A page is made of parts. What was played of one stays under results/played
+until the sources change, so that a call that is stopped goes on where it was; rows are left in
+results/, for who wants to look closer.
 """
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
+import re
 import shutil
 import subprocess
 import sys
@@ -18,129 +20,162 @@ from typing import NamedTuple
 
 import ablation
 import campaigns
-import compute
-import hard
 import links
-import live
 import methods
-import near_goal
 import pandas as pd
-import readme
 import rig
 import seeded
 import stamp
-import suites
+import summary
 
-from dp_swing_ros.evaluation.campaign.rows import CampaignError, Row, store
+from dp_swing_ros.evaluation.campaign.rows import CampaignError, read, Row, store
 from dp_swing_ros.executables import INTERRUPTED
 from dp_swing_ros.kernels import processor
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.tools.command_lines import FAILED, interrupt_on_signals, MISUSED, OK
 
 HERE = Path(__file__).parent
-KEPT = stamp.TOP / 'runs' / 'results'
+ROWS = stamp.TOP / 'results'   # ignored by git
+KEPT = ROWS / 'played'
 DOCS = stamp.TOP / 'docs'
+BEGIN = '<!-- {} -->\n'        # of a part in its page
 
 
 class Failure(Exception):
-    """A page could not be made; what was played is kept."""
+    """A part could not be made; what was played is kept."""
 
 
-class Page(NamedTuple):
+class Part(NamedTuple):
     """
-    One page: how long it takes on two cores, what decides it, and how it is written.
+    A part of a page: how long it takes on two cores, what decides it, and how it is written.
 
-    `write` is given a folder for results/ and figures/ and one to keep what was played in.
+    `write` is given a folder for results/ and figures/ and one to keep what was played in. What
+    only puts rows of other parts together has no sources.
     """
 
     minutes: float
-    sources: Callable[[], str]
+    sources: Callable[[], str] | None
     write: Callable[[Path, Path], None]
 
 
-OF_ROWS = {'ablation': ablation.page, 'compute': compute.page,
-           'links': links.page, 'near_goal': near_goal.page}
-PICTURES = {'ablation': ablation.picture, 'compute': compute.picture,
-            'near_goal': near_goal.picture}   # of those
-
-
-def of_rows(name: str, minutes: float) -> Page:
-    """Return a page that is written from the rows of its episodes."""
+def of_rows(name: str, minutes: float) -> Part:
+    """Return a part that is written from the rows of its episodes."""
     def write(docs: Path, kept: Path) -> None:
         rows, made = played(name, docs, kept)
         text = OF_ROWS[name](rows, made) if name in OF_ROWS else (
             campaigns.page(name, rows, made, docs / 'figures'))
-        if name in PICTURES:
-            PICTURES[name](rows).savefig(docs / 'figures' / f'{name}.png')
         (docs / 'results' / f'{name}.md').write_text(text, encoding='utf-8')
-    return Page(minutes, lambda: seeded.sources(name), write)
+    return Part(minutes, lambda: seeded.sources(name), write)
 
 
-def of_rigs(minutes: float) -> Page:
-    """Return the page of the rigs, from rows and from estimates, which are stored beside them."""
+OF_ROWS = {'ablation': ablation.page, 'links': links.page}
+
+
+def of_rigs(minutes: float) -> Part:
+    """Return the part of the rigs, from rows and from estimates, which are stored beside them."""
     def write(docs: Path, kept: Path) -> None:
         rows, made = played('rig', docs, kept)
         found = rig.estimates()
         stamp.store_table(pd.DataFrame(found), docs / 'results' / 'rig_estimates.csv.gz')
         rig.picture(rows).savefig(docs / 'figures' / 'rig.png')
         (docs / 'results' / 'rig.md').write_text(rig.page(rows, found, made), encoding='utf-8')
-    return Page(minutes, lambda: seeded.sources('rig'), write)
+    return Part(minutes, lambda: seeded.sources('rig'), write)
 
 
 def played(name: str, docs: Path, kept: Path) -> tuple[list[Row], str]:
-    """Play and store the rows of a page; return them, and the sentence on where it comes from."""
+    """Play and store the rows of a part; return them, and the sentence on where it comes from."""
     rows = seeded.played(name, kept)
     store(docs / 'results' / f'{name}.csv.gz', rows)
     return rows, stamp.made(name, seeded.sources(name), seeded.SEEDED[name].packages)
 
 
 def of_script(name: str, minutes: float, script: str = '',
-              sources: Callable[[], str] | None = None,
-              python: Path = Path(sys.executable)) -> Page:
-    """Return a page that a script writes, of the name of the page if no other is given."""
+              sources: Callable[[], str] | None = None) -> Part:
+    """Return a part that a script writes, of the name of the part if no other is given."""
     def write(docs: Path, kept: Path) -> None:
-        if not python.exists():
-            raise Failure(f'there is no {python}, which this page needs; `make results '
-                          f'PAGES={name}` installs it')
-        command = [str(python), str(HERE / (script or f'{name}.py')), '--docs', str(docs)]
+        command = [sys.executable, str(HERE / (script or f'{name}.py')), '--docs', str(docs)]
         if subprocess.run(command).returncode:
             raise Failure(f'{" ".join(command)} failed; what it wrote stands above')
-    return Page(minutes, sources or (lambda: stamp.sources(name)), write)
+    return Part(minutes, sources or (lambda: stamp.sources(name)), write)
+
+
+def of_others(name: str, needed: Sequence[str], write_from: Callable[[Path, Path], None]) -> Part:
+    """Return a part that puts together what other parts have left in results/."""
+    def write(docs: Path, kept: Path) -> None:
+        if missing := [one for one in needed if not (ROWS / f'{one}.csv.gz').exists()]:
+            raise Failure(f'{name} needs the rows of {", ".join(missing)}: '
+                          f'`make results PAGES=\'{" ".join(missing)}\'` first')
+        write_from(ROWS, docs)
+    return Part(0.1, None, write)
+
+
+PARTS = {
+    'random': of_rows('random', 5),
+    'robustness': of_rows('robustness', 12),
+    'fresh': of_rows('fresh', 4),
+    'transitions': of_rows('transitions', 3),
+    'stress': of_rows('stress', 9),
+    'links': of_rows('links', 3),
+    'summary': of_others('summary', summary.NEEDED, summary.write),
+    'rig': of_rigs(17),
+    'benchmark': of_script('benchmark', 14),
+    'methods': of_others('methods', methods.NEEDED, methods.write),
+    'ablation': of_rows('ablation', 22),
+    'paper': of_script('paper', 7, sources=lambda: seeded.sources('paper')),
+    'learned': of_script('learned', 12),
+    'learned_rigs': of_script('learned_rigs', 11),
+    'live_changes': of_script('live_changes', 6),
+    'live_faults': of_script('live_faults', 11),
+    'live_rates': of_script('live_rates', 10),
+    'live_busy': of_script('live_busy', 10),
+    'live_soak': of_script('live_soak', 6),
+    'durability': of_script('durability', 6),
+    'damaged_bags': of_script('damaged_bags', 2, 'mutated_bags.py')}
+
+
+class Page(NamedTuple):
+    """A page: its title, what it answers, and its parts."""
+
+    title: str
+    question: str
+    parts: Sequence[str]
 
 
 PAGES = {
-    'random': of_rows('random', 5),
-    'robustness': of_rows('robustness', 13),
-    'baselines': of_rows('baselines', 4),
-    'links': of_rows('links', 6),
-    'stress': of_rows('stress', 12),
-    'ablation': of_rows('ablation', 55),
-    'fresh': of_rows('fresh', 18),
-    'transitions': of_rows('transitions', 6),
-    'oracle': of_script('oracle', 13),
-    'near_goal': of_rows('near_goal', 1),
-    'optimum': of_script('optimum', 8),
-    'compute': of_rows('compute', 15),
-    'hard': of_script('hard', 8, sources=hard.sources),
-    'convergence': of_script('convergence', 2),
-    'methods': of_script('methods', 1, sources=methods.sources),
-    'suites': of_script('suites', 35, sources=suites.sources, python=suites.PYTHON),
-    'rig': of_rigs(50),
-    'paper': of_script('paper', 7, sources=lambda: seeded.sources('paper')),
-    'real_time': of_script('real_time', 9),
-    'foreign': of_script('foreign', 26),
-    'live_changes': of_script('live_changes', 16),
-    'live_faults': of_script('live_faults', 34),
-    'live_rates': of_script('live_rates', 48),
-    'live_busy': of_script('live_busy', 43),
-    'live_soak': of_script('live_soak', 61),
-    'live': of_script('live', 0.1),
-    'learned': of_script('learned', 45),
-    'learned_rigs': of_script('learned_rigs', 75),
-    'console': of_script('console', 25),
-    'durability': of_script('durability', 6),
-    'damaged_bags': of_script('damaged_bags', 4, 'mutated_bags.py'),
-    'benchmark': of_script('benchmark', 18)}
+    'reliability': Page(
+        'How reliable is it?',
+        'Who holds the pendulum, from where, under what, and where it breaks. Words and measures '
+        'are those of [evaluate](../evaluation.md#measures).',
+        ('summary', 'random', 'fresh', 'robustness', 'stress', 'transitions', 'links')),
+    'rigs': Page(
+        'On what rigs?',
+        'Who holds a pendulum whose drive, frictions, sensors and bodies are not as told. What is '
+        'learned of such rigs, and of links of another build, is on [another page](learned.md).',
+        ('rig',)),
+    'benchmark': Page(
+        'How fast is it?', 'How long it takes beside its peers, on the same problems.',
+        ('benchmark',)),
+    'methods': Page(
+        'Which method, when?',
+        'What each solver holds and costs on the same cases, and what each part around them is '
+        'worth. What follows: [evaluation](../evaluation.md#which-method-when).',
+        ('methods', 'ablation')),
+    'paper': Page(
+        'What of the paper comes out again?',
+        'Its six experiments in numbers; what they mean, claim by claim: [the paper '
+        'anew](../paper.md).', ('paper',)),
+    'learned': Page(
+        'What does it learn, and from how much?',
+        'How it learns: [learned dynamics](../learned_dynamics.md).', ('learned', 'learned_rigs')),
+    'live': Page(
+        'What does it do in real time?',
+        'Plant and mpc as processes, while parameters change, processes fail, states come faster, '
+        'and others keep the cores busy.',
+        ('live_changes', 'live_faults', 'live_rates', 'live_busy', 'live_soak')),
+    'bags': Page(
+        'What do bags survive?',
+        'A logger that is killed, a full disk, and damage; how it is done: [bags](../bags.md).',
+        ('durability', 'damaged_bags'))}
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -153,7 +188,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                   f'{stamp.commit()}; commit first, or call with RESULTS=--dirty for pages that '
                   'say so', file=sys.stderr)
             return MISUSED
-        make([] if arguments.mark else arguments.pages or list(PAGES), arguments.again)
+        make([] if arguments.mark else parts_of(arguments.pages or PAGES), arguments.again)
     except KeyboardInterrupt:
         print('make results: interrupted; call again to go on', file=sys.stderr)
         return INTERRUPTED
@@ -169,68 +204,76 @@ def command_line() -> argparse.ArgumentParser:
         prog='benchmarks/published.py', description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('pages', nargs='*', metavar='PAGE', type=name_of_page,
-                        help=f'of {", ".join(PAGES)} (default: all)')
+                        help=f'of {", ".join(PAGES)}, or a part of one, of {", ".join(PARTS)} '
+                             '(default: all pages)')
     parser.add_argument('--dirty', action='store_true',
                         help='though sources differ from the commit; the pages say so')
     parser.add_argument('--mark', action='store_true',
-                        help='make none; only say on each page, and in README, whether what it '
-                             'measures has changed since')
+                        help='make none; only say on each page whether what it measures has '
+                             'changed since')
     parser.add_argument('--again', action='store_true',
                         help='forget what was played from the same sources')
     return parser
 
 
 def name_of_page(text: str) -> str:
-    """Read the name of a page."""
-    if text not in PAGES:
+    """Read the name of a page, or of a part."""
+    if text not in {**PAGES, **PARTS}:
         raise argparse.ArgumentTypeError(f'unknown page {text!r}; expected of {", ".join(PAGES)}')
     return text
 
 
+def parts_of(names: Iterable[str]) -> list[str]:
+    """Return the parts of pages, those last that put others together."""
+    parts = dict.fromkeys(part for name in names for part in (
+        PAGES[name].parts if name in PAGES else [name]))
+    return sorted(parts, key=lambda part: PARTS[part].sources is None)
+
+
 def make(names: Sequence[str], again: bool) -> None:
     """
-    Make pages, one after the other, and README's table of all that are there; mark what is older.
+    Make parts, one after the other, each into its page; mark what is older; write README's table.
 
     Raises Failure, CampaignError or OSError; what was finished stays.
     """
-    expected = spent = 0.0    # [min] of the pages that were made here
+    expected = spent = 0.0    # [min] of the parts that were made here
     for number, name in enumerate(names, 1):
         pace = spent / expected if expected else 1.0
-        left = pace * sum(PAGES[other].minutes for other in names[number - 1:])
-        print(f'== {name}, page {number} of {len(names)}: {pace * PAGES[name].minutes:.0f} min; '
+        left = pace * sum(PARTS[other].minutes for other in names[number - 1:])
+        print(f'== {name}, part {number} of {len(names)}: {pace * PARTS[name].minutes:.0f} min; '
               f'{left:.0f} min left of all', flush=True)
         began = time.monotonic()
         if place(name, again):
             print('   made from the same sources before; RESULTS=--again makes it anew')
         else:
-            expected += PAGES[name].minutes
+            expected += PARTS[name].minutes
             spent += (time.monotonic() - began) / 60
     for path, text in marked(DOCS / 'results').items():
         path.write_text(text, encoding='utf-8')
-    readme.write(stamp.TOP / 'README.md', DOCS / 'results')
-    print(f'== {len(names)} pages, {spent:.1f} min', flush=True)
+    if 'summary' in names:
+        summary.into_readme(stamp.TOP / 'README.md', DOCS / 'results' / 'reliability.md')
+    print(f'== {len(names)} parts, {spent:.1f} min', flush=True)
 
 
 def marked(results: Path) -> dict[Path, str]:
-    """Return every page, whose first line says if it is older than what it measures."""
-    stamps = {page: stamp.read(results / f'{page}.md') for page in PAGES
-              if (results / f'{page}.md').exists()}
-    older = {page for page, of in stamps.items() if PAGES[page].sources() != of.sources}
-    if not older.isdisjoint(live.PARTS):   # it measures nothing itself
-        older.add('live')
-    return {results / f'{page}.md': stamp.marked(
-        (results / f'{page}.md').read_text(encoding='utf-8'), of, page in older,
-        stamp.usual(stamps.values())) for page, of in stamps.items()}
+    """Return every page, with a line above each part that is older than what it measures."""
+    texts = {path: path.read_text(encoding='utf-8')
+             for page in PAGES if (path := results / f'{page}.md').exists()}
+    stamps = {name: of for text in texts.values() for name, of in stamp.read(text).items()}
+    older = {name for name, of in stamps.items() if PARTS[name].sources() != of.sources}
+    usual = stamp.usual(stamps.values())
+    return {path: stamp.marked(text, older, usual) for path, text in texts.items()}
 
 
 def place(name: str, again: bool) -> bool:
     """
-    Put a page into docs, made anew unless it was made from the same sources; return whether.
+    Put a part into its page, made anew unless it was made from the same sources; return whether.
 
-    A page is put there as a whole, or not at all.
+    It is put there as a whole, or not at all; its rows go to results/.
     """
-    kept = KEPT / f'{name}_{PAGES[name].sources()}_{processor()}'
-    if again:
+    sources = PARTS[name].sources
+    kept = KEPT / (f'{name}_{sources()}_{processor()}' if sources else name)
+    if again or not sources:
         shutil.rmtree(kept, ignore_errors=True)
     finished = kept / 'docs'
     was_there = finished.exists()
@@ -239,10 +282,33 @@ def place(name: str, again: bool) -> bool:
         shutil.rmtree(begun, ignore_errors=True)
         for folder in ('results', 'figures'):
             (begun / folder).mkdir(parents=True)
-        PAGES[name].write(begun, kept)
+        PARTS[name].write(begun, kept)
         begun.rename(finished)
-    shutil.copytree(finished, DOCS, dirs_exist_ok=True)
+    shutil.copytree(finished / 'figures', DOCS / 'figures', dirs_exist_ok=True)
+    shutil.copytree(finished / 'results', ROWS, dirs_exist_ok=True)
+    page = next(page for page, of in PAGES.items() if name in of.parts)
+    path = DOCS / 'results' / f'{page}.md'
+    path.parent.mkdir(parents=True, exist_ok=True)
+    before = path.read_text(encoding='utf-8') if path.exists() else ''
+    text = (finished / 'results' / f'{name}.md').read_text(encoding='utf-8')
+    path.write_text(composed(page, {**parts_in(before), name: text}), encoding='utf-8')
+    if name in seeded.SEEDED:
+        seeded.store_sample(name, read(ROWS / f'{name}.csv.gz'), DOCS / 'results' / 'sample')
     return was_there
+
+
+def parts_in(text: str) -> dict[str, str]:
+    """Return the parts of a page, by their names."""
+    return {name: re.sub('^##', '#', part, flags=re.M) for name, part in re.findall(
+        r'^<!-- (\w+) -->\n(.*?)(?=^<!-- \w+ -->$|\Z)', text, re.M | re.S)}
+
+
+def composed(page: str, parts: Mapping[str, str]) -> str:
+    """Return a page of the parts that there are."""
+    of = PAGES[page]
+    return f'# {of.title}\n\n{of.question}\n' + ''.join(
+        f'\n{BEGIN.format(name)}' + re.sub('^#', '##', parts[name].strip(), flags=re.M) + '\n'
+        for name in of.parts if name in parts)
 
 
 if __name__ == '__main__':

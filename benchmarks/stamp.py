@@ -1,11 +1,11 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Where a stored page comes from: the sentence that names it, what it says, and its table."""
+"""Where a part of a page comes from: the sentence that names it, what it says, its table."""
 
 import argparse
 import ast
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Container, Iterable, Sequence
 from datetime import date
 from functools import cache
 import hashlib
@@ -24,8 +24,8 @@ TOP = Path(__file__).parents[1]
 GENERATED = ('README.md', 'docs/results', 'docs/figures')
 MADE = re.compile(r'Made by `make results PAGES=(?P<page>\w+)` on \S+ at commit '
                   r'(?P<commit>[\w-]+), sources (?P<sources>[0-9a-f]{16}); '
-                  r'(?P<machine>[^;]*) \((?P<processor>[\w-]+)\); (?P<versions>[^;]*)\.\n')
-OLDER = 'This page is older than what it measures'
+                  r'(?P<machine>[^;]*) \((?P<processor>[\w-]+)\); (?P<versions>[^;\n]*)\.\n')
+OLDER = 'What follows is older than what it measures'
 MARK = re.compile(rf'\*\*{OLDER}.*\*\*\n\n')
 
 # parts of the package that a page measures beside those that decide an episode
@@ -38,8 +38,6 @@ LIVE = (*BAGS, 'runtime/', *(f'nodes/{name}.py' for name in (
 SOAK = (*LIVE, 'tools/demo.py', 'tools/tool_node.py')
 SOAKING = 'soak watcher resources echo'
 OPERATED = (*LIVE, 'tools/tool_node.py')
-CONSOLE = (*SOAK, 'console/', 'nodes/actions.py', 'nodes/console.py', 'nodes/partners.py',
-           'parameters/console.py', 'pendulum/geometry.py', 'tools/play.py')
 LEARNED = ('learning/',)
 DEVICE = 'solvers/device.py'   # loaded for samples on a device, and no episode has such
 
@@ -52,40 +50,28 @@ class Measured(NamedTuple):
     episodes: bool = True
 
 
-# what is not named is a page of episodes alone (seeded.py)
+# what is not named is a part of episodes alone (seeded.py)
 MEASURED = {
     'ablation': Measured('ablation'),
     'rig': Measured(parts=('identification/',)),
-    'oracle': Measured('oracle peers_casadi'),
-    'optimum': Measured('optimum oracle peers_casadi'),
-    'hard': Measured('hard oracle peers_casadi'),
-    'convergence': Measured('convergence timing'),
-    'methods': Measured('methods'),
-    'suites': Measured('suites suites_episodes'),
-    'real_time': Measured('real_time', (*LIVE, 'tools/demo.py')),
-    'foreign': Measured('foreign foreign_plant', LIVE),
     'live_changes': Measured('live_changes live_operator', OPERATED),
     'live_faults': Measured('live_faults faults live_operator', OPERATED),
     'live_rates': Measured(f'live_rates {SOAKING}', SOAK),
     'live_busy': Measured(f'live_busy live_rates {SOAKING}', SOAK),
     'live_soak': Measured(f'live_soak soak_figures {SOAKING}', SOAK),
-    'live': Measured('live live_faults faults live_operator live_rates live_soak soak_figures '
-                     + SOAKING, SOAK),
     'learned': Measured('learned', LEARNED),
     'learned_rigs': Measured('learned_rigs learned rig uneven', LEARNED),
-    'console': Measured(f'console chromium live_rates {SOAKING}', CONSOLE),
     'durability': Measured('durability numbered readers', (*BAGS, 'recovery/', 'tools/recover.py'),
                            episodes=False),
-    'damaged_bags': Measured('mutated_bags mutations forgeries', (
+    'damaged_bags': Measured('mutated_bags mutations', (
         *BAGS, 'identification/recorded.py', 'learning/recorded.py', 'nodes/replay.py',
         'recovery/', 'report/', 'rerun/', 'tools/'), episodes=False),
-    'benchmark': Measured('benchmark growth limit operations paper_method peers_casadi '
-                          'peers_gradient peers_sampling peers_solvers startup timing',
-                          (DEVICE,))}
+    'benchmark': Measured('benchmark peers_casadi peers_gradient peers_sampling peers_solvers '
+                          'startup timing', (DEVICE,))}
 
 
 class Stamp(NamedTuple):
-    """What a page says of its origin."""
+    """What a page says of the origin of a part."""
 
     page: str
     commit: str
@@ -106,17 +92,10 @@ def versions(packages: Iterable[str] = provenance.COMPUTING) -> str:
                      for name, number in provenance.packages(packages).items())
 
 
-def read(page: Path) -> Stamp:
-    """
-    Return what a page says of its origin.
-
-    Raises ValueError where it does not.
-    """
-    found = MADE.search(page.read_text(encoding='utf-8'))
-    if found is None:
-        raise ValueError(f'{page} does not name its commit and sources; run `make results '
-                         f'PAGES={page.stem}`')
-    return Stamp(**{name: found[name] for name in Stamp._fields})
+def read(text: str) -> dict[str, Stamp]:
+    """Return what a page says of the origin of its parts, by their names."""
+    return {found['page']: Stamp(**{name: found[name] for name in Stamp._fields})
+            for found in MADE.finditer(text)}
 
 
 def sources(page: str) -> str:
@@ -155,24 +134,20 @@ def _plain(node: Any) -> Any:
 
 
 def usual(stamps: Iterable[Stamp]) -> str:
-    """Return the processor of most pages."""
+    """Return the processor of most parts."""
     return Counter(of.processor for of in stamps).most_common(1)[0][0]
 
 
-def marked(text: str, of: Stamp, is_older: bool, processor_of_most: str) -> str:
-    """Return a page with the line that says that it is older than what it measures, or without."""
-    text = MARK.sub('', text)
-    if not is_older:
-        return text
-    elsewhere = '' if of.processor == processor_of_most else (
-        f'; its processor ({of.processor}) is also not that of most pages')
-    line = f'**{OLDER}, which has changed since commit {of.commit}{elsewhere}.**'
-    return MADE.sub(lambda made: f'{line}\n\n{made[0]}', text, count=1)
-
-
-def is_marked(page: Path) -> bool:
-    """Return whether a page says that it is outdated."""
-    return MARK.search(page.read_text(encoding='utf-8')) is not None
+def marked(text: str, older: Container[str], processor_of_most: str) -> str:
+    """Return a page with a line above each part that is older than what it measures."""
+    def sentence(made: re.Match[str]) -> str:
+        if made['page'] not in older:
+            return made[0]
+        elsewhere = '' if made['processor'] == processor_of_most else (
+            f'; its processor ({made["processor"]}) is also not that of most parts')
+        return (f'**{OLDER}, which has changed since commit {made["commit"]}{elsewhere}.**\n\n'
+                f'{made[0]}')
+    return MADE.sub(sentence, MARK.sub('', text))
 
 
 def folders(docs: Path) -> tuple[Path, Path]:
@@ -188,7 +163,7 @@ def asked(description: str | None, argv: Sequence[str] | None,
     """Return what a command line asks for: how many seeds, and the folders of `folders`."""
     parser = argparse.ArgumentParser(description=description)
     parser.add_argument('--seeds', type=int, default=seeds)
-    parser.add_argument('--docs', type=Path, default=TOP / 'docs')
+    parser.add_argument('--docs', type=Path, default=TOP / 'results')
     arguments = parser.parse_args(argv)
     return (arguments.seeds, *folders(arguments.docs))
 

@@ -15,7 +15,6 @@ import time
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import t as student
 
 from dp_swing_ros.pendulum.state import Array
 
@@ -93,19 +92,6 @@ def ratio(slower: Array, faster: Array) -> Interval:
     rounds = _resamples(len(slower))
     drawn = np.median(slower[rounds], axis=1) / np.median(faster[rounds], axis=1)
     return Interval(float(np.median(slower) / np.median(faster)), *_interval(drawn))
-
-
-def exponent(sizes: Array, times: Array) -> Interval:
-    """
-    Fit time = c size^exponent, and return the exponent, with the interval of the regression.
-
-    Shapes: (n,), n at least three.
-    """
-    x, y = np.log(sizes), np.log(times)
-    slope, offset = np.polyfit(x, y, 1)
-    spread = np.sum((y - slope * x - offset) ** 2) / (len(x) - 2) / np.sum((x - x.mean()) ** 2)
-    half = float(student.ppf((1 + CONFIDENCE) / 2, len(x) - 2) * np.sqrt(spread))
-    return Interval(float(slope), float(slope) - half, float(slope) + half)
 
 
 def _resamples(rounds: int) -> Array:

@@ -121,6 +121,3 @@ def test_the_page_says_what_each_part_is_worth(monkeypatch):
     assert 'Worth it: delay compensation.' in text
     assert 'Nothing shown: start: no force; all around the solver.' in text
     assert 'with nothing around it, 12 of 12 (`hanging`)' in text
-    figure = ablation.picture(rows)
-    assert [axes.get_title() for axes in figure.axes] == ['hanging', 'random', 'rig_all']
-    assert '2 of 12' in {each.get_text() for each in figure.axes[1].texts}

@@ -7,52 +7,32 @@ Where processor, versions and sources are those that a page names, the rows must
 to the bit; elsewhere in what another rounding cannot change.
 """
 
+import dataclasses
 from pathlib import Path
 import subprocess
 import sys
 
 import campaigns
 import numpy as np
-import pandas as pd
-from PIL import Image
 import published
 import pytest
-import readme
-import rig
 import seeded
 import stamp
+import summary
 
 from dp_swing_ros import provenance
 from dp_swing_ros.evaluation.campaign.contestants import key, play
-from dp_swing_ros.evaluation.campaign.rows import identical, read, store
+from dp_swing_ros.evaluation.campaign.rows import identical, read
 from dp_swing_ros.evaluation.scenarios import PERIOD
 from dp_swing_ros.kernels import processor
 
 TOP = Path(__file__).parents[1]
 RESULTS = TOP / 'docs' / 'results'
-# some are registered before they are made; those that docs link to must be there (test_docs.py)
-MADE = [page for page in published.PAGES if (RESULTS / f'{page}.md').exists()]
-SEEDED = [page for page in seeded.SEEDED if page in MADE]
-AGAIN = 6               # episodes of a page that are played again
-ESTIMATES = 3           # and of those of which a page has estimates
+SAMPLE = RESULTS / 'sample'
+PAGES = {path.stem: path.read_text() for path in RESULTS.glob('*.md')}
+STAMPS = {name: of for text in PAGES.values() for name, of in stamp.read(text).items()}
+SEEDED = [part for part in seeded.SEEDED if part in STAMPS]
 TICKS = 2               # by which another rounding may move the settling
-# whatever the rounding, the solvers with their defaults hold these, and settle where they do
-SETTLES = {'hanging', 'near_goal', 'swing-up', 'near the goal'}
-HOLDS = {*SETTLES, 'random'}
-DEFAULTS = {f'{name}{setup}' for name in campaigns.METHODS
-            for setup in ('', ', defaults', ', nothing', ', nothing: the defaults',
-                          ', one link, 20 N')}
-
-
-def chosen(page, exactly):
-    """Return the stored rows that are played again, of as many contestants as possible."""
-    rows = [row for row in read(RESULTS / f'{page}.csv.gz') if exactly or (
-        row.key.scenario in HOLDS and row.key.contestant in DEFAULTS)]
-    order = np.random.default_rng(11).permutation(len(rows))
-    first = {}
-    for row in (rows[n] for n in order):
-        first.setdefault(row.key.contestant, row)
-    return list(first.values())[:AGAIN]
 
 
 def differs(found, stored, exactly):
@@ -62,63 +42,64 @@ def differs(found, stored, exactly):
     if found.outcome != stored.outcome:
         return f'{found.key} ended {found.outcome}, stored {stored.outcome}'
     moved = abs(found.metrics.settling_time - stored.metrics.settling_time) / PERIOD
-    apart = found.key.scenario in SETTLES and moved > TICKS + 1e-6
+    apart = found.key.scenario in seeded.SETTLES and moved > TICKS + 1e-6
     return f'{found.key} settled {moved:.1f} ticks apart' if apart else ''
 
 
-def is_made_like_here(page):
-    """Return whether processor, versions and sources are those that a page names."""
-    of = stamp.read(RESULTS / f'{page}.md')
-    return (of.sources, of.processor, of.versions) == (
-        seeded.sources(page), processor(), stamp.versions(seeded.SEEDED[page].packages))
-
-
-@pytest.mark.parametrize('page', SEEDED)
-def test_stored_rows_are_those_of_the_present_code(page):
-    exactly = is_made_like_here(page)
-    episodes = {key(*episode): episode for episode in seeded.SEEDED[page].episodes()}
-    apart = [differs(play(*episodes[row.key]), row, exactly) for row in chosen(page, exactly)]
+@pytest.mark.parametrize('part', SEEDED)
+def test_stored_rows_are_those_of_the_present_code(part):
+    """To the bit where processor, versions and sources are those that the page names."""
+    of = STAMPS[part]
+    exactly = (of.sources, of.processor, of.versions) == (
+        seeded.sources(part), processor(), stamp.versions(seeded.SEEDED[part].packages))
+    rows = [row for row in read(SAMPLE / f'{part}.csv.gz') if exactly or seeded.is_sure(row.key)]
+    episodes = {key(*episode): episode for episode in seeded.SEEDED[part].episodes()}
+    apart = [differs(play(*episodes[row.key]), row, exactly) for row in rows]
     assert not any(apart), (
-        f'{[one for one in apart if one]}: run `make results PAGES={page}`; the page names '
-        f'{stamp.read(RESULTS / f"{page}.md")}, these sources are {seeded.sources(page)}')
+        f'{[one for one in apart if one]}: run `make results PAGES={part}`; the page names {of}, '
+        f'these sources are {seeded.sources(part)}')
 
 
-def test_stored_estimates_are_those_of_the_present_code():
-    stored = pd.read_csv(RESULTS / 'rig_estimates.csv.gz', float_precision='round_trip')
-    rigs = {one.rig.scenario: one.rig for one in rig.SOUGHT}
-    for row in stored.sample(ESTIMATES, random_state=11).itertuples():
-        case, = rigs[row.scenario].cases(range(row.seed, row.seed + 1))
-        one, = rig.estimated(case, [row.parameter])
-        assert one.true == row.true
-        assert one.found == row.found or not is_made_like_here('rig'), row
+def test_every_page_is_there_and_its_parts_name_their_commit_and_sources():
+    assert PAGES.keys() == published.PAGES.keys()
+    for page, of in published.PAGES.items():
+        there = published.parts_in(PAGES[page])
+        assert list(there) == [part for part in of.parts if part in there]
+        assert PAGES[page] == published.composed(page, there)
+        for part, text in there.items():
+            assert list(stamp.read(text)) == ([part] if published.PARTS[part].sources else [])
+    assert not any(of.commit.endswith('dirty') for of in STAMPS.values())
+    assert {path.name for path in SAMPLE.iterdir()} == {f'{part}.csv.gz' for part in SEEDED}
 
 
-@pytest.mark.parametrize('page', SEEDED)
-def test_a_page_has_a_row_of_every_episode(page):
-    assert [row.key for row in read(RESULTS / f'{page}.csv.gz')] == [
-        key(*episode) for episode in seeded.SEEDED[page].episodes()]
+def test_all_pages_take_at_most_three_hours():
+    parts = published.parts_of(published.PAGES)
+    assert sorted(parts) == sorted(published.PARTS)
+    assert sum(published.PARTS[part].minutes for part in parts) <= 180
 
 
-@pytest.mark.parametrize('page', MADE)
-def test_every_page_names_its_commit_and_sources(page):
-    of = stamp.read(RESULTS / f'{page}.md')
-    assert of.page == page
-    assert not of.commit.endswith('dirty')
-
-
-def test_what_readme_puts_side_by_side_is_from_one_processor():
-    alone = {'paper'}   # whose sentence compares its own runs alone
-    assert len({stamp.read(RESULTS / f'{page}.md').processor
-                for page in {*readme.STORED, 'benchmark'} - alone}) == 1
-
-
-def test_readme_has_the_figures_that_are_stored():
+def test_readme_has_the_figures_of_the_page():
     text = (TOP / 'README.md').read_text()
-    assert readme.replaced(text, readme.block(RESULTS)) == text, 'run `make results`'
+    assert summary.between(text) == summary.between(PAGES['reliability']) != ''
+
+
+@pytest.mark.parametrize('part', [
+    part for part in (*campaigns.CAMPAIGNS, *published.OF_ROWS)
+    if (published.ROWS / f'{part}.csv.gz').exists()])
+def test_a_page_says_what_its_rows_say(part, tmp_path):
+    """Where `make results` has left them; who has none makes a page of a few below."""
+    rows = read(published.ROWS / f'{part}.csv.gz')
+    page = next(text for text in PAGES.values() if part in stamp.read(text))
+    (tmp_path / 'figures').mkdir()
+    text = published.OF_ROWS[part](rows, '') if part in published.OF_ROWS else campaigns.page(
+        part, rows, '', tmp_path / 'figures')
+    tables = [line for line in text.splitlines() if line.startswith('| ')]
+    assert tables and set(tables) <= set(page.splitlines())
 
 
 def test_what_is_no_longer_the_stored_row_is_seen():
-    row = chosen('near_goal', exactly=True)[0]
+    row = read(SAMPLE / 'robustness.csv.gz')[0]
+    row = dataclasses.replace(row, key=row.key._replace(scenario='hanging'))
     later = row.metrics.settling_time + 3 * PERIOD
     changed = type(row)(row.key, row.outcome, '', type(row.metrics)(
         **{**vars(row.metrics), 'settling_time': later}), row.solve_times)
@@ -147,63 +128,67 @@ def test_the_digest_is_of_the_modules_that_an_episode_needs_and_no_others():
 
 @pytest.fixture
 def elsewhere(tmp_path, monkeypatch):
-    """Let `make results` keep, write and play in an empty folder; a few episodes a page."""
+    """Let `make results` keep, write and play in an empty folder; a few episodes a part."""
     monkeypatch.setattr(published, 'KEPT', tmp_path / 'kept')
+    monkeypatch.setattr(published, 'ROWS', tmp_path / 'rows')
     monkeypatch.setattr(published, 'DOCS', tmp_path / 'docs')
     monkeypatch.setattr(stamp, 'TOP', tmp_path)
     monkeypatch.setattr(stamp, 'commit', lambda: 'abc')
     monkeypatch.setattr(stamp, 'changed', list)
-    (tmp_path / 'README.md').write_text(f'before\n{readme.BEGIN}old\n{readme.END}after\n')
-    few = seeded.SEEDED['near_goal'].episodes()[:6]
-    monkeypatch.setitem(seeded.SEEDED, 'near_goal', seeded.Seeded(
-        lambda: few, lambda case: case.seed == 0))
+    for name, scenario in (('random', 'random'), ('robustness', 'hanging')):
+        few = campaigns.CAMPAIGNS[name]._replace(
+            scenarios=(scenario,), seeds=range(1), timed={scenario: 1}, pictures={})
+        monkeypatch.setitem(campaigns.CAMPAIGNS, name, few)
+        monkeypatch.setitem(seeded.SEEDED, name, seeded.Seeded(few.episodes, few.is_timed))
     return tmp_path
 
 
-def test_a_page_is_made_and_kept_and_gone_on_with(elsewhere, capsys):
-    assert published.main(['near_goal']) == 0
-    page = (elsewhere / 'docs' / 'results' / 'near_goal.md')
-    of = stamp.read(page)
-    assert (of.commit, of.sources, of.processor) == (
-        'abc', seeded.sources('near_goal'), processor())
-    rows = read(elsewhere / 'docs' / 'results' / 'near_goal.csv.gz')
+def test_a_part_is_made_and_kept_and_gone_on_with(elsewhere, capsys):
+    assert published.main(['random']) == 0
+    page, stored = elsewhere / 'docs' / 'results' / 'reliability.md', elsewhere / 'rows'
+    text = page.read_text()
+    of = stamp.read(text)['random']
+    assert (of.commit, of.sources, of.processor) == ('abc', seeded.sources('random'), processor())
+    assert list(published.parts_in(text)) == ['random']
+    assert '| `ilqr` | 1 of 1' in text and 'seeds 0 to 0 of `random`' in text
+    rows = read(stored / 'random.csv.gz')
+    assert [row.key.contestant for row in rows] == list(campaigns.METHODS)
     # what the clock says is that of the episodes which one process played alone
-    assert [len(row.solve_times) > 0 for row in rows] == [True] * 3 + [False] * 3
-    assert '1 of 1: 1 min; 1 min left' in capsys.readouterr().out
+    assert all(len(row.solve_times) > 0 for row in rows)
+    sample = read(elsewhere / 'docs' / 'results' / 'sample' / 'random.csv.gz')
+    assert {row.key for row in sample} == {row.key for row in rows}
+    assert all(identical(row, rows[campaigns.METHODS.index(row.key.contestant)])
+               and not len(row.solve_times) for row in sample)
+    assert '1 of 1: 5 min; 5 min left' in capsys.readouterr().out
     page.unlink()
-    assert published.main(['near_goal']) == 0
+    assert published.main(['random']) == 0
     assert 'same sources' in capsys.readouterr().out
-    assert page.exists()
-    # a page that was stopped: its rows are there, and none is played again
+    assert page.read_text() == text
+    # a part that was stopped: its rows are there, and none is played again
     kept, = (elsewhere / 'kept').iterdir()
-    (kept / 'docs' / 'results' / 'near_goal.md').unlink()
     (kept / 'docs').rename(kept / 'begun')
-    before = (kept / 'others.csv').read_bytes()
-    assert published.main(['near_goal']) == 0
-    assert (kept / 'others.csv').read_bytes() == before
-    assert all(map(identical, read(elsewhere / 'docs' / 'results' / 'near_goal.csv.gz'), rows))
+    before = (kept / 'timed.csv').read_bytes()
+    assert published.main(['random']) == 0
+    assert (kept / 'timed.csv').read_bytes() == before
+    assert all(map(identical, read(stored / 'random.csv.gz'), rows))
 
 
-def test_a_campaign_s_page_has_tables_pictures_and_rows(elsewhere, monkeypatch):
-    few = campaigns.CAMPAIGNS['baselines']._replace(
-        scenarios=('hanging',), seeds=range(1), timed={'hanging': 1})
-    monkeypatch.setitem(campaigns.CAMPAIGNS, 'baselines', few)
-    monkeypatch.setitem(seeded.SEEDED, 'baselines', seeded.Seeded(few.episodes, few.is_timed))
-    assert published.main(['baselines']) == 0
-    docs = elsewhere / 'docs'
-    text = (docs / 'results' / 'baselines.md').read_text()
-    assert text.startswith('# Baselines\n\nMade by `make results PAGES=baselines` on ')
-    assert '| `tvlqr` | 1 of 1' in text
-    assert 'seeds 0 to 0 of `hanging`' in text
-    rows = read(docs / 'results' / 'baselines.csv.gz')
-    assert [row.key.contestant for row in rows] == [one.label for one in few.parsed()]
-    with Image.open(docs / 'figures' / 'baselines.png') as image:
-        image.verify()
+def test_what_puts_others_together_comes_after_them_and_goes_into_readme(elsewhere, capsys):
+    assert published.main(['summary']) == 1
+    assert "make results PAGES='random robustness'" in capsys.readouterr().err
+    readme = elsewhere / 'README.md'
+    readme.write_text(f'before\n{summary.BEGIN}old\n{summary.END}after\n')
+    assert published.main(['summary', 'random', 'robustness']) == 0
+    page = (elsewhere / 'docs' / 'results' / 'reliability.md').read_text()
+    assert list(published.parts_in(page)) == ['summary', 'random', 'robustness']
+    assert readme.read_text() == (
+        f'before\n{summary.BEGIN}{summary.between(page)}{summary.END}after\n')
+    assert '| `ilqr` | 1 of 1 ' in readme.read_text()
 
 
 def test_a_dirty_tree_is_refused(elsewhere, monkeypatch, capsys):
     monkeypatch.setattr(stamp, 'changed', lambda: ['dp_swing_ros/configuration.py'])
-    assert published.main(['near_goal']) == 2
+    assert published.main(['random']) == 2
     error = capsys.readouterr().err
     assert error.count('\n') == 1
     assert 'dp_swing_ros/configuration.py' in error
@@ -215,7 +200,7 @@ def test_an_unknown_page_is_refused(capsys):
     with pytest.raises(SystemExit) as end:
         published.main(['randon'])
     assert end.value.code == 2
-    assert 'robustness' in capsys.readouterr().err
+    assert 'reliability' in capsys.readouterr().err
 
 
 def test_generated_files_do_not_make_a_tree_dirty(tmp_path, monkeypatch):
@@ -236,7 +221,7 @@ def test_generated_files_do_not_make_a_tree_dirty(tmp_path, monkeypatch):
 
 
 def test_what_a_page_measures_exists():
-    assert set(stamp.MEASURED) <= set(published.PAGES)
+    assert set(stamp.MEASURED) <= set(published.PARTS)
     for of in stamp.MEASURED.values():
         for script in of.scripts.split():
             assert (TOP / 'benchmarks' / f'{script}.py').exists(), script
@@ -266,35 +251,20 @@ def test_comments_docstrings_and_layout_do_not_outdate_a_page_but_a_number_does(
         assert stamp.meaning(other) != stamp.meaning(code)
 
 
-def test_pages_say_in_their_first_line_that_they_are_older_and_no_other_does():
+def test_parts_say_that_they_are_older_and_no_other_does():
     wrong = [path.name for path, text in published.marked(RESULTS).items()
              if path.read_text() != text]
     assert not wrong, f'{wrong}: run `python benchmarks/published.py --mark`'
 
 
-def test_an_older_page_is_marked_and_unmarked(elsewhere, monkeypatch):
-    assert published.main(['near_goal']) == 0
-    page = elsewhere / 'docs' / 'results' / 'near_goal.md'
-    text = page.read_text()
-    assert stamp.OLDER not in text
-    now = published.PAGES['near_goal']
-    monkeypatch.setitem(published.PAGES, 'near_goal', now._replace(sources=lambda: 'other'))
-    for _ in range(2):
-        assert published.main(['--mark']) == 0
-        first = page.read_text().split('\n\n')[1]
-        assert first == f'**{stamp.OLDER}, which has changed since commit abc.**'
-    monkeypatch.setitem(published.PAGES, 'near_goal', now)
-    assert published.main(['--mark']) == 0
-    assert page.read_text() == text
-    of = stamp.read(page)
-    assert f'({of.processor}) is also not that of' in stamp.marked(text, of, True, 'another')
-
-
-def test_readme_s_figures_come_from_rows(tmp_path):
-    row = chosen('near_goal', exactly=True)[0]
-    store(tmp_path / 'random.csv.gz', [row])
-    text = f'a\n{readme.BEGIN}old{readme.END}b\n'
-    assert readme.replaced(text, 'new\n') == f'a\n{readme.BEGIN}new\n{readme.END}b\n'
-    (tmp_path / 'README.md').write_text(text)
-    readme.write(tmp_path / 'README.md', tmp_path)    # not all is there yet
-    assert (tmp_path / 'README.md').read_text() == text
+def test_an_older_part_is_marked_and_unmarked():
+    text = f'# A page\n\n{stamp.made("random", 16 * "a")}\n{stamp.made("links", 16 * "b")}'
+    of = stamp.read(text)['links']
+    assert of.sources == 16 * 'b'
+    marked = stamp.marked(text, {'links'}, of.processor)
+    assert stamp.marked(marked, {'links'}, of.processor) == marked
+    assert marked.count(stamp.OLDER) == 1
+    assert f'{stamp.OLDER}, which has changed since commit {of.commit}.**\n\nMade by ' \
+        '`make results PAGES=links`' in marked
+    assert stamp.marked(marked, set(), of.processor) == text
+    assert f'({of.processor}) is also not that of' in stamp.marked(text, {'links'}, 'another')

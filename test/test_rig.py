@@ -152,7 +152,7 @@ def test_the_page_is_written_with_its_tables_and_its_picture(rows, found, tmp_pa
     monkeypatch.setattr(rig, 'estimates', lambda: found)
     for folder in ('results', 'figures'):
         (tmp_path / folder).mkdir()
-    published.PAGES['rig'].write(tmp_path, tmp_path)
+    published.PARTS['rig'].write(tmp_path, tmp_path)
     text = (tmp_path / 'results' / 'rig.md').read_text()
     assert 'Made by `make results PAGES=rig` on ' in text
     assert re.search(r'mujoco [\d.]+\.\n', text)

@@ -65,7 +65,7 @@ examples:
   {call} --contestants ilqr ilqr:config/paper.yaml tvlqr nothing
   {call} --contestants long=ddp:horizon=60+warm_start=forces ddp
   {call} --output runs/night            # again, to go on where it stopped
-  {call} --scenarios random --seeds 100 --against docs/results/random.csv.gz
+  {call} --scenarios random --seeds 100 --against results/random.csv.gz
   {call} --links 3 --scenarios hanging
 
 A contestant is a solver ({', '.join(SOLVERS)}) or a baseline ({', '.join(BASELINES)}), after a
@@ -111,7 +111,7 @@ def command_line() -> argparse.ArgumentParser:
                         help='run on the Dask cluster of this scheduler, as tcp://host:8786')
     parser.add_argument('--against', type=Path, metavar='STORED',
                         help='compare with stored rows, episode by episode: the folder of a '
-                             'campaign, or a table as docs/results/random.csv.gz')
+                             'campaign, or a table as results/random.csv.gz')
     parser.add_argument('--figures', action=argparse.BooleanOptionalAction, default=True,
                         help='draw the pictures')
     parser.add_argument('--summary-only', action='store_true',

@@ -3,8 +3,8 @@
 
 import dataclasses
 
-import identification as benchmark
 import numpy as np
+import plausible_rig
 import pytest
 
 from dp_swing_ros.errors import UserError
@@ -103,11 +103,11 @@ def test_intervals_cover_the_truth_as_often_as_they_say():
 
 
 def test_the_plausible_rig_is_found_within_the_figures():
-    found = benchmark.identified(0, 'pushed')
+    found = identify([plausible_rig.record()], PendulumParameters())
     for name in found.intervals:
-        value = benchmark.truth()[name]
+        value = plausible_rig.truth()[name]
         if not name.startswith('joint'):   # of which the median over seeds is within
-            assert abs(found.values[name] - value) <= benchmark.allowed(name, value), name
+            assert abs(found.values[name] - value) <= plausible_rig.allowed(name, value), name
 
 
 def test_what_motions_do_not_tell_stays_nominal():

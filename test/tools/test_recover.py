@@ -4,10 +4,10 @@
 import re
 import shutil
 
-from forgeries import records
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
+from mutations import records
 import pytest
 from recorded_bags import HASHES, QOS, record
 from rosbags.highlevel import AnyReader

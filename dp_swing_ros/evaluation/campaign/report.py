@@ -47,22 +47,22 @@ SCORES = ('Performance is the mean over `hanging`; robustness the mean of the si
           'levels that pass, with more than half of their runs.')
 
 
-def markdown(summary: Summary, title: str = 'Campaign', introduction: Sequence[str] = ()) -> str:
-    """Return the page, its introduction by default what its campaign was made with."""
-    parts = [f'# {title}', '\n'.join(introduction or made(summary)), NOTES]
+def markdown(summary: Summary) -> str:
+    """Return the page."""
+    parts = ['# Campaign', '\n'.join(made(summary)), NOTES]
     for scenario in summary.campaign['scenarios']:
-        standings = [one for one in summary.standings if one.scenario == scenario]
-        if standings:
-            parts += [f'## {scenario}', f'{SCENARIOS[scenario].about}.', _standings(standings)]
-        if any(one.ways for one in standings):
-            parts.append(_ways(standings))
+        found = [one for one in summary.standings if one.scenario == scenario]
+        if found:
+            parts += [f'## {scenario}', f'{SCENARIOS[scenario].about}.', standings(found)]
+        if any(one.ways for one in found):
+            parts.append(ways(found))
         if scenario == NEAR_GOAL:
-            parts.append(f'Went beyond ±{DROP:g} rad: {_dropped(standings)}.')
+            parts.append(f'Went beyond ±{DROP:g} rad: {_dropped(found)}.')
     if any(one.criteria or not math.isnan(one.performance) for one in summary.scores):
-        parts += ['## Scores', SCORES, _scores(summary)]
+        parts += ['## Scores', SCORES, scores(summary)]
     if any(one.sweeps for one in summary.standings):
         parts += ['## Where each breaks', 'Levels that pass, and those that fail.',
-                  _breaks(summary)]
+                  breaks(summary)]
     if summary.duels:
         parts += ['## Against each other', DUELS, _duels(summary)]
     parts += ['## What was not held, and why', failures(summary.failures)]
@@ -112,7 +112,8 @@ def share(rate: Rate, digits: int = 1) -> str:
             f'({100 * rate.low:.{digits}f}-{100 * rate.high:.{digits}f} %)')
 
 
-def _standings(standings: list[Standing]) -> str:
+def standings(found: list[Standing]) -> str:
+    """Return how contestants did in a scenario, as a table."""
     return compact([
         ('contestant', 'held', 'settling, with the cart [s]', 'off [m]', 'hold error [mrad]',
          'force step: hold, run [N]', 'largest u [N], x [m], θ [rad]', 'strikes', 'up [%]',
@@ -130,10 +131,11 @@ def _standings(standings: list[Standing]) -> str:
            number(one.medians['energy'], 1), number(one.medians['impulse'], 1),
            number(one.medians['squared_force'], 0),
            ', '.join(number(value, 2, 1e3) for value in one.solve_time.values()),
-           str(one.deadline_misses), str(one.stand_ins)) for one in standings)])
+           str(one.deadline_misses), str(one.stand_ins)) for one in found)])
 
 
-def _ways(standings: list[Standing]) -> str:
+def ways(standings: list[Standing]) -> str:
+    """Return what contestants held from where to where, as a table."""
     return compact([('way', *(f'`{one.contestant}`: held, settling [s]' for one in standings)), *(
         (way, *(f'{share(one.ways[way].held)}, {number(one.ways[way].settling_time)}'
                 if way in one.ways else '-' for one in standings))
@@ -146,14 +148,16 @@ def _dropped(standings: list[Standing]) -> str:
         + (f' (seeds {spans(one.dropped)})' if one.dropped else '') for one in standings)
 
 
-def _scores(summary: Summary) -> str:
+def scores(summary: Summary) -> str:
+    """Return the scores of contestants, as a table."""
     return compact([('contestant', 'performance', 'robustness', *CRITERIA), *(
         (f'`{one.contestant}`', number(one.performance, 3), number(one.robustness, 3),
          *(number(one.criteria.get(name, math.nan), 3) for name in CRITERIA))
         for one in summary.scores)])
 
 
-def _breaks(summary: Summary) -> str:
+def breaks(summary: Summary) -> str:
+    """Return which levels contestants pass, as a table."""
     names = list(summary.campaign['contestants'])
     cells: dict[tuple[str, str], dict[str, str]] = {}
     for one in summary.standings:

@@ -1,0 +1,81 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Half a minute of the plausible rig, config/rig.yaml, moved by MuJoCo and pushed now and then."""
+
+from pathlib import Path
+
+import numpy as np
+
+from dp_swing_ros import declarations
+from dp_swing_ros.control import controllers
+from dp_swing_ros.identification.segments import Motion
+from dp_swing_ros.pendulum.state import hanging
+from dp_swing_ros.simulation import plants
+from dp_swing_ros.simulation.closed_loop import simulate
+
+RIG = Path(__file__).parents[1] / 'config' / 'rig.yaml'
+DURATION, APART = 30.0, 3.0   # [s], and between pushes
+STRONGEST = 30.0              # [N] of them
+NEARLY = 1e-3                 # [SI] standard deviation of a start from hanging
+WITHIN = 0.03                 # of itself, to which a parameter is to be found
+DRY, LATE = 0.15, 0.003       # of a friction; [s] of a delay or time constant
+RUB = {'cart': 0.05, 'joint': 0.005}  # [N s/m, N m s/rad] viscous friction that none may pass for
+
+
+class Recorder:
+    """A controller and what it was given."""
+
+    def __init__(self, controller, limit):
+        self.controller, self.limit = controller, limit
+        self.t, self.X, self.U = [], [], []
+
+    def update(self, t, x, delay):
+        """Answer a state, and remember both."""
+        plan = self.controller.update(t, x, delay)
+        self.t.append(t)
+        self.X.append(x)
+        self.U.append(plan.first_force(self.limit))
+        return plan
+
+    def fallback(self, begins):
+        """Answer a state that is lost."""
+        return self.controller.fallback(begins)
+
+
+def plant():
+    """Return the plant, nearly hanging."""
+    start = hanging() + np.random.default_rng((1, 0)).normal(0.0, NEARLY, len(hanging()))
+    return plants.plant({**declarations.read([RIG])['plant'], 'seed': 0,
+                         'initial_state': start.tolist()})
+
+
+def record():
+    """Return a motion of the rig as its sensors see it, under an mpc that is told nothing."""
+    rig = plant()
+    limits, rate = rig.limits, rig.parameters.rate
+    pushes, every = np.zeros(round(DURATION * rate)), round(APART * rate)
+    pushes[every::every] = np.random.default_rng((2, 0)).uniform(
+        -STRONGEST, STRONGEST, len(pushes[every::every]))
+    recorder = Recorder(controllers.controller({'seed': 0}), limits.force_limit)
+    simulate(rig, recorder, DURATION, pushes=pushes)
+    Q = np.hsplit(np.array(recorder.X), 2)[0]
+    Q[:, 1:] = np.unwrap(Q[:, 1:], axis=0)
+    t = np.array(recorder.t)
+    return Motion(t, Q, t, np.array(recorder.U), np.nonzero(pushes)[0] / rate, limits.track_limit)
+
+
+def truth():
+    """Return the parameters of the rig."""
+    rig = plant()
+    return {**vars(rig.physical), **vars(rig.drive)}
+
+
+def allowed(name, value):
+    """Return by how much a found value may differ from the true one."""
+    if name.endswith('_dry_friction'):
+        return DRY * value
+    if name.endswith('_friction'):
+        return RUB[name[:-9].rstrip('123_')]
+    if name in ('actuation_delay', 'motor_time_constant'):
+        return LATE
+    return 0.1 if name == 'force_bias' else WITHIN * value
