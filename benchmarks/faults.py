@@ -38,7 +38,7 @@ from dp_swing_ros.nodes.connections import publish, QUEUE, subscribe
 from dp_swing_ros.nodes.diagnostics import Diagnostics
 from dp_swing_ros.nodes.parameters import named
 from dp_swing_ros.nodes.process import ProcessNode, run
-from dp_swing_ros.nodes.ros_parameters import announce, declare, let_change
+from dp_swing_ros.nodes.ros_parameters import announce, declare, allow_changes
 from dp_swing_ros.parameters import group, parameter, Parameters
 from dp_swing_ros.streams import stream
 from dp_swing_ros.topics import FORCE_COMMAND, JOINT_STATES, Topic
@@ -204,7 +204,7 @@ class FaultsNode(ProcessNode):
             for prefix, purpose, topic in (
                 (STATE, STATE_CHANNEL, FAULTS_JOINT_STATES),
                 (COMMAND, COMMAND_CHANNEL, FORCE_COMMAND)))
-        let_change(self, FAULTS, self.values, self.on_change)
+        allow_changes(self, FAULTS, self.values, self.on_change)
         subscribe(self, JOINT_STATES, self.on_state, QUEUE, sensor=True, raw=True)
         subscribe(self, FAULTS_FORCE_COMMAND, self.on_force, QUEUE)
         self.every(REPORT_PERIOD, self.report)

@@ -37,9 +37,9 @@ class Recorder:
         self.U.append(plan.first_force(self.limit))
         return plan
 
-    def fallback(self, begins):
+    def fallback(self, acts_at):
         """Answer a state that is lost."""
-        return self.controller.fallback(begins)
+        return self.controller.fallback(acts_at)
 
 
 def plant():

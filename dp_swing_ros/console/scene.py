@@ -65,7 +65,7 @@ class Scene:
         self.origin = 0           # [ns] stamp at which the run began
         self.u = math.nan         # [N] applied over the period up to the newest state
         self.force = math.nan     # [N] the last command
-        self.begins = False       # a run, with the next state
+        self.is_new_run = False       # a run, with the next state
         self.commanded = 0        # [ns] stamp of the newest state then
         self.push = self.coming_push = 0.0   # [N] that acts now, and in the next period
         # the last two, of which those are shown that belong to one tick
@@ -99,8 +99,8 @@ class Scene:
         if self.x is None or len(self.x) != len(x):
             self.plans.clear()   # of another pendulum
         stamp = nanoseconds(message.header.stamp)
-        if self.x is None or stamp < self.stamp or self.begins:
-            self.origin, self.begins = stamp, False   # until the plant says more exactly
+        if self.x is None or stamp < self.stamp or self.is_new_run:
+            self.origin, self.is_new_run = stamp, False   # until the plant says more exactly
         self.stamp, self.x, self.u = stamp, x, u
         self.push, self.coming_push = self.coming_push, 0.0
 
@@ -131,7 +131,7 @@ class Scene:
         if role in (CONTROLLER, PLANT):
             before = self.configurations.get(role)
             # anew, or after a reset; all else is a change of parameters
-            self.begins |= role == PLANT and (
+            self.is_new_run |= role == PLANT and (
                 before is None or found.resets != before.resets or found.revision == 0)
             self.configurations[role] = found
 

@@ -118,11 +118,11 @@ class TVLQR:
         _, X, U, _ = policy_rollout(self.problem, x, left.X + turns, left.U, left.K)
         return self.answer(X, U, Status.CONVERGED, t + delay, began)
 
-    def fallback(self, begins: float) -> Plan:
+    def fallback(self, acts_at: float) -> Plan:
         """Go on with what the last answer predicted; see Controller.fallback."""
         began = time.perf_counter()
-        left = self.last.shifted(min(begins - self.began, self.last.duration - self.last.dt))
-        return self.answer(left.X, left.U, Status.LAST_POLICY, begins, began)
+        left = self.last.shifted(min(acts_at - self.began, self.last.duration - self.last.dt))
+        return self.answer(left.X, left.U, Status.LAST_POLICY, acts_at, began)
 
     def skips(self, x: Array) -> bool:
         """Return whether a start (2n + 2,) is nearer to the goal, as the regulators measure it."""
@@ -131,12 +131,12 @@ class TVLQR:
         return bool(from_goal @ self.problem.lqr.P @ from_goal
                     < from_start @ self.reference.V @ from_start)
 
-    def answer(self, X: Array, U: Array, status: Status, begins: float, began: float) -> Plan:
+    def answer(self, X: Array, U: Array, status: Status, acts_at: float, began: float) -> Plan:
         """Make the plan, and remember it."""
         plan = plan_of(self.problem, X, U, status)
         self.last = replace(plan, stats=plan.stats._replace(
             solve_time=time.perf_counter() - began))
-        self.began = begins
+        self.began = acts_at
         return self.last
 
 
@@ -152,9 +152,9 @@ class Nothing:
         return Plan(np.tile(x, (2, 1)), np.zeros(1), np.zeros((1, len(x))), self.problem.dt,
                     SolverStats(Status.COMPLETE, math.nan, 0, 0.0))
 
-    def fallback(self, begins: float) -> Plan:
+    def fallback(self, acts_at: float) -> Plan:
         """Return the same without a state; see Controller.fallback."""
-        return self.update(begins, hanging(self.problem.physical.links), 0.0)
+        return self.update(acts_at, hanging(self.problem.physical.links), 0.0)
 
 
 class Following:

@@ -38,10 +38,10 @@ def identification(found: Identified) -> Figure:
 
 def along_time(found: Identified, i: int) -> tuple[Array, Array]:
     """Return times [s] and errors before and after (2, …) of one position, NaN between lines."""
-    begins, times, errors = 0.0, list[Array](), list[Array]()
+    start, times, errors = 0.0, list[Array](), list[Array]()
     for each in found.predictions:
-        t = begins + each.segments.t
-        begins = float(t.max(initial=begins)) + GAP
+        t = start + each.segments.t
+        start = float(t.max(initial=start)) + GAP
         errors_of_both = np.stack([each.before, each.after]) - each.segments.Q
         times.append(with_breaks(t[None])[0])
         errors.append(with_breaks(1e3 * errors_of_both[..., i]))

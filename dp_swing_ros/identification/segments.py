@@ -111,12 +111,12 @@ def check_sizes(*arrays: Array) -> None:
 
 def is_usable(motion: Motion, t: Array, Q: Array, period: float) -> bool:
     """Return whether positions are known, and all forces that act; shapes: t (K,), Q (K, n+1)."""
-    begins, ends = t[0] - SILENCE, t[-1]
-    sent = motion.sent[(motion.sent > begins) & (motion.sent < ends)]
+    start, ends = t[0] - SILENCE, t[-1]
+    sent = motion.sent[(motion.sent > start) & (motion.sent < ends)]
     first = motion.sent.min(initial=np.inf)   # before it there is no force
-    waits = np.diff(np.concatenate(([max(begins, first)], sent, [ends])))
+    waits = np.diff(np.concatenate(([max(start, first)], sent, [ends])))
     silent = ends > first and waits.max() > SILENCE
-    pushed = np.any((motion.pushes > begins) & (motion.pushes < ends))
+    pushed = np.any((motion.pushes > start) & (motion.pushes < ends))
     return bool(np.all(np.isfinite(Q)) and np.max(np.diff(t)) < LOST * period and not silent
                 and not pushed and np.max(np.abs(Q[:, 0])) < motion.track_limit - END)
 

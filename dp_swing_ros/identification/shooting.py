@@ -39,12 +39,12 @@ def shoot(model, segments, X_0, V, out):
                 x[c - 1] += SMALL
             for k in range(out.shape[2]):
                 if k > 0:
-                    begins, until = segments.t[s, k - 1], segments.t[s, k]
+                    start, until = segments.t[s, k - 1], segments.t[s, k]
                     first, last = segments.first[s, k - 1], segments.last[s, k - 1]
                     for j in range(first, last - 1):
-                        ends[j - first] = segments.sent[j + 1] - begins
+                        ends[j - first] = segments.sent[j + 1] - start
                     ends[last - 1 - first] = np.inf
                     follow_commands(of_values, drive, ends[:last - first],
-                                    segments.commands[first:last], x, until - begins)
+                                    segments.commands[first:last], x, until - start)
                 for i in range(half):
                     out[s, c, k, i] = x[i]

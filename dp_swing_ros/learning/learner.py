@@ -57,9 +57,9 @@ class Learner:
 
         first [s] is how long forces are random. Raises ParameterError.
         """
-        self.first, self.given = first, controllers.controller(values)
-        self.nominal = self.given.nominal
-        self.random = np.random.default_rng(self.given.parameters.seed)
+        self.first, self.prototype = first, controllers.controller(values)
+        self.nominal = self.prototype.nominal
+        self.random = np.random.default_rng(self.prototype.parameters.seed)
         self.explorer = Explorer(self.nominal.u_max, self.random)
         self.online = Online(self.nominal.physical.links)
         self.model: LearnedModel | None = None
@@ -97,12 +97,12 @@ class Learner:
         self.last = t, x, plan.first_force(self.nominal.u_max)
         return plan
 
-    def fallback(self, begins: float) -> Plan:
+    def fallback(self, acts_at: float) -> Plan:
         """Return a plan where no state came."""
         self.last = None
         if self.controller is None:
             return self.explore(self.nominal.x_r)
-        return self.controller.fallback(begins)
+        return self.controller.fallback(acts_at)
 
     def explore(self, x: Array) -> Plan:
         """Return a plan of one random force."""
@@ -125,7 +125,7 @@ class Learner:
             problem = Problem.of(self.nominal.physical, *self.nominal.given, model)
         except (FloatingPointError, np.linalg.LinAlgError, ParameterError):
             return   # more experience will tell
-        self.model, informed = model, self.given.anew(problem)
+        self.model, informed = model, self.prototype.anew(problem)
         if self.controller is None:
             self.controller = informed
         else:

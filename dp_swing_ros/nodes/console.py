@@ -33,7 +33,7 @@ from dp_swing_ros.nodes.connections import message_class, NAMELESS, owners, subs
 from dp_swing_ros.nodes.parameters import named
 from dp_swing_ros.nodes.partners import Partner
 from dp_swing_ros.nodes.process import ProcessNode, run
-from dp_swing_ros.nodes.ros_parameters import declare, let_change
+from dp_swing_ros.nodes.ros_parameters import allow_changes, declare
 from dp_swing_ros.parameters.console import ConsoleParameters
 from dp_swing_ros.pendulum.parameters import GIVEN
 from dp_swing_ros.provenance import package_version
@@ -59,7 +59,7 @@ class ConsoleNode(ProcessNode):
         super().__init__('console')
         fields = named(ConsoleParameters)
         values = declare(self, fields, live=True)
-        let_change(self, fields, values, self.on_change)
+        allow_changes(self, fields, values, self.on_change)
         parameters = ConsoleParameters(**values)
         self.scene = Scene(self.resolve_topic_name(JOINT_STATES.name))
         self.partners: dict[str, Partner] = {}   # plant, mpc
@@ -144,14 +144,14 @@ class ConsoleNode(ProcessNode):
             if before is None or before.name not in found:
                 self.partners.pop(role, None)
                 if found:
-                    self.partners[role] = self.met(found[0], role)
+                    self.partners[role] = self.partner_of(found[0], role)
                 if found or before:
                     self.publish_parameters(role)
         for partner in self.partners.values():
             partner.look()
         self.publish_hello()
 
-    def met(self, name: str, role: str) -> Partner:
+    def partner_of(self, name: str, role: str) -> Partner:
         """Return the node of a name, which may have been here before."""
         if name not in self.known:
             self.known[name] = Partner(self, name, partial(self.publish_parameters, role))

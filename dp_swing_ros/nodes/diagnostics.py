@@ -49,13 +49,13 @@ class Diagnostics:
         errors, warnings = list(incompatible(self.node)), list(rivals(self.node, self.states))
         logger, before, self.rivals = self.node.get_logger(), self.logged, warnings
         new = [text for text in errors + warnings
-               if _told(text) not in before and NAMELESS not in text]
+               if _fact(text) not in before and NAMELESS not in text]
         for text in new:
             if text in errors:   # to rclpy each line of code is of one severity
                 logger.error(text)
             else:
                 logger.warning(text)
-        self.logged = set(map(_told, errors + warnings))
+        self.logged = set(map(_fact, errors + warnings))
         if self.states is not None and self.states.refusal:
             errors.append(self.states.refusal)
         if not (errors or warnings or self.faulty):
@@ -68,7 +68,7 @@ class Diagnostics:
             {'incompatible': len(errors), 'rivals': len(warnings)}, 'topics'))
 
 
-def _told(text: str) -> str:
+def _fact(text: str) -> str:
     """Return the part of a text that is not said again, whoever is obeyed meanwhile."""
     return text.partition('; expected')[0]
 

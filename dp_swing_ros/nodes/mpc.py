@@ -22,7 +22,7 @@ from dp_swing_ros.nodes.connections import hearers, owners, publish, sender_of, 
 from dp_swing_ros.nodes.diagnostics import Diagnostics
 from dp_swing_ros.nodes.messages import to_point_cloud, to_stamp, to_stamped_force
 from dp_swing_ros.nodes.process import ProcessNode, run
-from dp_swing_ros.nodes.ros_parameters import announce, declare, given, let_change
+from dp_swing_ros.nodes.ros_parameters import allow_changes, announce, declare, overrides
 from dp_swing_ros.nodes.taking import take
 from dp_swing_ros.runtime.handshake import Peers
 from dp_swing_ros.runtime.mpc import (
@@ -63,7 +63,7 @@ class MpcNode(ProcessNode):
     def __init__(self) -> None:
         """Read the parameters, and refuse what cannot work."""
         super().__init__('mpc')
-        self.fields = controllers.MPC.fields_for(given(self))
+        self.fields = controllers.MPC.fields_for(overrides(self))
         values = declare(self, self.fields, live=True)
         self.thread_priority = values['thread_priority']
         self.core = MpcCore(values, NodeClocks(self), self.send,
@@ -90,19 +90,19 @@ class MpcNode(ProcessNode):
             'compiles for half a minute; later ones take a second)')
         began = time.perf_counter()
         self.core.prepare()
-        self.put_back = let_change(self, self.fields, self.core.values, self.on_change)
+        self.put_back = allow_changes(self, self.fields, self.core.values, self.on_change)
         taken = time.perf_counter() - began
         gc.collect()
         gc.freeze()   # else the collector looks through all modules in a first tick, for 25 ms
         done = 'compiled' if taken > SLOW_START else 'loaded'
         self.states = subscribe(self, JOINT_STATES, self.on_message, depth=QUEUE, sensor=True)
-        self.hurry(self.states, self.silence)
+        self.use_fast_lane(self.states, self.silence)
         self.get_logger().info(f'{done} in {taken:.1f} s; ready')
 
     def on_message(self, message: JointState, info: dict[str, Any]) -> None:
         """Hand on all that came on the topic of the states."""
-        if self.lane is not None:
-            self.lane.note()
+        if self.fast_lane is not None:
+            self.fast_lane.note()
         self.core.rivals = self.diagnostics.rivals
         self.core.on_states(self.arrived(message, info))
         if not self.core.handshake.done and self.meeting is None:
@@ -129,7 +129,7 @@ class MpcNode(ProcessNode):
 
     def on_change(self, values: dict[str, Any]) -> None:
         """Go on with other parameters from a next tick on; raises ParameterError."""
-        self.core.on_change(values, partial(self.made_aside, waits=self.core.lockstep))
+        self.core.on_change(values, partial(self.made_in_background, waits=self.core.lockstep))
 
     def send(self, sent: Sent) -> None:
         """Publish, log, or wait."""

@@ -16,7 +16,7 @@ from dp_swing_ros.nodes.connections import (
 from dp_swing_ros.nodes.diagnostics import Diagnostics
 from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
 from dp_swing_ros.nodes.process import ProcessNode, run, STEADY
-from dp_swing_ros.nodes.ros_parameters import announce, declare, given, let_change
+from dp_swing_ros.nodes.ros_parameters import allow_changes, announce, declare, overrides
 from dp_swing_ros.runtime.plant import (
     Announcement, Description, PlantCore, Sent, State, Trouble, Warned)
 from dp_swing_ros.simulation import plants
@@ -36,7 +36,7 @@ class PlantNode(ProcessNode):
     def __init__(self) -> None:
         """Read the parameters and offer the topics."""
         super().__init__('plant')
-        self.fields = plants.PLANT.fields_for(given(self))
+        self.fields = plants.PLANT.fields_for(overrides(self))
         self.values = declare(self, self.fields, live=True)
         self.thread_priority = self.values['thread_priority']
         self.get_logger().info('preparing the integrator')   # compiled at the first start
@@ -57,7 +57,7 @@ class PlantNode(ProcessNode):
     def prepare(self) -> None:
         """Compile the integrator, then look for those who are to hear the first state."""
         ready(self.values)
-        let_change(self, self.fields, self.values, self.on_change)
+        allow_changes(self, self.fields, self.values, self.on_change)
         self.forces = subscribe(self, FORCE_COMMAND, self.on_force)
         lockstep = self.core.lockstep
         self.audience = Audience([self.states, self.diagnostics.publisher, self.description],
@@ -86,7 +86,7 @@ class PlantNode(ProcessNode):
         self.destroy_timer(self.search)
         self.timer = self.create_timer(self.core.stepper.period, self.on_tick, clock=self.clock,
                                        autostart=not self.core.lockstep)
-        self.hurry(self.forces, self.timer)
+        self.use_fast_lane(self.forces, self.timer)
         if self.core.lockstep:
             self.on_look()
             self.every(NEWCOMER_PERIOD, self.on_look)
@@ -114,8 +114,8 @@ class PlantNode(ProcessNode):
 
     def on_force(self, message: Float64) -> None:
         """Obey a force."""
-        if self.lane is not None:
-            self.lane.note()
+        if self.fast_lane is not None:
+            self.fast_lane.note()
         self.send(self.core.on_force(message.data, self.now()))
 
     def on_disturbance(self, message: Float64) -> None:
@@ -124,7 +124,8 @@ class PlantNode(ProcessNode):
 
     def on_change(self, values: dict[str, Any]) -> None:
         """Go on with other parameters from now on; raises ParameterError."""
-        changed = self.made_aside(partial(ready, values), COMPILING, waits=self.core.lockstep)
+        changed = self.made_in_background(partial(ready, values), COMPILING,
+                                          waits=self.core.lockstep)
         before, self.values = self.core.stepper.period, values
         self.send(self.core.change(changed, self.now()))
         if self.timer is not None and before != self.core.stepper.period \

@@ -66,8 +66,8 @@ class ProcessNode(Node):
     linger: float = 0.0  # [s] callbacks go on for this time after the end
     delivery: float = DELIVERY     # [s] at most for its last messages, where it ends by itself
     thread_priority: int = 0       # once it is prepared: see SchedulingParameters
-    lane: FastLane | None = None   # for what must not wait, if anything does
-    aside: futures.Future[Any] | None = None   # what a thread makes
+    fast_lane: FastLane | None = None   # for what must not wait, if anything does
+    background: futures.Future[Any] | None = None   # what a thread makes
 
     def prepare(self) -> None:
         """Do long work before the first message; a signal interrupts it."""
@@ -84,29 +84,29 @@ class ProcessNode(Node):
         """Return the clock that nobody sets: /clock with use_sim_time, else a steady one."""
         return self.get_clock() if self.get_parameter('use_sim_time').value else STEADY
 
-    def hurry(self, subscription: Subscription, *others: Timer) -> None:
+    def use_fast_lane(self, subscription: Subscription, *others: Timer) -> None:
         """Take what must not wait past the executor, where it comes often or that is held up."""
         clock = [each for each in self.subscriptions if each.topic_name == CLOCK]
-        self.lane = FastLane(self.context, subscription, *clock, *others)
+        self.fast_lane = FastLane(self.context, subscription, *clock, *others)
 
-    def made_aside(self, make: Callable[[], Made], patience: float = AWAY,
-                   waits: bool = False) -> Made:
+    def made_in_background(self, make: Callable[[], Made], patience: float = AWAY,
+                           waits: bool = False) -> Made:
         """
         Return what is made in a thread while what must not wait is served, unless time `waits`.
 
         Raises what `make` raises, or ParameterError where it takes longer than a time [s].
         """
-        if self.aside is not None and not self.aside.done():
+        if self.background is not None and not self.background.done():
             raise ParameterError('what was asked for before is still being made; try again later')
         sys.setswitchinterval(SWITCHING)
         made: futures.Future[Made] = futures.Future()
-        self.aside, end = made, time.monotonic() + patience
+        self.background, end = made, time.monotonic() + patience
         threading.Thread(target=_fulfil, args=(made, make), daemon=True).start()
         while not made.done() and time.monotonic() < end:
-            if self.lane is None or waits:
+            if self.fast_lane is None or waits:
                 futures.wait([made], patience)
             else:
-                self.call_back(self.lane.serve_once)
+                self.call_back(self.fast_lane.serve_once)
         if not made.done():
             raise ParameterError(f'what was asked for is not there after {patience:g} s')
         return made.result()
@@ -234,12 +234,12 @@ def _initialise(args: list[str]) -> None:
         # rcl refuses to start without a place for its log files.
         os.environ['ROS_LOG_DIR'] = str(Path(tempfile.gettempdir(), f'ros_log_{os.getuid()}'))
     try:
-        surplus = remove_ros_args(args)[1:]
+        unexpected = remove_ros_args(args)[1:]
     except RuntimeError as error:
         check_given(args)
         raise UserError(f'{type(error).__name__}: {error}') from None
-    if surplus:
-        raise UserError(f'unknown argument {surplus[0]!r}; '
+    if unexpected:
+        raise UserError(f'unknown argument {unexpected[0]!r}; '
                         'parameters are given as: --ros-args -p name:=value')
     with _errors_of_ros():
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
@@ -282,10 +282,10 @@ def _live(node: ProcessNode, signals: _Signals) -> None:
 
 def _spin(node: ProcessNode, executor: Executor, is_over: Callable[[], bool]) -> None:
     # in the gap between two messages that come often, whose next is not to wait
-    hurries = node.lane is not None and node.lane.is_busy
+    hurries = node.fast_lane is not None and node.fast_lane.is_busy
     executor.spin_once(timeout_sec=0.0 if hurries else POLL)
-    if node.lane is not None:
-        node.lane.serve(is_over)
+    if node.fast_lane is not None:
+        node.fast_lane.serve(is_over)
 
 
 def _prioritise(priority: int) -> None:

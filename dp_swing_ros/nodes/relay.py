@@ -25,7 +25,7 @@ class RelayNode(ProcessNode):
         super().__init__('relay')
         declare(self, {})   # there are none: any that is given is refused
         self.commands = publish(self, CONTROLLER_COMMANDS)
-        self.watchdog = self.every(DEADLINE, self.let_go)
+        self.watchdog = self.every(DEADLINE, self.send_zero)
         subscribe(self, FORCE_COMMAND, self.on_force, depth=1)
         self.get_logger().info(f'ready, for {self.commands.topic_name}')
 
@@ -38,13 +38,13 @@ class RelayNode(ProcessNode):
         self.watchdog.reset()
         self.send(message.data)
 
-    def let_go(self) -> None:
+    def send_zero(self) -> None:
         """Send a zero, and again until a force comes: a controller may start at any time."""
         self.send(0.0)
 
     def close(self) -> None:
         """Send a last zero."""
-        self.let_go()
+        self.send_zero()
 
     def send(self, force: float) -> None:
         """Publish a command of one joint [N]."""

@@ -36,7 +36,7 @@ RULE, FILE = ('-p', '--param'), '--params-file'   # options of ROS
 TYPES = {bool: 'BOOL', int: 'INTEGER', float: 'DOUBLE', str: 'STRING'}
 
 
-def given(node: Node) -> dict[str, Any]:
+def overrides(node: Node) -> dict[str, Any]:
     """Return what was given on the command line and in parameter files, by name."""
     # rclpy has no public way to ask; an empty list reaches a node without a type or a value
     return {name: () if override.type_ is Parameter.Type.NOT_SET else override.value
@@ -49,15 +49,15 @@ def declare(node: Node, fields: Mapping[str, dataclasses.Field],
     Declare ROS parameters, refuse what nobody declared, and publish what the node runs with.
 
     fields are by the full names; unless `live`, a parameter is read-only once the node runs; see
-    let_change. Returns their values. Raises ParameterError, naming the closest match and all the
-    choices.
+    allow_changes. Returns their values. Raises ParameterError, naming the closest match and all
+    the choices.
     """
-    asked, values = given(node), {}
+    asked, values = overrides(node), {}
     for name, field in fields.items():
         values[name] = checked(field, asked.get(name, field.default), name)
         # The override is left aside: it is in the value already, there in its declared type.
-        node.declare_parameter(name, _listed(_told(field, values[name])), _descriptor(field, live),
-                               ignore_override=True)
+        node.declare_parameter(name, _listed(_public(field, values[name])),
+                               _descriptor(field, live), ignore_override=True)
     refuse_unknown(node, of_topics=False)
     _warn_of_files(node)
     # rclpy's own words do not name what is unknown
@@ -66,8 +66,8 @@ def declare(node: Node, fields: Mapping[str, dataclasses.Field],
     return values
 
 
-def let_change(node: Node, fields: Mapping[str, dataclasses.Field], values: Mapping[str, Any],
-               change: Callable[[dict[str, Any]], None]) -> Callable[[Mapping[str, Any]], None]:
+def allow_changes(node: Node, fields: Mapping[str, dataclasses.Field], values: Mapping[str, Any],
+                  change: Callable[[dict[str, Any]], None]) -> Callable[[Mapping[str, Any]], None]:
     """
     Let parameters of a node change while it runs, all of one request or none.
 
@@ -75,7 +75,7 @@ def let_change(node: Node, fields: Mapping[str, dataclasses.Field], values: Mapp
     nothing changes, and whoever asked is told why. Returns what puts back the values of before,
     where a change turns out later not to work.
     """
-    current = {name: _told(fields[name], value) for name, value in values.items()}
+    current = {name: _public(fields[name], value) for name, value in values.items()}
     stays = {name for name, field in fields.items() if not field.metadata['live']}
 
     def as_declared(parameters: list[Parameter]) -> list[Parameter]:
@@ -124,7 +124,7 @@ def let_change(node: Node, fields: Mapping[str, dataclasses.Field], values: Mapp
     return put_back
 
 
-def _told(field: dataclasses.Field, value: Any) -> Any:
+def _public(field: dataclasses.Field, value: Any) -> Any:
     """Return what others are told that a parameter is."""
     return field.default if field.metadata['secret'] else value
 
@@ -198,7 +198,7 @@ def announce(node: Node, found: Mapping[str, Any], revision: int = 0, since: int
 def refuse_unknown(node: Node, of_topics: bool) -> None:
     """Refuse, by ParameterError, what was given for no parameter: of its topics' QoS, or else."""
     known = node.list_parameters([], 0).names
-    for name in sorted(set(given(node)) - set(known)):
+    for name in sorted(set(overrides(node)) - set(known)):
         if name.startswith(QOS_OVERRIDES) == of_topics and (
                 name not in _for_any_node(sys.argv, node.get_name())):
             raise unknown(name, node.get_name(), (

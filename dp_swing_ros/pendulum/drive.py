@@ -42,18 +42,18 @@ def follow_commands(model, drive, ends, commands, x, duration):
     Returns the force of the motor at the end, before gain and bias. Shapes: ends and commands
     (M,), x (2n + 2,).
     """
-    f, begins = commands[0], -math.inf
+    f, start = commands[0], -math.inf
     for k in range(len(commands)):
         ends_acting = ends[k] + drive.delay
-        if k > 0 and begins < 0 and ends_acting > begins:
-            f, _ = lagged(f, commands[k], drive.time_constant, min(ends_acting, 0.0) - begins)
-        acts = min(ends_acting, duration) - max(begins, 0.0)
+        if k > 0 and start < 0 and ends_acting > start:
+            f, _ = lagged(f, commands[k], drive.time_constant, min(ends_acting, 0.0) - start)
+        acts = min(ends_acting, duration) - max(start, 0.0)
         steps = math.ceil(acts / model.h - ROUNDING)
         for _ in range(steps):
             h = acts / steps
             f, mean = lagged(f, commands[k], drive.time_constant, h)
             step(with_step(model, h), x, drive.gain * mean + drive.bias, x)
-        begins = max(begins, ends_acting)
-        if begins >= duration:
+        start = max(start, ends_acting)
+        if start >= duration:
             break
     return f

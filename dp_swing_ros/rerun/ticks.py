@@ -161,7 +161,7 @@ class Pairing(NamedTuple):
 
     others: dict[int, float]  # [N] instead of the tick's, by its number
     missing: list[Tick]       # whose forces are not there
-    surplus: list[Command]    # that no tick sent
+    unpaired: list[Command]    # that no tick sent
 
 
 def commands_of(bag: Bag) -> list[Command]:
@@ -191,7 +191,7 @@ def paired(record: Record, commands: Sequence[Command]) -> Pairing:
 
 
 def by_number(ticks: Sequence[Tick], commands: Sequence[Command]) -> Pairing:
-    """Pair a tick with the force of its number; a second one, or of another number, is surplus."""
+    """Pair a tick with the force of its number; a second one, or one of none, is unpaired."""
     forces = {tick.number: tick.force for tick in ticks}
     own = {command.number: command for command in commands}
     # of several with one number rather the one that the tick reports
@@ -212,7 +212,7 @@ def by_number(ticks: Sequence[Tick], commands: Sequence[Command]) -> Pairing:
 def in_order(ticks: Sequence[Tick], commands: Sequence[Command], whole: bool) -> Pairing:
     """Pair them one after the other, and after a difference where they meet again."""
     others: dict[int, float] = {}
-    missing, surplus = list[Tick](), list[Command]()
+    missing, unpaired = list[Tick](), list[Command]()
     sent, found = [tick.force for tick in ticks], [command.force for command in commands]
     if whole:
         sent.append(0.0)   # with which a controller ends
@@ -226,6 +226,6 @@ def in_order(ticks: Sequence[Tick], commands: Sequence[Command], whole: bool) ->
                    if tick.force != command.force}
         missing += ticks[i + len(pairs):next_i]
         if whole or next_i < len(sent):
-            surplus += commands[j + len(pairs):next_j]
+            unpaired += commands[j + len(pairs):next_j]
         i, j = next_i + block.size, next_j + block.size
-    return Pairing(others, missing, surplus)
+    return Pairing(others, missing, unpaired)

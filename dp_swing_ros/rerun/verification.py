@@ -59,8 +59,8 @@ class Verification(NamedTuple):
     real_time: bool
     differences: list[Difference]
     unchecked: list[str]     # what the bag should hold for it, and does not
-    beyond: list[str]        # what no bag of this kind could be checked for
-    elsewhere: list[str]     # what is other here than where it was recorded
+    unverifiable: list[str]        # what no bag of this kind could be checked for
+    environment_changes: list[str]     # what is other here than where it was recorded
     rivals: list[str]        # topics that several nodes published, as the nodes said
     incomplete: str          # how many messages of how many the bag holds
 
@@ -93,18 +93,19 @@ def verify(bag: Bag, progress: Callable[[list[Tick]], Iterable[Tick]]) -> Verifi
                 f'{tick.status}', text))
     differences += [Difference('forces', f'a force at {command.time} ns', f'{command.force!r} N '
                                f'on {FORCE_COMMAND.name}, which no tick sent')
-                    for command in pairing.surplus]
-    again = plant_again(bag, record, bool(pairing.surplus))
+                    for command in pairing.unpaired]
+    again = plant_again(bag, record, bool(pairing.unpaired))
     lacking = {FORCE_COMMAND: pairing.missing}
     if bag.has(PLAN):
         lacking[PLAN] = [tick for tick in record.ticks if tick.number not in plans]
     else:
-        again.beyond.insert(0, f'the plans, for the bag has no {PLAN.name}')
+        again.unverifiable.insert(0, f'the plans, for the bag has no {PLAN.name}')
     return Verification(
         controller.parameters.solver, len(record.ticks),
         sum(tick.x is None for tick in record.ticks), len(plans), again.states,
         any(tick.real_time for tick in record.ticks), differences + again.differences,
-        _unchecked(bag, record, lacking), again.beyond, elsewhere(config), rivals, bag.incomplete)
+        _unchecked(bag, record, lacking), again.unverifiable, environment_changes(config),
+        rivals, bag.incomplete)
 
 
 def rivals_of(bag: Bag) -> list[str]:
@@ -172,7 +173,7 @@ def _of_plans(recorded: Trajectory, plan: Plan) -> str:
     return ''
 
 
-def elsewhere(recorded: Configuration) -> list[str]:
+def environment_changes(recorded: Configuration) -> list[str]:
     """Return what is other here than where a node ran: code, packages, machine."""
     here = {'code': provenance.sources(), **provenance.packages(),
             'machine': provenance.machine()}
@@ -186,7 +187,7 @@ class PlantAgain(NamedTuple):
 
     states: int                    # that were compared
     differences: list[Difference]
-    beyond: list[str]              # what could not be compared
+    unverifiable: list[str]              # what could not be compared
 
 
 def plant_again(bag: Bag, record: Record, has_others: bool) -> PlantAgain:

@@ -61,7 +61,7 @@ class Handshake:
 
     def _is_met(self, peers: Peers, timing: Timing) -> bool:
         announcers = peers.senders & peers.announcers
-        if timing.given is None and not announcers <= self.resets.keys():
+        if timing.configured is None and not announcers <= self.resets.keys():
             return False
         # a plant in lockstep would wait forever for a force that it did not hear
         lockstep = timing.clock is Clock.LOCKSTEP

@@ -123,7 +123,7 @@ class MpcCore:
         self.forget()
         self.loader = Loader(self.controller)
         self.warn_of_problem()
-        self.note_learned()
+        self.record_learned_model()
         if self.found:
             self.send(Announcement(self.found, self.revision))
 
@@ -171,7 +171,7 @@ class MpcCore:
         self.values, self.parameters = loaded.values, self.controller.parameters
         self.revision += 1
         self.warn_of_problem()
-        self.note_learned()
+        self.record_learned_model()
         self.send(Announcement({**self.values, **self.found}, self.revision))
 
     def warn_of_problem(self) -> None:
@@ -179,7 +179,7 @@ class MpcCore:
         if warning := self.controller.nominal.warning:
             self.say(WARN, warning)
 
-    def note_learned(self) -> None:
+    def record_learned_model(self) -> None:
         """Announce what a learned model holds in place of its file, so that a bag has it."""
         learned = self.controller.nominal.learned
         self.found.pop('model', None)

@@ -71,7 +71,7 @@ class Timing:
 
     def __init__(self, clock: str) -> None:
         """Take the parameter `clock` of the controller."""
-        self.given = None if clock == 'announced' else Clock[clock.upper()]
+        self.configured = None if clock == 'announced' else Clock[clock.upper()]
         self.announced = Clock.ARRIVAL
         self.delay = 0.0   # [s] age of the states in lockstep
         self.reset()
@@ -84,7 +84,7 @@ class Timing:
     @property
     def clock(self) -> Clock:
         """Return which clock the stamps are of."""
-        return self.given or self.announced
+        return self.configured or self.announced
 
     def learn(self, configuration: Configuration) -> None:
         """Take over what a plant announces; raises TypeError or ValueError for a bad delay."""
@@ -155,7 +155,7 @@ class Latency:
     def __init__(self, tick_time: float) -> None:
         """Take how long a tick has taken before the first [s]."""
         self.ticks = deque([tick_time], maxlen=TICKS)     # [s] from a state's arrival to its plan
-        self.given = tick_time                            # [s] to this one
+        self.allotted = tick_time                            # [s] to this one
         self.reports = deque[float](maxlen=TICKS)         # [s] that a report took after a force
         self.transports = deque[float](maxlen=TICKS)      # [s] from a state's sender to here
 
@@ -185,8 +185,8 @@ class Latency:
         nearly all need, but no less than half of them do.
         """
         longest = sorted(self.ticks)[max(len(self.ticks) - 1 - LONGER, 0)]
-        self.given = min(longest, max(left - SLACK, median(self.ticks)))
-        return self.given + self.transport()
+        self.allotted = min(longest, max(left - SLACK, median(self.ticks)))
+        return self.allotted + self.transport()
 
     def rest(self, taken: float, first: bool) -> float:
         """
@@ -196,7 +196,7 @@ class Latency:
         """
         if not first:
             self.ticks.append(taken)
-        return max(self.given - taken, 0.0)
+        return max(self.allotted - taken, 0.0)
 
 
 class Watchdog:

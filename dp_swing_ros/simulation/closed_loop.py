@@ -24,7 +24,7 @@ class Controller(Protocol):
         t is the time of the measurement x [s], delay its age [s]. Shapes: x (2n + 2,).
         """
 
-    def fallback(self, begins: float) -> Plan:
+    def fallback(self, acts_at: float) -> Plan:
         """Return a plan from a time [s] on where no state came."""
 
 

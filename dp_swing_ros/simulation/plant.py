@@ -103,7 +103,7 @@ class Measurement(NamedTuple):
 class Command(NamedTuple):
     """A force [N], the time at which it begins to act, and for how long it does [s]."""
 
-    begins: float
+    acts_at: float
     force: float
     lasts: float
 
@@ -128,23 +128,23 @@ class Commands:
     def send(self, now: float, force: float, lasts: float = math.inf) -> bool:
         """Send a force [N] that acts for a time [s] at most, and return whether it will arrive."""
         # drawn whether needed or not, so that one fault does not change the numbers of another
-        begins = now + self.delay + self.lateness.uniform(0.0, self.parameters.command_jitter)
+        acts_at = now + self.delay + self.lateness.uniform(0.0, self.parameters.command_jitter)
         if self.loss.random() < self.parameters.command_loss:
             return False
-        while self.coming and self.coming[-1].begins >= begins:
+        while self.coming and self.coming[-1].acts_at >= acts_at:
             self.coming.pop()
-        self.coming.append(Command(begins, force, lasts))
+        self.coming.append(Command(acts_at, force, lasts))
         return True
 
     def next_change(self) -> float:
         """Return when the force changes next [s], infinity if it does not."""
-        return min(self.coming[0].begins if self.coming else math.inf, self.expires)
+        return min(self.coming[0].acts_at if self.coming else math.inf, self.expires)
 
     def change(self) -> None:
         """Let the change happen: the next command acts, or the present one expires."""
-        if self.coming and self.coming[0].begins <= self.expires:
-            begins, self.force, lasts = self.coming.popleft()
-            self.expires, self.expired = begins + lasts, False
+        if self.coming and self.coming[0].acts_at <= self.expires:
+            acts_at, self.force, lasts = self.coming.popleft()
+            self.expires, self.expired = acts_at + lasts, False
         else:
             self.force, self.expires, self.expired = 0.0, math.inf, True
 

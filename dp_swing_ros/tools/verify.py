@@ -36,7 +36,7 @@ def _verify(arguments: argparse.Namespace) -> int:
         print(found.incomplete)
     if found.rivals and not found.differences:
         print(f'{"likely cause" if found.unchecked else "note"}: {"; ".join(found.rivals)}')
-    for text in found.beyond:
+    for text in found.unverifiable:
         print(f'not checked: {text}')
     for text in found.unchecked:
         print(f'verify: error: {text}', file=sys.stderr)
@@ -55,8 +55,9 @@ def _identical(found: Verification, ticks: str) -> Iterator[str]:
                'applied to the bit')
     if found.states and not (found.unchecked or found.incomplete):
         yield 'so the whole run, simulated again from its parameters alone, is the recorded one'
-    if found.ticks and found.elsewhere:
-        yield f'note: recorded elsewhere ({"; ".join(found.elsewhere)}), which changed nothing'
+    if found.ticks and found.environment_changes:
+        changes = '; '.join(found.environment_changes)
+        yield f'note: recorded elsewhere ({changes}), which changed nothing'
 
 
 def _differences(found: Verification, ticks: str) -> Iterator[str]:
@@ -69,7 +70,7 @@ def _differences(found: Verification, ticks: str) -> Iterator[str]:
     if counts['states']:
         yield (f'{counts["states"]} of {found.states} states differ from those of the plant '
                'simulated again')
-    causes = found.rivals or found.elsewhere
+    causes = found.rivals or found.environment_changes
     yield (f'likely cause: {"; ".join(causes)}' if causes else
            'code, packages and machine are the same: the bag was changed, or the run depended on '
            'what is not recorded')

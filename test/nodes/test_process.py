@@ -74,10 +74,10 @@ class ExampleNode(ProcessNode):
             time.sleep(0.3)
 
     def try_aside(self):
-        print(self.made_aside(lambda: 'made'))
+        print(self.made_in_background(lambda: 'made'))
         for make in (lambda: 1 / 0, lambda: sys.exit(3), lambda: time.sleep(60), lambda: 1):
             try:
-                self.made_aside(make, 0.2)
+                self.made_in_background(make, 0.2)
             except BaseException as error:
                 print(f'{type(error).__name__}: {error}', flush=True)
 

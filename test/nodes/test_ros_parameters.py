@@ -20,7 +20,7 @@ from dp_swing_ros import declarations
 from dp_swing_ros.messages.configuration import Configuration
 from dp_swing_ros.nodes import ros_parameters
 from dp_swing_ros.nodes.parameters import named, shown, table
-from dp_swing_ros.nodes.ros_parameters import check_given, declare, let_change
+from dp_swing_ros.nodes.ros_parameters import allow_changes, check_given, declare
 from dp_swing_ros.parameters import parameter, ParameterError, Parameters
 from dp_swing_ros.parameters.console import ConsoleParameters
 from dp_swing_ros.parameters.files import value_of
@@ -66,7 +66,8 @@ def declare_example(node, prefix=''):
 
 
 def declare_pendulum(node, kind):
-    return declare(node, declarations.DECLARATIONS[kind].fields_for(ros_parameters.given(node)))
+    fields = declarations.DECLARATIONS[kind].fields_for(ros_parameters.overrides(node))
+    return declare(node, fields)
 
 
 def given(*pairs):
@@ -87,7 +88,7 @@ def test_a_secret_is_for_its_node_alone(make_node, monkeypatch, capfd):
     assert (values['token'], node.get_parameter('token').value) == ('xyzzy', '')
     assert [each.parameters['port'] for each in told] == [1234]
     assert 'xyzzy' not in repr(told)
-    ros_parameters.let_change(node, fields, values, lambda _: None)
+    ros_parameters.allow_changes(node, fields, values, lambda _: None)
     for guess in ('plugh', 'xyzzy'):   # neither is an answer that tells which is right
         with pytest.raises(ParameterNotDeclaredException, match='read-only'):
             node.set_parameters([Parameter('token', value=guess)])
@@ -134,7 +135,7 @@ def test_our_own_reading_is_that_of_ros():
                            signal_handler_options=SignalHandlerOptions.NO)
                 node = Node('example')
                 stack.callback(node.destroy_node)
-                found = ros_parameters.given(node)['a']
+                found = ros_parameters.overrides(node)['a']
             except RuntimeError:
                 with pytest.raises(ParameterError):
                     value_of(text)
@@ -280,7 +281,7 @@ def test_values_do_not_change_at_run_time(make_node):
 def ask(make_node):
     """Return what asks a node for changes as `ros2 param` does, and returns why it refuses."""
     node, fields = make_node(), named(Example)
-    let_change(node, fields, declare(node, fields, live=True), lambda values: Example(**values))
+    allow_changes(node, fields, declare(node, fields, live=True), lambda values: Example(**values))
     client = node.create_client(SetParametersAtomically, 'example/set_parameters_atomically')
 
     def ask(**values):
@@ -385,7 +386,7 @@ def test_whatever_a_change_raises_refuses_it_and_what_fails_later_is_put_back(ma
         asked.append(values)
         if values['samples'] > 5:
             raise (RecursionError, MemoryError, SystemExit)[values['samples'] - 6]('too much')
-    put_back = let_change(node, fields, before, change)
+    put_back = allow_changes(node, fields, before, change)
     for samples, name in ((6, 'RecursionError'), (7, 'MemoryError'), (8, 'SystemExit')):
         result, = node.set_parameters([Parameter('samples', value=samples)])
         assert (result.successful, result.reason) == (False, f'refused: {name}: too much')

@@ -369,7 +369,7 @@ def test_one_fault_does_not_change_the_numbers_of_another():
         for _ in range(200):
             p.begin_period(0.0)
             received = p.obey(1.0)
-            begins = p.commands.coming[-1].begins if received else None
+            begins = p.commands.coming[-1].acts_at if received else None
             fates.append((p.noise, begins, p.measure()))
         return zip(*fates)
     none, loss, jitter, states = ({}, {'command_loss': 0.3}, {'command_jitter': 0.1},
