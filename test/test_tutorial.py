@@ -15,6 +15,7 @@ from real_bags import record
 
 from dp_swing_ros.__main__ import TOOLS
 from dp_swing_ros.declarations import DECLARATIONS
+from dp_swing_ros.estimators.estimator import Estimator
 from dp_swing_ros.nodes.parameters import LoggerParameters, named
 from dp_swing_ros.parameters import checked
 from dp_swing_ros.parameters.files import value_of
@@ -23,6 +24,7 @@ from dp_swing_ros.tools.demo import command_line
 TOP = Path(__file__).parents[1]
 PAGE = (TOP / 'docs' / 'tutorial.md').read_text()
 COMMANDS = re.findall(r'^    ros2 run dp_swing_ros (.*)$', PAGE, re.M)
+SAID = {'verify': 'the recorded ones to the bit', 'compare': '| search '}
 # an episode takes as long as it lasts with most solvers, and longer with the tutorial's own
 SHORT = {'evaluate': ['--duration', '1', '--jobs', '1', '--no-figures']}
 
@@ -36,20 +38,33 @@ def commands(names):
     return [words for words in map(shlex.split, COMMANDS) if words[0] in names]
 
 
+def module(name):
+    """Return the code of a module of the last steps."""
+    code, = (block for block in blocks('python') if f'class {name.capitalize()}:' in block)
+    return code
+
+
 @pytest.fixture(scope='module')
 def here(tmp_path_factory):
     """Work where a reader would, with the bags of the first steps and the solver of the last."""
     folder = tmp_path_factory.mktemp('tutorial')
     (folder / 'worse.yaml').write_text(*blocks('yaml'))
     (folder / 'my_solver').mkdir()
-    (folder / 'my_solver' / 'pyproject.toml').write_text(*blocks('toml'))
-    solver, = (block for block in blocks('python') if 'class Search:' in block)
-    (folder / 'my_solver' / 'search.py').write_text(solver)
+    toml, more = blocks('toml')
+    toml = toml.replace("py-modules = ['search']", "py-modules = ['search', 'blend']")
+    (folder / 'my_solver' / 'pyproject.toml').write_text(f'{toml}\n{more}')
+    for name in ('search', 'blend'):
+        (folder / 'my_solver' / f'{name}.py').write_text(module(name))
     subprocess.run([sys.executable, '-m', 'pip', 'install', '--quiet', '--no-deps',
                     '--no-build-isolation', '--target', folder / 'site', folder / 'my_solver'],
                    check=True)
     (folder / 'my_run').mkdir()
-    record(folder / 'files', '--lockstep', '--duration', '1.5').rename(folder / 'my_run' / 'bag')
+    with pytest.MonkeyPatch.context() as patch:   # nodes know what another package has, too
+        path = f'{folder / "site"}{os.pathsep}{os.environ.get("PYTHONPATH", "")}'
+        patch.setenv('PYTHONPATH', path)
+        record(folder / 'files', '--lockstep', '--duration', '1.5', '--solver', 'search',
+               mpc='    estimator: blend\n    search: {iterations: 3}\n').rename(
+                   folder / 'my_run' / 'bag')
     shutil.copytree(folder / 'my_run', folder / 'worse')
     return folder
 
@@ -65,6 +80,7 @@ def test_a_tool_runs(words, here):
         capture_output=True, text=True,
         env={**os.environ, 'PYTHONPATH': f'{here / "site"}{os.pathsep}{TOP}'})
     assert done.returncode == 0, done.stdout + done.stderr
+    assert SAID.get(words[0], '') in done.stdout
 
 
 @pytest.mark.parametrize('words', commands({'demo'}), ids=' '.join)
@@ -91,3 +107,9 @@ def test_a_snippet_runs(block, here, monkeypatch, capsys):
     monkeypatch.chdir(here)
     exec(block, {})
     assert capsys.readouterr().out
+
+
+def test_the_estimator_has_all_that_the_protocol_asks_for():
+    found = {}
+    exec(module('blend'), found)
+    assert {name for name in vars(Estimator) if not name.startswith('_')} <= {*dir(found['Blend'])}
