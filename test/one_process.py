@@ -17,7 +17,6 @@ import yaml
 from dp_swing_ros import provenance
 from dp_swing_ros.nodes import connections, ros_parameters
 from dp_swing_ros.nodes.logger import LoggerNode
-from dp_swing_ros.nodes.messages import to_stamp
 from dp_swing_ros.nodes.mpc import MpcNode
 from dp_swing_ros.nodes.plant import PlantNode
 from dp_swing_ros.nodes.taking import Executor
@@ -74,10 +73,9 @@ def run(bag, parameters, meddle=None):
         assert spin(PATIENCE, lambda: plant.done)
         executor.remove_node(plant)
         if plant.core.lockstep:
-            last = to_stamp(plant.core.state.stamp)
-            spin(ANSWER, lambda: mpc.answered == last)
+            spin(ANSWER, lambda: mpc.core.answered == plant.core.state.stamp)
         else:
-            spin(SILENCE, mpc.watchdog.timer.is_canceled)
+            spin(SILENCE, mpc.silence.is_canceled)
         executor.remove_node(mpc)
         mpc.close()
         logger.close()   # which takes what is still underway
