@@ -92,7 +92,7 @@ def test_whoever_takes_over_is_pushed_as_the_recorded_one_was(tmp_path, mode):
     if mode:
         assert same(again[1:], recorded[1:])
         found = verify(run.bag, iter)
-        assert (found.states, found.differences, found.beyond) == (len(run.samples), [], [])
+        assert (found.states, found.differences, found.unverifiable) == (len(run.samples), [], [])
     else:   # forces do not act as late at every tick; without pushes it would not move at all
         window = slice(begin, begin + 20)
         moved, off = recorded.X[window, 0], again.X[window, 0] - recorded.X[window, 0]
