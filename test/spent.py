@@ -8,7 +8,7 @@ import sys
 import pytest
 
 STARTED = 'started'   # processes, of a phase of a test
-FILES = 15            # that a run names in the end
+FILES = 40            # that a run names in the end
 starts = [0]
 seconds, processes = Counter(), Counter()   # of each file, in the process that reports
 

@@ -19,6 +19,18 @@ def test_the_reference_of_parameters_is_current():
     assert (TOP / 'docs' / 'parameters.md').read_text() == reference(), 'run `make docs`'
 
 
+def test_the_glossary_calls_things_as_the_code_does():
+    text = (TOP / 'docs' / 'glossary.md').read_text()
+    sources = '\n'.join(file.read_text() for file in (TOP / 'dp_swing_ros').rglob('*.py'))
+    terms = re.findall(r'`([^`]+)`', text)
+    for term in terms:
+        # /mpc/plan, cost_TERM, mppi.samples, Plan.K, up_up of a goal, backward_time of a phase
+        name = re.split(r'[/.]', term.removesuffix(' (2n + 2,)'))[-1]
+        name = re.sub(r'_(TERM|time|\*)$|^--|:.*$| \(.*$', '', name)
+        assert re.search(rf'\b{re.escape(name)}', sources), term
+    assert len(terms) > 80
+
+
 @pytest.mark.parametrize('page', PAGES, ids=[page.name for page in PAGES])
 def test_links_lead_somewhere(page):
     prose = re.sub(r'^```.*?^```', '', page.read_text(), flags=re.M | re.S)
