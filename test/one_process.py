@@ -29,6 +29,55 @@ ANSWER = 1.0       # [s] for the one to the last state, which may be lost
 SILENCE = 5.0      # [s] at most, until an mpc that hears no state in real time sends a zero
 
 
+class Crew:
+    """Nodes of this process, which find each other at once; used as a context manager."""
+
+    def __init__(self, file, parameters):
+        """Take the parameters of each node, by name, which are written to a file."""
+        self.file, self.stack = file, ExitStack()
+        file.write_text(yaml.safe_dump({
+            node: {'ros__parameters': own} for node, own in parameters.items()}))
+
+    def __enter__(self):
+        enter = self.stack.enter_context
+        enter(patch.object(connections, 'QUIET', 1))
+        enter(patch.object(ros_parameters, 'commit', COMMIT))
+        enter(redirect_stdout(io.StringIO()))   # what a logger says in the end
+        self.stack.callback(gc.unfreeze)        # what an mpc has frozen
+        rclpy.init(args=['crew', '--ros-args', '--params-file', str(self.file)],
+                   signal_handler_options=SignalHandlerOptions.NO)
+        self.stack.callback(rclpy.try_shutdown)
+        self.executor = enter(Executor())
+        return self
+
+    def __exit__(self, *error):
+        self.stack.close()
+
+    def add(self, node):
+        """Let a node take part, and return it."""
+        self.stack.callback(node.destroy_node)
+        self.executor.add_node(node)
+        return node
+
+    def start(self, kind):
+        """Start a node of ours, and return it."""
+        node = self.add(kind())
+        node.prepare()
+        return node
+
+    def until(self, is_over, seconds=PATIENCE):
+        """Let callbacks come until it is over, for some seconds at most; return whether it is."""
+        end = time.monotonic() + seconds
+        while not (over := is_over()) and time.monotonic() < end:
+            self.executor.spin_once(0.02)
+        return over
+
+    def end(self, node):
+        """Let a node do no more, and say its last words."""
+        self.executor.remove_node(node)
+        node.close()
+
+
 def run(bag, parameters, meddle=None):
     """
     Let a plant run until it is done, and record that; parameters are of each node, by name.
@@ -37,46 +86,17 @@ def run(bag, parameters, meddle=None):
     """
     given = {'logger': {'output': str(bag), 'progress_period': 0.0},
              'mpc': keeping(FORCE_COMMAND, DIAGNOSTICS), 'plant': keeping(JOINT_STATES)}
-    file = bag.with_name('nodes.yaml')
-    file.write_text(yaml.safe_dump({node: {'ros__parameters': {**parameters.get(node, {}), **own}}
-                                    for node, own in given.items()}))
-    with ExitStack() as stack:
-        # nodes of one process find each other at once
-        stack.enter_context(patch.object(connections, 'QUIET', 1))
-        stack.enter_context(redirect_stdout(io.StringIO()))
-        stack.enter_context(patch.object(ros_parameters, 'commit', COMMIT))
-        stack.callback(gc.unfreeze)   # what the mpc has frozen
-        rclpy.init(args=['run', '--ros-args', '--params-file', str(file)],
-                   signal_handler_options=SignalHandlerOptions.NO)
-        stack.callback(rclpy.try_shutdown)
-        executor = stack.enter_context(Executor())
-
-        def add(node):
-            stack.callback(node.destroy_node)
-            executor.add_node(node)
-            return node
-
-        def start(kind):
-            node = add(kind())
-            node.prepare()
-            return node
-
-        def spin(seconds, is_over=lambda: False):
-            end = time.monotonic() + seconds
-            while not is_over() and time.monotonic() < end:
-                executor.spin_once(0.02)
-            return is_over()
-
+    with Crew(bag.with_name('nodes.yaml'), {
+            node: {**parameters.get(node, {}), **own} for node, own in given.items()}) as crew:
         if meddle is not None:
-            meddle(add(Node('other')))
-        logger, mpc, plant = (start(kind) for kind in (LoggerNode, MpcNode, PlantNode))
-        assert spin(PATIENCE, lambda: plant.done)
-        executor.remove_node(plant)
+            meddle(crew.add(Node('other')))
+        logger, mpc, plant = map(crew.start, (LoggerNode, MpcNode, PlantNode))
+        assert crew.until(lambda: plant.done)
+        crew.end(plant)
         if plant.core.lockstep:
-            spin(ANSWER, lambda: mpc.core.answered == plant.core.state.stamp)
+            crew.until(lambda: mpc.core.answered == plant.core.state.stamp, ANSWER)
         else:
-            spin(SILENCE, mpc.silence.is_canceled)
-        executor.remove_node(mpc)
-        mpc.close()
+            crew.until(mpc.silence.is_canceled, SILENCE)
+        crew.end(mpc)
         logger.close()   # which takes what is still underway
     return bag

@@ -1,7 +1,8 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the tests of nodes share: a node to talk to them with."""
+"""What the tests of nodes share: a node to talk to them with, and nodes in this process."""
 
+from here import NodeHere
 from peer import Peer
 import pytest
 
@@ -12,3 +13,17 @@ def peer():
     peer = Peer()
     yield peer
     peer.close()
+
+
+@pytest.fixture
+def start_here(capfd):
+    """Return a function that starts a node in this process; in the end none is left."""
+    started = []
+
+    def start(name, parameters=(), arguments=()):
+        started.append(NodeHere(capfd, name, parameters, arguments))
+        return started[-1]
+    yield start
+    for node in started:
+        if not node.ended():
+            node.stop()
