@@ -22,6 +22,7 @@ It works in real time: in lockstep a lost message would leave plant and mpc wait
 from collections import deque
 from collections.abc import Iterable, Iterator
 import dataclasses
+from functools import partial
 import math
 import sys
 from typing import Any, NamedTuple
@@ -266,5 +267,7 @@ def without_numbers(data: bytes) -> bytes:
     return bytes(serialize_message(state))
 
 
+main = partial(run, FaultsNode)
+
 if __name__ == '__main__':
-    sys.exit(run(FaultsNode))
+    sys.exit(main())

@@ -32,9 +32,10 @@ SILENCE = 5.0      # [s] at most, until an mpc that hears no state in real time 
 class Crew:
     """Nodes of this process, which find each other at once; used as a context manager."""
 
-    def __init__(self, file, parameters):
+    def __init__(self, file, parameters, arguments=()):
         """Take the parameters of each node, by name, which are written to a file."""
-        self.file, self.stack = file, ExitStack()
+        self.arguments = ['crew', '--ros-args', '--params-file', str(file), *arguments]
+        self.stack = ExitStack()
         file.write_text(yaml.safe_dump({
             node: {'ros__parameters': own} for node, own in parameters.items()}))
 
@@ -44,8 +45,7 @@ class Crew:
         enter(patch.object(ros_parameters, 'commit', COMMIT))
         enter(redirect_stdout(io.StringIO()))   # what a logger says in the end
         self.stack.callback(gc.unfreeze)        # what an mpc has frozen
-        rclpy.init(args=['crew', '--ros-args', '--params-file', str(self.file)],
-                   signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(args=self.arguments, signal_handler_options=SignalHandlerOptions.NO)
         self.stack.callback(rclpy.try_shutdown)
         self.executor = enter(Executor())
         return self

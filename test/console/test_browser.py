@@ -5,7 +5,6 @@
 import math
 import re
 import signal
-import subprocess
 import time
 
 from chromium import CHROMIUM, DRIVER, Page, PHONE
@@ -19,6 +18,8 @@ from selenium.webdriver import ActionChains, Keys
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
+
+from dp_swing_ros.tools import verify
 
 pytestmark = [pytest.mark.alone, pytest.mark.skipif(
     not (CHROMIUM and DRIVER),
@@ -73,7 +74,8 @@ class Nodes:
     def __init__(self, folder, start):
         self.folder, self.start = folder, start
         start('mpc', {'shown_tries': 10}).wait_for('ready')
-        start('plant', {'start': 'up_up'}).wait_for('states a second')
+        # in lockstep, so that a machine that is busy with something else only takes longer
+        start('plant', {'start': 'up_up', 'lockstep': True, 'pace': 1.0})
         _, self.address = self.console()
 
     def console(self, arguments=(), **parameters):
@@ -180,27 +182,19 @@ def test_the_picture_moves(page, ears):
     page.let_go()
 
 
-@pytest.mark.parametrize('body, way', [(0, 1), (1, -1), (2, 1)])
+@pytest.mark.parametrize('body, way', [(0, 1), (2, -1)])
 def test_a_drag_pulls_where_it_goes(page, ears, tmp_path, body, way):
     assert stands(ears)
     ears.pushes.clear()
     page.grip(body, way, 30 if body else 60)
     page.shot(tmp_path / f'drag_{body}.png')
     ears.until(lambda: len(ears.pushes) > 3)
+    page.until(page.drags, 'a drag')   # how long it took until it was seen
     page.let_go()
     assert first_pull(ears) * way > 0
     assert max(map(abs, ears.pushes)) <= 30.0 + 1e-9
     assert wait_until(lambda: rest(ears))   # it was let go
     assert stands(ears)
-
-
-def test_a_drag_is_seen(page, ears):
-    for n in range(5):
-        assert stands(ears)   # a hand may miss a cart that moves
-        page.grip(0, (-1) ** n, 40)
-        page.until(lambda: len(page.drags()) > n, f'drag {n}')
-        page.let_go()
-    print(f'drag to visible: {[round(each) for each in page.drags()]} ms')
 
 
 def test_keys_push_and_help(page, ears):
@@ -369,31 +363,17 @@ def test_axes_use_one_notation(page):
         assert page.driver.execute_async_script(script, values) == texts
 
 
-def test_the_solver_is_switched(page, ears):
-    page.controls()
-    page.driver.execute_script(LISTEN, '#now-solver')
-    page.choose('#mpc-solver-0', 'mppi')
-    page.until(lambda: page.text('#now-solver') == 'MPPI', 'MPPI')
-    said = page.driver.execute_script('return window.said')
-    assert set(said) <= {'iLQR', 'MPPI loading …', 'MPPI'}
-    assert 'MPPI loading …' in said
-    page.choose('#mpc-solver-0', 'ilqr')
-    page.await_text('#now-solver', 'iLQR')
-
-
-def test_a_recording_verifies(page, nodes, ears):
+def test_a_recording_verifies(page, nodes, capsys):
     page.find('#record').click()
     page.await_text('#record', 'Stop')
-    page.until(lambda: int(re.search(r'\((\d+) s\)', page.text('#record'))[1]) >= 4,
-               '4 s of a recording')
+    page.until(lambda: int(re.search(r'\((\d+) s\)', page.text('#record'))[1]) >= 1,
+               'a second of a recording')
     page.find('#record').click()
     page.until(lambda: page.all('#recordings a'), 'a recording')
     link = page.find('#recordings li').text.split()[0]
     folder = next(path.parent for path in nodes.folder.rglob('metadata.yaml')
                   if link in str(path))
-    done = subprocess.run(['ros2', 'run', 'dp_swing_ros', 'verify', str(folder)],
-                          capture_output=True, text=True, timeout=120)
-    assert done.returncode == 0, done.stdout + done.stderr
+    assert verify.main([str(folder)]) == 0, capsys.readouterr()
 
 
 def go_to(page, at):
@@ -592,28 +572,51 @@ def test_read_only_refuses_and_says_so(browser, nodes, ears):
     browser.until(lambda: not browser.find('#lost').is_displayed(), 'the console again')
 
 
-def test_who_is_dead_is_named_and_faded_until_it_is_back(browser, nodes, tmp_path):
-    away = ['-r', '__ns:=/mortal']
+class Mortal:
+    """A plant in real time, an mpc, and the address of a console, in a namespace of their own."""
 
-    def plant():
-        return nodes.start('plant', {'start': 'up_up'}, away)
+    def __init__(self, nodes):
+        self.nodes, self.away, self.living = nodes, ['-r', '__ns:=/mortal'], {}
+        self.start('mpc')
+        self.start('plant')
+        self.address = nodes.console(self.away)[1]
 
-    def mpc():
-        node = nodes.start('mpc', {}, away)
-        node.wait_for('ready')
-        return node
+    def start(self, role):
+        parameters = {'start': 'up_up'} if role == 'plant' else {}
+        self.living[role] = self.nodes.start(role, parameters, self.away)
+        if role == 'mpc':
+            self.living[role].wait_for('ready')
 
+
+@pytest.fixture(scope='module')
+def mortal(nodes):
+    return Mortal(nodes)
+
+
+def test_the_solver_is_switched(browser, mortal):
+    browser.open(mortal.address)
+    browser.controls()
+    browser.driver.execute_script(LISTEN, '#now-solver')
+    browser.choose('#mpc-solver-0', 'mppi')
+    browser.until(lambda: browser.text('#now-solver') == 'MPPI', 'MPPI')
+    said = browser.driver.execute_script('return window.said')
+    assert set(said) <= {'iLQR', 'MPPI loading …', 'MPPI'}
+    assert 'MPPI loading …' in said
+    browser.choose('#mpc-solver-0', 'ilqr')
+    browser.await_text('#now-solver', 'iLQR')
+
+
+def test_who_is_dead_is_named_and_faded_until_it_is_back(browser, mortal, tmp_path):
     def opacity(selector):
         return float(browser.find(selector).value_of_css_property('opacity'))
 
-    living = {'mpc': mpc(), 'plant': plant()}
-    browser.open(nodes.console(away)[1])
-    for role, start, faded, clear in (
-            ('mpc', mpc, '#plots .of-mpc', '#picture'), ('plant', plant, '#picture', '#lost')):
+    browser.open(mortal.address)
+    for role, faded, clear in (('mpc', '#plots .of-mpc', '#picture'),
+                               ('plant', '#picture', '#lost')):
         browser.until(lambda: browser.all('#statuses .ok'), 'a status that is well')
         assert not browser.find('#silence').is_displayed()
         assert opacity(faded) == 1
-        living[role].stop(signal.SIGKILL)
+        mortal.living[role].stop(signal.SIGKILL)
         browser.await_text('#silence', f'{role} has been silent for 3 s')
         assert browser.text('#now-status') == f'{role} is silent'
         assert opacity(faded) < 0.5
@@ -621,7 +624,7 @@ def test_who_is_dead_is_named_and_faded_until_it_is_back(browser, nodes, tmp_pat
         browser.until(lambda: any(role in each.text for each in browser.all('#statuses .stale')),
                       f'a stale status of the {role}')
         browser.shot(tmp_path / f'dead_{role}.png')
-        start()
+        mortal.start(role)
         browser.until(lambda: not browser.find('#silence').is_displayed(), 'nobody silent')
     assert browser.errors() == []
 
@@ -636,25 +639,21 @@ def test_a_console_that_hangs_is_noticed(browser, nodes):
     browser.until(lambda: browser.text('#now-status'), 'a status')
 
 
-def test_a_plant_in_lockstep_is_paused_and_stepped(browser, nodes, ears, tmp_path):
-    away = ['-r', '__ns:=/lockstep']
-    nodes.start('mpc', {}, away).wait_for('ready')
-    nodes.start('plant', {'lockstep': True, 'pace': 1.0, 'start': 'up_up'}, away)
-    browser.open(nodes.console(away)[1])
-    browser.until(lambda: browser.find('#pause').is_displayed(), 'a pause')
-    browser.find('#pause').click()
-    browser.await_text('#pause', 'Go on')
+def test_a_plant_in_lockstep_is_paused_and_stepped(page, tmp_path):
+    page.until(lambda: page.find('#pause').is_displayed(), 'a pause')
+    page.find('#pause').click()
+    page.await_text('#pause', 'Go on')
     time.sleep(0.6)
-    stands_at = browser.now()
+    stands_at = page.now()
     for _ in range(4):
-        browser.find('#step').click()
+        page.find('#step').click()
         time.sleep(0.2)
-    browser.until(lambda: browser.now() > stands_at, 'a time that goes on')
-    assert browser.now() < stands_at + 0.5
-    browser.shot(tmp_path / 'paused.png')
+    page.until(lambda: page.now() > stands_at, 'a time that goes on')
+    assert page.now() < stands_at + 0.5
+    page.shot(tmp_path / 'paused.png')
     time.sleep(2.5)   # for which a plant that is not paused would be silent
-    assert not browser.find('#silence').is_displayed()
-    browser.choose('#pace', '0.5')
-    browser.find('#pause').click()
-    browser.await_text('#pause', 'Pause')
-    assert browser.errors() == []
+    assert not page.find('#silence').is_displayed()
+    page.choose('#pace', '0.5')
+    page.find('#pause').click()
+    page.await_text('#pause', 'Pause')
+    page.choose('#pace', '1')

@@ -16,13 +16,14 @@ from dp_swing_ros.nodes import process, ros_parameters
 
 
 class NodeHere:
-    """A node that its `main` runs in a thread, one at a time; else as a NodeProcess."""
+    """A node, or one of a script, that its `main` runs in a thread; one at a time."""
 
     def __init__(self, capfd, name, parameters=(), arguments=()):
         given = [word for key, value in dict(parameters).items()
                  for word in ('-p', f'{key}:={json.dumps(value)}')]
         ros = ['--ros-args', *given, *arguments] if given or arguments else []
-        main = import_module(f'dp_swing_ros.nodes.{name}').main
+        script = name.removesuffix('.py')
+        main = import_module(script if script != name else f'dp_swing_ros.nodes.{name}').main
         self.capfd, self.text, self.handlers = capfd, '', []
         self.stack, self.code = ExitStack(), None
         self.stack.enter_context(patch.object(ros_parameters, 'commit', COMMIT))
