@@ -94,11 +94,11 @@ def test_intervals_cover_the_truth_as_often_as_they_say():
     physical, names = rig(2), ('cart_mass', 'link1_mass', 'link2_length', 'cart_dry_friction',
                                'joint1_friction', 'actuation_delay', 'force_bias')
     covered = []
-    for seed in range(12):
+    for seed in range(6):
         found = identify([swung(physical, seed, noise=5e-4)], PendulumParameters())
         covered += [found.intervals[name][0] <= true(physical, DRIVE, name)
                     <= found.intervals[name][1] for name in names if name in found.intervals]
-    assert len(covered) > 60
+    assert len(covered) > 30
     assert np.mean(covered) > 0.88
 
 

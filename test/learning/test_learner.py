@@ -23,10 +23,17 @@ def learner(**values):
     return Learner({'estimator': 'none', 'solver': 'mppi', **values}, 5.0)
 
 
-def test_it_is_held_within_some_seconds_of_experience_and_again_to_the_bit():
+@pytest.fixture(scope='module')
+def held():
+    """Return a learner, and its trial without a break until it is held."""
+    one = learner()
+    trial, = trials(one, NOISY, math.inf, 15.0, 2.0)
+    return one, trial
+
+
+def test_it_is_held_within_some_seconds_of_experience_and_again_to_the_bit(held):
     """Nothing of the bodies is told: those of the mpc are others."""
-    runs = [list(trials(learner(), NOISY, math.inf, 15.0, 2.0)) for _ in range(2)]
-    (trial,), (again,) = runs
+    (_, trial), (again,) = held, trials(learner(), NOISY, math.inf, 15.0, 2.0)
     assert trial.held >= 2.0 and trial.experience[-1] <= 15.0
     assert np.all(trial.deviation[trial.experience < 5.0] > 0.5)   # random forces do not hold it
     np.testing.assert_array_equal(trial.deviation, again.deviation)
@@ -48,9 +55,8 @@ def test_it_ends_with_the_experience_that_is_allowed():
     assert 4.5 < one.duration <= 5.0
 
 
-def test_what_is_learned_is_planned_with_by_an_mpc(tmp_path):
-    one = learner()
-    list(trials(one, NOISY, math.inf, 15.0, 2.0))
+def test_what_is_learned_is_planned_with_by_an_mpc(held, tmp_path):
+    one, _ = held
     (tmp_path / 'model.json').write_text(one.model.to_text())
     control = controllers.controller({
         'dynamics': 'learned', 'model': str(tmp_path / 'model.json'), 'solver': 'ddp'})

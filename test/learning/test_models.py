@@ -37,7 +37,7 @@ def test_of_little_something_is_held_out_and_of_less_nothing_is_learned():
 
 
 def test_a_model_is_better_than_wrong_equations():
-    parts = parted([experience(40.0, position_noise=1e-3, velocity_noise=1e-2, **UNTOLD)], seed=0)
+    parts = parted([experience(20.0, position_noise=1e-3, velocity_noise=1e-2, **UNTOLD)], seed=0)
     rounds = []
     model = learned(TRUE, parts, rounds.append)
     assert len(rounds) > 3 and isinstance(rounds[-1], Structured)
@@ -45,7 +45,7 @@ def test_a_model_is_better_than_wrong_equations():
                   for each in (model.dynamics, TRUE))
     assert own < 0.8 * wrong
     assert learned(TRUE, parts).to_text() == model.to_text() == load(model.to_text(), 2).to_text()
-    assert model.about['seconds'] == pytest.approx(30.0)
+    assert model.about['seconds'] == pytest.approx(16.0)
 
 
 def test_while_it_runs_it_is_fitted_from_where_it_was():
