@@ -4,6 +4,7 @@
 import subprocess
 
 import numpy as np
+from one_process import Crew
 import pytest
 from real_bags import record, rewritten
 
@@ -12,6 +13,8 @@ from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.control import controllers
 from dp_swing_ros.identification import recorded as times
 from dp_swing_ros.identification.recorded import recorded
+from dp_swing_ros.nodes.mpc import MpcNode
+from dp_swing_ros.nodes.plant import PlantNode
 from dp_swing_ros.pendulum.parameters import PendulumParameters
 from dp_swing_ros.simulation import plants
 from dp_swing_ros.tools.identify import main
@@ -33,7 +36,7 @@ def lockstep(tmp_path_factory):
 
 @pytest.fixture(scope='module')
 def real_time(tmp_path_factory):
-    return record(tmp_path_factory.mktemp('real_time'), '--duration', '6', plant=PLANT)
+    return record(tmp_path_factory.mktemp('real_time'), '--duration', '4', plant=PLANT)
 
 
 def stamped(change):
@@ -65,17 +68,19 @@ def test_the_process_finds_what_moved_the_plant(identified):
         assert values['mpc'][name] == pytest.approx(value, rel=0.02, abs=2e-3), name
 
 
-def test_plant_and_mpc_take_the_file(identified, start_node):
+def test_plant_and_mpc_take_the_file(identified, tmp_path):
     _, output = identified
     values = declarations.read([output])
     found = plants.plant(values['plant']).physical
     assert found.cart_mass == values['plant']['cart_mass']
     assert controllers.controller(values['mpc']).belief.drive.gain == pytest.approx(1, abs=0.02)
-    mpc = start_node('mpc', arguments=['--params-file', str(output)])
-    plant = start_node('plant', {'duration': 0.5}, arguments=['--params-file', str(output)])
-    mpc.wait_for('ready')
-    assert plant.wait() == 0
-    assert mpc.stop() == 0
+    with Crew(tmp_path / 'nodes.yaml', {'plant': {'duration': 0.2}},
+              ['--params-file', str(output)]) as crew:
+        mpc, plant = map(crew.start, (MpcNode, PlantNode))
+        assert crew.until(lambda: plant.done)
+        for node in (mpc, plant):
+            assert node.values['cart_mass'] == values['plant']['cart_mass']
+            crew.end(node)
 
 
 def test_in_real_time_a_command_counts_from_when_it_was_sent(real_time, tmp_path):

@@ -2,12 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command, from its words to the model and the picture that it leaves."""
 
+from contextlib import closing
+
+from peer import Peer
 from PIL import Image
 import pytest
 
 from dp_swing_ros.bags.episodes import revisions_of
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.dynamics.files import load
+from dp_swing_ros.nodes.connections import publish
 from dp_swing_ros.tools import live_learning, verify
 from dp_swing_ros.tools.learn import main
 from dp_swing_ros.topics import FORCE_COMMAND
@@ -43,7 +47,7 @@ def test_a_plant_that_runs_is_held_by_an_mpc_whose_model_is_learned(
     file.write_text(PLANT)
     logger = start_node('logger', {'output': str(bag)})
     logger.wait_for('recording to')
-    plant = start_node('plant', {'lockstep': True, 'pace': 1.0}, ['--params-file', str(file)])
+    plant = start_node('plant', {'lockstep': True, 'pace': 2.0}, ['--params-file', str(file)])
     plant.wait_for('waiting for a controller')
     assert main(['--live', '--total', '40', '-o', 'learned']) == 0
     out = capsys.readouterr().out
@@ -78,11 +82,11 @@ def test_where_nothing_runs_it_says_so(monkeypatch, tmp_path, capsys):
     assert 'no state on joint_states for 1 s; start a plant' in capsys.readouterr().err
 
 
-def test_there_is_one_master(start_node, tmp_path, capsys):
-    start_node('mpc').wait_for('ready')
-    start_node('plant').wait_for('states a second')
-    assert main(['--live', '-o', str(tmp_path / 'learned')]) == 2
-    assert '/mpc on force_command, too; end it' in capsys.readouterr().err
+def test_there_is_one_master(tmp_path, capsys):
+    with closing(Peer()) as peer:
+        publish(peer.node, FORCE_COMMAND)
+        assert main(['--live', '-o', str(tmp_path / 'learned')]) == 2
+    assert '/peer on force_command, too; end it' in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(('arguments', 'words'), [
