@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 
+from conftest import starting
 from pages import Page, port_of
 import pytest
 
@@ -15,14 +16,23 @@ from dp_swing_ros.bags.episodes import read_episode
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.console.player import Tape
 from dp_swing_ros.solvers import SOLVERS
+from dp_swing_ros.tools.console import main
+
+
+@pytest.fixture(scope='module')
+def console(lockstep_bag, tmp_path_factory):
+    """Return a console that plays a bag, one for all tests."""
+    with starting(tmp_path_factory.mktemp('console')) as start:
+        node = start('console', options=[str(lockstep_bag), '--port', '0'])
+        port_of(node)
+        yield node
 
 
 @pytest.fixture
-def page(start_node, lockstep_bag):
-    """Return a page on a bag."""
-    node = start_node('console', options=[str(lockstep_bag), '--port', '0'])
-    with Page(port_of(node)) as page:
-        page.node = node
+def page(console):
+    """Return a page on a bag, with a clock of its own."""
+    with Page(port_of(console)) as page:
+        page.node = console
         page.until(lambda page: 'frame' in page.newest and 'hello' in page.newest)
         yield page
 
@@ -108,16 +118,20 @@ def test_the_past_and_branches_are_there_too(page, lockstep_bag):
     assert courses['ilqr']['X'] == courses['recorded ilqr']['X']
 
 
-def test_it_needs_no_ros_and_ends_quietly(start_node, lockstep_bag, tmp_path):
+def test_it_needs_no_ros():
     code = ('import sys; sys.modules["rclpy"] = None; from dp_swing_ros.tools import console; '
             'assert "numba" in sys.modules; sys.exit(console.main([]))')
     done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True)
     assert (done.returncode, 'the following arguments are required: BAG' in done.stderr) == (
         2, True)
-    node = start_node('console', options=[str(tmp_path), '--port', '0'])
-    assert node.wait() == 2
-    assert 'is no bag' in node.output()
-    node = start_node('console', options=[str(lockstep_bag), '--port', '0'])
-    port_of(node)
-    assert node.stop(signal.SIGINT) == 0
-    assert 'Traceback' not in node.output()
+
+
+def test_what_is_no_bag_is_said(tmp_path, capsys):
+    assert main([str(tmp_path), '--port', '0']) == 2
+    assert 'is no bag' in capsys.readouterr().err
+
+
+def test_it_ends_quietly(console):
+    """In the end, for it is the last test of it."""
+    assert console.stop(signal.SIGINT) == 0
+    assert 'Traceback' not in console.output()
