@@ -21,15 +21,14 @@ from typing import Any
 from builtin_interfaces.msg import Time
 import numpy as np
 from rcl_interfaces.msg import Parameter
-from rcl_interfaces.srv import (
-    DescribeParameters, GetParameters, ListParameters, SetParametersAtomically)
+from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Float64MultiArray, String
-from std_srvs.srv import SetBool, Trigger
+from std_srvs.srv import SetBool
 from websockets.exceptions import WebSocketException
 from websockets.sync.client import connect
 
@@ -40,14 +39,13 @@ STARTING = 120.0      # [s] for nodes, which may compile
 MEMORY = 3 << 30      # [bytes] that a process may have
 LASTING = QoSProfile(depth=2, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 MANY = QoSProfile(depth=1000)
-PURPOSE = {('plant', 'duration')}   # which is there to end a node
 
 
 def limited() -> None:
     """
-    Bound the memory of a child, which ends with the fuzzer: the machine is not attacked.
+    Bound the memory of a child, which ends with its parent: the machine is not attacked.
 
-    SIGINT ends it, which a shell that starts the fuzzer in the background has it ignore.
+    SIGINT ends it, which a shell that starts tests in the background has it ignore.
     """
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
@@ -142,23 +140,18 @@ class Loop:
         """Return whether a state that came since then has been answered."""
         return any(self.states.get(stamp, 0.0) > since for _, stamp, _ in self.answers[-50:])
 
-    def gap(self, begin: float, end: float) -> float:
-        """Return the longest time without a force [s]."""
-        times = [begin, *(at for at, *_ in self.answers if begin < at < end), end]
-        return max(after - before for before, after in zip(times, times[1:]))
-
 
 class Target:
     """Nodes of ours that run; everything about them is known as a stranger knows it."""
 
-    def __init__(self, folder: Path, alone: bool = False) -> None:
+    def __init__(self, folder: Path) -> None:
         self.folder, self.processes = folder, dict[str, Process]()
         self.context = rclpy.Context()
         rclpy.init(context=self.context)
         self.node = rclpy.create_node('stranger', context=self.context)
         self.loop, self.simulated = Loop(self.node, ''), Loop(self.node, '/simulated')
         self.announced: dict[str, str] = {}
-        self.announcements, self.periods = 0, [(0.0, 0.0)]   # the latter of states, since when
+        self.announcements = 0
         self.last_force, self.relayed = math.nan, list[float]()
         self.clients, self.publishers = dict[str, Any](), dict[str, Any]()
         self.node.create_subscription(String, 'configuration', self._on_configuration, LASTING)
@@ -173,18 +166,14 @@ class Target:
             thread.start()
         os.mkfifo(folder / 'fifo')
         (folder / 'nested.json').write_text('[' * 12_500 + ']' * 12_500)
-        self.described, self.values = dict[tuple[str, str], Any](), dict[str, list[Parameter]]()
-        if not alone:
-            self._start_all()
-
-    def _start_all(self) -> None:
         for name in (*NODES, 'simulated_mpc', 'simulated_plant'):
             self.start(name)
         self.await_(lambda: self.loop.answers and self.simulated.answers, STARTING)
         self.await_(lambda: {'/plant', '/mpc'} <= set(self.announced), STARTING)
         self.port = self._port()
-        for name in ('mpc', 'plant', 'console', 'logger'):
-            self._describe(name)
+        names = ['dynamics', 'model']
+        self.values = [Parameter(name=name, value=value) for name, value in zip(
+            names, self.call(GetParameters, 'mpc/get_parameters', names=names).values)]
 
     # honest
 
@@ -207,9 +196,6 @@ class Target:
             node = re.match(r'node: (\S+)', message.data)[1]
             if node not in self.announced or self.honest:
                 self.announced[node] = message.data
-            if node == '/plant' and self.honest:
-                rate = float(re.search(r'^ +rate: (\S+)$', message.data, re.MULTILINE)[1])
-                self.periods.append((time.monotonic(), 1 / rate))
 
     honest = True   # what comes now is of our nodes
 
@@ -236,17 +222,6 @@ class Target:
         self.await_(lambda: 'the page is at' in console.text(), STARTING)
         return int(re.search(r'the page is at http://[^/]*:(\d+)/', console.text())[1])
 
-    def _describe(self, name: str) -> None:
-        names = self.call(ListParameters, f'{name}/list_parameters').result.names
-        names = sorted(each for each in names if not each.startswith('qos_overrides'))
-        values = self.call(GetParameters, f'{name}/get_parameters', names=names).values
-        told = self.call(DescribeParameters, f'{name}/describe_parameters', names=names)
-        found = [(each, value) for each, value in zip(told.descriptors, values)
-                 if (name, each.name) not in PURPOSE]
-        self.described.update({(name, each.name): each for each, _ in found})
-        self.values[name] = [Parameter(name=each.name, value=value) for each, value in found
-                             if not each.read_only]
-
     def await_(self, condition: Callable[[], Any], patience: float = PATIENCE) -> bool:
         """Wait for a condition; return whether it came true."""
         end = time.monotonic() + patience
@@ -270,10 +245,6 @@ class Target:
         futures = [client.call_async(request) for request in requests]
         self.await_(lambda: all(each.done() for each in futures), patience)
         return futures
-
-    def period(self, since: float) -> float:
-        """Return the longest period of states that the plant has announced since a time [s]."""
-        return max(period for at, period in self.periods if at > since or at == 0.0)
 
     def complaints(self) -> list[str]:
         """Return what is wrong with the processes by themselves."""
@@ -329,20 +300,6 @@ class Target:
             self.publisher('configuration', String).publish(announced)
         self.call(SetBool, 'mpc/enable', data=True)
 
-    def revive(self) -> None:
-        """Kill what does not answer, and start it anew."""
-        names = {self.loop: ('mpc', 'plant'), self.simulated: ('simulated_mpc', 'simulated_plant')}
-        for loop, several in names.items():
-            since = time.monotonic()
-            if not self.await_(lambda: loop.answered(since), 2.0):
-                for name in several:
-                    self.processes[name].signal(signal.SIGKILL)
-                    self.processes[name].popen.wait()
-        self.heal()
-        for loop in names:
-            since = time.monotonic()
-            self.await_(lambda: loop.answered(since), STARTING)
-
     def end(self) -> list[str]:
         """End all nodes; return what was wrong with that."""
         found = []
@@ -387,20 +344,13 @@ class Target:
             self.await_(self.publishers[topic].get_subscription_count)
         return self.publishers[topic]
 
-    def change(self, node: str, requests: Sequence[Sequence[Any]], patience: float) -> None:
-        """Set parameters one after the other, wait for what is taken to count, and undo it."""
-        before = self.announcements
-        futures = self.call_many(SetParametersAtomically, f'{node}/set_parameters_atomically', [
-            SetParametersAtomically.Request(parameters=each) for each in requests])
-        taken = any(each.done() and each.result().result.successful for each in futures)
-        if taken and patience and node in ('plant', 'mpc'):
-            self.await_(lambda: self.announcements > before, patience)
-            time.sleep(0.2)   # some ticks with it
-        if taken:
-            self.call(SetParametersAtomically, f'{node}/set_parameters_atomically',
-                      parameters=self.values[node])
-            if node == 'plant':
-                self.call(Trigger, 'plant/reset')
+    def change(self, node: str, several: Sequence[Parameter]) -> None:
+        """Set parameters, wait until that counts if it is taken, and undo it."""
+        before, name = self.announcements, f'{node}/set_parameters_atomically'
+        answer = self.call(SetParametersAtomically, name, parameters=several)
+        if answer is not None and answer.result.successful:
+            self.await_(lambda: self.announcements > before, 2.0)
+            self.call(SetParametersAtomically, name, parameters=self.values)
 
     def page_sends(self, several: Sequence[str | bytes]) -> None:
         """Send texts or bytes as a page, and read what waits."""
