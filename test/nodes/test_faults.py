@@ -269,7 +269,7 @@ def test_what_an_mpc_answers_through_faults_is_verified(tmp_path, capsys):
                               plant.done or len(states) > before + count)
         assert crew.until(lambda: plant.done)
         crew.end(plant)
-        crew.until(mpc.watchdog.timer.is_canceled, 1.0)
+        crew.until(mpc.silence.is_canceled, 1.0)
         crew.until(lambda: False, 1.1)   # a report of all
         crew.end(mpc)
         crew.until(lambda: forces[-1].data == 0.0, 1.0)

@@ -260,7 +260,7 @@ def answered(bag, folder, mpc=(), **parameters):
             assert crew.until(lambda: mpc.sent > before)
         assert crew.until(lambda: replay.done)
         crew.end(replay)
-        crew.until(mpc.watchdog.timer.is_canceled, 1.0)
+        crew.until(mpc.silence.is_canceled, 1.0)
         crew.end(mpc)
         logger.close()
     return Bag(folder / 'bag')
