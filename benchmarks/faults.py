@@ -27,14 +27,13 @@ import math
 import sys
 from typing import Any, NamedTuple
 
-from diagnostic_msgs.msg import DiagnosticStatus
 import numpy as np
 from rclpy.publisher import Publisher
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
-from dp_swing_ros.messages.fields import BILLION
+from dp_swing_ros.messages.fields import BILLION, OK, Report, WARN
 from dp_swing_ros.nodes.connections import publish, QUEUE, subscribe
 from dp_swing_ros.nodes.diagnostics import Diagnostics
 from dp_swing_ros.nodes.parameters import named
@@ -244,14 +243,13 @@ class FaultsNode(ProcessNode):
         """Publish what it counts."""
         refused = self.refused > self.reported_refusals
         self.reported_refusals = self.refused
-        self.diagnostics.publish(
-            self.get_clock().now().to_msg(),
-            DiagnosticStatus.WARN if refused else DiagnosticStatus.OK,
+        self.diagnostics.publish(Report(
+            self.get_clock().now().nanoseconds, WARN if refused else OK,
             'refused a force' if refused else self.words(),
             {**{f'{name}_{of}': count
                 for of, passage in (('states', self.states), ('commands', self.forces))
                 for name, count in dataclasses.asdict(passage.channel.counts).items()},
-             'nan_states': self.nan_states, 'refused': self.refused})
+             'nan_states': self.nan_states, 'refused': self.refused}))
 
     def close(self) -> None:
         """End a stream of forces with zero."""

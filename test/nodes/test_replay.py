@@ -255,9 +255,9 @@ def answered(bag, folder, mpc=(), **parameters):
         logger, mpc, replay = map(crew.start, (LoggerNode, MpcNode, ReplayNode))
         assert crew.until(lambda: replay.began is not None)
         while replay.paused and not replay.done:   # so that a state waits for its answer
-            before = mpc.sent
+            before = mpc.core.forces
             replay.play_next()
-            assert crew.until(lambda: mpc.sent > before)
+            assert crew.until(lambda: mpc.core.forces > before)
         assert crew.until(lambda: replay.done)
         crew.end(replay)
         crew.until(mpc.silence.is_canceled, 1.0)
