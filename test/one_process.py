@@ -10,6 +10,7 @@ import time
 from unittest.mock import patch
 
 import rclpy
+from rclpy import utilities
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 import yaml
@@ -45,9 +46,11 @@ class Crew:
         enter(patch.object(ros_parameters, 'commit', COMMIT))
         enter(redirect_stdout(io.StringIO()))   # what a logger says in the end
         self.stack.callback(gc.unfreeze)        # what an mpc has frozen
-        rclpy.init(args=self.arguments, signal_handler_options=SignalHandlerOptions.NO)
-        self.stack.callback(rclpy.try_shutdown)
-        self.executor = enter(Executor())
+        self.context = rclpy.Context()
+        rclpy.init(args=self.arguments, context=self.context,
+                   signal_handler_options=SignalHandlerOptions.NO)
+        self.stack.callback(self.context.try_shutdown)
+        self.executor = enter(Executor(context=self.context))
         return self
 
     def __exit__(self, *error):
@@ -61,8 +64,10 @@ class Crew:
 
     def start(self, kind):
         """Start a node of ours, and return it."""
-        node = self.add(kind())
-        node.prepare()
+        # each crew has arguments, and so a context, of its own
+        with patch.object(utilities, 'g_default_context', self.context):
+            node = self.add(kind())
+            node.prepare()
         return node
 
     def until(self, is_over, seconds=PATIENCE):
@@ -89,7 +94,7 @@ def run(bag, parameters, meddle=None):
     with Crew(bag.with_name('nodes.yaml'), {
             node: {**parameters.get(node, {}), **own} for node, own in given.items()}) as crew:
         if meddle is not None:
-            meddle(crew.add(Node('other')))
+            meddle(crew.add(Node('other', context=crew.context)))
         logger, mpc, plant = map(crew.start, (LoggerNode, MpcNode, PlantNode))
         assert crew.until(lambda: plant.done)
         crew.end(plant)

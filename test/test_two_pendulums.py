@@ -2,13 +2,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """Two pendulums at the same time in one ROS domain, one of them in a namespace."""
 
-import signal
+from contextlib import ExitStack
+import time
 
-from conftest import NodeProcess
+from conftest import PATIENCE
+from one_process import Crew
 import pytest
 
 from dp_swing_ros.bags import read_episode
 from dp_swing_ros.errors import BagError
+from dp_swing_ros.nodes.logger import LoggerNode
+from dp_swing_ros.nodes.mpc import MpcNode
+from dp_swing_ros.nodes.plant import PlantNode
 from dp_swing_ros.report.recording import recording
 from dp_swing_ros.tools import analyse, compare, verify
 
@@ -22,28 +27,36 @@ BOTH = ['/joint_states', '/force_command', '/configuration', '/robot_description
 def bags(tmp_path_factory):
     """Return the bags of loggers in no namespace, in /second, and of one that takes both."""
     folder = tmp_path_factory.mktemp('two')
-    started = []
 
-    def start(name, parameters, namespace):
+    def crew(name, namespace, **parameters):
+        parameters['logger'] = {'output': str(folder / name), 'progress_period': 0.0,
+                                **parameters.get('logger', {})}
         arguments = ['-r', f'__ns:={namespace}'] if namespace else []
-        log = folder / f'{name}_{len(started)}.log'
-        started.append(NodeProcess(name, log, parameters, arguments))
-        return started[-1]
+        return stack.enter_context(Crew(folder / f'{name}.yaml', {
+            f'/**/{node}': values for node, values in parameters.items()}, arguments))
 
-    loggers = [start('logger', {'output': str(folder / 'first')}, ''),
-               start('logger', {'output': str(folder / 'second')}, '/second'),
-               start('logger', {'output': str(folder / 'both'), 'topics': BOTH}, '/third')]
-    try:
-        for solver, namespace in (('mppi', ''), ('ddp', '/second')):
-            start('mpc', {'solver': solver}, namespace).wait_for('ready')
-        plants = [start('plant', {'duration': DURATION, 'lockstep': True}, namespace)
-                  for namespace in ('', '/second')]
-        assert [each.wait() for each in plants] == [0, 0]
-        assert [each.stop() for each in loggers] == [0, 0, 0]
-    finally:
-        for each in started:
-            each.signal(signal.SIGKILL)
-            each.popen.wait()
+    with ExitStack() as stack:
+        crews = [crew(name, namespace, mpc={'solver': solver},
+                      plant={'duration': DURATION, 'lockstep': True})
+                 for name, namespace, solver in (('first', '', 'mppi'),
+                                                 ('second', '/second', 'ddp'))]
+        third = crew('both', '/third', logger={'topics': BOTH})
+        loggers = [each.start(LoggerNode) for each in (*crews, third)]
+        controllers = [each.start(MpcNode) for each in crews]
+        plants = [each.start(PlantNode) for each in crews]
+
+        def spin(is_over, end):
+            while not is_over() and time.monotonic() < end:
+                for each in (*crews, third):
+                    each.executor.spin_once(0.0)
+        spin(lambda: all(plant.done for plant in plants), time.monotonic() + PATIENCE)
+        assert all(plant.done for plant in plants)
+        spin(lambda: False, time.monotonic() + 0.5)   # until all is answered and written
+        for each, mpc, plant in zip(crews, controllers, plants):
+            each.end(plant)
+            each.end(mpc)
+        for logger in loggers:
+            logger.close()
     return folder
 
 

@@ -255,7 +255,7 @@ def test_what_an_mpc_answers_through_faults_is_verified(tmp_path, capsys):
             'logger': {'output': str(tmp_path / 'bag'), 'progress_period': 0.0},
             'faults': {'state_loss': 0.1, 'command_loss': 0.1},
             'plant': {'start': 'up_up', 'duration': 2.0}}, OF_MPC) as crew:
-        other = crew.add(Node('other'))
+        other = crew.add(Node('other', context=crew.context))
         states, forces, reports = [], [], []
         for topic, heard in ((JOINT_STATES, states), (FORCE_COMMAND, forces),
                              (DIAGNOSTICS, reports)):
