@@ -3,6 +3,7 @@
 """A node in a thread of this process: as one in its own, without the seconds that takes."""
 
 from contextlib import ExitStack, nullcontext
+import gc
 from importlib import import_module
 import json
 import sys
@@ -31,8 +32,10 @@ class NodeHere:
                               # nobody else ends at the moment
                               ('exit_after', lambda *_: nullcontext())):
             self.stack.enter_context(patch.object(process, what, instead))
+        self.stack.enter_context(patch.object(sys, 'argv', [name, *ros]))
+        self.stack.callback(gc.unfreeze)   # what an mpc has frozen
         self.stack.enter_context(patch.object(sys, 'unraisablehook', sys.unraisablehook))
-        self.thread = threading.Thread(target=self.run, args=(main, [name, *ros]), daemon=True)
+        self.thread = threading.Thread(target=self.run, args=(main, sys.argv), daemon=True)
         self.thread.start()
 
     def run(self, main, arguments):
