@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from real_bags import record
 from std_msgs.msg import Float64
+from std_srvs.srv import Trigger
 
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.nodes.connections import publish, subscribe
@@ -98,6 +99,23 @@ def test_whoever_takes_over_is_pushed_as_the_recorded_one_was(tmp_path, mode):
         moved, off = recorded.X[window, 0], again.X[window, 0] - recorded.X[window, 0]
         assert np.abs(off).max() < 0.5 * np.abs(moved).max()
         assert run.latency(0.0) == np.median([tick.delay for tick in run.record.ticks]) > 0.0
+
+
+def reset(node):
+    """Reset the mpc after some states."""
+    client, number = node.create_client(Trigger, 'mpc/reset'), itertools.count()
+
+    def on_state(_):
+        if next(number) == 12:
+            client.call_async(Trigger.Request())
+    subscribe(node, JOINT_STATES, on_state)
+
+
+def test_a_reset_in_mid_run_is_repeated(tmp_path):
+    run = Run(Bag(record(tmp_path, '--duration', '1', '--lockstep', meddle=reset)))
+    assert sum(tick.reset for tick in run.record.ticks[1:]) == 1
+    found = verify(run.bag, iter)
+    assert (found.states, found.differences, found.beyond) == (21, [], [])
 
 
 def test_the_past_is_what_was_recorded(runs):
