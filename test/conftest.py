@@ -62,7 +62,7 @@ def pytest_collection_modifyitems(items):
     """Begin with what takes longest, nodes and whole runs, so that no process is left with it."""
     top = Path(__file__).parent
     items.sort(key=lambda item: item.path.relative_to(top).parts[0] not in (
-        'nodes', 'rerun', 'tools', item.path.name))
+        'console', 'nodes', 'rerun', 'tools', item.path.name))
 
 
 @pytest.fixture

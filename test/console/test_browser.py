@@ -21,9 +21,9 @@ from std_srvs.srv import Trigger
 
 from dp_swing_ros.tools import verify
 
-pytestmark = [pytest.mark.alone, pytest.mark.skipif(
+pytestmark = pytest.mark.skipif(
     not (CHROMIUM and DRIVER),
-    reason='chromium or chromedriver is not on the PATH (Debian: chromium, chromium-driver)')]
+    reason='chromium or chromedriver is not on the PATH (Debian: chromium, chromium-driver)')
 
 # the numbers of one drawing: in the header, at the arrow, and of the plot
 FORCES = """
