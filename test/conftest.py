@@ -148,7 +148,7 @@ def lockstep_bag(tmp_path_factory):
         fcntl.flock(lock, fcntl.LOCK_EX)
         bag = shared / 'lockstep' / 'run' / 'bag'
         if not bag.exists():
-            from real_bags import record   # a second of loading
+            from one_process import record   # a second of loading
             record(shared / 'lockstep', '--lockstep', '--duration', '5')
     return bag
 

@@ -21,7 +21,7 @@ from dp_swing_ros.nodes.logger import LoggerNode
 from dp_swing_ros.nodes.mpc import MpcNode
 from dp_swing_ros.nodes.plant import PlantNode
 from dp_swing_ros.nodes.taking import Executor
-from dp_swing_ros.tools.demo import keeping
+from dp_swing_ros.tools.demo import command_line, keeping
 from dp_swing_ros.topics import DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES
 
 COMMIT = cache(provenance.commit)   # asks git
@@ -105,3 +105,18 @@ def run(bag, parameters, meddle=None):
         crew.end(mpc)
         logger.close()   # which takes what is still underway
     return bag
+
+
+def record(folder, *arguments, plant='', mpc='', meddle=None):
+    """
+    Record what the demo would, with these lines of parameters, and return its bag.
+
+    meddle is given a node with which to do more.
+    """
+    given, bag = command_line().parse_args(arguments), folder / 'run' / 'bag'
+    bag.parent.mkdir(parents=True)
+    shared = {'seed': given.seed, **({'links': given.links} if given.links else {})}
+    return run(bag, {
+        'mpc': {**(yaml.safe_load(mpc) or {}), **shared, 'solver': given.solver},
+        'plant': {**(yaml.safe_load(plant) or {}), **shared, 'duration': given.duration,
+                  'lockstep': given.lockstep}}, meddle)

@@ -12,9 +12,9 @@ from conftest import wait_until
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 import numpy as np
+from one_process import record
 from PIL import Image
 import pytest
-from real_bags import record
 from rosbags.highlevel import AnyReader
 
 from dp_swing_ros.bags import read_episode

@@ -8,12 +8,11 @@ import signal
 from made_bags import encoded, LATCHED, START, write_bag
 from mcap.records import Channel, Schema
 import numpy as np
-from one_process import Crew
+from one_process import Crew, record
 import pytest
 from rclpy.duration import Duration
 from rclpy.qos import (
     DurabilityPolicy, LivelinessPolicy, qos_profile_sensor_data, QoSProfile, ReliabilityPolicy)
-from real_bags import record
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger

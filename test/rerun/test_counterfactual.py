@@ -5,8 +5,8 @@
 import itertools
 
 import numpy as np
+from one_process import record
 import pytest
-from real_bags import record
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 

@@ -3,9 +3,10 @@
 
 from diagnostic_msgs.msg import KeyValue
 import numpy as np
+from one_process import record
 from PIL import Image
 import pytest
-from real_bags import record, rewritten, tick
+from real_bags import rewritten, tick
 from std_msgs.msg import Float64
 
 from dp_swing_ros import figures

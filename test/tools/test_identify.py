@@ -4,9 +4,9 @@
 import subprocess
 
 import numpy as np
-from one_process import Crew
+from one_process import Crew, record
 import pytest
-from real_bags import record, rewritten
+from real_bags import rewritten
 
 from dp_swing_ros import declarations
 from dp_swing_ros.bags.reader import Bag

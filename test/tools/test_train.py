@@ -5,9 +5,10 @@
 import subprocess
 
 import numpy as np
+from one_process import record
 from PIL import Image
 import pytest
-from real_bags import record, rewritten
+from real_bags import rewritten
 
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.control import controllers

@@ -5,8 +5,9 @@
 import re
 
 from learned_dynamics import model_of, of_chain
+from one_process import record
 import pytest
-from real_bags import converted, record, repeated, rewritten, tick, value_of, with_value
+from real_bags import converted, repeated, rewritten, tick, value_of, with_value
 from std_msgs.msg import String
 
 from dp_swing_ros.bags import read_episode
