@@ -10,10 +10,10 @@ import sys
 import pytest
 
 from dp_swing_ros.errors import UserError
-from dp_swing_ros.executables import INTERRUPTED, UNREAD
+from dp_swing_ros.executables import ENDING, INTERRUPTED, UNREAD
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.tools.command_lines import (
-    beside, execute, FAILED, MISUSED, postponed, within)
+    beside, execute, FAILED, interrupt_on_signals, MISUSED, postponed, within)
 
 
 @pytest.mark.parametrize('text, value', [('1', 1), ('9', 9)])
@@ -74,6 +74,16 @@ def test_a_failure_is_no_misuse(capsys):
 def test_an_interrupted_tool_prints_how_to_go_on(interrupt, line, capsys):
     assert executed(ends(interrupt)) == INTERRUPTED
     assert capsys.readouterr().err == line
+
+
+@pytest.mark.usefixtures('here')
+@pytest.mark.parametrize('number', ENDING)
+def test_every_signal_that_asks_for_the_end_interrupts_a_tool(number, monkeypatch, capsys):
+    monkeypatch.setattr(sys, 'unraisablehook', sys.unraisablehook)
+    signal.signal(number, signal.SIG_DFL)
+    interrupt_on_signals.cache_clear()   # as in a process that begins
+    assert executed(lambda arguments: signal.raise_signal(number)) == INTERRUPTED
+    assert capsys.readouterr().err == 'tool: interrupted\n'
 
 
 @pytest.mark.usefixtures('here')
