@@ -52,14 +52,15 @@ class VirtualClocks:
 class Running:
     """A core that has prepared itself, what it sent, and when it is to be woken."""
 
-    def __init__(self, simulated=None, peers=KNOWN, **parameters):
+    def __init__(self, simulated=None, peers=KNOWN, tick_time=TICK, **parameters):
         self.clocks, self.sent, self.peers = VirtualClocks(simulated), [], peers
+        self.reporting = 0.0   # [s] that a report takes
         self.wakes_at, self.numbers = math.inf, {}
         self.left = []   # [s] of time for each solve
         self.core = MpcCore(controllers.MPC.complete(parameters), self.clocks, self.take,
                             lambda gid: f'/{gid.decode()}')
         self.core.prepare()
-        self.core.schedule.tick_time = TICK
+        self.core.schedule.tick_time = tick_time
         self.core.controller.update = self.solving(self.core.controller.update)
         self.core.forget()
         self.sent.clear()
@@ -75,6 +76,8 @@ class Running:
 
     def take(self, sent):
         self.sent.append(sent)
+        if isinstance(sent, Planned):
+            self.clocks.time += self.reporting
         if isinstance(sent, Wake):
             self.wakes_at = math.inf if sent.after is None else self.clocks.time + sent.after
 
@@ -138,11 +141,13 @@ class Running:
         stamp = self.clocks.now() if stamp is None else round(stamp * BILLION)
         return self.hear(to_joint_state(to_stamp(stamp), np.asarray(x, float), 0.0), **about)
 
-    def stream(self, count, x=LEANING, stamp=lambda now: now, period=PERIOD, each=None):
+    def stream(self, count, x=LEANING, stamp=lambda now: now, period=PERIOD, each=None,
+               ways=(1e-3,)):
         """Let states come at a steady pace, that differ; stamp(now) is that of each [s]."""
         for n in range(count):
             began = self.clocks.time
-            self.state(np.asarray(x) * (1 + 1e-3 * n), stamp(self.clocks.now() / BILLION))
+            self.state(np.asarray(x) * (1 + 1e-3 * n), stamp(self.clocks.now() / BILLION),
+                       way=ways[n % len(ways)])
             if each is not None:
                 each()
             self.passes(began + period - self.clocks.time)
@@ -151,11 +156,14 @@ class Running:
         """Let states come in simulated time; return the forces that answer them."""
         return [self.state(x, PERIOD * self.numbers.get(b'driver', 0)) for x in states]
 
-    def plant(self, revision=0, resets=0, **parameters):
+    def plant(self, revision=0, resets=0, name='/plant', **parameters):
         """Let a plant announce itself."""
-        values = {'lockstep': False, 'rate': 20.0, **parameters}
+        self.announce(name, {'lockstep': False, 'rate': 20.0, **parameters}, revision, resets)
+
+    def announce(self, name, values, revision=0, resets=0):
+        """Let a node announce itself."""
         self.core.on_configuration(Configuration(
-            '/plant', values, '', '', '', '', {}, revision, 0, resets).to_text())
+            name, values, '', '', '', '', {}, revision, 0, resets).to_text())
 
     def change(self, **parameters):
         """Ask for other parameters, and wait until they are loaded."""

@@ -211,8 +211,11 @@ def test_where_states_stop_the_plan_is_followed_and_then_the_force_is_zero():
     assert periods(run.reports[-carried:]) == pytest.approx([PERIOD] * (carried - 1), abs=1e-6)
     assert f'no state came in {carried} periods' in run.report.message
     assert not any('failed' in each.message for each in run.reports)
+    # each for when it is there, as long after as states are on their way
+    assert run.report.values['delay'] == pytest.approx(1e-3, abs=1e-6)
     run.state(LEANING)   # and answers again when they come back
     assert run.forces[-1] != 0.0 and run.report.values['status'] in SOLVED
+    assert run.report.values['carried'] == 0
     assert run.wakes_at < math.inf
 
 
@@ -264,6 +267,9 @@ def test_who_sends_the_first_state_is_waited_for_but_not_for_ever():
     run.plant(lockstep=True)
     run.core.meet(plant)
     assert not run.forces    # it would wait for ever for a force that it did not hear
+    both = Peers({'/plant', '/second'}, {'/plant', '/second'}, {'/plant', '/second'})
+    run.core.meet(both)
+    assert not run.forces    # of one of them nothing is known
     run.core.meet(plant._replace(hearers={'/plant'}))
     assert len(run.forces) == 1 and run.report.values['clock'] == 'lockstep'
     run = Running(peers=plant)
@@ -296,15 +302,17 @@ def test_ticks_that_outlast_the_period_of_the_states_are_counted():
 
 def test_states_that_were_overtaken_count_in_the_period_and_are_not_solved():
     run = Running(clock='stamps')
+    run.numbers[b'driver'] = 100   # it has sent some before
     run.stream(10)
+    assert run.report.values['missed_total'] == 0
     # while a solve went on, several came; two more never arrived
     messages = [to_joint_state(to_stamp(DAY + run.clocks.time + 1e-3 * n), LEANING * 1.1, 0.0)
                 for n in range(4)]
     before = len(run.forces)
-    run.core.on_states([run.came(each, number=11 + n) for n, each in enumerate(messages)])
+    run.core.on_states([run.came(each, number=111 + n) for n, each in enumerate(messages)])
     assert len(run.forces) == before + 1 and run.report.values['missed_total'] == 3
     run.passes(PERIOD)
-    run.state(LEANING, number=17)
+    run.state(LEANING, number=117)
     assert run.report.values['missed_total'] == 5
     assert run.core.schedule.watchdog.period == pytest.approx(PERIOD, rel=1e-6)
 
@@ -319,6 +327,22 @@ def test_a_state_that_waited_is_to_act_later_and_has_less_time():
     assert run.report.values['delay'] == pytest.approx(0.01 + TICK + 1e-3, abs=1e-6)
     # of which four fifths of a period are there
     assert run.left[1:] == pytest.approx([0.8 * PERIOD] * 4 + [0.8 * PERIOD - 0.01], abs=1e-6)
+
+
+def test_a_report_takes_of_the_time_of_the_next_solve():
+    run = Running(clock='stamps', time_limit=1.0)
+    run.reporting = 0.003
+    run.stream(4)
+    assert run.left[1:] == pytest.approx([0.8 * PERIOD - 0.003] * 3, abs=1e-6)
+
+
+def test_a_force_that_is_ready_early_waits_unless_it_is_zero():
+    run = Running(clock='stamps', tick_time=0.02)
+    run.stream(3)
+    assert run.answers[0].values['latency'] == pytest.approx(0.02, abs=1e-6)
+    run = Running(clock='stamps', tick_time=0.02, enabled=False)
+    run.stream(3)
+    assert run.report.values['latency'] == pytest.approx(TICK, abs=1e-6)
 
 
 def test_a_solve_has_its_time_limit_at_most():
@@ -425,6 +449,8 @@ def test_at_the_pace_of_a_simulated_clock_times_are_its_own():
 
     def goes_on():
         run.clocks.simulated_time += 2 * PERIOD
+    run.stream(2, each=goes_on)
+    assert run.core.schedule.pace == pytest.approx(1.1)   # a single tick may be an odd one
     run.stream(60, each=goes_on)
     assert run.core.schedule.pace == pytest.approx(2.0, rel=0.05)
     assert run.report.values['delay'] == pytest.approx(2 * (TICK + 1e-3), rel=0.1)
@@ -451,10 +477,13 @@ def test_stamps_of_another_clock_do_no_harm(offset, clock):
 
 def test_stamps_of_zero_do_no_harm():
     run = Running()
-    run.stream(30, stamp=lambda now: 0.0)
+    run.stream(30, stamp=lambda now: 0.0, ways=(1e-3, 3e-3))
+    assert [each.values['age'] for each in run.answers[2:]] == pytest.approx(
+        [0.0, 2e-3] * 14, abs=1e-6)   # later than the fastest by as much
     assert 'stamps stand still' in run.report.message
     assert all(each.values['status'] != 'ZERO' for each in run.reports)
-    assert periods(run.answers) == pytest.approx([PERIOD] * 29, abs=1e-6)
+    assert periods(run.answers[2:]) == pytest.approx(
+        [PERIOD - 2e-3, PERIOD + 2e-3] * 13 + [PERIOD - 2e-3], abs=1e-6)
     sent = [each.values['sent'] for each in run.answers]   # tells which state it was
     assert sent == sorted(set(sent)) and sent[0] > (DAY - 1) * 1e9
 
@@ -587,6 +616,8 @@ def test_what_a_plant_changes_is_no_reset():
     run.stream(3)
     run.plant(revision=1)
     run.plant(revision=2)
+    for _ in range(2):   # and what is no plant may begin again
+        run.announce('/logger', {'output': 'bag'})
     assert run.core.resets == 0
     run.core.on_configuration('{"not": "one"}')
     run.core.on_configuration('[')
@@ -690,8 +721,8 @@ def test_disabled_before_the_first_state_it_says_nothing():
 def test_in_lockstep_each_state_has_one_force_all_the_same():
     run = lockstep()
     for enabled in (True, False, True):
-        run.core.enable(enabled)
         before = len(run.forces)
+        run.core.enable(enabled)
         run.lockstep(*[LEANING * (1 + 0.1 * n) for n in range(3)])
         assert len(run.forces) == before + 3
         assert all((force != 0.0) == enabled for force in run.forces[before:])
