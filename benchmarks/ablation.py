@@ -186,7 +186,6 @@ PARTS = [
     Part('cost: the LQR value at the end (1000 S)', {'terminal_cost': 'scaled'}),
     Part('cost: the margin of the track', {'track_weight': 0.0}, meant=Trial('tight', 8.0)),
     Part('several iterations a tick', {f'{name}.iterations': 1 for name in SOLVERS}),
-    Part('DDP: curvature of the cost', {'ddp.hessian': 'gauss_newton'}, solvers=('ddp',)),
     Part('DDP: several iterations a tick', {'ddp.iterations': 1}, solvers=('ddp',)),
     *(Part(f'MPPI: {title}', mpc, solvers=('mppi',)) for title, mpc in (
         ('samples about a policy', {'mppi.feedback': False}),

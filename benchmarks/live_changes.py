@@ -63,7 +63,6 @@ CHANGES = {
     'carry_over': lambda rng: float(rng.uniform(0.1, 0.3)),
     'seed': lambda rng: int(rng.integers(1000)),
     'ilqr__iterations': lambda rng: int(rng.integers(5, 60)),
-    'ddp__hessian': lambda rng: str(rng.choice(['exact', 'gauss_newton'])),
     'mppi__samples': lambda rng: int(rng.integers(256, 1024)),
     'mppi__elite': lambda rng: bool(rng.integers(2)),
     'shown_tries': lambda rng: int(rng.integers(0, 20)),

@@ -86,7 +86,7 @@ class BoundedLQR:
         find_gaps(model, X, U, gaps)
         for number in range(1, PASSES + 1):
             if not backward(model, cost, expand(model, X, U), X, U, gaps, bounds, 0.0, None,
-                            None, k, K)[0]:
+                            k, K)[0]:
                 return None
             # as much of the gaps at once as does not throw it over; in the end all that is left
             for alpha in (1.0, 0.5, 0.25) if number < PASSES else (1.0,):

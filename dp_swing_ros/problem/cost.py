@@ -186,14 +186,14 @@ def terms(cost: Cost, X: Array, U: Array) -> Terms:
 
 
 @unrolled
-def running_lane(cost, z, hessian, out, i):
+def running_lane(cost, z, share, out, i):
     """Write the derivatives of ℓ of the step in lane i; see `running_derivatives`."""
     x = [z[j, i] for j in range(len(cost.S))]
     e, slope, bend = errors(cost, x)
     first = [2 * cost.S[j] * (e[j] * slope[j]) for j in range(len(e))]
     second = [2 * cost.S[j] * (slope[j] * slope[j]) for j in range(len(e))]
-    if hessian is not None:
-        second = [gauss_newton + 2 * cost.S[j] * hessian * (e[j] * bend[j])
+    if share is not None:
+        second = [gauss_newton + 2 * cost.S[j] * share * (e[j] * bend[j])
                   for j, gauss_newton in enumerate(second)]
     for j, beyond, w in excess(cost, x):
         first[j] += 2 * w * beyond
@@ -203,11 +203,11 @@ def running_lane(cost, z, hessian, out, i):
 
 
 @kernel
-def running_derivatives(cost, X, U, hessian):
+def running_derivatives(cost, X, U, share):
     """
     Return ℓ_x and the diagonal of ℓ_xx of all steps; ℓ_u = 2 R u, ℓ_uu = 2 R.
 
-    ℓ_xx is Gauss-Newton's and a share `hessian` of what that leaves out, the curvature of the
+    ℓ_xx is Gauss-Newton's and a share of what that leaves out, the curvature of the
     errors: with None it is Gauss-Newton's, with 1 exact. Those of step t are
     [t // STEPS, :, t % STEPS], ℓ_x first.
     Shapes: X (T or more, 2n + 2), U (T,) -> (blocks, 4n + 4, STEPS).
@@ -218,7 +218,7 @@ def running_derivatives(cost, X, U, hessian):
         load(cost.S, X, U, block * STEPS, z)
         of_block = derivatives[block]
         for i in range(STEPS):
-            running_lane(cost, z, hessian, of_block, i)
+            running_lane(cost, z, share, of_block, i)
     return derivatives
 
 
@@ -232,7 +232,7 @@ def errors_at(cost, x):
 
 
 @kernel
-def terminal_derivatives(cost, x, hessian, l_x, l_xx):
+def terminal_derivatives(cost, x, share, l_x, l_xx):
     """
     Write the gradient of ℓ_f, and its Hessian as `running_derivatives` has it.
 
@@ -244,10 +244,10 @@ def terminal_derivatives(cost, x, hessian, l_x, l_xx):
         for j in range(len(e)):
             l_x[i] += 2 * slope[i] * cost.P[i, j] * e[j]
             l_xx[i, j] = 2 * slope[i] * cost.P[i, j] * slope[j]
-    if hessian is not None:
+    if share is not None:
         for i in range(len(e)):
             for j in range(len(e)):
-                l_xx[i, i] += 2 * hessian * bend[i] * cost.P[i, j] * e[j]
+                l_xx[i, i] += 2 * share * bend[i] * cost.P[i, j] * e[j]
     v = len(e) // 2
     l_x[0] += of_cart[0]
     l_xx[0, 0] += of_cart[1]

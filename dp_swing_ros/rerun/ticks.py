@@ -19,9 +19,12 @@ from dp_swing_ros.rerun.answers import Tick
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.topics import FORCE_COMMAND, JOINT_STATES
 
+CHOSEN = ('solver', 'estimator')   # whose parameters count
 AGREEING = 3  # forces in a row that are the same, where two sequences meet again
 # parameters of earlier controllers that decided no force, or none with dynamics of today
 DROPPED = {'shadow', 'unseen', 'disagreement_weight'}
+# others, each with the value at which it did what is done now
+FIXED: dict[str, Any] = {'ddp.hessian': 'exact'}
 
 
 class Record(NamedTuple):
@@ -61,11 +64,19 @@ def own(found: Configuration) -> dict[str, Any]:
     Nor those of solvers and estimators of other packages that the run did not use, and that are
     not installed here, nor those that nodes no longer have.
     """
-    used = {found.parameters.get(name) for name in ('solver', 'estimator')}
+    used = {found.parameters.get(name) for name in CHOSEN}
     known = {'', *SOLVERS, *ESTIMATORS, *used}
     return {name: value for name, value in found.parameters.items()
             if not is_of_rclpy(name) and name.rpartition('.')[0] in known
-            and name not in DROPPED}
+            and name not in DROPPED | FIXED.keys()}
+
+
+def gone(found: Configuration) -> list[str]:
+    """Return in words what a controller was told to do that none does any more."""
+    return [f'{name} {found.parameters[name]} there, not to be had here'
+            for name, value in FIXED.items()
+            if name in found.parameters and found.parameters[name] != value
+            and name.rpartition('.')[0] in ('', *map(found.parameters.get, CHOSEN))]
 
 
 def record_of(bag: Bag, anywhere: bool = False) -> Record:

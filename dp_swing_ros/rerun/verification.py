@@ -30,7 +30,8 @@ from dp_swing_ros.pendulum.state import links_of, symbols, units
 from dp_swing_ros.pendulum.urdf import from_urdf, urdf
 from dp_swing_ros.problem.plan import Plan
 from dp_swing_ros.rerun.answers import answer, Tick
-from dp_swing_ros.rerun.ticks import commands_of, configuration_of, own, paired, Record, record_of
+from dp_swing_ros.rerun.ticks import (
+    commands_of, configuration_of, gone, own, paired, Record, record_of)
 from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.plant import Plant
 from dp_swing_ros.simulation.stepper import Stepper
@@ -104,8 +105,8 @@ def verify(bag: Bag, progress: Callable[[list[Tick]], Iterable[Tick]]) -> Verifi
         controller.parameters.solver, len(record.ticks),
         sum(tick.x is None for tick in record.ticks), len(plans), again.states,
         any(tick.real_time for tick in record.ticks), differences + again.differences,
-        _unchecked(bag, record, lacking), again.unverifiable, environment_changes(config),
-        rivals, bag.incomplete)
+        _unchecked(bag, record, lacking), again.unverifiable,
+        gone(config) + environment_changes(config), rivals, bag.incomplete)
 
 
 def rivals_of(bag: Bag) -> list[str]:

@@ -44,32 +44,17 @@ class DescentParameters(Parameters):
         1e8, 'give up when μ grows beyond this', minimum=MU_FIRST)
 
 
-@dataclass(frozen=True)
-class DDPParameters(DescentParameters):
-    """What ends a descent, and what it expands to second order."""
-
-    hessian: str = parameter(
-        'exact', 'Hessian of the cost; gauss_newton leaves out the curvature of the angle '
-        'errors, so that the dynamics alone are expanded to second order',
-        choices=lambda: ['exact', 'gauss_newton'])
-
-
 @dataclass
 class Descent:
     """Lowers the cost of the warm start; deterministic, so it has no use for a seed."""
 
     Parameters: ClassVar[type[DescentParameters]] = DescentParameters
-    tensor: ClassVar[float | None]   # the share of the tensor terms to begin with, None for none
+    share: ClassVar[float | None]   # of the second-order terms to begin with, None for none
 
     problem: Problem
     parameters: Any
     seed: Seed = 0
     policy: Policy | None = field(default=None, init=False)   # where the last solve began
-
-    @property
-    def hessian(self) -> float | None:
-        """Return the same of the cost's Hessian, None for Gauss-Newton's."""
-        return None
 
     def solve(self, x_0: Array, warm_start: Plan | None, deadline: float) -> Plan:
         """Return a locally optimal plan; see Solver.solve."""
@@ -77,7 +62,7 @@ class Descent:
         problem, parameters = self.problem, self.parameters
         self.policy = policy_of(problem, x_0, warm_start)
         end, J, iterations, X, U, K, spent = descend(
-            *kernel_arguments(problem), problem.horizon, *self.policy, self.tensor, self.hessian,
+            *kernel_arguments(problem), problem.horizon, *self.policy, self.share,
             parameters.iterations, parameters.tolerance, parameters.largest_regularisation,
             deadline - began)
         return Plan(X, U, K, problem.dt,
@@ -93,9 +78,9 @@ class Descent:
         _, X, U, K = follow_policy(*given, *self.policy, problem.horizon)
         points, k, X_new = expand(model, X, U), np.empty_like(U), np.empty_like(X)
         # where the second-order terms make the expansion indefinite, without them, as `descend`
-        without = None if self.tensor is None else 0.0, None if self.hessian is None else 0.0
-        if not any(backward(model, cost, points, X, U, X[:0], bounds, 0.0, *shares, k, K)[0]
-                   for shares in ((self.tensor, self.hessian), without)):
+        without = None if self.share is None else 0.0
+        if not any(backward(model, cost, points, X, U, X[:0], bounds, 0.0, share, k, K)[0]
+                   for share in (self.share, without)):
             return NO_TRIES
         steps = 0.5 ** np.arange(min(count, HALVINGS))
         tried = np.empty((len(steps), len(U)))
@@ -107,23 +92,17 @@ class Descent:
 class ILQR(Descent):
     """Expands the dynamics to first order: without the tensor terms of the paper's (28)-(30)."""
 
-    tensor = None
+    share = None
 
 
 class DDP(Descent):
     """Expands the dynamics, and the cost, to second order."""
 
-    Parameters = DDPParameters
-    tensor = 1.0
-
-    @property
-    def hessian(self) -> float | None:
-        """Return the share of the exact Hessian to begin with, None for Gauss-Newton's."""
-        return 1.0 if self.parameters.hessian == 'exact' else None
+    share = 1.0
 
 
 @kernel
-def descend(model, cost, lqr_gain, bounds, horizon, x_0, X, U, K, tensor, hessian, iterations,
+def descend(model, cost, lqr_gain, bounds, horizon, x_0, X, U, K, first_share, iterations,
             tolerance, largest_mu, seconds):
     """
     Follow a policy from x_0 and lower its cost; one call, for each takes some microseconds.
@@ -132,7 +111,7 @@ def descend(model, cost, lqr_gain, bounds, horizon, x_0, X, U, K, tensor, hessia
     fails, a smaller share of the second-order terms is taken, and none in the end, as in iLQR,
     whose expansion is positive; where the search fails, μ is raised. Only a pass without μ shows
     that the descent has converged: μ shortens the step, and so what it promises.
-    tensor and hessian are the shares of the second-order terms to begin with, see `backward`.
+    first_share is that of the second-order terms to begin with, see `backward`.
     Returns how it ended (of ENDS), the cost, the number of iterations, X, U and K, and the time
     that each of the PHASES took [s]; the derivatives of linearising are part of a backward pass.
     Shapes: as in follow_policy.
@@ -143,24 +122,22 @@ def descend(model, cost, lqr_gain, bounds, horizon, x_0, X, U, K, tensor, hessia
     points, moved = expand(model, X[:0], U[:0]), True   # and another trajectory than theirs
     X_new, U_new, K_new, k = np.empty_like(X), np.empty_like(U), np.empty_like(K), np.empty_like(U)
     mu, iteration, end, gaps = 0.0, 0, ITERATION_LIMIT, np.empty((0, len(x_0)))
-    share, of_hessian = tensor, hessian
+    share = first_share
     while iteration < iterations:
         if now() - began > seconds:
             end = DEADLINE
             break
         iteration += 1
-        if hessian is not None:
-            of_hessian = share
         then = now()
         if moved:
             points, moved = expand(model, X, U), False
         expanded = now()
         positive, slope, bend = backward(
-            model, cost, points, X, U, gaps, bounds, mu, share, of_hessian, k, K_new)
+            model, cost, points, X, U, gaps, bounds, mu, share, k, K_new)
         passed = now()
         spent[DERIVATIVES] += expanded - then
         spent[BACKWARD] += passed - expanded
-        if tensor is not None:
+        if first_share is not None:
             if not positive and share > 0:
                 share = share * CUT if share > LEAST else 0.0
                 continue
@@ -174,7 +151,7 @@ def descend(model, cost, lqr_gain, bounds, horizon, x_0, X, U, K, tensor, hessia
             moved = True
             J, X, X_new, U, U_new, K, K_new = J_new, X_new, X, U_new, U, K_new, K
             mu = mu / MU_FACTOR if mu > MU_FIRST else 0.0
-            if tensor is not None:
+            if first_share is not None:
                 share = min(max(share * GROWTH, LEAST), 1.0)
             continue
         mu = max(mu * MU_FACTOR, MU_FIRST)

@@ -105,7 +105,7 @@ def set_gains(model, cost, bounds, X, U, feedback, K):
     Shapes: X (N + 1, 2n + 2), U (N,), K (N, 2n + 2).
     """
     if feedback and backward(model, cost, expand(model, X, U), X, U, X[:0], bounds, 0.0,
-                             None, None, np.empty(0), K)[0]:
+                             None, np.empty(0), K)[0]:
         return
     K[:] = 0.0
 

@@ -69,15 +69,14 @@ def value_lane(given, k, K, Q_u, Q_uu, Q_z, Q_zz, V_x, V_xx, j):
 
 
 @kernel
-def backward(model, cost, points, X, U, gaps, bounds, mu, tensor, hessian, k, K):
+def backward(model, cost, points, X, U, gaps, bounds, mu, share, k, K):
     """
     Write the policy δu = k + K δx, and return whether Q_uu stayed positive and two slopes.
 
     The expected change of the cost under α k is α slope + α² / 2 bend. The expansion holds a share
-    `tensor` of the terms Σ V'_x[i] ∂²f_i, and a share `hessian` of what Gauss-Newton leaves out of
-    the cost's Hessian: with 1 of both it is DDP, with None of both iLQR. The points are what
-    `expand` returns of X and U. The gaps are f(X[t], U[t]) - X[t + 1], which the policy closes; a
-    trajectory of the model has none.
+    of the second-order terms, Σ V'_x[i] ∂²f_i and what Gauss-Newton leaves out of the cost's
+    Hessian: with 1 it is DDP, with None iLQR. The points are what `expand` returns of X and U. The
+    gaps are f(X[t], U[t]) - X[t + 1], which the policy closes; a trajectory of the model has none.
     Shapes: X (T + 1, 2n + 2), U (T,), gaps (T, 2n + 2), or (0, 2n + 2) for none, k (T,), or (0,)
     where the forces stay as they are, K (T, 2n + 2).
     """
@@ -90,18 +89,18 @@ def backward(model, cost, points, X, U, gaps, bounds, mu, tensor, hessian, k, K)
     gain, weighted = work[5 * n + 6], work[5 * n + 7]
     identity(directions)
     slope = bend = 0.0
-    terminal_derivatives(cost, X[len(U)], hessian, V_x, V_xx)
-    of_cost = running_derivatives(cost, X, U, hessian)
+    terminal_derivatives(cost, X[len(U)], share, V_x, V_xx)
+    of_cost = running_derivatives(cost, X, U, share)
     for t in range(len(U) - 1, -1, -1):
         if len(gaps) > 0:                        # V'_x where the model leads to, beyond the gap
             for i in range(n):
                 for j in range(n):
                     V_x[i] += V_xx[i, j] * gaps[t, j]
-        if tensor is None:
+        if share is None:
             linearise(model, points, t, directions, F)
         else:
             for i in range(n):
-                weighted[i] = tensor * V_x[i]
+                weighted[i] = share * V_x[i]
             curvature(model, points, t, weighted, directions, F, W)
         given = columns_of(model, V_x, V_xx, F)
         for j in range(lanes(model)):
@@ -120,9 +119,9 @@ def backward(model, cost, points, X, U, gaps, bounds, mu, tensor, hessian, k, K)
             best = -Q_u / Q_uu_mu
             change = k[t] = min(max(best, bounds.low - U[t]), bounds.high - U[t])
             follows = change == best
-        share = -1 / Q_uu_mu if follows else 0.0
+        factor = -1 / Q_uu_mu if follows else 0.0
         for j in range(lanes(model)):   # on the bound the best force does not follow the state
-            gain[j] = share * (Q_zz[n, j] + mu * BF[j])
+            gain[j] = factor * (Q_zz[n, j] + mu * BF[j])
         for i in range(n):
             K[t, i] = gain[i]
 

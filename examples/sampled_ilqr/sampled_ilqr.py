@@ -93,9 +93,8 @@ class SampledILQR:
         """Follow a policy, and descend from there."""
         # too short for a deadline of its own, so that a solve that was cut short can be repeated
         _, J, _, X, U, K, _ = descend(
-            *kernel_arguments(self.problem), self.problem.horizon, *policy, None, None,
-            passes, self.parameters.tolerance, DescentParameters().largest_regularisation,
-            math.inf)
+            *kernel_arguments(self.problem), self.problem.horizon, *policy, None, passes,
+            self.parameters.tolerance, DescentParameters().largest_regularisation, math.inf)
         return Rollout(J, X, U, K)
 
     def scouts(self, best: Rollout) -> list[Policy]:

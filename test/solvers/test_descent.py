@@ -28,13 +28,13 @@ def cold_solves(name, **parameters):
             for case in cases]
 
 
-def promise(plan, tensor, hessian):
+def promise(plan, second_order):
     """Return by what share a step without regularisation promises to lower the cost."""
     k, K = np.empty(len(plan.U)), np.empty_like(plan.K)
     points = expand(PROBLEM.model, plan.X, plan.U)
     positive, slope, _ = backward(
         PROBLEM.model, PROBLEM.cost, points, plan.X, plan.U, np.empty((0, 6)), PROBLEM.bounds, 0.0,
-        tensor, hessian, k, K)
+        second_order, k, K)
     return -slope / plan.stats.cost if positive else math.inf
 
 
@@ -44,34 +44,31 @@ def test_most_cold_starts_converge_within_the_iterations_of_a_tick(name):
     assert ends.count(Status.CONVERGED) >= 150
 
 
-@pytest.mark.parametrize(('name', 'values', 'shares'), [
-    ('ilqr', {}, [(None, None)]),
-    ('ddp', {'hessian': 'gauss_newton'}, [(share, None) for share in SHARES]),
-    ('ddp', {'hessian': 'exact'}, [(share, share) for share in SHARES])])
-def test_what_has_converged_promises_nothing_without_regularisation(name, values, shares):
+@pytest.mark.parametrize(('name', 'shares'), [('ilqr', [None]), ('ddp', SHARES)])
+def test_what_has_converged_promises_nothing_without_regularisation(name, shares):
     """In DDP that of the share at the end, which the plan does not name."""
-    converged = [plan for plan in cold_solves(name, iterations=500, **values)
+    converged = [plan for plan in cold_solves(name, iterations=500)
                  if plan.stats.status is Status.CONVERGED]
     assert len(converged) > 0.95 * COUNT
     tolerance = SOLVERS[name].Parameters().tolerance
-    assert all(min(promise(plan, *share) for share in shares) <= tolerance
+    assert all(min(promise(plan, share) for share in shares) <= tolerance
                for plan in converged)
 
 
 @pytest.mark.parametrize('angle', [0.25, 0.5, 0.6])
-def test_the_exact_hessian_ends_a_descent_quadratically(angle):
+def test_second_order_terms_end_a_descent_quadratically(angle):
     """Where no bound is in its way it takes few iterations through the last seven digits."""
     p = controllers.problem({'force_limit': math.inf})
     x = np.array([0.3, angle, 0.3 * angle, 0.0, 0.0, 0.0])
 
-    def ending(hessian):
-        J = np.array([SOLVERS['ddp'](p, SOLVERS['ddp'].Parameters(
-            iterations=n, tolerance=0.0, hessian=hessian)).solve(x, None, math.inf).stats.cost
+    def ending(name):
+        J = np.array([SOLVERS[name](p, SOLVERS[name].Parameters(
+            iterations=n, tolerance=0.0)).solve(x, None, math.inf).stats.cost
             for n in range(1, 100)])
         distance = (J - J[-1]) / J[-1]
         return np.count_nonzero((distance > 1e-13) & (distance < 1e-6))
-    assert 0 < ending('exact') <= 5
-    assert ending('gauss_newton') >= 10
+    assert 0 < ending('ddp') <= 5
+    assert ending('ilqr') >= 10
 
 
 @pytest.mark.parametrize('name', ['ilqr', 'ddp'])

@@ -47,7 +47,7 @@ def empty_policy(X):
 def pass_back(problem, X, U, bounds, mu, tensor, *policy):
     """Call the backward pass for a trajectory of the model, which has no gaps."""
     return backward(problem.model, problem.cost, expand(problem.model, X, U), X, U, no_gaps(X),
-                    bounds, mu, tensor, tensor, *policy)
+                    bounds, mu, tensor, *policy)
 
 
 def expansions(problem, X, U):
@@ -129,8 +129,7 @@ def test_gains_about_a_path_with_gaps(problem, trajectory, rng):
     X, U = trajectory
     (k, K), gaps = empty_policy(X), rng.normal(0.0, 1e-6, (N, X.shape[1]))
     points = expand(problem.model, X, U)
-    assert backward(problem.model, problem.cost, points, X, U, gaps, UNBOUNDED, 0.0, 1.0, 1.0, k,
-                    K)[0]
+    assert backward(problem.model, problem.cost, points, X, U, gaps, UNBOUNDED, 0.0, 1.0, k, K)[0]
     k_plain, K_plain = plain(problem, X, U, 0.0, 1.0, gaps)
     np.testing.assert_allclose(k, k_plain, rtol=1e-7)
     np.testing.assert_allclose(K, K_plain, rtol=1e-7, atol=1e-9)
