@@ -32,6 +32,7 @@ from dp_swing_ros.evaluation.comparison import paired_ratio, Ratio, SAME_COST, s
 from dp_swing_ros.evaluation.scenarios import Case, SCENARIOS
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.problem.plan import Plan
+from dp_swing_ros.problem.problem import Problem, regulator_rollout, Rollout
 from dp_swing_ros.simulation.closed_loop import Controller
 from dp_swing_ros.tables import compact
 
@@ -83,6 +84,11 @@ def no_start(self: Starts, x_0: Array) -> None:
     """Stand for a start that is not there."""
 
 
+def worthless(problem: Problem, x_0: Array) -> Rollout:
+    """Follow the regulator, at a cost that no plan has."""
+    return regulator_rollout(problem, x_0)._replace(J=math.inf)
+
+
 def no_turns(problem: Any, x: Array) -> Array:
     """Take a state to be on the turn of the goal."""
     return np.zeros_like(x)
@@ -127,12 +133,13 @@ PARTS = [
     Part('all starts but the last plan', {'first_starts': 1, 'other_starts': 0}),
     Part('other starts at the first tick', {'first_starts': 1}),
     Part('other starts at later ticks', {'other_starts': 0}),
-    Part('start: the bounded LQR', {'bounded_lqr': False}, meant=PUSHES),
+    Part('start: the bounded LQR', code={(Starts, 'bounded_lqr'): no_start},
+         meant=Trial('near_goal', seeds=range(100))),
     Part('start: the regulator', code={(Starts, 'regulator'): no_start}),
     Part('start: no force', code={(Starts, 'rest'): no_start}),
     Part('start: random forces', code={(Starts, 'random'): no_start}),
-    Part('random forces of the first plan', {'initial_plan': 'zero'}),
-    Part('the regulator in place of the last plan', {'regulator': False}, meant=PUSHES),
+    Part('the regulator in place of the last plan',
+         code={(starts, 'regulator_rollout'): worthless}, meant=Trial('rig_joints', 0.05)),
     Part('gains of the last plan (forces are shifted)', {'warm_start': 'forces'}, meant=PUSHES),
     Part('the goal on the turn where a plan ends', code={(starts, 'turns_of'): no_turns},
          meant=Trial('uptime')),
@@ -195,8 +202,8 @@ PARTS = [
         ('noise of several sizes (5 N)', {'mppi.smallest_noise': 5.0, 'mppi.largest_noise': 5.0}),
         ('temperature in shares of the spread', {'mppi.temperature_scale': 'fixed'}))),
     Part('all around the solver', {
-        'first_starts': 1, 'other_starts': 0, 'bounded_lqr': False, 'regulator': False,
-        'estimator': 'none', 'warm_start': 'forces'}),
+        'first_starts': 1, 'other_starts': 0, 'estimator': 'none',
+        'warm_start': 'forces'}),
 ]
 BY_TITLE = {part.title: part for part in PARTS}
 TEXTBOOK = 'textbook MPPI'   # of PARTS[0] and the last, with none of MPPI's own

@@ -56,8 +56,6 @@ CHANGES = {
     'reference': lambda rng: [float(rng.uniform(-0.15, 0.15)), *[0.0] * 5],
     'time_limit': lambda rng: float(rng.uniform(0.02, 0.04)),
     'other_starts': lambda rng: int(rng.integers(0, 4)),
-    'regulator': lambda rng: bool(rng.integers(2)),
-    'bounded_lqr': lambda rng: bool(rng.integers(2)),
     'estimator': lambda rng: str(rng.choice(['ekf', 'none'])),
     'ekf__position_noise': lambda rng: float(10 ** rng.uniform(-4, -3)),
     'carry_over': lambda rng: float(rng.uniform(0.1, 0.3)),

@@ -32,9 +32,6 @@ SHORT = 30  # steps; over more, a start that is not yet good diverges, and solve
 class StartParameters(Parameters):
     """Where the solves of a tick start."""
 
-    initial_plan: str = parameter(
-        'random', 'forces of the first plan: random, as in the paper, or zero',
-        choices=lambda: ['random', 'zero'])
     initial_force: float = parameter(
         10.0, 'bound of the random forces of a start', unit='N', minimum=0.0)
     warm_start: str = parameter(
@@ -47,10 +44,6 @@ class StartParameters(Parameters):
     other_starts: int = parameter(
         1, 'starts solved from beside the last plan at later ticks, until upright; 0 as in the '
         'paper', minimum=0, maximum=1000)
-    bounded_lqr: bool = parameter(
-        True, 'the LQR for a bounded force is one of the other starts, where it reaches')
-    regulator: bool = parameter(
-        True, 'the regulator is followed from here in place of the last plan where it is cheaper')
 
 
 def solved(solver: Solver, problem: Problem, x_0: Array, start: Plan, deadline: float) -> Plan:
@@ -111,12 +104,10 @@ class Starts:
                        if plan is not None and np.all(np.isfinite(plan.X))), count)
 
     def first(self, x_0: Array) -> Plan:
-        """Return the start of a run: random forces, or none."""
+        """Return the start of a run: random forces."""
         U = self.draw(self.problem.horizon)
-        if self.parameters.initial_plan == 'zero':
-            U = np.zeros_like(U)
         plan = plan_of(self.problem, rollout(self.problem.model, x_0, U), U, Status.COMPLETE)
-        return replace(plan, start=self.parameters.initial_plan)
+        return replace(plan, start='random')
 
     def last(self, x_0: Array, rests: Sequence[Plan]) -> Plan:
         """Return the cheapest of what is left of the last plans and the regulator."""
@@ -130,17 +121,12 @@ class Starts:
             U = np.append(left.U, np.zeros(problem.horizon - len(left.U)))
             return replace(plan_of(problem, rollout(problem.model, x_0, U), U, Status.COMPLETE),
                            start='last_forces')
-        left = replace(left, start='last_plan')
-        if not self.parameters.regulator:
-            return left
         regulator = regulator_rollout(problem, x_0 - turn)
-        return left if costs[best] <= regulator.J else replace(
+        return replace(left, start='last_plan') if costs[best] <= regulator.J else replace(
             left, X=regulator.X + turn, U=regulator.U, K=regulator.K, start='regulator')
 
     def bounded_lqr(self, x_0: Array) -> Plan | None:
-        """Follow the regulator for a bounded force; None out of its reach, or where left out."""
-        if not self.parameters.bounded_lqr:
-            return None
+        """Follow the regulator for a bounded force; None out of its reach."""
         self.bounded = self.bounded or BoundedLQR(self.short)
         found = self.bounded.start(x_0)
         return None if found is None else plan_of(

@@ -24,7 +24,8 @@ AGREEING = 3  # forces in a row that are the same, where two sequences meet agai
 # parameters of earlier controllers that decided no force, or none with dynamics of today
 DROPPED = {'shadow', 'unseen', 'disagreement_weight'}
 # others, each with the value at which it did what is done now
-FIXED: dict[str, Any] = {'ddp.hessian': 'exact'}
+FIXED: dict[str, Any] = {
+    'ddp.hessian': 'exact', 'initial_plan': 'random', 'bounded_lqr': True, 'regulator': True}
 
 
 class Record(NamedTuple):

@@ -38,11 +38,6 @@ def test_a_first_tick_starts_from_random_forces_and_from_others():
     assert [len(plan.U) for plan in randoms] == [30]  # in place of the bounded LQR, out of reach
 
 
-def test_the_first_plan_may_start_from_zero():
-    np.testing.assert_array_equal(
-        starts_of(controller(initial_plan='zero'), HANGS)[0].U, 0.0)
-
-
 def test_a_tick_says_where_each_of_its_solves_began_and_what_came_of_it():
     c, x, _ = after_a_plan(first_starts=4)
     first = c.planner.last[-1][1].stats
@@ -85,17 +80,15 @@ def test_the_paper_has_one_start_a_tick():
     assert len(starts_of(c, HANGS)) == len(starts_of(c, x, left)) == 1
 
 
-@pytest.mark.parametrize('regulator', [True, False])
-def test_the_regulator_replaces_a_worse_last_plan(regulator):
-    c, _, left = after_a_plan(of_solver={'iterations': 1}, regulator=regulator)
-    # somebody lifted it
-    expected = regulator_rollout(c.belief.problem, UP).U if regulator else left.U
-    np.testing.assert_allclose(starts_of(c, UP, left)[0].U, expected, rtol=1e-8)
+def test_the_regulator_replaces_a_worse_last_plan():
+    c, _, left = after_a_plan(of_solver={'iterations': 1})
+    start = starts_of(c, UP, left)[0]   # somebody lifted it
+    np.testing.assert_allclose(start.U, regulator_rollout(c.belief.problem, UP).U, rtol=1e-8)
 
 
-def test_the_bounded_lqr_can_be_left_out():
-    bounded, regulator = (starts_of(controller(first_starts=2, bounded_lqr=chosen), FALLING)[1]
-                          for chosen in (True, False))
+def test_within_its_reach_the_bounded_lqr_is_the_first_of_the_others():
+    _, bounded, regulator = starts_of(controller(first_starts=3), FALLING)
+    assert (bounded.start, regulator.start) == ('bounded_lqr', 'regulator')
     np.testing.assert_array_equal(
         regulator.U, regulator_rollout(controller().belief.problem, FALLING).U)
     assert not np.array_equal(bounded.U, regulator.U)
