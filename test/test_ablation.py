@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The table of what each part of the controller is worth, on a few episodes of it."""
 
-import math
-
 import ablation
 import numpy as np
 import pytest
@@ -44,14 +42,14 @@ def test_the_code_is_as_before_after_each_tick(part):
 
 
 def test_the_code_is_another_during_a_tick():
-    controller = first('estimator: most that an innovation counts', 'ilqr',
+    controller = first('estimator: three refusals before it starts anew (one)', 'ilqr',
                        ablation.PUSHES)[0].prepare()(0)
     seen = []
-    controller.controller.planner.search = lambda *about: seen.append(kalman.WILD) or []
+    controller.controller.planner.search = lambda *about: seen.append(kalman.REFUSALS) or []
     with pytest.raises(ValueError):   # of no plans there is no cheapest
         controller.update(0.0, np.full(6, 0.01), 0.0)
-    assert seen == [math.inf]
-    assert kalman.WILD == 9
+    assert seen == [1]
+    assert kalman.REFUSALS == 3
 
 
 def test_without_a_part_of_none_a_run_is_that_of_the_defaults():

@@ -33,9 +33,7 @@ HELD = 0.05              # [s] for which the noises of the prediction stay as th
 MOVED = 0.1              # of their deviation at first: parameters further off are a new problem
 UNMEASURED = 3.0         # [m/s, rad/s] standard deviation of a speed at first that is not measured
 SCALES = (0.1, 5.0)      # of a noise's standard deviation, smallest and largest
-WILD = 9.0               # an innovation's variance counts as at most this many times the expected
-END = 0.05               # [m] from the end of the track
-STOP = 200.0             # [N] standard deviation of the force there, that of the end stop
+REFUSALS = 3             # so many in a row, and the filter starts anew from the last
 
 
 @dataclass(frozen=True)
@@ -68,8 +66,6 @@ class KalmanParameters(UnknownsParameters):
     gate: float = parameter(
         10.0, 'a state that with such a push is further than this from its prediction is refused',
         unit='deviations', minimum=0.0, finite=False)
-    refusals: int = parameter(
-        3, 'so many in a row, and the filter starts anew from the last', minimum=1)
 
 
 class ExtendedKalmanFilter:
@@ -91,7 +87,6 @@ class ExtendedKalmanFilter:
         self.size = len(problem.cost.S)             # of the state; z goes on with p
         half = self.size // 2
         self.R = np.repeat((parameters.position_noise, parameters.velocity_noise), half) ** 2
-        self.end = problem.given[0].track_limit - END
         self.compared, self.p_compared = self.nominal, self.unknowns.of(self.nominal)
         self.reset()
 
@@ -113,14 +108,13 @@ class ExtendedKalmanFilter:
         about = self.parameters
         if t - self.t > LONGEST_GAP:
             return self.begin(t, x)
-        usual = STOP if max(abs(x[0]), abs(self.z[0])) > self.end else 0.0
         # one that is not told would pass for a delay or a gain; it differs from an outlier by what
         # it does to all numbers of the state
-        for push, gate in ((usual, about.push_gate), (max(usual, about.push), about.gate)):
+        for push, gate in ((0.0, about.push_gate), (about.push, about.gate)):
             z, P, rate = self.predicted(t, commands, push)
             innovation, known, variance = x - z[:self.size], z.copy(), P.copy()
             squares = self.corrected(x, rate, time_noise, known, variance)
-            if push == usual:
+            if push == 0:
                 scales = self.adapted(x, squares)
             # rounding may leave P without its sign: then nothing is believed
             distance = math.sqrt(sum(squares)) if sum(squares) >= 0 else math.nan
@@ -130,7 +124,7 @@ class ExtendedKalmanFilter:
                 self.in_a_row = 0
                 return self.believe(t, known, variance, innovation, distance)
         self.refused, self.in_a_row = self.refused + 1, self.in_a_row + 1
-        if self.in_a_row >= about.refusals or not np.all(np.isfinite(z)):
+        if self.in_a_row >= REFUSALS or not np.all(np.isfinite(z)):
             return self.begin(t, x)._replace(innovation=innovation, distance=distance,
                                              accepted=False)
         return self.believe(t, z, P, innovation, distance)._replace(accepted=False)
@@ -147,7 +141,7 @@ class ExtendedKalmanFilter:
         half, scales = self.size // 2, []
         for part, scale, square in zip((x[:half], x[half:]), self.scales.tolist(), squares):
             measured = half - np.count_nonzero(np.isnan(part))
-            ratio = min(WILD, square / measured) if measured else 1.0
+            ratio = square / measured if measured else 1.0
             scale *= 1 + self.parameters.adaptation * (ratio - 1)
             scales.append(min(max(scale, SCALES[0] ** 2), SCALES[1] ** 2))
         return np.array(scales)

@@ -25,7 +25,8 @@ AGREEING = 3  # forces in a row that are the same, where two sequences meet agai
 DROPPED = {'shadow', 'unseen', 'disagreement_weight'}
 # others, each with the value at which it did what is done now
 FIXED: dict[str, Any] = {
-    'ddp.hessian': 'exact', 'initial_plan': 'random', 'bounded_lqr': True, 'regulator': True}
+    'ddp.hessian': 'exact', 'initial_plan': 'random', 'bounded_lqr': True, 'regulator': True,
+    'ekf.refusals': 3}
 
 
 class Record(NamedTuple):
