@@ -193,7 +193,6 @@ PARTS = [
     *(Part(f'MPPI: {title}', mpc, solvers=('mppi',)) for title, mpc in (
         ('samples about a policy', {'mppi.feedback': False}),
         ('the best sample as a candidate', {'mppi.elite': False}),
-        ('only what is cheaper is taken', {'mppi.monotone': False}),
         ('noise correlated in time', {'mppi.noise_correlation': 0.0}),
         ('noise of several sizes (5 N)', {'mppi.smallest_noise': 5.0, 'mppi.largest_noise': 5.0}),
         ('temperature in shares of the spread', {'mppi.temperature_scale': 'fixed'}))),

@@ -26,7 +26,7 @@ DROPPED = {'shadow', 'unseen', 'disagreement_weight'}
 # others, each with the value at which it did what is done now
 FIXED: dict[str, Any] = {
     'ddp.hessian': 'exact', 'initial_plan': 'random', 'bounded_lqr': True, 'regulator': True,
-    'ekf.refusals': 3}
+    'ekf.refusals': 3, 'mppi.monotone': True}
 
 
 class Record(NamedTuple):

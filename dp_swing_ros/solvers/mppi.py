@@ -9,7 +9,7 @@ Source: the paper, I and III; Williams, Aldrich and Theodorou, "Model predictive
 control", Journal of Guidance, Control, and Dynamics 40(2), 2017. That is
 config/textbook_mppi.yaml. The defaults go beyond it, each by a parameter: the samples are drawn
 about a policy, their noise is correlated in time, and its sizes are spread over them; the cheapest
-sample is a candidate beside the average, and what would cost more is not taken.
+sample is a candidate beside the average. What would cost more is not taken.
 """
 
 from dataclasses import dataclass
@@ -48,8 +48,6 @@ class MPPIParameters(SamplingParameters):
         'Riccati pass; false: about forces alone, as in the paper')
     elite: bool = parameter(
         True, 'the heaviest sample is a candidate beside the average')
-    monotone: bool = parameter(
-        True, 'keep the plan where an update would be dearer; false: take every update')
     importance_sampling: bool = parameter(
         False, 'add λ Uᵀ Σ⁻¹ (V - U) to the cost of samples V about forces U, which is the '
         'information-theoretic update; needs feedback false')
@@ -72,15 +70,14 @@ def opened(model, cost, lqr_gain, bounds, horizon, x_0, X, U, K, feedback):
 
 
 @kernel
-def improved(model, cost, lqr_gain, bounds, J, X, U, K, others, feedback, monotone):
+def improved(model, cost, lqr_gain, bounds, J, X, U, K, others, feedback):
     """
     Return the cheapest of a rollout and those of other forces, with new gains.
 
-    With feedback the regulator's rollout is among them; the paper's MPPI knows no regulator. What
-    is not monotone takes the others for better or worse, but for what is not finite.
+    With feedback the regulator's rollout is among them; the paper's MPPI knows no regulator.
     Shapes: others (n, N), the rest as in Rollout.
     """
-    best, N, none = (J if monotone else np.inf, X, U, K), len(U), np.zeros_like(K)
+    best, N, none = (J, X, U, K), len(U), np.zeros_like(K)
     if feedback:
         regulator = follow_policy(model, cost, lqr_gain, bounds, X[0], X[:0], U[:0], K[:0], N)
         if regulator[0] < best[0]:
@@ -89,9 +86,8 @@ def improved(model, cost, lqr_gain, bounds, J, X, U, K, others, feedback, monoto
         found = follow_policy(model, cost, lqr_gain, bounds, X[0], X, others[i], none, N)
         if found[0] < best[0]:
             best = found
-    if not (best[0] < J or not monotone and best[0] < np.inf):
-        return J, X, U, K
-    set_gains(model, cost, bounds, best[1], best[2], feedback, best[3])
+    if best[0] < J:
+        set_gains(model, cost, bounds, best[1], best[2], feedback, best[3])
     return best
 
 
@@ -181,9 +177,8 @@ class MPPI:
             S = self.samples.draw(best, self.random)
             noise += self.samples.noise_time
             rollouts += time.perf_counter() - then - self.samples.noise_time
-            best = Rollout(*improved(*given, *best, self.update(best, S), feedback,
-                                     parameters.monotone))
-            if parameters.monotone and before - best.J < parameters.tolerance * before:
+            best = Rollout(*improved(*given, *best, self.update(best, S), feedback))
+            if before - best.J < parameters.tolerance * before:
                 break
         if not np.isfinite(best.J):
             status = Status.FAILED
