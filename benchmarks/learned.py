@@ -107,7 +107,7 @@ def logged(plant: dict[str, Any], duration: float, seed: int) -> list[Experience
     simulate(plants.plant({**plant, 'seed': seed}), learner, duration)
     X, _, U, h = map(np.array, zip(*learner.experience))
     t = np.append(0.0, np.cumsum(h[:-1]))
-    return stretches_of(t, X, t, U, learner.nominal.given[0].track_limit)
+    return stretches_of(t, X, t, U, learner.nominal.parameters.limits.track_limit)
 
 
 def by_log(seed: int, solvers: Sequence[str] = tuple(METHODS)) -> list[Row]:

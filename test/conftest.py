@@ -8,31 +8,18 @@ import json
 import os
 from pathlib import Path
 import signal
-import socket
 import subprocess
 import sys
 import tempfile
 import time
 
+from domains import claim_domain
 import numpy as np
 import pytest
 
 from dp_swing_ros.executables import ENDING
 
 pytest_plugins = ['spent']
-
-
-def claim_domain():
-    """Return a ROS domain that no other test process here uses, and the lock that keeps it."""
-    for domain in range(70, 102):
-        lock = socket.socket(socket.AF_UNIX)
-        try:
-            lock.bind(f'\0dp_swing_ros_domain_{domain}')  # a name without a file, free at our end
-            return domain, lock
-        except OSError:
-            lock.close()
-    raise RuntimeError('the ROS domains 70 to 101 are all in use by other test runs')
-
 
 DOMAIN, LOCK = claim_domain()
 os.environ['ROS_DOMAIN_ID'] = str(DOMAIN)

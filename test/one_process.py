@@ -9,6 +9,7 @@ import io
 import time
 from unittest.mock import patch
 
+from domains import claim_domain
 import rclpy
 from rclpy import utilities
 from rclpy.node import Node
@@ -25,6 +26,7 @@ from dp_swing_ros.tools.demo import command_line, keeping
 from dp_swing_ros.topics import DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES
 
 COMMIT = cache(provenance.commit)   # asks git
+DOMAIN, LOCK = claim_domain()   # where runs are recorded that nobody else hears
 PATIENCE = 120.0   # [s] for a run
 ANSWER = 1.0       # [s] for the one to the last state, which may be lost
 SILENCE = 5.0      # [s] at most, until an mpc that hears no state in real time sends a zero
@@ -33,10 +35,10 @@ SILENCE = 5.0      # [s] at most, until an mpc that hears no state in real time 
 class Crew:
     """Nodes of this process, which find each other at once; used as a context manager."""
 
-    def __init__(self, file, parameters, arguments=()):
-        """Take the parameters of each node, by name, which are written to a file."""
+    def __init__(self, file, parameters, arguments=(), domain=None):
+        """Take the parameters of each node, by name, which are written to a file, and a domain."""
         self.arguments = ['crew', '--ros-args', '--params-file', str(file), *arguments]
-        self.stack = ExitStack()
+        self.stack, self.domain = ExitStack(), domain
         file.write_text(yaml.safe_dump({
             node: {'ros__parameters': own} for node, own in parameters.items()}))
 
@@ -47,7 +49,7 @@ class Crew:
         enter(redirect_stdout(io.StringIO()))   # what a logger says in the end
         self.stack.callback(gc.unfreeze)        # what an mpc has frozen
         self.context = rclpy.Context()
-        rclpy.init(args=self.arguments, context=self.context,
+        rclpy.init(args=self.arguments, context=self.context, domain_id=self.domain,
                    signal_handler_options=SignalHandlerOptions.NO)
         self.stack.callback(self.context.try_shutdown)
         self.executor = enter(Executor(context=self.context))
@@ -92,7 +94,8 @@ def run(bag, parameters, meddle=None):
     given = {'logger': {'output': str(bag), 'progress_period': 0.0},
              'mpc': keeping(FORCE_COMMAND, DIAGNOSTICS), 'plant': keeping(JOINT_STATES)}
     with Crew(bag.with_name('nodes.yaml'), {
-            node: {**parameters.get(node, {}), **own} for node, own in given.items()}) as crew:
+            node: {**parameters.get(node, {}), **own} for node, own in given.items()},
+            domain=DOMAIN) as crew:
         if meddle is not None:
             meddle(crew.add(Node('other', context=crew.context)))
         logger, mpc, plant = map(crew.start, (LoggerNode, MpcNode, PlantNode))

@@ -100,4 +100,4 @@ def test_a_reference_that_is_not_on_the_track_is_refused(x, limit):
 
 def test_a_reference_at_the_end_of_the_track_is_one():
     problem = controllers.problem({'reference': [2.4, 0, 0, 0, 0, 0]})
-    assert problem.x_r[0] == problem.given[0].track_limit == 2.4
+    assert problem.x_r[0] == problem.parameters.limits.track_limit == 2.4

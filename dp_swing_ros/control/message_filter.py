@@ -85,7 +85,7 @@ class MessageFilter:
         self.past.append(Past(t, x, np.where(np.isnan(x), 0.0, x)))
         return self.frozen(predictions)
 
-    def believe(self, measured: Array, believed: Array) -> None:
+    def accept(self, measured: Array, believed: Array) -> None:
         """Take what is believed of the last state where it is not measured (NaN)."""
         self.past[-1].whole = np.where(np.isnan(measured), believed, measured)
 

@@ -55,7 +55,8 @@ class Observer:
         self.nominal, self.nominal_drive = problem, drive
         self.parameters, self.estimator_parameters = parameters, estimator
         self.estimator: Estimator = ESTIMATORS[parameters.estimator](problem, drive, estimator)
-        self.message_filter = MessageFilter(problem.physical.links, problem.given[0].track_limit)
+        self.message_filter = MessageFilter(problem.physical.links,
+                                            problem.parameters.limits.track_limit)
         self.reset()
 
     def reset(self) -> None:
@@ -74,7 +75,7 @@ class Observer:
             self.estimator, self.message_filter = other.estimator, other.message_filter
             belief = belief._replace(drive=other.nominal_drive, estimate=None)
         elif problem.learned is not None:
-            other.estimator.go_on(self.estimator)
+            other.estimator.continue_from(self.estimator)
             self.estimator = other.estimator
         else:
             problem = problem.with_physical(belief.problem.physical)
@@ -85,7 +86,7 @@ class Observer:
     @property
     def inputs(self) -> tuple[object, ...]:
         """Return what estimator and message filter are built from, but for learned numbers."""
-        limits, _, prediction = self.nominal.given
+        limits, _, prediction = self.nominal.parameters
         return (self.parameters.estimator, self.estimator_parameters, self.nominal.physical,
                 self.nominal_drive, limits.track_limit, prediction.integrator,
                 self.nominal.learned is not None)
@@ -123,7 +124,7 @@ class Observer:
         else:
             self.belief = self.belief._replace(rejection='')
             raise ValueError(f'the state is {x}, without velocities; estimator ekf does without')
-        self.message_filter.believe(measured, self.belief.x)
+        self.message_filter.accept(measured, self.belief.x)
         return self.belief
 
     def believed(self, t: float, estimate: Estimate) -> Belief:
@@ -154,7 +155,7 @@ def checked(x: Array, size: int) -> Array:
 
 def driven_by(drive: Drive, problem: Problem) -> Problem:
     """Return a problem within what a drive can do; the same where that is nearly what it has."""
-    u_max = problem.given[0].force_limit
+    u_max = problem.parameters.limits.force_limit
     bounds = Bounds(drive.bias - drive.gain * u_max, drive.bias + drive.gain * u_max)
     near = all(abs(b - old) <= NEARLY * u_max for b, old in zip(bounds, problem.bounds))
     return problem if near else replace(problem, bounds=bounds)

@@ -80,18 +80,18 @@ class Starts:
         self.scout = self.build(self.short) if problem.horizon > SHORT else None
         self.bounded: BoundedLQR | None = None   # made when needed: it takes a millisecond
 
-    def of(self, x_0: Array, rests: Sequence[Plan]) -> Iterator[Plan]:
+    def of(self, x_0: Array, shifted: Sequence[Plan]) -> Iterator[Plan]:
         """
         Yield the starts of a tick from what is left of the last plans, none at a first tick.
 
         Shapes: x_0 (2n + 2,).
         """
-        if not rests:
+        if not shifted:
             yield self.first(x_0)
             yield from self.plans(chain(self.first_kinds, repeat(self.random)), x_0,
                                   self.parameters.first_starts - 1)
             return
-        yield self.last(x_0, rests)
+        yield self.last(x_0, shifted)
         if not is_upright(x_0 - self.problem.x_r):
             yield from self.plans(self.later_kinds, x_0, self.parameters.other_starts)
 
@@ -109,14 +109,14 @@ class Starts:
         plan = plan_of(self.problem, rollout(self.problem.model, x_0, U), U, Status.COMPLETE)
         return replace(plan, start='random')
 
-    def last(self, x_0: Array, rests: Sequence[Plan]) -> Plan:
+    def last(self, x_0: Array, shifted: Sequence[Plan]) -> Plan:
         """Return the cheapest of what is left of the last plans and the regulator."""
         problem = self.problem
-        turns = [turns_of(problem, rest.X[-1]) for rest in rests]
-        costs = [policy_rollout(problem, x_0 - turn, rest.X, rest.U, rest.K).J
-                 for rest, turn in zip(rests, turns)]
+        turns = [turns_of(problem, plan.X[-1]) for plan in shifted]
+        costs = [policy_rollout(problem, x_0 - turn, plan.X, plan.U, plan.K).J
+                 for plan, turn in zip(shifted, turns)]
         best = costs.index(min(costs))
-        left, turn = rests[best], turns[best]
+        left, turn = shifted[best], turns[best]
         if self.parameters.warm_start == 'forces':
             U = np.append(left.U, np.zeros(problem.horizon - len(left.U)))
             return replace(plan_of(problem, rollout(problem.model, x_0, U), U, Status.COMPLETE),

@@ -194,7 +194,7 @@ def limited(problem: Problem, plan: Plan, within: Bounds) -> Plan:
 
 def violation(problem: Problem, X: Array) -> str:
     """Return in words which limit states do not keep; empty where they keep them."""
-    limits, cost, _ = problem.given
+    limits, cost, _ = problem.parameters
     for i, limit, name, unit in (
             (0, limits.track_limit, 'track_limit', 'm'),
             (X.shape[1] // 2, cost.cart_speed_limit, 'cart_speed_limit', 'm/s')):

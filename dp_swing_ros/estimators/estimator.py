@@ -54,7 +54,7 @@ class Estimator(Protocol):
     def reset(self) -> None:
         """Forget all measurements."""
 
-    def go_on(self, before: Any) -> None:
+    def continue_from(self, before: Any) -> None:
         """Believe what another one did, for which the dynamics were others and all else equal."""
 
     def update(self, t: float, x: Array, commands: Commands,
@@ -82,7 +82,7 @@ class Direct:
     def reset(self) -> None:
         """Forget nothing, for nothing is remembered."""
 
-    def go_on(self, before: Any) -> None:
+    def continue_from(self, before: Any) -> None:
         """Believe nothing, as before."""
 
     def update(self, t: float, x: Array, commands: Commands,

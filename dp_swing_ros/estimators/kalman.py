@@ -97,8 +97,8 @@ class ExtendedKalmanFilter:
         self.scales = np.ones(2)   # of the variances of positions and velocities, learned
         self.refused = self.in_a_row = 0
 
-    def go_on(self, before: 'ExtendedKalmanFilter') -> None:
-        """Believe what another one did; see Estimator.go_on."""
+    def continue_from(self, before: 'ExtendedKalmanFilter') -> None:
+        """Believe what another one did; see Estimator.continue_from."""
         self.t, self.z, self.P, self.scales = before.t, before.z, before.P, before.scales
         self.refused, self.in_a_row = before.refused, before.in_a_row
 
@@ -122,12 +122,12 @@ class ExtendedKalmanFilter:
                 self.scales = scales
                 constrain(self.unknowns.lowest, self.unknowns.highest, known, variance)
                 self.in_a_row = 0
-                return self.believe(t, known, variance, innovation, distance)
+                return self.set_posterior(t, known, variance, innovation, distance)
         self.refused, self.in_a_row = self.refused + 1, self.in_a_row + 1
         if self.in_a_row >= REFUSALS or not np.all(np.isfinite(z)):
             return self.begin(t, x)._replace(innovation=innovation, distance=distance,
                                              accepted=False)
-        return self.believe(t, z, P, innovation, distance)._replace(accepted=False)
+        return self.set_posterior(t, z, P, innovation, distance)._replace(accepted=False)
 
     def corrected(self, x: Array, rate: Array, time_noise: float, z: Array,
                   P: Array) -> tuple[float, float]:
@@ -158,12 +158,12 @@ class ExtendedKalmanFilter:
         self.in_a_row, self.scales = 0, np.ones(2)
         unmeasured = np.isnan(x)
         variances = np.where(unmeasured, UNMEASURED ** 2, self.R)
-        return self.believe(
+        return self.set_posterior(
             t, np.concatenate((np.where(unmeasured, 0.0, x), self.z[self.size:])),
             np.diag(np.concatenate((variances, self.prior))), np.zeros(self.size), 0.0)
 
-    def believe(self, t: float, z: Array, P: Array, innovation: Array,
-                distance: float) -> Estimate:
+    def set_posterior(self, t: float, z: Array, P: Array, innovation: Array,
+                      distance: float) -> Estimate:
         """Keep a mean and a covariance, and report them."""
         self.t, self.z, self.P = t, z, P
         found = self.unknowns.values(z[self.size:])

@@ -118,11 +118,11 @@ class Learner:
         """Learn from all that was seen, and plan with that from now on."""
         X, Y, U, h = map(np.array, zip(*self.experience))
         seen = Experience(X, Y, U, h)
-        limit = self.nominal.given[0].track_limit - END
+        limit = self.nominal.parameters.limits.track_limit - END
         seen = seen.chosen((np.abs(X[:, 0]) < limit) & (np.abs(Y[:, 0]) < limit))
         try:
             model = self.online.model(seen)
-            problem = Problem.of(self.nominal.physical, *self.nominal.given, model)
+            problem = Problem.of(self.nominal.physical, *self.nominal.parameters, model)
         except (FloatingPointError, np.linalg.LinAlgError, ParameterError):
             return   # more experience will tell
         self.model, informed = model, self.prototype.anew(problem)

@@ -44,6 +44,14 @@ class Bounds(NamedTuple):
     high: float
 
 
+class ProblemParameters(NamedTuple):
+    """The parameters that a problem is made from, beside those of the pendulum."""
+
+    limits: LimitParameters
+    cost: CostParameters
+    prediction: PredictionParameters
+
+
 @dataclass(frozen=True)
 class Problem:
     """Model, cost and bounds of the force, the length of a plan, and the regulator at the goal."""
@@ -54,7 +62,7 @@ class Problem:
     bounds: Bounds
     lqr: LQR
     physical: PendulumParameters
-    given: tuple[LimitParameters, CostParameters, PredictionParameters]  # it was made from
+    parameters: ProblemParameters
     learned: LearnedModel | None = None   # instead of the equations of the pendulum
 
     @classmethod
@@ -93,12 +101,12 @@ class Problem:
             x_soft=limits.track_limit - cost.track_margin, w=cost.track_weight,
             v_soft=FAST * cost.cart_speed_limit, w_v=cost.speed_weight),
             prediction.horizon, Bounds(-limits.force_limit, limits.force_limit), lqr, physical,
-            (limits, cost, prediction), learned)
+            ProblemParameters(limits, cost, prediction), learned)
 
     @property
     def warning(self) -> str:
         """Return what is possible, but hardly meant, or nothing."""
-        limits, cost, _ = self.given
+        limits, cost, _ = self.parameters
         margin, track = cost.track_margin, limits.track_limit
         return '' if cost.track_weight == 0 or 2 * margin < track else (
             f'parameter track_margin is {margin:g} m of the {track:g} m of track on either side, '
@@ -125,7 +133,7 @@ class Problem:
 
         Raises ParameterError where no regulator holds the reference state.
         """
-        return Problem.of(physical, *self.given, self.learned)
+        return Problem.of(physical, *self.parameters, self.learned)
 
 
 def turns_of(problem: Problem, x: Array) -> Array:

@@ -104,7 +104,7 @@ class Loader:
 
 def kind_of(controller: RecedingHorizon) -> tuple[Any, ...]:
     """Return what decides which kernels a controller needs."""
-    parameters, (_, cost, _) = controller.parameters, controller.nominal.given
+    parameters, (_, cost, _) = controller.parameters, controller.nominal.parameters
     model = controller.nominal.model
     switches = {name: value for name, value in vars(controller.planner.solver_parameters).items()
                 if isinstance(value, (bool, str))}

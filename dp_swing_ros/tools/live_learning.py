@@ -162,7 +162,7 @@ class LiveLearner:
         """Return what there is to learn from; raises UserError where there is nothing."""
         t, X, sent, commands = map(np.array, (self.t, self.X, self.sent, self.commands))
         return Experience.joined(stretches_of(t, X, sent, commands,
-                                              self.problem.given[0].track_limit))
+                                              self.problem.parameters.limits.track_limit))
 
     def learn(self) -> LearnedModel | None:
         """Return a new model of all that was heard, if that is due."""

@@ -123,7 +123,7 @@ def test_an_encoder_that_stands_still_for_some_ticks_is_believed(links, counts):
     for n in range(60):
         x = encoded(n * unit / 3, counts)
         assert messages.rejection(0.05 * n, x, predict) == '', n
-        messages.believe(x, np.zeros(2 * links + 2))
+        messages.accept(x, np.zeros(2 * links + 2))
         repeated += n > 0 and np.array_equal(x, before, equal_nan=True)
         before = x
     assert repeated > 20
@@ -138,7 +138,7 @@ def test_an_encoder_that_is_dead_is_not(dead, counts):
         q[dead] = 0.05 * min(n, 20)
         rejection = messages.rejection(0.05 * n, encoded(q, counts), moving)
         assert n > 20 or rejection == ''
-        messages.believe(encoded(q, counts), np.zeros(6))
+        messages.accept(encoded(q, counts), np.zeros(6))
         if rejection:
             break
     assert 21 <= n <= 26

@@ -115,7 +115,7 @@ def test_a_reset_in_mid_run_is_repeated(tmp_path):
     run = Run(Bag(record(tmp_path, '--duration', '1', '--lockstep', meddle=reset)))
     assert sum(tick.reset for tick in run.record.ticks[1:]) == 1
     found = verify(run.bag, iter)
-    assert (found.states, found.differences, found.beyond) == (21, [], [])
+    assert (found.states, found.differences, found.unverifiable) == (21, [], [])
 
 
 def test_the_past_is_what_was_recorded(runs):
