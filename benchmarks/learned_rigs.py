@@ -76,7 +76,8 @@ class Watched:
     def experience(self, drive: Drive) -> list[Experience]:
         """Return what there is to learn from, by a drive."""
         t, X, U = map(np.array, (self.t, self.X, self.U))
-        return stretches_of(t, X, t, U, self.controller.nominal.parameters.limits.track_limit, drive)
+        limits = self.controller.nominal.parameters.limits
+        return stretches_of(t, X, t, U, limits.track_limit, drive)
 
 
 def swing_up(case: Case, seed: int) -> Watched:

@@ -46,7 +46,9 @@ class Bag:
             raise BagError(f'{self} lacks {", ".join(missing)}, which its metadata.yaml names; '
                            'put the file there or ask for what is there (partial)')
         self._wanted = Wanted(tuple(topics), self.about.compressed)
-        self.entries = [entry for file in files for entry in self._read(file)]
+        # a file need not hold them in the order in which they were received
+        self.entries = sorted((entry for file in files for entry in self._read(file)),
+                              key=lambda entry: entry.received)
         self.channels: dict[str, ChannelInfo] = {}  # by topic
         for entry in self.entries:
             self.channels.setdefault(entry.topic, entry.channel)

@@ -51,10 +51,11 @@ class Handshake:
         return before is not None and (
             configured.resets != before or is_plant and configured.revision == 0)
 
-    def complete(self, peers: Peers, timing: Timing, now: float) -> Arrived | None:
-        """Return the state to answer at a time [s], once, if that can be."""
+    def complete(self, peers: Peers, timing: Timing, is_timed: bool,
+                 now: float) -> Arrived | None:
+        """Return the state to answer at a time [s], once, if it can be, or after a while."""
         if self.done or self.waiting is None or not (
-                now > self.until or self._is_met(peers, timing)):
+                now > self.until or is_timed and self._is_met(peers, timing)):
             return None
         self.done = True
         return self.waiting

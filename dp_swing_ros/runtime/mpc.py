@@ -216,9 +216,9 @@ class MpcCore:
 
     def meet(self, peers: Peers) -> None:
         """Answer the first state once it can be, or at the latest after a while."""
-        if self.clocks.now() == 0:   # a simulated one that was not heard yet
-            return
-        first = self.handshake.complete(peers, self.schedule.timing, self.clocks.steady())
+        is_timed = self.clocks.now() != 0   # else a simulated clock was not heard yet
+        first = self.handshake.complete(peers, self.schedule.timing, is_timed,
+                                        self.clocks.steady())
         if first is not None:
             self.surely(partial(self.answer, first))
 

@@ -177,6 +177,12 @@ def test_a_pull_is_a_force_in_its_direction_that_is_bounded_and_ends(page, peer)
 
 def test_hands_of_a_page_that_is_gone_let_go_and_a_kick_lasts_a_period(page, peer):
     pushes = peer.record(DISTURBANCE)
+    # until it is heard here, too
+    assert any(page.ask('push', force=1.0)['ok'] and peer.until(lambda: pushes, 1.0)
+               for _ in range(20))
+    page.until(lambda page: page.newest['frame']['push'] == 0.0)
+    peer.spin(0.2)
+    pushes.clear()
     assert page.ask('push', force=3.0)['ok']
     page.until(lambda page: page.newest['frame']['push'] == 3.0)
     page.until(lambda page: page.newest['frame']['push'] == 0.0)

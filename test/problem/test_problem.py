@@ -139,7 +139,7 @@ def test_a_problem_follows_its_model(links):
     assert finer.dt == 0.01
     heavy = p.with_physical(replace(p.physical, link1_mass=0.7))
     assert heavy.model != p.model
-    assert heavy.given == p.parameters
+    assert heavy.parameters == p.parameters
     assert not np.allclose(heavy.lqr.K, p.lqr.K)
 
 

@@ -256,6 +256,11 @@ def test_states_wait_for_a_simulated_clock_that_was_not_heard_yet():
     run.clocks.simulated_time = 100.001
     run.core.meet(KNOWN)
     assert run.report.values['time'] == pytest.approx(100.0, abs=0.01)
+    run = Running(simulated=0.0, clock='arrival')   # nor for ever
+    run.state(LEANING, 100.0)
+    run.passes(2.1)
+    run.core.meet(KNOWN)
+    assert len(run.forces) == 1
 
 
 def test_who_sends_the_first_state_is_waited_for_but_not_for_ever():
