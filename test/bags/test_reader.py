@@ -95,9 +95,20 @@ def test_configuration_that_is_none_is_told(path, content):
     '<!DOCTYPE a [<!ENTITY b "c'])
 def test_description_that_is_none_is_told(tmp_path, content):
     file = record(tmp_path / 'bag')
-    save(file.with_name('bag_1.mcap'), [text(content)], topic='/' + ROBOT_DESCRIPTION.name)
+    save(file.with_name('bag_1.mcap'), [text(content)], topic='/' + ROBOT_DESCRIPTION.name,
+         time=2 ** 62)   # the last one counts
     with pytest.raises(BagError, match='is not one of this pendulum: the robot description'):
         read_episode(file.parent)
+
+
+def test_messages_are_in_the_order_in_which_they_were_received(path):
+    """Not in that of the file, which may have been put together otherwise."""
+    later, sooner = (save(path.with_name(f'x_{n}.mcap'), [text(content)], time=time)
+                     for n, (content, time) in enumerate((('b', 20), ('a', 10))))
+    assert later.name < sooner.name
+    bag = Bag(path.parent)
+    assert [entry.received for entry in bag.entries] == [10, 20]
+    assert [message.data for message in bag.of(CONFIGURATION)] == ['a', 'b']
 
 
 def test_time_that_cannot_be_is_read_as_it_is(path):

@@ -6,6 +6,7 @@ import subprocess
 import numpy as np
 from one_process import Crew, record
 import pytest
+import real_bags
 from real_bags import rewritten
 
 from dp_swing_ros import declarations
@@ -36,7 +37,8 @@ def lockstep(tmp_path_factory):
 
 @pytest.fixture(scope='module')
 def real_time(tmp_path_factory):
-    return record(tmp_path_factory.mktemp('real_time'), '--duration', '4', plant=PLANT)
+    # by processes: one at a time, a command acts later than it was sent
+    return real_bags.record(tmp_path_factory.mktemp('real_time'), '--duration', '4', plant=PLANT)
 
 
 def stamped(change):
