@@ -147,7 +147,7 @@ def test_a_run_with_changes_is_repeated_to_the_bit(peer, start_node, tmp_path, c
     mpc = start_node('mpc', {'horizon': 40})
     mpc.wait_for('ready')
     reports = peer.record(DIAGNOSTICS)
-    plant = start_node('plant', {'lockstep': True, 'duration': 22.0})
+    plant = start_node('plant', {'lockstep': True, 'duration': 40.0})
     changes = [{'solver': 'ddp'}, {'solver': 'mppi', 'mppi.samples': 256}, {'seed': 4},
                {'reference': [0.4, 0.0, 0.0, 0.0, 0.0, 0.0]}, {'solver': 'ilqr'},
                {'goal': 'down_up'}]
@@ -175,7 +175,7 @@ def test_the_plant_s_changes_are_repeated_to_the_bit(peer, start_node, tmp_path,
     mpc, reports = start_node('mpc'), peer.record(DIAGNOSTICS)
     mpc.wait_for('ready')
     # it begins with the clock, so that there is time before
-    plant = start_node('plant', {'lockstep': True, 'duration': 10.0, 'use_sim_time': True})
+    plant = start_node('plant', {'lockstep': True, 'duration': 40.0, 'use_sim_time': True})
     plant.wait_for('waiting for a controller')
     assert put(peer, 'plant', start='down_up', position_noise=1e-3) == ''
     clock = peer.node.create_publisher(Clock, '/clock', 1)
