@@ -16,6 +16,10 @@ DOWNLOADS := sed -u -n 's/^ *Downloading \([^-]*-[^-]*\)-.* (\(.* MB\))$$/  \1 (
 INSTALL = $(BIN)/python -m pip install --no-input -c constraints.txt $(addprefix --group ,$(1)) | \
 	$(DOWNLOADS) || $(call FAIL,pip could not install the groups $(1); what it said stands above)
 IN_PARALLEL := pytest -n auto --dist loadfile --no-loadscope-reorder
+# so that on a new machine not each test process compiles, while nodes of others want to be in time
+COMPILE := python -c 'import itertools, dp_swing_ros as dp; [(dp.controller(v).warm_up(), dp.plant( \
+  {"links": v["links"]}).advance(0.05)) for v in ({"solver": s, "links": n} for s, n in \
+  itertools.product(dp.SOLVERS, (2, 1, 3)))]'
 FAIL = { echo "make: $(1)" >&2; exit 1; }
 
 # A sourced ROS installation, or another checkout's, would shadow the wheels, which have Fast DDS
@@ -52,7 +56,7 @@ results:  ## every published figure anew, in about three hours (PAGES='reliabili
 	@$(WITH_ROS) && python benchmarks/published.py $(PAGES) $(RESULTS)
 
 test: setup $(VENV)/.installed-test  ## all tests, linters and type checks (PYTEST='...' for arguments of pytest)
-	@$(WITH_ROS) && $(IN_PARALLEL) $(or $(PYTEST),-m 'not real_time')
+	@$(WITH_ROS) && $(COMPILE) && $(IN_PARALLEL) $(or $(PYTEST),-m 'not real_time')
 
 house: setup  ## lines of each room, the largest class, what each node loads
 	@$(WITH_ROS) && python scripts/house.py

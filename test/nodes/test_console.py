@@ -192,6 +192,7 @@ def test_hands_of_a_page_that_is_gone_let_go_and_a_kick_lasts_a_period(page, pee
         other.send('hold', force=-2.0)
         assert peer.until(lambda: pushes[-1].data == -2.0)
     page.until(lambda page: page.newest['frame']['push'] == 0.0)
+    assert peer.until(lambda: quiet(peer, pushes))
     pushes.clear()
     frames(page, 10)
     peer.spin(0.1)
