@@ -56,7 +56,7 @@ results:  ## every published figure anew, in about three hours (PAGES='reliabili
 	@$(WITH_ROS) && python benchmarks/published.py $(PAGES) $(RESULTS)
 
 test: setup $(VENV)/.installed-test  ## all tests, linters and type checks (PYTEST='...' for arguments of pytest)
-	@$(WITH_ROS) && $(COMPILE) && $(IN_PARALLEL) $(or $(PYTEST),-m 'not real_time')
+	@$(WITH_ROS) && $(if $(PYTEST),,$(COMPILE) &&) $(IN_PARALLEL) $(or $(PYTEST),-m 'not real_time')
 
 house: setup  ## lines of each room, the largest class, what each node loads
 	@$(WITH_ROS) && python scripts/house.py

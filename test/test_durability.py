@@ -21,7 +21,9 @@ def test_bags_survive(tmp_path):
     for row in rows:
         _, kills, _, _, oldest, newest, *verdicts = row.strip('| ').split(' | ')
         assert kills == '1'
-        assert float(oldest) >= 0 and float(newest) >= 0   # [ms]; how many depends on the machine
+        # [ms], far less than the 2 s of the run; how little on a machine is on the page
+        assert float(oldest) <= 1000
+        assert float(newest) <= 1000
         assert set(verdicts) == {'1 of 1'}
     assert re.search(r'10000 messages on 5 topics in \S+ s: 10000 in the bag, 0 lost; the logger '
                      'itself counted 0 lost', page)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from dp_swing_ros.messages.configuration import Configuration, is_of_plant
 from dp_swing_ros.runtime.schedule import Arrived
-from dp_swing_ros.runtime.timing import Clock, Timing
+from dp_swing_ros.runtime.timing import Timing
 
 PATIENCE = 2.0   # [s] at most, to learn who sends the states, and for them to find the forces
 
@@ -65,6 +65,5 @@ class Handshake:
         if timing.configured is None and not announcers <= self.resets.keys():
             return False
         # a plant in lockstep would wait forever for a force that it did not hear
-        lockstep = timing.clock is Clock.LOCKSTEP
-        wanted = peers.senders if lockstep else announcers & self.plants
-        return not (lockstep or wanted) or bool(wanted) and wanted <= peers.hearers
+        wanted = peers.senders if timing.lockstep else announcers & self.plants
+        return not (timing.lockstep or wanted) or bool(wanted) and wanted <= peers.hearers

@@ -253,7 +253,7 @@ class MpcCore:
         late = plan.stats.solve_time * schedule.pace > period
         if real_time and self.controller.enabled:
             schedule.wait(slot)
-        force = self.command(plan.first_force(self.u_max), plan)
+        force = self.follow(plan)
         sent_at, latency = self.clocks.steady(), slot.age + schedule.taken(slot)
         if real_time:
             self.send(Wake(schedule.watchdog.feed(slot.period)))
@@ -322,24 +322,24 @@ class MpcCore:
         plan = self.controller.fallback(slot.t + slot.delay)
         if plan.stats.status in (Status.ZERO, Status.DISABLED):
             self.send(Wake(None))
-        force = self.command(plan.first_force(self.u_max), plan)
+        force = self.follow(plan)
         self.report(now, plan, complaint, '', force=force, delay=slot.delay, latency=0.0,
                     real_time=True, time=slot.t)
 
     # what is sent
 
-    @property
-    def u_max(self) -> float:
-        """Return the largest force [N]."""
-        return float(self.values['force_limit'])
-
-    def command(self, force: float, plan: Plan | None = None) -> float:
-        """Send a force [N], which may be the first of a plan; return it."""
-        if plan is not None and plan.stats.status is Status.STOP:
+    def follow(self, plan: Plan) -> float:
+        """Send the first force [N] of a plan, and return it."""
+        if plan.stats.status is Status.STOP:
             self.say(ERROR, f'controlled stop: {self.controller.stopping}', 'stop', 10.0)
+        force = plan.first_force(self.controller.nominal.u_max)
+        self.command(force)
+        return force
+
+    def command(self, force: float) -> None:
+        """Send a force [N]."""
         self.send(Force(self.answered, force))
         self.forces += 1
-        return force
 
     def report(self, stamp: int, plan: Plan, complaint: str, warning: str, *, time: float,
                late: bool = False, **figures: Any) -> None:

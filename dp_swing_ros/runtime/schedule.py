@@ -6,7 +6,7 @@ import math
 from typing import Any, NamedTuple, Protocol
 
 from dp_swing_ros.messages.fields import BILLION, nanoseconds
-from dp_swing_ros.runtime.timing import Clock, Latency, Measured, Timing, Watchdog
+from dp_swing_ros.runtime.timing import Latency, Measured, Timing, Watchdog
 
 SMOOTHING = 0.1        # share of the newest tick in the mean pace
 PACES = (0.01, 100.0)  # slowest and fastest of a simulated clock, in seconds a second
@@ -90,7 +90,7 @@ class Schedule:
     @property
     def lockstep(self) -> bool:
         """Return whether time waits for the forces."""
-        return self.timing.clock is Clock.LOCKSTEP
+        return self.timing.lockstep
 
     def arrival(self, arrived: Arrived) -> Arrival:
         """Return when a state came that has just been taken."""
@@ -110,7 +110,8 @@ class Schedule:
         period = (t - before.measured.t) / steps if before is not None else math.nan
         if self.lockstep:
             return Slot(t, age, age, began, period=period)
-        self.pace = self.pace_since(before, arrival)
+        if before is not None and self.clocks.simulated:
+            self.pace = self.pace_since(before, arrival)
         self.latency.add_transport((arrived.received - arrived.sent) / BILLION)
         # it may have waited for the tick before; this one catches up
         left = self.latency.left(self.watchdog.period / self.pace,
@@ -123,10 +124,10 @@ class Schedule:
         return Slot(self.clocks.now() / BILLION, delay=self.latency.transport() * self.pace,
                     began=self.clocks.steady())
 
-    def pace_since(self, before: Arrival | None, last: Arrival) -> float:
-        """Return the pace of the controller's clock, which may be a simulated one."""
-        passed = last.steady - before.steady if before is not None else 0.0
-        if before is None or not (self.clocks.simulated and passed > 0):
+    def pace_since(self, before: Arrival, last: Arrival) -> float:
+        """Return the pace of a simulated clock."""
+        passed = last.steady - before.steady
+        if passed <= 0:
             return self.pace
         pace = (last.now - before.now) / passed
         return self.pace + SMOOTHING * (min(max(pace, PACES[0]), PACES[1]) - self.pace)

@@ -86,6 +86,11 @@ class Timing:
         """Return which clock the stamps are of."""
         return self.configured or self.announced
 
+    @property
+    def lockstep(self) -> bool:
+        """Return whether time waits for the forces."""
+        return self.clock is Clock.LOCKSTEP
+
     def learn(self, configuration: Configuration) -> None:
         """Take over what a plant announces; raises TypeError or ValueError for a bad delay."""
         if is_of_plant(configuration):
@@ -99,7 +104,7 @@ class Timing:
 
         It was sent at a time [s] that is right but for a constant offset of the sender's clock.
         """
-        if self.clock is Clock.LOCKSTEP:
+        if self.lockstep:
             return Measured(stamp, self.delay)
         relative = self.relative_age(stamp, now, sent)
         if self.clock is Clock.ARRIVAL:

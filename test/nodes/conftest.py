@@ -24,6 +24,8 @@ def start_here(capfd):
         started.append(NodeHere(capfd, name, parameters, arguments))
         return started[-1]
     yield start
-    for node in started:
-        if not node.ended():
+    for node in reversed(started):
+        if node.ended():
+            node.wait()   # which puts back what it has replaced
+        else:
             node.stop()

@@ -12,6 +12,7 @@ from unittest.mock import patch
 
 from conftest import PATIENCE, wait_until
 from one_process import COMMIT
+from rclpy import utilities
 
 from dp_swing_ros.nodes import process, ros_parameters
 
@@ -28,6 +29,8 @@ class NodeHere:
         self.capfd, self.text, self.handlers = capfd, '', []
         self.stack, self.code = ExitStack(), None
         self.stack.enter_context(patch.object(ros_parameters, 'commit', COMMIT))
+        # a context of its own, whatever a test before has left
+        self.stack.enter_context(patch.object(utilities, 'g_default_context', None))
         for what, instead in (('on_signals_to_node', self.handlers.append),
                               # nobody else ends at the moment
                               ('exit_after', lambda *_: nullcontext())):
