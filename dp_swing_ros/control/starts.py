@@ -97,11 +97,13 @@ class Starts:
 
     def plans(self, kinds: Iterable[Callable[[Array], Plan | None]], x_0: Array,
               count: int) -> Iterator[Plan]:
-        """Yield as many plans of these kinds; fewer where a wild state has none."""
-        made = ((kind.__name__, kind(x_0))
-                for kind in islice(kinds, count + len(self.first_kinds)))
-        return islice((replace(plan, start=name) for name, plan in made
-                       if plan is not None and np.all(np.isfinite(plan.X))), count)
+        """Yield so many plans of these kinds; wild ones only in a state where others are, too."""
+        # always so many, so that how many were solved tells which were made
+        patience = count + len(self.first_kinds) - 1
+        made = ((kind.__name__, kind(x_0)) for kind in kinds)
+        return islice((replace(plan, start=name) for n, (name, plan) in enumerate(made)
+                       if plan is not None and (n >= patience or np.all(np.isfinite(plan.X)))),
+                      count)
 
     def first(self, x_0: Array) -> Plan:
         """Return the start of a run: random forces."""

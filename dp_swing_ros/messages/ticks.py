@@ -66,7 +66,7 @@ class TickReport:
            **others: Any) -> 'TickReport':
         """Return the report of a plan for a problem, by an estimate, and of all that is beside."""
         stats = plan.stats
-        costs = sorted(candidate.cost for candidate in stats.candidates)
+        costs = sorted(each.cost for each in stats.candidates if math.isfinite(each.cost))
         return cls(
             status=stats.status.name, cost=stats.cost,
             cost_terms=terms(problem.cost, plan.X - plan.turns, plan.U)._asdict(),
