@@ -137,7 +137,7 @@ PARTS = [
          meant=Trial('near_goal', seeds=range(100))),
     Part('start: the regulator', code={(Starts, 'regulator'): no_start}),
     Part('start: no force', code={(Starts, 'rest'): no_start}),
-    Part('start: random forces', code={(Starts, 'random'): no_start}),
+    Part('start: random forces (no force instead)', code={(Starts, 'random'): Starts.rest}),
     Part('the regulator in place of the last plan',
          code={(starts, 'regulator_rollout'): worthless}, meant=Trial('rig_joints', 0.05)),
     Part('gains of the last plan (forces are shifted)', {'warm_start': 'forces'}, meant=PUSHES),

@@ -1,21 +1,29 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A controller in virtual time: a driver whose clocks are set by hand."""
+"""A controller in virtual time, and a plant: what drives them has clocks that are set by hand."""
 
 from itertools import pairwise
 import math
 
 import numpy as np
+from rclpy.serialization import serialize_message
+from std_msgs.msg import Float64, String
 
+from dp_swing_ros.bags.metadata import Recorded
+from dp_swing_ros.bags.writer import BagWriter
 from dp_swing_ros.control import controllers
 from dp_swing_ros.messages.configuration import Configuration
+from dp_swing_ros.messages.definitions import schema
 from dp_swing_ros.messages.fields import BILLION, Report
 from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
 from dp_swing_ros.pendulum.state import joints
 from dp_swing_ros.runtime.handshake import Peers
 from dp_swing_ros.runtime.loading import kind_of
 from dp_swing_ros.runtime.mpc import Announcement, Force, MpcCore, Planned, Said, Wake
+from dp_swing_ros.runtime.plant import PlantCore, State
 from dp_swing_ros.runtime.schedule import Arrived
+from dp_swing_ros.simulation import plants
+from dp_swing_ros.topics import CONFIGURATION, FORCE_COMMAND, JOINT_STATES
 
 DAY = 1_700_000_000      # [s] when it begins
 AHEAD = 1e9              # [s] of the steady clock; no deadline by it has passed on any machine
@@ -175,6 +183,39 @@ class Running:
         thread = self.core.loader.thread
         if thread is not None:
             thread.join()
+
+
+def full(topic):
+    return '/' + topic.name.lstrip('/')
+
+
+def record(folder, duration, rng, **plant):
+    """Record what plant and mpc would send in real time on a machine that is never busy."""
+    bag, mpc, complete = BagWriter(folder), Running(), plants.PLANT.complete(plant)
+    for topic in (CONFIGURATION, JOINT_STATES, FORCE_COMMAND):
+        bag.add(Recorded(full(topic), topic.type, schema(topic.type), '', []))
+
+    def write(topic, message):
+        now = mpc.clocks.now()
+        bag.write(full(topic), serialize_message(message), now + round(1e-4 * BILLION), now)
+    for name, values in (('/plant', complete), ('/mpc', mpc.core.values)):
+        write(CONFIGURATION, String(data=Configuration(
+            name, values, '', '', '', '', {}).to_text()))
+    core, count = PlantCore(plants.plant(plant)), round(duration / PERIOD)
+    sent = core.begin(mpc.clocks.now(), mpc.clocks.now())
+    for n in range(count):
+        state = next(each for each in sent if isinstance(each, State))
+        message = to_joint_state(to_stamp(state.stamp), state.x, state.force)
+        write(JOINT_STATES, message)
+        way, before = rng.uniform(2e-4, 8e-3), mpc.clocks.today()
+        mpc.clocks.sleep(way)
+        force = mpc.hear(message, sent=before)
+        write(FORCE_COMMAND, Float64(data=force))
+        core.on_force(force, mpc.clocks.now())
+        mpc.clocks.time = (n + 1) * PERIOD
+        sent = core.tick(mpc.clocks.now())
+    bag.close()
+    return folder
 
 
 def lockstep(**parameters):

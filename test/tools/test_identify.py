@@ -8,6 +8,7 @@ from one_process import Crew, record
 import pytest
 import real_bags
 from real_bags import rewritten
+import virtual
 
 from dp_swing_ros import declarations
 from dp_swing_ros.bags.reader import Bag
@@ -37,8 +38,8 @@ def lockstep(tmp_path_factory):
 
 @pytest.fixture(scope='module')
 def real_time(tmp_path_factory):
-    # by processes: one at a time, a command acts later than it was sent
-    return real_bags.record(tmp_path_factory.mktemp('real_time'), '--duration', '4', plant=PLANT)
+    return virtual.record(tmp_path_factory.mktemp('real_time') / 'bag', 5.0,
+                          np.random.default_rng(20), **RIG)
 
 
 def stamped(change):
@@ -86,16 +87,27 @@ def test_plant_and_mpc_take_the_file(identified, tmp_path):
             crew.end(node)
 
 
-def test_in_real_time_a_command_counts_from_when_it_was_sent(real_time, tmp_path):
-    found = recorded(Bag(real_time))
+def assert_is_found_in(bag, file):
+    """Check that the rig is found from what was sent in real time."""
+    found = recorded(Bag(bag))
     assert found.times == times.SAME
     ages = found.motion.sent[20:] - found.motion.t[np.searchsorted(
         found.motion.t, found.motion.sent[20:]) - 1]
     assert 0 < np.median(ages) < 0.05
-    assert main([str(real_time), '-o', str(tmp_path / 'rig.yaml')]) == 0
-    values = declarations.read([tmp_path / 'rig.yaml'])['mpc']
+    assert main([str(bag), '-o', str(file)]) == 0
+    values = declarations.read([file])['mpc']
     assert values['cart_mass'] == pytest.approx(RIG['cart_mass'], rel=0.03)
     assert values['link1_length'] == pytest.approx(RIG['link1_length'], rel=0.03)
+
+
+def test_in_real_time_a_command_counts_from_when_it_was_sent(real_time, tmp_path):
+    assert_is_found_in(real_time, tmp_path / 'rig.yaml')
+
+
+@pytest.mark.real_time
+def test_what_processes_did_in_real_time_is_identified(tmp_path):
+    assert_is_found_in(real_bags.record(tmp_path / 'run', '--duration', '4', plant=PLANT),
+                       tmp_path / 'rig.yaml')
 
 
 def test_stamps_of_another_clock_are_fitted(real_time, tmp_path):
