@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The page of the console in a real browser, beside a real plant and a real mpc."""
 
+from itertools import cycle
 import math
 import re
 import signal
@@ -582,11 +583,12 @@ def test_looking_back_shows_what_it_thought_then(browser, mortal, tmp_path):
     page = browser
     page.open(mortal.address)
     page.until(lambda: page.all('#goals button'), 'goals')
-    page.all('#goals button')[0].click()   # so that the cost changes for seconds
-    live = numbers(page, 2.0)
+    live, goals = set(), cycle(page.all('#goals button'))   # so that the cost changes for seconds
+    page.until(lambda: next(goals).click() or live.update(numbers(page, 3.0))
+               or alike(live, live) > 15, 'costs that change')
     look_back(page, 0)
     then, instants = set(), []
-    while len(instants) < 30 or len(instants) < 300 and not alike(live, then) > 5:
+    while len(instants) < 30 or len(instants) < 400 and not alike(live, then) > 5:
         page.find('#instant').send_keys(Keys.ARROW_LEFT)   # the slider has the focus
         instants.append(float(page.text('#instant-time').split()[0].replace('−', '-')))
         then |= numbers(page, 0.15)

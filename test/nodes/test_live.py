@@ -106,8 +106,11 @@ def test_no_parameter_ends_or_holds_up_what_drives(peer, start_node, tmp_path):
 
 def ros2_param(*command):
     """Return exit code and output of `ros2 param`, or of what stands in for it."""
-    done = subprocess.run([command[0], 'param', *command[1:]], capture_output=True, text=True,
-                          timeout=60)
+    for _ in range(10):   # on a busy machine it may not find the node in time
+        done = subprocess.run([command[0], 'param', *command[1:]], capture_output=True, text=True,
+                              timeout=60)
+        if 'no node' not in done.stderr:
+            break
     return done.returncode, done.stdout + done.stderr
 
 
