@@ -176,6 +176,15 @@ class Scene:
         """Return the time of the newest state [s]."""
         return self.stamp / 1e9
 
+    def time_of(self, topic: Topic, message: Any) -> float:
+        """Return the time of the state that a message was heard about [s], mostly the newest."""
+        # an answer may be heard before what it answers
+        if topic in (PLAN, TRIES) or topic is DIAGNOSTICS and self.ticks and (
+                self.ticks[-1].stamp == nanoseconds(message.header.stamp)):
+            ahead = nanoseconds(message.header.stamp) - self.stamp
+            return (self.stamp + (ahead if 0 < ahead < LASTS else 0)) / 1e9
+        return self.t
+
     @property
     def time(self) -> float:
         """Return the time of the run [s]: since its first state, or the last reset."""

@@ -123,9 +123,9 @@ class ConsoleNode(ProcessNode):
                 self.history.keep_answer(self.scene)
             self.server.poke(0.0 if answered else TRAILING)
         if topic in (*KEPT, *SEEN):
-            self.keep(topic, data, info)
+            self.keep(topic, message, data, info)
 
-    def keep(self, topic: Topic, data: bytes, info: dict[str, int]) -> None:
+    def keep(self, topic: Topic, message: Any, data: bytes, info: dict[str, int]) -> None:
         """Keep a message of the last minute."""
         whose = topic.name if topic.latched else ''
         found = self.scene.announced
@@ -133,8 +133,8 @@ class ConsoleNode(ProcessNode):
             whose = found.node
             if found.revision == found.resets == 0:   # it was started again
                 self.history.forget()
-        self.history.keep(Entry(self.scene.t, topic, whose, data, info['received_timestamp'],
-                                info['source_timestamp']))
+        self.history.keep(Entry(self.scene.time_of(topic, message), topic, whose, data,
+                                info['received_timestamp'], info['source_timestamp']))
 
     def look(self) -> None:
         """Find the nodes that are there, and send the page what they are."""

@@ -11,7 +11,7 @@ import time
 
 from websockets.sync.client import connect
 
-PATIENCE = 30.0   # [s]
+PATIENCE = 120.0   # [s] for what should take one, on a machine that is busy with something else
 
 
 def port_of(node):

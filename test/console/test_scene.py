@@ -151,6 +151,19 @@ def test_what_a_frame_shows_of_the_mpc_is_of_one_tick():
         assert (scene.frame()['t'], scene.frame()['u'], scene.is_answered) == (t, t, True)
 
 
+def test_an_answer_that_is_heard_before_its_state_counts_from_that_on():
+    scene, force = Scene(), Float64(data=1.0)
+    answers = ((PLAN, planned(point(), point(t=0.05), header=at(7.5))),
+               (DIAGNOSTICS, said(header=at(7.5), force='1.0')), (FORCE_COMMAND, force))
+    scene.hear(JOINT_STATES, state(7.25))
+    for topic, message in answers:
+        scene.hear(topic, message)
+    assert [scene.time_of(*each) for each in answers] == [7.5, 7.5, 7.25]
+    for stamp in (1.0, 7.25, 70.0):   # nor what others mean by stamps
+        assert scene.time_of(PLAN, planned(point(), header=at(stamp))) == 7.25
+        assert scene.time_of(DIAGNOSTICS, said('motor', header=at(stamp))) == 7.25
+
+
 def test_a_tick_without_a_plan_shows_none(scene):
     for t in (7.25, 7.5):
         scene.hear(JOINT_STATES, state(t))

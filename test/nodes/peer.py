@@ -11,7 +11,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from dp_swing_ros.nodes.connections import publish, subscribe
 
-PATIENCE = 30.0  # [s]
+PATIENCE = 120.0  # [s] for what should take one, on a busy machine
 
 
 class Peer:

@@ -184,13 +184,14 @@ def test_hands_of_a_page_that_is_gone_let_go_and_a_kick_lasts_a_period(page, pee
     peer.spin(0.2)
     pushes.clear()
     assert page.ask('push', force=3.0)['ok']
-    page.until(lambda page: page.newest['frame']['push'] == 3.0)
+    assert peer.until(lambda: pushes)
     page.until(lambda page: page.newest['frame']['push'] == 0.0)
     peer.spin(0.2)
     assert [message.data for message in pushes] == [3.0]
     with Page(port_of(page.node)) as other:
         other.send('hold', force=-2.0)
         assert peer.until(lambda: pushes[-1].data == -2.0)
+        page.until(lambda page: page.newest['frame']['push'] == -2.0)
     page.until(lambda page: page.newest['frame']['push'] == 0.0)
     assert peer.until(lambda: quiet(peer, pushes))
     pushes.clear()
@@ -383,6 +384,7 @@ def test_an_instant_of_the_last_minute_is_branched_from(page):
         or received[-1]['courses'] or received[-1]['text']))
     assert [each['progress'] for each in received] == sorted(each['progress'] for each in received)
     courses = received[-1]['courses']
+    assert courses, received[-1]
     assert set(courses) == {'recorded ddp', 'ilqr', 'ddp', 'mppi'}, received[-1]
     assert received[-1]['at'] == pytest.approx(at, abs=1e-3)
     for course in courses.values():
