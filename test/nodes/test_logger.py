@@ -154,7 +154,8 @@ def test_whole_run_is_in_the_bag(start, log_apart, tmp_path):
         '  /mpc/plan: 0 written, nobody published it',
         '  /mpc/tries: 0 written, nobody published it',
         '  /diagnostics: 0 written, nobody published it',
-        '  /robot_description: 1 written, 0 lost', '  /configuration: 1 written, 0 lost']
+        '  /robot_description: 1 written, 0 lost', '  /configuration: 1 written, 0 lost'], \
+        logger.output()
     messages = recorded(tmp_path / 'bag')
     assert numbers(messages['/force_command']) == [*range(count), -1]
     episode = read_episode(tmp_path / 'bag')
@@ -174,7 +175,8 @@ def test_logger_that_stalls_loses_nothing(start, log_apart, peer, tmp_path):
     logger.signal(signal.SIGCONT)
     publisher.terminate()
     count = int(publisher.communicate(timeout=20)[0])
-    assert wait_until(lambda: f'{2 * count + 3} messages written' in logger.output())
+    assert wait_until(lambda: f'{2 * count + 3} messages written' in logger.output()), \
+        (count, logger.output())
     assert logger.stop() == 0
     assert not re.search(r', [1-9]\d* lost', logger.output())
     assert len(recorded(tmp_path / 'bag')['/joint_states']) == count
