@@ -83,10 +83,10 @@ def of_rigs(minutes: float) -> Part:
 
 
 def played(name: str, docs: Path, kept: Path) -> tuple[list[Row], str]:
-    """Play and store the rows of a part; return them, and the sentence on where it comes from."""
-    rows = seeded.played(name, kept)
-    store(docs / 'results' / f'{name}.csv.gz', rows)
-    return rows, stamp.made(name, seeded.sources(name), seeded.SEEDED[name].packages)
+    """Play and store the rows of a part; return these, and the sentence on where it comes from."""
+    stored = docs / 'results' / f'{name}.csv.gz'
+    store(stored, seeded.played(name, kept))
+    return read(stored), stamp.made(name, seeded.sources(name), seeded.SEEDED[name].packages)
 
 
 def of_script(name: str, minutes: float, script: str = '',
