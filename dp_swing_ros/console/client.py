@@ -12,6 +12,7 @@ What else it is sent is bounded; beyond that it is closed.
 import asyncio
 from collections.abc import Callable
 import json
+import math
 import socket
 from typing import Any, Protocol
 
@@ -71,7 +72,7 @@ class Client(Guarded, WebSocketHandler):
         self.complained = False
         self._frame = ''         # that waits
         self._sending = False    # a frame
-        self._waiting = 0        # [bytes] beside frames
+        self._waiting = 0.0      # [bytes] beside frames
         self._tasks = set[asyncio.Task[None]]()
         stream = self._stream()
         if stream is not None:
@@ -135,6 +136,7 @@ class Client(Guarded, WebSocketHandler):
         self._waiting += len(text)
         if self._waiting > BACKLOG:
             self.host.log(f'{self.request.remote_ip}: closed, for it does not read')
+            self._waiting = math.inf   # whatever of it is still sent
             self._abort()
         else:
             self._begin(self._send(text))

@@ -31,7 +31,7 @@ FIXED: dict[str, Any] = {
 
 class Record(NamedTuple):
     """
-    The ticks of a controller, and where there are more, what is missing.
+    The ticks of a controller, and what is missing between them or after the last.
 
     They begin with its first, or with the first after a reset, which makes it forget all before.
     """
@@ -41,7 +41,7 @@ class Record(NamedTuple):
 
     def up_to(self, tick: Tick) -> list[Tick]:
         """Return a tick and those before it."""
-        return self.ticks[:tick.number - self.ticks[0].number + 1]
+        return [each for each in self.ticks if each.number <= tick.number]
 
     @property
     def begins_later(self) -> bool:
@@ -85,7 +85,8 @@ def record_of(bag: Bag, anywhere: bool = False) -> Record:
     """
     Return the ticks of a bag up to a gap; raises BagError for none, or two controllers.
 
-    If they may begin `anywhere`, what the controller knew at the first of them is lost.
+    If they may begin `anywhere`, those after a gap come too, the first of them as after a reset:
+    what the controller knew is lost.
     """
     reports = reports_of(bag)
     if not reports:
@@ -124,31 +125,38 @@ def _record(bag: Bag, reports: list[Report], anywhere: bool) -> Record:
                       'there is none after a reset')
     revisions = revisions_of(bag).get(CONTROLLER, {})
     ticks: list[Tick] = []
-    resets = 0
-    revision = min(revisions, default=0)
-    first = found[0].tick.number
+    resets, gap, anew = 0, '', False
+    revision = known = min(revisions, default=0)
+    due = found[0].tick.number
     for stamp, tick in found:
         number = tick.number
-        if ticks and number == ticks[-1].number:
+        if number < due:
             raise BagError(f'{bag} has two ticks number {number}: the {CONTROLLER} was started '
                            'again, or two ran; record one at a time')
-        if number != first + len(ticks):
-            return Record(ticks, f'tick {first + len(ticks)} is missing (the next is {number})')
+        revision = revision if tick.revision is None else tick.revision
+        lost = ''   # with which the tick cannot be answered
         if not tick.carried and stamp not in states:
-            return Record(ticks, f'the state of tick {number} is missing ({stamp} ns)'
-                          + ('' if ticks else _early(bag)))
-        before, revision = revision, revision if tick.revision is None else tick.revision
-        if revision != before and revision not in revisions:
-            return Record(ticks, f'the parameters of tick {number} are missing, changed for the '
-                          f'{revision}th time')
+            lost = (f'the state of tick {number} is missing ({stamp} ns)'
+                    + ('' if ticks else _early(bag)))
+        elif revision != known and revision not in revisions:
+            lost = (f'the parameters of tick {number} are missing, changed for the '
+                    f'{revision}th time')
+        missing = f'tick {due} is missing (the next is {number})' if number > due else lost
+        due = number + 1
+        if missing:
+            gap, anew = missing, True
+            if not anywhere:
+                break
+        if lost:
+            continue
         ticks.append(Tick(
             number, stamp, stamp / BILLION if tick.time is None else tick.time,
             None if tick.carried else states[stamp], tick.time_noise, tick.delay, tick.real_time,
-            tick.resets > resets, tick.enabled, tick.stopping,
+            anew or tick.resets > resets, tick.enabled, tick.stopping,
             tuple(map(int, tick.solves.split())), tick.status, tick.cost, tick.force,
-            own(revisions[revision]) if revision != before else None))
-        resets = tick.resets
-    return Record(ticks, '')
+            own(revisions[revision]) if revision != known else None))
+        resets, known, anew = tick.resets, revision, False
+    return Record(ticks, gap)
 
 
 def _early(bag: Bag) -> str:

@@ -58,6 +58,8 @@ def _compare(arguments: argparse.Namespace) -> int:
     print(text)
     if bag.incomplete:
         print(bag.incomplete)
+    if run.record.gap:
+        print(f'note: {run.record.gap}; whoever takes over after a gap saw the states after it')
     if run.pushes:
         print(f'note: everyone is pushed as was recorded; periods with a push: {len(run.pushes)}')
     path = (arguments.output or beside(arguments.bag, 'analysis')) / name

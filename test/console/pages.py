@@ -9,9 +9,8 @@ import re
 import socket
 import time
 
+from conftest import PATIENCE
 from websockets.sync.client import connect
-
-PATIENCE = 120.0   # [s] for what should take one, on a machine that is busy with something else
 
 
 def port_of(node):
@@ -30,7 +29,8 @@ class Page:
 
     def __init__(self, port, path='/socket', **options):
         self._connection = connect(
-            f'ws://127.0.0.1:{port}{path}', max_size=None, close_timeout=0.2, **options)
+            f'ws://127.0.0.1:{port}{path}', max_size=None, close_timeout=0.2,
+            ping_timeout=PATIENCE, **options)
         self.socket = self._connection.__enter__()
         self.newest, self.count, self.asked = {}, 0, 0
 

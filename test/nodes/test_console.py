@@ -3,8 +3,10 @@
 """The console between a page, which is a foreign WebSocket client here, and plant and mpc."""
 
 import math
+import os
 from pathlib import Path
 import signal
+import time
 
 from conftest import starting, wait_until
 from pages import deaf, get, memory, Page, port_of
@@ -94,8 +96,8 @@ def test_the_page_is_told_what_there_is_and_shown_each_state(page):
     assert frame['plan']['dt'] == 0.05
     assert all(len(point) == 2 for path in frame['tries']['paths'] for point in path)
     assert frame['tick']['solver'] == 'ilqr'
-    assert {'name': 'plant', 'level': 0, 'message': 'obeys the force'} in \
-        page.newest['status']['statuses']
+    page.until(lambda page: {'name': 'plant', 'level': 0, 'message': 'obeys the force'} in
+               page.newest['status']['statuses'])
 
 
 def test_parameters_come_with_all_that_their_descriptors_tell(page):
@@ -183,11 +185,12 @@ def test_hands_of_a_page_that_is_gone_let_go_and_a_kick_lasts_a_period(page, pee
     page.until(lambda page: page.newest['frame']['push'] == 0.0)
     peer.spin(0.2)
     pushes.clear()
-    assert page.ask('push', force=3.0)['ok']
-    assert peer.until(lambda: pushes)
+    # on a busy machine the one frame of its period may be left out
+    kicks = next(count for count in range(1, 21) if page.ask('push', force=3.0)['ok'] and any(
+        frame['push'] == 3.0 for frame in (page.newest['frame'], *frames(page, 10))))
     page.until(lambda page: page.newest['frame']['push'] == 0.0)
     peer.spin(0.2)
-    assert [message.data for message in pushes] == [3.0]
+    assert [message.data for message in pushes] == [3.0] * kicks
     with Page(port_of(page.node)) as other:
         other.send('hold', force=-2.0)
         assert peer.until(lambda: pushes[-1].data == -2.0)
@@ -373,6 +376,9 @@ def test_an_instant_of_the_last_minute_is_branched_from(page):
     assert page.ask('set', node='mpc', parameters={'force_weight': 0.02, 'solver': 'ddp'})['ok']
     assert page.ask('set', node='plant', parameters={'cart_mass': 1.1})['ok']
     page.until(lambda page: page.newest['frame']['tick']['solver'] == 'ddp')
+    os.killpg(page.node.popen.pid, signal.SIGSTOP)   # as on a busy machine, so that it misses some
+    time.sleep(1.0)
+    os.killpg(page.node.popen.pid, signal.SIGCONT)
     frames(page, 60)
     past = page.ask('history', kind='history')
     assert len(past['t']) == len(past['x']) == len(past['u']) == len(past['force']) >= 90
@@ -384,7 +390,7 @@ def test_an_instant_of_the_last_minute_is_branched_from(page):
         or received[-1]['courses'] or received[-1]['text']))
     assert [each['progress'] for each in received] == sorted(each['progress'] for each in received)
     courses = received[-1]['courses']
-    assert courses, received[-1]
+    assert courses, received[-1]['text']
     assert set(courses) == {'recorded ddp', 'ilqr', 'ddp', 'mppi'}, received[-1]
     assert received[-1]['at'] == pytest.approx(at, abs=1e-3)
     for course in courses.values():

@@ -3,10 +3,12 @@
 """A solver that takes over its own recorded run does what it did."""
 
 import itertools
+import re
 
 import numpy as np
 from one_process import record
 import pytest
+from real_bags import rewritten, value_of
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
@@ -16,7 +18,7 @@ from dp_swing_ros.rerun.counterfactual import (
     controller_at, counterfactual, plant_at, Run)
 from dp_swing_ros.rerun.verification import verify
 from dp_swing_ros.solvers import SOLVERS
-from dp_swing_ros.topics import DISTURBANCE, JOINT_STATES
+from dp_swing_ros.topics import DIAGNOSTICS, DISTURBANCE, JOINT_STATES
 
 # at 30 Hz stamps are rounded
 RATES = {'ilqr': 30.0, 'ddp': 20.0, 'mppi': 20.0}
@@ -183,6 +185,32 @@ def test_of_a_run_that_is_looked_at_from_later_on_a_solver_does_nearly_the_same(
     assert late.record.up_to(tick)[-1] is tick
     one = counterfactual(late, tick, ['ilqr'], 0.5, lambda: None)
     np.testing.assert_allclose(one.others[0].X, one.recorded.X, atol=0.05)
+
+
+def without(first, last):
+    """Return what loses the reports on some ticks."""
+    numbers = {str(number) for number in range(first, last + 1)}
+    return DIAGNOSTICS, lambda message: None if value_of(message, 'number') in numbers else message
+
+
+def without_states(first, last):
+    """Return what loses the states of some ticks."""
+    number = itertools.count(1)
+    return JOINT_STATES, lambda message: None if first <= next(number) <= last else message
+
+
+@pytest.mark.parametrize('what', [without(21, 21), without(11, 21), without_states(21, 21),
+                                  without_states(17, 21)])
+def test_after_a_gap_a_solver_does_nearly_the_same(runs, tmp_path, what):
+    """As where the console on a busy machine missed a state or what answers it."""
+    run = Run(Bag(rewritten(runs['ilqr'].bag.path, tmp_path / 'bag', *what)))
+    assert re.search('tick (11|21) is missing|state of tick 2. is missing', run.record.gap)
+    assert [tick.number for tick in run.record.ticks if tick.reset] == [22]
+    tick = run.tick_at(1.7, None)
+    one = counterfactual(run, tick, ['ilqr'], 0.5, lambda: None)
+    np.testing.assert_allclose(one.others[0].X, one.recorded.X, atol=0.05)
+    before = run.tick_at(0.2, None)
+    assert before.number < 10
 
 
 def test_parameters_are_those_that_counted_at_the_tick(runs):

@@ -149,15 +149,20 @@ def without(node):
 @pytest.mark.parametrize('topic, change, complaint', [
     (CONFIGURATION, without('mpc'), 'has no parameters of the mpc'),
     (CONFIGURATION, without('plant'), 'has no parameters of the plant, but those of logger, mpc'),
-    (DIAGNOSTICS, drop, 'has no ticks of an mpc'),
-    (DIAGNOSTICS, tick(3, drop), 'there is no tick at 0.5 s or later with a state after it: the '
-     'run in')])
+    (DIAGNOSTICS, drop, 'has no ticks of an mpc')])
 def test_a_bag_that_does_not_tell_enough_is_one_line(bag, topic, change, complaint, tmp_path,
                                                      capsys):
     code, out, error = compared(capsys, rewritten(bag, tmp_path / 'bag', topic, change))
     assert (code, out) == (2, '')
     assert error.startswith('compare: error: ') and '\n' not in error
     assert complaint in error
+
+
+def test_a_tick_that_is_missing_is_told(bag, tmp_path, capsys):
+    code, out, _ = compared(capsys, rewritten(bag, tmp_path / 'bag', DIAGNOSTICS, tick(3, drop)))
+    assert code == 0
+    assert list(columns(out))[1:] == ['recorded ilqr', *SOLVERS]
+    assert 'note: tick 3 is missing (the next is 4); whoever' in out
 
 
 @pytest.mark.parametrize('arguments, complaint', [
