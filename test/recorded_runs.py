@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bags of made-up episodes, written as the logger would."""
 
+from contextlib import contextmanager
+
 import rclpy  # noqa: F401  the wheels start Python anew here, before anything else is read
 from rclpy.serialization import serialize_message
 from rosbags.serde import SerdeError
@@ -42,26 +44,31 @@ def serialised(message):
     return bytes(TYPES.serialize_cdr(fields, name))
 
 
+@contextmanager
+def written(folder, recorded):
+    """Write a bag with these topics; yield what writes a message of one at a time [ns]."""
+    writer = BagWriter(folder)
+    for topic in recorded:
+        writer.add(Recorded(topic.name, topic.type, schema(topic.type), '', []))
+    yield lambda topic, time, message: writer.write(topic.name, serialised(message), time, time)
+    writer.close()
+
+
 def write_bag(episode, folder, configurations=()):
     """Write an episode, and what nodes tell; return the folder."""
-    writer = BagWriter(folder)
-    recorded = [topics.ROBOT_DESCRIPTION, topics.JOINT_STATES, topics.DIAGNOSTICS]
-    for topic in [*recorded, *([topics.CONFIGURATION] if configurations else [])]:
-        writer.add(Recorded(topic.name, topic.type, schema(topic.type), '', []))
-
-    def write(topic, time, message):
-        writer.write(topic.name, serialised(message), time, time)
-
-    write(topics.ROBOT_DESCRIPTION, START, String(data=urdf(episode.physical, episode.limits)))
-    for configuration in configurations:
-        write(topics.CONFIGURATION, START, String(data=configuration.to_text()))
+    recorded = [topics.ROBOT_DESCRIPTION, topics.JOINT_STATES, topics.DIAGNOSTICS,
+                *([topics.CONFIGURATION] if configurations else [])]
     stamps = [START + round(1e9 * t) for t in episode.t]
-    for stamp, x, u in zip(stamps, episode.X, [0.0, *episode.U]):
-        write(topics.JOINT_STATES, stamp, to_joint_state(to_stamp(stamp), x, u))
-    columns = zip(stamps, *episode.ticks[1:])
-    for stamp, cost, iterations, solve_time, latency, late, status in columns:
-        write(topics.DIAGNOSTICS, stamp, to_diagnostics(to_stamp(stamp), 'mpc', 0, '', {
-            'solver': episode.solver, 'cost': cost, 'iterations': int(iterations),
-            'solve_time': solve_time, 'latency': latency, 'late': int(late), 'status': status}))
-    writer.close()
+    with written(folder, recorded) as write:
+        write(topics.ROBOT_DESCRIPTION, START, String(data=urdf(episode.physical, episode.limits)))
+        for configuration in configurations:
+            write(topics.CONFIGURATION, START, String(data=configuration.to_text()))
+        for stamp, x, u in zip(stamps, episode.X, [0.0, *episode.U]):
+            write(topics.JOINT_STATES, stamp, to_joint_state(to_stamp(stamp), x, u))
+        columns = zip(stamps, *episode.ticks[1:])
+        for stamp, cost, iterations, solve_time, latency, late, status in columns:
+            write(topics.DIAGNOSTICS, stamp, to_diagnostics(to_stamp(stamp), 'mpc', 0, '', {
+                'solver': episode.solver, 'cost': cost, 'iterations': int(iterations),
+                'solve_time': solve_time, 'latency': latency, 'late': int(late),
+                'status': status}))
     return folder

@@ -6,14 +6,11 @@ from itertools import pairwise
 import math
 
 import numpy as np
-from rclpy.serialization import serialize_message
+from recorded_runs import told, written
 from std_msgs.msg import Float64, String
 
-from dp_swing_ros.bags.metadata import Recorded
-from dp_swing_ros.bags.writer import BagWriter
 from dp_swing_ros.control import controllers
 from dp_swing_ros.messages.configuration import Configuration
-from dp_swing_ros.messages.definitions import schema
 from dp_swing_ros.messages.fields import BILLION, Report
 from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
 from dp_swing_ros.pendulum.state import joints
@@ -185,36 +182,26 @@ class Running:
             thread.join()
 
 
-def full(topic):
-    return '/' + topic.name.lstrip('/')
-
-
 def record(folder, duration, rng, **plant):
     """Record what plant and mpc would send in real time on a machine that is never busy."""
-    bag, mpc, complete = BagWriter(folder), Running(), plants.PLANT.complete(plant)
-    for topic in (CONFIGURATION, JOINT_STATES, FORCE_COMMAND):
-        bag.add(Recorded(full(topic), topic.type, schema(topic.type), '', []))
-
-    def write(topic, message):
-        now = mpc.clocks.now()
-        bag.write(full(topic), serialize_message(message), now + round(1e-4 * BILLION), now)
-    for name, values in (('/plant', complete), ('/mpc', mpc.core.values)):
-        write(CONFIGURATION, String(data=Configuration(
-            name, values, '', '', '', '', {}).to_text()))
-    core, count = PlantCore(plants.plant(plant)), round(duration / PERIOD)
-    sent = core.begin(mpc.clocks.now(), mpc.clocks.now())
-    for n in range(count):
-        state = next(each for each in sent if isinstance(each, State))
-        message = to_joint_state(to_stamp(state.stamp), state.x, state.force)
-        write(JOINT_STATES, message)
-        way, before = rng.uniform(2e-4, 8e-3), mpc.clocks.today()
-        mpc.clocks.sleep(way)
-        force = mpc.hear(message, sent=before)
-        write(FORCE_COMMAND, Float64(data=force))
-        core.on_force(force, mpc.clocks.now())
-        mpc.clocks.time = (n + 1) * PERIOD
-        sent = core.tick(mpc.clocks.now())
-    bag.close()
+    mpc, core = Running(), PlantCore(plants.plant(plant))
+    configured, states, forces = (topic._replace(name=f'/{topic.name}') for topic in (
+        CONFIGURATION, JOINT_STATES, FORCE_COMMAND))
+    with written(folder, (configured, states, forces)) as write:
+        for name, values in (('plant', plants.PLANT.complete(plant)), ('mpc', mpc.core.values)):
+            write(configured, mpc.clocks.now(), String(data=told(name, values).to_text()))
+        sent = core.begin(mpc.clocks.now(), mpc.clocks.now())
+        for n in range(round(duration / PERIOD)):
+            state = next(each for each in sent if isinstance(each, State))
+            message = to_joint_state(to_stamp(state.stamp), state.x, state.force)
+            write(states, mpc.clocks.now(), message)
+            before = mpc.clocks.today()
+            mpc.clocks.sleep(rng.uniform(2e-4, 8e-3))
+            force = mpc.hear(message, sent=before)
+            write(forces, mpc.clocks.now(), Float64(data=force))
+            core.on_force(force, mpc.clocks.now())
+            mpc.clocks.time = (n + 1) * PERIOD
+            sent = core.tick(mpc.clocks.now())
     return folder
 
 

@@ -178,12 +178,11 @@ class Scene:
 
     def time_of(self, topic: Topic, message: Any) -> float:
         """Return the time of the state that a message was heard about [s], mostly the newest."""
-        # an answer may be heard before what it answers
-        if topic in (PLAN, TRIES) or topic is DIAGNOSTICS and self.ticks and (
-                self.ticks[-1].stamp == nanoseconds(message.header.stamp)):
-            ahead = nanoseconds(message.header.stamp) - self.stamp
-            return (self.stamp + (ahead if 0 < ahead < LASTS else 0)) / 1e9
-        return self.t
+        if topic not in (PLAN, TRIES, DIAGNOSTICS):
+            return self.t
+        stamp = nanoseconds(message.header.stamp)   # an answer may be heard before what it answers
+        answers = topic is not DIAGNOSTICS or self.ticks and stamp == self.ticks[-1].stamp
+        return stamp / 1e9 if answers and 0 < stamp - self.stamp < LASTS else self.t
 
     @property
     def time(self) -> float:

@@ -4,14 +4,13 @@
 
 import time
 
+from conftest import PATIENCE
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from dp_swing_ros.nodes.connections import publish, subscribe
-
-PATIENCE = 120.0  # [s] for what should take one, on a busy machine
 
 
 class Peer:
