@@ -43,6 +43,10 @@ class NodeHere:
 
     def run(self, main, arguments):
         self.code = main(arguments)
+        if self.code:   # one that failed while it was made is left to the end of its process
+            for each in gc.get_objects():
+                if isinstance(each, process.ProcessNode) and not each.context.ok():
+                    each.destroy_node()
 
     def output(self):
         """Return all that was printed so far."""
