@@ -71,8 +71,9 @@ def test_in_real_time_too_all_are_judged_over_the_same_window(bag, duration):
     for at in (0.0, 0.3, 0.8, 1.3):
         one = counterfactual(run, run.tick_at(at, duration), ['ddp'], duration, lambda: None)
         assert one.others[0].t[-1] == pytest.approx(one.recorded.t[-1], abs=0.026)
-        if duration is not None:
-            assert one.recorded.t[-1] - one.at == pytest.approx(duration, abs=0.026)
+        if duration is not None:   # on a busy machine a state may be late, and the next one closer
+            nearest = max(np.diff([run.time(sample.stamp) for sample in run.samples])) / 2 + 1e-3
+            assert one.recorded.t[-1] - one.at == pytest.approx(duration, abs=nearest)
 
 
 def test_many_take_overs_give_the_regret_over_the_run(bag, tmp_path, capsys):
