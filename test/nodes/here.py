@@ -45,7 +45,7 @@ class NodeHere:
         self.code = main(arguments)
         if self.code:   # one that failed while it was made is left to the end of its process
             for each in gc.get_objects():
-                if isinstance(each, process.ProcessNode) and not each.context.ok():
+                if issubclass(type(each), process.ProcessNode) and not each.context.ok():
                     each.destroy_node()
 
     def output(self):

@@ -80,6 +80,11 @@ def frames(page, count):
     return found
 
 
+def newest_state(page):
+    """Return the time of the newest state that the console has heard [s]."""
+    return page.ask('history', kind='history')['t'][-1]
+
+
 def test_the_page_is_told_what_there_is_and_shown_each_state(page):
     assert page.ask('set', node='mpc', parameters={'shown_tries': 5})['ok']
     page.until(lambda page: page.newest['frame']['tries'])
@@ -155,20 +160,21 @@ def quiet(peer, pushes):
 
 
 def test_a_pull_is_a_force_in_its_direction_that_is_bounded_and_ends(page, peer):
-    pushes, states = peer.record(DISTURBANCE), peer.record(JOINT_STATES)
+    pushes = peer.record(DISTURBANCE)
     assert page.ask('enable', on=False)['ok']
     for to in (0.1, 50.0, -50.0):
         begin(page, initial_state=HANGING)
         assert peer.until(lambda: quiet(peer, pushes))
         pushes.clear()
-        states.clear()
+        before = newest_state(page)
         while len(pushes) < 6:   # as fast as a browser draws
             page.send('pull', body=0, along=0.0, to=[to, 0.0])
             peer.spin(0.016)
             page.receive()
         peer.spin(0.1)
         forces = [message.data for message in pushes]
-        assert len(forces) <= len(states) + 2   # one a state, however often it is asked for
+        states = round((newest_state(page) - before) / 0.05)
+        assert len(forces) <= states + 2   # one a state, however often it is asked for
         # where 10 N pull, the cart may be there soon
         assert all(force * to > 0 for force in forces[:3 if abs(to) > 1 else 1])
         assert abs(forces[0]) == pytest.approx(30.0 if abs(to) > 1 else 10.0, abs=1.5)
@@ -379,10 +385,10 @@ def test_an_instant_of_the_last_minute_is_branched_from(page):
     os.killpg(page.node.popen.pid, signal.SIGSTOP)   # as on a busy machine, so that it misses some
     time.sleep(1.0)
     os.killpg(page.node.popen.pid, signal.SIGCONT)
-    frames(page, 60)
+    frames(page, 80)
     past = page.ask('history', kind='history')
-    assert len(past['t']) == len(past['x']) == len(past['u']) == len(past['force']) >= 90
-    at = past['t'][-41]
+    assert len(past['t']) == len(past['x']) == len(past['u']) == len(past['force']) >= 110
+    at = past['t'][-61]
     received = []
     page.send('branch', id=1, at=at, duration=1.5)
     page.until(lambda page: 'branch' in page.newest and (
@@ -392,7 +398,10 @@ def test_an_instant_of_the_last_minute_is_branched_from(page):
     courses = received[-1]['courses']
     assert courses, received[-1]['text']
     assert set(courses) == {'recorded ddp', 'ilqr', 'ddp', 'mppi'}, received[-1]
-    assert received[-1]['at'] == pytest.approx(at, abs=1e-3)
+    # the first tick from there on: on a busy machine it may miss more of them
+    assert at - 1e-3 < received[-1]['at'] < at + 1.4
+    at = received[-1]['at']
+    assert min(abs(t - at) for t in past['t']) < 1e-3
     for course in courses.values():
         assert course['t'][0] == pytest.approx(at, abs=1e-3)
         assert course['t'][-1] == pytest.approx(at + 1.5, abs=0.1)

@@ -41,7 +41,7 @@ def test_what_is_not_held_is_said_and_what_was_learned_is_left(tmp_path, capsys)
 
 def test_a_plant_that_runs_is_held_by_an_mpc_whose_model_is_learned(
         start_node, tmp_path, monkeypatch, capsys):
-    """In lockstep, so that a busy machine is fast enough; and no faster than it can learn."""
+    """In lockstep, so that a busy machine is fast enough; it only learns more rarely."""
     monkeypatch.chdir(tmp_path)
     file, bag = tmp_path / 'plant.yaml', tmp_path / 'bag'
     file.write_text(PLANT)
@@ -49,12 +49,12 @@ def test_a_plant_that_runs_is_held_by_an_mpc_whose_model_is_learned(
     logger.wait_for('recording to')
     plant = start_node('plant', {'lockstep': True, 'pace': 2.0}, ['--params-file', str(file)])
     plant.wait_for('waiting for a controller')
-    assert main(['--live', '--total', '40', '-o', 'learned']) == 0
+    assert main(['--live', '--total', '200', '-o', 'learned']) == 0
     out = capsys.readouterr().out
     assert 'held after ' in out and 'not held' not in out
     assert (plant.stop(), logger.stop()) == (0, 0)
     model = load(str(tmp_path / 'learned' / 'model.json'), 2)
-    assert 5.0 < model.about['seconds'] < 40.0
+    assert 5.0 < model.about['seconds'] < 200.0
     # it was learned again, and the mpc planned with that too
     models = {each.parameters['model'] for each in revisions_of(Bag(bag))['mpc'].values()}
     assert len(models) > 1
