@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bags of made-up episodes, written as the logger would."""
 
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 
 import rclpy  # noqa: F401  the wheels start Python anew here, before anything else is read
 from rclpy.serialization import serialize_message
@@ -47,11 +47,11 @@ def serialised(message):
 @contextmanager
 def written(folder, recorded):
     """Write a bag with these topics; yield what writes a message of one at a time [ns]."""
-    writer = BagWriter(folder)
-    for topic in recorded:
-        writer.add(Recorded(topic.name, topic.type, schema(topic.type), '', []))
-    yield lambda topic, time, message: writer.write(topic.name, serialised(message), time, time)
-    writer.close()
+    with closing(BagWriter(folder)) as writer:
+        for topic in recorded:
+            writer.add(Recorded(topic.name, topic.type, schema(topic.type), '', []))
+        yield lambda topic, time, message: writer.write(
+            topic.name, serialised(message), time, time)
 
 
 def write_bag(episode, folder, configurations=()):

@@ -125,7 +125,7 @@ def _record(bag: Bag, reports: list[Report], anywhere: bool) -> Record:
                       'there is none after a reset')
     revisions = revisions_of(bag).get(CONTROLLER, {})
     ticks: list[Tick] = []
-    resets, gap, anew = 0, '', False
+    resets, gap = 0, ''
     revision = known = min(revisions, default=0)
     due = found[0].tick.number
     for stamp, tick in found:
@@ -144,18 +144,19 @@ def _record(bag: Bag, reports: list[Report], anywhere: bool) -> Record:
         missing = f'tick {due} is missing (the next is {number})' if number > due else lost
         due = number + 1
         if missing:
-            gap, anew = missing, True
+            gap = missing
             if not anywhere:
                 break
         if lost:
             continue
+        after_gap = bool(ticks) and number > ticks[-1].number + 1
         ticks.append(Tick(
             number, stamp, stamp / BILLION if tick.time is None else tick.time,
             None if tick.carried else states[stamp], tick.time_noise, tick.delay, tick.real_time,
-            anew or tick.resets > resets, tick.enabled, tick.stopping,
+            after_gap or tick.resets > resets, tick.enabled, tick.stopping,
             tuple(map(int, tick.solves.split())), tick.status, tick.cost, tick.force,
             own(revisions[revision]) if revision != known else None))
-        resets, known, anew = tick.resets, revision, False
+        resets, known = tick.resets, revision
     return Record(ticks, gap)
 
 
