@@ -261,12 +261,12 @@ def contents(file: Path) -> Iterator[Data]:
         if file.stat().st_size == 0:   # of nothing there is no map
             yield file.read_bytes()
             return
-        stream = file.open('rb')
-        data = Mapped(stream.fileno(), 0, access=mmap.ACCESS_READ)
-        data.file = stream
-        if data[:len(COMPRESSED)] == COMPRESSED:
-            raise compressed_file(file)
-        yield data
+        with file.open('rb') as stream:   # the map outlives it
+            data = Mapped(stream.fileno(), 0, access=mmap.ACCESS_READ)
+            data.file = stream
+            if data[:len(COMPRESSED)] == COMPRESSED:
+                raise compressed_file(file)
+            yield data
     except OSError as error:
         raise BagError(f'cannot read {str(file)!r}: {error.strerror}') from None
     except MemoryError:

@@ -38,9 +38,8 @@ LOOK_PERIOD = 0.02  # [s] between two looks for subscriptions
 SPARING, AT_ONCE = 0.1, 10   # [s] between messages that cannot be urgent, after so many at once
 LEASE = 0.5         # [s] after which a publisher of a watched topic that is silent is dead
 POLICIES = ('reliability', 'durability', 'deadline', 'liveliness', 'liveliness_lease_duration')
-OVERRIDABLE = QoSOverridingOptions([
-    QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, *(
-        QoSPolicyKind[policy.upper()] for policy in POLICIES)])
+OVERRIDABLE = [QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, *(
+    QoSPolicyKind[policy.upper()] for policy in POLICIES)]
 
 
 def publish(node: Node, topic: Topic) -> Publisher:
@@ -54,16 +53,17 @@ def publish(node: Node, topic: Topic) -> Publisher:
         return node.create_publisher(
             message_class(topic.type), topic.name,
             profile(1 if topic.latched else HISTORY, kept=topic.latched, watched=topic.watched),
-            qos_overriding_options=OVERRIDABLE)
+            qos_overriding_options=QoSOverridingOptions(OVERRIDABLE))
 
 
 def subscribe(node: Node, topic: Topic, callback: Callable[..., None],
               depth: int = DEPTH, sensor: bool = False, raw: bool = False,
-              sparing: bool = False) -> Subscription:
+              sparing: bool = False, entity_id: str | None = None) -> Subscription:
     """
     Make a reliable subscription; a sensor's is best effort, so that every publisher is heard.
 
-    A sparing one takes a message once in a while, however many come.
+    A sparing one takes a message once in a while, however many come. A second one to a topic has
+    an `entity_id`, which rclpy puts into the names of its overrides.
 
     That of a latched topic hears also what was sent before it was made. The callback may take a
     second argument, the information that comes with a message; if `raw`, the message is its bytes.
@@ -74,7 +74,7 @@ def subscribe(node: Node, topic: Topic, callback: Callable[..., None],
             message_class(topic.type), topic.name, callback,
             profile(depth, reliable=not sensor, kept=topic.latched),
             callback_group=Sparing() if sparing else None,
-            qos_overriding_options=OVERRIDABLE, raw=raw)
+            qos_overriding_options=QoSOverridingOptions(OVERRIDABLE, entity_id=entity_id), raw=raw)
 
 
 class Sparing(MutuallyExclusiveCallbackGroup):
@@ -143,6 +143,13 @@ def is_heard(node: Node, publisher: Publisher, wanted: set[str]) -> bool:
     Until then a message may be lost to them: discovery goes one way at a time.
     """
     return bool(wanted) and wanted <= hearers(node, publisher)
+
+
+def is_lossless(node: Node, topic: Topic) -> bool:
+    """Return whether all publishers of a topic, of which there are some, are reliable."""
+    offered = node.get_publishers_info_by_topic(node.resolve_topic_name(topic.name))
+    return bool(offered) and all(
+        each.qos_profile.reliability == ReliabilityPolicy.RELIABLE for each in offered)
 
 
 def hearers(node: Node, publisher: Publisher) -> set[str]:

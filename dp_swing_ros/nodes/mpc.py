@@ -18,7 +18,8 @@ from std_msgs.msg import Float64, String
 from dp_swing_ros.control import controllers
 from dp_swing_ros.messages.fields import ERROR, OK, Report, WARN
 from dp_swing_ros.nodes.cdr import to_trajectory
-from dp_swing_ros.nodes.connections import hearers, owners, publish, sender_of, subscribe
+from dp_swing_ros.nodes.connections import (
+    hearers, is_lossless, owners, publish, sender_of, subscribe)
 from dp_swing_ros.nodes.diagnostics import Diagnostics
 from dp_swing_ros.nodes.messages import to_point_cloud, to_stamp, to_stamped_force
 from dp_swing_ros.nodes.process import ProcessNode, run
@@ -95,9 +96,15 @@ class MpcNode(ProcessNode):
         gc.collect()
         gc.freeze()   # else the collector looks through all modules in a first tick, for 25 ms
         done = 'compiled' if taken > SLOW_START else 'loaded'
-        self.states = subscribe(self, JOINT_STATES, self.on_message, depth=QUEUE, sensor=True)
-        self.use_fast_lane(self.states, self.silence)
+        self.listen(lossless=False)
         self.get_logger().info(f'{done} in {taken:.1f} s; ready')
+
+    def listen(self, lossless: bool) -> None:
+        """Subscribe to the states: with best effort every driver is heard, but some are lost."""
+        self.lossless = lossless
+        self.states = subscribe(self, JOINT_STATES, self.on_message, depth=QUEUE,
+                                sensor=not lossless, entity_id='lockstep' if lossless else None)
+        self.use_fast_lane(self.states, self.silence)
 
     def on_message(self, message: JointState, info: dict[str, Any]) -> None:
         """Hand on all that came on the topic of the states."""
@@ -126,6 +133,12 @@ class MpcNode(ProcessNode):
     def on_configuration(self, message: String) -> None:
         """Hand on what another node runs with."""
         self.core.on_configuration(message.data)
+        # in lockstep time would stand still for ever after a lost state
+        lossless = self.core.lockstep and is_lossless(self, JOINT_STATES)
+        if lossless != self.lossless:
+            self.destroy_subscription(self.states)
+            self.core.handshake.waiting = None   # a plant in lockstep sends it again
+            self.listen(lossless)
 
     def on_change(self, values: dict[str, Any]) -> None:
         """Go on with other parameters from a next tick on; raises ParameterError."""

@@ -1,11 +1,13 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
+import gc
 import io
 import re
 import shlex
 import struct
 import subprocess
+import warnings
 
 from mcap.writer import Writer
 import numpy as np
@@ -154,6 +156,15 @@ def test_sqlite3_names_the_command_that_converts_it(file):
         command = re.search('`(rosbags-convert .*?)`', str(error.value))[1]
     subprocess.run(shlex.split(command), check=True)
     assert len(read_episode(other.with_name('other_mcap')).t) == len(read_episode(file).t)
+
+
+def test_a_file_that_is_refused_is_closed(tmp_path, recwarn):
+    warnings.simplefilter('always', ResourceWarning)
+    (tmp_path / 'other.db3').write_bytes(b'SQLite format 3\0')
+    with pytest.raises(BagError, match='sqlite3'):
+        Bag(tmp_path / 'other.db3')
+    gc.collect()
+    assert not list(recwarn)
 
 
 def test_places_that_are_no_bag(tmp_path):

@@ -180,6 +180,21 @@ def points_of(cloud):
     return np.frombuffer(bytes(cloud.data), kind).reshape(cloud.height, cloud.width)
 
 
+def test_in_lockstep_no_state_is_lost(peer, start_node):
+    start_node('mpc').wait_for('ready')
+
+    def reliability():
+        return [each.qos_profile.reliability.name for each in
+                peer.node.get_subscriptions_info_by_topic('/joint_states')
+                if each.node_name == 'mpc']
+
+    override = {'qos_overrides./joint_states.publisher.reliability': 'best_effort'}
+    for offered, parameters in (('RELIABLE', {}), ('BEST_EFFORT', override)):
+        plant = start_node('plant', {'lockstep': True, 'duration': 0.5, **parameters})
+        assert plant.wait() == 0   # each of its states had a force
+        assert peer.until(lambda: reliability() == [offered])
+
+
 def test_tries_are_shown_where_they_are_asked_for(peer, start_node):
     clouds = peer.record(TRIES)
     talk = Conversation(peer, start_node, {'solver': 'mppi', 'shown_tries': 6})
