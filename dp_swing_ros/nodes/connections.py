@@ -145,11 +145,10 @@ def is_heard(node: Node, publisher: Publisher, wanted: set[str]) -> bool:
     return bool(wanted) and wanted <= hearers(node, publisher)
 
 
-def is_lossless(node: Node, topic: Topic) -> bool:
-    """Return whether all publishers of a topic, of which there are some, are reliable."""
-    offered = node.get_publishers_info_by_topic(node.resolve_topic_name(topic.name))
-    return bool(offered) and all(
-        each.qos_profile.reliability == ReliabilityPolicy.RELIABLE for each in offered)
+def reliabilities(node: Node, topic: Topic) -> set[ReliabilityPolicy]:
+    """Return what the publishers of a topic offer."""
+    return {each.qos_profile.reliability for each in node.get_publishers_info_by_topic(
+        node.resolve_topic_name(topic.name))}
 
 
 def hearers(node: Node, publisher: Publisher) -> set[str]:

@@ -11,6 +11,7 @@ from typing import Any
 
 from rclpy.clock import JumpThreshold
 from rclpy.duration import Duration
+from rclpy.qos import ReliabilityPolicy
 from rclpy.timer import Timer
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, String
@@ -19,7 +20,7 @@ from dp_swing_ros.control import controllers
 from dp_swing_ros.messages.fields import ERROR, OK, Report, WARN
 from dp_swing_ros.nodes.cdr import to_trajectory
 from dp_swing_ros.nodes.connections import (
-    hearers, is_lossless, owners, publish, sender_of, subscribe)
+    hearers, owners, publish, reliabilities, sender_of, subscribe)
 from dp_swing_ros.nodes.diagnostics import Diagnostics
 from dp_swing_ros.nodes.messages import to_point_cloud, to_stamp, to_stamped_force
 from dp_swing_ros.nodes.process import ProcessNode, run
@@ -134,8 +135,9 @@ class MpcNode(ProcessNode):
         """Hand on what another node runs with."""
         self.core.on_configuration(message.data)
         # in lockstep time would stand still for ever after a lost state
-        lossless = self.core.lockstep and is_lossless(self, JOINT_STATES)
-        if lossless != self.lossless:
+        offered = reliabilities(self, JOINT_STATES)
+        lossless = self.core.lockstep and offered == {ReliabilityPolicy.RELIABLE}
+        if offered and lossless != self.lossless:
             self.destroy_subscription(self.states)
             self.core.handshake.waiting = None   # a plant in lockstep sends it again
             self.listen(lossless)
