@@ -151,12 +151,12 @@ DEFECTS = [
            'self.shafts: Array | None = None ', "self.shafts = getattr(self, 'shafts', None) ",
            'simulation'),
     defect('a late command is obeyed after a newer one', 'simulation/plant.py',
-           'self.coming[-1].begins >= begins:', 'self.coming[-1].begins >= math.inf:',
+           'self.coming[-1].acts_at >= acts_at:', 'self.coming[-1].acts_at >= math.inf:',
            'simulation'),
     defect('a measurement is a period late', 'simulation/plant.py',
            'ends / rate - delay)', '(ends + 1) / rate - delay)', 'simulation'),
     defect('a command never expires', 'simulation/plant.py',
-           'self.expires, self.expired = begins + lasts, False',
+           'self.expires, self.expired = acts_at + lasts, False',
            'self.expires, self.expired = math.inf, False', 'simulation'),
     # nodes
     defect('a push acts in every period after it', 'runtime/plant.py',
@@ -201,7 +201,7 @@ DEFECTS = [
     defect('a recorded reset is not repeated', 'rerun/answers.py',
            'if tick.reset:', 'if tick.reset and tick.stopping:', 'rerun'),
     defect('what led to a tick is a tick short', 'rerun/ticks.py',
-           'self.ticks[0].number + 1]', 'self.ticks[0].number]', 'rerun'),
+           'each.number <= tick.number]', 'each.number < tick.number]', 'rerun'),
     # identification and learning
     defect('the command before a segment is left out', 'identification/segments.py',
            "np.searchsorted(sent, t - HISTORY, 'right') - 1",

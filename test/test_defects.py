@@ -51,3 +51,5 @@ def test_each_defect_is_another_and_changes_something():
     for each in defects.DEFECTS:
         assert each.right != each.wrong and each.tests
         assert not any(os.path.isabs(name) for name in (each.file, *each.tests))
+        text = (defects.TOP / 'dp_swing_ros' / each.file).read_text(encoding='utf-8')
+        assert text.count(each.right) == 1, f'to be anchored anew: {each.what}'

@@ -40,3 +40,11 @@ def test_a_given_token_is_not_in_the_address_that_is_printed():
     made = Access('0.0.0.0', 8080, '')
     assert made.token in made.address
     assert 'token' not in Access('127.0.0.1', 8080, '').address
+
+
+def test_a_page_is_ours_by_host_and_port():
+    ours = Access('127.0.0.1', 8080, '')
+    assert all(map(ours.is_own_origin, ('http://127.0.0.1:8080', 'http://localhost:8080')))
+    for other in ('http://127.0.0.1:8081', 'http://localhost', 'http://example.org:8080',
+                  'file://127.0.0.1:8080'):
+        assert not ours.is_own_origin(other), other

@@ -3,11 +3,13 @@
 """Where the solves of a tick start."""
 
 from dataclasses import replace
+import math
 
 from controllers import controller
 import numpy as np
 import pytest
 
+from dp_swing_ros.control.starts import solved
 from dp_swing_ros.pendulum.model import hold
 from dp_swing_ros.pendulum.state import angles, hanging
 from dp_swing_ros.problem.problem import policy_rollout, regulator_rollout, turns_of
@@ -104,6 +106,17 @@ def test_the_regulator_goes_to_the_turn_where_the_last_plan_ends():
     start = starts_of(c, UP + goal, ended)[0]
     expected = regulator_rollout(c.belief.problem, UP).X + goal
     np.testing.assert_allclose(start.X, expected, atol=1e-8)
+
+
+def test_on_another_turn_a_solve_is_the_same():
+    c, x, left = after_a_plan()
+    start, turn = starts_of(c, x, left)[0], np.zeros(6)
+    turn[ANGLES] = 2 * np.pi, -2 * np.pi
+    problem, solver = c.belief.problem, c.planner.solver
+    plan = solved(solver, problem, x, start, math.inf)
+    turned = solved(solver, problem, x + turn, replace(start, X=start.X + turn), math.inf)
+    np.testing.assert_allclose(turned.X, plan.X + turn, atol=1e-6)
+    np.testing.assert_allclose(turned.U, plan.U, atol=1e-6)
 
 
 def test_the_paper_s_warm_start_is_forces_alone():

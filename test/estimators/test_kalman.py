@@ -377,9 +377,18 @@ def test_it_starts_anew_after_some_refusals():
     assert [e.refused for e in estimates[4:]] == [0, 1, 2, 3, 3]
 
 
+def test_refusals_that_are_not_in_a_row_are_no_new_start():
+    elsewhere = np.array([1.0, 0.5, 0.5, 0.0, 0.0, 0.0])
+    estimates = drifting(estimator(), [HANGING] * 5 + [elsewhere, HANGING] * 4)
+    np.testing.assert_allclose([e.x for e in estimates], [HANGING] * 13, atol=1e-9)
+    assert estimates[-1].refused == 4
+
+
 def test_it_starts_anew_after_a_long_gap_and_remembers_the_parameters(rng):
     e, last = swung(other(1.2, PendulumParameters()), rng)
+    assert np.all(e.scales != 1.0)
     estimate = e.update(e.t + 2.0, SWINGING, NONE)
+    np.testing.assert_array_equal(e.scales, 1.0)
     np.testing.assert_array_equal(estimate.x, SWINGING)
     assert estimate.physical == last.physical
     assert estimate.drive == last.drive

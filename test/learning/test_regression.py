@@ -8,7 +8,7 @@ import pytest
 
 from dp_swing_ros.learning.experience import Experience
 from dp_swing_ros.learning.priors import structured
-from dp_swing_ros.learning.regression import fitted, predicted, spread
+from dp_swing_ros.learning.regression import fitted, followed, predicted, spread
 from dp_swing_ros.pendulum.equations import Pendulum
 from dp_swing_ros.pendulum.parameters import PendulumParameters
 
@@ -39,6 +39,14 @@ def test_friction_makes_no_energy():
     untold, prior = structured(2)
     found = untold.with_free(fitted(untold, seen, prior))
     assert np.all(found.friction >= 0) and np.all(found.dry >= 0)
+
+
+def test_each_of_some_transitions_on_end_has_its_own_duration():
+    some, truth = experience(1.0), Pendulum.of(PendulumParameters(**BODIES))
+    seen = Experience(some.X, some.Y, some.U, np.resize([0.05, 0.02, 0.08], len(some.U)))
+    once = followed(truth, seen)
+    twice = followed(truth, Experience(once[:-1], seen.Y[1:], seen.U[1:], seen.h[1:]))
+    np.testing.assert_allclose(followed(truth, seen, steps=2), twice, rtol=1e-12)
 
 
 def test_transitions_may_take_longer_than_a_step():
