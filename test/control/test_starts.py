@@ -113,7 +113,11 @@ def test_on_another_turn_a_solve_is_the_same():
     start, turn = starts_of(c, x, left)[0], np.zeros(6)
     turn[ANGLES] = 2 * np.pi, -2 * np.pi
     problem, solver = c.belief.problem, c.planner.solver
+    goal = turns_of(problem, start.X[-1])
+    assert goal.any()   # the goal is on another turn already
     plan = solved(solver, problem, x, start, math.inf)
+    assert plan.stats.cost <= policy_rollout(
+        problem, x - goal, start.X - goal, start.U, start.K).J
     turned = solved(solver, problem, x + turn, replace(start, X=start.X + turn), math.inf)
     np.testing.assert_allclose(turned.X, plan.X + turn, atol=1e-6)
     np.testing.assert_allclose(turned.U, plan.U, atol=1e-6)
