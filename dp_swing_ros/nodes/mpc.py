@@ -23,7 +23,7 @@ from dp_swing_ros.nodes.connections import (
     hearers, owners, publish, reliabilities, sender_of, subscribe)
 from dp_swing_ros.nodes.diagnostics import Diagnostics
 from dp_swing_ros.nodes.messages import to_point_cloud, to_stamp, to_stamped_force
-from dp_swing_ros.nodes.process import ProcessNode, run
+from dp_swing_ros.nodes.process import AWAY, COMPILING, ProcessNode, run
 from dp_swing_ros.nodes.ros_parameters import allow_changes, announce, declare, overrides
 from dp_swing_ros.nodes.taking import take
 from dp_swing_ros.runtime.handshake import Peers
@@ -144,7 +144,9 @@ class MpcNode(ProcessNode):
 
     def on_change(self, values: dict[str, Any]) -> None:
         """Go on with other parameters from a next tick on; raises ParameterError."""
-        self.core.on_change(values, partial(self.made_in_background, waits=self.core.lockstep))
+        waits = self.core.lockstep   # time does
+        self.core.on_change(values, partial(
+            self.made_in_background, patience=COMPILING if waits else AWAY, waits=waits))
 
     def send(self, sent: Sent) -> None:
         """Publish, log, or wait."""

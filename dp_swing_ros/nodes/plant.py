@@ -15,7 +15,7 @@ from dp_swing_ros.nodes.connections import (
     Audience, is_heard, listeners, LOOK_PERIOD, owners, publish, subscribe)
 from dp_swing_ros.nodes.diagnostics import Diagnostics
 from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
-from dp_swing_ros.nodes.process import ProcessNode, run, STEADY
+from dp_swing_ros.nodes.process import COMPILING, ProcessNode, run, STEADY
 from dp_swing_ros.nodes.ros_parameters import allow_changes, announce, declare, overrides
 from dp_swing_ros.runtime.plant import (
     Announcement, Description, PlantCore, Sent, State, Trouble, Warned)
@@ -26,7 +26,6 @@ from dp_swing_ros.topics import DISTURBANCE, FORCE_COMMAND, JOINT_STATES, ROBOT_
 PATIENCE = 2.0       # [s] at most for subscriptions to be found before the first state
 LONGER = 2.0         # [s] more for a controller that is there, but does not listen yet
 NEWCOMER_PERIOD = 0.1  # [s] between two looks for a controller that joins a lockstep
-COMPILING = 60.0     # [s] at most for another integrator, while the present one goes on
 CATCHING_UP = 3.0  # [s] at most for the others to hear all, at the end of a lockstep
 
 

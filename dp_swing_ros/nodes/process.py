@@ -46,7 +46,7 @@ from dp_swing_ros.nodes.taking import Executor
 from dp_swing_ros.parameters import ParameterError
 
 CLOCK = '/clock'
-AWAY = 2.0   # [s] at most for what is made aside
+AWAY, COMPILING = 2.0, 60.0   # [s] at most for what is made aside; longer where it may compile
 SWITCHING = 5e-4  # [s] after which a thread that makes something lets the ticks go on
 POLL = 0.05  # [s] a signal is seen after this time at the latest
 DELIVERY = 0.3  # [s] at most for the last messages to arrive

@@ -86,7 +86,8 @@ def newest_state(page):
 
 
 def test_the_page_is_told_what_there_is_and_shown_each_state(page):
-    assert page.ask('set', node='mpc', parameters={'shown_tries': 5})['ok']
+    answer = page.ask('set', node='mpc', parameters={'shown_tries': 5})
+    assert answer['ok'], answer
     page.until(lambda page: page.newest['frame']['tries'])
     hello, frame = page.newest['hello'], page.newest['frame']
     assert hello['nodes'] == {'plant': '/plant', 'mpc': '/mpc'}
@@ -123,7 +124,8 @@ def test_parameters_come_with_all_that_their_descriptors_tell(page):
 def test_parameters_change_and_what_is_refused_says_why_in_the_words_of_the_node(page):
     with Page(port_of(page.node)) as other:
         other.until(lambda page: page.value('mpc', 'solver'))
-        assert page.ask('set', node='mpc', parameters={'solver': 'ddp', 'horizon': 25})['ok']
+        answer = page.ask('set', node='mpc', parameters={'solver': 'ddp', 'horizon': 25})
+        assert answer['ok'], answer
         for one in (page, other):   # whoever changed it
             one.until(lambda page: page.value('mpc', 'solver')['value'] == 'ddp')
             assert one.value('mpc', 'horizon')['value'] == 25

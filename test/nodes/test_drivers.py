@@ -297,8 +297,8 @@ def test_bytes_that_are_no_state_end_nothing(peer, start_node):
     driver.meet()
     for data in (b'', b'\x00\x01\x00\x00', b'\x00\x01\x00\x00' + b'\xff' * 40):
         driver.states.publish(data)
-    driver.send(0)
-    assert peer.until(lambda: driver.forces)
+    # the mpc hears with best effort: one alone may be lost
+    assert peer.until(lambda: driver.stream(1, lambda now: 0) or driver.forces)
     assert node.popen.poll() is None
 
 
