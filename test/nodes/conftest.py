@@ -16,12 +16,12 @@ def peer():
 
 
 @pytest.fixture
-def start_here(capfd):
+def start_here():
     """Return a function that starts a node in this process; in the end none is left."""
     started = []
 
     def start(name, parameters=(), arguments=()):
-        started.append(NodeHere(capfd, name, parameters, arguments))
+        started.append(NodeHere(name, parameters, arguments))
         return started[-1]
     yield start
     for node in reversed(started):

@@ -6,7 +6,9 @@ from contextlib import ExitStack, nullcontext
 import gc
 from importlib import import_module
 import json
+import os
 import sys
+import tempfile
 import threading
 from unittest.mock import patch
 
@@ -17,17 +19,52 @@ from rclpy import utilities
 from dp_swing_ros.nodes import process, ros_parameters
 
 
+class Output:
+    """
+    What this process prints while it is open, the libraries in C too.
+
+    pytest's own capture forgets what is printed while another thread reads what was before.
+    """
+
+    def __enter__(self):
+        sys.stdout.flush()
+        sys.stderr.flush()
+        self.file = tempfile.TemporaryFile('a+b', buffering=0)
+        self.before = [os.dup(each) for each in (1, 2)]
+        self.stack = ExitStack()
+        for place, name in ((1, 'stdout'), (2, 'stderr')):
+            os.dup2(self.file.fileno(), place)
+            stream = self.stack.enter_context(os.fdopen(os.dup(place), 'w', buffering=1))
+            self.stack.enter_context(patch.object(sys, name, stream))
+        return self
+
+    def __exit__(self, *error):
+        self.stack.close()
+        for place, before in zip((1, 2), self.before):
+            os.dup2(before, place)
+            os.close(before)
+        self.last = self.text()
+        self.file.close()
+
+    def text(self):
+        """Return all of it so far."""
+        if self.file.closed:
+            return self.last
+        size = os.fstat(self.file.fileno()).st_size
+        return os.pread(self.file.fileno(), size, 0).decode(errors='replace')
+
+
 class NodeHere:
     """A node, or one of a script, that its `main` runs in a thread; one at a time."""
 
-    def __init__(self, capfd, name, parameters=(), arguments=()):
+    def __init__(self, name, parameters=(), arguments=()):
         given = [word for key, value in dict(parameters).items()
                  for word in ('-p', f'{key}:={json.dumps(value)}')]
         ros = ['--ros-args', *given, *arguments] if given or arguments else []
         script = name.removesuffix('.py')
         main = import_module(script if script != name else f'dp_swing_ros.nodes.{name}').main
-        self.capfd, self.text, self.handlers = capfd, '', []
-        self.stack, self.code = ExitStack(), None
+        self.handlers, self.stack, self.code = [], ExitStack(), None
+        self.printed = self.stack.enter_context(Output())
         self.stack.enter_context(patch.object(ros_parameters, 'commit', COMMIT))
         # a context of its own, whatever a test before has left
         self.stack.enter_context(patch.object(utilities, 'g_default_context', None))
@@ -50,8 +87,7 @@ class NodeHere:
 
     def output(self):
         """Return all that was printed so far."""
-        self.text += ''.join(self.capfd.readouterr())
-        return self.text
+        return self.printed.text()
 
     complaint = output
 
@@ -62,7 +98,7 @@ class NodeHere:
     def wait_for(self, text, timeout=PATIENCE):
         """Wait until it prints the text; fail if it ends or is silent instead."""
         wait_until(lambda: text in self.output() or self.ended(), timeout)
-        assert text in self.output(), f'{text!r} not in: {self.text}'
+        assert text in self.output(), f'{text!r} not in: {self.output()}'
 
     def wait(self, timeout=PATIENCE):
         """Wait for its end and return the exit code."""
