@@ -145,12 +145,6 @@ def is_heard(node: Node, publisher: Publisher, wanted: set[str]) -> bool:
     return bool(wanted) and wanted <= hearers(node, publisher)
 
 
-def reliabilities(node: Node, topic: Topic) -> set[ReliabilityPolicy]:
-    """Return what the publishers of a topic offer."""
-    return {each.qos_profile.reliability for each in node.get_publishers_info_by_topic(
-        node.resolve_topic_name(topic.name))}
-
-
 def hearers(node: Node, publisher: Publisher) -> set[str]:
     """Return the nodes that hear a publisher; none before all that are there do."""
     own = node.get_fully_qualified_name()

@@ -20,7 +20,7 @@ from dp_swing_ros.control import controllers
 from dp_swing_ros.messages.fields import ERROR, OK, Report, WARN
 from dp_swing_ros.nodes.cdr import to_trajectory
 from dp_swing_ros.nodes.connections import (
-    hearers, owners, publish, reliabilities, sender_of, subscribe)
+    hearers, owners, publish, request_for, sender_of, subscribe)
 from dp_swing_ros.nodes.diagnostics import Diagnostics
 from dp_swing_ros.nodes.messages import to_point_cloud, to_stamp, to_stamped_force
 from dp_swing_ros.nodes.process import AWAY, COMPILING, ProcessNode, run
@@ -135,8 +135,10 @@ class MpcNode(ProcessNode):
         """Hand on what another node runs with."""
         self.core.on_configuration(message.data)
         # in lockstep time would stand still for ever after a lost state
-        offered = reliabilities(self, JOINT_STATES)
-        lossless = self.core.lockstep and offered == {ReliabilityPolicy.RELIABLE}
+        offered = [each.qos_profile for each in self.get_publishers_info_by_topic(
+            self.states.topic_name)]
+        lossless = self.core.lockstep and (
+            request_for(offered).reliability == ReliabilityPolicy.RELIABLE)
         if offered and lossless != self.lossless:
             self.destroy_subscription(self.states)
             self.core.handshake.waiting = None   # a plant in lockstep sends it again

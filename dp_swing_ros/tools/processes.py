@@ -176,13 +176,15 @@ class Process:
     @property
     def pid(self) -> int:
         """Return the number of the executable's own process, which `ros2 run` may wait for."""
-        while self.running:
-            pid = self._process.pid
-            with contextlib.suppress(FileNotFoundError):   # of what it started for a moment
-                while children := Path(f'/proc/{pid}/task/{pid}/children').read_text().split():
-                    pid = int(children[0])
-                return pid
-        return self._process.pid
+        pid = self._process.pid
+        try:
+            while children := Path(f'/proc/{pid}/task/{pid}/children').read_text().split():
+                pid = int(children[0])
+        except FileNotFoundError:
+            if pid == self._process.pid:
+                raise
+            return self.pid   # that one was there for a moment only
+        return pid
 
     def kill(self) -> None:
         """End what is left of it and of whatever it started."""

@@ -26,7 +26,8 @@ pytestmark = pytest.mark.skipif(
     not (CHROMIUM and DRIVER),
     reason='chromium or chromedriver is not on the PATH (Debian: chromium, chromium-driver)')
 
-# the numbers of drawings with six forces: in the header, at the arrow, and of the plot
+# the numbers of 60 drawings, and until there were six forces: at the arrow, in the header, of the
+# plot
 FORCES = """
   const done = arguments[0], pen = CanvasRenderingContext2D.prototype, write = pen.fillText;
   const text = name => document.querySelector(name).textContent, drawings = [];
@@ -39,7 +40,8 @@ FORCES = """
   const look = () => {
     if (words.length) drawings.push([words[0], text('#now-applied'), text('.force output')]);
     words = [];
-    if (new Set(drawings.map(([force]) => force)).size < 6) requestAnimationFrame(look);
+    const forces = new Set(drawings.map(([force]) => force));
+    if (drawings.length < 60 || forces.size < 6) requestAnimationFrame(look);
     else { pen.fillText = write; done(drawings); }
   };
   requestAnimationFrame(look);
@@ -277,6 +279,7 @@ def test_one_drawing_has_one_force_and_one_time(page, nodes, ears):
     page.grip(0, 1, 40)   # so that the forces are large, and change
     drawings = page.driver.execute_async_script(FORCES)
     page.let_go()
+    assert len(drawings) >= 60 and len({arrow for arrow, _, _ in drawings}) > 5
     for arrow, header, plot in drawings:
         assert header == arrow
         assert plot == f'applied {arrow}'
@@ -327,6 +330,7 @@ def test_forced_colours_keep_swatches(page, tmp_path):
             "[chip.textContent, getComputedStyle(chip, '::before').backgroundColor]))")
     page.until(lambda: len(set(swatches().values())) > 5, 'the colours of a tick')
     usual = swatches()
+    assert len(set(usual.values())) > 5
     page.prefer('light', 'active')
     assert usual.items() <= swatches().items()
     page.shot(tmp_path / 'forced.png')
