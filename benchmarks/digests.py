@@ -54,7 +54,7 @@ SETUPS: dict[str, Setup] = {
     'as in the paper': ({'physics_step': 0.05, 'integrator': 'euler'},
                         {'estimator': 'none', 'warm_start': 'forces', 'first_starts': 1,
                          'other_starts': 0, 'angle_error': 'angle', 'model': 'euler'}),
-    'rates': ({'rate': 100.0}, {'step': 0.05, 'solve_rate': 25.0}),
+    'rates': ({'rate': 100.0}, {'step': 0.05}),
     'limits': ({}, {'force_rate_limit': 200.0, 'controlled_stop': 0.5, 'cart_speed_limit': 3.0}),
     'other goal': ({'start': 'up_up'}, {'goal': 'down_up'})}
 LINKED = ('default', 'worse plant', 'drive', 'late and lost')   # with one and three links, too

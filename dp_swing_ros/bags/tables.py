@@ -15,7 +15,7 @@ from dp_swing_ros.pendulum.parameters import DriveParameters, PendulumParameters
 from dp_swing_ros.pendulum.state import Array, columns, joints, LINKS, links_of, units, wrapped
 from dp_swing_ros.topics import PLAN
 
-UNITS = {'solve_time': 's', 'latency': 's', 'delay': 's', 'force': 'N',
+UNITS = {'step': 's', 'solve_time': 's', 'latency': 's', 'delay': 's', 'force': 'N',
          **{field.name: field.metadata['unit'] for group in (PendulumParameters, DriveParameters)
             for field in dataclasses.fields(group)},
          **{f'{what}_{joint}_{kind}': unit for what in ('estimate', 'innovation')

@@ -18,11 +18,12 @@ from dp_swing_ros.kernels import kernel
 from dp_swing_ros.pendulum.derivatives import expand, linearisation
 from dp_swing_ros.pendulum.model import size, step
 from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.pendulum.units import scaled_speeds
 from dp_swing_ros.problem.cost import trajectory_cost
 from dp_swing_ros.problem.problem import Problem, Rollout, turns_of, without_dry_friction
 from dp_swing_ros.solvers.riccati import backward, forward
 
-REACH = (0.6, 10.0)  # [rad] and [m/s, rad/s] of the linear model, for angles and speeds
+REACH = (0.6, 10.0)  # [rad], and [m/s, rad/s] scaled, of the linear model
 PASSES = 8    # to close the gaps in
 DEARER = 2.0  # in one of them the cost may grow by this factor
 
@@ -56,6 +57,9 @@ class BoundedLQR:
         weights = [np.diag(np.sqrt(cost.S))] * N + [cholesky(problem.lqr.P)]
         of_force = [W @ G for W, G in zip(weights, self.G)]
         of_state = [W @ Phi for W, Phi in zip(weights, self.Phi)]
+        links, (angle, speed) = problem.physical.links, REACH
+        self.reach = np.array([
+            np.inf, *[angle] * links, *scaled_speeds(speed, problem.scale, links)])
         Q, self.L = qr(np.vstack([np.sqrt(cost.R) * np.eye(N), *of_force]), mode='economic')
         self.M = Q.T @ np.vstack([np.zeros((N, n)), *of_state])
 
@@ -67,8 +71,7 @@ class BoundedLQR:
         """
         problem, turns = self.problem, turns_of(self.problem, x_0)
         e_0 = x_0 - turns - problem.x_r
-        half = len(e_0) // 2
-        if (np.any(np.abs(e_0[1:half]) > REACH[0]) or np.any(np.abs(e_0[half:]) > REACH[1])):
+        if np.any(np.abs(e_0[1:]) > self.reach[1:]):
             return None
         from scipy.optimize import lsq_linear   # 0.2 s of loading, which a plant does without
         U = lsq_linear(self.L, -self.M @ e_0, problem.bounds, method='bvls').x

@@ -9,17 +9,19 @@ from dp_swing_ros.pendulum.drive import follow_commands, HISTORY
 from dp_swing_ros.pendulum.model import hold, Model
 from dp_swing_ros.pendulum.parameters import Drive
 from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.pendulum.units import SAME, Units
 
 REMEMBERED = 1.0   # [s]
 LONGEST = 10.0     # [s] of a prediction; more only passes where a clock is set
-STEP = 0.01        # [s] longest of a prediction
+STEP = 0.01        # [s] scaled, longest of a prediction
 
 
 class SentCommands:
     """Remembers from when on each command holds; what was sent later replaces it."""
 
-    def __init__(self) -> None:
-        """Begin with none, which is a force of zero."""
+    def __init__(self, scale: Units = SAME) -> None:
+        """Begin with none, which is a force of zero, for a pendulum of a scale."""
+        self.step = scale.sized(STEP, 's')
         self.times, self.forces = np.empty(0), np.empty(0)   # since when [s], in order; which [N]
         self.before = 0.0   # [N] what came before these
 
@@ -53,7 +55,7 @@ class SentCommands:
                 until: float) -> tuple[Array, float]:
         """Return state and force of the motor [N] at a later time [s]; shapes: x (2n + 2,)."""
         x, duration = x.copy(), min(until - t, LONGEST)
-        f = follow_commands(model._replace(h=STEP), drive, *self.since(t, HISTORY), x,
+        f = follow_commands(model._replace(h=self.step), drive, *self.since(t, HISTORY), x,
                             duration)
         return x, f
 
@@ -69,4 +71,5 @@ class SentCommands:
             return belief.x
         model, drive = belief.problem.model, belief.drive
         x, f = self.predict(model, drive, belief.x, belief.t, acts_at + drive.delay)
-        return hold(model._replace(h=STEP), x, drive.gain * f + drive.bias, drive.time_constant)
+        return hold(model._replace(h=self.step), x, drive.gain * f + drive.bias,
+                    drive.time_constant)

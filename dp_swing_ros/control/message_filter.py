@@ -19,20 +19,21 @@ import math
 import numpy as np
 
 from dp_swing_ros.pendulum.state import Array, joints, to_turn_of, units
+from dp_swing_ros.pendulum.units import POSITIONS, SAME, scaled_speeds, Units
 
 LARGEST_TURNS = 1000      # of a joint; no swing-up winds up so far
-LARGEST_SPEED = 100.0     # [m/s, rad/s]; falling from upright to hanging makes some 12 rad/s
+LARGEST_SPEED = 100.0     # [m/s, rad/s] scaled; falling from upright to hanging makes some 12
 TRACKS = 2.0              # a cart this many track limits from the centre is not on the track
 STILL = 1e-9              # [m, rad] that the model moves by where the whole state may stand still
-STUCK = 0.02              # [m, rad] the same of one position
+STUCK = 0.02              # [m, rad] scaled, the same of one position
 COUNTS = 10               # of an encoder, by which it may do so, too
-COARSEST = 0.005          # [m, rad] a count; the smallest step seen, if it is larger, is none
+COARSEST = 0.005          # [m, rad] scaled, a count; the smallest step seen, if larger, is none
 # So many states one position must have been the same in: where a plant steps by forward Euler, or
 # a force comes a period late, none moves in the first period from rest.
 ALONE = 3
-SAME = 1e-4               # share by which differences may be off
+EQUAL = 1e-4              # share by which differences may be off
 APART = 0.5               # share by which the time between two stamps may be off
-WINDOW = 0.5              # [s] for which the model is asked
+WINDOW = 0.5              # [s] scaled, for which the model is asked
 
 Predict = Callable[[Array, float, float], Array]
 
@@ -47,14 +48,17 @@ class Past:
 
 
 class MessageFilter:
-    """Rejects states out of range, and frozen ones; remembers the last half second of states."""
+    """Rejects states out of range, and frozen ones; remembers the last states."""
 
-    def __init__(self, links: int, track_limit: float) -> None:
-        """Take the number of links, and the end of the track [m], infinite for none."""
+    def __init__(self, links: int, track_limit: float, scale: Units = SAME) -> None:
+        """Take the number of links, the end of the track [m], infinite for none, and the scale."""
         angle = LARGEST_TURNS * 2 * math.pi
+        self.window = scale.sized(WINDOW, 's')
+        self.stuck, self.coarsest = (np.array(scale.each_joint(each, POSITIONS, links))
+                                     for each in (STUCK, COARSEST))
         self.joints, self.units = joints(links), units(links)
         self.range = np.array([TRACKS * track_limit, *[angle] * links,
-                               *[LARGEST_SPEED] * (links + 1)])
+                               *scaled_speeds(LARGEST_SPEED, scale, links)])
         self.past: deque[Past] = deque()
         self.reset()
 
@@ -77,7 +81,7 @@ class MessageFilter:
             joint, unit = self.joints[i % len(self.joints)], self.units[i]
             return (f'the {kind} of {joint} is {x[i]:g} {unit}; expected at most '
                     f'{self.range[i]:g} {unit} either way')
-        while self.past and self.past[0].t < t - WINDOW:
+        while self.past and self.past[0].t < t - self.window:
             self.past.popleft()
         if self.past:
             steps = np.abs(x - self.past[-1].x)[:len(self.joints)]
@@ -101,7 +105,7 @@ class MessageFilter:
         # over which time they were taken, their driver knows better than the stamps
         duration = steps @ steps / along
         if (abs(duration / (last.t - before.t) - 1) > APART
-                or np.abs(v - steps / duration).max() > SAME * np.abs(v).max()):
+                or np.abs(v - steps / duration).max() > EQUAL * np.abs(v).max()):
             return x
         return np.concatenate((x[:half], np.full(half, np.nan)))
 
@@ -113,7 +117,7 @@ class MessageFilter:
         measured = np.array([past.x for past in self.past])         # (count, 2n + 2)
         same = (measured == last.x) | np.isnan(measured)
         moving = bool(np.nan_to_num(last.x[positions:]).any())
-        limits = STUCK + COUNTS * np.where(self.counts < COARSEST, self.counts, 0.0)
+        limits = self.stuck + COUNTS * np.where(self.counts < self.coarsest, self.counts, 0.0)
         for count, least, columns, limit in (
                 (_repeated(np.asarray(same.all(axis=1))), 2, range(positions),
                  STILL if moving else limits.min()),

@@ -15,6 +15,7 @@ from dp_swing_ros.estimators.estimator import Commands, Estimate, Estimator
 from dp_swing_ros.parameters import parameter, ParameterError, Parameters
 from dp_swing_ros.pendulum.parameters import Drive
 from dp_swing_ros.pendulum.state import Array, is_state, to_turn_of
+from dp_swing_ros.problem.parameters import PredictionParameters
 from dp_swing_ros.problem.problem import Bounds, Problem
 
 OVERTAKEN = 0.5  # [s] a state older than the last by more than this is none that was overtaken
@@ -55,8 +56,8 @@ class Observer:
         self.nominal, self.nominal_drive = problem, drive
         self.parameters, self.estimator_parameters = parameters, estimator
         self.estimator: Estimator = ESTIMATORS[parameters.estimator](problem, drive, estimator)
-        self.message_filter = MessageFilter(problem.physical.links,
-                                            problem.parameters.limits.track_limit)
+        self.message_filter = MessageFilter(
+            problem.physical.links, problem.parameters.limits.track_limit, problem.scale)
         self.reset()
 
     def reset(self) -> None:
@@ -82,6 +83,12 @@ class Observer:
         self.nominal, self.nominal_drive = other.nominal, other.nominal_drive
         self.parameters, self.estimator_parameters = other.parameters, other.estimator_parameters
         self.belief = belief._replace(problem=driven_by(belief.drive, problem))
+
+    def predict_as(self, prediction: PredictionParameters) -> None:
+        """Believe the same of a problem in other steps."""
+        self.nominal = self.nominal.with_prediction(prediction)
+        self.belief = self.belief._replace(
+            problem=self.belief.problem.with_prediction(prediction))
 
     @property
     def inputs(self) -> tuple[object, ...]:

@@ -1,12 +1,15 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-From the state when the force acts to a plan: warm starts, other starts, solver.
+From the state when the force acts to a plan: warm start, other starts, solver.
 
 The last plan is followed as a policy (its gains about its states, the regulator past its end):
-forces alone, shifted, diverge on an unstable plant. Where states come faster than the steps of a
-plan, the plan of a whole step ago is followed instead if it is cheaper. Beside it there are other
-starts; the cheapest plan is obeyed.
+forces alone, shifted, diverge on an unstable plant. Beside it there are other starts; the cheapest
+plan is obeyed.
+
+Where states come faster than the steps of a plan, a solve is due once a step: a plan that is
+shifted by parts of one has its forces interpolated, which blurs them, and with every tick more so.
+For the states in between its first force is held as it was planned, and its feedback added.
 """
 
 from collections.abc import Callable, Iterable
@@ -14,26 +17,25 @@ from dataclasses import dataclass, replace
 import math
 import time
 
+import numpy as np
+
 from dp_swing_ros.control.starts import solved, StartParameters, Starts
 from dp_swing_ros.parameters import parameter, Parameters
 from dp_swing_ros.pendulum.state import Array
-from dp_swing_ros.problem.plan import Plan, stats_of_tick, Status
+from dp_swing_ros.problem.plan import FALLBACK, Plan, stats_of_tick, Status
 from dp_swing_ros.problem.problem import plan_of, policy_rollout, Problem
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.solvers.solver import ShowingSolver, Solver
 from dp_swing_ros.streams import Stream, stream
 
-EARLY = 0.2      # of a solve's period, by which the states' period may fall short of it
+ROUNDING = 1e-6   # [s] of times since 1970, as they are held
 
 
 @dataclass(frozen=True)
 class PlannerParameters(StartParameters):
-    """Who solves, and how often."""
+    """Who solves."""
 
     solver: str = parameter('ilqr', 'solver of every tick', choices=lambda: sorted(SOLVERS))
-    solve_rate: float = parameter(
-        0.0, 'solves a second at most, where states come faster; in between the force is that of '
-        'the last plan with its feedback (0: a solve for every state)', unit='Hz', minimum=0.0)
     seed: int = parameter(0, 'seed of the first plan and of random solvers', minimum=0)
     shown_tries: int = parameter(
         0, 'on mpc/tries about so many of the trajectories that led to the plan, of its line '
@@ -72,8 +74,8 @@ class Planner:
         self.random = stream(self.parameters.seed, Stream.SOLVER)
         self.solver = self.build(problem)
         self.starts = Starts(problem, self.parameters, self.parameters.seed, self.build)
-        # of the last step, the newest at the end: [s] since when each acts, and the plan
-        self.last: list[tuple[float, Plan]] = []
+        self.last: Plan | None = None
+        self.since = self.before = -math.inf   # [s] when its force acts, and that of the last tick
 
     def build(self, problem: Problem, parameters: Parameters | None = None) -> Solver:
         """Build the solver for a problem; its random numbers go on."""
@@ -86,13 +88,14 @@ class Planner:
         if other.parameters.seed != self.parameters.seed:
             self.random = other.random
         self.parameters, self.solver_parameters = other.parameters, other.solver_parameters
-        self.last = [(acts_at, plan.resampled(problem.dt)) for acts_at, plan in self.last]
         self.starts.reconfigure(other.starts)
         self.set_problem(problem)
 
     def set_problem(self, problem: Problem) -> None:
         """Solve another problem from now on."""
         self.problem = problem
+        if self.last is not None:
+            self.last = self.last.resampled(problem.dt)
         self.solver = self.build(problem)
         self.starts.set_problem(problem)
 
@@ -104,48 +107,44 @@ class Planner:
         """
         if problem is not self.problem:
             self.set_problem(problem)
-        began, warm_starts = time.perf_counter(), self.warm_starts(acts_at)
-        if warm_starts and not self.is_due(acts_at):
-            return self.feedback(x_0, warm_starts[0])
-        plans = self.search(self, x_0, self.starts.of(x_0, warm_starts), deadline)
+        began, left, passed = time.perf_counter(), self.warm_start(acts_at), acts_at - self.before
+        self.before = acts_at
+        if left is not None and not self.is_due(acts_at, passed):
+            return self.feedback(x_0, left)
+        plans = self.search(self, x_0, self.starts.of(x_0, left), deadline)
         best = min(plans, key=lambda plan: plan.stats.cost if plan.usable else math.inf)
         return replace(best, stats=stats_of_tick(best, plans, time.perf_counter() - began))
 
-    def is_due(self, acts_at: float) -> bool:
-        """Return whether it is time [s] for a solve, where there is a last plan."""
-        rate = self.parameters.solve_rate
-        return rate == 0 or acts_at - self.last[-1][0] > (1 - EARLY) / rate
+    def is_due(self, acts_at: float, passed: float) -> bool:
+        """
+        Return whether it is time [s] for a solve, a time [s] after the tick before.
+
+        So it is where no later state is nearer to a step after the last solve.
+        """
+        return self.last is None or self.last.stats.status in FALLBACK or (
+            acts_at + passed / 2 >= self.since + self.last.dt - ROUNDING)
 
     def feedback(self, x_0: Array, left: Plan) -> Plan:
-        """Return what the rest of the last plan makes of a state; that stays the last plan."""
-        _, X, U, K = policy_rollout(self.problem, x_0, left.X, left.U, left.K)
+        """Return what is left of the last plan, its first force held, with its feedback."""
+        assert self.last is not None
+        now = len(self.last.U) - len(left.U)
+        U, K = (np.concatenate((of_last[now:now + 1], rest[1:])) for of_last, rest in (
+            (self.last.U, left.U), (self.last.K, left.K)))
+        _, X, U, K = policy_rollout(self.problem, x_0, left.X, U, K)
         return plan_of(self.problem, X, U, Status.FEEDBACK, K)
 
-    def warm_starts(self, acts_at: float) -> list[Plan]:
-        """
-        Return what is left of the last plan from a time on [s], if any, and of one a step older.
-
-        Between its steps the forces of a plan are interpolated, which blurs them, and with every
-        tick more so; after a whole step they are not.
-        """
-        if not self.last:
-            return []
-        since, last = self.last[-1]
-        step_ago, older = min(
-            self.last, key=lambda each: abs(acts_at - each[0] - self.problem.dt))
-        found = [last.shifted(acts_at - since)]
-        if older is not last:
-            found.append(older.shifted(acts_at - step_ago))
-        return found if len(found[0].U) > 0 else []
+    def warm_start(self, acts_at: float) -> Plan | None:
+        """Return what is left of the last plan from a time on [s], if any."""
+        left = None if self.last is None else self.last.shifted(acts_at - self.since)
+        return None if left is None or len(left.U) == 0 else left
 
     def keep(self, plan: Plan, acts_at: float) -> None:
         """Take the plan that is obeyed from a time on [s] for the last one."""
         if plan.stats.status in (Status.ZERO, Status.DISABLED):
             self.forget()   # it predicts nothing, so the next tick is a first one
         elif plan.stats.status is not Status.FEEDBACK:
-            step_ago = acts_at - self.problem.dt
-            self.last = [each for each in self.last if each[0] >= step_ago] + [(acts_at, plan)]
+            self.last, self.since = plan, acts_at
 
     def forget(self) -> None:
         """Have no last plan."""
-        self.last = []
+        self.last = None

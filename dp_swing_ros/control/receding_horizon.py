@@ -7,14 +7,16 @@ import math
 import time
 
 from dp_swing_ros.control.commands import SentCommands
+from dp_swing_ros.control.lookahead import Lookahead
 from dp_swing_ros.control.observer import Belief, checked, Observer, ObserverParameters
 from dp_swing_ros.control.planner import Planner, PlannerParameters
 from dp_swing_ros.control.supervisor import braked, Supervisor, SupervisorParameters
 from dp_swing_ros.parameters import parameter, Parameters
+from dp_swing_ros.pendulum.equations import own_units
 from dp_swing_ros.pendulum.parameters import DIRECT, Drive
 from dp_swing_ros.pendulum.state import Array, hanging, upright
 from dp_swing_ros.problem.cost import terms
-from dp_swing_ros.problem.plan import Plan
+from dp_swing_ros.problem.plan import Plan, Status
 from dp_swing_ros.problem.problem import Problem
 
 WARMING = 1.0    # [s] at most of a tick that warms up
@@ -46,15 +48,19 @@ class RecedingHorizon:
                  estimator: Parameters, drive: Drive = DIRECT) -> None:
         """Take problem, parameters, those of solver and estimator, and what the drive does."""
         self.parameters = parameters
+        self.lookahead = Lookahead(problem.parameters.prediction,
+                                   own_units(problem.physical).time)
         self.observer = Observer(problem, parameters, estimator, drive)
-        self.commands = SentCommands()
+        self.commands = SentCommands(self.nominal.scale)
         self.planner = Planner(self.belief.problem, parameters, solver)
         self.supervisor = Supervisor(parameters)
 
     def reset(self) -> None:
         """Forget everything: the next tick is a first tick, with the same random numbers."""
+        self.lookahead.reset()
         self.observer.reset()
-        self.commands = SentCommands()
+        self.fit()
+        self.commands = SentCommands(self.nominal.scale)
         self.planner.reset(self.belief.problem)
         self.supervisor.reset()
 
@@ -75,6 +81,8 @@ class RecedingHorizon:
         x = checked(x, len(self.nominal.cost.S))
         if self.observer.is_another_run(t):
             self.reset()
+        self.lookahead.add(t)
+        self.fit()
         belief = self.observer.update(t, x, time_noise, self.commands)   # filter, estimator, model
         x_0 = self.commands.compensate(belief, acts_at)                  # delay compensation
         plan, known = None, time.perf_counter()
@@ -82,6 +90,13 @@ class RecedingHorizon:
             plan = self.planner.plan(belief.problem, x_0, acts_at, deadline)   # starts, solver
             plan = replace(plan, stats=plan.stats.with_estimate(known - began))
         return self.command(plan, x_0, acts_at)                          # limits, fallback, zero
+
+    def fit(self) -> None:
+        """Go on in steps that go with the period of the states."""
+        prediction = self.lookahead.prediction
+        if prediction != self.nominal.parameters.prediction:
+            self.observer.predict_as(prediction)
+            self.planner.set_problem(self.belief.problem)
 
     def fallback(self, acts_at: float) -> Plan:
         """Return a plan from a time on [s] where no state came."""
@@ -92,11 +107,14 @@ class RecedingHorizon:
         belief, commands = self.belief, self.commands
         if plan is None or not plan.usable:
             instead = self.supervisor.fallback(
-                belief, x_0, self.planner.warm_starts(acts_at), commands, acts_at)
+                belief, x_0, self.planner.warm_start(acts_at), commands, acts_at)
             plan = instead if plan is None else replace(instead, stats=instead.stats._replace(
                 candidates=plan.stats.candidates))
         plan = self.supervisor.command(plan, belief, commands, acts_at)
         self.planner.keep(plan, acts_at)
+        plans_nothing = plan.stats.status in (Status.ZERO, Status.DISABLED)
+        self.lookahead.look(acts_at, plans_nothing or belief.problem.is_reached(plan.X[-1]),
+                            belief.problem.is_reached(belief.x))
         commands.add(acts_at, plan.first_force(self.nominal.u_max))
         return plan
 
@@ -143,6 +161,8 @@ class RecedingHorizon:
         if self.supervisor.reconfigure(other.supervisor):
             self.planner.forget()
         self.observer.reconfigure(other.observer)
+        self.lookahead.reconfigure(other.lookahead)
+        self.fit()
         self.planner.reconfigure(other.planner, self.belief.problem)
 
     def anew(self, problem: Problem, drive: Drive = DIRECT) -> 'RecedingHorizon':

@@ -8,7 +8,7 @@ first tick solves from several starts and, until the pendulum is up, every later
 than the last plan, taken in turn; the cheapest plan is obeyed.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from itertools import chain, cycle, islice, repeat
 import math
@@ -18,7 +18,7 @@ import numpy as np
 from dp_swing_ros.control.bounded_lqr import BoundedLQR
 from dp_swing_ros.parameters import parameter, Parameters
 from dp_swing_ros.pendulum.model import rollout
-from dp_swing_ros.pendulum.state import Array, is_upright
+from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.problem.plan import Plan, Status
 from dp_swing_ros.problem.problem import (
     plan_of, policy_rollout, Problem, regulator_rollout, turns_of)
@@ -33,7 +33,7 @@ class StartParameters(Parameters):
     """Where the solves of a tick start."""
 
     initial_force: float = parameter(
-        10.0, 'bound of the random forces of a start', unit='N', minimum=0.0)
+        10.0, 'bound of the random forces of a start', unit='N', minimum=0.0, scaled=True)
     warm_start: str = parameter(
         'policy', 'policy: the last plan with its gains, then the regulator; forces: the last '
         'forces, then zero, as in the paper',
@@ -80,19 +80,19 @@ class Starts:
         self.scout = self.build(self.short) if problem.horizon > SHORT else None
         self.bounded: BoundedLQR | None = None   # made when needed: it takes a millisecond
 
-    def of(self, x_0: Array, shifted: Sequence[Plan]) -> Iterator[Plan]:
+    def of(self, x_0: Array, left: Plan | None) -> Iterator[Plan]:
         """
-        Yield the starts of a tick from what is left of the last plans, none at a first tick.
+        Yield the starts of a tick from what is left of the last plan, none at a first tick.
 
         Shapes: x_0 (2n + 2,).
         """
-        if not shifted:
+        if left is None:
             yield self.first(x_0)
             yield from self.plans(chain(self.first_kinds, repeat(self.random)), x_0,
                                   self.parameters.first_starts - 1)
             return
-        yield self.last(x_0, shifted)
-        if not is_upright(x_0 - self.problem.x_r):
+        yield self.last(x_0, left)
+        if not self.problem.is_reached(x_0):
             yield from self.plans(self.later_kinds, x_0, self.parameters.other_starts)
 
     def plans(self, kinds: Iterable[Callable[[Array], Plan | None]], x_0: Array,
@@ -111,20 +111,17 @@ class Starts:
         plan = plan_of(self.problem, rollout(self.problem.model, x_0, U), U, Status.COMPLETE)
         return replace(plan, start='random')
 
-    def last(self, x_0: Array, shifted: Sequence[Plan]) -> Plan:
-        """Return the cheapest of what is left of the last plans and the regulator."""
+    def last(self, x_0: Array, left: Plan) -> Plan:
+        """Return the cheaper of what is left of the last plan and the regulator."""
         problem = self.problem
-        turns = [turns_of(problem, plan.X[-1]) for plan in shifted]
-        costs = [policy_rollout(problem, x_0 - turn, plan.X, plan.U, plan.K).J
-                 for plan, turn in zip(shifted, turns)]
-        best = costs.index(min(costs))
-        left, turn = shifted[best], turns[best]
+        turn = turns_of(problem, left.X[-1])
         if self.parameters.warm_start == 'forces':
             U = np.append(left.U, np.zeros(problem.horizon - len(left.U)))
             return replace(plan_of(problem, rollout(problem.model, x_0, U), U, Status.COMPLETE),
                            start='last_forces')
+        cost = policy_rollout(problem, x_0 - turn, left.X, left.U, left.K).J
         regulator = regulator_rollout(problem, x_0 - turn)
-        return replace(left, start='last_plan') if costs[best] <= regulator.J else replace(
+        return replace(left, start='last_plan') if cost <= regulator.J else replace(
             left, X=regulator.X + turn, U=regulator.U, K=regulator.K, start='regulator')
 
     def bounded_lqr(self, x_0: Array) -> Plan | None:

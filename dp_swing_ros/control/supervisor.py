@@ -11,7 +11,6 @@ A state that is rejected is predicted through; after `carry_over` without one to
 the reason, the force is zero.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 import math
 
@@ -22,7 +21,7 @@ from dp_swing_ros.control.observer import Belief
 from dp_swing_ros.kernels import kernel
 from dp_swing_ros.parameters import parameter, Parameters
 from dp_swing_ros.pendulum.model import size, step
-from dp_swing_ros.pendulum.state import Array, is_upright
+from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.problem.plan import Plan, Status
 from dp_swing_ros.problem.problem import (
     Bounds, plan_of, policy_rollout, Problem, regulator_rollout)
@@ -41,7 +40,7 @@ class SupervisorParameters(Parameters):
     carry_over: float = parameter(
         0.2, 'time without a believed state (none came, or one that is not finite, out of range, '
         'frozen or refused by the estimator) after which the force is zero', unit='s',
-        minimum=0.0, finite=False)
+        minimum=0.0, finite=False, scaled=True)
     force_rate_limit: float = parameter(
         math.inf, 'largest change of the command in a second; the zero that ends a stream comes '
         'at once', unit='N/s', minimum=1.0, finite=False)
@@ -96,14 +95,14 @@ class Supervisor:
         blind = acts_at - self.believed > self.parameters.carry_over + RESOLUTION
         return self.enabled and not blind
 
-    def fallback(self, belief: Belief, x_0: Array | None, warm_starts: Sequence[Plan],
+    def fallback(self, belief: Belief, x_0: Array | None, last: Plan | None,
                  commands: SentCommands, acts_at: float) -> Plan:
         """
         Return a plan without a solve: the last one's policy, else the regulator, else zero force.
 
         Without a state x_0 (2n + 2,) the last plan's own prediction is taken.
         """
-        problem, last = belief.problem, next(iter(warm_starts), None)
+        problem = belief.problem
         if x_0 is None and last is not None:
             x_0 = last.X[0]
         if x_0 is None or np.isnan(belief.x[0]) or not self.acts(acts_at):
@@ -119,7 +118,7 @@ class Supervisor:
                 return plan_of(problem, X, U, Status.LAST_POLICY)
         _, X, U, _ = regulator_rollout(problem, x_0)
         # Far from the reference the regulator would only drive the cart into the end stop.
-        return plan_of(problem, X, U, Status.REGULATOR) if is_upright(X[-1] - problem.x_r) \
+        return plan_of(problem, X, U, Status.REGULATOR) if problem.is_reached(X[-1]) \
             else self.zero(problem, x_0)
 
     def zero(self, problem: Problem, x_0: Array) -> Plan:

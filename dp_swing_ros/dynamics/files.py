@@ -140,7 +140,7 @@ def dynamics_of(n: int, numbers: Mapping[str, Any]) -> Structured:
     return Structured(
         links(n), array(numbers['inertia'], (n + 1) * (n + 2) // 2, count),
         array(numbers['potential'], count), array(numbers['friction'], n + 1),
-        array(numbers['dry'], n + 1), float(array(numbers['sharpness'])))
+        array(numbers['dry'], n + 1), array(np.broadcast_to(numbers['sharpness'], n + 1), n + 1))
 
 
 def array(values: Any, *shape: int) -> Array:

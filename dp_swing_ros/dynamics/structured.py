@@ -72,7 +72,7 @@ class Structured(NamedTuple):
     A mass matrix and a potential, learned, and a friction.
 
     Shapes: inertia (pairs, harmonics) [kg, kg m, kg m²], potential (harmonics,) [J], friction and
-    dry (n + 1,), as those of a Pendulum; sharpness [s/m, s/rad].
+    dry (n + 1,), as those of a Pendulum; sharpness (n + 1,) likewise.
     """
 
     size: Links
@@ -80,7 +80,7 @@ class Structured(NamedTuple):
     potential: Array
     friction: Array
     dry: Array
-    sharpness: float
+    sharpness: Array
 
     @classmethod
     def of(cls, p: Pendulum) -> 'Structured':
@@ -98,7 +98,7 @@ class Structured(NamedTuple):
             first = 1 + 2 * n + 4 * number   # cos θ_i cos θ_j, …, sin θ_i sin θ_j
             inertia[place[i + 1, j + 1], [first, first + 3]] = p.b[i][j - i]
         return cls(links(n), inertia, potential, np.array(p.friction), np.array(p.dry),
-                   p.sharpness)
+                   np.array(p.sharpness))
 
     @property
     def links(self) -> int:
@@ -160,7 +160,7 @@ class Structured(NamedTuple):
 
     def with_creep(self, creep: float) -> 'Structured':
         """Return the same with dry friction that is whole from another speed on [m/s, rad/s]."""
-        return self._replace(sharpness=1 / creep)
+        return self._replace(sharpness=np.full(self.links + 1, 1 / creep))
 
     def without_dry_friction(self) -> 'Structured':
         """Return the same without dry friction."""

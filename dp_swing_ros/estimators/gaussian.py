@@ -69,8 +69,9 @@ def predict(model, constants, nominal, factors, ends, commands, duration, force_
     """
     Advance mean and covariance in place by a time [s]; return ẋ at its end.
 
-    The noises are densities, squared. Shapes: constants and nominal as of Unknowns, ends and
-    commands as of follow_commands, z (2n + 2 + m,), P (2n + 2 + m, 2n + 2 + m), ẋ (2n + 2,).
+    The noises are densities, squared. Shapes: acceleration_noise (n + 1,), constants and nominal
+    as of Unknowns, ends and commands as of follow_commands, z (2n + 2 + m,),
+    P (2n + 2 + m, 2n + 2 + m), ẋ (2n + 2,).
     """
     n, k, shortly = size(model), len(z), min(SMALL, duration)
     b, F, FP = np.empty(len(nominal)), np.empty((n, k)), np.empty((n, k))   # the rows of x alone
@@ -96,10 +97,10 @@ def predict(model, constants, nominal, factors, ends, commands, duration, force_
             P[i, j] += force_noise / duration * F[i, k - 1] * F[j, k - 1]
     for x in range(n // 2):
         v = n // 2 + x
-        P[v, v] += acceleration_noise * duration
-        P[x, v] += acceleration_noise * duration ** 2 / 2
-        P[v, x] += acceleration_noise * duration ** 2 / 2
-        P[x, x] += acceleration_noise * duration ** 3 / 3
+        P[v, v] += acceleration_noise[x] * duration
+        P[x, v] += acceleration_noise[x] * duration ** 2 / 2
+        P[v, x] += acceleration_noise[x] * duration ** 2 / 2
+        P[x, x] += acceleration_noise[x] * duration ** 3 / 3
     symmetrise(P)
     return rate
 

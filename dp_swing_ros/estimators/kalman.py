@@ -24,14 +24,15 @@ from dp_swing_ros.pendulum.drive import HISTORY
 from dp_swing_ros.pendulum.equations import Pendulum
 from dp_swing_ros.pendulum.parameters import Drive, PendulumParameters
 from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.pendulum.units import ACCELERATIONS, POSITIONS, scaled_speeds, SPEEDS
 from dp_swing_ros.problem.problem import Problem
 
-LONGEST_STEP = 0.01      # [s] of the model; at 50 ms its error would pass for one of p
-CREEP = 0.02  # [m/s, rad/s] in such steps
-LONGEST_GAP = 0.5        # [s] without a state; beyond it the pendulum is too chaotic to predict
-HELD = 0.05              # [s] for which the noises of the prediction stay as they are
+LONGEST_STEP = 0.01      # [s] scaled, of the model; at 50 ms its error would pass for one of p
+CREEP = 0.02             # [m/s, rad/s] scaled, in such steps
+LONGEST_GAP = 0.5        # [s] scaled, without a state; beyond, chaos leaves no prediction
+HELD = 0.05              # [s] scaled, for which the noises of the prediction stay as they are
+UNMEASURED = 3.0         # [m/s, rad/s] scaled, deviation at first of a speed that is not measured
 MOVED = 0.1              # of their deviation at first: parameters further off are a new problem
-UNMEASURED = 3.0         # [m/s, rad/s] standard deviation of a speed at first that is not measured
 SCALES = (0.1, 5.0)      # of a noise's standard deviation, smallest and largest
 REFUSALS = 3             # so many in a row, and the filter starts anew from the last
 
@@ -45,24 +46,24 @@ class KalmanParameters(UnknownsParameters):
         'learned', unit='m, rad', minimum=1e-6)
     velocity_noise: float = parameter(
         0.3, 'standard deviation of measured velocities; likewise', unit='m/s, rad/s',
-        minimum=1e-6)
+        minimum=1e-6, scaled=True)
     force_noise: float = parameter(
         2.0, 'standard deviation of the force in a period; goes with that of the positions',
-        unit='N', minimum=0.0)
+        unit='N', minimum=0.0, scaled=True)
     acceleration_noise: float = parameter(
         0.5, 'standard deviation of what else accelerates cart and links; goes with it, too',
-        unit='m/s^2, rad/s^2', minimum=0.0)
+        unit='m/s^2, rad/s^2', minimum=0.0, scaled=True)
     adaptation: float = parameter(
         0.1, 'share of the newest innovation in what is learned of the noises; 0: they are as '
         'given', minimum=0.0, maximum=1.0)
     memory: float = parameter(
         60.0, 'what is estimated beside the state becomes as uncertain as at first in this time',
-        unit='s', minimum=1e-3, finite=False)
+        unit='s', minimum=1e-3, finite=False, scaled=True)
     push_gate: float = parameter(
         3.0, 'a state further from its prediction than this is explained by a push',
         unit='deviations', minimum=0.0, finite=False)
     push: float = parameter(
-        20.0, 'standard deviation of the force of such a push', unit='N', minimum=0.0)
+        20.0, 'standard deviation of the force of such a push', unit='N', minimum=0.0, scaled=True)
     gate: float = parameter(
         10.0, 'a state that with such a push is further than this from its prediction is refused',
         unit='deviations', minimum=0.0, finite=False)
@@ -79,14 +80,22 @@ class ExtendedKalmanFilter:
             parameters = replace(parameters, body_error=0.0, friction_error=0.0,
                                  cart_dry_friction_error=0.0, joint_dry_friction_error=0.0)
         self.nominal, self.parameters = problem.physical, parameters
-        self.model = problem.model._replace(h=LONGEST_STEP)
+        scale = problem.scale
+        self.model = problem.model._replace(h=scale.sized(LONGEST_STEP, 's'))
         if problem.learned is None:
-            self.model = self.model._replace(pendulum=Pendulum.of(self.nominal, CREEP))
-        self.unknowns = Unknowns(self.nominal, drive, parameters)
+            self.model = self.model._replace(
+                pendulum=Pendulum.of(self.nominal, CREEP, scale))
+        self.longest_gap, self.held = scale.sized(LONGEST_GAP, 's'), scale.sized(HELD, 's')
+        self.unknowns = Unknowns(self.nominal, drive, parameters, scale)
         self.prior = self.unknowns.deviations ** 2
         self.size = len(problem.cost.S)             # of the state; z goes on with p
         half = self.size // 2
-        self.R = np.repeat((parameters.position_noise, parameters.velocity_noise), half) ** 2
+        self.R = np.concatenate([scale.each_joint(noise, unit, half - 1) for noise, unit in (
+            (parameters.position_noise, POSITIONS), (parameters.velocity_noise, SPEEDS))]) ** 2
+        self.unmeasured = np.array(
+            [0.0] * half + scaled_speeds(UNMEASURED, scale, half - 1)) ** 2
+        self.disturbed = self.held * np.array(scale.each_joint(
+            parameters.acceleration_noise, ACCELERATIONS, half - 1)) ** 2
         self.compared, self.p_compared = self.nominal, self.unknowns.of(self.nominal)
         self.reset()
 
@@ -106,7 +115,7 @@ class ExtendedKalmanFilter:
                time_noise: float = 0.0) -> Estimate:
         """Take a measured state; see Estimator.update."""
         about = self.parameters
-        if t - self.t > LONGEST_GAP:
+        if t - self.t > self.longest_gap:
             return self.begin(t, x)
         # one that is not told would pass for a delay or a gain; it differs from an outlier by what
         # it does to all numbers of the state
@@ -157,7 +166,7 @@ class ExtendedKalmanFilter:
         """Take a state as it is measured; the unknowns stay, as uncertain as at first."""
         self.in_a_row, self.scales = 0, np.ones(2)
         unmeasured = np.isnan(x)
-        variances = np.where(unmeasured, UNMEASURED ** 2, self.R)
+        variances = np.where(unmeasured, self.unmeasured, self.R)
         return self.set_posterior(
             t, np.concatenate((np.where(unmeasured, 0.0, x), self.z[self.size:])),
             np.diag(np.concatenate((variances, self.prior))), np.zeros(self.size), 0.0)
@@ -181,6 +190,6 @@ class ExtendedKalmanFilter:
         forget(self.prior, min(passed / about.memory, 1.0), P)
         rate = predict(self.model, unknowns.constants, unknowns.nominal, unknowns.factors,
                        *commands.since(self.t, HISTORY), passed,
-                       HELD * (about.force_noise ** 2 * self.scales[0] + push ** 2),
-                       HELD * about.acceleration_noise ** 2 * self.scales[0], z, P)
+                       self.held * (about.force_noise ** 2 * self.scales[0] + push ** 2),
+                       self.disturbed * self.scales[0], z, P)
         return z, P, rate

@@ -20,9 +20,11 @@ from dp_swing_ros.parameters import parameter, Parameters
 from dp_swing_ros.pendulum.equations import coefficients, Pendulum
 from dp_swing_ros.pendulum.parameters import Drive, PendulumParameters
 from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.pendulum.units import Units
 
 LARGEST_FACTOR = 2.0   # of a mass, a length or the gain, either way
-LONGEST = 0.2          # [s] of a delay or a time constant
+LONGEST = 0.2          # [s] scaled, of a delay or a time constant
+FRICTIONS = 'N s/m, N m s/rad'
 
 
 @dataclass(frozen=True)
@@ -34,17 +36,22 @@ class UnknownsParameters(Parameters):
     gain_error: float = parameter(
         0.2, 'standard deviation of the force gain, as a share', minimum=0.0)
     friction_error: float = parameter(
-        0.05, 'standard deviation of the frictions', unit='N s/m, N m s/rad', minimum=0.0)
+        0.05, 'standard deviation of the frictions', unit=FRICTIONS, minimum=0.0, scaled=True)
     cart_dry_friction_error: float = parameter(
-        2.0, 'standard deviation of the dry friction of the cart', unit='N', minimum=0.0)
+        2.0, 'standard deviation of the dry friction of the cart', unit='N', minimum=0.0,
+        scaled=True)
     joint_dry_friction_error: float = parameter(
-        0.06, 'standard deviation of the dry frictions of the joints', unit='N m', minimum=0.0)
+        0.06, 'standard deviation of the dry frictions of the joints', unit='N m', minimum=0.0,
+        scaled=True)
     delay_error: float = parameter(
-        0.02, 'standard deviation of the actuation delay', unit='s', minimum=0.0)
+        0.02, 'standard deviation of the actuation delay', unit='s', minimum=0.0,
+        scaled=True)
     lag_error: float = parameter(
-        0.02, 'standard deviation of the time constant of the motor', unit='s', minimum=0.0)
+        0.02, 'standard deviation of the time constant of the motor', unit='s', minimum=0.0,
+        scaled=True)
     force_bias: float = parameter(
-        3.0, 'standard deviation of a lasting force beside the one sent', unit='N', minimum=0.0)
+        3.0, 'standard deviation of a lasting force beside the one sent', unit='N', minimum=0.0,
+        scaled=True)
 
 
 class Unknowns:
@@ -56,9 +63,9 @@ class Unknowns:
     force.
     """
 
-    def __init__(self, physical: PendulumParameters, drive: Drive,
-                 about: UnknownsParameters) -> None:
-        """Take the nominal pendulum and drive, and how uncertain they are."""
+    def __init__(self, physical: PendulumParameters, drive: Drive, about: UnknownsParameters,
+                 scale: Units) -> None:
+        """Take the nominal pendulum and drive, how uncertain they are, and the scale."""
         n = physical.links
         count = range(1, n + 1)
         self.names = [
@@ -71,13 +78,15 @@ class Unknowns:
         self.nominal = np.array([
             *physical.masses, *physical.lengths, drive.gain, *physical.frictions,
             *physical.dry_frictions, drive.delay, drive.time_constant, drive.bias])
-        self.deviations = np.repeat(
-            (about.body_error, about.gain_error, about.friction_error,
-             about.cart_dry_friction_error, about.joint_dry_friction_error, about.delay_error,
-             about.lag_error, about.force_bias), (2 * n + 1, 1, n + 1, 1, n, 1, 1, 1))
+        self.deviations = np.array([
+            *[about.body_error] * (2 * n + 1), about.gain_error,
+            *scale.each_joint(about.friction_error, FRICTIONS, n),
+            about.cart_dry_friction_error, *[about.joint_dry_friction_error] * n,
+            about.delay_error, about.lag_error, about.force_bias])
+        longest = scale.sized(LONGEST, 's')
         above = self.nominal[self.factors:]
         self.highest = np.array([*[math.log(LARGEST_FACTOR)] * self.factors,
-                                 *[math.inf] * (2 * n + 2), LONGEST, LONGEST, math.inf])
+                                 *[math.inf] * (2 * n + 2), longest, longest, math.inf])
         self.lowest = np.array([*-self.highest[:self.factors], *-above[:-1], -math.inf])
         self.constants = np.array([*physical.inertia_factors, physical.gravity])
 

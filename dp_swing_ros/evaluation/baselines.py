@@ -24,22 +24,25 @@ from dp_swing_ros.pendulum.derivatives import linearisation
 from dp_swing_ros.pendulum.equations import derivative, energy, Parts
 from dp_swing_ros.pendulum.model import hold, rollout, step
 from dp_swing_ros.pendulum.state import Array, hanging, is_upright, to_turn_of, upright
+from dp_swing_ros.pendulum.units import scaled_speeds
 from dp_swing_ros.problem.plan import Plan, SolverStats, Status
 from dp_swing_ros.problem.problem import (
     Bounds, plan_of, policy_rollout, Problem, regulator_rollout)
 from dp_swing_ros.simulation.closed_loop import Controller
 from dp_swing_ros.solvers.descent import ILQR
 
-SWING_UP = 3.0     # [s] that the offline swing-up takes
+SWING_UP = 3.0     # [s] scaled, that the offline swing-up takes
 MARGIN = 0.8       # share of the force that it may use; the rest is left for feedback
 STARTS = 40        # random forces that it is solved from
+STRONGEST = 10.0   # [N] scaled, of these at most
 ITERATIONS = 1000  # at most, in each of these solves
-FINE = 0.005       # [s] steps of the model that it is tried on
+FINE = 0.005       # [s] scaled, steps of the model that it is tried on
 
 # of the energy-shaping law; chosen by hand on random starts of seeds from 2,000 on
-PUMP = 400.0       # [1/(kg² m³ s⁻¹)] acceleration by missing energy and its flow
-HOLD_X, HOLD_V = 10.0, 3.0   # [1/s², 1/s] acceleration back to the centre
-KICK, MOST = 5.0, 15.0   # [m/s²] where nothing moves, and at most
+PUMP = 400.0       # [s/(kg² m²)] scaled, acceleration by missing energy and its flow
+HOLD_X, HOLD_V = 10.0, 3.0   # [1/s², 1/s] scaled, acceleration back to the centre
+KICK, MOST = 5.0, 15.0   # [m/s²] scaled, where nothing moves, and at most
+STANDING = 1e-2    # [m/s, rad/s] scaled, where nothing does
 AHEAD = 4          # steps of a plan, all that carries over a lost state
 
 
@@ -52,33 +55,36 @@ class Reference(NamedTuple):
 
 def swing_up(problem: Problem) -> Reference:
     """Return the cheapest swing-up from hanging that its regulator holds; raises ValueError."""
-    N = round(SWING_UP / problem.dt)
+    scale = problem.scale
+    N = round(scale.sized(SWING_UP, 's') / problem.dt)
     bound = MARGIN * min(problem.u_max, 1e3)  # an unlimited force needs no margin
     long = replace(problem, horizon=N, bounds=Bounds(-bound, bound))
     solver = ILQR(long, ILQR.Parameters(iterations=ITERATIONS))
     random, x_0 = np.random.default_rng(0), hanging(problem.physical.links)
     found: list[Reference] = []
     for _ in range(STARTS):
-        U = random.uniform(-1, 1, N) * min(bound, 10.0)
+        U = random.uniform(-1, 1, N) * min(bound, scale.sized(STRONGEST, 'N'))
         start = plan_of(long, rollout(problem.model, x_0, U), U, Status.COMPLETE)
         plan = solver.solve(x_0, start, math.inf)
-        if is_upright(plan.X[-1]) and is_held(problem, reference := stabilised(problem, plan)):
+        if is_upright(plan.X[-1], scale) and is_held(
+                problem, reference := stabilised(problem, plan)):
             found.append(reference)
     if not found:
-        raise ValueError(f'no swing-up of {SWING_UP:g} s in {STARTS} solves; a TVLQR needs one')
+        raise ValueError(f'no swing-up of {N * problem.dt:.3g} s in {STARTS} solves; a TVLQR '
+                         'needs one')
     return min(found, key=lambda reference: reference.plan.stats.cost)
 
 
 def is_held(problem: Problem, reference: Reference) -> bool:
     """Return whether it ends upright in finer steps, short of the margin, where regulated."""
-    fine = problem.model._replace(h=FINE)
+    fine = problem.model._replace(h=problem.scale.sized(FINE, 's'))
     controller, x = TVLQR(problem, reference), hanging(problem.physical.links)
     for n in range(2 * len(reference.plan.U)):
         force = controller.update(n * problem.dt, x, 0.0).U[0]
         x = hold(fine, x, force, problem.dt)
         if not abs(x[0]) < problem.cost.x_soft:
             return False
-    return bool(is_upright(x))
+    return bool(is_upright(x, problem.scale))
 
 
 def stabilised(problem: Problem, plan: Plan) -> Reference:
@@ -180,7 +186,7 @@ def shaped(planner: Planner, x_0: Array, starts: Iterable[Plan],
     """
     problem = planner.problem
     _, X, U, K = regulator_rollout(problem, x_0)
-    if is_upright(X[-1] - problem.x_r) and np.abs(X[:, 0]).max() < problem.cost.x_soft:
+    if problem.is_reached(X[-1]) and np.abs(X[:, 0]).max() < problem.cost.x_soft:
         return [plan_of(problem, X, U, Status.COMPLETE, K)]
     X, U = np.tile(x_0, (AHEAD + 1, 1)), np.zeros(AHEAD)
     for t in range(AHEAD):
@@ -197,13 +203,16 @@ def shaping_force(problem: Problem, x: list[float]) -> float:
     Åström and Furuta, "Swinging up a pendulum by energy control", Automatica 36, 2000, for one
     link. Shapes: x (2n + 2,).
     """
-    p = problem.model.pendulum
+    p, scale = problem.model.pendulum, problem.scale
+    kick, most = (scale.sized(each, 'm/s^2') for each in (KICK, MOST))
+    standing = scaled_speeds(STANDING, scale, p.links)
     position, th, v, w = Parts.of(p, x)
     still = [position, *th, 0.0, *w]             # their energy is that in the frame of the cart
     excess = energy(p, still) - energy(p, upright(len(th)).tolist())
     flow = sum(a * math.cos(angle) * speed for a, angle, speed in zip(p.a, th, w))
-    pump = KICK if max(map(abs, (v, *w))) < 1e-2 else min(max(PUMP * excess * flow, -MOST), MOST)
-    wanted = pump - HOLD_X * position - HOLD_V * v
+    pump = kick if all(abs(each) < least for each, least in zip((v, *w), standing)) else (
+        min(max(scale.sized(PUMP, 's/kg^2 m^2') * excess * flow, -most), most))
+    wanted = pump - scale.sized(HOLD_X, '1/s^2') * position - scale.sized(HOLD_V, '1/s') * v
     free, pushed = (derivative(p, x, u)[len(th) + 1] for u in (0.0, 1.0))
     return float(np.clip((wanted - free) / (pushed - free), *problem.bounds))
 

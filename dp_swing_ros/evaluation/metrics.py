@@ -11,16 +11,21 @@ from typing import Any
 import numpy as np
 
 from dp_swing_ros.control import controllers
-from dp_swing_ros.pendulum.parameters import LimitParameters
+from dp_swing_ros.parameters import fields_of, group
+from dp_swing_ros.pendulum.equations import scale_of
+from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.pendulum.state import angles, Array, is_upright, links_of
+from dp_swing_ros.pendulum.units import SAME, Units
+from dp_swing_ros.problem.parameters import CostParameters
 from dp_swing_ros.problem.plan import FALLBACK
 from dp_swing_ros.simulation.episode import Episode
 
-HOLD = 1.0  # [s] upright for less than this at the end may be passing by
-REST = 2.0  # [s] at the end of a run, over which holding is measured
+HOLD = 1.0  # [s] scaled; upright for less than this at the end may be passing by
+REST = 2.0  # [s] scaled, at the end of a run, over which holding is measured
+CENTRE = 0.1  # [m] scaled, from the middle of the track, where the cart has settled as well
 TIME_LIMIT = 0.04  # [s] for a solve, the mpc's default
 TOUCH = 1e-6  # [m] from an end stop
-CENTRE = 0.1  # [m] from the middle of the track, where the cart has settled as well
+ROUNDING = 1e-9  # [s]
 WITHOUT_SOLVE = {status.name for status in FALLBACK}
 
 
@@ -31,9 +36,9 @@ class Outcome(enum.Enum):
     STRUCK = 'upright to the end, after it met an end stop'
     DIVERGED = 'the state left the numbers'
     NEVER_UP = 'never upright'
-    NEVER_HELD = f'upright in passing, never for {HOLD:g} s'
-    TOO_LATE = f'upright at the end, but for less than {HOLD:g} s'
-    FELL = f'upright for {HOLD:g} s or more, then fell'
+    NEVER_HELD = 'upright in passing, never held'
+    TOO_LATE = 'upright at the end, but too late to be held'
+    FELL = 'held upright, then fell'
 
 
 def quantity(label: str, unit: str = '', digits: int = 2, scale: float = 1.0) -> Any:
@@ -49,11 +54,11 @@ class Metrics:
     success: bool = quantity('upright to the end, no strike')
     settling_time: float = quantity('settling time', 's')
     settling_time_with_cart: float = quantity(
-        f'settling time, the cart within {CENTRE:g} m too', 's')
+        'settling time, the cart near the centre, too', 's')
     settling_offset: float = quantity('cart from the centre when settled', 'm')
-    rest_offset: float = quantity(f'largest cart position, last {REST:g} s', 'm', digits=3)
-    hold_error: float = quantity(f'angle error, last {REST:g} s (RMS)', 'rad', digits=4)
-    smoothness: float = quantity(f'force step, last {REST:g} s (std)', 'N', digits=3)
+    rest_offset: float = quantity('largest cart position at rest', 'm', digits=3)
+    hold_error: float = quantity('angle error at rest (RMS)', 'rad', digits=4)
+    smoothness: float = quantity('force step at rest (std)', 'N', digits=3)
     roughness: float = quantity('force step, all the run (std)', 'N', digits=3)
     largest_force: float = quantity('largest force u', 'N')
     largest_position: float = quantity('largest position x', 'm')
@@ -86,20 +91,23 @@ def measure(episode: Episode, time_limit: float = TIME_LIMIT) -> Metrics:
     last second (or all of it, where it is shorter) and the cart never met an end stop; it has
     settled where that last unbroken stay begins, wherever the cart is then. A strike is the cart's
     coming to an end stop, however long it stays there. A solve that takes longer than time_limit
-    [s] misses its deadline.
+    [s] misses its deadline. Speeds and times are those of the default bodies; they are the same in
+    own units for others, as the last two seconds, which count as rest, are, and the 0.1 m within
+    which the cart is near the centre.
     """
     t, ticks = np.asarray(episode.t, dtype=float), episode.ticks
     links, U, dt = links_of(episode.X), episode.U, np.diff(t)
-    X, E = episode.X, episode.errors
-    settled, struck, up = settling_time(t, E), strikes(episode), is_upright(E)
-    rest = t >= t[-1] - REST if t.size else np.zeros(0, dtype=bool)
+    X, E, scale = episode.X, episode.errors, scale_of(episode.physical)
+    settled, struck, up = settling_time(t, E, scale), strikes(episode), is_upright(E, scale)
+    rest = (t >= t[-1] - scale.sized(REST, 's')) if t.size else np.zeros(0, dtype=bool)
     # of the joints, as encoders see them: the angles of the state are absolute; a sum is the same
     # to the bit only in the same order
     joint_speeds = np.diff(X[:-1, links + 2:].T.copy(), axis=0, prepend=0.0)
     return Metrics(
         success=not math.isnan(settled) and not struck,
         settling_time=settled,
-        settling_time_with_cart=last_stay(t, up & (np.abs(E[:, 0]) <= CENTRE)),
+        settling_time_with_cart=last_stay(
+            t, up & (np.abs(E[:, 0]) <= scale.sized(CENTRE, 'm')), scale),
         settling_offset=_largest(E[t == settled, 0]),
         rest_offset=_largest(E[rest, 0]),
         hold_error=reduced(lambda errors: np.sqrt(np.mean(np.square(errors))),
@@ -132,17 +140,17 @@ def measure(episode: Episode, time_limit: float = TIME_LIMIT) -> Metrics:
 
 def outcome(episode: Episode) -> Outcome:
     """Return how a run ended, and where it failed, how."""
-    t, E = np.asarray(episode.t, dtype=float), episode.errors
-    up = is_upright(E)
+    t, E, scale = np.asarray(episode.t, dtype=float), episode.errors, scale_of(episode.physical)
+    up = is_upright(E, scale)
     if not np.all(np.isfinite(episode.X)):
         return Outcome.DIVERGED
-    if not math.isnan(settling_time(t, E)):
+    if not math.isnan(settling_time(t, E, scale)):
         return Outcome.STRUCK if strikes(episode) else Outcome.HELD
     if not up.any():
         return Outcome.NEVER_UP
     changes = np.flatnonzero(np.diff(up, prepend=False, append=False))
     longest = max(t[end - 1] - t[begin] for begin, end in zip(changes[::2], changes[1::2]))
-    if longest >= HOLD - 1e-9:
+    if longest >= scale.sized(HOLD, 's') - ROUNDING:
         return Outcome.FELL
     return Outcome.TOO_LATE if up[-1] else Outcome.NEVER_HELD
 
@@ -153,12 +161,12 @@ def strikes(episode: Episode) -> int:
     return int(np.count_nonzero(np.diff(at_stop.astype(int), prepend=0) > 0))
 
 
-def settling_time(t: Array, E: Array) -> float:
+def settling_time(t: Array, E: Array, scale: Units = SAME) -> float:
     """Return when (N,) [s] the errors E (N, 2n + 2) last became small, NaN as of last_stay."""
-    return last_stay(t, is_upright(E))
+    return last_stay(t, is_upright(E, scale), scale)
 
 
-def last_stay(t: Array, inside: Array) -> float:
+def last_stay(t: Array, inside: Array, scale: Units = SAME) -> float:
     """
     Return the start [s] of the last unbroken stay to the end, NaN where it is shorter than HOLD.
 
@@ -167,19 +175,25 @@ def last_stay(t: Array, inside: Array) -> float:
     outside = np.flatnonzero(~inside)
     first = int(outside[-1]) + 1 if outside.size else 0
     # a stay that began with the run counts however short the run is
-    if first == len(t) or (first > 0 and t[-1] - t[first] < HOLD - 1e-9):
+    if first == len(t) or (
+            first > 0 and t[-1] - t[first] < scale.sized(HOLD, 's') - ROUNDING):
         return math.nan
     return float(t[first])
 
 
 def closed_loop_cost(episode: Episode) -> float:
     """
-    Return Σ ℓ(x, u) over the periods of a run, by the default weights whatever the controller's.
+    Return Σ ℓ(x, u) over the periods of a run, by the default weights for its bodies.
+
+    So the controller's own do not matter.
 
     Source: cost.py, `running`, whose angle error is the chord.
     """
     U, X, error = episode.U, episode.X, episode.errors[:len(episode.U)]
-    cost, limits = controllers.cost({'links': links_of(X)}), LimitParameters()
+    bodies = {each.name: getattr(episode.physical, each.name)
+              for each in fields_of(PendulumParameters, links_of(X))}
+    values = controllers.MPC.complete(bodies)
+    cost, limits = group(CostParameters, values), group(LimitParameters, values)
     error[:, angles(X)] = 2 * np.sin(error[:, angles(X)] / 2)
     intrusion = np.maximum(0, np.abs(X[:len(U), 0]) - limits.track_limit + cost.track_margin)
     return float(np.sum(error ** 2 @ np.array(cost.state_weights) + cost.force_weight * U ** 2

@@ -10,23 +10,31 @@ equilibrium: where nothing else is drawn from the seed, all seeds would be one r
 
 The rigs are of other make: MuJoCo moves them, and what is wrong with their drives, their sensors
 and their bodies is told to no controller.
+
+All numbers are of the default bodies at the default rate; for others, `sized` makes a case that is
+the same in their own units.
 """
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from itertools import permutations
 import math
 from typing import Any
 
 import numpy as np
 
+from dp_swing_ros.pendulum.equations import scale_of
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.pendulum.state import (
     angles, Array, DEFAULT_LINKS, equilibria, hanging, LINKS, upright)
+from dp_swing_ros.pendulum.units import by_element, SAME
 from dp_swing_ros.simulation.plant import PlantParameters
+from dp_swing_ros.simulation.plants import PLANT
 
 PHYSICAL, LIMITS = PendulumParameters(), LimitParameters()
-PERIOD = 1 / PlantParameters().rate    # [s]
+PERIOD = 1 / PlantParameters().rate    # [s] scaled
+OF_BODIES = {each.name for each in fields(PendulumParameters)
+             if each.name.endswith(('_mass', '_length', '_factor'))}
 START, PUSHES, RIG, RESETS = 1, 2, 3, 4  # before the seed: streams beside those of streams.py
 
 RANDOM_START = (1.0, math.pi, 1.0, 3.0)  # largest x, θ, ẋ and θ̇, either way
@@ -38,16 +46,16 @@ NEARLY = 1e-3                          # [SI] standard deviation of a start at a
 LEVELS = 21                            # of a sweep
 PROFILE = 'profile'                    # what pushes sweep: a profile is a level
 PULSES = 3                             # in a profile of pushes
-FIRST_PUSH, LAST_PUSH, APART = 0.5, 7.0, 1.0  # [s] between their middles
-WIDTHS = (0.05, 0.1)                   # [s] standard deviations of the Gaussians
-STRONGEST_PUSH = LIMITS.force_limit / 2  # [N]
-PEAK = 'peak'                          # stands for the largest force of a profile of pushes [N]
+FIRST_PUSH, LAST_PUSH, APART = 0.5, 7.0, 1.0  # [s] scaled, between their middles
+WIDTHS = (0.05, 0.1)                   # [s] scaled, standard deviations of the Gaussians
+STRONGEST_PUSH = LIMITS.force_limit / 2  # [N] scaled
+PEAK = 'peak'                          # [N] scaled; stands for the largest force of a profile
 SEVERITY = 'severity'                  # stands for all of ALL_AT_ONCE, as a multiple of it
 OF_CASE = (PEAK, SEVERITY)             # which are no parameters of a plant
 TO = ' to '                            # between two equilibria
 
-SHORT_TRACK = 1.5                      # [m] either way, of `tight`
-RESET_EVERY, UNDISTURBED = 4.0, 1.0     # [s] of `uptime`, in the mean and at least
+SHORT_TRACK = 1.5                      # [m] scaled, either way, of `tight`
+RESET_EVERY, UNDISTURBED = 4.0, 1.0     # [s] scaled, of `uptime`, in the mean and at least
 
 
 @dataclass(frozen=True)
@@ -64,6 +72,38 @@ class Case:
     mpc: dict[str, Any] = field(default_factory=dict)         # parameters of the controller alone
     pushes: tuple[float, ...] = ()                            # [N] one force a period
     resets: tuple[tuple[int, tuple[float, ...]], ...] = ()    # the period, and the state then
+
+
+def sized(case: Case, nominal: PendulumParameters, period: float) -> Case:
+    """
+    Return what a case is for a pendulum of other bodies, whose states come once in a period [s].
+
+    Bodies that are off are off by the same share of their nominal values.
+    """
+    scale, known = scale_of(nominal), PLANT.fields(nominal.links)
+    if scale == SAME and period == PERIOD:
+        return case
+
+    def value(name: str, given: Any) -> Any:
+        if name in OF_BODIES:
+            return given / getattr(PHYSICAL, name) * getattr(nominal, name)
+        unit = known[name].metadata['unit'] if name != 'rate' else ''
+        if isinstance(given, tuple):
+            return tuple(map(scale.sized, given, by_element(unit, len(given))))
+        return scale.sized(given, unit) if unit and isinstance(given, float) else given
+
+    def values(given: dict[str, Any]) -> dict[str, Any]:
+        return {name: value(name, one) for name, one in given.items()}
+
+    duration, old = scale.sized(case.duration, 's'), scale.sized(PERIOD, 's')
+    pushes, middles = case.pushes, np.arange(round(duration / period)) + 0.5
+    if pushes:
+        forces = np.interp(middles * period, (np.arange(len(pushes)) + 0.5) * old, pushes)
+        pushes = tuple((scale.factor('N') * forces).tolist())
+    return replace(case, duration=duration, plant=values(case.plant), told=values(case.told),
+                   pushes=pushes, resets=tuple(
+                       (round(n * old / period), value('initial_state', x))
+                       for n, x in case.resets))
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ import numpy as np
 
 from dp_swing_ros.estimators.unknowns import LONGEST, Unknowns, UnknownsParameters
 from dp_swing_ros.parameters import unknown
+from dp_swing_ros.pendulum.equations import scale_of
 from dp_swing_ros.pendulum.parameters import Drive, PendulumParameters
 from dp_swing_ros.pendulum.state import Array
 
@@ -40,7 +41,7 @@ class Parametrisation:
                  known: Mapping[str, float]) -> None:
         """Take the nominal values, and those that are known; raises ParameterError."""
         n = physical.links
-        of_filter = Unknowns(physical, drive, UnknownsParameters())
+        of_filter = Unknowns(physical, drive, UnknownsParameters(), scale_of(physical))
         self.links = n
         self.names = [*of_filter.names, *(f'link{i}_inertia_factor' for i in range(1, n + 1)),
                       'gravity']

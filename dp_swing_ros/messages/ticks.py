@@ -33,6 +33,7 @@ class TickReport:
     status: str                # a name of Status
     cost: float                # of the plan
     cost_terms: Figures = field(default_factory=dict)   # cost_NAME
+    step: float = math.nan     # [s] of it, which goes with the period of the states
     iterations: int = 0        # of the solve that led to it
     solve_time: float = math.nan       # [s] of the tick, with the estimate and all starts
     phases: Figures = field(default_factory=dict)       # NAME_time [s]
@@ -68,7 +69,7 @@ class TickReport:
         stats = plan.stats
         costs = sorted(each.cost for each in stats.candidates if math.isfinite(each.cost))
         return cls(
-            status=stats.status.name, cost=stats.cost,
+            status=stats.status.name, cost=stats.cost, step=plan.dt,
             cost_terms=terms(problem.cost, plan.X - plan.turns, plan.U)._asdict(),
             iterations=stats.iterations, solve_time=stats.solve_time, phases=stats.phases,
             start=plan.start, lead=costs[1] - costs[0] if len(costs) > 1 else math.inf,

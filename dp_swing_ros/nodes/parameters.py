@@ -13,6 +13,7 @@ from typing import Any
 
 from dp_swing_ros.parameters import expected, parameter, Parameters
 from dp_swing_ros.parameters.console import ConsoleParameters
+from dp_swing_ros.pendulum.units import in_words
 from dp_swing_ros.tables import compact
 from dp_swing_ros.topics import TOPICS
 
@@ -72,10 +73,19 @@ class ReplayParameters(Parameters):
 def table(fields: Mapping[str, dataclasses.Field]) -> str:
     """Return the Markdown table of parameters by their full names."""
     return compact([('parameter', 'default', 'unit', 'range', 'description'), *(
-        (f'`{name}`', f'`{shown(field.default)}`', field.metadata['unit'], expected(field),
+        (f'`{name}`', f'`{shown(field.default)}`', unit_of(field), expected(field),
          field.metadata['description'] + ('' if field.metadata['live'] else '; stays')
          + ('; never shown' if field.metadata['secret'] else ''))
         for name, field in fields.items())]) + '\n'
+
+
+def unit_of(field: dataclasses.Field) -> str:
+    """Return the unit of a parameter, and after it in what own unit its default is the same."""
+    unit: str = field.metadata['unit']
+    if not field.metadata['scaled']:
+        return unit
+    kinds = unit.split(', ') if isinstance(field.default, tuple) else [unit]
+    return f'{unit} ({", ".join(map(in_words, kinds))})'
 
 
 def named(group: type[Parameters], prefix: str = '') -> dict[str, dataclasses.Field]:

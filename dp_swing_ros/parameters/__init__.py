@@ -28,7 +28,7 @@ Group = TypeVar('Group', bound='Parameters')
 def parameter(default: Any, description: str, *, unit: str = '', minimum: float | None = None,
               maximum: float | None = None, choices: Callable[[], list[str]] | None = None,
               size: Mapping[int, int] | None = None, finite: bool = True, links: int = 1,
-              live: bool = True, secret: bool = False) -> Any:
+              live: bool = True, secret: bool = False, scaled: bool = False) -> Any:
     """
     Declare one parameter as a dataclass field.
 
@@ -36,14 +36,17 @@ def parameter(default: Any, description: str, *, unit: str = '', minimum: float 
     when needed, so that a registry may be filled after the class is made; `size` is the length
     of a list by the number of links; `finite=False` allows infinity (NaN never passes); the
     parameter is one of pendulums with so many `links` or more; one that is not `live` stays as it
-    is while a node runs, also where others may change; a `secret` is never shown to others.
+    is while a node runs, also where others may change; a `secret` is never shown to others; the
+    default of one that is `scaled` is that of the default bodies, and for others the same number
+    of the pendulum's own units. A list then has a unit for cart and joints, or one each for these
+    and for their speeds.
     """
     return dataclasses.field(default=default, metadata={
         'description': description, 'unit': unit,
         'minimum': -math.inf if minimum is None else minimum,
         'maximum': math.inf if maximum is None else maximum,
         'choices': choices, 'size': size, 'finite': finite, 'links': links,
-        'live': live and not secret, 'secret': secret})
+        'live': live and not secret, 'secret': secret, 'scaled': scaled})
 
 
 class ParameterError(ValueError):

@@ -13,11 +13,13 @@ import dataclasses
 from types import MappingProxyType
 from typing import Any
 
-from dp_swing_ros.parameters import complete, fields_of, ParameterError, Parameters, Values
+from dp_swing_ros.parameters import complete, fields_of, group, ParameterError, Parameters, Values
 from dp_swing_ros.parameters.scheduling import SchedulingParameters
+from dp_swing_ros.pendulum.equations import scale_of
 from dp_swing_ros.pendulum.parameters import (
     DriveParameters, LimitParameters, PendulumParameters)
 from dp_swing_ros.pendulum.state import DEFAULT_LINKS, LINKS
+from dp_swing_ros.pendulum.units import by_element, Units
 
 SHARED = ('', PendulumParameters), ('', DriveParameters), ('', LimitParameters)
 OF_BOTH: dict[int, dict[str, Any]] = {1: {}, 2: {}, 3: {'force_limit': 40.0}}
@@ -29,13 +31,18 @@ class Declaration:
     """What parameters a node has; plant and controller share those of the pendulum."""
 
     def __init__(self, node: str, groups: Callable[[], Iterable[Group]],
-                 defaults: Mapping[int, Mapping[str, Any]]) -> None:
-        """Take the node, its own groups, and what differs from declared defaults, by links."""
-        self.node, self.groups = node, groups
+                 defaults: Mapping[int, Mapping[str, Any]],
+                 beside: Callable[[Values], Mapping[str, Any]] = lambda given: {}) -> None:
+        """
+        Take the node, its own groups, and what differs from declared defaults.
+
+        That is by links, and what `beside` returns beside values that are given.
+        """
+        self.node, self.groups, self.beside = node, groups, beside
         self.defaults = {links: {**OF_BOTH[links], **defaults.get(links, {})} for links in LINKS}
 
     def fields(self, links: int) -> dict[str, dataclasses.Field]:
-        """Return the parameters by full names, with defaults for so many links."""
+        """Return the parameters by full names, with defaults for so many links as they are."""
         found = {}
         for prefix, kind in (*SHARED, *self.groups(), ('', SchedulingParameters)):
             for field in map(copy.copy, fields_of(kind, links)):
@@ -48,9 +55,10 @@ class Declaration:
 
     def fields_for(self, values: Values) -> dict[str, dataclasses.Field]:
         """
-        Return the parameters by their full names, with as many links as values ask for.
+        Return the parameters by their full names, with defaults for the pendulum of these values.
 
-        Raises ParameterError where one of the values is of a pendulum with more links.
+        Raises ParameterError where there is no such pendulum, or one of the values is of one with
+        more links.
         """
         links = links_in(values)
         fields = self.fields(links)
@@ -59,6 +67,12 @@ class Declaration:
             if there:
                 raise ParameterError(f'parameter {name!r} is one of a pendulum with {min(there)} '
                                      f'links; this one has {links} (parameter links)')
+        scale = scale_of(group(PendulumParameters, values))
+        beside = self.beside(values)
+        for name, field in fields.items():
+            if field.metadata['scaled']:
+                field.default = _scaled(field, scale)
+            field.default = beside.get(name, field.default)
         return fields
 
     def complete(self, values: Values) -> dict[str, Any]:
@@ -68,6 +82,14 @@ class Declaration:
         Raises ParameterError, also for names that the node lacks with so many links.
         """
         return complete(self.fields_for(values), values, self.node)
+
+
+def _scaled(field: dataclasses.Field, scale: Units) -> Any:
+    default: Any = field.default
+    unit = field.metadata['unit']
+    if not isinstance(default, tuple):
+        return scale.sized(default, unit)
+    return tuple(map(scale.sized, default, by_element(unit, len(default))))
 
 
 def links_in(values: Values) -> int:

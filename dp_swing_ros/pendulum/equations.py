@@ -15,7 +15,7 @@ where f is the force on the cart less its friction φ_0(ẋ), and τ_i = φ_i(θ
 which joint i holds link i back. Source: the paper, (4)-(15), with the errata of docs/model.md.
 Friction is viscous and dry, the latter made smooth, with two derivatives, over a creep:
 
-    φ_i(v) = friction_i v + dry_i s(v / creep),    s(y) = y (15 - 10 y² + 3 y⁴) / 8, |y| ≤ 1
+    φ_i(v) = friction_i v + dry_i s(v / creep_i),    s(y) = y (15 - 10 y² + 3 y⁴) / 8, |y| ≤ 1
 
 All of it is plain Python over numbers, symbols, arrays or tensors; see kernels/unrolling.py.
 """
@@ -23,12 +23,16 @@ All of it is plain Python over numbers, symbols, arrays or tensors; see kernels/
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from dp_swing_ros.kernels.symbols import clamp, cos, dot, sin, total
 from dp_swing_ros.pendulum.parameters import PendulumParameters
+from dp_swing_ros.pendulum.units import scaled_speeds, Units
 
 Numbers = Sequence[Any]
 Matrix = list[list[Any]]
-CREEP = 0.2  # [m/s, rad/s] for steps of 50 ms: with less of it they would not be stable
+STANDARD_GRAVITY = 9.81   # [m/s²] of what has none, and with it no time of its own
+CREEP = 0.2  # [m/s, rad/s] scaled, for steps as long as a plan's: with less they were not stable
 
 
 class Pendulum(NamedTuple):
@@ -40,18 +44,21 @@ class Pendulum(NamedTuple):
     g: float                          # [m/s²]
     friction: tuple[float, ...]       # of the cart [N s/m], and of the joints [N m s/rad]
     dry: tuple[float, ...]            # [N] and [N m]
-    sharpness: float                  # [s/m, s/rad] 1 / creep
+    sharpness: tuple[float, ...]      # [s/m] and [s/rad] 1 / creep
 
     @classmethod
-    def of(cls, physical: PendulumParameters, creep: float = CREEP) -> 'Pendulum':
+    def of(cls, physical: PendulumParameters, creep: float = CREEP,
+           scale: Units | None = None) -> 'Pendulum':
         """
         Compute the coefficients from physical parameters.
 
-        creep is the speed [m/s, rad/s] from which on dry friction has its whole size.
+        creep is the speed [m/s, rad/s] from which on dry friction has its whole size, scaled as
+        other bodies are, if others than these.
         """
         return coefficients(physical.masses, physical.lengths, physical.inertia_factors,
                             physical.gravity, physical.frictions, physical.dry_frictions,
-                            1 / creep)
+                            [1 / speed for speed in scaled_speeds(
+                                creep, scale or scale_of(physical), physical.links)])
 
     @property
     def links(self) -> int:
@@ -74,11 +81,12 @@ class Pendulum(NamedTuple):
 
 
 def coefficients(masses: Numbers, lengths: Numbers, inertia_factors: Numbers, g: Any,
-                 friction: Numbers, dry: Numbers, sharpness: Any) -> Pendulum:
+                 friction: Numbers, dry: Numbers, sharpness: Numbers) -> Pendulum:
     """
     Return the coefficients; b_ii is (m_i/3 + Σ_{k>i} m_k) l_i², if link i is a uniform rod.
 
-    Shapes: masses, friction and dry (n + 1,), of the cart first; lengths and inertia_factors (n,).
+    Shapes: masses, friction, dry and sharpness (n + 1,), of the cart first; lengths and
+    inertia_factors (n,).
     Source: the paper, (8)-(10) and (14), corrected.
     """
     n, m, l = len(lengths), masses[1:], lengths  # noqa: E741
@@ -89,12 +97,38 @@ def coefficients(masses: Numbers, lengths: Numbers, inertia_factors: Numbers, g:
     return Pendulum(
         total(masses), tuple(at_tip[i] * l[i] for i in range(n)),
         tuple((own[i] * (l[i] * l[i]), *(at_tip[j] * l[i] * l[j] for j in range(i + 1, n)))
-              for i in range(n)), g, tuple(friction), tuple(dry), sharpness)
+              for i in range(n)), g, tuple(friction), tuple(dry),
+        tuple(sharpness))
+
+
+def own_units(physical: PendulumParameters) -> Units:
+    """
+    Return the pendulum's own units, in which the defaults are the same for any size.
+
+    Linearised about upright without friction, D q̈ = diag(0, g a1 … g an) q, so that motions grow
+    as e^λt with the generalised eigenvalues λ². The unit of time is that of the fastest, 1/λ; at
+    no other equilibrium is any faster, as there D has the same eigenvalues with some of the a
+    negative. That of length, g/λ², is how long a pendulum of a point mass as fast would be; that
+    of mass is all of it. So that of force is the whole weight.
+    """
+    n, g = physical.links, physical.gravity or STANDARD_GRAVITY
+    none = (0.0,) * (n + 1)
+    p = coefficients(physical.masses, physical.lengths, physical.inertia_factors, g, none, none,
+                     none)
+    D: Any = np.array(mass_matrix(p, [0.0] * n, [1.0] * n))
+    square = float(np.linalg.eigvals(np.linalg.solve(D, np.diag([0.0, *p.a]) * g)).real.max())
+    return Units(g / square, square ** -0.5, p.m)
+
+
+def scale_of(physical: PendulumParameters) -> Units:
+    """Return how many times larger its units are than those of the default bodies."""
+    usual = own_units(PendulumParameters(links=physical.links))
+    return Units(*np.divide(own_units(physical), usual).tolist())
 
 
 def friction(p: Any, i: int, speed: Any) -> Any:
     """Return φ_i, the force [N] or torque [N m] by friction of the cart or at joint i."""
-    y = clamp(p.sharpness * speed, -1.0, 1.0)
+    y = clamp(p.sharpness[i] * speed, -1.0, 1.0)
     square = y * y
     return p.friction[i] * speed + p.dry[i] * (
         y * (1.875 + square * (0.375 * square - 1.25)))

@@ -133,7 +133,7 @@ class RhythmParameters(Parameters):
                              minimum=0.0, maximum=1.0)
     disturbance_limit: float = parameter(
         100.0, 'a disturbance is refused where those of a period would exceed this', unit='N',
-        minimum=0.0)
+        minimum=0.0, scaled=True)
 
 
 class Drive(NamedTuple):
@@ -160,7 +160,7 @@ class LimitParameters(Parameters):
 
     force_limit: float = parameter(
         20.0, 'largest command, either way; the force on the cart is force_gain times as large, '
-        'so with a gain in N/V this is in V', unit='N', minimum=0.0, finite=False)
+        'so with a gain in N/V this is in V', unit='N', minimum=0.0, finite=False, scaled=True)
     track_limit: float = parameter(
         2.4, 'the cart stays within this distance of the centre', unit='m', minimum=1e-3,
-        finite=False)
+        finite=False, scaled=True)

@@ -17,9 +17,10 @@ import numpy as np
 from dp_swing_ros.parameters import parameter, ParameterError, Parameters
 from dp_swing_ros.pendulum.state import (
     Array, DEFAULT_LINKS, from_joints, hanging, JOINT_COUNTS, joints, to_joints, to_turn_of)
+from dp_swing_ros.pendulum.units import POSITIONS, SAME, Units
 
-REST = 1.0      # [s] of standing still; for half of it a slow swing seems to, where it turns
-STILL = 0.005   # [m, rad] at most between the means of the quarters of it
+REST = 1.0      # [s] scaled, of standing still; for half of it a slow swing seems to
+STILL = 0.005   # [m, rad] scaled, at most between the means of the quarters of it
 QUARTERS = 4    # of it
 GIVEN, HANGING = ZEROS = ('given', 'hanging')   # where the offsets are from
 
@@ -86,10 +87,12 @@ class SensorParameters(Parameters):
 
 
 class Standstill:
-    """Takes measured positions; finds out where they stand still for a second."""
+    """Takes measured positions; finds out where they stand still for a while."""
 
-    def __init__(self) -> None:
-        """Begin with none."""
+    def __init__(self, links: int, scale: Units = SAME) -> None:
+        """Begin with none, of a pendulum with so many links and of a scale."""
+        self.duration = scale.sized(REST, 's') / QUARTERS   # [s] of a quarter
+        self.still = np.array(scale.each_joint(STILL, POSITIONS, links))
         self.means = deque[Array](maxlen=QUARTERS)   # of the last quarters
         self.quarter: list[Array] = []
         self.t = self.began = -math.inf              # [s] of the newest, and of the quarter
@@ -103,15 +106,15 @@ class Standstill:
         if not np.isfinite(np.hsplit(measured, 2)[0]).all():
             self.t = -math.inf
             return None
-        if not 0 < t - self.t < REST / QUARTERS:
+        if not 0 < t - self.t < self.duration:
             self.means.clear()
             self.quarter, self.began, self.reference = [], t, measured
         self.t = t
         near = to_turn_of(measured, self.reference)   # an encoder may wrap just here
         self.quarter.append(np.hsplit(near, 2)[0])
-        if t - self.began < REST / QUARTERS:
+        if t - self.began < self.duration:
             return None
         self.means.append(np.mean(self.quarter, axis=0))
         self.quarter, self.began = [], t
-        still = len(self.means) == QUARTERS and np.ptp(self.means, axis=0).max() <= STILL
+        still = len(self.means) == QUARTERS and np.all(np.ptp(self.means, axis=0) <= self.still)
         return np.mean(self.means, axis=0) if still else None

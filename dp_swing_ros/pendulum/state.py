@@ -13,11 +13,14 @@ from typing import TypeAlias
 
 import numpy as np
 
+from dp_swing_ros.pendulum.units import SAME, scaled_speeds, Units
+
 Array: TypeAlias = np.ndarray
 
 LINKS = (1, 2, 3)   # numbers of links that a pendulum may have
 DEFAULT_LINKS = 2
 JOINT_COUNTS = {links: links + 1 for links in LINKS}  # the cart is one
+UPRIGHT, SLOW = 0.1, 1.0   # [rad], and [m/s, rad/s] scaled: closer to upright is there
 SIZES = {links: 2 * (links + 1) for links in LINKS}   # numbers of the state
 
 
@@ -154,12 +157,12 @@ def is_state(x: Array) -> bool:
     return bool(np.all(np.isfinite(x[:len(x) // 2])) and not np.any(np.isinf(x)))
 
 
-def is_upright(x: Array, angle: float = 0.1, speed: float = 1.0) -> Array:
+def is_upright(x: Array, scale: Units = SAME) -> Array:
     """
-    Return whether all angles [rad] and all speeds [m/s, rad/s] are within the bounds.
+    Return whether all angles are small, and all speeds, for a pendulum of a scale.
 
     Shapes: x (..., 2n + 2) -> bool (...). Source: the success criterion of docs/model.md.
     """
     n = links_of(x)
-    bounds = (np.inf, *[angle] * n, *[speed] * (n + 1))
+    bounds = (np.inf, *[UPRIGHT] * n, *scaled_speeds(SLOW, scale, n))
     return np.all(np.abs(to_turn_of(x, upright(n))) <= bounds, axis=-1)

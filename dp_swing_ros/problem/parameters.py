@@ -26,9 +26,9 @@ class CostParameters(Parameters):
         unit='m, rad, m/s, rad/s', size=SIZES)
     state_weights: tuple[float, ...] = parameter(
         (10.0, 100.0, 100.0, 2.0, 6.0, 0.1), 'diagonal of S, the weights of the state error',
-        minimum=0.0, size=SIZES)
+        unit='1/m^2, 1/rad^2, s^2/m^2, s^2/rad^2', minimum=0.0, size=SIZES, scaled=True)
     force_weight: float = parameter(0.001, 'R, the weight of the force', unit='1/N^2',
-                                    minimum=1e-9)
+                                    minimum=1e-9, scaled=True)
     angle_error: str = parameter(
         'chord', 'error of an angle: chord = 2 sin(θ/2), periodic; angle = θ, as in the paper',
         choices=lambda: ['chord', 'angle'])
@@ -39,16 +39,16 @@ class CostParameters(Parameters):
         1000.0, 'factor of S in the scaled terminal cost', minimum=0.0)
     track_weight: float = parameter(
         10_000.0, 'weight of the squared distance into the margin of the track', unit='1/m^2',
-        minimum=0.0)
+        minimum=0.0, scaled=True)
     track_margin: float = parameter(
         0.4, 'width of the soft margin inside the track limit; less than half of it', unit='m',
-        minimum=0.0)
+        minimum=0.0, scaled=True)
     cart_speed_limit: float = parameter(
         math.inf, 'speed of the cart that plans keep below; see controlled_stop, too',
         unit='m/s', minimum=0.01, finite=False)
     speed_weight: float = parameter(
         1e5, 'weight of the squared excess of a speed over nine tenths of its limit',
-        unit='s^2/m^2', minimum=0.0)
+        unit='s^2/m^2', minimum=0.0, scaled=True)
 
     @property
     def x_r(self) -> Array:
@@ -56,13 +56,24 @@ class CostParameters(Parameters):
         return at_equilibrium('goal', self.goal, self.reference)
 
 
+LONGEST_HORIZON = 1000   # steps
+
+
 @dataclasses.dataclass(frozen=True)
 class PredictionParameters(Parameters):
     """How the controller looks ahead."""
 
-    horizon: int = parameter(30, 'number of steps of a plan, N', minimum=1, maximum=1000)
+    horizon: int = parameter(30, 'number of steps of a plan, N', minimum=1,
+                             maximum=LONGEST_HORIZON)
+    longest_horizon: int = parameter(
+        53, 'steps to which plans are lengthened, a third more at a time, while none comes to the '
+        'goal; as many as horizon has, where that is given', minimum=1, maximum=LONGEST_HORIZON)
     step: float = parameter(0.05, 'duration of one step of a plan', unit='s', minimum=1e-4,
-                            maximum=1.0)
+                            maximum=1.0, scaled=True)
+    fit_step: bool = parameter(
+        True, 'steps of a plan are whole periods of the states, as many as fit into `step`, at '
+        'least one, and as many steps as last as long as `horizon` ones; false, where step is '
+        'given: step and horizon as they are')
     dynamics: str = parameter(
         ANALYTIC, 'what accelerates cart and links: analytic, the equations of a chain of rigid '
         'links; learned, what was learned from experience', choices=lambda: [ANALYTIC, LEARNED])

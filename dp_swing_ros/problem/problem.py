@@ -6,7 +6,7 @@ The optimal control problem that every solver solves.
     min Σ ℓ(x_t, u_t) + ℓ_f(x_N)   s.t.   x_{t+1} = f(x_t, u_t),   u_min ≤ u_t ≤ u_max
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import math
 from typing import NamedTuple
 
@@ -17,10 +17,11 @@ from dp_swing_ros.dynamics.files import LearnedModel
 from dp_swing_ros.kernels import kernel
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.pendulum.derivatives import linearisation
-from dp_swing_ros.pendulum.equations import Pendulum
+from dp_swing_ros.pendulum.equations import Pendulum, scale_of
 from dp_swing_ros.pendulum.model import Model, size, step
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
-from dp_swing_ros.pendulum.state import angles, Array, hanging, is_at_rest, SIZES
+from dp_swing_ros.pendulum.state import angles, Array, hanging, is_at_rest, is_upright, SIZES
+from dp_swing_ros.pendulum.units import Units
 from dp_swing_ros.problem.cost import ANGLE_ERRORS, Cost, is_periodic, trajectory_cost
 from dp_swing_ros.problem.parameters import CostParameters, PredictionParameters
 from dp_swing_ros.problem.plan import Plan, SolverStats, Status
@@ -63,11 +64,13 @@ class Problem:
     lqr: LQR
     physical: PendulumParameters
     parameters: ProblemParameters
+    scale: Units                          # of the bodies that were given
     learned: LearnedModel | None = None   # instead of the equations of the pendulum
 
     @classmethod
     def of(cls, physical: PendulumParameters, limits: LimitParameters, cost: CostParameters,
-           prediction: PredictionParameters, learned: LearnedModel | None = None) -> 'Problem':
+           prediction: PredictionParameters, learned: LearnedModel | None = None,
+           scale: Units | None = None) -> 'Problem':
         """
         Build the problem from parameters; a learned model takes the place of the pendulum's.
 
@@ -82,7 +85,8 @@ class Problem:
                 raise ParameterError(
                     f'parameter {name} has {count} numbers; expected {SIZES[physical.links]} for '
                     f'links {physical.links}')
-        dynamics = Pendulum.of(physical) if learned is None else learned.dynamics
+        scale = scale or scale_of(physical)
+        dynamics = Pendulum.of(physical, scale=scale) if learned is None else learned.dynamics
         model = Model(dynamics, prediction.integrator, prediction.step)
         lqr = regulator(model, cost)
         x = float(cost.x_r[0])
@@ -101,7 +105,7 @@ class Problem:
             x_soft=limits.track_limit - cost.track_margin, w=cost.track_weight,
             v_soft=FAST * cost.cart_speed_limit, w_v=cost.speed_weight),
             prediction.horizon, Bounds(-limits.force_limit, limits.force_limit), lqr, physical,
-            ProblemParameters(limits, cost, prediction), learned)
+            ProblemParameters(limits, cost, prediction), scale, learned)
 
     @property
     def warning(self) -> str:
@@ -127,13 +131,22 @@ class Problem:
         """Return the reference state (2n + 2,)."""
         return np.array(self.cost.x_r)
 
+    def is_reached(self, x: Array) -> bool:
+        """Return whether a state (2n + 2,) is that of the goal, or nearly, on any turn."""
+        return bool(is_upright(x - self.x_r, self.scale))
+
     def with_physical(self, physical: PendulumParameters) -> 'Problem':
         """
         Build the same problem for other physical parameters.
 
         Raises ParameterError where no regulator holds the reference state.
         """
-        return Problem.of(physical, *self.parameters, self.learned)
+        return Problem.of(physical, *self.parameters, self.learned, self.scale)
+
+    def with_prediction(self, prediction: PredictionParameters) -> 'Problem':
+        """Build the same problem in other steps; raises ParameterError as with_physical does."""
+        return replace(Problem.of(self.physical, *self.parameters._replace(prediction=prediction),
+                                  self.learned, self.scale), bounds=self.bounds)
 
 
 def turns_of(problem: Problem, x: Array) -> Array:

@@ -164,7 +164,7 @@ class Run:
         cost = math.fsum(share * running(self.problem.cost, x, u)
                          for share, x, u in zip(steps, X, U))
         return ScoredTrajectory(solver, t, X, U, cost,
-                                settling_time(t, errors(X, self.problem.x_r)))
+                                settling_time(t, errors(X, self.problem.x_r), self.problem.scale))
 
     def between(self, begin: int, end: int) -> ScoredTrajectory:
         """Return what was recorded between two stamps [ns], both included."""

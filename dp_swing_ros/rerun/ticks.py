@@ -26,7 +26,7 @@ DROPPED = {'shadow', 'unseen', 'disagreement_weight'}
 # others, each with the value at which it did what is done now
 FIXED: dict[str, Any] = {
     'ddp.hessian': 'exact', 'initial_plan': 'random', 'bounded_lqr': True, 'regulator': True,
-    'ekf.refusals': 3, 'mppi.monotone': True}
+    'ekf.refusals': 3, 'mppi.monotone': True, 'solve_rate': 0.0}
 
 
 class Record(NamedTuple):

@@ -21,8 +21,10 @@ from dp_swing_ros.messages.fields import (
 from dp_swing_ros.messages.states import States
 from dp_swing_ros.messages.ticks import TickReport, tip_paths
 from dp_swing_ros.parameters import group
+from dp_swing_ros.pendulum.equations import scale_of
+from dp_swing_ros.pendulum.parameters import PendulumParameters
 from dp_swing_ros.pendulum.sensors import HANGING, SensorParameters, Standstill
-from dp_swing_ros.pendulum.state import Array, errors, is_upright
+from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.problem.plan import FALLBACK, Plan, Status
 from dp_swing_ros.runtime.handshake import Handshake, Peers
 from dp_swing_ros.runtime.loading import Loader, SLOWEST
@@ -102,7 +104,9 @@ class MpcCore:
         self.clocks, self.send = clocks, send
         self.parameters = group(MpcParameters, values)
         self.sensors = group(SensorParameters, values)
-        self.standstill = Standstill() if self.sensors.zero == HANGING else None
+        physical = group(PendulumParameters, values)
+        self.standstill = Standstill(physical.links, scale_of(physical)) \
+            if self.sensors.zero == HANGING else None
         self.schedule = Schedule(clocks, self.parameters.clock, values['step'])
         self.handshake = Handshake()
         self.states = States(self.sensors.joint_names, partial(self.say, WARN), name)
@@ -274,6 +278,8 @@ class MpcCore:
             # what fights over the pendulum is not the fault of its sensors
             complaint = '; '.join((*self.rivals, complaint))
             self.say(ERROR, f'{complaint}; going on without this state', 'state', 1.0)
+        if seldom := self.controller.lookahead.warning:
+            self.say(WARN, seldom, 'period', math.inf)
         return plan, complaint
 
     def warning(self, measured: Measured) -> str:
@@ -350,8 +356,9 @@ class MpcCore:
         if plan.tries is not None:
             self.send(Tried(stamp, tip_paths(plan.X[0], plan.tries, problem), plan.tries.weights))
         # what is disabled is not expected to arrive
-        arrives = not controller.enabled or is_upright(errors(plan.X[-1], problem.x_r))
-        astray = self.goal_watch.warning(time, bool(arrives), problem.horizon * problem.dt)
+        is_there, arrives = (not controller.enabled or problem.is_reached(x) for x in (
+            controller.belief.x, plan.X[-1]))
+        astray = self.goal_watch.warning(time, is_there, arrives, problem.horizon * problem.dt)
         if astray:
             self.say(WARN, astray, 'goal', 10.0)
         warning = '; '.join(filter(None, (

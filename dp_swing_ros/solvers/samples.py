@@ -38,9 +38,9 @@ class SamplingParameters(Parameters):
     samples: int = parameter(512, 'force sequences drawn at once, K', minimum=2,
                              maximum=1_000_000)
     smallest_noise: float = parameter(
-        0.5, 'standard deviation of the quietest samples', unit='N', minimum=1e-3)
+        0.5, 'standard deviation of the quietest samples', unit='N', minimum=1e-3, scaled=True)
     largest_noise: float = parameter(
-        40.0, 'standard deviation of the loudest samples', unit='N', minimum=1e-3)
+        40.0, 'standard deviation of the loudest samples', unit='N', minimum=1e-3, scaled=True)
     noise_correlation: float = parameter(
         0.8, 'correlation of the noise from step to step; 0 is white, as in the paper',
         minimum=0.0, maximum=0.999)

@@ -22,6 +22,11 @@ runs](nodes.md#live-parameters), unless it says that they stay; those of logger 
 The mpc gets the same physical parameters and limits as the plant unless a test of robustness wants
 it otherwise. Defaults are those of two links; parameters of a link or a joint that is not there
 are refused.
+
+Where a unit has another one behind it, made of M, L and T, the default is that of the default
+bodies; for others it is the same number of [the pendulum's own
+units](theory.md#units-of-the-pendulum) of mass, length and time. What is in force says
+`ros2 param get`.
 """
 
 

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from dp_swing_ros.control.starts import solved
-from dp_swing_ros.pendulum.model import hold
 from dp_swing_ros.pendulum.state import angles, hanging
 from dp_swing_ros.problem.problem import policy_rollout, regulator_rollout, turns_of
 
@@ -21,14 +20,14 @@ UP = np.array([0.1, 0.01, 0.01, 0.0, 0.0, 0.0])
 
 
 def starts_of(c, x_0, left=None):
-    return list(c.planner.starts.of(x_0, [] if left is None else [left]))
+    return list(c.planner.starts.of(x_0, left))
 
 
 def after_a_plan(x_0=HANGS, **parameters):
     """Return a controller with a plan, the state that it predicts next, and the plan's rest."""
     c = controller(**parameters)
     plan = c.update(0.0, x_0)
-    return c, plan.X[1], c.planner.warm_starts(0.05)[0]
+    return c, plan.X[1], c.planner.warm_start(0.05)
 
 
 def test_a_first_tick_starts_from_random_forces_and_from_others():
@@ -42,7 +41,7 @@ def test_a_first_tick_starts_from_random_forces_and_from_others():
 
 def test_a_tick_says_where_each_of_its_solves_began_and_what_came_of_it():
     c, x, _ = after_a_plan(first_starts=4)
-    first = c.planner.last[-1][1].stats
+    first = c.planner.last.stats
     assert [each.start for each in first.candidates] == ['random', 'regulator', 'rest', 'random']
     assert min(each.cost for each in first.candidates) == first.cost
     assert sum(first.solves) == first.iterations
@@ -68,7 +67,7 @@ def test_a_later_tick_starts_from_the_rest_of_the_last_plan_and_others_in_turn()
     assert not np.array_equal(random.U, regulator.U)
     for part, old in ((last.U, left.U), (last.X, left.X), (last.K, left.K)):
         np.testing.assert_array_equal(part, old)
-    assert c.planner.warm_starts(0.05 * 30) == []
+    assert c.planner.warm_start(0.05 * 30) is None
 
 
 def test_once_upright_there_is_nothing_to_look_for():
@@ -126,7 +125,7 @@ def test_on_another_turn_a_solve_is_the_same():
 def test_the_paper_s_warm_start_is_forces_alone():
     c = controller(warm_start='forces')
     plan = c.update(0.0, FALLING)
-    warm = starts_of(c, FALLING, c.planner.warm_starts(0.1)[0])[0]
+    warm = starts_of(c, FALLING, c.planner.warm_start(0.1))[0]
     np.testing.assert_array_equal(warm.U, [*plan.U[2:], 0.0, 0.0])
     np.testing.assert_array_equal(warm.K, 0.0)
 
@@ -154,31 +153,8 @@ def test_the_bounded_lqr_of_a_whole_turn_is_the_same(turn):
     np.testing.assert_allclose(start.X[-1, ANGLES], turn, atol=0.05)
 
 
-def test_several_ticks_a_step_start_from_the_cheaper_of_two_rests():
-    """The last plan's, and that of the plan of a whole step ago, which is not interpolated."""
-    c, x, chosen = controller('mppi', estimator='none'), HANGS, []
-    plans = []
-    for n in range(16):
-        begins = 0.01 * n
-        if n >= 5:
-            rests = c.planner.warm_starts(begins)
-            np.testing.assert_array_equal(rests[0].U, plans[-1].shifted(0.01).U)
-            np.testing.assert_array_equal(rests[1].U, plans[n - 5].U[1:])
-            problem = c.belief.problem
-            costs = [policy_rollout(problem, x - turns_of(problem, rest.X[-1]), rest.X, rest.U,
-                                    rest.K).J for rest in rests]
-            start = c.planner.starts.last(x, rests)
-            np.testing.assert_array_equal(start.U, rests[int(np.argmin(costs))].U)
-            chosen.append(int(np.argmin(costs)))
-        plans.append(c.update(begins, x))
-        x = hold(c.belief.problem.model, x, plans[-1].U[0], 0.01)
-    assert set(chosen) == {0, 1}
-
-
 def test_at_one_tick_a_step_the_last_plan_is_the_start():
     c, x, left = after_a_plan()
-    rest, = c.planner.warm_starts(0.05)
-    np.testing.assert_array_equal(rest.U, left.U)
+    np.testing.assert_array_equal(c.planner.warm_start(0.05).U, left.U)
     plan = c.update(0.05, x)
-    rest, = c.planner.warm_starts(0.1)
-    np.testing.assert_array_equal(rest.U, plan.U[1:])
+    np.testing.assert_array_equal(c.planner.warm_start(0.1).U, plan.U[1:])

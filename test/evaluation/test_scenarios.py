@@ -1,5 +1,6 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
+from dataclasses import replace
 import math
 
 import numpy as np
@@ -8,7 +9,8 @@ import pytest
 from dp_swing_ros.control import controllers
 from dp_swing_ros.evaluation.campaign.contestants import parse, play
 from dp_swing_ros.evaluation.campaign.summary import CRITERIA
-from dp_swing_ros.evaluation.scenarios import APART, FIRST_PUSH, LAST_PUSH, push_profile, SCENARIOS
+from dp_swing_ros.evaluation.scenarios import (
+    APART, FIRST_PUSH, LAST_PUSH, PERIOD, PHYSICAL, push_profile, SCENARIOS, sized)
 from dp_swing_ros.pendulum.parameters import DriveParameters, PendulumParameters
 from dp_swing_ros.pendulum.state import angles, equilibria, hanging, is_upright, LINKS
 from dp_swing_ros.simulation import plants
@@ -283,3 +285,38 @@ def test_a_rig_is_swung_up_and_held(name, seed, solver):
     held = episode.t >= 8.0
     assert np.abs(episode.X[held, 0]).max() < 0.02
     assert all(is_upright(x) for x in episode.X[held])
+
+
+def test_for_the_default_bodies_a_case_is_what_it_is():
+    for case in (case for name in SCENARIOS for case in cases(name, range(1), 2)):
+        assert sized(case, PHYSICAL, PERIOD) is case
+
+
+def test_a_case_of_other_bodies_is_the_same_in_their_own_units():
+    """Links of a quarter of the length, masses of a tenth: half the time, a tenth of the force."""
+    small = PendulumParameters(cart_mass=0.1, link1_mass=0.05, link2_mass=0.05,
+                               link1_length=0.25, link2_length=0.25)
+    case, = cases('rig_all', range(1))
+    found = sized(case, small, 0.01)
+    assert found.duration == 5.0
+    for name, factor in (('cart_mass', 0.1), ('link1_length', 0.25), ('actuation_delay', 0.5),
+                         ('cart_dry_friction', 0.1), ('joint1_dry_friction', 0.025),
+                         ('force_bias', 0.1), ('force_gain', 1.0), ('encoder_counts', 1)):
+        assert found.plant[name] == pytest.approx(factor * case.plant[name], rel=1e-5), name
+    np.testing.assert_allclose(found.plant['initial_state'], np.array(
+        case.plant['initial_state']) * [0.25, 1, 1, 0.5, 2, 2], rtol=1e-5)
+    assert found.plant['velocities'] == case.plant['velocities']
+    pushes = cases('pushes', range(1))[0].pushes
+    shorter = sized(cases('pushes', range(1))[0], small, 0.0125).pushes   # two periods are one
+    assert len(shorter) == 2 * len(pushes)
+    assert sum(shorter) / 2 == pytest.approx(0.1 * sum(pushes), rel=1e-2)
+    (n, x), *_ = cases('uptime', range(1))[0].resets
+    (m, y), *_ = sized(cases('uptime', range(1))[0], small, 0.0125).resets
+    assert m == 2 * n and y[0] == pytest.approx(0.25 * x[0], rel=1e-5)
+
+
+@pytest.mark.parametrize('rate', [20.0, 100.0])
+def test_a_rate_of_the_contestant_s_own_meets_the_same_pushes(rate):
+    case, = cases('pushes', range(1), duration=8.0)
+    contestant = replace(parse('ilqr'), plant={'rate': rate})
+    assert play(contestant, case).metrics.success

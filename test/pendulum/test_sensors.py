@@ -10,6 +10,7 @@ import pytest
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.pendulum.sensors import REST, SensorParameters, Standstill
 from dp_swing_ros.pendulum.state import hanging, LINKS, SIZES, wrapped
+from dp_swing_ros.pendulum.units import Units
 
 
 def sensors(links, **others):
@@ -72,7 +73,7 @@ def test_the_zero_is_found_from_where_it_hangs(links, relative, rng):
     of = sensors(links, relative_angles=relative)
     unknown = sensors(links, relative_angles=relative, joint_offsets=(
         of.joint_offsets[0], *[0.0] * links))
-    still, x = Standstill(), hanging(links)
+    still, x = Standstill(links), hanging(links)
     x[0] = 0.4    # the cart is where it is: its zero is given
     for n in range(100):
         noisy = measured(of, x) + rng.normal(size=SIZES[links]) * 2e-3
@@ -91,7 +92,7 @@ def test_the_zero_is_found_from_where_it_hangs(links, relative, rng):
 @pytest.mark.parametrize('amplitude', [0.02, 0.3])
 @pytest.mark.parametrize('rate', [20.0, 1000.0])
 def test_a_swing_is_no_standstill_even_where_it_turns(period, amplitude, rate):
-    still = Standstill()
+    still = Standstill(2)
     for t in np.arange(0.0, 6.0, 1 / rate):
         x = hanging(2)
         x[1:3] += amplitude * math.sin(2 * math.pi * t / period)
@@ -99,7 +100,7 @@ def test_a_swing_is_no_standstill_even_where_it_turns(period, amplitude, rate):
 
 
 def test_an_encoder_that_wraps_where_it_hangs_has_one_place(rng):
-    still = Standstill()
+    still = Standstill(2)
     found = [still.place(0.05 * n, wrapped(hanging(2) + rng.normal(size=6) * 1e-3))
              for n in range(30)]
     place = next(each for each in found if each is not None)
@@ -108,16 +109,23 @@ def test_an_encoder_that_wraps_where_it_hangs_has_one_place(rng):
 
 @pytest.mark.parametrize('bad', [[math.nan, 0.0, 0.0], [0.0, math.inf, 0.0]])
 def test_what_is_not_finite_never_stands_still(bad):
-    still = Standstill()
+    still = Standstill(2)
     assert all(still.place(0.05 * n, np.array([*bad, 0.0, 0.0, 0.0])) is None for n in range(40))
     assert any(still.place(2.0 + 0.05 * n, hanging(2)) is not None for n in range(26))
 
 
 @pytest.mark.parametrize('step', [-1.0, 0.0, 0.3])
 def test_after_a_gap_it_begins_anew(step):
-    still = Standstill()
+    still = Standstill(2)
     for n in range(19):
         assert still.place(0.05 * n, hanging(2)) is None
     later = 0.9 + step
     found = [still.place(later + 0.05 * n, hanging(2)) is not None for n in range(25)]
     assert 20 <= found.index(True) <= 24
+
+
+def test_a_small_pendulum_stands_still_sooner():
+    scale = Units(0.25, 0.5, 1.0)
+    still = Standstill(2, scale)
+    found = [still.place(0.025 * n, hanging(2)) is not None for n in range(30)]
+    assert found.index(True) * 0.025 == pytest.approx(0.5 * REST, abs=0.026)

@@ -5,7 +5,6 @@
 import pytest
 
 from dp_swing_ros.control import controllers
-from dp_swing_ros.pendulum.state import errors, is_upright
 from dp_swing_ros.runtime.timing import GoalWatch
 from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import simulate
@@ -20,16 +19,27 @@ def test_a_goal_that_no_plan_comes_to_is_told(goal, horizon, warns):
     problem = controller.belief.problem
 
     def on_tick(t, plan):
-        told.append(arrival.warning(t, is_upright(errors(plan.X[-1], problem.x_r)),
-                                    problem.horizon * problem.dt))
+        told.append(arrival.warning(
+            t, problem.is_reached(controller.belief.x), problem.is_reached(plan.X[-1]),
+            problem.horizon * problem.dt))
     simulate(plants.plant({}), controller, 6.0, on_tick=on_tick)
     assert any(told) is warns and bool(told[-1]) is warns
     assert not warns or 'expected a longer' in told[-1]
 
 
-def test_arrival_begins_anew_where_time_does():
+def test_it_begins_anew_where_time_does():
     arrival = GoalWatch()
-    assert not arrival.warning(10.0, False, 1.0) and not arrival.warning(13.0, False, 1.0)
-    assert arrival.warning(13.1, False, 1.0) and arrival.warning(19.0, False, 1.0)
-    assert not arrival.warning(1.0, False, 1.0) and not arrival.warning(4.0, False, 1.0)
-    assert arrival.warning(5.0, False, 1.0) and not arrival.warning(5.1, True, 1.0)
+    assert not any(arrival.warning(t, False, False, 1.0) for t in (10.0, 13.0))
+    assert all(arrival.warning(t, False, False, 1.0) for t in (13.1, 19.0))
+    assert not any(arrival.warning(t, False, False, 1.0) for t in (1.0, 4.0))
+    assert arrival.warning(5.0, False, False, 1.0) and not arrival.warning(5.1, False, True, 1.0)
+
+
+def test_plans_in_vain_are_told_until_the_pendulum_is_there():
+    arrival = GoalWatch()
+    assert not any(arrival.warning(float(t), False, True, 1.0) for t in range(9))
+    assert 'plans come to the goal, but the pendulum has not for 9.0 s' in (
+        arrival.warning(9.0, False, True, 1.0))
+    assert not arrival.warning(10.0, True, True, 1.0)
+    assert not arrival.warning(18.0, False, True, 1.0)
+    assert arrival.warning(18.1, False, True, 1.0)

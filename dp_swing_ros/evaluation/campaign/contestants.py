@@ -17,9 +17,10 @@ from dp_swing_ros.dynamics.files import load
 from dp_swing_ros.evaluation.baselines import BASELINES
 from dp_swing_ros.evaluation.campaign.rows import ERROR, Key, Row, UNKNOWN
 from dp_swing_ros.evaluation.metrics import measure, outcome, TIME_LIMIT
-from dp_swing_ros.evaluation.scenarios import Case, PERIOD
-from dp_swing_ros.parameters import ParameterError
+from dp_swing_ros.evaluation.scenarios import Case, PERIOD, sized
+from dp_swing_ros.parameters import group, ParameterError
 from dp_swing_ros.parameters.files import value_of
+from dp_swing_ros.pendulum.parameters import PendulumParameters
 from dp_swing_ros.problem.parameters import LEARNED
 from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import Controller, simulate
@@ -104,6 +105,8 @@ def play(contestant: Contestant, case: Case) -> Row:
 
 def simulated(contestant: Contestant, case: Case) -> Episode:
     """Run an episode; raises ParameterError, and ValueError for a case that does not fit."""
+    rate = case.plant.get('rate', contestant.plant.get('rate', 1 / PERIOD))
+    case = sized(case, group(PendulumParameters, contestant.mpc), 1 / rate)
     if case.told or case.mpc:
         contestant = replace(contestant, mpc={**contestant.mpc, **case.told, **case.mpc})
     controller = ready(contestant)(case.seed)

@@ -1,6 +1,7 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 import contextlib
+from dataclasses import replace
 import fcntl
 import itertools
 import os
@@ -118,13 +119,11 @@ def test_a_contestant_that_cannot_be_made_ends_it_before_it_begins(tmp_path):
 
 
 def test_an_episode_that_raises_is_shown_and_the_rest_goes_on(tmp_path, capsys):
-    # on a plant of another rate there is not one push for each period
-    path = tmp_path / 'slow.yaml'
-    path.write_text('/**/plant:\n  ros__parameters: {rate: 10}\n')
-    cases = list(SCENARIOS['pushes'].cases('pushes', range(2), None, 1.0))
-    run(list(itertools.product(parse_all(['nothing', f'nothing:{path}']), cases)),
-        Table(tmp_path / 'episodes.csv'), 1)
+    good, bad, after = SCENARIOS['hanging'].cases('hanging', range(3), None, 1.0)
+    bad = replace(bad, plant={**bad.plant, 'cart_mass': -1.0})
+    run([(contestant, case) for contestant in parse_all(['nothing'])
+         for case in (good, bad, after)], Table(tmp_path / 'episodes.csv'), 1)
     rows = read(tmp_path / 'episodes.csv')
-    assert [row.outcome == 'ERROR' for row in rows] == [False, False, True, True]
-    assert 'pushes' in rows[2].detail
-    assert 'nothing:slow pushes' in capsys.readouterr().err
+    assert [row.outcome == 'ERROR' for row in rows] == [False, True, False]
+    assert 'cart_mass' in rows[1].detail
+    assert 'nothing hanging' in capsys.readouterr().err

@@ -1,0 +1,146 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Pendulums of any size, at any rate: the defaults, told nothing but bodies and limits."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from campaigns import METHODS
+import numpy as np
+
+from dp_swing_ros.evaluation.campaign.contestants import Contestant, key
+from dp_swing_ros.evaluation.campaign.report import share
+from dp_swing_ros.evaluation.campaign.rows import Row
+from dp_swing_ros.evaluation.comparison import rate as held_of
+from dp_swing_ros.evaluation.scenarios import Case, SCENARIOS
+from dp_swing_ros.parameters import group
+from dp_swing_ros.pendulum.equations import own_units
+from dp_swing_ros.pendulum.parameters import PendulumParameters
+from dp_swing_ros.pendulum.state import DEFAULT_LINKS
+from dp_swing_ros.tables import compact
+
+LENGTHS = (0.1, 0.15, 0.2, 0.3, 0.5, 1.0, 2.0, 3.0)   # [m] of each of two links
+RATES = (20.0, 50.0, 100.0, 200.0, 500.0)   # [Hz]
+FAST = RATES[1:]
+TRACK = 2.4              # lengths of a link, either way: that of the default bodies
+SEEDS = 20
+DURATION = {1: 6.0, 2: 6.0, 3: 15.0}   # [s] by links, of the default bodies; of others likewise
+SURE, LIKELY = 0.5, 0.7   # λT up to which all are to be held, and nearly all
+
+
+# masses [kg] and lengths [m] of the multi-arm pendulum on a cart of the University of Washington,
+# as uniform rods: Kaheman et al., "The experimental multi-arm pendulum on a cart", HardwareX 15,
+# 2023; a last link is twice as long as to its centre of mass
+PUBLISHED = {1: ((0.148, 0.295),), 2: ((0.0938, 0.173), (0.138, 0.234)),
+             3: ((0.258, 0.173), (0.279, 0.229), (0.119, 0.367))}
+LAB = {'cart_mass': 0.5, 'track_limit': 0.5}   # told beside them
+
+
+class Pendulum(NamedTuple):
+    """Some bodies by parameters of plant and mpc alike, and the rates of their states [Hz]."""
+
+    name: str
+    values: Mapping[str, Any]
+    rates: Sequence[float]
+
+    @property
+    def time(self) -> float:
+        """Return its own unit of time [s], 1/λ."""
+        return own_units(group(PendulumParameters, self.values)).time
+
+    def contestant(self, rate: float, solver: str) -> Contestant:
+        """Return a solver with it."""
+        return Contestant(f'{solver}, {self.name}, {rate:g} Hz', solver,
+                          {**self.values, 'rate': rate}, dict(self.values))
+
+
+def two(first: float, second: float, **others: float) -> dict[str, Any]:
+    """Return the parameters of two links of lengths [m]."""
+    return {'link1_length': first, 'link2_length': second, **others}
+
+
+SIZES = [Pendulum(f'{length:g} m', two(length, length), RATES) for length in LENGTHS]
+OTHERS = [
+    Pendulum('0.15 and 0.25 m', two(0.15, 0.25), FAST),
+    Pendulum('0.35 and 0.2 m', two(0.35, 0.2), FAST),
+    *(Pendulum(f'0.3 m, 1 kg, cart of {mass:g} kg', two(0.3, 0.3, cart_mass=mass,
+                                                        track_limit=0.3 * TRACK), FAST)
+      for mass in (0.1, 1.0, 10.0)),
+    *(Pendulum(f'published, links {n}', {
+        'links': n, **LAB, **{f'link{i}_{name}': value for i, link in enumerate(links, 1)
+                              for name, value in zip(('mass', 'length'), link)}}, FAST)
+      for n, links in PUBLISHED.items()),
+    Pendulum('0.32, 0.42 and 0.48 m', {'links': 3, 'link3_length': 0.48, **two(0.32, 0.42)}, FAST)]
+
+
+def of_pendulum(one: Pendulum, rate: float, solver: str) -> Iterator[tuple[Contestant, Case]]:
+    """Yield the episodes of a solver with a pendulum at a rate [Hz]."""
+    contestant = one.contestant(rate, solver)
+    links = one.values.get('links', DEFAULT_LINKS)
+    for case in SCENARIOS['hanging'].cases('hanging', range(SEEDS), None, DURATION[links], links):
+        yield contestant, case
+
+
+def episodes() -> list[tuple[Contestant, Case]]:
+    """Return the episodes of all cells."""
+    return [episode for one in (*SIZES, *OTHERS) for rate in one.rates for solver in METHODS
+            for episode in of_pendulum(one, rate, solver)]
+
+
+def cell(one: Pendulum, rate: float, found: Mapping[Any, Row]) -> str:
+    """Return how many each solver held at a rate [Hz], and λT."""
+    held = [sum(found[key(*each)].metrics.success for each in of_pendulum(one, rate, solver))
+            for solver in METHODS]
+    return f'{" / ".join(map(str, held))} ({1 / (rate * one.time):.2f})'
+
+
+def settling(one: Pendulum, rate: float, found: Mapping[Any, Row]) -> str:
+    """Return the median settling times of each solver in the pendulum's own units."""
+    times = [np.median([row.settling_time for row in of if row.success] or [np.nan]) for of in (
+        [found[key(*each)].metrics for each in of_pendulum(one, rate, solver)]
+        for solver in METHODS)]
+    return ' / '.join('-' if np.isnan(each) else f'{each / one.time:.1f}' for each in times)
+
+
+def table(pendulums: Sequence[Pendulum], what: Any, found: Mapping[Any, Row]) -> str:
+    """Return a table of pendulums by rates."""
+    rates = pendulums[0].rates
+    return compact([('bodies', '1/λ [ms]', *(f'{rate:g} Hz' for rate in rates)), *(
+        (one.name, f'{1e3 * one.time:.0f}', *(what(one, rate, found) for rate in rates))
+        for one in pendulums)])
+
+
+def in_short(found: Mapping[Any, Row]) -> str:
+    """Return what is held up to SURE, up to LIKELY, and beyond, over all pendulums."""
+    lines = []
+    for words, low, high in (
+            (f'λT ≤ {SURE:g}', 0.0, SURE), (f'{SURE:g} < λT ≤ {LIKELY:g}', SURE, LIKELY),
+            (f'λT > {LIKELY:g}', LIKELY, np.inf)):
+        runs = [found[key(*each)].metrics.success for one in (*SIZES, *OTHERS)
+                for rate in one.rates if low < 1 / (rate * one.time) <= high
+                for solver in METHODS for each in of_pendulum(one, rate, solver)]
+        lines.append((words, share(held_of(runs))))
+    return compact([('period', 'held'), *lines])
+
+
+def page(rows: Sequence[Row], made: str) -> str:
+    """Return the page from the rows of all runs."""
+    found = {row.key: row for row in rows}
+    return '\n\n'.join([
+        '# Sizes and rates', made.strip(),
+        f'From nearly hanging, in lockstep without ROS, seeds 0 to {SEEDS - 1}, for as long as '
+        f'{DURATION[2]:g} s are with links of 1 m ({DURATION[3]:g} s with three links); told are '
+        'bodies and, of some of the others below, the track. Held of '
+        f'{SEEDS}: {" / ".join(f"`{name}`" for name in METHODS)}, and in brackets λT, the period '
+        "of the states in the pendulum's own unit of time, 1/λ. In square brackets 95 % "
+        'intervals (Wilson). Rows: `results/sizes.csv.gz`.',
+        in_short(found), 'Two links of the same length each, 0.5 kg, a cart of 1 kg:',
+        table(SIZES, cell, found), 'Median settling in units of 1/λ:',
+        table(SIZES, settling, found), 'Other bodies:', table(OTHERS, cell, found),
+        'Median settling in units of 1/λ:', table(OTHERS, settling, found),
+        'Published are masses and lengths, as uniform rods, of Kaheman et al., "The experimental '
+        'multi-arm pendulum on a cart", HardwareX 15, 2023, with a cart of '
+        f'{LAB["cart_mass"]:g} kg and ±{LAB["track_limit"]:g} m of track; three links of 0.32, '
+        '0.42 and 0.48 m are about '
+        'as long as those of Glück, Eder and Kugi, "Swing-up control of a triple pendulum on a '
+        'cart with experimental validation", Automatica 49, 2013.', ''])

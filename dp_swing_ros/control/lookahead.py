@@ -1,0 +1,102 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+How far ahead plans look, and in which steps: as the states come, and as far as the goal is.
+
+A force acts from state to state, so a step is a whole number of periods: a plan in other steps
+could not be followed, nor begin the next one. It is as long as physics allow, for that of which
+nothing new can be seen or done within a step needs no solve.
+"""
+
+from collections import deque
+from dataclasses import replace
+import math
+from statistics import median
+
+from dp_swing_ros.problem.parameters import LONGEST_HORIZON, PredictionParameters
+
+PERIODS, ENOUGH = 31, 3   # that are remembered, some of which may be those of losses; to go by
+SLOWEST = 0.6   # period in the pendulum's own units of time: beyond, it is easily dropped
+NEAR = 0.05     # of its periods, by which a step may be off
+LONGER = 1.15   # times what is given, until another number of periods is better
+FURTHER = 4 / 3   # times as far, where no plan comes to the goal
+
+
+class Lookahead:
+    """Learns the period of the states, and whether plans come to the goal; fits them to both."""
+
+    def __init__(self, given: PredictionParameters, time: float) -> None:
+        """Take the step that physics ask for, the horizon in such steps, the unit of time [s]."""
+        self.given, self.time = given, time
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the period, and what plans came to."""
+        self.t = -math.inf         # [s] of the last measurement
+        self.periods = deque[float](maxlen=PERIODS)
+        self.step = self.given.step
+        self.arrived = math.inf    # [s] of the last plan that came to the goal, or of a first
+        self.steps = self.given.horizon   # of the given length
+        self.prediction = self.given
+
+    @property
+    def period(self) -> float:
+        """Return the time from state to state [s]; NaN until it is known."""
+        return median(self.periods) if len(self.periods) >= ENOUGH else math.nan
+
+    @property
+    def warning(self) -> str:
+        """Return what is wrong with the period, or nothing."""
+        longest = SLOWEST * self.time
+        return '' if len(self.periods) < PERIODS or self.period <= longest else (
+            f'states come every {1e3 * self.period:.3g} ms, in which the pendulum falls '
+            f'{math.exp(self.period / self.time):.2g} times as far; expected one at least every '
+            f'{1e3 * longest:.3g} ms, {1 / longest:.3g} Hz')
+
+    def add(self, t: float) -> None:
+        """Take the time of a measurement [s]; what another overtook says nothing."""
+        if t > self.t:
+            if math.isfinite(self.t):
+                self.periods.append(t - self.t)
+            self.t = t
+            self.fit()
+
+    def look(self, t: float, arrives: bool, is_there: bool) -> None:
+        """
+        Take the time of a tick [s], whether its plan comes to the goal, and whether it is there.
+
+        Where no plan has come there for a horizon, they look further until the pendulum is there.
+        """
+        given = self.given
+        if arrives or is_there or t < self.arrived:
+            self.arrived = t
+        if is_there:
+            self.steps = given.horizon
+        elif t - self.arrived > self.steps * given.step and self.steps < given.longest_horizon:
+            self.arrived = t
+            self.steps = min(round(FURTHER * self.steps), given.longest_horizon)
+
+    def reconfigure(self, other: 'Lookahead') -> None:
+        """Go on as another one is given."""
+        self.given, self.time = other.given, other.time
+        self.step, self.steps = other.given.step, other.given.horizon
+        self.fit()
+
+    def fit(self) -> None:
+        """Find other steps where these do not go with the period, and as many as are needed."""
+        given, period = self.given, self.period
+        if given.fit_step and not (math.isnan(period) or self.fits(self.step)):
+            step = period * max(math.floor(given.step / period + NEAR), 1)
+            # one so long that the pendulum falls over in it would make no plan at all
+            self.step = min(step, max(SLOWEST * self.time, given.step))
+        if (self.step, self.steps) != (given.step, given.horizon) or self.prediction is not given:
+            horizon = max(round(self.steps * given.step / self.step), 1)
+            self.prediction = replace(given, step=self.step,
+                                      horizon=min(horizon, LONGEST_HORIZON))
+
+    def fits(self, step: float) -> bool:
+        """Return whether a step [s] is of whole periods, and none more would fit in it."""
+        periods, longest = max(round(step / self.period), 1), LONGER * self.given.step
+        return (abs(step / self.period - periods) <= NEAR * periods
+                and (periods == 1 or step <= longest)
+                and step + self.period > self.given.step / LONGER)
