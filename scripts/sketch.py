@@ -37,7 +37,7 @@ def sketch(physical: PendulumParameters = PendulumParameters(),
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     axes.set(xlim=(-2.95, 2.95), ylim=(bottom, top), aspect='equal')
     axes.set_axis_off()
-    _draw_track(axes, limits)
+    _draw_track(axes, physical, limits)
     draw_pendulum(axes, physical, x, size=1.6)
     for link, colour in enumerate(LINKS[:physical.links]):
         _draw_angle(axes, places[link:link + 2], link + 1, colour)
@@ -61,8 +61,8 @@ def _write(axes: Axes, top: float, physical: PendulumParameters,
               va='top')
 
 
-def _draw_track(axes: Axes, limits: LimitParameters) -> None:
-    draw_track(axes, limits, size=1.65)
+def _draw_track(axes: Axes, physical: PendulumParameters, limits: LimitParameters) -> None:
+    draw_track(axes, physical, limits, size=1.65)
     for side in (-limits.track_limit, limits.track_limit):
         axes.text(side, TRACK - 0.1, f'end stop\n$x$ = {side:+g} m'.replace('-', '−'),
                   ha='center', va='top')

@@ -36,6 +36,22 @@ def swing_up(duration: float = 4.0, rise: float = 2.0, solver: str = 'ilqr',
         solver=solver, physical=PendulumParameters(links=links), limits=LimitParameters())
 
 
+def resized(episode: Episode, length: float, mass: float = 1.0) -> Episode:
+    """Return the same run of a pendulum so many times longer and heavier."""
+    time, links, physical = length ** 0.5, episode.physical.links, episode.physical
+    units = [length, *[1.0] * links]
+    bodies = {f'link{i}_length': length * physical.lengths[i - 1] for i in range(1, links + 1)}
+    bodies |= {f'link{i}_mass': mass * physical.masses[i] for i in range(1, links + 1)}
+    limits, ticks = episode.limits, episode.ticks
+    return dataclasses.replace(
+        episode, t=time * episode.t, U=mass * episode.U,
+        X=episode.X * np.concatenate((units, np.divide(units, time))),
+        ticks=ticks._replace(t=time * ticks.t, solve_time=time * ticks.solve_time,
+                             latency=time * ticks.latency),
+        physical=dataclasses.replace(physical, cart_mass=mass * physical.cart_mass, **bodies),
+        limits=LimitParameters(mass * limits.force_limit, length * limits.track_limit))
+
+
 def first(episode: Episode, states: int) -> Episode:
     """Return the beginning of a run."""
     ticks = max(states - 1, 0)

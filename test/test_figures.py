@@ -7,12 +7,14 @@ from pathlib import Path
 import subprocess
 import sys
 
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
+from matplotlib.text import Text
 import numpy as np
 from PIL import Image
 import pytest
 from sketch import sketch
-from synthetic import first, PERIOD, swing_up, without_ticks
+from synthetic import first, PERIOD, resized, swing_up, without_ticks
 
 from dp_swing_ros import figures
 from dp_swing_ros.figures.curves import unwrapped
@@ -271,3 +273,58 @@ def test_the_sketch_is_made_by_a_command_and_shown_near_the_top(tmp_path):
             sizes.append(picture.size)
     assert sizes[0] == sizes[1]
     assert 'docs/figures/pendulum.png' in README.read_text().split('## ')[1]
+
+
+def drawn(figure):
+    """Return the pixels of a picture without its words."""
+    for text in figure.findobj(Text):
+        text.set_alpha(0.0)
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    return np.asarray(canvas.buffer_rgba())[..., :3].astype(int)
+
+
+@pytest.mark.parametrize('links', [1, 2, 3])
+def test_a_small_pendulum_looks_as_a_large_one_on_film(links):
+    episode = swing_up(duration=6.0, links=links)
+    small = resized(episode, 0.25, 0.1)
+    pictures = [drawn(figures.hero(one)) for one in (episode, small)]
+    assert np.mean(np.abs(np.subtract(*pictures)) > 2) < 1e-3
+    film, force = figures.hero(small).axes
+    np.testing.assert_allclose(force.get_xticks(), [*0.25 * np.arange(9), 2.25])
+    assert [label.get_text() for label in force.get_xticklabels()][-2:] == ['2.00', '3.00']
+    panels = [figures.snapshots(one).axes[0] for one in (episode, small)]
+    assert panels[1].get_xlim() == pytest.approx(np.multiply(panels[0].get_xlim(), 0.25))
+    assert panels[1].get_xticks().tolist() == (0.25 * panels[0].get_xticks()).tolist()
+
+
+def test_a_small_pendulum_looks_as_a_large_one_in_an_animation(tmp_path):
+    episode = swing_up(duration=2.0)
+    pictures = []
+    for name, one in (('large', episode), ('small', resized(episode, 0.25, 0.1))):
+        figures.animation(one, tmp_path / f'{name}.gif')
+        with Image.open(tmp_path / f'{name}.gif') as image:
+            durations = []
+            for frame in range(image.n_frames):
+                image.seek(frame)
+                durations.append(image.info['duration'])
+            pictures.append(np.asarray(image.convert('RGB'))[50:].astype(int))
+            assert sum(durations) == pytest.approx(2050 if name == 'large' else 1025, abs=25)
+    assert np.mean(np.abs(np.subtract(*pictures)) > 2) < 1e-3
+
+
+def test_what_counts_as_upright_is_marked_in_own_units():
+    episode = swing_up()
+    large, small = (figures.squared_error(one).axes for one in (episode, resized(episode, 0.25)))
+    for axes, other, unit in zip(large, small, (0.25, 1, 1, 0.5, 2, 2)):
+        assert other.get_ylim()[0] == pytest.approx(axes.get_ylim()[0] * unit ** 2)
+        for line, its in zip(axes.lines, other.lines):
+            np.testing.assert_allclose(its.get_ydata(), np.multiply(line.get_ydata(), unit ** 2))
+
+
+@pytest.mark.parametrize('length', [0.05, 0.15, 0.4, 3.0])
+def test_any_size_has_ticks_that_can_be_read(length):
+    figure = figures.snapshots(resized(swing_up(), length))
+    panel = figure.axes[0]
+    inside = [tick for tick in panel.get_xticks() if abs(tick) <= panel.get_xlim()[1]]
+    assert 2 < len(inside) < 8

@@ -17,16 +17,17 @@ from dp_swing_ros.figures.style import (
     colours, FAINT, formulas, in_decades, INK, legend, limit_lines, solver_name, styled)
 from dp_swing_ros.pendulum.parameters import LimitParameters
 from dp_swing_ros.pendulum.state import angles, links_of
+from dp_swing_ros.pendulum.units import SAME, Units
 from dp_swing_ros.rerun.counterfactual import Counterfactual, ScoredTrajectory
 
 DASH = 5          # [line widths]
 STRIP = 0.85      # [inch] of a force
-REST = 1.0        # [s] that is shown of what all have held
+REST = 1.0        # [s] scaled, that is shown of what all have held
 SMALLEST = 1e-3   # a regret below is drawn as none
 
 
 @styled
-def counterfactual(one: Counterfactual, limits: LimitParameters) -> Figure:
+def counterfactual(one: Counterfactual, limits: LimitParameters, scale: Units = SAME) -> Figure:
     """Draw the run until a tick and what followed: together, then each one's force and cost."""
     shown, states = _coloured(one), links_of(one.recorded.X) + 1
     figure = Figure(figsize=(9.6, 1.6 + 1.33 * states + STRIP * len(shown)),
@@ -46,7 +47,7 @@ def counterfactual(one: Counterfactual, limits: LimitParameters) -> Figure:
     position.set_ylabel('$x$ [m]')
     # until all who hold the pendulum have held it for a while; else to the end of the run
     settled = np.fmax.reduce([trajectory.settled for trajectory, _ in shown])
-    end = np.fmin(one.recorded.t[-1], settled + REST)
+    end = np.fmin(one.recorded.t[-1], settled + scale.sized(REST, 's'))
     for axes in left:
         axes.axvline(one.at, color=INK, linewidth=1, linestyle=(0, (1, 1.5)))
         axes.grid(True)

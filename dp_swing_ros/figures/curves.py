@@ -16,10 +16,12 @@ import numpy as np
 from dp_swing_ros.figures.style import (
     ALARM, CART, DASHES, FAINT, FORCE, formulas, in_decades, in_numbers, INK, legend, limit_lines,
     LINKS, name_lines, PALETTE, solver_name, styled, widths)
-from dp_swing_ros.pendulum.state import angles, Array, links_of, units
+from dp_swing_ros.pendulum.equations import scale_of
+from dp_swing_ros.pendulum.state import angles, Array, links_of, SLOW, units, UPRIGHT
+from dp_swing_ros.pendulum.units import SAME, scaled_speeds, Units
 from dp_swing_ros.simulation.episode import Episode
 
-ERROR_FLOOR = 1e-8  # squared errors below are drawn here: a log axis has no zero
+ERROR_FLOOR = 1e-8  # scaled squared errors below are drawn here: a log axis has no zero
 NEAR_HANGING = 0.5  # [rad] a start this close to hanging is drawn around +π, never around -π
 MOST = 5 * np.pi    # [rad] of an axis with a tick at every half turn
 # colours of runs over each other; where there are more runs, their lines differ
@@ -30,32 +32,40 @@ LETTER = 0.09       # [inch] of their legend, about
 @styled
 def squared_error(episode: Episode) -> Figure:
     """Draw the squared distance of the states from upright at rest (the paper's Fig. 3)."""
-    links = links_of(episode.X)
+    links, scale = links_of(episode.X), scale_of(episode.physical)
     figure = Figure(figsize=(3.2 * (links + 1), 5.0), layout='constrained')
     panels = figure.subplots(2, links + 1, sharex=True)
     errors = episode.errors.T ** 2
-    for axes, error, colour in zip(panels.flat, errors, (CART, *LINKS[:links]) * 2):
-        curve = np.maximum(error, ERROR_FLOOR)
+    for axes, error, unit, colour in zip(panels.flat, errors, units(links),
+                                         (CART, *LINKS[:links]) * 2):
+        floor = _floor(scale, unit)
+        curve = np.maximum(error, floor)
         axes.semilogy(episode.t, curve, color=colour)
-        axes.fill_between(episode.t, ERROR_FLOOR, curve, color=colour, alpha=0.08, linewidth=0)
-    name_errors(panels)
+        axes.fill_between(episode.t, floor, curve, color=colour, alpha=0.08, linewidth=0)
+    name_errors(panels, scale)
     figure.suptitle(f'{solver_name(episode.solver)}: squared error of the states over time '
                     '(dashed: what counts as upright)')
     return figure
 
 
-def name_errors(panels: Array) -> None:
+def name_errors(panels: Array, scale: Units = SAME) -> None:
     """Name the squared errors that panels (2, n + 1) show, and mark what counts as upright."""
     links = panels.shape[1] - 1
-    for i, (axes, symbol, unit) in enumerate(zip(panels.flat, formulas(links), units(links))):
-        if i > 0:
-            bound = 0.1 if i <= links else 1.0
+    bounds = (math.nan, *[UPRIGHT] * links, *scaled_speeds(SLOW, scale, links))
+    for axes, symbol, unit, bound in zip(panels.flat, formulas(links), units(links), bounds):
+        if not math.isnan(bound):
             axes.axhline(bound ** 2, color=FAINT, linestyle='--', linewidth=1)
         square = '/'.join(f'{part}²' for part in unit.split('/'))
-        axes.set(yscale='log', ylim=(ERROR_FLOOR, None), ylabel=f'error of {symbol} [{square}]')
+        axes.set(yscale='log', ylim=(_floor(scale, unit), None),
+                 ylabel=f'error of {symbol} [{square}]')
         axes.grid(True)
     for axes in panels[1]:
         axes.set_xlabel('time [s]')
+
+
+def _floor(scale: Units, unit: str) -> float:
+    """Return the least squared error that is drawn of a state in a unit."""
+    return ERROR_FLOOR * scale.factor(unit) ** 2
 
 
 @styled

@@ -18,24 +18,31 @@ from PIL import Image
 
 from dp_swing_ros.evaluation.metrics import settling_time
 from dp_swing_ros.figures.pendulum import (
-    ARROW, CART_SIZE, draw_pendulum, draw_scene, draw_trail, FINE, force_at, room_for, states_at,
-    times_of, TRACK)
+    arrow_size, cart_size, draw_pendulum, draw_scene, draw_trail, FINE, force_at, room_for,
+    states_at, times_of, TRACK)
 from dp_swing_ros.figures.style import (
     FAINT, FORCE, INK, limit_lines, LINKS, mark, panels_of, PAPER, solver_name, styled, tint,
     WARNING)
-from dp_swing_ros.pendulum.geometry import joint_positions
+from dp_swing_ros.pendulum.equations import scale_of
+from dp_swing_ros.pendulum.geometry import drawn_scale, joint_positions
 from dp_swing_ros.pendulum.state import Array, errors, is_upright
+from dp_swing_ros.pendulum.units import decimals, rounded, Units
 from dp_swing_ros.simulation.episode import Episode
 
 SNAPSHOTS = 24   # at most
+# all of the default bodies, and scaled for others as they are drawn
 SPEED = 3.4      # [m/s] of the film that runs past the cart
 BETWEEN = 0.25   # [s] between two carts on it
 TICK = 0.5       # [s] on its axis of time
 UP = 1.0         # [s] upright that it shows before its cut, at least
 SHORTEST, LONGEST = 4.0, 10.0  # [s] of it before the cut
 CUT = 0.5        # [s] on it between what it shows and the last state
+GAP = 0.01       # [s] between that and its force
+SIDE, TOP = 0.5, 0.25          # [m] of the film beside and above what it shows
+METRE = 1.0      # [m] between ticks of axes in space
 FRAME = 0.05     # [s] between the pictures of an animation
 LONGEST_ANIMATION = 30.0       # [s]
+COUNT, SOONEST = 0.01, 0.02    # [s] in which a GIF counts, and the least that browsers show
 
 
 @styled
@@ -81,11 +88,13 @@ def snapshot(axes: Axes, episode: Episode, t: float, half_width: float) -> None:
     axes.spines[:].set_visible(False)
     axes.set_facecolor(PAPER)
     axes.tick_params(length=0, labelsize='x-small')
-    axes.xaxis.set_major_locator(MultipleLocator(1.0))
-    axes.yaxis.set_major_locator(MultipleLocator(1.0))
+    metre = rounded(drawn_scale(episode.physical).sized(METRE, 'm'))
+    axes.xaxis.set_major_locator(MultipleLocator(metre))
+    axes.yaxis.set_major_locator(MultipleLocator(metre))
     digits = 1 if abs(t - round(t, 1)) < 1e-6 else 2
+    up = is_upright(errors(x, episode.x_r), scale_of(episode.physical))
     axes.set_title(f'{t:.{digits}f} s', fontsize='small', pad=2,
-                   weight='bold' if is_upright(errors(x, episode.x_r)) else 'normal')
+                   weight='bold' if up else 'normal')
 
 
 @styled
@@ -96,21 +105,26 @@ def hero(episode: Episode) -> Figure:
     Every cart stands above the force of its moment. Of a run that goes on for long after it has
     settled the film is cut, and ends with the last state.
     """
-    length, settled = float(episode.t[-1]), settling_time(episode.t, episode.errors)
-    seconds = SHORTEST if math.isnan(settled) else min(
-        max(SHORTEST, TICK * math.ceil((settled + UP) / TICK)), LONGEST)
-    cut = length > seconds + CUT
-    times, fine = (times_of(episode, period, seconds) for period in (BETWEEN, FINE))
-    keys = _on_film(states_at(episode, times), times)
-    ghosts = _on_film(states_at(episode, fine), fine)
+    scale = _film_scale(episode)
+    length = float(episode.t[-1])
+    settled = settling_time(episode.t, episode.errors, scale_of(episode.physical))
+    between, tick, up, shortest, longest, gap = (
+        scale.sized(time, 's') for time in (BETWEEN, TICK, UP, SHORTEST, LONGEST, CUT))
+    seconds = shortest if math.isnan(settled) else min(
+        max(shortest, tick * math.ceil((settled + up) / tick)), longest)
+    cut = length > seconds + gap
+    times, fine = (times_of(episode, period, seconds)
+                   for period in (between, scale.sized(FINE, 's')))
+    keys = _on_film(states_at(episode, times), times, scale)
+    ghosts = _on_film(states_at(episode, fine), fine, scale)
     strengths = np.linspace(0.3, 1.0, len(keys))
     if cut:
-        keys = np.vstack([keys, _on_film(episode.X[-1:], seconds + CUT)])
+        keys = np.vstack([keys, _on_film(episode.X[-1:], seconds + gap, scale)])
         strengths = np.append(strengths, 1.0)
     lengths = episode.physical.lengths
     figure, film, force = _hero_axes(joint_positions(np.vstack([ghosts, keys]), lengths),
-                                     sum(lengths))
-    _draw_ghosts(film, joint_positions(ghosts, lengths))
+                                     sum(lengths), scale)
+    _draw_ghosts(film, joint_positions(ghosts, lengths), scale)
     for x, strength in zip(keys, strengths):
         draw_pendulum(film, episode.physical, x, strength=strength)
     if len(episode.U):
@@ -118,7 +132,7 @@ def hero(episode: Episode) -> Figure:
         force.stairs(episode.U[:shown], episode.t[:shown + 1], baseline=0, fill=True,
                      color=FORCE, alpha=0.85)
     if cut:
-        _mark_cut(film, force, seconds, length)
+        _mark_cut(film, force, seconds, length, scale)
     limit_lines(force, episode.limits.force_limit)
     ending = f'not upright at the end, {length:.1f} s' if math.isnan(settled) \
         else f'upright from {settled:.2f} to {length:.1f} s'
@@ -126,28 +140,35 @@ def hero(episode: Episode) -> Figure:
     readable = {'color': 'white', 'alpha': 0.7, 'linewidth': 0, 'pad': 1}
     figure.text(0.055, 0.94, f'Swing-up by {solver_name(episode.solver)}', size=15, va='top',
                 weight='bold', bbox=readable)
-    figure.text(0.055, 0.865, f'every {BETWEEN:g} s, seen from the cart;\n{ending}', size=10,
+    figure.text(0.055, 0.865, f'every {between:g} s, seen from the cart;\n{ending}', size=10,
                 va='top', bbox=readable)
     return figure
 
 
-def _on_film(X: Array, t: Array | float) -> Array:
+def _film_scale(episode: Episode) -> Units:
+    """Return how many times larger the film is than of the default bodies; its ticks are round."""
+    scale = drawn_scale(episode.physical)
+    return scale._replace(time=rounded(TICK * scale.time) / TICK)
+
+
+def _on_film(X: Array, t: Array | float, scale: Units) -> Array:
     """Return states (M, 2n + 2) with the cart where the film is at their times [s]."""
     moved = X.copy()
     # by a sum: a state that is not known stays so, and no cart is drawn of it
-    moved[:, 0] += SPEED * t - X[:, 0]
+    moved[:, 0] += scale.sized(SPEED, 'm/s') * t - X[:, 0]
     return moved
 
 
-def _hero_axes(places: Array, reach: float) -> tuple[Figure, Axes, Axes]:
+def _hero_axes(places: Array, reach: float, scale: Units) -> tuple[Figure, Axes, Axes]:
     """
     Return axes with room for places (M, n + 1, 2) [m] above an axis of time to its scale.
 
     They are as high as links of a length [m] in all reach up and down.
     """
-    left = np.nanmin(places[..., 0], initial=0.0) - 0.5
-    right = np.nanmax(places[..., 0], initial=SPEED) + 0.5
-    top = reach + 0.25
+    side, top = scale.sized(SIDE, 'm'), reach + scale.sized(TOP, 'm')
+    speed = scale.sized(SPEED, 'm/s')
+    left = np.nanmin(places[..., 0], initial=0.0) - side
+    right = np.nanmax(places[..., 0], initial=speed * scale.time) + side
     width, strip, below, margin = 11.0, 0.9, 0.5, 0.6  # [inch]
     height = width * 2 * top / (right - left)
     total = (width + margin, height + strip + below)
@@ -157,13 +178,13 @@ def _hero_axes(places: Array, reach: float) -> tuple[Figure, Axes, Axes]:
         'hspace': 0.0})
     film.set(xlim=(left, right), ylim=(-top, top))
     film.set_axis_off()
-    force.set(xlim=(left / SPEED, right / SPEED), xlabel='time [s]', ylabel='force [N]')
+    force.set(xlim=(left / speed, right / speed), xlabel='time [s]', ylabel='force [N]')
     return figure, film, force
 
 
-def _draw_ghosts(film: Axes, places: Array) -> None:
+def _draw_ghosts(film: Axes, places: Array, scale: Units) -> None:
     """Draw every state as hairlines that grow stronger, and the paths of all tips."""
-    film.axhline(TRACK, color=FAINT, linewidth=1.0, zorder=1)
+    film.axhline(scale.sized(TRACK, 'm'), color=FAINT, linewidth=1.0, zorder=1)
     for link, colour in enumerate(LINKS[:places.shape[1] - 1]):
         colours = [to_rgba(colour, strength) for strength in np.linspace(0.06, 0.2, len(places))]
         film.add_collection(LineCollection(list(places[:, link:link + 2]), colors=colours,
@@ -171,29 +192,33 @@ def _draw_ghosts(film: Axes, places: Array) -> None:
         film.plot(*places[:, link + 1].T, color=colour, linewidth=1.2, alpha=0.8)
 
 
-def _mark_cut(film: Axes, force: Axes, seconds: float, length: float) -> None:
+def _mark_cut(film: Axes, force: Axes, seconds: float, length: float, scale: Units) -> None:
     """Leave out what comes after some seconds of a run of a length [s] but for its end."""
-    middle = seconds + CUT / 2
-    film.text(SPEED * middle, TRACK, '⋯', size=18, ha='center', va='center',
-              backgroundcolor='white', zorder=2)
-    force.axvspan(seconds, seconds + CUT - 0.01, color='white', zorder=3)
+    cut, tick = scale.sized(CUT, 's'), scale.sized(TICK, 's')
+    middle = seconds + cut / 2
+    film.text(scale.sized(SPEED, 'm/s') * middle, scale.sized(TRACK, 'm'), '⋯', size=18,
+              ha='center', va='center', backgroundcolor='white', zorder=2)
+    force.axvspan(seconds, seconds + cut - scale.sized(GAP, 's'), color='white', zorder=3)
     force.text(middle, 0.0, '⋯', size=14, ha='center', va='center', zorder=4)
-    ticks = np.arange(0.0, seconds + 1e-9, TICK)
-    force.set_xticks([*ticks, seconds + CUT],
-                     [*(f'{tick:.1f}' for tick in ticks), f'{length:.1f}'])
+    ticks = np.arange(0.0, seconds + 1e-9, tick)
+    digits = max(len(f'{tick:g}'.partition('.')[2]), 1)
+    force.set_xticks([*ticks, seconds + cut],
+                     [f'{each:.{digits}f}' for each in (*ticks, length)])
 
 
 @styled
 def animation(episode: Episode, path: Path,
               progress: Callable[[Sequence[float]], Iterable[float]] = iter) -> None:
     """
-    Write a GIF of the run in real time, 20 pictures a second.
+    Write a GIF of the run in real time, 20 pictures a second, of a faster pendulum 50 at most.
 
     `progress` wraps the times of the pictures, as tqdm does.
     """
     width, height, head = 5.6, 4.6, 0.08  # [inch], and the share above the scene
     figure = Figure(figsize=(width, height), dpi=90)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0 - head))
+    scale = drawn_scale(episode.physical)
+    period = max(COUNT * round(scale.time * FRAME / COUNT), SOONEST)
     # as wide as the picture, or as the run needs
     reach = 1.1 * sum(episode.physical.lengths)
     draw_scene(axes, episode, max(room_for(episode), reach * width / ((1.0 - head) * height)))
@@ -203,8 +228,9 @@ def animation(episode: Episode, path: Path,
     canvas, palette = FigureCanvasAgg(figure), _palette()
     first, *others = (
         _picture(canvas, axes, episode, t).quantize(palette=palette, dither=Image.Dither.NONE)
-        for t in progress(list(times_of(episode, FRAME, LONGEST_ANIMATION))))
-    first.save(path, save_all=True, append_images=others, duration=round(1000 * FRAME), loop=0)
+        for t in progress(list(times_of(
+            episode, period, scale.sized(LONGEST_ANIMATION, 's')))))
+    first.save(path, save_all=True, append_images=others, duration=round(1000 * period), loop=0)
 
 
 def _palette() -> Image.Image:
@@ -221,21 +247,24 @@ def _palette() -> Image.Image:
 def _picture(canvas: FigureCanvasAgg, axes: Axes, episode: Episode, t: float) -> Image.Image:
     """Return the picture at a time [s]: what moves is drawn, and taken away again."""
     (x,), u = states_at(episode, np.array([t])), force_at(episode, t)
+    scale = drawn_scale(episode.physical)
+    force = f'{u:+.{decimals(1, scale.factor("N"))}f} N'
     moving = [*draw_pendulum(axes, episode.physical, x, size=1.2),
-              draw_trail(axes, episode, t, 1.0, 2.0), axes.add_patch(_arrow(x[0], u)),
+              draw_trail(axes, episode, t, 1.0, 2.0), axes.add_patch(_arrow(x[0], u, scale)),
               canvas.figure.text(0.46, 0.93, f'{t:.2f} s', size=11),
-              canvas.figure.text(0.96, 0.93, f'{u:+.1f} N'.replace('-', '−'), size=11,
-                                 ha='right', color=FORCE)]
+              canvas.figure.text(0.96, 0.93, force.replace('-', '−'), size=11, ha='right',
+                                 color=FORCE)]
     canvas.draw()
     for artist in moving:
         artist.remove()
     return Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
 
 
-def _arrow(x: float, u: float) -> FancyArrow:
+def _arrow(x: float, u: float, scale: Units) -> FancyArrow:
     """Return an arrow beside the cart at x [m] that shows the force u [N]."""
-    length = ARROW['scale'] * u
-    head = min(ARROW['head'], abs(length))
-    return FancyArrow(x + math.copysign(CART_SIZE[0] / 2 + ARROW['gap'], u), 0.0, length, 0.0,
-                      width=0.3 * head, head_width=head, head_length=head, color=FORCE,
-                      length_includes_head=True, visible=abs(u) > ARROW['least'], zorder=6)
+    size = arrow_size(scale)
+    length = size['scale'] * u
+    head = min(size['head'], abs(length))
+    return FancyArrow(x + math.copysign(cart_size(scale)[0] / 2 + size['gap'], u), 0.0, length,
+                      0.0, width=0.3 * head, head_width=head, head_length=head, color=FORCE,
+                      length_includes_head=True, visible=abs(u) > size['least'], zorder=6)

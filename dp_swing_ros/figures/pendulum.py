@@ -12,18 +12,33 @@ from matplotlib.patches import FancyBboxPatch
 import numpy as np
 
 from dp_swing_ros.figures.style import CART, FAINT, INK, LINKS, tint
-from dp_swing_ros.pendulum.geometry import joint_positions
+from dp_swing_ros.pendulum.geometry import drawn_scale, joint_positions
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.pendulum.state import Array, between
+from dp_swing_ros.pendulum.units import Units
 from dp_swing_ros.simulation.episode import Episode
 
+# all of the default bodies, and scaled for others as they are drawn; see drawn_scale
 CART_SIZE = (0.44, 0.22)  # [m]
+CORNER = 0.05             # [m] its radius
 TRACK = -0.15             # [m] height of the track under the joint of the cart
 STOP = 0.25               # [m] height of an end stop
 FAR = 1e3                 # [m] where a track without an end ends
+MARGIN = 0.2              # [m] beside what moves
 FINE = 0.0125             # [s] between the points of a trail
-# of a force beside the cart: gap [m], length [m/N], head [m] at most, least force [N] shown
-ARROW = {'gap': 0.04, 'scale': 0.05, 'head': 0.18, 'least': 0.5}
+# of a force beside the cart: its gap, its length, its head at most, the least that is shown
+ARROW = {'gap': (0.04, 'm'), 'scale': (0.05, 'm/N'), 'head': (0.18, 'm'), 'least': (0.5, 'N')}
+
+
+def cart_size(scale: Units) -> tuple[float, float]:
+    """Return width and height [m] of the cart."""
+    width, height = CART_SIZE
+    return scale.sized(width, 'm'), scale.sized(height, 'm')
+
+
+def arrow_size(scale: Units) -> dict[str, float]:
+    """Return the sizes of the arrow of a force."""
+    return {name: scale.sized(*size) for name, size in ARROW.items()}
 
 
 def times_of(episode: Episode, period: float, until: float = math.inf) -> Array:
@@ -57,37 +72,41 @@ def room_for(episode: Episode) -> float:
     lengths = episode.physical.lengths
     places = joint_positions(episode.X, lengths)[..., 0]
     reached = np.abs(places[np.isfinite(places)])
-    return max(float(reached.max(initial=0.0)) + 0.2, 0.6 * sum(lengths))
+    margin = drawn_scale(episode.physical).sized(MARGIN, 'm')
+    return max(float(reached.max(initial=0.0)) + margin, 0.6 * sum(lengths))
 
 
 def draw_scene(axes: Axes, episode: Episode, half_width: float) -> None:
     """Set the view and lay the track."""
-    draw_track(axes, episode.limits)
+    draw_track(axes, episode.physical, episode.limits)
     reach = 1.1 * sum(episode.physical.lengths)
     axes.set(xlim=(-half_width, half_width), ylim=(-reach, reach), aspect='equal')
 
 
-def draw_track(axes: Axes, limits: LimitParameters, size: float = 1.0) -> None:
-    """Draw the track and its end stops."""
-    for line, width in zip(track_lines(limits), (1.2, 2.5, 2.5)):
+def draw_track(axes: Axes, physical: PendulumParameters, limits: LimitParameters,
+               size: float = 1.0) -> None:
+    """Draw the track of a pendulum and its end stops."""
+    for line, width in zip(track_lines(drawn_scale(physical), limits), (1.2, 2.5, 2.5)):
         axes.plot(*line.T, color=FAINT, linewidth=width * size, zorder=1)
 
 
-def track_lines(limits: LimitParameters) -> Array:
+def track_lines(scale: Units, limits: LimitParameters) -> Array:
     """Return the lines (3, 2, 2) [m] of the track and its two end stops."""
-    end = min(limits.track_limit + CART_SIZE[0] / 2, FAR)
-    return np.array([[(-end, TRACK), (end, TRACK)], *([(side, TRACK), (side, TRACK + STOP)]
-                                                      for side in (-end, end))])
+    low, top = scale.sized(TRACK, 'm'), scale.sized(TRACK + STOP, 'm')
+    end = min(limits.track_limit + cart_size(scale)[0] / 2, scale.sized(FAR, 'm'))
+    return np.array([[(-end, low), (end, low)],
+                     *([(side, low), (side, top)] for side in (-end, end))])
 
 
 def draw_pendulum(axes: Axes, physical: PendulumParameters, x: Array, size: float = 1.0,
                   strength: float = 1.0) -> list[Artist]:
     """Draw cart and links in the state x (2n + 2,), white at strength 0; return the artists."""
-    places, (width, height) = joint_positions(x, physical.lengths), CART_SIZE
+    places, scale = joint_positions(x, physical.lengths), drawn_scale(physical)
+    width, height = cart_size(scale)
     cart = axes.add_patch(FancyBboxPatch(
         (places[0, 0] - width / 2, -height / 2), width, height,
-        boxstyle='round,pad=0,rounding_size=0.05', facecolor=tint(CART, strength),
-        edgecolor='none', zorder=3))
+        boxstyle=f'round,pad=0,rounding_size={scale.sized(CORNER, "m")}',
+        facecolor=tint(CART, strength), edgecolor='none', zorder=3))
     lines = [line for link, colour in enumerate(LINKS[:physical.links]) for line in axes.plot(
         *places[link:link + 2].T, color=tint(colour, strength), linewidth=4 * size,
         solid_capstyle='round', zorder=4)]
@@ -97,8 +116,9 @@ def draw_pendulum(axes: Axes, physical: PendulumParameters, x: Array, size: floa
 
 
 def draw_trail(axes: Axes, episode: Episode, t: float, length: float, width: float) -> Artist:
-    """Draw the path of the last tip over the time [s] before t, fading to its start."""
-    times = np.linspace(max(t - length, 0.0), t, max(2, round(length / FINE)))
+    """Draw the path of the last tip over the time [s], scaled, before t, fading to its start."""
+    begin = t - drawn_scale(episode.physical).sized(length, 's')
+    times = np.linspace(max(begin, 0.0), t, max(2, round(length / FINE)))
     tips = joint_positions(states_at(episode, times), episode.physical.lengths)[:, -1]
     pieces = np.stack([tips[:-1], tips[1:]], axis=1)
     colours = [to_rgba(LINKS[episode.physical.links - 1], 0.8 * strength ** 1.5)

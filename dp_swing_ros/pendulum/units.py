@@ -9,6 +9,7 @@ pendulum's own units, so that they are the same numbers of these; see `own_units
 
 from collections.abc import Sequence
 import functools
+import math
 import re
 from typing import NamedTuple
 
@@ -71,6 +72,18 @@ def dimension(unit: str) -> tuple[int, ...]:
         for name, exponent in re.findall(r'([A-Za-z1]+)(?:\^(\d))?', text):
             found += sign * int(exponent or 1) * np.array(DIMENSIONS[name])
     return tuple(found.tolist())
+
+
+def decimals(usual: int, times: float) -> int:
+    """Return how many decimals show as much of what is so many times larger than usual."""
+    return max(usual - round(math.log10(times)), 0)
+
+
+def rounded(value: float) -> float:
+    """Return the round number nearest to a positive one: 1, 2, 2.5 or 5 times a power of ten."""
+    power = 10.0 ** math.floor(math.log10(value))
+    return min((step * power for step in (1, 2, 2.5, 5, 10)),
+               key=lambda each: abs(math.log(each / value)))
 
 
 def in_words(unit: str) -> str:

@@ -15,6 +15,7 @@ import math
 from textwrap import indent
 from xml.etree import ElementTree
 
+from dp_swing_ros.pendulum.geometry import drawn_scale
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.pendulum.state import LINKS
 
@@ -22,7 +23,8 @@ ROOT = 'track'   # the link that stands still
 UNLIMITED = 1e9  # URDF readers know no infinity
 MATERIALS = {'steel': '0.6 0.6 0.65', 'blue': '0.12 0.47 0.71', 'orange': '1 0.5 0.05',
              'purple': '0.8 0.47 0.65'}   # of cart and track, then of the links
-RADIUS = 0.02  # [m] of the links as they are drawn
+RADIUS, RAIL = 0.02, 0.01   # [m] scaled, of the links and the track as they are drawn
+CART = (0.2, 0.1, 0.1)      # [m] scaled, sides of it as it is drawn
 DIGITS = 12  # after the point of an inertia factor, which is read from a ratio of two numbers
 
 
@@ -85,15 +87,19 @@ def _track(physical: PendulumParameters, limits: LimitParameters) -> list[str]:
     """Return the track and the cart on it."""
     mass = physical.cart_mass
     track, force = min(limits.track_limit, UNLIMITED), min(limits.force_limit, UNLIMITED)
+    scale = drawn_scale(physical)
     # an endless track is drawn as long as the default one
-    drawn = LimitParameters() if math.isinf(limits.track_limit) else limits
+    end = scale.sized(LimitParameters().track_limit, 'm') if math.isinf(limits.track_limit) \
+        else limits.track_limit
     return [
         _element(f'link name="{ROOT}"', _visual(
-            f'cylinder radius="0.01" length="{2 * drawn.track_limit!r}"', 'steel',
+            f'cylinder radius="{scale.sized(RAIL, "m")!r}" length="{2 * end!r}"', 'steel',
             f'<origin rpy="0 {math.pi / 2!r} 0"/>')),
         _element('link name="cart_body"',
-                 _inertial(mass, [mass * square / 12 for square in (0.02, 0.05, 0.05)]),
-                 _visual('box size="0.2 0.1 0.1"', 'steel')),
+                 _inertial(mass, [mass * scale.sized(square, 'm^2') / 12
+                                  for square in (0.02, 0.05, 0.05)]),
+                 _visual(f'box size="{" ".join(repr(scale.sized(side, "m")) for side in CART)}"',
+                         'steel')),
         _joint('cart', ROOT, 'cart_body',
                f'<limit lower="{-track!r}" upper="{track!r}" effort="{force!r}" '
                f'velocity="{UNLIMITED!r}"/>',
@@ -107,12 +113,13 @@ def _link(physical: PendulumParameters, i: int) -> list[str]:
     length, mass = physical.lengths[i - 1], physical.masses[i]
     across = physical.inertia_factors[i - 1] * _across(mass, length)
     # The inertia about its own length, which changes nothing, must not be zero.
-    moments = [across, across, mass * RADIUS ** 2 / 2]
+    radius = drawn_scale(physical).sized(RADIUS, 'm')
+    moments = [across, across, mass * radius ** 2 / 2]
     number = str(i - 1) if i > 2 else ''   # of the elbow
     return [
         *(_elbow(number, i - 1, physical.lengths[i - 2]) if i > 1 else ()),
         _element(f'link name="link{i}"', _inertial(mass, moments, _above(length / 2)),
-                 _visual(f'cylinder radius="{RADIUS}" length="{length!r}"', list(MATERIALS)[i],
+                 _visual(f'cylinder radius="{radius!r}" length="{length!r}"', list(MATERIALS)[i],
                          _above(length / 2))),
         _joint(f'joint{i}', f'elbow{number}' if i > 1 else 'cart_body', f'link{i}',
                f'<dynamics damping="{physical.frictions[i]!r}" '

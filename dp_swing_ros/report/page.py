@@ -16,14 +16,16 @@ from dp_swing_ros.evaluation.comparison import rows
 from dp_swing_ros.evaluation.metrics import measure, outcome
 from dp_swing_ros.figures import style
 from dp_swing_ros.figures.pendulum import (
-    ARROW, CART_SIZE, force_at, room_for, states_at, times_of, track_lines)
-from dp_swing_ros.pendulum.geometry import joint_positions
+    arrow_size, cart_size, force_at, room_for, states_at, times_of, track_lines)
+from dp_swing_ros.pendulum.geometry import drawn_scale, joint_positions
+from dp_swing_ros.pendulum.units import decimals
 from dp_swing_ros.report.recording import Recording
 from dp_swing_ros.report.settings import differences, provenances, settings
 from dp_swing_ros.simulation.episode import Episode
 
 FOLDER = Path(__file__).parent
-FRAME = 0.02   # [s] between the pictures of the animation
+FRAME = 0.02   # [s] scaled, between the pictures of the animation
+TRAIL = 1.0    # [s] scaled, of the upper tip
 FRAMES = 3000  # at most; those of a long run are further apart
 KINDS = {1: 'Inverted', 2: 'Double inverted', 3: 'Triple inverted'}   # by number of links
 HIGHLIGHTS = ('settling_time', 'largest_force', 'largest_position', 'median_solve_time',
@@ -103,14 +105,18 @@ def _film(episode: Episode) -> dict[str, Any]:
 
     A frame is the force [N] and the polyline of the joints, whose pieces are the links.
     """
-    period = max(FRAME, float(episode.t[-1]) / FRAMES)
-    times, physical = times_of(episode, period), episode.physical
-    joints = np.round(joint_positions(states_at(episode, times), physical.lengths), 4)
+    physical, scale = episode.physical, drawn_scale(episode.physical)
+    period = max(scale.sized(FRAME, 's'), float(episode.t[-1]) / FRAMES)
+    times, digits = times_of(episode, period), decimals(1, scale.factor('N'))
+    joints = np.round(joint_positions(states_at(episode, times), physical.lengths),
+                      decimals(4, scale.length))
     return {
-        'period': period, 'half_width': room_for(episode), 'reach': 1.15 * sum(physical.lengths),
-        'track': track_lines(episode.limits).tolist(),
-        'cart': CART_SIZE, 'links': style.LINKS[:physical.links], 'arrow': ARROW,
+        'period': period, 'trail': scale.sized(TRAIL, 's'), 'digits': digits,
+        'half_width': room_for(episode), 'reach': 1.15 * sum(physical.lengths),
+        'track': track_lines(scale, episode.limits).tolist(), 'size': scale.length,
+        'cart': cart_size(scale), 'links': style.LINKS[:physical.links],
+        'arrow': arrow_size(scale),
         'colours': {'track': style.FAINT, 'cart': style.CART, 'force': style.FORCE},
         'joints': [each.tolist() if np.isfinite(each).all() else None for each in joints],
-        'forces': [round(u, 2) if math.isfinite(u) else None
+        'forces': [round(u, digits + 1) if math.isfinite(u) else None
                    for u in (force_at(episode, t) for t in times)]}

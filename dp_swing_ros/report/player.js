@@ -10,14 +10,14 @@ for (const player of document.querySelectorAll('.player')) {
   const last = run.joints.length - 1, [width, height] = run.cart;
   let now = 0, before = null;  // [frames], [ms] of the last drawing while it plays
 
-  const line = (points, colour, thickness) => {
-    [pen.strokeStyle, pen.lineWidth] = [colour, thickness];
+  const line = (points, colour, thickness) => {   // [m] where links have 1 m
+    [pen.strokeStyle, pen.lineWidth] = [colour, thickness * run.size];
     pen.stroke(new Path2D('M' + points.map(point => point.join(' ')).join('L')));
   };
   const trail = end => {
-    for (let n = Math.max(1, end - Math.round(1 / run.period)); n <= end; n++) {
+    for (let n = Math.max(1, end - Math.round(run.trail / run.period)); n <= end; n++) {
       if (run.joints[n - 1] === null || run.joints[n] === null) continue;
-      pen.globalAlpha = 0.7 * (1 - (end - n) * run.period) ** 1.5;
+      pen.globalAlpha = 0.7 * Math.max(1 - (end - n) * run.period / run.trail, 0) ** 1.5;
       line([run.joints[n - 1].at(-1), run.joints[n].at(-1)], run.links.at(-1), 0.025);
     }
     pen.globalAlpha = 1;
@@ -35,7 +35,7 @@ for (const player of document.querySelectorAll('.player')) {
     const frame = Math.round(now), joints = run.joints[frame], u = run.forces[frame];
     slider.value = frame;
     player.querySelector('output').textContent = `${(frame * run.period).toFixed(2)} s, ` +
-      (u === null ? '-' : `${u.toFixed(1).replace('-', '−')} N`);
+      (u === null ? '-' : `${u.toFixed(run.digits).replace('-', '−')} N`);
     const most = canvas.clientWidth > 600 ? 2.1 : 1.3;
     const half = Math.max(run.half_width, most * run.reach);
     canvas.width = canvas.clientWidth * devicePixelRatio;

@@ -52,7 +52,7 @@ def _compare(arguments: argparse.Namespace) -> int:
         found = [counterfactual(run, tick, solvers, duration, bar.update) for tick in ticks]
     if arguments.every is None:
         name, text = 'counterfactual.png', table(found[0])
-        figure = figures.counterfactual(found[0], run.limits)
+        figure = figures.counterfactual(found[0], run.limits, run.problem.scale)
     else:
         name, text, figure = 'regret.png', regrets(found), figures.regret(found)
     print(text)

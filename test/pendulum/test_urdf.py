@@ -127,6 +127,18 @@ def test_inertia_is_its_factor_times_that_of_a_thin_rod(physical):
         assert 0 < moments['izz'] < moments['ixx']
 
 
+def test_a_drawing_is_as_large_as_its_links():
+    def drawn(length):
+        physical = PendulumParameters(link1_length=length, link2_length=length)
+        robot = ElementTree.fromstring(urdf(physical, LimitParameters(track_limit=math.inf)))
+        assert from_urdf(urdf(physical, LimitParameters())) == (physical, LimitParameters())
+        return np.array([float(number) for element in robot.findall('link/visual/geometry/*')
+                         for number in ' '.join(element.attrib.values()).split()])
+
+    assert drawn(1.0).tolist() == [0.01, 4.8, 0.2, 0.1, 0.1, 0.02, 1.0, 0.02, 1.0]
+    assert np.allclose(drawn(0.25), 0.25 * drawn(1.0))
+
+
 def test_every_number_is_finite(physical):
     text = urdf(physical, LimitParameters(force_limit=math.inf, track_limit=math.inf))
     assert 'inf' not in text and 'nan' not in text

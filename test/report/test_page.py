@@ -8,10 +8,11 @@ from html.parser import HTMLParser
 import json
 import math
 
+import numpy as np
 from PIL import Image
 import pytest
 from recorded_runs import told, write_bag
-from synthetic import first, swing_up, without_ticks
+from synthetic import first, resized, swing_up, without_ticks
 
 from dp_swing_ros.evaluation.metrics import measure
 from dp_swing_ros.report.page import page, Shown
@@ -192,3 +193,19 @@ def test_animation_stands_in_where_scripts_are_off(tmp_path):
     strict = Strict(page({name: Shown(run.recording, {**run.pictures, 'animation': gif})}))
     assert len(strict.of('noscript')) == 1
     assert strict.of('img')[0]['src'].startswith('data:image/gif;base64,')
+
+
+def test_film_of_a_small_pendulum_is_that_of_a_large_one_in_own_units(tmp_path):
+    (name, run), = shown(tmp_path, [swing_up()]).items()
+    pages = [page({name: run._replace(recording=run.recording._replace(episode=one))})
+             for one in (swing_up(), resized(swing_up(), 0.25, 0.1))]
+    large, small = (json.loads(Strict(text).texts['script'][0]) for text in pages)
+    assert small['period'] == pytest.approx(0.5 * large['period'])
+    assert len(small['joints']) == len(large['joints'])
+    for part in ('joints', 'track', 'cart', 'half_width', 'reach', 'size'):
+        assert np.allclose(small[part], np.multiply(large[part], 0.25), atol=2e-5), part
+    assert np.allclose(small['forces'], np.multiply(large['forces'], 0.1), atol=1e-3)
+    arrow = {name: small['arrow'][name] / size for name, size in large['arrow'].items()}
+    assert arrow == pytest.approx({'gap': 0.25, 'scale': 2.5, 'head': 0.25, 'least': 0.1})
+    assert 'the last second of the upper tip' in pages[0]
+    assert 'the last 0.5 s of the upper tip' in pages[1]
