@@ -20,7 +20,6 @@ from dp_swing_ros.declarations import DECLARATIONS
 from dp_swing_ros.errors import BagError
 from dp_swing_ros.messages.fields import nanoseconds
 from dp_swing_ros.parameters import ParameterError
-from dp_swing_ros.pendulum.declaration import links_in
 from dp_swing_ros.provenance import package_version
 from dp_swing_ros.topics import CONFIGURATION, DIAGNOSTICS, JOINT_STATES, ROBOT_DESCRIPTION, Topic
 
@@ -258,7 +257,7 @@ class Player:
 def parameters_of(node: str, values: dict[str, Any]) -> list[dict[str, Any]]:
     """Return what is known of the parameters that a node ran with, for the page."""
     try:
-        fields = DECLARATIONS[node].fields(links_in(values))
+        fields = DECLARATIONS[node].fields_of_run(values)
     except ParameterError:
         fields = {}
     return [parameter(name, values[name], fields[name]) for name in sorted(values)

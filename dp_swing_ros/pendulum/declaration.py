@@ -75,6 +75,16 @@ class Declaration:
             field.default = beside.get(name, field.default)
         return fields
 
+    def fields_of_run(self, ran: Values) -> dict[str, dataclasses.Field]:
+        """
+        Return the parameters with their defaults for the pendulum that a node ran with.
+
+        Of what ran nobody knows which of it was given, and some of it may be of other versions.
+        Raises ParameterError where there is no such pendulum.
+        """
+        bodies = {field.name for field in fields_of(PendulumParameters, links_in(ran))}
+        return self.fields_for({name: value for name, value in ran.items() if name in bodies})
+
     def complete(self, values: Values) -> dict[str, Any]:
         """
         Return the value of every parameter, checked, where some are given.

@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 
 from dp_swing_ros.declarations import DECLARATIONS
 from dp_swing_ros.messages.configuration import Configuration
-from dp_swing_ros.pendulum.declaration import links_in
 
 OF_ROS = {'use_sim_time': 'false', 'start_type_description_service': 'true'}  # in every node
 Configurations = Mapping[str, Configuration]  # by node
@@ -43,7 +42,7 @@ def settings(configurations: Configurations) -> list[Setting]:
     found = []
     for node, configuration in configurations.items():
         values = configuration.parameters
-        known = DECLARATIONS[node].fields(links_in(values)) if node in DECLARATIONS else {}
+        known = DECLARATIONS[node].fields_of_run(values) if node in DECLARATIONS else {}
         for name, value in values.items():
             default, about = OF_ROS.get(name, ''), ''
             if name in known:

@@ -14,7 +14,8 @@ from real_bags import stalled
 
 from dp_swing_ros.bags.episodes import read_episode
 from dp_swing_ros.bags.reader import Bag
-from dp_swing_ros.console.player import Tape
+from dp_swing_ros.console.player import parameters_of, Tape
+from dp_swing_ros.declarations import DECLARATIONS
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tools.console import main
 
@@ -116,6 +117,14 @@ def test_the_past_and_branches_are_there_too(page, lockstep_bag):
         assert (course['t'][0], course['t'][-1]) == (1.0, 3.0)
     # it saw every state until then, and does it again
     assert courses['ilqr']['X'] == courses['recorded ilqr']['X']
+
+
+@pytest.mark.parametrize('node', DECLARATIONS)
+def test_defaults_are_those_of_the_bodies(node):
+    bodies = {'link1_length': 0.15, 'link2_length': 0.15}
+    found = parameters_of(node, DECLARATIONS[node].complete(bodies))
+    assert {each['name'] for each in found
+            if each['value'] != each['default']} == bodies.keys()
 
 
 def test_it_needs_no_ros():

@@ -27,6 +27,20 @@ def test_defaults_are_not_changed(node, links):
     assert all(one.about for one in found if one.name != 'use_sim_time')
 
 
+@pytest.mark.parametrize('node', DECLARATIONS)
+def test_what_goes_with_the_bodies_is_not_changed(node):
+    bodies = {'link1_length': 0.15, 'link2_length': 0.15, 'cart_mass': 0.3}
+    ran = DECLARATIONS[node].complete({**bodies, 'force_limit': 3.0})
+    found = {one.name: one for one in settings({node: told(node, ran)})}
+    assert {name for name, one in found.items() if one.changed} == {*bodies, 'force_limit'}
+    assert float(found['track_limit'].value) < 0.5
+
+
+def test_bodies_of_a_foreign_node_do_no_harm():
+    (one,) = settings({'mpc': told('mpc', {'link3_length': 0.2})})
+    assert (one.value, one.default) == ('0.2', '')
+
+
 def test_what_differs_is_changed():
     given = {'horizon': 12, 'state_weights': [1.0] * 6, 'force_limit': math.inf,
              'mppi.samples': 7, 'use_sim_time': True}
