@@ -9,9 +9,10 @@ import numpy as np
 
 from dp_swing_ros.pendulum.geometry import joint_positions
 from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.pendulum.units import SAME, Units
 
 LASTS = 0.3   # [s] a hand that does not renew its pull has let go
-AHEAD = 0.2   # [s] a pull is felt some 0.1 s later; what is more than that damps it
+AHEAD = 0.2   # [s] scaled; a pull is felt some two periods later, and what is more damps it
 
 
 class Pull(NamedTuple):
@@ -48,16 +49,17 @@ class Pulls:
         self._hands.pop(hand, None)
 
     def force(self, now: float, x: Array, lengths: Sequence[float], stiffness: float,
-              limit: float, kick: float = 0.0) -> float:
+              limit: float, kick: float = 0.0, scale: Units = SAME) -> float:
         """
         Return the sum of all and a kick [N], each and all within a limit, in a state x (2n + 2,).
 
-        The links are of such lengths [m].
+        The links are of such lengths [m], the pendulum so many times larger than the default one.
         """
         self._hands = {hand: (pull, until) for hand, (pull, until) in self._hands.items()
                        if now < until}
         q, v = np.hsplit(x, 2)
-        places = joint_positions(np.concatenate((q + AHEAD * np.nan_to_num(v), v)), lengths)
+        ahead = scale.sized(AHEAD, 's')
+        places = joint_positions(np.concatenate((q + ahead * np.nan_to_num(v), v)), lengths)
         forces = [kick, *(force_of(pull, places, stiffness) for pull, _ in self._hands.values())]
         return bounded(sum(bounded(each, limit) for each in forces), limit)
 

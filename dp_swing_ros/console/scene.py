@@ -16,15 +16,17 @@ from dp_swing_ros.messages.configuration import (
 from dp_swing_ros.messages.fields import (
     from_diagnostics, from_trajectory, links_in, nanoseconds, Report, seconds, to_force, to_state)
 from dp_swing_ros.parameters import group, ParameterError
+from dp_swing_ros.pendulum.geometry import drawn_scale
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.pendulum.sensors import default_sensors, SensorParameters
 from dp_swing_ros.pendulum.state import Array, joints
+from dp_swing_ros.pendulum.units import decimals
 from dp_swing_ros.pendulum.urdf import from_urdf
 from dp_swing_ros.topics import (
     CONFIGURATION, DIAGNOSTICS, DISTURBANCE, FORCE_COMMAND, JOINT_STATES, PLAN,
     ROBOT_DESCRIPTION, Topic, TRIES)
 
-CART = (0.44, 0.22)   # [m] as it is drawn
+CART = (0.44, 0.22)   # [m] scaled, as it is drawn
 LASTS = 2 * 10 ** 9   # [ns] what the mpc says is shown, where nothing newer comes
 STALE = 3             # level of a status that nobody renews
 UNPLANNED = ('DISABLED', 'ZERO')   # statuses of ticks that follow no plan
@@ -32,6 +34,7 @@ POINTS = 60           # of a plan or a path at most
 PATHS, STEPS = 2000, 10_000   # at most that are looked at, of somebody's
 MOST = 500            # statuses of all nodes that are kept
 DIGITS = 4            # after the point: a tenth of a millimetre
+PATH_DIGITS = 3       # of a path [m], scaled
 HEARD = (JOINT_STATES, FORCE_COMMAND, DISTURBANCE, PLAN, TRIES, DIAGNOSTICS, ROBOT_DESCRIPTION,
          CONFIGURATION)
 
@@ -56,7 +59,7 @@ class Scene:
     def __init__(self, joint_states: str = '/joint_states') -> None:
         """Take the full name of the topic of the states, by which statuses are told apart."""
         self.joint_states = joint_states
-        self.physical, self.limits = PendulumParameters(), LimitParameters()
+        self.take(PendulumParameters(), LimitParameters())
         self.configurations: dict[str, Configuration] = {}   # of plant and mpc, by role
         self.announced: Configuration | None = None          # the newest, of any node
         self.statuses: dict[str, tuple[int, str]] = {}       # level and message by name
@@ -92,6 +95,10 @@ class Scene:
             raise ValueError(f'a message on {topic.name} is none of this pendulum: '
                              f'{one_line(error)}') from None
 
+    def take(self, physical: PendulumParameters, limits: LimitParameters) -> None:
+        """Take the pendulum that is shown, and how large it looks."""
+        self.physical, self.limits, self.scale = physical, limits, drawn_scale(physical)
+
     def _on_state(self, message: Any) -> None:
         sensors = self.sensors(links_in(message))
         x = to_state(message, len(sensors.joint_names) - 1, sensors)
@@ -117,17 +124,18 @@ class Scene:
         self.plans.append(Shown(nanoseconds(message.header.stamp), found))
 
     def _on_tries(self, message: Any) -> None:
-        self.tries.append(Shown(nanoseconds(message.header.stamp), tries(message)))
+        self.tries.append(Shown(nanoseconds(message.header.stamp), tries(
+            message, decimals(PATH_DIGITS, self.scale.length))))
 
     def _on_description(self, message: Any) -> None:
-        self.physical, self.limits = from_urdf(message.data)
+        self.take(*from_urdf(message.data))
 
     def _on_configuration(self, message: Any) -> None:
         found = self.announced = from_text(message.data)
         role = role_of(found)
         if role == CONTROLLER and PLANT not in self.configurations:   # a rig has no description
-            physical = group(PendulumParameters, found.parameters)
-            self.physical, self.limits = physical, group(LimitParameters, found.parameters)
+            self.take(group(PendulumParameters, found.parameters),
+                      group(LimitParameters, found.parameters))
         if role in (CONTROLLER, PLANT):
             before = self.configurations.get(role)
             # anew, or after a reset; all else is a change of parameters
@@ -197,8 +205,11 @@ class Scene:
     def about(self) -> dict[str, Any]:
         """Return the pendulum, for `hello`."""
         margin = exact(self.value(CONTROLLER, 'track_margin', None))
+        scale = self.scale
         return {
-            'links': self.physical.links, 'lengths': list(self.physical.lengths), 'cart': CART,
+            'links': self.physical.links, 'lengths': list(self.physical.lengths),
+            'cart': [scale.sized(side, 'm') for side in CART],
+            'scale': {'length': scale.length, 'time': scale.time, 'force': scale.factor('N')},
             'limits': {'track': number(self.limits.track_limit),
                        'margin': margin if is_figure(margin) else None,
                        'force': number(self.limits.force_limit),
@@ -306,7 +317,7 @@ def plan(message: Any) -> dict[str, Any]:
             'X': numbers(found.X[::step]), 'U': numbers(found.U[::step])}
 
 
-def tries(message: Any) -> dict[str, Any] | None:
+def tries(message: Any, digits: int = PATH_DIGITS) -> dict[str, Any] | None:
     """Return the paths of the tip [m] with their weights, thinned to POINTS a path, or None."""
     if not message.width * message.height:
         return None
@@ -315,5 +326,5 @@ def tries(message: Any) -> dict[str, Any] | None:
     kind = '>f4' if message.is_bigendian else '<f4'
     cloud = np.frombuffer(bytes(message.data), kind).reshape(message.height, message.width, -1)
     step = math.ceil(message.width / POINTS)
-    return {'paths': numbers(cloud[:, ::step, [0, 2]].astype(float), 3),
+    return {'paths': numbers(cloud[:, ::step, [0, 2]].astype(float), digits),
             'weights': numbers(cloud[:, 0, 3].astype(float))}

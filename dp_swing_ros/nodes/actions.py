@@ -80,7 +80,7 @@ class Actions:
                     self.scene.value(PLANT, 'disturbance_limit', math.inf))
         force = self.pulls.force(
             time.monotonic(), self.scene.x, self.scene.physical.lengths,
-            self.parameters.pull_stiffness, limit, self.kick)
+            self.parameters.pull_stiffness, limit, self.kick, self.scene.scale)
         self.kick = 0.0
         if force:
             self.pushed = True

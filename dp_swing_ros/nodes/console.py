@@ -17,6 +17,7 @@ import time
 from typing import Any
 
 from rcl_interfaces.msg import ParameterEvent
+from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message
 
 from dp_swing_ros.console.access import given_token
@@ -33,7 +34,7 @@ from dp_swing_ros.nodes.connections import message_class, NAMELESS, owners, subs
 from dp_swing_ros.nodes.parameters import named
 from dp_swing_ros.nodes.partners import Partner
 from dp_swing_ros.nodes.process import ProcessNode, run
-from dp_swing_ros.nodes.ros_parameters import allow_changes, declare
+from dp_swing_ros.nodes.ros_parameters import allow_changes, declare, overrides
 from dp_swing_ros.parameters.console import ConsoleParameters
 from dp_swing_ros.pendulum.parameters import GIVEN
 from dp_swing_ros.provenance import package_version
@@ -57,9 +58,12 @@ class ConsoleNode(ProcessNode):
     def __init__(self) -> None:
         """Read the parameters, and bind to the address."""
         super().__init__('console')
-        fields = named(ConsoleParameters)
+        self.fields = fields = named(ConsoleParameters)
         values = declare(self, fields, live=True)
         allow_changes(self, fields, values, self.on_change)
+        # what nobody has said, and goes with the pendulum
+        self.scaled = {name: value for name, value in values.items()
+                       if fields[name].metadata['scaled'] and name not in overrides(self)}
         parameters = ConsoleParameters(**values)
         self.scene = Scene(self.resolve_topic_name(JOINT_STATES.name))
         self.partners: dict[str, Partner] = {}   # plant, mpc
@@ -102,6 +106,7 @@ class ConsoleNode(ProcessNode):
     def hear(self, topic: Topic, data: bytes, info: dict[str, int]) -> None:
         """Take a message; the page is shown each state with its answer, if that is in time."""
         before, was_answered = self.scene.stamp, self.scene.is_answered
+        scale = self.scene.scale
         try:
             message = deserialize_message(data, message_class(topic.type))
             self.scene.hear(topic, message)
@@ -110,6 +115,8 @@ class ConsoleNode(ProcessNode):
                 self.get_logger().warning(f'{one_line(error)}; going on without it')
             self.complained.add(topic)
             return
+        if self.scene.scale != scale:
+            self.rescale()
         if topic is JOINT_STATES and self.scene.stamp != before:
             self.history.keep_state(self.scene)
             self.actions.on_state()
@@ -124,6 +131,14 @@ class ConsoleNode(ProcessNode):
             self.server.poke(0.0 if answered else TRAILING)
         if topic in (*KEPT, *SEEN):
             self.keep(topic, message, data, info)
+
+    def rescale(self) -> None:
+        """Pull at a pendulum of another size as at the default one, but for what somebody set."""
+        scale, usual = self.scene.scale, vars(ConsoleParameters())
+        self.scaled = {name: scale.sized(usual[name], self.fields[name].metadata['unit'])
+                       for name, value in self.scaled.items()
+                       if self.get_parameter(name).value == value}
+        self.set_parameters([Parameter(name, value=value) for name, value in self.scaled.items()])
 
     def keep(self, topic: Topic, message: Any, data: bytes, info: dict[str, int]) -> None:
         """Keep a message of the last minute."""

@@ -27,9 +27,10 @@ class ConsoleParameters(Parameters):
     recordings: str = parameter(
         'runs', 'folder in which recordings are made, and of which pages may see all', live=False)
     pull_stiffness: float = parameter(
-        100.0, 'of the spring by which a page pulls at cart or link', unit='N/m', minimum=0.0)
+        100.0, 'of the spring by which a page pulls at cart or link', unit='N/m', minimum=0.0,
+        scaled=True)
     pull_limit: float = parameter(
-        30.0, 'largest force of pulls and pushes, either way', unit='N', minimum=0.0)
+        30.0, 'largest force of pulls and pushes, either way', unit='N', minimum=0.0, scaled=True)
 
 
 SECRETS = {field.name for field in dataclasses.fields(ConsoleParameters)

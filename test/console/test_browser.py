@@ -15,11 +15,14 @@ from peer import Peer
 import pytest
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.parameter import Parameter
+from recorded_runs import write_bag
 from selenium.webdriver import ActionChains, Keys
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
+from synthetic import resized, swing_up
 
+from dp_swing_ros.pendulum.units import decimals, rounded
 from dp_swing_ros.tools import verify
 
 pytestmark = pytest.mark.skipif(
@@ -366,6 +369,15 @@ def test_axes_use_one_notation(page):
         assert page.driver.execute_async_script(script, values) == texts
 
 
+def test_small_numbers_are_seen_and_ticks_are_round(page):
+    script = ("import('/static/dom.js').then(({decimals, rounded}) => arguments[1]("
+              '[arguments[0].map(rounded), arguments[0].map(times => decimals(2, times))]))')
+    sizes = [1, 0.25, 0.15, 0.03, 1.02, 40]
+    found = page.driver.execute_async_script(script, sizes)
+    assert found[0] == pytest.approx([rounded(size) for size in sizes])
+    assert found[1] == [decimals(2, size) for size in sizes]
+
+
 def test_a_recording_verifies(page, nodes, capsys):
     page.find('#record').click()
     page.await_text('#record', 'Stop')
@@ -514,6 +526,25 @@ def test_a_bag_is_played(browser, nodes, lockstep_bag, tmp_path):
     browser.find('#play').click()
     browser.await_text('#play', 'Play')
     assert not browser.find('#record').is_displayed()
+    assert browser.errors() == []
+
+
+def test_a_small_pendulum_is_seen_as_a_large_one(browser, nodes, tmp_path):
+    seen = []
+    for name, size in (('large', 1.0), ('small', 0.15)):
+        bag = write_bag(resized(swing_up(), size, 0.1), tmp_path / name)
+        console = nodes.start('console', {}, options=[str(bag), '--port', '0'])
+        browser.open(address_of(console))
+        browser.find('#play').click()   # which stops it
+        at = 1.51 * size ** 0.5   # just after a state
+        go_to(browser, at)
+        browser.until(lambda: abs(browser.now() - at) < 0.06, 'the instant')
+        time.sleep(0.5)   # until it has been drawn
+        seen.append(browser.places())
+        browser.shot(tmp_path / f'{name}.png')
+        console.stop()
+    for large, small in zip(*seen):
+        assert small == pytest.approx(large, abs=1.0)   # [px]
     assert browser.errors() == []
 
 

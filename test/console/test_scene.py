@@ -7,6 +7,7 @@ import math
 
 from builtin_interfaces.msg import Duration, Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+import numpy as np
 import pytest
 from sensor_msgs.msg import JointState, PointCloud2
 from std_msgs.msg import Float64, Header, String
@@ -85,6 +86,18 @@ def test_what_is_heard_is_shown(scene):
     assert frame['plan'] == {'t': 7.0, 'dt': 0.05, 'X': [[1, 1, 1, 2, 2, 2]] * 2, 'U': [3.0]}
     assert frame['tries'] == {'paths': [[[1.0, 1.0]] * 3] * 2, 'weights': [1.0, 1.0]}
     assert (scene.period, scene.about()['limits']['disturbance']) == (0.02, 5.0)
+
+
+def test_a_small_pendulum_is_shown_as_large(scene):
+    assert scene.about()['scale'] == {'length': 1.0, 'time': 1.0, 'force': 1.0}
+    assert scene.about()['cart'] == [0.44, 0.22]
+    physical = PendulumParameters(link1_length=0.04, link2_length=0.04, cart_mass=0.1,
+                                  link1_mass=0.05, link2_mass=0.05)
+    scene.hear(ROBOT_DESCRIPTION, String(data=urdf(physical, LimitParameters())))
+    assert scene.about()['cart'] == pytest.approx([0.0176, 0.0088])
+    assert scene.about()['scale'] == pytest.approx({'length': 0.04, 'time': 0.2, 'force': 0.1})
+    scene.hear(TRIES, cloud(value=np.float32(0.01234).tobytes()))
+    assert scene.tries[-1].content['paths'][0][0] == [0.0123, 0.0123]
 
 
 @pytest.mark.parametrize('topic, message', [

@@ -12,13 +12,15 @@ from conftest import starting, wait_until
 from pages import deaf, get, memory, Page, port_of
 import pytest
 from rcl_interfaces.msg import Parameter, ParameterEvent, ParameterValue
-from rcl_interfaces.srv import GetParameters
+from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.messages.configuration import Configuration, from_text
+from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
+from dp_swing_ros.pendulum.urdf import urdf
 from dp_swing_ros.tools import verify
 from dp_swing_ros.topics import (
     CONFIGURATION, DISTURBANCE, JOINT_STATES, PLAN, ROBOT_DESCRIPTION, Topic, TRIES)
@@ -443,3 +445,24 @@ def test_after_a_reset_in_lockstep_the_past_is_another(page):
     assert past['t'][0] == 0.0
     page.send('branch', id=1, at=0.3, duration=0.5)
     page.until(lambda page: page.newest.get('branch', {}).get('courses'))
+
+
+def test_it_pulls_at_what_is_there_unless_told_how(start_node, peer):
+    small = PendulumParameters(link1_length=0.25, link2_length=0.25, cart_mass=0.1,
+                               link1_mass=0.05, link2_mass=0.05)
+    port_of(start_node('console', {'port': 0, 'pull_limit': 30.0}, AWAY))
+    publisher = peer.publisher(ROBOT_DESCRIPTION._replace(name='/away/robot_description'))
+
+    def pull():
+        answer = peer.call(GetParameters, '/away/console/get_parameters',
+                           names=['pull_stiffness', 'pull_limit'])
+        return [each.double_value for each in answer.values]
+
+    assert pull() == [100.0, 30.0]
+    publisher.publish(String(data=urdf(small, LimitParameters())))
+    assert peer.until(lambda: pull() == [40.0, 30.0])
+    peer.call(SetParametersAtomically, '/away/console/set_parameters_atomically', parameters=[
+        Parameter(name='pull_stiffness', value=ParameterValue(type=3, double_value=50.0))])
+    publisher.publish(String(data=urdf(PendulumParameters(), LimitParameters())))
+    peer.spin(0.5)
+    assert pull() == [50.0, 30.0]

@@ -4,7 +4,7 @@
 
 import {element, find, words} from './dom.js';
 
-const KICK = 30;       // [N] for one period
+const KICK = 30;       // [N] scaled, for one period
 const SVG = 'http://www.w3.org/2000/svg';
 
 /** Draw an equilibrium as a small pendulum: up and down, link 1 first. */
@@ -115,8 +115,8 @@ export class Actions {
   }
 
   kick(way) {
-    const most = this.hello?.limits.disturbance ?? KICK;
-    this.socket.send({do: 'push', force: way * Math.min(KICK, most)});
+    const usual = KICK * (this.hello?.scale.force ?? 1), most = this.hello?.limits.disturbance ?? usual;
+    this.socket.send({do: 'push', force: way * Math.min(usual, most)});
   }
 
   async reset() {

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Sliders, switches and choices for every parameter that the nodes declare, and their presets.
 
-import {clamp, element, find, short, solverName, symbols, words} from './dom.js';
+import {clamp, element, find, rounded, short, solverName, symbols, words} from './dom.js';
 import {scaleOf} from './scale.js';
 
 const SAID = 8000;     // [ms] that a notice stays
@@ -89,11 +89,14 @@ class Control {
   numbers(id) {
     const list = this.parameter.type.endsWith('[]');
     const values = list ? this.parameter.value : [this.parameter.value];
-    const names = list && values.length === 2 * this.panel.links + 2 ? symbols(this.panel.links) : [];
+    const {links, scale: {length, time}} = this.panel;
+    const names = list && values.length === 2 * links + 2 ? symbols(links) : [];
+    const sizes = names.map((_, n) => (n % (links + 1) ? 1 : length) / (n > links ? time : 1));
     const pick = (parts, n) => list ? parts?.[n] : parts;
     const seconds = element('output', {className: 'unit', id: `${id}-seconds`});
     const rows = values.map((value, n) => {
-      const scale = scaleOf({...this.parameter, value, default: pick(this.parameter.default, n)});
+      const scale = scaleOf({...this.parameter, value, default: pick(this.parameter.default, n),
+                             times: sizes[n]});
       const label = `${this.parameter.name}${list ? ` ${names[n] ?? n + 1}` : ''}`;
       const slider = element('input', {type: 'range', min: 0, max: 1, step: 'any',
                                        id: `${id}-${n}`, 'aria-label': label});
@@ -185,6 +188,7 @@ export class Controls {
   controls = {};     // by node and name
   readOnly = false;
   links = 2;
+  scale = {length: 1, time: 1};
 
   constructor(socket) {
     this.socket = socket;
@@ -193,11 +197,12 @@ export class Controls {
     find('#preset').addEventListener('change', event => this.preset(event.target));
   }
 
-  configure({read_only, replay, links, presets}) {
-    const before = [this.readOnly, this.links].join();
+  configure({read_only, replay, links, scale, presets}) {
+    const state = () => [this.readOnly, this.links, rounded(this.scale.length)].join();
+    const before = state();
     this.readOnly = read_only || replay;
-    this.links = links;
-    if (before !== [this.readOnly, this.links].join()) {
+    [this.links, this.scale] = [links, scale];
+    if (before !== state()) {
       this.controls = {};
       find('#parameters').replaceChildren();
     }

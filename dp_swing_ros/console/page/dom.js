@@ -21,6 +21,15 @@ export function number(value, digits = 2) {
   return (Number(text) === 0 ? text.replace('-', '') : text).replace('-', '−');
 }
 
+/** Return how many decimals show as much of what is so many times larger than usual. */
+export const decimals = (usual, times) => Math.max(usual - Math.round(Math.log10(times)), 0);
+
+/** Return the round number nearest to a positive one: 1, 2, 2.5 or 5 times a power of ten. */
+export function rounded(value) {
+  const power = 10 ** Math.floor(Math.log10(value)), off = step => Math.abs(Math.log(step * power / value));
+  return power * [1, 2, 2.5, 5, 10].reduce((best, step) => off(step) < off(best) ? step : best);
+}
+
 /** Return a number of any size in few characters. */
 export function short(value) {
   if (typeof value !== 'number' || !Number.isFinite(value)) return '–';

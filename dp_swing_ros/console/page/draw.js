@@ -3,8 +3,10 @@
 // Strokes of the pictures: a canvas in metres, and the parts of a pendulum on its track.
 
 import {colours, linkColour} from './colours.js';
+import {rounded, ticked} from './dom.js';
 
-const ARROW = {gap: 0.05, scale: 0.05, head: 0.16, least: 0.3};  // [m], [m/N], [m], [N]
+// all lengths and forces are of the default bodies, and scaled for others: [m], [m/N], [m], [N]
+const ARROW = {gap: 0.05, scale: 0.05, head: 0.16, least: 0.3};
 const THINNER = 0.6;   // is each link than the one before, which it may lie on
 const TRACK = -0.15, STOP = 0.25;  // [m] height of the track below the joint, and of its stops
 
@@ -38,10 +40,10 @@ export class View {
   }
 }
 
-/** What draws in metres on a pen. */
+/** What draws in metres on a pen, so many times larger than the default bodies. */
 export class Brush {
-  constructor(pen, view) {
-    Object.assign(this, {pen, view});
+  constructor(pen, view, {length, force}) {
+    Object.assign(this, {pen, view, length, force});
   }
 
   path(points) {
@@ -82,13 +84,15 @@ export class Brush {
     pen.fillText(words, left + shift[0], top + shift[1]);
   }
 
-  /** Lay the track with its soft margin (filled) and its stops; marks each half metre. */
+  /** Lay the track with its soft margin (filled) and its stops; marks each metre. */
   track({track, margin}, [width], labels = true, reference = null) {
-    const end = Math.min(track ?? 50, 50), edge = end + width / 2, {pen, view} = this;
+    const {pen, view, length} = this, most = 50 * length;
+    const end = Math.min(track ?? most, most), edge = end + width / 2;
+    const bottom = length * TRACK, height = length * (TRACK + STOP), mark = bottom - 0.05 * length;
     if (track !== null && margin > 0) {
       for (const side of [-1, 1]) {
         const [from] = view.toScreen([side * (end - margin), 0]), [to] = view.toScreen([side * edge, 0]);
-        const [, top] = view.toScreen([0, TRACK + STOP]), [, low] = view.toScreen([0, TRACK]);
+        const [, top] = view.toScreen([0, height]), [, low] = view.toScreen([0, bottom]);
         const shade = pen.createLinearGradient(from, 0, to, 0);
         shade.addColorStop(0, `${colours.c5}00`);
         shade.addColorStop(1, `${colours.c5}55`);
@@ -96,23 +100,24 @@ export class Brush {
         pen.fillRect(Math.min(from, to), top, Math.abs(to - from), low - top);
       }
     }
-    this.line([[-edge, TRACK], [edge, TRACK]], colours.faint, 2);
+    this.line([[-edge, bottom], [edge, bottom]], colours.faint, 2);
     if (track !== null) {
       for (const side of [-edge, edge]) {
-        this.line([[side, TRACK], [side, TRACK + STOP]], colours.faint, 4);
+        this.line([[side, bottom], [side, height]], colours.faint, 4);
       }
     }
     if (!labels) return;
-    for (let x = -Math.floor(end); x <= end; x++) {
-      this.line([[x, TRACK], [x, TRACK - 0.05]], colours.faint, 1);
-      if (reference !== null && Math.abs(x - reference) < 0.2) continue;  // its mark is there
-      this.text(String(x).replace('-', '−'), [x, TRACK - 0.05], colours.faint, [0, 10], 'center', 11);
+    const metre = rounded(length), count = Math.floor(end / metre + 1e-9);
+    for (const [x, text] of ticked(Array.from({length: 2 * count + 1}, (_, n) => (n - count) * metre))) {
+      this.line([[x, bottom], [x, mark]], colours.faint, 1);
+      if (reference !== null && Math.abs(x - reference) < 0.2 * length) continue;  // its mark is there
+      this.text(text, [x, mark], colours.faint, [0, 10], 'center', 11);
     }
   }
 
   /** Draw a cart and its links, places as `joints` tells them; a later one is on top, and thinner. */
   pendulum(places, size, alpha = 1) {
-    const {pen, view} = this, links = Math.max(4, 0.07 * view.scale);
+    const {pen, view} = this, links = Math.max(4, 0.07 * this.length * view.scale);
     this.cart(places[0], size, alpha, true);
     for (let n = 1; n < places.length; n++) {
       this.line(places.slice(n - 1, n + 1), linkColour(n - 1), links * THINNER ** (n - 1), alpha);
@@ -127,7 +132,8 @@ export class Brush {
     const {pen, view} = this, [left, top] = view.toScreen([x - width / 2, z + height / 2]);
     pen.globalAlpha = alpha;
     pen.beginPath();
-    pen.roundRect(left, top, width * view.scale, height * view.scale, 0.05 * view.scale);
+    pen.roundRect(left, top, width * view.scale, height * view.scale,
+                  0.05 * this.length * view.scale);
     if (filled) { pen.fillStyle = colours.ink; pen.fill(); }
     else {
       [pen.strokeStyle, pen.lineWidth] = [colours.ink, 1.5];
@@ -148,11 +154,13 @@ export class Brush {
 
   /** Draw a horizontal force [N] as an arrow from a place, beyond a half width [m]. */
   arrow([x, z], force, colour, halfWidth, label = '') {
-    if (!(Math.abs(force) >= ARROW.least)) return;
-    const way = Math.sign(force), from = x + way * (halfWidth + ARROW.gap);
-    const length = ARROW.scale * Math.abs(force), head = Math.min(ARROW.head, length);
+    if (!(Math.abs(force) >= ARROW.least * this.force)) return;
+    const way = Math.sign(force), from = x + way * (halfWidth + ARROW.gap * this.length);
+    const length = ARROW.scale * this.length / this.force * Math.abs(force);
+    const head = Math.min(ARROW.head * this.length, length);
     const to = from + way * length, neck = to - way * head;
-    if (length > head) this.line([[from, z], [neck, z]], colour, Math.max(3, 0.05 * this.view.scale));
+    const thickness = Math.max(3, 0.05 * this.length * this.view.scale);
+    if (length > head) this.line([[from, z], [neck, z]], colour, thickness);
     this.path([[to, z], [neck, z + head / 2], [neck, z - head / 2]]);
     this.pen.fillStyle = colour;
     this.pen.fill();

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Where cart and links are, and states between states. Angles are absolute, 0 is upright.
 
-const RESET = 1;   // [m, rad] by which nothing leaves the way of its speeds; it was put there
+const RESET = 1;   // [lengths of a link, rad] by which nothing leaves the way of its speeds; it was put there
 
 export const linksOf = x => x.length / 2 - 1;
 const finite = x => x.every(Number.isFinite);
@@ -22,8 +22,11 @@ export const tip = (x, lengths) => joints(x, lengths).at(-1);
 /** Return an angle in (-π, π]. */
 export const wrapped = angle => angle - 2 * Math.PI * Math.ceil(angle / 2 / Math.PI - 0.5);
 
-/** Return the state at the share s of the time h [s] from a to b, by cubics; b where there is none. */
-export function between(a, b, s, h) {
+/**
+ * Return the state at the share s of the time h [s] from a to b, by cubics; b where there is none.
+ * Links have a length [m].
+ */
+export function between(a, b, s, h, length) {
   const count = b.length / 2;
   if (!a || a.length !== b.length || !finite(a) || !finite(b)) return b;
   const x = new Array(b.length);
@@ -32,7 +35,7 @@ export function between(a, b, s, h) {
     let way = b[i] - a[i];
     const off = way - (speedA + speedB) / 2, turns = i > 0 ? Math.round(off / 2 / Math.PI) : 0;
     way -= 2 * Math.PI * turns;
-    if (Math.abs(off - 2 * Math.PI * turns) > RESET) return b;
+    if (Math.abs(off - 2 * Math.PI * turns) > RESET * (i > 0 ? 1 : length)) return b;
     const from = b[i] - way, rest = 1 - s;
     x[i] = (1 + 2 * s) * rest * rest * from + s * rest * rest * speedA +
       s * s * (3 - 2 * s) * b[i] - s * s * rest * speedB;
@@ -42,7 +45,7 @@ export function between(a, b, s, h) {
 }
 
 /** Return the state at a time in a list of times and states; the first and last hold beyond. */
-export function at(time, times, states) {
+export function at(time, times, states, length) {
   let low = 0, high = times.length - 1;
   if (high < 0) return null;
   if (time >= times[high]) return states[high];
@@ -52,13 +55,13 @@ export function at(time, times, states) {
     if (times[middle] <= time) low = middle; else high = middle;
   }
   const h = times[high] - times[low];
-  return between(states[low], states[high], (time - times[low]) / h, h);
+  return between(states[low], states[high], (time - times[low]) / h, h, length);
 }
 
 /** Return the place of a plan's state at a time [s] after its first. */
-export function ahead(plan, after) {
+export function ahead(plan, after, length) {
   const n = Math.min(Math.max(after / plan.dt, 0), plan.X.length - 1), low = Math.floor(n);
-  return low === n ? plan.X[low] : between(plan.X[low], plan.X[low + 1], n - low, plan.dt);
+  return low === n ? plan.X[low] : between(plan.X[low], plan.X[low + 1], n - low, plan.dt, length);
 }
 
 /** Return the body (0 the cart) nearest to a point, where along it, and how far away [m]. */

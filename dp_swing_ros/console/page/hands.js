@@ -4,12 +4,12 @@
 
 import {BELOW_TRACK} from './draw.js';
 import {nearest, placeOn} from './geometry.js';
-import {clamp} from './dom.js';
+import {clamp, decimals} from './dom.js';
 
 const NEAR = {mouse: 24, pen: 28, touch: 40};  // [px] from a body that it is still meant
-const TRACK_BAND = 0.45;    // [m] below the track where a click moves the reference
+const TRACK_BAND = 0.45;    // [m] scaled, below the track where a click moves the reference
 const SOONEST = 16, RENEWED = 100;  // [ms] between two messages of a pull
-const ARROW_FORCE = 10;     // [N] while an arrow key is held
+const ARROW_FORCE = 10;     // [N] scaled, while an arrow key is held
 
 export class Hands {
   pointer = null;     // that holds
@@ -46,10 +46,12 @@ export class Hands {
 
   /** Return where a click at a point moves the reference, null where it does not. */
   trackAt([x, z]) {
-    const {limits} = this.scene.hello ?? {};
-    if (!limits || this.refused || z > BELOW_TRACK || z < BELOW_TRACK - TRACK_BAND) return null;
+    const {limits, scale} = this.scene.hello ?? {};
+    if (!limits || this.refused) return null;
+    const {length} = scale, below = length * BELOW_TRACK, fine = 10 ** decimals(2, length);
+    if (z > below || z < below - TRACK_BAND * length) return null;
     const end = limits.track ?? Infinity;
-    return Math.abs(x) > end + 0.2 ? null : clamp(Math.round(100 * x) / 100, -end, end);
+    return Math.abs(x) > end + 0.2 * length ? null : clamp(Math.round(fine * x) / fine, -end, end);
   }
 
   grip(event) {
@@ -94,11 +96,12 @@ export class Hands {
     [this.pointer, this.scene.held, this.pushing, this.since] = [null, null, 0, null];
   }
 
-  /** Hold a push by the keys [N]; 0 ends it. */
+  /** Hold a push by the keys to a side; 0 ends it. */
   push(way) {
-    if (way * ARROW_FORCE === this.pushing || this.refused) return;
+    const force = way * ARROW_FORCE * (this.scene.hello?.scale.force ?? 1);
+    if (force === this.pushing || this.refused) return;
     if (way === 0) { this.letGo(); return; }
-    [this.pushing, this.moved] = [way * ARROW_FORCE, true];
+    [this.pushing, this.moved] = [force, true];
   }
 
   /** Send what is held, when it has moved or is to be renewed; call at each frame. */

@@ -4,9 +4,10 @@
 
 import {Actions} from './actions.js';
 import {Controls} from './controls.js';
-import {element, find, measure, number, short, solverName, words} from './dom.js';
+import {decimals, element, find, measure, number, short, solverName, words} from './dom.js';
 import {wrapped} from './geometry.js';
 import {Hands} from './hands.js';
+import {pastOf} from './plots.js';
 import {Scene} from './scene.js';
 import {Socket} from './socket.js';
 import {Stream} from './stream.js';
@@ -46,10 +47,11 @@ socket.on('closed', ({reason, wait}) => {
 find('#lost button').addEventListener('click', () => socket.connect());
 
 socket.on('hello', message => {
-  const laidOut = JSON.stringify([message.links, message.limits, message.goals, message.lengths]);
+  const laidOut = JSON.stringify([message.links, message.limits, message.goals, message.lengths,
+    pastOf(message.scale)]);
   const changed = laidOut !== hello?.laidOut;
   hello = {...message, laidOut};
-  for (const part of [scene, controls, timeline, actions]) part.configure(hello);
+  for (const part of [stream, scene, controls, timeline, actions]) part.configure(hello);
   if (changed) thoughts.configure(hello);
   for (const last of parameters.values()) onParameters(last);
   const {plant, mpc} = hello.nodes;
@@ -84,12 +86,12 @@ socket.on('status', message => thoughts.onStatus(message));
 socket.on('recording', message => actions.onRecording(message));
 
 function write(frame) {
-  const {tick} = frame;
+  const {tick} = frame, digits = decimals(1, hello.scale.force);
   const values = {
     '#now-time': `${number(frame.time, 1)} s`,
-    '#now-applied': measure(frame.u, 1, 'N'),
-    '#now-command': measure(frame.force, 1, 'N'),
-    '#now-push': `${number(frame.push ?? 0, 0)} N`,
+    '#now-applied': measure(frame.u, digits, 'N'),
+    '#now-command': measure(frame.force, digits, 'N'),
+    '#now-push': `${number(frame.push ?? 0, Math.max(digits - 1, 0))} N`,
     '#now-cost': short(tick?.cost), '#now-solve': measure(1000 * tick?.solve_time, 1, 'ms'),
     '#now-solver': solver(tick)};
   for (const [selector, text] of Object.entries(values)) find(selector).textContent = text;
@@ -108,7 +110,8 @@ function solver(tick) {
 function describe({x, tick}) {
   const lean = x.slice(1, hello.links + 1).map((angle, n) =>
     `link ${n + 1} ${number(Math.abs(wrapped(angle)) * 180 / Math.PI, 0)}° from upright`);
-  canvas.setAttribute('aria-label', `The pendulum: cart at ${number(x[0])} m, ${lean.join(', ')}. ` +
+  canvas.setAttribute('aria-label', `The pendulum: cart at ` +
+    `${number(x[0], decimals(2, hello.scale.length))} m, ${lean.join(', ')}. ` +
     (tick?.solver ? `${solverName(tick.solver)}, cost ${short(tick.cost)}.` : ''));
 }
 

@@ -4,11 +4,15 @@
 
 import {colours} from './colours.js';
 import {fit} from './draw.js';
-import {element, ticked} from './dom.js';
+import {element, rounded, ticked} from './dom.js';
 
-const PAST = 10, AHEAD = 1.5;    // [s] that are seen
+const PAST = 10;                 // [s] scaled, that are seen
+const AHEAD = 0.15;              // of these beyond now
 const LEFT = 44, RIGHT = 6, TOP = 6, BOTTOM = 16;  // [px] of the frame
 const EASE = 0.4;                // share of the way that the scale goes to the new one at a drawing
+
+/** Return how many seconds of the past are seen of a pendulum of a scale. */
+export const pastOf = ({time}) => rounded(PAST * time);
 
 /** Return a round number that is not less. */
 function roundUp(value) {
@@ -20,12 +24,12 @@ export class Plot {
   /**
    * series: [{name, colour, of: frame => value, ahead: plan => values, step}]; a step holds a value
    * `on` from its frame, or `until` it. levels: [{of, dash}] are horizontal lines; a stack fills
-   * one series on the other, from zero up.
+   * one series on the other, from zero up. The last `past` seconds are seen.
    */
-  constructor({title, unit, series, levels = [], range = null, least = 1, stack = false,
+  constructor({title, unit, past, series, levels = [], range = null, least = 1, stack = false,
                signed = false, ticks = null}) {
-    Object.assign(this, {title, unit, series, levels, range, least, stack, signed, ticks});
-    this.canvas = element('canvas', {role: 'img', 'aria-label': `${title}, last ${PAST} s`});
+    Object.assign(this, {title, unit, past, series, levels, range, least, stack, signed, ticks});
+    this.canvas = element('canvas', {role: 'img', 'aria-label': `${title}, last ${past} s`});
     this.value = element('output');
     this.legend = element('span', {className: 'legend'});
     this.figure = element('figure', {className: 'plot'},
@@ -56,9 +60,9 @@ export class Plot {
     if (!this.visible) return;
     this.name();
     const {pen, width, height} = fit(this.canvas);
-    const span = PAST + AHEAD, right = width - RIGHT, bottom = height - BOTTOM;
-    const left = t => LEFT + (t - now + PAST) / span * (right - LEFT);
-    const recent = frames.filter(({t}) => t >= now - PAST - 0.3 && t <= now + 1e-6);
+    const {past} = this, span = past * (1 + AHEAD), right = width - RIGHT, bottom = height - BOTTOM;
+    const left = t => LEFT + (t - now + past) / span * (right - LEFT);
+    const recent = frames.filter(({t}) => t >= now - 1.03 * past && t <= now + 1e-6);
     const next = frames[frames.indexOf(recent.at(-1)) + 1];
     const [low, high] = this.range ? this.range() : this.scaled(recent);
     const up = value => bottom - (value - low) / (high - low) * (bottom - TOP);
@@ -102,7 +106,7 @@ export class Plot {
       pen.fillText(text, LEFT - 6, up(value));
     }
     [pen.textBaseline, pen.textAlign] = ['top', 'center'];
-    for (const back of [10, 5, 0]) {
+    for (const back of [this.past, this.past / 2, 0]) {
       pen.fillText(back ? `−${back} s` : 'now', Math.max(left(now - back), LEFT + 10), bottom + 4);
     }
     for (const {of, dash = [5, 4], colour = () => colours.faint} of this.levels) {

@@ -4,10 +4,13 @@
 
 const DECADES = 100;   // from this ratio of the ends on a slider goes by decades
 
-/** Return the ends of a slider: the parameter's own where they are near, else around its default. */
-function ends({minimum, maximum, value, default: usual, type}) {
+/**
+ * Return the ends of a slider: the parameter's own where they are near, else around its default,
+ * else those of the default bodies, `times` as large.
+ */
+function ends({minimum, maximum, value, default: usual, type, times = 1}) {
   const size = Math.max(Math.abs(usual || 0), Math.abs(value || 0));
-  const guess = size > 0 ? 10 * size : type.startsWith('integer') ? 10 : 1;
+  const guess = size > 0 ? 10 * size : type.startsWith('integer') ? 10 : times;
   let low = minimum ?? -guess, high = maximum ?? Math.max(guess, 2 * low);
   if (high > 100 * guess) high = guess;
   if (low < -100 * guess) low = -guess;

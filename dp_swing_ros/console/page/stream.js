@@ -3,8 +3,9 @@
 // The frames of the last seconds, and the time that is shown: about one state behind the newest.
 
 import {at} from './geometry.js';
+import {pastOf} from './plots.js';
 
-const KEPT = 14;          // [s] of frames
+const KEPT = 1.4;         // times what plots show, of frames
 const SLACK = 1.2;        // states behind, so that one that is a little late makes no halt
 const LONGEST_GAP = 0.5;  // [s] of stamps between frames that are shown as one motion
 const LONGEST_WAIT = 3000; // [ms] between frames of one motion, in slow motion too
@@ -17,6 +18,14 @@ export class Stream {
   interval = 50;     // [ms] between frames, smoothed
   arrived = 0;       // [ms] when the newest came
   drawn = 0;         // [ms] when `shown` was last moved on
+
+  constructor(scale = {length: 1, time: 1}) {
+    this.scale = scale;
+  }
+
+  configure({scale}) {
+    this.scale = scale;
+  }
 
   get newest() {
     return this.frames.at(-1) ?? null;
@@ -34,7 +43,8 @@ export class Stream {
     this.frames.push(frame);
     this.times.push(frame.t);
     this.states.push(frame.x);
-    while (this.times[0] < frame.t - KEPT) for (const list of this.lists) list.shift();
+    const first = frame.t - KEPT * pastOf(this.scale);
+    while (this.times[0] < first) for (const list of this.lists) list.shift();
     if (this.frames.length === 1) this.shown = frame.t;
   }
 
@@ -66,6 +76,6 @@ export class Stream {
 
   /** Return the state at a time [s]. */
   at(time) {
-    return at(time, this.times, this.states);
+    return at(time, this.times, this.states, this.scale.length);
   }
 }

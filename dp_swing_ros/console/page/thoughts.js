@@ -3,9 +3,9 @@
 // What the mpc thinks: plots of its ticks, the pendulum that it has learned, diagnostics in words.
 
 import {colours, linkColour} from './colours.js';
-import {element, find, measure, number, short, words} from './dom.js';
+import {decimals, element, find, measure, number, short, words} from './dom.js';
 import {wrapped} from './geometry.js';
-import {Plot} from './plots.js';
+import {pastOf, Plot} from './plots.js';
 
 const TERMS = ['angles', 'position', 'velocities', 'force', 'limits', 'terminal'];
 const PHASES = ['estimate', 'starts', 'rollout', 'derivatives', 'backward', 'line_search', 'noise',
@@ -29,38 +29,39 @@ export class Thoughts {
 
   configure(hello) {
     this.hello = hello;
-    const {links, limits, period} = hello, line = c => () => colours[c];
+    const {links, limits, period, scale} = hello, line = c => () => colours[c], past = pastOf(scale);
     const angles = Array.from({length: links}, (_, n) => ({
       name: `θ${'₁₂₃'[n]}`, colour: () => linkColour(n), wraps: Math.PI,
       of: ({x}) => wrapped(x[n + 1] ?? NaN), ahead: plan => plan.X.map(x => wrapped(x[n + 1]))}));
     const both = value => [{of: () => value}, {of: () => -value}];
-    const track = limits.track ?? null, force = limits.force ?? 20;
+    const track = limits.track ?? null, force = limits.force ?? 20 * scale.force;
+    const bounded = track && track < 20 * scale.length;
     this.force = new Plot({
-      title: 'Force', unit: 'N', least: force, signed: true,
+      past, title: 'Force', unit: 'N', least: force, signed: true,
       levels: both(force),
       series: [{name: 'commanded', colour: line('c5'), step: 'on', of: frame => frame.force,
                 ahead: plan => plan.U},
                {name: 'applied', colour: line('force'), step: 'until', of: frame => frame.u},
                {name: 'push', colour: line('push'), step: 'until', of: frame => frame.push || 0}]});
     this.angles = new Plot({
-      title: 'Angles', unit: 'rad, 0 is upright', series: angles, ticks: TICKS,
+      past, title: 'Angles', unit: 'rad, 0 is upright', series: angles, ticks: TICKS,
       range: () => [-3.3, 3.3]});
     this.position = new Plot({
-      title: 'Position', unit: 'm', least: 1, signed: true,
-      range: track && track < 20 ? () => [-1.08 * track, 1.08 * track] : null,
-      ticks: track && track < 20 ? [-track, 0, track].map(x => [x, number(x, 1)]) : null,
+      past, title: 'Position', unit: 'm', least: scale.length, signed: true,
+      range: bounded ? () => [-1.08 * track, 1.08 * track] : null,
+      ticks: bounded ? [-track, 0, track].map(x => [x, number(x, decimals(1, scale.length))]) : null,
       levels: track ? both(track - limits.margin) : [],
       series: [{name: 'x', colour: line('ink'), of: ({x}) => x[0], ahead: plan => plan.X.map(x => x[0])}]});
     this.cost = new Plot({
-      title: 'Cost of the plan', unit: 'by term', stack: true, least: 0.1,
+      past, title: 'Cost of the plan', unit: 'by term', stack: true, least: 0.1,
       series: TERMS.map((term, n) => ({
         name: term, colour: () => colours[SHADES[n]], of: ({tick}) => tick?.[`cost_${term}`]}))});
     this.time = new Plot({
-      title: 'Solve time', unit: 'ms, deadline dashed', stack: true, least: 4,
+      past, title: 'Solve time', unit: 'ms, deadline dashed', stack: true, least: 4,
       levels: [{of: () => 1000 * (this.parameters.mpc?.time_limit?.value ?? 0.8 * period),
                 colour: line('alarm')}], series: []});
     this.iterations = new Plot({
-      title: 'Iterations', unit: 'a tick', least: 5,
+      past, title: 'Iterations', unit: 'a tick', least: 5,
       series: [{name: '', colour: line('c1'), step: 'on', of: ({tick}) => tick?.iterations}]});
     this.plots = [this.angles, this.position, this.force, this.cost, this.time, this.iterations];
     this.force.figure.classList.add('force');
@@ -108,10 +109,10 @@ export class Thoughts {
   }
 
   write({x, u, tick}) {
-    const {links} = this.hello;
+    const {links, scale} = this.hello;
     this.angles.value.textContent = x.slice(1, links + 1).map(a => number(wrapped(a ?? NaN))).join(', ');
-    this.position.value.textContent = measure(x[0], 2, 'm');
-    this.force.value.textContent = `applied ${measure(u, 1, 'N')}`;
+    this.position.value.textContent = measure(x[0], decimals(2, scale.length), 'm');
+    this.force.value.textContent = `applied ${measure(u, decimals(1, scale.force), 'N')}`;
     this.cost.value.textContent = short(tick?.cost);
     this.time.value.textContent = `${measure(1000 * tick?.solve_time, 1, 'ms')}, ` +
       `latency ${measure(1000 * tick?.latency, 1, 'ms')}`;

@@ -6,11 +6,12 @@ import {colours, linkColour, solverColour} from './colours.js';
 import {Brush, fit, View} from './draw.js';
 import {at, joints, tip} from './geometry.js';
 import {clamp, element, find, number, short, solverName} from './dom.js';
+import {pastOf} from './plots.js';
 import {Stream} from './stream.js';
 
 const REST = 0.8;      // [s] for which the courses stand at their end
 const SEEK = 60;       // [ms] between two seeks while the slider moves
-const SEEN = 12;       // [s] before an instant that plots show
+const SEEN = 1.2;      // times what plots show, before an instant
 const INSET = 8;       // [px] of the slider's ends
 const AXIS = 16;       // [px] below the strip
 const STEPS = [0.5, 1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1800, 3600];   // [s] between ticks
@@ -63,7 +64,8 @@ export class Timeline {
 
   /** Return the rows of the seconds before a time [s]. */
   before(time) {
-    return this.rows?.filter(({t}) => t < time && t > time - SEEN) ?? [];
+    const first = time - SEEN * pastOf(this.hello.scale);
+    return this.rows?.filter(({t}) => t < time && t > first) ?? [];
   }
 
   toggle() {
@@ -134,7 +136,7 @@ export class Timeline {
     if (!this.history) return;
     if (this.history === history) {
       if (!frame) this.say({ok: false, text});
-      this.past = new Stream();
+      this.past = new Stream(this.hello.scale);
       this.past.push(frame ?? history.find(({t}) => t === at), performance.now());
       this.past.precede(this.before(at));
     }
@@ -278,19 +280,20 @@ export class Timeline {
   /** Draw the courses at the same time after the branch, over and over. */
   draw(now) {
     if (!this.courses || !this.hello || find('#courses').hidden) return;
-    const {limits, lengths, cart} = this.hello, reach = lengths.reduce((a, b) => a + b);
+    const {limits, lengths, cart, scale} = this.hello, reach = lengths.reduce((a, b) => a + b);
+    const side = Math.min(limits.track ?? 3 * scale.length, 12 * scale.length);
     const after = Math.min(now / 1000 % (this.duration + REST), this.duration);
     find('#courses-time').textContent = `+${number(after, 1)} s`;
     for (const {t, X, U, canvas, solver} of this.courses) {
       const {pen, width, height} = fit(canvas), time = t[0] + after;
-      const view = new View(width, height, Math.min(limits.track ?? 3, 12) + cart[0], 1.15 * reach);
-      const brush = new Brush(pen, view);
+      const view = new View(width, height, side + cart[0], 1.15 * reach);
+      const brush = new Brush(pen, view, scale);
       brush.track(limits, cart, false);
       const n = clamp(t.findIndex(each => each > time) - 1, 0, t.length - 1);
       const until = t.at(-1) <= time ? X.length : n + 1;
       brush.line(X.slice(0, until).filter(x => x.every(Number.isFinite)).map(x => tip(x, lengths)),
                  solverColour(solver), 1.5, 0.6);
-      const x = at(time, t, X);
+      const x = at(time, t, X, scale.length);
       if (!x?.every(Number.isFinite)) continue;
       const places = joints(x, lengths);
       brush.pendulum(places, cart);
