@@ -35,6 +35,15 @@ class Units(NamedTuple):
             value *= base ** exponent
         return value
 
+    def factors(self, unit: str, count: int) -> list[float]:
+        """Return the same for each element of a list (count,); see `by_element`."""
+        return [self.factor(each) for each in by_element(unit, count)]
+
+    @property
+    def inverse(self) -> 'Units':
+        """Return how many times smaller."""
+        return Units(1 / self.length, 1 / self.time, 1 / self.mass)
+
     def each_joint(self, value: float, unit: str, links: int) -> list[float]:
         """
         Return what a number of the joints is for the cart and each of them.
@@ -51,6 +60,7 @@ class Units(NamedTuple):
 
 
 POSITIONS, SPEEDS, ACCELERATIONS = 'm, rad', 'm/s, rad/s', 'm/s^2, rad/s^2'
+STATES = f'{POSITIONS}, {SPEEDS}'
 SAME = Units(1.0, 1.0, 1.0)   # as large as the default bodies
 
 

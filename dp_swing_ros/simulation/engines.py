@@ -16,16 +16,20 @@ from dp_swing_ros.kernels import kernel
 from dp_swing_ros.kernels.unrolling import unrolled
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.pendulum.drive import lagged
-from dp_swing_ros.pendulum.equations import after_impact, Pendulum
+from dp_swing_ros.pendulum.equations import after_impact, Pendulum, scale_of
 from dp_swing_ros.pendulum.integrators import INTEGRATORS
 from dp_swing_ros.pendulum.model import Model, size, step
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.pendulum.state import Array, from_joints, to_joints
 
-CREEP = 0.02          # [m/s, rad/s] of our own dry friction
-MUJOCO_STEP = 1e-3    # [s] the longest
+CREEP = 0.02          # [m/s, rad/s] scaled, of our own dry friction
+MUJOCO_STEP = 1e-3    # [s] scaled, the longest
 # of dry friction: what share of a slip is undone, and how soon; else it is weaker when slow
-FIRM = 'solimpfriction="0.99 0.99 1e-3" solreffriction="0.002 1"'
+FIRM = 'solimpfriction="0.99 0.99 1e-3" solreffriction="{} 1"'
+SLIP = 0.002          # [s] scaled, of that
+STOP = 'solreflimit="{} 1" solimplimit="0.9 0.95 {}"'   # an end of the track
+REBOUND = 0.02        # [s] scaled, of that, as of any of MuJoCo's limits
+DEPTH = 1e-3          # [m] scaled, likewise, in which it is firm
 THIN = 1e-3           # of a link's moment of inertia, that about its own axis
 
 
@@ -123,8 +127,6 @@ class Own:
 class MuJoCo:
     """The engine of that name."""
 
-    longest_step = MUJOCO_STEP
-
     def __init__(self, physical: PendulumParameters, limits: LimitParameters,
                  integrator: str) -> None:
         """Take the physical parameters and the end of the track; MuJoCo integrates its own way."""
@@ -134,6 +136,7 @@ class MuJoCo:
             raise ParameterError("parameter engine is 'mujoco', which is not installed; pip "
                                  'install mujoco, or choose engine own') from None
         self.mujoco: Any = mujoco
+        self.longest_step = scale_of(physical).sized(MUJOCO_STEP, 's')
         self.model = mujoco.MjModel.from_xml_string(mjcf(physical, limits))
         self.data = mujoco.MjData(self.model)
 
@@ -155,24 +158,26 @@ class MuJoCo:
 
 def mjcf(physical: PendulumParameters, limits: LimitParameters) -> str:
     """Return the pendulum as MuJoCo's XML: x to the right, z up, angles about y."""
-    n = physical.links
+    n, scale = physical.links, scale_of(physical)
     damping, dry = physical.frictions, physical.dry_frictions
-    ends = f'limited="true" range="{-limits.track_limit} {limits.track_limit}"' if math.isfinite(
-        limits.track_limit) else ''
+    firm = FIRM.format(scale.sized(SLIP, 's'))
+    stop = STOP.format(scale.sized(REBOUND, 's'), scale.sized(DEPTH, 'm'))
+    ends = (f'limited="true" range="{-limits.track_limit} {limits.track_limit}" {stop}'
+            if math.isfinite(limits.track_limit) else '')
     m_0 = physical.masses[0]
     text, at = '', '0 0 0'
     for i in range(n):
         m, length = physical.masses[i + 1], physical.lengths[i]
         inertia = physical.inertia_factors[i] * m * length ** 2 / 12
         text += (f'<body pos="{at}"><joint type="hinge" axis="0 1 0" damping="{damping[i + 1]}" '
-                 f'frictionloss="{dry[i + 1]}" {FIRM}/>'
+                 f'frictionloss="{dry[i + 1]}" {firm}/>'
                  f'<inertial pos="0 0 {length / 2}" mass="{m}" '
                  f'diaginertia="{inertia} {inertia} {inertia * THIN}"/>')
         at = f'0 0 {length}'
     return (f'<mujoco><option gravity="0 0 {-physical.gravity}" integrator="implicitfast">'
             '<flag contact="disable"/></option><worldbody><body><joint name="cart" type="slide" '
             f'axis="1 0 0" damping="{damping[0]}" frictionloss="{dry[0]}" '
-            f'{FIRM} {ends}/><inertial pos="0 0 0" mass="{m_0}" diaginertia="{m_0} {m_0} {m_0}"/>'
+            f'{firm} {ends}/><inertial pos="0 0 0" mass="{m_0}" diaginertia="{m_0} {m_0} {m_0}"/>'
             f'{text}{"</body>" * n}</body></worldbody><actuator><motor joint="cart"/></actuator>'
             '</mujoco>')
 

@@ -42,7 +42,7 @@ class PlantParameters(RhythmParameters):
         tuple(hanging().tolist()), 'state at the start and after a reset [x, θ1 …, ẋ, θ̇1 …]',
         unit='m, rad, m/s, rad/s', size=SIZES)
     physics_step: float = parameter(0.005, 'longest step of the integrator', unit='s',
-                                    minimum=1e-5, maximum=1.0)
+                                    minimum=1e-5, maximum=1.0, scaled=True)
     integrator: str = parameter(
         'rk4', 'integrator of the plant', choices=lambda: list(INTEGRATORS))
     engine: str = parameter(

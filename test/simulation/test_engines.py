@@ -8,15 +8,20 @@ import sys
 from controllers import LIMITS
 import numpy as np
 import pytest
+from similar import sized, SMALLER
 
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.pendulum.parameters import DriveParameters, LimitParameters, PendulumParameters
 from dp_swing_ros.pendulum.state import hanging, LINKS, SIZES
+from dp_swing_ros.pendulum.units import SAME, STATES
+from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.engines import ENGINES, from_joints, to_joints
 from dp_swing_ros.simulation.plant import Plant, PlantParameters
 
 UNEVEN = {'cart_mass': 1.3, 'link1_mass': 0.4, 'link1_length': 0.8, 'link1_inertia_factor': 1.25,
           'cart_friction': 0.3, 'joint1_friction': 0.05, 'joint2_friction': 0.02}
+WHOLE = {'link2_mass': 0.5, 'link2_length': 1.0}
+DRY = {'cart_dry_friction': 1.0, 'joint1_dry_friction': 0.05, 'joint2_dry_friction': 0.02}
 # what hangs on the cart weighs next to nothing
 MASS = 10.0
 BARE = {'cart_mass': MASS, 'link1_mass': 1e-3, 'link2_mass': 1e-3, 'link3_mass': 1e-3}
@@ -52,6 +57,25 @@ def test_mujoco_is_our_own_the_more_the_shorter_its_steps(links):
                  for step in (1e-3, 1e-4))
     assert near < 0.05         # in speeds of 10 rad/s
     assert near < far / 7      # its integrator is of the first order
+
+
+@of_engines
+def test_a_smaller_pendulum_moves_as_the_same_in_its_own_units(engine):
+    """With all frictions, and against the end of the track."""
+    def moved(scale):
+        values = sized({**WHOLE, **UNEVEN, **DRY, **DRIVE, 'track_limit': 0.4}, scale)
+        factors, X = scale.factors(STATES, 6), []
+        p = plants.plant({**values, 'engine': engine, 'initial_state': tuple(
+            np.multiply((0.2, 2.0, -1.0, 0.5, 2.0, -3.0), factors).tolist())})
+        for n in range(10):
+            p.obey(15.0 * math.sin(n) * scale.factor('N'))
+            p.begin_period(0.0)
+            p.advance(0.05 * scale.time)
+            X.append(p.x / factors)
+        return np.array(X)
+    usual = moved(SAME)
+    assert np.abs(usual[:, 0]).max() > 0.39
+    np.testing.assert_allclose(moved(SMALLER), usual, rtol=1e-4, atol=1e-4)
 
 
 @of_links
