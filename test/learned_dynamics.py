@@ -14,6 +14,8 @@ from dp_swing_ros.simulation import plants
 
 BODIES = {'cart_mass': 0.5, 'link1_mass': 0.5, 'link2_mass': 0.5, 'link1_length': 0.6,
           'link2_length': 0.6, 'cart_friction': 0.1}
+# of the default bodies, which is what one believes in that is told no others
+USUAL = {'force_limit': 20.0, 'track_limit': 2.4, 'physics_step': 0.005}
 
 
 def of_chain(physical):
@@ -38,7 +40,7 @@ def model_of(dynamics):
 def experience(duration, seed=0, **plant):
     """Return what is measured under random forces that keep the cart near the middle."""
     rng = np.random.default_rng(seed)
-    moved = plants.plant({**BODIES, 'seed': seed, **plant})
+    moved = plants.plant({**BODIES, **USUAL, 'seed': seed, **plant})
     t, X, U = [], [], []
     for _ in range(round(20 * duration) + 1):
         measured = moved.measure()

@@ -25,6 +25,7 @@ from dp_swing_ros.pendulum.equations import (
     add_joint_friction, friction, inverse_inertia, Matrix, Numbers, Parts, Pendulum, solve)
 from dp_swing_ros.pendulum.points import by_variables, in_turn, point_type
 from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.pendulum.units import Units
 
 
 class Links(Constant):
@@ -157,6 +158,17 @@ class Structured(NamedTuple):
         return self._replace(
             inertia=inertia.reshape(-1, count).copy(), potential=np.append(0.0, potential),
             friction=friction.copy(), dry=dry.copy())
+
+    def sized(self, scale: Units) -> 'Structured':
+        """Return the same of a pendulum so many times larger."""
+        def factors(unit: str) -> list[float]:
+            return scale.factors(unit, self.links + 1)
+        inertia = [scale.mass * scale.length ** ((i > 0) + (j > 0)) for i, j in pairs(self.links)]
+        return self._replace(
+            inertia=self.inertia * np.array(inertia)[:, None],
+            potential=self.potential * scale.factor('J'),
+            friction=self.friction * factors('N s/m, N m s/rad'),
+            dry=self.dry * factors('N, N m'), sharpness=self.sharpness * factors('s/m, s/rad'))
 
     def with_creep(self, creep: float) -> 'Structured':
         """Return the same with dry friction that is whole from another speed on [m/s, rad/s]."""

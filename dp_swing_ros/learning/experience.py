@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dp_swing_ros.pendulum.state import angles, Array, to_turn_of
+from dp_swing_ros.pendulum.units import STATES, Units
 
 
 class Experience(NamedTuple):
@@ -37,6 +38,12 @@ class Experience(NamedTuple):
     def chosen(self, which: Array) -> 'Experience':
         """Return some of the transitions; shapes: which (K,)."""
         return Experience(*(each[which] for each in self))
+
+    def sized(self, scale: Units) -> 'Experience':
+        """Return the same of a pendulum so many times larger."""
+        factors = scale.factors(STATES, self.X.shape[1])
+        return Experience(self.X * factors, self.Y * factors, self.U * scale.factor('N'),
+                          self.h * scale.time)
 
     @property
     def duration(self) -> float:

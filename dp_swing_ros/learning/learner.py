@@ -1,9 +1,10 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-A controller that knows links and limits alone, and learns what it moves while it moves it.
+A controller that learns what it moves while it moves it.
 
-It begins with random forces. From then on it plans with what it has learned, and learns from every
+It knows the number of links and the limits, and of the bodies that it is told their scale. It
+begins with random forces. From then on it plans with what it has learned, and learns from every
 transition: in trials, or without a break.
 """
 
@@ -18,50 +19,57 @@ from dp_swing_ros.control.receding_horizon import RecedingHorizon
 from dp_swing_ros.dynamics.files import LearnedModel
 from dp_swing_ros.learning.experience import Experience
 from dp_swing_ros.learning.models import Online
+from dp_swing_ros.learning.recorded import TRANSITION
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.pendulum.model import ROUNDING
 from dp_swing_ros.pendulum.state import Array, to_turn_of
+from dp_swing_ros.pendulum.units import SAME, Units
 from dp_swing_ros.problem.plan import Plan, Status
 from dp_swing_ros.problem.problem import plan_of, Problem
 
-FIRST = 5.0          # [s] of random forces
-LEARNING = 0.25      # [s] between two times at which it learns
+FIRST = 5.0          # [s] scaled, of random forces
+LEARNING = 0.25      # [s] scaled, between two times at which it learns
 LOUD = 0.6           # of the largest force, standard deviation of the random ones
-CORRELATION = 0.6    # of a random force with the one before
-HOME, BRAKE = 0.5, 0.15   # of the largest force, per metre off the middle and per metre a second
-END = 0.1            # [m] from the end of the track: what happens there is no motion of a pendulum
+CORRELATION = 0.6    # of a random force with that a TRANSITION before
+HOME = 0.5           # [1/m] scaled, of the largest force, off the middle
+BRAKE = 0.15         # [s/m] scaled, of it, against the speed
+END = 0.1            # [m] scaled, from that of the track: there it is no motion of a pendulum
 GAP = 1.5            # periods without a state: beyond, it is not known what happened
 
 
 class Explorer:
     """Random forces that keep the cart away from the ends of the track."""
 
-    def __init__(self, u_max: float, random: np.random.Generator) -> None:
+    def __init__(self, u_max: float, random: np.random.Generator, scale: Units = SAME) -> None:
         """Take the largest force [N]."""
         self.u_max, self.random, self.coloured = u_max, random, 0.0
+        self.home, self.brake = scale.sized(HOME, '1/m'), scale.sized(BRAKE, 's/m')
+        self.lasts = scale.sized(TRANSITION, 's')
 
-    def force(self, x: Array) -> float:
-        """Return the force [N] in a measured state (2n + 2,)."""
-        fresh = math.sqrt(1 - CORRELATION ** 2) * self.random.standard_normal()
-        self.coloured = CORRELATION * self.coloured + fresh
-        home = HOME * x[0] + BRAKE * x[len(x) // 2]
+    def force(self, x: Array, passed: float) -> float:
+        """Return the force [N] in a measured state (2n + 2,), a time [s] after the last."""
+        correlation = CORRELATION ** (passed / self.lasts)
+        fresh = math.sqrt(1 - correlation ** 2) * self.random.standard_normal()
+        self.coloured = correlation * self.coloured + fresh
+        home = self.home * x[0] + self.brake * x[len(x) // 2]
         return self.u_max * min(max(LOUD * self.coloured - home, -1.0), 1.0)
 
 
 class Learner:
     """The controller, for `simulate`."""
 
-    def __init__(self, values: Mapping[str, Any], first: float = FIRST) -> None:
+    def __init__(self, values: Mapping[str, Any], first: float | None = None) -> None:
         """
-        Take the parameters of an mpc; those of the pendulum do not matter.
+        Take the parameters of an mpc; of those of the pendulum their scale alone matters.
 
-        first [s] is how long forces are random. Raises ParameterError.
+        first [s] is how long forces are random, else FIRST. Raises ParameterError.
         """
-        self.first, self.prototype = first, controllers.controller(values)
-        self.nominal = self.prototype.nominal
+        self.prototype = controllers.controller(values)
+        self.nominal, scale = self.prototype.nominal, self.prototype.nominal.scale
+        self.first = scale.sized(FIRST, 's') if first is None else first
         self.random = np.random.default_rng(self.prototype.parameters.seed)
-        self.explorer = Explorer(self.nominal.u_max, self.random)
-        self.online = Online(self.nominal.physical.links)
+        self.explorer = Explorer(self.nominal.u_max, self.random, scale)
+        self.online = Online(self.nominal.physical.links, scale)
         self.model: LearnedModel | None = None
         self.experience = list[tuple[Array, Array, float, float]]()   # x, x⁺, u, h
         self.controller: RecedingHorizon | None = None
@@ -106,19 +114,21 @@ class Learner:
 
     def explore(self, x: Array) -> Plan:
         """Return a plan of one random force."""
-        u = self.explorer.force(x)
+        u = self.explorer.force(x, self.period)
         return plan_of(self.nominal, np.array([x, x]), np.array([u]), Status.COMPLETE)
 
     def is_due(self) -> bool:
         """Return whether it is time to learn."""
+        learning = self.nominal.scale.sized(LEARNING, 's')
         return self.controller is None or (
-            len(self.experience) % max(round(LEARNING / self.period), 1) == 0)
+            len(self.experience) % max(round(learning / self.period), 1) == 0)
 
     def learn(self) -> None:
         """Learn from all that was seen, and plan with that from now on."""
         X, Y, U, h = map(np.array, zip(*self.experience))
         seen = Experience(X, Y, U, h)
-        limit = self.nominal.parameters.limits.track_limit - END
+        end = self.nominal.scale.sized(END, 'm')
+        limit = self.nominal.parameters.limits.track_limit - end
         seen = seen.chosen((np.abs(X[:, 0]) < limit) & (np.abs(Y[:, 0]) < limit))
         try:
             model = self.online.model(seen)

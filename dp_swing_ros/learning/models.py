@@ -1,6 +1,10 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""From experience to a learned model, once or while there is more and more of it."""
+"""
+From experience to a learned model, once or while there is more and more of it.
+
+A pendulum of another scale than the default bodies is learned as if it were as large as they are.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -18,9 +22,9 @@ from dp_swing_ros.learning.quality import misses, rms
 from dp_swing_ros.learning.regression import FINE, fitted, Prior, spread
 from dp_swing_ros.pendulum.equations import Pendulum
 from dp_swing_ros.pendulum.parameters import DIRECT, Drive
-from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.pendulum.units import SAME, SPEEDS, Units
 
-PIECE = 5.0          # [s] of experience that is held out, or not, as one
+PIECE = 5.0          # [s] scaled, of experience that is held out, or not, as one
 PIECES = 5           # at least, of which one is held out
 FEWEST = 40          # transitions of which something can be learned
 
@@ -34,7 +38,7 @@ class Parts(NamedTuple):
     held_out: list[Experience]
 
 
-def parted(stretches: Sequence[Experience], seed: int) -> Parts:
+def parted(stretches: Sequence[Experience], seed: int, scale: Units = SAME) -> Parts:
     """
     Hold a fifth of the experience out, in pieces: what is near in time is too much alike.
 
@@ -45,7 +49,8 @@ def parted(stretches: Sequence[Experience], seed: int) -> Parts:
     if count < FEWEST:
         raise UserError(f'there are {count} transitions ({duration:.3g} s) to learn from; '
                         f'expected {FEWEST} at least, better a minute that swings and is held')
-    size = max(round(min(PIECE, duration / PIECES) / (duration / count)), 1)
+    piece = min(scale.sized(PIECE, 's'), duration / PIECES)
+    size = max(round(piece / (duration / count)), 1)
     pieces = [each.chosen(np.arange(begin, min(begin + size, len(each.U))))
               for each in stretches for begin in range(0, len(each.U), size)]
     order = np.random.default_rng(seed).permutation(len(pieces)).tolist()
@@ -55,34 +60,35 @@ def parted(stretches: Sequence[Experience], seed: int) -> Parts:
 
 
 def learned(known: Pendulum, parts: Parts, on_round: OnRound = lambda _: None,
-            drive: Drive = DIRECT) -> LearnedModel:
+            drive: Drive = DIRECT, scale: Units = SAME) -> LearnedModel:
     """
-    Learn a model, where a pendulum is known, about.
+    Learn a model of a pendulum of a scale, where it is known, about.
 
     Of two, one that begins with that pendulum and one that begins with nothing, that is returned
     which predicts better what was held out. drive is the one by which the experience has its
     forces. on_round is called with the dynamics again and again. Raises FloatingPointError where
     nothing finite is found.
     """
-    held_out = Experience.joined(parts.held_out)
-    found = min((_fitted_finely(*begun, parts, on_round)
-                 for begun in (priors.structured(known.links), priors.known(known))),
-                key=lambda model: np.nan_to_num(rms(model.dynamics, held_out), nan=np.inf))
-    return replace(found, drive=drive)
+    seen, held_out = (Experience.joined(each).sized(scale.inverse) for each in parts)
+    about = Structured.of(known).sized(scale.inverse)
+    found = min((_fitted_finely(*begun, seen, lambda dynamics: on_round(dynamics.sized(scale)))
+                 for begun in (priors.structured(known.links), (about, priors.known(about)))),
+                key=lambda dynamics: np.nan_to_num(rms(dynamics, held_out), nan=np.inf))
+    return replace(model_of(found, Experience.joined(parts.seen), scale), drive=drive)
 
 
-def _fitted_finely(dynamics: Structured, prior: Prior, parts: Parts,
-                   on_round: OnRound) -> LearnedModel:
-    seen = Experience.joined(parts.seen)
-    found = fitted(dynamics.with_creep(FINE.creep), seen, prior, FINE.step, on_round)
-    return model_of(dynamics, found, seen)
+def _fitted_finely(dynamics: Structured, prior: Prior, seen: Experience,
+                   on_round: OnRound) -> Structured:
+    return dynamics.with_free(
+        fitted(dynamics.with_creep(FINE.creep), seen, prior, FINE.step, on_round))
 
 
 class Online:
     """A model that is fitted again and again while there is more and more experience."""
 
-    def __init__(self, links: int) -> None:
-        """Take the number of links; it begins with nothing."""
+    def __init__(self, links: int, scale: Units = SAME) -> None:
+        """Take the number of links and the scale; it begins with nothing."""
+        self.scale = scale
         self.dynamics, self.prior = priors.structured(links)
 
     def model(self, seen: Experience) -> LearnedModel:
@@ -91,15 +97,15 @@ class Online:
 
         Raises FloatingPointError or LinAlgError where nothing finite is found.
         """
-        found = model_of(self.dynamics, fitted(self.dynamics, seen, self.prior), seen)
-        self.dynamics = found.dynamics
-        return found
+        self.dynamics = self.dynamics.with_free(
+            fitted(self.dynamics, seen.sized(self.scale.inverse), self.prior))
+        return model_of(self.dynamics, seen, self.scale)
 
 
-def model_of(dynamics: Structured, free: Array, seen: Experience) -> LearnedModel:
-    """Return the model of dynamics with the free numbers (P,) that fit some experience."""
-    dynamics = dynamics.with_free(free)
-    return LearnedModel(dynamics, spread(misses(dynamics, seen)),
+def model_of(dynamics: Structured, seen: Experience, scale: Units) -> LearnedModel:
+    """Return the model of a pendulum of a scale; dynamics are those of one of the default size."""
+    noise = spread(misses(dynamics, seen.sized(scale.inverse)))
+    return LearnedModel(dynamics.sized(scale), noise * scale.factors(SPEEDS, len(noise)),
                         {'seconds': seen.duration, 'experience': fingerprint(seen)})
 
 

@@ -5,33 +5,33 @@ What is believed of dynamics before any experience.
 
 A mass matrix that does not depend on the angles, bodies of about a kilogram and a metre, no
 gravity and no friction; and that any of it may well be otherwise; or, where a pendulum is known,
-that they are about its own, with frictions of any size.
+that they are about its own, with frictions of any size. Numbers are those of the default bodies,
+to whose size experience of others is brought; see `Experience.sized`.
 """
 
 import numpy as np
 
 from dp_swing_ros.dynamics.structured import harmonics, links, pairs, Structured
 from dp_swing_ros.learning.regression import Prior
-from dp_swing_ros.pendulum.equations import Pendulum
 
-MASS = 1.0         # [kg] of all, and its deviation
-INERTIA = 0.1      # [kg m²] of a link
-COUPLING = 0.3     # [kg m] standard deviation between cart and link
-OF_LINKS = 0.2     # [kg m²] likewise between links, and of a link
+MASS = 1.0         # [kg] scaled, of all, and its deviation
+INERTIA = 0.1      # [kg m²] scaled, of a link
+COUPLING = 0.3     # [kg m] scaled, standard deviation between cart and link
+OF_LINKS = 0.2     # [kg m²] scaled, likewise between links, and of a link
 WAVE = 0.3         # of these, the deviation of what goes with the angles
-POTENTIAL = 5.0    # [J] standard deviation
-FRICTION = 0.3     # [N s/m, N m s/rad, N, N m] likewise
-SHARPNESS = 5.0    # [s/m, s/rad]
+POTENTIAL = 5.0    # [J] scaled, standard deviation
+FRICTION = 0.3     # [N s/m, N m s/rad, N, N m] scaled, likewise
+SHARPNESS = 5.0    # [s/m, s/rad] scaled
 ABOUT = 0.1        # of a number that is known, its deviation
 REST = 0.03        # of the deviations above, those of what a chain of rigid links has not
 
 
-def known(p: Pendulum) -> tuple[Structured, Prior]:
-    """Return structured dynamics that are those of a pendulum, about, and their prior."""
-    dynamics, (_, vague, lowest) = Structured.of(p), structured(p.links)[1]
-    mean, bodies = dynamics.free, np.arange(len(vague)) < len(vague) - 2 * (p.links + 1)
+def known(dynamics: Structured) -> Prior:
+    """Return the prior of dynamics that are known, about."""
+    n, (_, vague, lowest) = dynamics.links, structured(dynamics.links)[1]
+    mean, bodies = dynamics.free, np.arange(len(vague)) < len(vague) - 2 * (n + 1)
     deviations = np.where(bodies, np.maximum(ABOUT * np.abs(mean), REST * vague), vague)
-    return dynamics, Prior(mean, deviations, lowest)
+    return Prior(mean, deviations, lowest)
 
 
 def structured(n: int) -> tuple[Structured, Prior]:
@@ -44,7 +44,7 @@ def structured(n: int) -> tuple[Structured, Prior]:
         scale = MASS if (i, j) == (0, 0) else COUPLING if i == 0 else OF_LINKS
         deviations[place] = scale * np.where(np.arange(count) == 0, 1.0, WAVE)
     untold = Structured(links(n), inertia, np.zeros(count), np.zeros(n + 1), np.zeros(n + 1),
-                        SHARPNESS)
+                        np.full(n + 1, SHARPNESS))
     frictions = np.zeros(2 * (n + 1))
     return untold, Prior(
         untold.free,

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dp_swing_ros.learning.experience import Experience
-from dp_swing_ros.learning.regression import followed, predicted
+from dp_swing_ros.learning.regression import followed, LONGEST_STEP, predicted
 from dp_swing_ros.pendulum.state import Array, deviation
 
 AHEAD = 30   # transitions: about the horizon of a plan
@@ -35,24 +35,24 @@ class Errors(NamedTuple):
         return found
 
 
-def errors(dynamics: Any, stretches: Sequence[Experience]) -> Errors:
-    """Return what dynamics miss of some stretches of experience."""
+def errors(dynamics: Any, stretches: Sequence[Experience], step: float = LONGEST_STEP) -> Errors:
+    """Return what dynamics, in steps [s], miss of some stretches of experience."""
     seen = Experience.joined(stretches)
-    return Errors(np.sqrt(np.mean(misses(dynamics, seen) ** 2, axis=0)),
-                  np.concatenate([ahead(dynamics, each) for each in stretches]))
+    return Errors(np.sqrt(np.mean(misses(dynamics, seen, step) ** 2, axis=0)),
+                  np.concatenate([ahead(dynamics, each, step) for each in stretches]))
 
 
-def misses(dynamics: Any, seen: Experience) -> Array:
+def misses(dynamics: Any, seen: Experience, step: float = LONGEST_STEP) -> Array:
     """Return by how much the speeds after each transition are off (K, n + 1)."""
-    return np.hsplit(seen.Y, 2)[1] - predicted(dynamics, seen)
+    return np.hsplit(seen.Y, 2)[1] - predicted(dynamics, seen, step)
 
 
-def ahead(dynamics: Any, stretch: Experience) -> Array:
+def ahead(dynamics: Any, stretch: Experience, step: float) -> Array:
     """Return the errors AHEAD transitions after each state [rad]."""
-    found = deviation(followed(dynamics, stretch, AHEAD), stretch.Y[AHEAD - 1:])
+    found = deviation(followed(dynamics, stretch, AHEAD, step), stretch.Y[AHEAD - 1:])
     return np.where(np.isfinite(found), found, np.pi)
 
 
-def rms(dynamics: Any, seen: Experience) -> float:
+def rms(dynamics: Any, seen: Experience, step: float = LONGEST_STEP) -> float:
     """Return the RMS of the errors of all speeds after one transition [m/s, rad/s]."""
-    return float(np.sqrt(np.mean(misses(dynamics, seen) ** 2)))
+    return float(np.sqrt(np.mean(misses(dynamics, seen, step) ** 2)))

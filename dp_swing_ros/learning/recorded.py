@@ -10,13 +10,14 @@ from dp_swing_ros.learning.experience import Experience
 from dp_swing_ros.pendulum.drive import lagged
 from dp_swing_ros.pendulum.parameters import DIRECT, Drive
 from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.pendulum.units import POSITIONS, SAME, Units
 
-TRANSITION = 0.05   # [s] about; of states that come faster some are left out
-JUMP = 0.2          # [m, rad] off what the speeds say: a reset, not a motion
+TRANSITION = 0.05   # [s] scaled, about; of states that come faster some are left out
+JUMP = 0.2          # [m, rad] scaled, off what the speeds say: a reset, not a motion
 
 
 def stretches_of(t: Array, X: Array, sent: Array, commands: Array, track_limit: float,
-                 drive: Drive = DIRECT) -> list[Experience]:
+                 drive: Drive = DIRECT, scale: Units = SAME) -> list[Experience]:
     """
     Return the stretches of what was measured and sent, by one clock [s], without pushes.
 
@@ -27,21 +28,23 @@ def stretches_of(t: Array, X: Array, sent: Array, commands: Array, track_limit: 
     Q, V = np.hsplit(X, 2)
     Q[:, 1:] = np.unwrap(Q[:, 1:], axis=0)
     return stretches(Motion(t, Q, sent[order], commands[order], np.empty(0), track_limit), V,
-                     drive)
+                     drive, scale)
 
 
-def stretches(motion: Motion, speeds: Array, drive: Drive) -> list[Experience]:
+def stretches(motion: Motion, speeds: Array, drive: Drive,
+              scale: Units = SAME) -> list[Experience]:
     """
     Return the stretches of a motion of which all is known, in each one transition after the other.
 
     Shapes: speeds (K, n + 1). Raises UserError where there is none.
     """
     period = period_of(motion.t)
-    every = max(round(TRANSITION / period), 1)
+    every = max(round(scale.sized(TRANSITION, 's') / period), 1)
     t, Q, V = (each[::every] for each in (motion.t, motion.Q, speeds))
     forces = mean_forces(drive, motion.sent, motion.commands, t)
     off = Q[:-1] + np.diff(t)[:, None] * (V[:-1] + V[1:]) / 2 - Q[1:]
-    usable = [bool(np.all(np.abs(off[k]) < JUMP))    # nor where speeds are not known
+    jump = JUMP * np.array(scale.factors(POSITIONS, Q.shape[1]))
+    usable = [bool(np.all(np.abs(off[k]) < jump))    # nor where speeds are not known
               and is_usable(motion, t[k:k + 2], Q[k:k + 2], every * period)
               for k in range(len(off))]
     edges = np.flatnonzero(np.diff(np.concatenate(([0], usable, [0]))))

@@ -6,8 +6,9 @@ The free numbers p of learned dynamics from experience.
     min_p  Σ_k |q̇⁺_k - f(x_k, u_k; p)|²_Σ + |p - p_0|²_Λ
 
 f are the speeds after a transition, by the integrator from the measured state. Steps are those of
-Levenberg and Marquardt. The variances Σ of the residuals are estimated in turns. Source: Bishop,
-Pattern Recognition and Machine Learning, 2006, 3.3.
+Levenberg and Marquardt. The variances Σ of the residuals are estimated in turns. Numbers are those
+of the default bodies; see priors.py. Source: Bishop, Pattern Recognition and Machine Learning,
+2006, 3.3.
 """
 
 from collections.abc import Callable
@@ -30,9 +31,9 @@ INSIDE = 1e-12        # of a bound: the solver begins between them
 DIFFERENCE = 1e-6     # of a free number, in its deviations before any experience
 SETTLED = 1e-3        # change of all numbers, in standard deviations, at which it ends
 DAMPING, LARGEST_DAMPING = 1e-2, 1e8   # of a step, at first, and where it ends
-FLOOR = 1e-4          # [m/s, rad/s] standard deviation of a residual at least
+FLOOR = 1e-4          # [m/s, rad/s] scaled, standard deviation of a residual at least
 WILD = 1e8            # deviations of a residual, per deviation of a number before any experience
-LONGEST_STEP = 0.025  # [s] of the integrator
+LONGEST_STEP = 0.025  # [s] scaled, of the integrator
 
 
 class Precision(NamedTuple):
@@ -43,7 +44,7 @@ class Precision(NamedTuple):
 
 
 # where things stick and slip, what is smooth would pass for inertia and gravity
-FINE = Precision(0.02, 0.005)
+FINE = Precision(0.02, 0.005)   # [m/s, rad/s] scaled, [s] likewise
 
 
 class Prior(NamedTuple):

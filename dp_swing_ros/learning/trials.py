@@ -16,7 +16,7 @@ from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import simulate
 
 OUT = 0.2       # [rad] of the largest error of an angle: no longer held
-PIECE = 0.5     # [s] between two looks whether it holds
+PIECE = 0.5     # [s] scaled, between two looks whether it holds
 
 
 @dataclass(frozen=True)
@@ -46,13 +46,15 @@ def trials(learner: Learner, plant: Mapping[str, Any], trial: float, total: floa
     called with the experience so far [s] and the last deviation [rad].
     """
     goal, seed = learner.nominal.x_r, int(plant.get('seed', 0))
-    number, held = 0, 0.0
-    while total - learner.duration >= PIECE and held < hold:
+    number, held, piece = 0, 0.0, learner.nominal.scale.sized(PIECE, 's')
+    while total - learner.duration >= piece and held < hold:
         moved = plants.plant({**plant, 'seed': seed + number})
         number, before, states = number + 1, learner.duration, list[Array]()
         learner.begin(1 / moved.parameters.rate)
-        while moved.t + PIECE <= min(trial, total - before) + ROUNDING:
-            states += [*simulate(moved, learner, PIECE).X[1:]]
+        piece = max(piece, learner.period)
+        while (moved.t + learner.period / 2 < trial
+               and moved.t + piece <= total - before + ROUNDING):
+            states += [*simulate(moved, learner, min(piece, trial - moved.t)).X[1:]]
             off = deviation(np.array(states), goal)
             held = held_for(off, learner.period)
             on_piece(before + moved.t, float(off[-1]))

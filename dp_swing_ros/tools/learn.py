@@ -23,7 +23,7 @@ from dp_swing_ros.tools.command_lines import (
     dated, execute, FAILED, new_folder, OK, program, within)
 from dp_swing_ros.tools.processes import located
 
-TOTAL, HOLD = 60.0, 2.0   # [s]
+DURATIONS = {'first': FIRST, 'total': 60.0, 'hold': 2.0}   # [s] scaled, if none are given
 
 Show = Callable[[float, float], object]   # of the experience so far [s], and the deviation [rad]
 
@@ -33,7 +33,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog=program('learn'),
         description='Swing up and hold a simulated pendulum of which the number of links and '
-                    'the limits of force and track are known: with random forces at first, then '
+                    'the limits of force and track are known, and its size, about: with random '
+                    'forces at first, then '
                     'by planning with what was learned so far, from every transition. Leaves the '
                     'learned model, which an mpc can plan with, and a picture; the exit code is 0 '
                     'if the pendulum was held in the end.',
@@ -42,7 +43,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument('--solver', choices=list(SOLVERS), default='ilqr')
     parser.add_argument('--params', type=Path, metavar='FILE', action='append', default=[],
                         help='YAML file with parameters of the plant, bodies and noises too, and '
-                             'of an mpc, whose own bodies do not matter')
+                             'of an mpc, of whose own bodies the size alone matters')
     breaks = parser.add_mutually_exclusive_group()
     breaks.add_argument('--trial', type=within(float, 1.0), metavar='SECONDS',
                         help='of a trial, after which the pendulum hangs again (default: it goes '
@@ -50,12 +51,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     breaks.add_argument('--live', action='store_true',
                         help='what moves is no simulation but a plant that runs, ours or any; its '
                              'forces come from this process and then from an mpc that it starts')
-    parser.add_argument('--first', type=within(float, 0.5), default=FIRST, metavar='SECONDS',
-                        help='of random forces (default: %(default)g)')
-    parser.add_argument('--total', type=within(float, 1.0), default=TOTAL, metavar='SECONDS',
-                        help='of experience, at most (default: %(default)g)')
-    parser.add_argument('--hold', type=within(float, 0.5), default=HOLD, metavar='SECONDS',
-                        help=f'within {OUT:g} rad, until it counts as held (default: %(default)g)')
+    default = '(default: {:g}, scaled with the bodies of the mpc)'
+    for name, least, text in (
+            ('first', 0.5, 'of random forces'), ('total', 1.0, 'of experience, at most'),
+            ('hold', 0.5, f'within {OUT:g} rad, until it counts as held')):
+        parser.add_argument(f'--{name}', type=within(float, least), metavar='SECONDS',
+                            help=f'{text} {default.format(DURATIONS[name])}')
     parser.add_argument('--seed', type=within(int, 0), default=0,
                         help='of noises, random forces and solver (default: 0)')
     parser.add_argument('--output', '-o', type=Path, metavar='DIR',
@@ -69,7 +70,9 @@ def _learn(arguments: argparse.Namespace) -> int:
     values = declarations.read(arguments.params)
     plant = {**values['plant'], 'seed': arguments.seed}
     mpc = {**values['mpc'], 'solver': arguments.solver, 'seed': arguments.seed}
-    controllers.controller(mpc)   # refused before a folder is made
+    scale = controllers.controller(mpc).nominal.scale   # refused before a folder is made
+    vars(arguments).update({name: scale.sized(value, 's') for name, value in DURATIONS.items()
+                            if getattr(arguments, name) is None})
     plants.plant(plant)
     folder = new_folder(arguments.output or Path('runs', dated(f'learn_{arguments.solver}')))
     print(f'{arguments.solver}: {arguments.first:g} s of random forces first -> {folder}',

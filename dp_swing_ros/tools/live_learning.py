@@ -10,6 +10,7 @@ this node hears states and forces, learns from all of them, and sets the mpc's m
 from argparse import Namespace
 from collections.abc import Callable, Mapping
 from functools import partial
+import math
 from pathlib import Path
 import time
 from typing import Any
@@ -61,8 +62,10 @@ class LiveLearner:
         self.node, values = node, controllers.MPC.complete(values)
         self.problem = controllers.problem({**values, 'dynamics': ANALYTIC, 'model': 'rk4'})
         self.links, self.sensors = values['links'], group(SensorParameters, values)
-        self.explorer = Explorer(self.problem.u_max, np.random.default_rng(values['seed']))
-        self.online = Online(self.links)
+        self.scale = self.problem.scale
+        self.explorer = Explorer(
+            self.problem.u_max, np.random.default_rng(values['seed']), self.scale)
+        self.online = Online(self.links, self.scale)
         Online(self.links).model(some(self.links))   # compiles
         self.model: LearnedModel | None = None
         self.explores = self.acts = False   # itself, and the mpc
@@ -111,7 +114,7 @@ class LiveLearner:
         # a stamp may be of simulated time: then a force counts from the state that it answers
         self.is_simulated = abs(info['source_timestamp'] / BILLION - t) > APART
         if self.explores:
-            force = self.explorer.force(x)
+            force = self.explorer.force(x, passed or math.inf)
             self.forces.publish(Float64(data=force))
             self.keep(t, time.time(), force)
 
@@ -162,11 +165,12 @@ class LiveLearner:
         """Return what there is to learn from; raises UserError where there is nothing."""
         t, X, sent, commands = map(np.array, (self.t, self.X, self.sent, self.commands))
         return Experience.joined(stretches_of(t, X, sent, commands,
-                                              self.problem.parameters.limits.track_limit))
+                                              self.problem.parameters.limits.track_limit,
+                                              scale=self.scale))
 
     def learn(self) -> LearnedModel | None:
         """Return a new model of all that was heard, if that is due."""
-        if self.duration - self.learned < LEARNING - ROUNDING:
+        if self.duration - self.learned < self.scale.sized(LEARNING, 's') - ROUNDING:
             return None
         self.learned, seen = self.duration, self.experience()
         try:

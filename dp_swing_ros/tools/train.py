@@ -20,7 +20,8 @@ from dp_swing_ros.learning.experience import Experience
 from dp_swing_ros.learning.models import learned, parted
 from dp_swing_ros.learning.quality import AHEAD, Errors, errors, rms
 from dp_swing_ros.learning.recorded import stretches
-from dp_swing_ros.pendulum.equations import Pendulum
+from dp_swing_ros.learning.regression import LONGEST_STEP
+from dp_swing_ros.pendulum.equations import Pendulum, scale_of
 from dp_swing_ros.pendulum.state import joints, LINKS
 from dp_swing_ros.tables import aligned
 from dp_swing_ros.tools.command_lines import (
@@ -56,23 +57,26 @@ def _train(arguments: argparse.Namespace) -> int:
     # dynamics that are learned make up for gain and bias of the drive
     (physical, drive), began = found[-1].believed, time.monotonic()
     # an estimator has seen what is held out: its parameters are no judge of what is learned
-    known, told = Pendulum.of(physical), Pendulum.of(found[0].physical)
+    scale = scale_of(found[0].physical)
+    known, told = (Pendulum.of(each, scale=scale) for each in (physical, found[0].physical))
     parts = parted([stretch for each in found
-                    for stretch in stretches(each.motion, each.V, drive)], arguments.seed)
+                    for stretch in stretches(each.motion, each.V, drive, scale)],
+                   arguments.seed, scale)
+    step = scale.sized(LONGEST_STEP, 's')
     seen, held_out = map(Experience.joined, parts)
     print(f'{seen.duration:.1f} s to learn from, {held_out.duration:.1f} s held out', flush=True)
     course = list[tuple[float, float]]()
     with progress(desc='rounds', unit='') as bar:
         def on_round(dynamics: Structured) -> None:
-            course.append((rms(dynamics, seen), rms(dynamics, held_out)))
+            course.append((rms(dynamics, seen, step), rms(dynamics, held_out, step)))
             bar.set_postfix_str(f'off by {course[-1][0]:.3g}, held out {course[-1][1]:.3g}')
             bar.update()
         try:
-            model = learned(known, parts, on_round, drive)
+            model = learned(known, parts, on_round, drive, scale)
         except (FloatingPointError, np.linalg.LinAlgError) as error:
             raise UserError(f'nothing can be learned from these bags: {error}; record a minute '
                             'that swings, is held and pushed') from None
-    own, analytic = (errors(dynamics, parts.held_out)
+    own, analytic = (errors(dynamics, parts.held_out, step)
                      for dynamics in (model.dynamics, told))
     model = dataclasses.replace(model, about={
         **model.about, 'seed': arguments.seed, 'bags': [path.name for path in arguments.bag],

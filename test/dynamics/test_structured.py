@@ -5,12 +5,14 @@
 from learned_dynamics import bent, of_chain
 import numpy as np
 import pytest
+from similar import sized
 
 from dp_swing_ros.dynamics.structured import harmonics
 from dp_swing_ros.pendulum.equations import energy, mass_matrix, Pendulum
 from dp_swing_ros.pendulum.integrators import INTEGRATORS
 from dp_swing_ros.pendulum.model import Model, rollout
 from dp_swing_ros.pendulum.parameters import PendulumParameters
+from dp_swing_ros.pendulum.units import Units
 
 PHYSICAL = PendulumParameters(cart_mass=0.7, link1_mass=0.4, link2_mass=0.6, link1_length=0.8,
                               link2_length=1.1, link2_inertia_factor=1.2)
@@ -28,6 +30,16 @@ def test_a_chain_of_rigid_links_is_structured(physical, rng):
     for x, u in states(rng):
         np.testing.assert_allclose(chain.accelerations(x, u), p.accelerations(x, u), rtol=1e-9,
                                    atol=1e-9)
+
+
+@pytest.mark.parametrize('physical', [PHYSICAL, FRICTIONAL], ids=['bodies', 'friction'])
+def test_of_a_larger_pendulum_they_are_those_of_the_larger_chain(physical):
+    scale = Units(3.0, 3.0 ** 0.5, 5.0)
+    numbers = {name: value for name, value in vars(physical).items() if name != 'links'}
+    larger = of_chain(PendulumParameters(**sized(numbers, scale)))
+    for found, expected in zip(of_chain(physical).sized(scale)[1:], larger[1:]):
+        np.testing.assert_allclose(found, expected, rtol=1e-5)
+        assert np.any(expected != 0) or physical is PHYSICAL
 
 
 def test_structured_dynamics_without_friction_and_force_keep_their_energy(rng):

@@ -4,19 +4,23 @@
 
 import math
 
-from learned_dynamics import BODIES
+from learned_dynamics import BODIES, USUAL
 import numpy as np
 import pytest
+from similar import sized, SMALLER
 
 from dp_swing_ros.control import controllers
 from dp_swing_ros.evaluation.metrics import measure
 from dp_swing_ros.learning.learner import Explorer, Learner
 from dp_swing_ros.learning.trials import held_for, trials
 from dp_swing_ros.parameters import ParameterError
+from dp_swing_ros.pendulum.units import SAME, STATES
 from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import simulate
 
-NOISY = {**BODIES, 'position_noise': 0.01, 'velocity_noise': 0.01}
+NOISY = {**BODIES, **USUAL, 'position_noise': 0.01, 'velocity_noise': 0.01}
+DEFAULT = {'cart_mass': 1.0, 'link1_mass': 0.5, 'link2_mass': 0.5, 'link1_length': 1.0,
+           'link2_length': 1.0}
 
 
 def learner(**values):
@@ -60,21 +64,47 @@ def test_what_is_learned_is_planned_with_by_an_mpc(held, tmp_path):
     (tmp_path / 'model.json').write_text(one.model.to_text())
     control = controllers.controller({
         'dynamics': 'learned', 'model': str(tmp_path / 'model.json'), 'solver': 'ddp'})
-    assert measure(simulate(plants.plant(BODIES), control, 8.0)).success
+    assert measure(simulate(plants.plant({**BODIES, **USUAL}), control, 8.0)).success
 
 
 @pytest.mark.parametrize('bodies', [{}, BODIES, {'cart_mass': 3.0, 'link1_mass': 1.0}])
 def test_random_forces_keep_off_the_ends_of_the_track(bodies):
-    explorer, plant = Explorer(20.0, np.random.default_rng(0)), plants.plant(bodies)
+    explorer, plant = Explorer(20.0, np.random.default_rng(0)), plants.plant({**bodies, **USUAL})
     places, forces = [], []
     for _ in range(400):
-        forces.append(explorer.force(plant.measure().x))
+        forces.append(explorer.force(plant.measure().x, 0.05))
         plant.obey(forces[-1])
         plant.begin_period(0.0)
         plant.advance(0.05)
         places.append(plant.x[0])
     assert np.abs(places).max() < 2.3
     assert np.abs(forces).max() <= 20.0 and np.std(forces) > 8.0
+
+
+def test_random_forces_are_as_slow_at_any_rate():
+    def correlation(period, later):
+        explorer = Explorer(20.0, np.random.default_rng(0))
+        forces = [explorer.force(np.zeros(6), period) for _ in range(4000)]
+        return np.corrcoef(forces[:-later], forces[later:])[0, 1]
+    assert correlation(0.01, 5) == pytest.approx(correlation(0.05, 1), abs=0.1)
+
+
+def test_a_smaller_pendulum_is_learned_as_the_same_in_its_own_units():
+    def learned(scale):
+        bodies = sized({**DEFAULT, 'cart_friction': 0.1}, scale)
+        one, period = Learner(bodies), 0.05 * scale.time
+        one.begin(period)
+        simulate(plants.plant({**bodies, 'rate': 1 / period}), one, 102 * period)
+        assert one.controller is not None and one.duration == pytest.approx(101 * period)
+        return one
+    usual, smaller = learned(SAME), learned(SMALLER)
+    np.testing.assert_allclose([x for x, *_ in smaller.experience], [
+        x * SMALLER.factors(STATES, 6) for x, *_ in usual.experience], rtol=1e-9, atol=1e-9)
+    of_usual, deviations = usual.model.dynamics.free, usual.online.prior.deviations
+    off = smaller.model.dynamics.sized(SMALLER.inverse).free - of_usual
+    assert np.abs(off / deviations).max() < 1e-6 < np.abs(of_usual / deviations).max()
+    np.testing.assert_allclose(
+        smaller.noise, usual.noise * SMALLER.factors('m/s, rad/s', 3), rtol=1e-6)
 
 
 def test_the_time_held_is_that_at_the_end():

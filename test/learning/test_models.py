@@ -5,6 +5,7 @@
 from learned_dynamics import BODIES, experience
 import numpy as np
 import pytest
+from similar import sized, SMALLER
 
 from dp_swing_ros.dynamics.files import load
 from dp_swing_ros.dynamics.structured import Structured
@@ -14,6 +15,7 @@ from dp_swing_ros.learning.models import learned, Online, parted
 from dp_swing_ros.learning.quality import AHEAD, errors
 from dp_swing_ros.pendulum.equations import Pendulum
 from dp_swing_ros.pendulum.parameters import PendulumParameters
+from dp_swing_ros.pendulum.units import SAME
 
 TRUE = Pendulum.of(PendulumParameters(**BODIES))   # but for what nobody has told
 UNTOLD = {'cart_dry_friction': 2.0, 'joint1_friction': 0.1}
@@ -46,6 +48,19 @@ def test_a_model_is_better_than_wrong_equations():
     assert own < 0.8 * wrong
     assert learned(TRUE, parts).to_text() == model.to_text() == load(model.to_text(), 2).to_text()
     assert model.about['seconds'] == pytest.approx(16.0)
+
+
+def test_of_a_smaller_pendulum_the_same_is_learned_in_its_own_units():
+    whole, known = experience(20.0, **UNTOLD), Structured.of(TRUE)
+    usual, smaller = (
+        learned(Pendulum.of(PendulumParameters(**sized(BODIES, scale)), scale=scale),
+                parted([whole.sized(scale)], 0, scale), scale=scale) for scale in (SAME, SMALLER))
+    found = smaller.dynamics.sized(SMALLER.inverse)
+    for name in ('inertia', 'potential', 'friction', 'dry', 'sharpness'):
+        np.testing.assert_allclose(getattr(found, name), getattr(usual.dynamics, name), rtol=1e-5,
+                                   atol=1e-7)
+    assert smaller.about['seconds'] == pytest.approx(8.0)
+    assert np.abs(found.inertia - known.inertia).max() < 0.1
 
 
 def test_while_it_runs_it_is_fitted_from_where_it_was():

@@ -4,6 +4,7 @@
 
 import numpy as np
 import pytest
+from similar import SMALLER
 
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.identification.segments import Motion
@@ -46,6 +47,16 @@ def test_states_that_come_faster_are_thinned():
     stretch, = stretches(*recording(count=1000, period=0.005), DIRECT)
     np.testing.assert_allclose(stretch.h, PERIOD)
     assert len(stretch.U) == 99
+
+
+def test_of_a_smaller_pendulum_states_and_jumps_count_in_its_own_units():
+    motion, speeds = recording(count=200, period=0.0125)
+    small = motion._replace(Q=motion.Q * [0.25, 1.0, 1.0]), speeds * [0.25, 1.0, 1.0]
+    stretch, = stretches(*small, DIRECT, SMALLER)
+    np.testing.assert_allclose(stretch.h, 0.025)
+    small[0].Q[100:, 0] += 0.1   # of the default bodies it would be none
+    assert len(stretches(*small, DIRECT)) == 1
+    assert len(stretches(*small, DIRECT, SMALLER)) == 2
 
 
 def broken(motion, speeds, what):

@@ -19,7 +19,8 @@ from dp_swing_ros.simulation.closed_loop import simulate
 from dp_swing_ros.tools.train import main
 from dp_swing_ros.topics import FORCE_COMMAND, JOINT_STATES
 
-BODIES = {'cart_mass': 0.8, 'link2_mass': 0.6, 'link1_length': 0.7, 'cart_dry_friction': 1.0}
+BODIES = {'cart_mass': 0.8, 'link2_mass': 0.6, 'link1_length': 0.7, 'cart_dry_friction': 1.0,
+          'force_limit': 20.0, 'track_limit': 2.4}   # as the mpc has them
 
 
 @pytest.fixture(scope='module')
