@@ -28,9 +28,9 @@ from dp_swing_ros.pendulum.integrators import INTEGRATORS
 from dp_swing_ros.pendulum.model import Model
 from dp_swing_ros.pendulum.parameters import PendulumParameters
 from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.pendulum.units import POSITIONS, Units
 
-DIFFERENCE = 1e-4     # of a parameter for derivatives
-ROUGHLY = 2e-3        # [m, rad] standard deviation of a residual, at first
+ROUGHLY = 2e-3        # [m, rad] scaled, standard deviation of a residual, at first
 OUTLIER = 3.0         # [standard deviations] from which on a residual counts less
 STEPS = 20            # to the states that segments begin with, at most
 CLOSE = 1e-5          # to the least loss, at which they are found
@@ -46,8 +46,8 @@ FLOOR = 1e-6          # [m, rad] standard deviation of a residual at least: no e
 class Precision(NamedTuple):
     """How sharp the dry friction of the model is, and how finely it is integrated for that."""
 
-    creep: float  # [m/s, rad/s]
-    step: float   # [s]
+    creep: float  # [m/s, rad/s] scaled
+    step: float   # [s] scaled
 
 
 ROUGH, FINE = Precision(2e-2, 1e-2), Precision(2e-3, 1e-3)
@@ -83,15 +83,16 @@ class Fit:
         self.motions, self.about, self.on_step = list(motions), parametrisation, on_step
         self.use(ROUGH)
         self.states = [motion.X_0.copy() for motion in self.motions]
-        self.p = np.zeros(len(parametrisation.names))
-        self.whitening = np.eye(parametrisation.links + 1) / ROUGHLY
+        self.p = parametrisation.first.copy()
+        self.whitening = roughly(parametrisation.scale, parametrisation.links)
         self.free: Array = np.array([], dtype=int)
 
     def use(self, precision: Precision) -> None:
         """Predict with this precision from now on."""
+        links, scale = self.about.links, self.about.scale
         self.model = Model(
-            Pendulum.of(PendulumParameters(links=self.about.links), precision.creep),
-            INTEGRATORS['rk4'], precision.step)
+            Pendulum.of(PendulumParameters(links=links), precision.creep, scale),
+            INTEGRATORS['rk4'], scale.sized(precision.step, 's'))
 
     def positions(self, motion: Segments, X_0: Array, P: Array, columns: int) -> Array:
         """Return what segments are predicted to do (S, columns, K, n + 1); see shoot."""
@@ -132,14 +133,15 @@ class Fit:
 
     def part(self, i: int) -> Part:
         """Return motion i at p."""
+        differences = self.about.differences[self.free]
         P = np.tile(self.p, (1 + len(self.free), 1))
-        P[np.arange(1, len(P)), self.free] += DIFFERENCE
+        P[np.arange(1, len(P)), self.free] += differences
         size = self.states[i].shape[1]
         shot = self.white(self.positions(self.motions[i], self.states[i], P, size + len(P)))
         residuals = shot[:, 0] - self.white(self.motions[i].Q)
-        differences = np.swapaxes(shot[:, 1:] - shot[:, :1], 1, 2)
-        return Part(residuals, differences[..., :size] / SMALL,
-                    differences[..., size:] / DIFFERENCE, weights(residuals))
+        apart = np.swapaxes(shot[:, 1:] - shot[:, :1], 1, 2)
+        return Part(residuals, apart[..., :size] / SMALL, apart[..., size:] / differences,
+                    weights(residuals))
 
     def parts(self) -> list[Part]:
         """Return all motions at p."""
@@ -235,6 +237,11 @@ class Fit:
         inverse = directions / np.maximum(of_directions, UNTOLD * of_directions[-1]) @ directions.T
         clustered = inverse @ G @ inverse * segments / max(segments - len(scales), 1)
         return scales * np.sqrt(np.maximum(np.diag(inverse), np.diag(clustered)))
+
+
+def roughly(scale: Units, links: int) -> Array:
+    """Return the whitening (n + 1, n + 1) of residuals of which nothing is known yet."""
+    return np.eye(links + 1) / scale.each_joint(ROUGHLY, POSITIONS, links)
 
 
 def weights(r: Array) -> Array:

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dp_swing_ros.identification.fit import FINE, Fit
-from dp_swing_ros.identification.segments import DURATION, Motion, Segments, segments_of
+from dp_swing_ros.identification.guess import guessed
+from dp_swing_ros.identification.segments import Motion, Segments, segments_of
 from dp_swing_ros.identification.unknowns import Parametrisation, SHARE
 from dp_swing_ros.pendulum.parameters import DIRECT, Drive, PendulumParameters
 from dp_swing_ros.pendulum.state import Array
@@ -32,11 +33,12 @@ class Prediction:
 
 @dataclass(frozen=True)
 class Identified:
-    """What was found, by name; what could not be told has its nominal value."""
+    """What was found, by name; what could not be told is as it was guessed to be at first."""
 
     before: dict[str, float]
     values: dict[str, float]
     intervals: dict[str, tuple[float, float]]  # 95 %, of what was found
+    at_bound: list[str]                        # what ended at a bound of the search
     held: dict[str, str]                       # why it was not looked for
     unidentified: dict[str, float]             # half the interval that it would have
     predictions: list[Prediction]              # a motion each
@@ -51,16 +53,17 @@ class Identified:
 
 
 def identify(motions: Sequence[Motion], physical: PendulumParameters, drive: Drive = DIRECT,
-             known: Mapping[str, float] = {}, duration: float = DURATION,
+             known: Mapping[str, float] = {},
              on_step: Callable[[], object] = lambda: None) -> Identified:
     """
-    Identify pendulum and drive from motions, from nominal parameters on.
+    Identify pendulum and drive from motions, from nominal parameters of about any size on.
 
-    `known` are values by name that are right; `duration` [s] is that of a segment. Raises
-    UserError where motions say too little, ParameterError for what cannot be known.
+    `known` are values by name that are right. Raises UserError where motions say too little,
+    ParameterError for what cannot be known.
     """
-    about = Parametrisation(physical, drive, known)
-    fit = Fit([segments_of(motion, duration) for motion in motions], about, on_step)
+    about = Parametrisation(
+        physical, drive, known, guessed(motions, physical, drive, known, on_step))
+    fit = Fit([segments_of(motion, about.scale) for motion in motions], about, on_step)
     cut = sum(len(motion.t) for motion in fit.motions)
     fit.free = np.array([i for i, name in enumerate(about.names) if name not in about.held])
     for _ in range(ROUNDS):
@@ -74,21 +77,22 @@ def identify(motions: Sequence[Motion], physical: PendulumParameters, drive: Dri
         fit.solve()
         fit.whiten()
     unidentified = hold_unidentifiable(fit)
-    deviations = fit.deviations()
-    found = fit.p.copy()
-    bounds = np.array([found, found])
-    bounds[:, fit.free] += np.outer((-CONFIDENCE, CONFIDENCE), deviations)
-    low, high = about.values(np.clip(bounds, about.lowest, about.highest))
+    found, halves = fit.p.copy(), np.zeros(len(fit.p))
+    halves[fit.free] = CONFIDENCE * fit.deviations()
+    low, high = about.values(
+        np.clip([found - halves, found + halves], about.lowest, about.highest))
+    met = about.is_met(found, halves)
     left_out = cut - sum(len(motion.t) for motion in fit.motions)
     return Identified(
         about.named(about.nominal), about.named(about.values(found)),
-        {about.names[i]: (float(low[i]), float(high[i])) for i in fit.free},
-        about.held, unidentified, predictions(fit), left_out)
+        {about.names[i]: (float(low[i]), float(high[i])) for i in fit.free if not met[i]},
+        [about.names[i] for i in fit.free if met[i]], about.held, unidentified,
+        predictions(fit), left_out)
 
 
 def hold_unidentifiable(fit: Fit) -> dict[str, float]:
     """
-    Hold what the motions cannot tell at its nominal value, the least told first; fit the rest.
+    Hold what the motions cannot tell at its first guess, the least told first; fit the rest.
 
     It is told if half its interval is less than half its value, or than what is typical of such
     a value. Returns half the intervals of what is not, by name, for a factor as a share.
@@ -103,7 +107,7 @@ def hold_unidentifiable(fit: Fit) -> dict[str, float]:
         if width[worst] <= 1:
             break
         unidentified[about.names[free[worst]]] = float(half[worst])
-        fit.p[free[worst]] = 0.0
+        fit.p[free[worst]] = about.first[free[worst]]
         fit.free = np.delete(free, worst)
         fit.solve()
     return unidentified

@@ -9,11 +9,12 @@ import numpy as np
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.pendulum.drive import HISTORY
 from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.pendulum.units import SAME, Units
 
-DURATION = 0.5        # [s] of a segment; beyond it chaos makes most of what a prediction misses
+DURATION = 0.5        # [s] scaled, of a segment; beyond it chaos makes most of what is missed
 FEWEST = 8            # samples in one, of which the first gives the state it begins with
-BEGINNING = 0.15      # [s] whose motion gives the speeds at the beginning
-END = 0.05            # [m] from the end of the track
+BEGINNING = 0.15      # [s] scaled, whose motion gives the speeds at the beginning
+END = 0.05            # [m] scaled, from the end of the track
 SILENCE = 0.21        # [s] without a command, after which a drive may have let go
 LOST = 3              # periods without a sample: beyond, a turn may have been missed
 PERIODS = 1e-4, 1.0   # [s] between samples that a motion may have, about
@@ -62,24 +63,24 @@ class Segments(NamedTuple):
                                 for name in ('t', 'Q', 'X_0', 'first', 'last')})
 
 
-def segments_of(motion: Motion, duration: float = DURATION) -> Segments:
+def segments_of(motion: Motion, scale: Units) -> Segments:
     """
     Cut a motion where nothing but pendulum and drive decide it; raises UserError for too little.
 
     No two segments share a sample: the noise of one would count twice.
     """
     period = period_of(motion.t)
-    size = max(round(duration / period), FEWEST)
+    size = max(round(scale.sized(DURATION, 's') / period), FEWEST)
     count = len(motion.t) // size
     t = motion.t[:count * size].reshape(count, size)
     Q = motion.Q[:count * size].reshape(count, size, motion.Q.shape[1])
-    usable = np.array([is_usable(motion, *each, period) for each in zip(t, Q)], dtype=bool)
-    check(motion, Q[usable])
+    usable = np.array([is_usable(motion, *each, period, scale) for each in zip(t, Q)], dtype=bool)
+    check(motion, Q[usable], size * period)
     t, Q = t[usable], Q[usable]
     sent = np.concatenate(([-np.inf], motion.sent))
     commands = np.concatenate(([0.0], motion.commands))
     after = np.concatenate((t[:, 1:], t[:, -1:]), axis=1)
-    return Segments(t, Q, np.array([beginning(*each) for each in zip(t, Q)]),
+    return Segments(t, Q, np.array([beginning(*each, scale) for each in zip(t, Q)]),
                     np.searchsorted(sent, t - HISTORY, 'right') - 1,
                     np.searchsorted(sent, after), sent, commands)
 
@@ -109,7 +110,7 @@ def check_sizes(*arrays: Array) -> None:
                         f'{LARGEST:g} m, rad, m/s, rad/s or N')
 
 
-def is_usable(motion: Motion, t: Array, Q: Array, period: float) -> bool:
+def is_usable(motion: Motion, t: Array, Q: Array, period: float, scale: Units = SAME) -> bool:
     """Return whether positions are known, and all forces that act; shapes: t (K,), Q (K, n+1)."""
     start, ends = t[0] - SILENCE, t[-1]
     sent = motion.sent[(motion.sent > start) & (motion.sent < ends)]
@@ -118,24 +119,25 @@ def is_usable(motion: Motion, t: Array, Q: Array, period: float) -> bool:
     silent = ends > first and waits.max() > SILENCE
     pushed = np.any((motion.pushes > start) & (motion.pushes < ends))
     return bool(np.all(np.isfinite(Q)) and np.max(np.diff(t)) < LOST * period and not silent
-                and not pushed and np.max(np.abs(Q[:, 0])) < motion.track_limit - END)
+                and not pushed
+                and np.max(np.abs(Q[:, 0])) < motion.track_limit - scale.sized(END, 'm'))
 
 
-def check(motion: Motion, Q: Array) -> None:
-    """Raise UserError where segments with the positions Q (S, K, n + 1) say too little."""
+def check(motion: Motion, Q: Array, duration: float) -> None:
+    """Raise UserError where segments of a time [s] with Q (S, K, n + 1) say too little."""
     if len(Q) == 0:
         raise UserError(
-            f'of {np.ptp(motion.t):.3g} s nothing can be used: no half second with all positions, '
-            'a command every 0.2 s, away from the ends of the track, without a push; record '
-            'half a minute under control')
+            f'of {np.ptp(motion.t):.3g} s nothing can be used: no {duration:.2g} s with all '
+            'positions, a command every 0.2 s, away from the ends of the track, without a push; '
+            'record half a minute under control')
     swing = np.ptp(Q[..., 1:], axis=(0, 1)).min()
     if swing < SWING:
         raise UserError(f'it moves too little: a link goes {swing:.2g} rad in all; swing it, by '
                         'hand or by the mpc')
 
 
-def beginning(t: Array, Q: Array) -> Array:
+def beginning(t: Array, Q: Array, scale: Units) -> Array:
     """Return about the state of the first sample; shapes: t (K,), Q (K, n + 1) -> (2n + 2,)."""
-    count = max(int(np.sum(t < t[0] + BEGINNING)), 3)
+    count = max(int(np.sum(t < t[0] + scale.sized(BEGINNING, 's'))), 3)
     _, speeds, positions = np.polyfit(t[:count] - t[0], Q[:count], 2)
     return np.concatenate((positions, speeds))

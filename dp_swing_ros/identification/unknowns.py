@@ -19,29 +19,33 @@ from typing import Any
 import numpy as np
 
 from dp_swing_ros.estimators.unknowns import LONGEST, Unknowns, UnknownsParameters
-from dp_swing_ros.parameters import unknown
+from dp_swing_ros.parameters import fields_of, unknown
 from dp_swing_ros.pendulum.equations import scale_of
-from dp_swing_ros.pendulum.parameters import Drive, PendulumParameters
+from dp_swing_ros.pendulum.parameters import Drive, DriveParameters, PendulumParameters
 from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.pendulum.units import SAME
 
-FACTOR = 4.0   # a mass, a length or the gain is within so many times its nominal value
-SHARE = 0.5    # of itself, within which a value must be known to be told
+FACTOR = 30.0       # a mass, a length or the gain is within so many times its first guess
+SHARE = 0.5         # of itself, within which a value must be known to be told
+DIFFERENCE = 1e-4   # [SI] scaled, of a parameter for derivatives; of a factor as a share
+MET = 0.5           # of a scale from a bound: nearer it counts as met, for a fit goes there slowly
 
 
 class Parametrisation:
     """
     All m = 5n + 8 values in the order of shooting.py, and which of them are free.
 
-    Shapes: nominal, scales, lowest and highest (m,); `scales` are what makes a difference: of
-    values that may be zero what is typical of them. What is `held` is either known or by the
-    nature of motion not told.
+    Shapes: nominal, first, scales, differences, lowest and highest (m,); `first` is the guess
+    that a fit begins with, `scales` are what makes a difference: of values that may be zero
+    what is typical of them in a pendulum of the guessed size. What is `held` is either known or
+    by the nature of motion not told.
     """
 
     def __init__(self, physical: PendulumParameters, drive: Drive,
-                 known: Mapping[str, float]) -> None:
-        """Take the nominal values, and those that are known; raises ParameterError."""
-        n = physical.links
-        of_filter = Unknowns(physical, drive, UnknownsParameters(), scale_of(physical))
+                 known: Mapping[str, float], guess: PendulumParameters) -> None:
+        """Take nominal values, those known, and a guess of bodies; raises ParameterError."""
+        n, self.scale = physical.links, scale_of(guess)
+        of_filter = Unknowns(physical, drive, UnknownsParameters(), SAME)
         self.links = n
         self.names = [*of_filter.names, *(f'link{i}_inertia_factor' for i in range(1, n + 1)),
                       'gravity']
@@ -52,10 +56,16 @@ class Parametrisation:
         self.nominal[[self.names.index(name) for name in known]] = list(known.values())
         self.is_factor = np.array([name == 'force_gain' or name.endswith(
             ('_mass', '_length', '_factor')) for name in self.names])
+        of_guess = [getattr(guess, name, nominal)
+                    for name, nominal in zip(self.names, self.nominal)]
+        self.first = np.log(np.divide(of_guess, self.nominal, where=self.is_factor,
+                                      out=np.ones(len(self.names))))
+        sizes = np.where(self.is_factor, 1.0, self.sizes(guess))
         rest = np.concatenate((of_filter.deviations, np.ones(n + 1)))
-        self.scales = np.where(self.is_factor, SHARE, rest)
-        self.highest = np.where(self.is_factor, math.log(FACTOR), math.inf)
-        self.lowest = np.where(self.is_factor, -math.log(FACTOR), -self.nominal)
+        self.scales = np.where(self.is_factor, SHARE, sizes * rest)
+        self.differences = DIFFERENCE * sizes
+        self.highest = np.where(self.is_factor, self.first + math.log(FACTOR), math.inf)
+        self.lowest = np.where(self.is_factor, self.first - math.log(FACTOR), -self.nominal)
         for name, lowest, highest in (('actuation_delay', 0.0, LONGEST),
                                       ('motor_time_constant', 0.0, LONGEST),
                                       ('force_bias', -math.inf, math.inf)):
@@ -65,10 +75,34 @@ class Parametrisation:
         for name, why in unidentifiable(n, known).items():
             self.held.setdefault(name, why)
 
+    def sizes(self, guess: PendulumParameters) -> list[float]:
+        """
+        Return how many times larger each value (m,) is than with the default bodies.
+
+        Those of joints go with the masses that they bear; a cart may be as heavy as a clamp.
+        """
+        usual = PendulumParameters(links=guess.links)
+        of_joints = self.scale._replace(mass=sum(guess.masses[1:]) / sum(usual.masses[1:]))
+        units = {field.name: field.metadata['unit']
+                 for kind in (PendulumParameters, DriveParameters)
+                 for field in fields_of(kind, guess.links)}
+        return [(of_joints if name.startswith('joint') else self.scale).factor(units[name])
+                for name in self.names]
+
     def values(self, p: Array) -> Array:
         """Return the values of p; shapes: (..., m) -> (..., m)."""
         factors = self.nominal * np.exp(np.where(self.is_factor, p, 0.0))
         return np.where(self.is_factor, factors, self.nominal + p)
+
+    def is_met(self, p: Array, halves: Array) -> Array:
+        """
+        Return whether each p, give or take half its interval, meets a bound of the search.
+
+        That no friction and no time is below zero is none. Shapes: (m,), (m,) -> (m,).
+        """
+        near = np.maximum(halves, MET * self.scales)
+        met: Array = self.is_factor & (p - self.lowest < near) | (self.highest - p < near)
+        return met
 
     def named(self, values: Array) -> dict[str, Any]:
         """Return values (m,) by name."""

@@ -6,6 +6,8 @@ import argparse
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from dp_swing_ros import figures
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.control.controllers import MPC
@@ -20,6 +22,7 @@ from dp_swing_ros.tools.command_lines import (
     bag_parser, beside, execute, OK, print_incomplete, progress)
 
 NOTHING = 1e-7   # a value below is none
+UNTOLD, BOUND = 'cannot be told from these bags', 'at the bound of the search'
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -95,20 +98,30 @@ def table(found: Identified) -> str:
     for name, (low, high) in found.intervals.items():
         rows.append([name, number(found.values[name]), f'{number(low)} to {number(high)}',
                      number(found.before[name]), fields[name].metadata['unit']])
-    rows += [[name, number(found.values[name]), 'cannot be told from these bags',
+    rows += [[name, number(found.values[name]), why_not(found, name),
               number(found.before[name]), fields[name].metadata['unit']]
-             for name in found.unidentified]
+             for name in (*found.at_bound, *found.unidentified)]
     return aligned(rows, names=1)
+
+
+def why_not(found: Identified, name: str) -> str:
+    """Return why a parameter has no interval."""
+    return BOUND if name in found.at_bound else found.held.get(name, UNTOLD)
 
 
 def report(found: Identified, motions: Sequence[Recorded]) -> str:
     """Return in words how well predictions fit, what was held and why, and how times are meant."""
     used = sum(each.segments.t.size for each in found.predictions)
     before, after = found.rms('before'), found.rms('after')
-    lines = ['error of predictions over half a second, RMS: ' + ', '.join(
+    span = max(np.ptp(each.segments.t, axis=1).max() for each in found.predictions)
+    lines = [f'error of predictions over {span:.2g} s, RMS: ' + ', '.join(
         f'{name} {1e3 * was:.3g} -> {1e3 * now:.3g} {unit}' for name, was, now, unit in zip(
             joints(len(after) - 1), before, after, ['mm', *['mrad'] * len(after)]))]
     lines.append(f'{used} of {sum(len(each.motion.t) for each in motions)} states used')
+    if found.at_bound:
+        lines.append(f'{", ".join(found.at_bound)}: {BOUND}, and what else was found goes with '
+                     'that; begin with bodies nearer to those of the rig, or give some with '
+                     '--known')
     if found.left_out:
         lines.append(f'segments left out that no parameters explain: {found.left_out}')
     lines += [f'{name} held at {number(found.values[name])}: {why}'
@@ -126,7 +139,7 @@ def parameter_file(found: Identified, links: int, bags: Iterable[Path]) -> str:
         if name in found.intervals:
             why = ' to '.join(map(number, found.intervals[name]))
         else:
-            why = found.held.get(name, 'cannot be told from these bags')
+            why = why_not(found, name)
         if name in both:
             lines.append(f'    {name}: {number(value)}  # {why}')
     return '\n'.join(lines) + '\n'

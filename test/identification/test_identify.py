@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 import dataclasses
+import re
 
 import numpy as np
 import plausible_rig
@@ -9,15 +10,18 @@ import pytest
 
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.identification.fit import FINE
+from dp_swing_ros.identification.guess import guessed
 from dp_swing_ros.identification.identify import identify
 from dp_swing_ros.identification.segments import Motion, segments_of
-from dp_swing_ros.parameters import ParameterError
+from dp_swing_ros.parameters import fields_of, ParameterError
 from dp_swing_ros.pendulum.drive import follow_commands, HISTORY
 from dp_swing_ros.pendulum.equations import Pendulum
 from dp_swing_ros.pendulum.integrators import INTEGRATORS
 from dp_swing_ros.pendulum.model import Model
-from dp_swing_ros.pendulum.parameters import Drive, PendulumParameters
+from dp_swing_ros.pendulum.parameters import DIRECT, Drive, PendulumParameters
 from dp_swing_ros.pendulum.state import hanging
+from dp_swing_ros.pendulum.units import POSITIONS, SAME, Units
+from dp_swing_ros.tools.identify import parameter_file, report, table
 
 PERIOD = 0.05  # [s]
 DRIVE = Drive(0.012, 0.02, 1.0, 0.3)
@@ -32,24 +36,38 @@ def rig(links, **others):
     return PendulumParameters(links=links, **{**values, **others})
 
 
-def swung(physical, seed=0, duration=10.0, noise=0.0, drive=DRIVE, amplitude=12.0):
+def of_size(physical, scale):
+    """Return a pendulum so many times larger, and a drive that is as late in its own time."""
+    values = {field.name: scale.sized(getattr(physical, field.name), field.metadata['unit'])
+              for field in fields_of(PendulumParameters, physical.links) if field.name != 'links'}
+    drive = map(scale.sized, DRIVE, ('s', 's', '1', 'N'))
+    return dataclasses.replace(physical, **values), Drive(*drive)
+
+
+def swung(physical, seed=0, duration=10.0, noise=0.0, drive=DRIVE, amplitude=12.0,
+          period=PERIOD, scale=SAME):
     """Return a motion under random commands, which a spring keeps from the ends of the track."""
     random = np.random.default_rng(seed)
-    model = Model(Pendulum.of(physical, FINE.creep), INTEGRATORS['rk4'], FINE.step)
+    model = Model(Pendulum.of(physical, FINE.creep), INTEGRATORS['rk4'],
+                  scale.sized(FINE.step, 's'))
+    amplitude, spring, damping = (scale.sized(value, unit) for value, unit in (
+        (amplitude, 'N'), (6.0, 'N/m'), (2.0, 'N s/m')))
     x = hanging(physical.links)
     x[1:physical.links + 1] += random.uniform(-1.0, 1.0, physical.links)
-    t, X, commands = PERIOD * np.arange(round(duration / PERIOD)), [], []
+    t, X, commands = period * np.arange(round(duration / period)), [], []
     for now in t:
         X.append(x.copy())
-        commands.append(random.uniform(-amplitude, amplitude) - 6 * x[0] - 2 * x[len(x) // 2])
-        last = max(len(commands) - 1 - round(HISTORY / PERIOD), 0)
+        commands.append(random.uniform(-amplitude, amplitude) - spring * x[0]
+                        - damping * x[len(x) // 2])
+        last = max(len(commands) - 1 - round(HISTORY / period), 0)
         ends = np.append(t[last + 1:len(commands)] - now, np.inf)
         sent = np.array([0.0, *commands[last:]]) if last == 0 else np.array(commands[last:])
         follow_commands(model, drive, np.append(t[last] - now, ends) if last == 0 else ends, sent,
-                        x, PERIOD)
+                        x, period)
     Q = np.hsplit(np.array(X), 2)[0]
-    return Motion(t, Q + noise * random.normal(size=Q.shape), t, np.array(commands),
-                  np.array([]), 2.4)
+    deviations = scale.each_joint(noise, POSITIONS, physical.links)
+    return Motion(t, Q + deviations * random.normal(size=Q.shape), t, np.array(commands),
+                  np.array([]), scale.sized(2.4, 'm'))
 
 
 def true(physical, drive, name):
@@ -142,6 +160,57 @@ def changed(**fields):
         name: change(getattr(motion, name)) for name, change in fields.items()})
 
 
+def size(length, mass):
+    """Return how many times larger is what has so many times the lengths and masses."""
+    return Units(length, length ** 0.5, mass)
+
+
+@pytest.mark.parametrize('links', [1, 2, 3])
+def test_a_rig_of_15_cm_is_found_from_the_defaults(links):
+    scale = size(0.15, 0.2)
+    physical, drive = of_size(rig(links), scale)
+    motion = swung(physical, noise=4e-4, drive=drive, period=0.02, scale=scale)
+    found = identify([motion], PendulumParameters(links=links),
+                     known={'cart_mass': physical.cart_mass})
+    assert not found.at_bound and not found.left_out
+    covered = [low <= true(physical, drive, name) <= high
+               for name, (low, high) in found.intervals.items()]
+    assert len(covered) > 3 * links + 4 and np.mean(covered) > 0.88
+    for i in range(1, links + 1):
+        for name in (f'link{i}_mass', f'link{i}_length'):
+            assert found.values[name] == pytest.approx(getattr(physical, name), rel=0.02), name
+
+
+@pytest.mark.parametrize('length, mass', [(0.1, 0.05), (0.3, 1.0), (3.0, 10.0)])
+def test_a_guess_is_about_as_large_as_what_moved(length, mass):
+    scale = size(length, mass)
+    physical, drive = of_size(rig(2), scale)
+    motion = swung(physical, noise=1e-3, drive=drive, period=0.05 * scale.time, scale=scale)
+    found = guessed([motion], PendulumParameters(), DIRECT, {}, lambda: None)
+    assert 0.5 < found.link1_length / physical.link1_length < 2
+    assert 0.25 < found.cart_mass / physical.cart_mass < 4
+
+
+def test_what_is_about_as_large_as_nominal_bodies_is_guessed_to_be_like_them():
+    nominal = PendulumParameters(joint1_friction=0.1)
+    assert guessed([swung(rig(2))], nominal, DIRECT, {}, lambda: None) == nominal
+    found = guessed([swung(rig(2))], nominal, DIRECT, {'link1_mass': 0.6}, lambda: None)
+    assert found == dataclasses.replace(nominal, link1_mass=0.6)
+
+
+def test_what_meets_a_bound_is_no_estimate():
+    physical = rig(1)
+    found = identify([swung(physical, duration=5.0)], PendulumParameters(links=1),
+                     known={'cart_mass': 40 * physical.cart_mass})   # so the gain is 40
+    assert found.at_bound == ['force_gain']
+    assert found.values['force_gain'] == pytest.approx(30, rel=0.1)
+    assert 'force_gain' not in found.intervals
+    shown, file = table(found), parameter_file(found, 1, [])
+    assert re.search(r'force_gain *\| +[\d.]+ \| +at the bound of the search \|', shown)
+    assert re.search(r'force_gain: [\d.]+  # at the bound of the search', file)
+    assert 'force_gain: at the bound of the search' in report(found, [])
+
+
 @pytest.mark.parametrize('change, text', [
     (changed(Q=lambda Q: 0.01 * Q), 'moves too little'),
     (changed(Q=lambda Q: np.where(Q == Q, np.nan, Q)), 'nothing can be used'),
@@ -160,7 +229,7 @@ def test_what_cannot_be_known_is_refused():
 
 def test_segments_are_whole_and_share_no_sample():
     motion = swung(rig(2), duration=4.0)
-    segments = segments_of(motion._replace(pushes=np.array([2.0])))
+    segments = segments_of(motion._replace(pushes=np.array([2.0])), SAME)
     assert segments.t.shape == (7, 10)   # of eight, but for the one with the push
     assert len(set(segments.t.ravel())) == segments.t.size
     assert not np.any((segments.t[:, 0] < 2.2) & (segments.t[:, -1] > 2.0))
