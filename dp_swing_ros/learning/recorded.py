@@ -45,7 +45,7 @@ def stretches(motion: Motion, speeds: Array, drive: Drive,
     off = Q[:-1] + np.diff(t)[:, None] * (V[:-1] + V[1:]) / 2 - Q[1:]
     jump = JUMP * np.array(scale.factors(POSITIONS, Q.shape[1]))
     usable = [bool(np.all(np.abs(off[k]) < jump))    # nor where speeds are not known
-              and is_usable(motion, t[k:k + 2], Q[k:k + 2], every * period)
+              and is_usable(motion, t[k:k + 2], Q[k:k + 2], every * period, scale)
               for k in range(len(off))]
     edges = np.flatnonzero(np.diff(np.concatenate(([0], usable, [0]))))
     if len(edges) == 0:
