@@ -50,9 +50,9 @@ CONTRACTS = {
         'simulation'}, 55),
     'mpc': Contract({
         'control', 'dynamics', 'estimators', 'kernels', 'messages', 'nodes', 'parameters',
-        'pendulum', 'problem', 'runtime', 'solvers'}, 85),
+        'pendulum', 'problem', 'runtime', 'solvers'}, 86),
     'logger': Contract({
-        'bags', 'messages', 'nodes', 'parameters', 'pendulum', 'simulation'}, 37)}
+        'bags', 'messages', 'nodes', 'parameters', 'pendulum', 'simulation'}, 38)}
 
 
 class Room(NamedTuple):

@@ -5,8 +5,11 @@
 from pathlib import Path
 import pkgutil
 import re
+import subprocess
+import sys
 
 import architecture
+from constants import constants_of
 import pytest
 
 from dp_swing_ros.tools.parameters import reference
@@ -17,6 +20,22 @@ PAGES = sorted([*TOP.glob('*.md'), *(TOP / 'docs').rglob('*.md')])
 
 def test_the_reference_of_parameters_is_current():
     assert (TOP / 'docs' / 'parameters.md').read_text() == reference(), 'run `make docs`'
+
+
+def test_the_list_of_constants_is_current():
+    made = subprocess.run([sys.executable, TOP / 'scripts' / 'constants.py'], check=True,
+                          capture_output=True, text=True).stdout
+    assert (TOP / 'docs' / 'constants.md').read_text() == made, 'run `make docs`'
+
+
+@pytest.mark.parametrize('comment, verdict', [
+    ('# [s] scaled, of a step', 'own units'), ('# [m/s, rad/s] scaled', 'own units'),
+    ('# [m/s²] of what has none', 'fixed'), ('# [rad], and [m/s] scaled: slow', 'own units')])
+def test_a_constant_with_a_unit_is_listed_with_its_verdict(comment, verdict):
+    found, = constants_of(
+        f'"""About."""\n\nLONGEST = 0.3   {comment}\nMANY = 3   # turns\n', 'here')
+    assert (found.place, found.name, found.value, found.verdict) == (
+        'here', 'LONGEST', '0.3', verdict)
 
 
 def test_the_glossary_calls_things_as_the_code_does():
