@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 from dp_swing_ros.control import controllers
 from dp_swing_ros.control.receding_horizon import MpcParameters, RecedingHorizon
 from dp_swing_ros.errors import failure
-from dp_swing_ros.messages.configuration import from_text
+from dp_swing_ros.messages.configuration import from_text, is_of_plant
 from dp_swing_ros.messages.fields import (
     ERROR, nanoseconds, OK, Report, to_measured, to_state, WARN)
 from dp_swing_ros.messages.states import States
@@ -198,8 +198,19 @@ class MpcCore:
         except (TypeError, ValueError) as error:
             self.say(WARN, f'{error}; going on without it', 'configuration', 10.0)
             return
+        if is_of_plant(configured):
+            self.compare(configured.parameters)
         if self.handshake.learn(configured):
             self.reset()
+
+    def compare(self, of_plant: Mapping[str, Any]) -> None:
+        """Warn of a plant that takes less force, or has less track, than plans count on."""
+        for name in ('force_limit', 'track_limit'):
+            theirs, own = of_plant.get(name, math.inf), self.values[name]
+            if theirs < own:
+                self.say(WARN, f'{name} is {own:g}, and that of the plant {theirs:g}; expected '
+                         'the same for both: it goes with the bodies, unless it is given',
+                         name, math.inf)
 
     # states
 

@@ -129,3 +129,29 @@ def test_a_reset_forgets_the_period():
     assert c.belief.problem.dt == c.planner.solver.problem.dt == c.nominal.dt
     c.reset()
     assert c.nominal.dt == c.belief.problem.dt == c.planner.solver.problem.dt == 0.05
+
+
+def test_where_no_plan_comes_to_the_goal_plans_are_lengthened_until_it_is_there():
+    """From hanging, with link 2 alone down; 30 steps are too few."""
+    c, seen = controllers.controller({'goal': 'up_down'}), []
+
+    def on_tick(t, plan):
+        seen.append((len(plan.U), c.belief.problem.is_reached(c.belief.x)))
+    simulate(plants.plant({}), c, 8.0, on_tick=on_tick)
+    lengths, there = zip(*seen)
+    assert lengths[0] == lengths[-1] == 30 and {*lengths} <= {30, 40, 53} and 40 in lengths
+    assert all(there[-40:])
+
+
+@pytest.mark.parametrize('values', [{'horizon': 30}, {'longest_horizon': 30}])
+def test_a_horizon_that_is_given_stays(values):
+    c, lengths = controllers.controller({'goal': 'up_down', **values}), set()
+    simulate(plants.plant({}), c, 4.0, on_tick=lambda t, plan: lengths.add(len(plan.U)))
+    assert lengths == {30}
+
+
+def test_who_is_disabled_looks_no_further():
+    c = controller(enabled=False)
+    for n in range(60):
+        c.update(0.05 * n, hanging() + 1e-3 * n)
+    assert c.lookahead.steps == 30

@@ -634,6 +634,27 @@ def test_what_a_plant_changes_is_no_reset():
     assert run.report.values['status'] in SOLVED
 
 
+@pytest.mark.parametrize('name, theirs, own', [('force_limit', 18.0, 20.0),
+                                               ('track_limit', 2.3, 2.4)])
+def test_a_plant_that_allows_less_is_warned_of_once(name, theirs, own):
+    run = Running()
+    run.plant(**{name: own})
+    run.plant(revision=1, **{name: 2 * own})
+    assert not run.log(WARN)
+    for revision in (2, 3):
+        run.plant(revision=revision, **{name: theirs})
+    text, = run.log(WARN)
+    assert f'{name} is {own:g}, and that of the plant {theirs:g}' in text
+
+
+def test_states_that_come_too_seldom_are_warned_of_once():
+    run = Running()
+    run.plant(rate=10.0)
+    run.stream(60, period=0.1)
+    text, = [each for each in run.log(WARN) if 'states come every' in each]
+    assert 'expected one at least every 78.2 ms' in text
+
+
 # parameters
 
 

@@ -18,7 +18,7 @@ from dp_swing_ros.evaluation.baselines import BASELINES
 from dp_swing_ros.evaluation.campaign.rows import ERROR, Key, Row, UNKNOWN
 from dp_swing_ros.evaluation.metrics import measure, outcome, TIME_LIMIT
 from dp_swing_ros.evaluation.scenarios import Case, PERIOD, sized
-from dp_swing_ros.parameters import group, ParameterError
+from dp_swing_ros.parameters import fields_of, group, ParameterError
 from dp_swing_ros.parameters.files import value_of
 from dp_swing_ros.pendulum.parameters import PendulumParameters
 from dp_swing_ros.problem.parameters import LEARNED
@@ -28,6 +28,7 @@ from dp_swing_ros.simulation.episode import Episode
 from dp_swing_ros.solvers import SOLVERS
 
 FORMAT = re.compile(r'(?:(?P<label>[^=:]+)=)?(?P<name>[^=:]+)(?::(?P<parts>.+))?')
+OF_NOMINAL = ('force_limit', 'track_limit', 'physics_step')   # bodies, of a plant
 WARM_UP = 4    # ticks before the first that is timed in a process
 
 _ready: dict[str, Callable[[int], Controller]] = {}  # by contestant, in this process
@@ -106,12 +107,16 @@ def play(contestant: Contestant, case: Case) -> Row:
 def simulated(contestant: Contestant, case: Case) -> Episode:
     """Run an episode; raises ParameterError, and ValueError for a case that does not fit."""
     rate = case.plant.get('rate', contestant.plant.get('rate', 1 / PERIOD))
-    case = sized(case, group(PendulumParameters, contestant.mpc), 1 / rate)
+    nominal = group(PendulumParameters, contestant.mpc)
+    case = sized(case, nominal, 1 / rate)
     if case.told or case.mpc:
         contestant = replace(contestant, mpc={**contestant.mpc, **case.told, **case.mpc})
     controller = ready(contestant)(case.seed)
-    plant = plants.plant(
-        {**contestant.plant, **case.told, **case.plant, 'seed': case.seed})
+    # what is off are the bodies, and not the drive, the track or the integrator with them
+    usual = plants.PLANT.complete({each.name: getattr(nominal, each.name)
+                                   for each in fields_of(PendulumParameters, nominal.links)})
+    plant = plants.plant({**{name: usual[name] for name in OF_NOMINAL}, **contestant.plant,
+                          **case.told, **case.plant, 'seed': case.seed})
     return simulate(plant, controller, case.duration, contestant.name,
                     pushes=np.array(case.pushes) if case.pushes else None,
                     resets={n: np.array(x) for n, x in case.resets},
