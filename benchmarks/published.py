@@ -25,7 +25,6 @@ import methods
 import pandas as pd
 import rig
 import seeded
-import sizes
 import stamp
 import summary
 
@@ -69,7 +68,7 @@ def of_rows(name: str, minutes: float) -> Part:
     return Part(minutes, lambda: seeded.sources(name), write)
 
 
-OF_ROWS = {'ablation': ablation.page, 'links': links.page, 'sizes': sizes.page}
+OF_ROWS = {'ablation': ablation.page, 'links': links.page}
 
 
 def of_rigs(minutes: float) -> Part:
@@ -119,7 +118,6 @@ PARTS = {
     'links': of_rows('links', 3),
     'summary': of_others('summary', summary.NEEDED, summary.write),
     'rig': of_rigs(17),
-    'sizes': of_rows('sizes', 40),
     'benchmark': of_script('benchmark', 14),
     'methods': of_others('methods', methods.NEEDED, methods.write),
     'ablation': of_rows('ablation', 22),
@@ -154,11 +152,6 @@ PAGES = {
         'Who holds a pendulum whose drive, frictions, sensors and bodies are not as told. What is '
         'learned of such rigs, and of links of another build, is on [another page](learned.md).',
         ('rig',)),
-    'sizes': Page(
-        'At what size and rate?',
-        'Who holds pendulums of other bodies, whose states come at other rates, with the defaults '
-        'alone, which go with [their own units](../theory.md#units-of-the-pendulum).',
-        ('sizes',)),
     'benchmark': Page(
         'How fast is it?', 'How long it takes beside its peers, on the same problems.',
         ('benchmark',)),

@@ -1,8 +1,14 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Pendulums of any size, at any rate: the defaults, told nothing but bodies and limits."""
+"""
+Pendulums of any size, at any rate: the defaults, told nothing but bodies and limits.
 
+It goes on where it was stopped, and prints a page of what was held.
+"""
+
+import argparse
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from campaigns import METHODS
@@ -10,7 +16,8 @@ import numpy as np
 
 from dp_swing_ros.evaluation.campaign.contestants import Contestant, key
 from dp_swing_ros.evaluation.campaign.report import share
-from dp_swing_ros.evaluation.campaign.rows import Row
+from dp_swing_ros.evaluation.campaign.rows import Row, Table
+from dp_swing_ros.evaluation.campaign.runner import run
 from dp_swing_ros.evaluation.comparison import rate as held_of
 from dp_swing_ros.evaluation.scenarios import Case, SCENARIOS
 from dp_swing_ros.parameters import group
@@ -123,17 +130,17 @@ def in_short(found: Mapping[Any, Row]) -> str:
     return compact([('period', 'held'), *lines])
 
 
-def page(rows: Sequence[Row], made: str) -> str:
+def page(rows: Sequence[Row]) -> str:
     """Return the page from the rows of all runs."""
     found = {row.key: row for row in rows}
     return '\n\n'.join([
-        '# Sizes and rates', made.strip(),
+        '# Sizes and rates',
         f'From nearly hanging, in lockstep without ROS, seeds 0 to {SEEDS - 1}, for as long as '
         f'{DURATION[2]:g} s are with links of 1 m ({DURATION[3]:g} s with three links); told are '
         'bodies and, of some of the others below, the track. Held of '
         f'{SEEDS}: {" / ".join(f"`{name}`" for name in METHODS)}, and in brackets λT, the period '
         "of the states in the pendulum's own unit of time, 1/λ. In square brackets 95 % "
-        'intervals (Wilson). Rows: `results/sizes.csv.gz`.',
+        'intervals (Wilson).',
         in_short(found), 'Two links of the same length each, 0.5 kg, a cart of 1 kg:',
         table(SIZES, cell, found), 'Median settling in units of 1/λ:',
         table(SIZES, settling, found), 'Other bodies:', table(OTHERS, cell, found),
@@ -144,3 +151,18 @@ def page(rows: Sequence[Row], made: str) -> str:
         '0.42 and 0.48 m are about '
         'as long as those of Glück, Eder and Kugi, "Swing-up control of a triple pendulum on a '
         'cart with experimental validation", Automatica 49, 2013.', ''])
+
+
+def main() -> None:
+    """Play what a folder lacks, and print the page."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('--output', type=Path, default=Path('results', 'sizes'))
+    folder = parser.parse_args().output
+    folder.mkdir(parents=True, exist_ok=True)
+    stored = Table(folder / 'episodes.csv')
+    run(episodes(), stored, jobs=-1)
+    print(page(stored.rows))
+
+
+if __name__ == '__main__':
+    main()

@@ -36,9 +36,8 @@ def _groups() -> Iterable[Group]:
 MPC = Declaration('mpc', _groups, {
     links: {'reference': tuple(upright(links).tolist()), **default_sensors(links),
             **WEIGHTS[links]} for links in LINKS},
-    # who gives a step or a horizon gets that
-    beside=lambda given: ({'fit_step': False} if 'step' in given else {}) | (
-        {'longest_horizon': given['horizon']} if 'horizon' in given else {}))
+    # who gives a horizon gets that
+    beside=lambda given: {'longest_horizon': given['horizon']} if 'horizon' in given else {})
 
 
 def controller(values: Values) -> RecedingHorizon:

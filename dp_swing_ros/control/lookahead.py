@@ -13,7 +13,9 @@ from dataclasses import replace
 import math
 from statistics import median
 
+from dp_swing_ros.pendulum.equations import own_units
 from dp_swing_ros.problem.parameters import LONGEST_HORIZON, PredictionParameters
+from dp_swing_ros.problem.problem import Problem
 
 PERIODS, ENOUGH = 31, 3   # that are remembered, some of which may be those of losses; to go by
 SLOWEST = 0.6   # period in the pendulum's own units of time: beyond, it is easily dropped
@@ -25,9 +27,11 @@ FURTHER = 4 / 3   # times as far, where no plan comes to the goal
 class Lookahead:
     """Learns the period of the states, and whether plans come to the goal; fits them to both."""
 
-    def __init__(self, given: PredictionParameters, time: float) -> None:
-        """Take the step that physics ask for, the horizon in such steps, the unit of time [s]."""
-        self.given, self.time = given, time
+    def __init__(self, problem: Problem) -> None:
+        """Take the problem as it is given; a step that is not the default one stays."""
+        self.given = problem.parameters.prediction
+        self.time = own_units(problem.physical).time   # [s]
+        self.fitted = self.given.step == problem.scale.sized(PredictionParameters.step, 's')
         self.reset()
 
     def reset(self) -> None:
@@ -78,14 +82,14 @@ class Lookahead:
 
     def reconfigure(self, other: 'Lookahead') -> None:
         """Go on as another one is given."""
-        self.given, self.time = other.given, other.time
+        self.given, self.time, self.fitted = other.given, other.time, other.fitted
         self.step, self.steps = other.given.step, other.given.horizon
         self.fit()
 
     def fit(self) -> None:
         """Find other steps where these do not go with the period, and as many as are needed."""
         given, period = self.given, self.period
-        if given.fit_step and not (math.isnan(period) or self.fits(self.step)):
+        if self.fitted and not (math.isnan(period) or self.fits(self.step)):
             step = period * max(math.floor(given.step / period + NEAR), 1)
             # one so long that the pendulum falls over in it would make no plan at all
             self.step = min(step, max(SLOWEST * self.time, given.step))

@@ -12,7 +12,6 @@ from dp_swing_ros.control.observer import Belief, checked, Observer, ObserverPar
 from dp_swing_ros.control.planner import Planner, PlannerParameters
 from dp_swing_ros.control.supervisor import braked, Supervisor, SupervisorParameters
 from dp_swing_ros.parameters import parameter, Parameters
-from dp_swing_ros.pendulum.equations import own_units
 from dp_swing_ros.pendulum.parameters import DIRECT, Drive
 from dp_swing_ros.pendulum.state import Array, hanging, upright
 from dp_swing_ros.problem.cost import terms
@@ -48,8 +47,7 @@ class RecedingHorizon:
                  estimator: Parameters, drive: Drive = DIRECT) -> None:
         """Take problem, parameters, those of solver and estimator, and what the drive does."""
         self.parameters = parameters
-        self.lookahead = Lookahead(problem.parameters.prediction,
-                                   own_units(problem.physical).time)
+        self.lookahead = Lookahead(problem)
         self.observer = Observer(problem, parameters, estimator, drive)
         self.commands = SentCommands(self.nominal.scale)
         self.planner = Planner(self.belief.problem, parameters, solver)

@@ -20,7 +20,7 @@ from dp_swing_ros.parameters import parameter, Parameters
 from dp_swing_ros.pendulum.equations import coefficients, Pendulum
 from dp_swing_ros.pendulum.parameters import Drive, PendulumParameters
 from dp_swing_ros.pendulum.state import Array
-from dp_swing_ros.pendulum.units import Units
+from dp_swing_ros.pendulum.units import SAME, Units
 
 LARGEST_FACTOR = 2.0   # of a mass, a length or the gain, either way
 LONGEST = 0.2          # [s] scaled, of a delay or a time constant
@@ -64,7 +64,7 @@ class Unknowns:
     """
 
     def __init__(self, physical: PendulumParameters, drive: Drive, about: UnknownsParameters,
-                 scale: Units) -> None:
+                 scale: Units = SAME) -> None:
         """Take the nominal pendulum and drive, how uncertain they are, and the scale."""
         n = physical.links
         count = range(1, n + 1)

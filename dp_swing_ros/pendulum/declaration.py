@@ -98,7 +98,8 @@ def _scaled(field: dataclasses.Field, scale: Units) -> Any:
     default: Any = field.default
     unit = field.metadata['unit']
     if not isinstance(default, tuple):
-        return scale.sized(default, unit)
+        return min(max(scale.sized(default, unit), field.metadata['minimum']),
+                   field.metadata['maximum'])
     return tuple(map(scale.sized, default, by_element(unit, len(default))))
 
 

@@ -68,12 +68,10 @@ class PredictionParameters(Parameters):
     longest_horizon: int = parameter(
         53, 'steps to which plans are lengthened, a third more at a time, while none comes to the '
         'goal; as many as horizon has, where that is given', minimum=1, maximum=LONGEST_HORIZON)
-    step: float = parameter(0.05, 'duration of one step of a plan', unit='s', minimum=1e-4,
-                            maximum=1.0, scaled=True)
-    fit_step: bool = parameter(
-        True, 'steps of a plan are whole periods of the states, as many as fit into `step`, at '
-        'least one, and as many steps as last as long as `horizon` ones; false, where step is '
-        'given: step and horizon as they are')
+    step: float = parameter(
+        0.05, 'duration of one step of a plan; the default is fitted to the period of the states, '
+        'and the horizon lasts as long; another one stays', unit='s', minimum=1e-4, maximum=1.0,
+        scaled=True)
     dynamics: str = parameter(
         ANALYTIC, 'what accelerates cart and links: analytic, the equations of a chain of rigid '
         'links; learned, what was learned from experience', choices=lambda: [ANALYTIC, LEARNED])

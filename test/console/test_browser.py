@@ -542,7 +542,6 @@ def test_a_small_pendulum_is_seen_as_a_large_one(browser, nodes, tmp_path):
         time.sleep(0.5)   # until it has been drawn
         seen.append(browser.places())
         browser.shot(tmp_path / f'{name}.png')
-        console.stop()
     for large, small in zip(*seen):
         assert small == pytest.approx(large, abs=1.0)   # [px]
     assert browser.errors() == []

@@ -18,11 +18,10 @@ from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import simulate
 
 GIVEN = PredictionParameters()
-UNIT = 0.13    # [s] about that of the default bodies
 
 
-def after(times, given=GIVEN):
-    lookahead = Lookahead(given, UNIT)
+def after(times, **values):
+    lookahead = Lookahead(controllers.problem(values))
     for t in times:
         lookahead.add(t)
     return lookahead
@@ -45,15 +44,16 @@ def test_without_any_states_the_step_is_the_given_one():
 
 
 def test_a_step_that_is_given_stays_as_it_is():
-    given = controllers.problem({'step': 0.05, 'horizon': 25}).parameters.prediction
-    assert not given.fit_step
-    assert after(np.arange(12) / 30.0, given).prediction == given
-    assert controllers.problem({'horizon': 25}).parameters.prediction.fit_step
+    found = after(np.arange(12) / 30.0, step=0.04, horizon=25).prediction
+    assert (found.step, found.horizon) == (0.04, 25)
+    of_small = {'link1_length': 0.25, 'link2_length': 0.25}   # whose default is 0.025 s
+    assert after(np.arange(12) / 90.0, **of_small).prediction.step == pytest.approx(2 / 90)
+    assert after(np.arange(12) / 90.0, **of_small, step=0.05).prediction.step == 0.05
 
 
 def test_states_that_come_unevenly_or_get_lost_change_no_step(rng):
     times = np.delete(np.arange(300) / 30.0 + rng.normal(0.0, 1e-3, 300), rng.integers(9, 300, 30))
-    lookahead = Lookahead(GIVEN, UNIT)
+    lookahead = after([])
     found = []
     for t in np.sort(times):
         lookahead.add(t)
@@ -64,7 +64,7 @@ def test_states_that_come_unevenly_or_get_lost_change_no_step(rng):
 
 @pytest.mark.parametrize('per_step', [1.9, 1.95, 2.0])   # where one or two periods fit
 def test_between_two_numbers_of_periods_it_does_not_go_to_and_fro(per_step, rng):
-    lookahead, steps, t = Lookahead(GIVEN, UNIT), [], 0.0
+    lookahead, steps, t = after([]), [], 0.0
     for _ in range(500):
         t += 0.05 / per_step * (1 + rng.normal(0.0, 0.03))
         lookahead.add(t)
@@ -81,7 +81,7 @@ def test_a_period_in_which_it_falls_too_far_is_warned_of():
     assert after(np.arange(40) / 20.0).warning == ''
     assert after(np.arange(40) / 10.0).warning == (
         'states come every 100 ms, in which the pendulum falls 2.2 times as far; expected one at '
-        'least every 78 ms, 12.8 Hz')
+        'least every 78.2 ms, 12.8 Hz')
 
 
 def test_a_period_that_no_step_can_have_is_no_failure():

@@ -400,7 +400,7 @@ def test_a_pendulum_that_differs_is_solved_for():
         assert getattr(c.belief.problem.physical, name) / c.belief.drive.gain == pytest.approx(
             getattr(physical, name), rel=0.02)
     assert c.belief.problem.model == Model(
-        Pendulum.of(c.belief.problem.physical), INTEGRATORS['rk4'], 0.05)
+        Pendulum.of(c.belief.problem.physical, scale=c.nominal.scale), INTEGRATORS['rk4'], 0.05)
     assert c.planner.solver.problem is c.belief.problem
     c.reset()
     assert c.belief.problem is c.nominal

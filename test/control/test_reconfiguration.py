@@ -23,8 +23,8 @@ CHANGES = [
     {'horizon': 50}, {'step': 0.04}, {'horizon': 20}, {'step': 0.05, 'horizon': 30},
     {'force_limit': 12.0}, {'track_limit': 1.5}, {'estimator': 'none'}, {'estimator': 'ekf'},
     {'first_starts': 2, 'other_starts': 3}, {'model': 'euler'},
-    {'model': 'rk4'}, {'link1_mass': 0.55}, {'ekf.gate': 20.0}, {'seed': 3}, {'fit_step': True},
-    {'fit_step': False}, {'terminal_cost': 'scaled'}, {'terminal_cost': 'lqr'},
+    {'model': 'rk4'}, {'link1_mass': 0.55}, {'ekf.gate': 20.0}, {'seed': 3},
+    {'longest_horizon': 40}, {'terminal_cost': 'scaled'}, {'terminal_cost': 'lqr'},
     {'reference': (0.5, 0.0, 0.0, 0.0, 0.0, 0.0)}, {'reference': (0.0,) * 6}]
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from dp_swing_ros.estimators.unknowns import (
     drive_of, LARGEST_FACTOR, LONGEST, model_of, Unknowns, UnknownsParameters, write_values)
-from dp_swing_ros.pendulum.equations import Pendulum
+from dp_swing_ros.pendulum.equations import Pendulum, scale_of
 from dp_swing_ros.pendulum.integrators import INTEGRATORS
 from dp_swing_ros.pendulum.model import Model
 from dp_swing_ros.pendulum.parameters import DIRECT, Drive, DriveParameters, PendulumParameters
@@ -131,10 +131,10 @@ def test_its_pendulum_is_that_of_its_parameters(links, rng):
     physical = replace(PendulumParameters(links=links, **VALUES), **{
         name: value for name, value in about.values(p).items()
         if about.of_pendulum[about.names.index(name)]})
-    nominal = Model(Pendulum.of(PendulumParameters(links=links, **VALUES), 0.02),
-                    INTEGRATORS['rk4'], 0.01)
+    given = PendulumParameters(links=links, **VALUES)
+    nominal = Model(Pendulum.of(given, 0.02), INTEGRATORS['rk4'], 0.01)
     found, expected = model_of(nominal, numbers(about, p), about.constants), Pendulum.of(
-        physical, 0.02)
+        physical, 0.02, scale_of(given))   # its creep stays that of the bodies given
     for one, other in zip(found.pendulum, expected):
         np.testing.assert_allclose(flat(one), flat(other), rtol=1e-13)
     assert (found.h, found.integrator) == (0.01, INTEGRATORS['rk4'])
