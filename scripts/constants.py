@@ -25,7 +25,9 @@ HEAD = """\
 
 Made by `make docs` from their comments. `own units`: the number is that of the default bodies, and
 for others goes with [the units of the pendulum](theory.md#units-of-the-pendulum). The others are
-fixed, for what stands beside them: of clocks, messages, machines, people, or of rounding.
+fixed, for what stands beside them: of clocks, messages, machines, people, or of rounding. Rooms
+that draw, talk, record or read are left out: their seconds are those of machines and people, and
+what they draw goes with the bodies that they draw.
 """
 # rooms whose seconds are those of machines, messages and people
 BESIDE = ('bags', 'console', 'figures', 'messages', 'nodes', 'parameters', 'recovery', 'report',

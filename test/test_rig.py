@@ -195,3 +195,14 @@ def test_a_voltage_drive_is_held_as_the_guide_tells(voltage, solver):
     assert measure(episode).success
     # what acted is a force [N]; the limit bounds the command [V]
     assert max(abs(episode.U)) == pytest.approx(of_mpc['force_gain'] * of_mpc['force_limit'])
+
+
+@pytest.mark.parametrize('solver', METHODS)
+@pytest.mark.parametrize('rate', [50.0, 200.0])
+def test_a_rig_of_laboratory_size_is_held_with_nothing_told_but_what_it_is(solver, rate):
+    path = Path(__file__).parents[1] / 'config' / 'lab_rig.yaml'
+    of_plant, of_mpc = (declarations.read([path])[node] for node in ('plant', 'mpc'))
+    assert not set(of_mpc) & {'step', 'horizon', 'track_margin', 'state_weights'}
+    episode = simulate(plants.plant({**of_plant, 'rate': rate}),
+                       controllers.controller({**of_mpc, 'solver': solver}), 6.0)
+    assert measure(episode).success

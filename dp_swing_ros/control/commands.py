@@ -11,7 +11,7 @@ from dp_swing_ros.pendulum.parameters import Drive
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.pendulum.units import SAME, Units
 
-REMEMBERED = 1.0   # [s]
+REMEMBERED = 1.0   # [s] scaled, but no less: delays do not go with the pendulum
 LONGEST = 10.0     # [s] of a prediction; more only passes where a clock is set
 STEP = 0.01        # [s] scaled, longest of a prediction
 
@@ -22,13 +22,14 @@ class SentCommands:
     def __init__(self, scale: Units = SAME) -> None:
         """Begin with none, which is a force of zero, for a pendulum of a scale."""
         self.step = scale.sized(STEP, 's')
+        self.remembered = max(REMEMBERED, scale.sized(REMEMBERED, 's'))   # [s]
         self.times, self.forces = np.empty(0), np.empty(0)   # since when [s], in order; which [N]
         self.before = 0.0   # [N] what came before these
 
     def add(self, t: float, command: float) -> None:
         """Remember a command [N] that holds from a time on [s]."""
         end = np.searchsorted(self.times, t)
-        old = np.searchsorted(self.times[:end], t - REMEMBERED)
+        old = np.searchsorted(self.times[:end], t - self.remembered)
         if old > 0:
             self.before = float(self.forces[old - 1])
         self.times = np.append(self.times[old:end], t)

@@ -53,7 +53,7 @@ class Lookahead:
         """Return what is wrong with the period, or nothing."""
         longest = SLOWEST * self.time
         return '' if len(self.periods) < PERIODS or self.period <= longest else (
-            f'states come every {1e3 * self.period:.3g} ms, in which the pendulum falls '
+            f'states are answered every {1e3 * self.period:.3g} ms, while the pendulum falls '
             f'{math.exp(self.period / self.time):.2g} times as far; expected one at least every '
             f'{1e3 * longest:.3g} ms, {1 / longest:.3g} Hz')
 
@@ -81,9 +81,12 @@ class Lookahead:
             self.steps = min(round(FURTHER * self.steps), given.longest_horizon)
 
     def reconfigure(self, other: 'Lookahead') -> None:
-        """Go on as another one is given."""
-        self.given, self.time, self.fitted = other.given, other.time, other.fitted
-        self.step, self.steps = other.given.step, other.given.horizon
+        """Go on as another one is given; bodies that change do not change what fits."""
+        if other.given.step != self.given.step:
+            self.fitted, self.step = other.fitted, other.given.step
+        if other.given != self.given:
+            self.steps = other.given.horizon
+        self.given, self.time = other.given, other.time
         self.fit()
 
     def fit(self) -> None:

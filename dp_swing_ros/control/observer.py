@@ -85,10 +85,14 @@ class Observer:
         self.belief = belief._replace(problem=driven_by(belief.drive, problem))
 
     def predict_as(self, prediction: PredictionParameters) -> None:
-        """Believe the same of a problem in other steps."""
-        self.nominal = self.nominal.with_prediction(prediction)
-        self.belief = self.belief._replace(
-            problem=self.belief.problem.with_prediction(prediction))
+        """
+        Believe the same of a problem in other steps.
+
+        Raises ParameterError, and changes nothing, where no regulator holds the reference state.
+        """
+        nominal, believed = (problem.with_prediction(prediction) for problem in (
+            self.nominal, self.belief.problem))
+        self.nominal, self.belief = nominal, self.belief._replace(problem=believed)
 
     @property
     def inputs(self) -> tuple[object, ...]:

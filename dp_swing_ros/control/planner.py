@@ -59,7 +59,7 @@ def search(planner: 'Planner', x_0: Array, starts: Iterable[Plan], deadline: flo
 
 
 class Planner:
-    """Holds the solver with its random numbers, the other starts, and the last plans."""
+    """Holds the solver with its random numbers, the other starts, and the last plan."""
 
     def __init__(self, problem: Problem, parameters: PlannerParameters,
                  solver: Parameters) -> None:
@@ -130,8 +130,10 @@ class Planner:
         now = len(self.last.U) - len(left.U)
         U, K = (np.concatenate((of_last[now:now + 1], rest[1:])) for of_last, rest in (
             (self.last.U, left.U), (self.last.K, left.K)))
-        _, X, U, K = policy_rollout(self.problem, x_0, left.X, U, K)
-        return plan_of(self.problem, X, U, Status.FEEDBACK, K)
+        turns = self.last.turns   # the goal is on this turn
+        _, X, U, K = policy_rollout(self.problem, x_0 - turns, left.X - turns, U, K)
+        plan = plan_of(self.problem, X, U, Status.FEEDBACK, K)
+        return replace(plan, X=plan.X + turns, turns=turns)
 
     def warm_start(self, acts_at: float) -> Plan | None:
         """Return what is left of the last plan from a time on [s], if any."""

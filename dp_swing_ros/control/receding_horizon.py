@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The receding horizon: from every state a plan, warm-started by the one before."""
 
+import contextlib
 from dataclasses import dataclass, replace
 import math
 import time
@@ -11,7 +12,7 @@ from dp_swing_ros.control.lookahead import Lookahead
 from dp_swing_ros.control.observer import Belief, checked, Observer, ObserverParameters
 from dp_swing_ros.control.planner import Planner, PlannerParameters
 from dp_swing_ros.control.supervisor import braked, Supervisor, SupervisorParameters
-from dp_swing_ros.parameters import parameter, Parameters
+from dp_swing_ros.parameters import parameter, ParameterError, Parameters
 from dp_swing_ros.pendulum.parameters import DIRECT, Drive
 from dp_swing_ros.pendulum.state import Array, hanging, upright
 from dp_swing_ros.problem.cost import terms
@@ -93,8 +94,9 @@ class RecedingHorizon:
         """Go on in steps that go with the period of the states."""
         prediction = self.lookahead.prediction
         if prediction != self.nominal.parameters.prediction:
-            self.observer.predict_as(prediction)
-            self.planner.set_problem(self.belief.problem)
+            with contextlib.suppress(ParameterError):   # of steps in which nothing can be held
+                self.observer.predict_as(prediction)
+                self.planner.set_problem(self.belief.problem)
 
     def fallback(self, acts_at: float) -> Plan:
         """Return a plan from a time on [s] where no state came."""
@@ -110,9 +112,9 @@ class RecedingHorizon:
                 candidates=plan.stats.candidates))
         plan = self.supervisor.command(plan, belief, commands, acts_at)
         self.planner.keep(plan, acts_at)
-        plans_nothing = plan.stats.status in (Status.ZERO, Status.DISABLED)
-        self.lookahead.look(acts_at, plans_nothing or belief.problem.is_reached(plan.X[-1]),
-                            belief.problem.is_reached(belief.x))
+        has_no_goal = plan.stats.status in (Status.ZERO, Status.DISABLED, Status.STOP)
+        self.lookahead.look(acts_at, belief.problem.is_reached(plan.X[-1]),
+                            has_no_goal or belief.problem.is_reached(belief.x))
         commands.add(acts_at, plan.first_force(self.nominal.u_max))
         return plan
 

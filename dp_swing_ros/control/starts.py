@@ -116,7 +116,7 @@ class Starts:
         problem = self.problem
         turn = turns_of(problem, left.X[-1])
         if self.parameters.warm_start == 'forces':
-            U = np.append(left.U, np.zeros(problem.horizon - len(left.U)))
+            U = np.append(left.U, np.zeros(problem.horizon))[:problem.horizon]
             return replace(plan_of(problem, rollout(problem.model, x_0, U), U, Status.COMPLETE),
                            start='last_forces')
         cost = policy_rollout(problem, x_0 - turn, left.X, left.U, left.K).J

@@ -97,7 +97,7 @@ def measure(episode: Episode, time_limit: float = TIME_LIMIT) -> Metrics:
     """
     t, ticks = np.asarray(episode.t, dtype=float), episode.ticks
     links, U, dt = links_of(episode.X), episode.U, np.diff(t)
-    X, E, scale = episode.X, episode.errors, scale_of(episode.physical)
+    X, E, scale = episode.X, episode.errors, scale_of(episode.bodies)
     settled, struck, up = settling_time(t, E, scale), strikes(episode), is_upright(E, scale)
     rest = (t >= t[-1] - scale.sized(REST, 's')) if t.size else np.zeros(0, dtype=bool)
     # of the joints, as encoders see them: the angles of the state are absolute; a sum is the same
@@ -140,7 +140,7 @@ def measure(episode: Episode, time_limit: float = TIME_LIMIT) -> Metrics:
 
 def outcome(episode: Episode) -> Outcome:
     """Return how a run ended, and where it failed, how."""
-    t, E, scale = np.asarray(episode.t, dtype=float), episode.errors, scale_of(episode.physical)
+    t, E, scale = np.asarray(episode.t, dtype=float), episode.errors, scale_of(episode.bodies)
     up = is_upright(E, scale)
     if not np.all(np.isfinite(episode.X)):
         return Outcome.DIVERGED
@@ -190,7 +190,7 @@ def closed_loop_cost(episode: Episode) -> float:
     Source: cost.py, `running`, whose angle error is the chord.
     """
     U, X, error = episode.U, episode.X, episode.errors[:len(episode.U)]
-    bodies = {each.name: getattr(episode.physical, each.name)
+    bodies = {each.name: getattr(episode.bodies, each.name)
               for each in fields_of(PendulumParameters, links_of(X))}
     values = controllers.MPC.complete(bodies)
     cost, limits = group(CostParameters, values), group(LimitParameters, values)

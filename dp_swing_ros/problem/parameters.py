@@ -67,7 +67,8 @@ class PredictionParameters(Parameters):
                              maximum=LONGEST_HORIZON)
     longest_horizon: int = parameter(
         53, 'steps to which plans are lengthened, a third more at a time, while none comes to the '
-        'goal; as many as horizon has, where that is given', minimum=1, maximum=LONGEST_HORIZON)
+        'goal; as many as horizon has, where that is given at the start', minimum=1,
+        maximum=LONGEST_HORIZON)
     step: float = parameter(
         0.05, 'duration of one step of a plan; the default is fitted to the period of the states, '
         'and the horizon lasts as long; another one stays', unit='s', minimum=1e-4, maximum=1.0,

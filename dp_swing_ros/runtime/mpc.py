@@ -402,6 +402,7 @@ class MpcCore:
 
     def reset(self) -> Answer:
         """Forget the last plan and restart the random numbers."""
+        self.said.clear()   # who begins anew is told anew
         self.forget()
         self.resets += 1
         return Answer(True, 'the next tick is a first one')

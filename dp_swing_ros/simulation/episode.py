@@ -51,11 +51,17 @@ class Episode:
     limits: LimitParameters
     incomplete: str = ''  # how many messages of how many a bag held; empty where all
     goal: Array | None = None   # (2n + 2,) where the controller was to hold it; None: upright
+    nominal: PendulumParameters | None = None   # of which `physical` are off; None: they are not
 
     @property
     def x_r(self) -> Array:
         """Return the state (2n + 2,) that the controller was to hold."""
         return upright(links_of(self.X)) if self.goal is None else self.goal
+
+    @property
+    def bodies(self) -> PendulumParameters:
+        """Return the bodies that it is measured by."""
+        return self.nominal or self.physical
 
     @property
     def errors(self) -> Array:

@@ -80,8 +80,8 @@ def test_another_period_gives_other_steps():
 def test_a_period_in_which_it_falls_too_far_is_warned_of():
     assert after(np.arange(40) / 20.0).warning == ''
     assert after(np.arange(40) / 10.0).warning == (
-        'states come every 100 ms, in which the pendulum falls 2.2 times as far; expected one at '
-        'least every 78.2 ms, 12.8 Hz')
+        'states are answered every 100 ms, while the pendulum falls 2.2 times as far; expected one '
+        'at least every 78.2 ms, 12.8 Hz')
 
 
 def test_a_period_that_no_step_can_have_is_no_failure():
@@ -155,3 +155,47 @@ def test_who_is_disabled_looks_no_further():
     for n in range(60):
         c.update(0.05 * n, hanging() + 1e-3 * n)
     assert c.lookahead.steps == 30
+
+
+def test_a_body_that_changes_leaves_the_step_fitted():
+    c = controllers.controller({})
+    simulate(plants.plant({'rate': 30.0}), c, 1.0)
+    assert c.nominal.dt == pytest.approx(1 / 30)
+    # as a node has it: all values, of which one is another
+    c.reconfigure(controllers.controller({**controllers.MPC.complete({}), 'link1_mass': 0.6}))
+    assert c.nominal.dt == c.belief.problem.dt == pytest.approx(1 / 30)
+    c.reconfigure(controllers.controller({**controllers.MPC.complete({}), 'step': 0.04}))
+    assert c.nominal.dt == 0.04
+
+
+def test_another_solver_keeps_a_longer_plan():
+    c = controllers.controller({'goal': 'up_down'})
+    plant = plants.plant({})
+    simulate(plant, c, 3.0)
+    assert c.nominal.horizon > 30
+    c.reconfigure(controllers.controller({'goal': 'up_down', 'solver': 'ddp'}))
+    assert c.nominal.horizon > 30
+
+
+@pytest.mark.parametrize('warm_start', ['policy', 'forces'])
+def test_plans_get_shorter_again(warm_start):
+    c = controllers.controller({'warm_start': warm_start})
+    c.update(0.0, hanging())
+    c.lookahead.steps = 53
+    c.lookahead.arrived = 0.0
+    assert len(c.update(0.05, hanging() + 1e-3).U) == 53
+    c.lookahead.steps = 30
+    assert len(c.update(0.1, hanging() + 2e-3).U) == 30
+
+
+def test_feedback_after_a_turn_costs_what_the_plan_did():
+    """The goal of a plan may be on another turn; so it is for its feedback."""
+    c, plans = controllers.controller({'estimator': 'none'}), []
+    x = hanging()
+    x[2] += 4 * np.pi
+    simulate(plants.plant({'rate': 100.0, 'initial_state': x.tolist()}), c, 3.0,
+             on_tick=lambda t, plan: plans.append(plan))
+    assert np.any(plans[-1].turns)
+    for before, after in zip(plans[200:], plans[201:]):
+        np.testing.assert_array_equal(np.broadcast_to(after.turns, 6) % (2 * np.pi), 0.0)
+        assert after.stats.cost <= 1.5 * before.stats.cost + 1.0

@@ -651,7 +651,7 @@ def test_states_that_come_too_seldom_are_warned_of_once():
     run = Running()
     run.plant(rate=10.0)
     run.stream(60, period=0.1)
-    text, = [each for each in run.log(WARN) if 'states come every' in each]
+    text, = [each for each in run.log(WARN) if 'states are answered every' in each]
     assert 'expected one at least every 78.2 ms' in text
 
 

@@ -117,10 +117,11 @@ def simulated(contestant: Contestant, case: Case) -> Episode:
                                    for each in fields_of(PendulumParameters, nominal.links)})
     plant = plants.plant({**{name: usual[name] for name in OF_NOMINAL}, **contestant.plant,
                           **case.told, **case.plant, 'seed': case.seed})
-    return simulate(plant, controller, case.duration, contestant.name,
-                    pushes=np.array(case.pushes) if case.pushes else None,
-                    resets={n: np.array(x) for n, x in case.resets},
-                    goal=controllers.cost(contestant.mpc).x_r)
+    episode = simulate(plant, controller, case.duration, contestant.name,
+                       pushes=np.array(case.pushes) if case.pushes else None,
+                       resets={n: np.array(x) for n, x in case.resets},
+                       goal=controllers.cost(contestant.mpc).x_r)
+    return replace(episode, nominal=nominal)
 
 
 def measured(contestant: Contestant, case: Case, episode: Episode) -> Row:
