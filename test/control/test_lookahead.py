@@ -80,8 +80,8 @@ def test_another_period_gives_other_steps():
 def test_a_period_in_which_it_falls_too_far_is_warned_of():
     assert after(np.arange(40) / 20.0).warning == ''
     assert after(np.arange(40) / 10.0).warning == (
-        'states are answered every 100 ms, while the pendulum falls 2.2 times as far; expected one '
-        'at least every 78.2 ms, 12.8 Hz')
+        'states are answered every 100 ms, while the pendulum falls 2.2 times as far; expected '
+        'one at least every 78.2 ms, 12.8 Hz')
 
 
 def test_a_period_that_no_step_can_have_is_no_failure():
