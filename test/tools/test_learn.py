@@ -16,7 +16,9 @@ from dp_swing_ros.tools import live_learning, verify
 from dp_swing_ros.tools.learn import main
 from dp_swing_ros.topics import FORCE_COMMAND
 
-PLANT = ('/**:\n  ros__parameters: {cart_mass: 0.5, link1_length: 0.6, link2_length: 0.6}\n'
+# the limits are those of an mpc that is told no bodies
+PLANT = ('/**:\n  ros__parameters: {cart_mass: 0.5, link1_length: 0.6, link2_length: 0.6,\n'
+         '    force_limit: 20.0, track_limit: 2.4}\n'
          'plant:\n  ros__parameters: {position_noise: 0.01, velocity_noise: 0.01}\n')
 
 
