@@ -94,7 +94,7 @@ class ExtendedKalmanFilter:
         self.R = np.concatenate([scale.each_joint(noise, unit, half - 1) for noise, unit in (
             (parameters.position_noise, POSITIONS), (parameters.velocity_noise, SPEEDS))]) ** 2
         self.unmeasured = np.array(
-            [0.0] * half + scaled_speeds(UNMEASURED, scale, half - 1)) ** 2
+            [*[0.0] * half, *scaled_speeds(UNMEASURED, scale, half - 1)]) ** 2
         self.disturbed = self.held * np.array(scale.each_joint(
             parameters.acceleration_noise, ACCELERATIONS, half - 1)) ** 2
         self.compared, self.p_compared = self.nominal, self.unknowns.of(self.nominal)

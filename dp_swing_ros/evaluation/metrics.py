@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from dp_swing_ros.control import controllers
-from dp_swing_ros.parameters import fields_of, group
+from dp_swing_ros.parameters import group
 from dp_swing_ros.pendulum.equations import scale_of
-from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
+from dp_swing_ros.pendulum.parameters import LimitParameters
 from dp_swing_ros.pendulum.state import angles, Array, is_upright, links_of
 from dp_swing_ros.pendulum.units import SAME, Units
 from dp_swing_ros.problem.parameters import CostParameters
@@ -190,9 +190,7 @@ def closed_loop_cost(episode: Episode) -> float:
     Source: cost.py, `running`, whose angle error is the chord.
     """
     U, X, error = episode.U, episode.X, episode.errors[:len(episode.U)]
-    bodies = {each.name: getattr(episode.bodies, each.name)
-              for each in fields_of(PendulumParameters, links_of(X))}
-    values = controllers.MPC.complete(bodies)
+    values = controllers.MPC.complete(episode.bodies.by_name)
     cost, limits = group(CostParameters, values), group(LimitParameters, values)
     error[:, angles(X)] = 2 * np.sin(error[:, angles(X)] / 2)
     intrusion = np.maximum(0, np.abs(X[:len(U), 0]) - limits.track_limit + cost.track_margin)

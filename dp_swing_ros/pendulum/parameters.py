@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dp_swing_ros.parameters import parameter, ParameterError, Parameters
+from dp_swing_ros.parameters import fields_of, parameter, ParameterError, Parameters
 from dp_swing_ros.pendulum.state import angles, Array, DEFAULT_LINKS, equilibria, LINKS, links_of
 
 GIVEN = 'given'   # no equilibrium by its name, but the state as it is
@@ -99,6 +99,12 @@ class PendulumParameters(Parameters):
     def dry_frictions(self) -> tuple[float, ...]:
         """Return the dry frictions of the cart [N] and the joints [N m]."""
         return (self.cart_dry_friction, *self._of_links('joint{}_dry_friction'))
+
+    @property
+    def by_name(self) -> dict[str, float]:
+        """Return the parameters that a pendulum with so many links has, by name."""
+        return {field.name: getattr(self, field.name)
+                for field in fields_of(type(self), self.links)}
 
     def _of_links(self, name: str) -> tuple[float, ...]:
         return tuple(getattr(self, name.format(i)) for i in range(1, self.links + 1))

@@ -64,9 +64,10 @@ STATES = f'{POSITIONS}, {SPEEDS}'
 SAME = Units(1.0, 1.0, 1.0)   # as large as the default bodies
 
 
-def scaled_speeds(value: float, scale: Units, links: int) -> list[float]:
+@functools.lru_cache(maxsize=64)   # every tick asks, of the same pendulum
+def scaled_speeds(value: float, scale: Units, links: int) -> tuple[float, ...]:
     """Return a speed of the default bodies for cart [m/s] and joints [rad/s] of others."""
-    return scale.each_joint(scale.sized(value, SPEEDS), SPEEDS, links)
+    return tuple(scale.each_joint(scale.sized(value, SPEEDS), SPEEDS, links))
 
 
 @functools.cache

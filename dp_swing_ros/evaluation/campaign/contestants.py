@@ -18,7 +18,7 @@ from dp_swing_ros.evaluation.baselines import BASELINES
 from dp_swing_ros.evaluation.campaign.rows import ERROR, Key, Row, UNKNOWN
 from dp_swing_ros.evaluation.metrics import measure, outcome, TIME_LIMIT
 from dp_swing_ros.evaluation.scenarios import Case, PERIOD, sized
-from dp_swing_ros.parameters import fields_of, group, ParameterError
+from dp_swing_ros.parameters import group, ParameterError
 from dp_swing_ros.parameters.files import value_of
 from dp_swing_ros.pendulum.parameters import PendulumParameters
 from dp_swing_ros.problem.parameters import LEARNED
@@ -113,8 +113,7 @@ def simulated(contestant: Contestant, case: Case) -> Episode:
         contestant = replace(contestant, mpc={**contestant.mpc, **case.told, **case.mpc})
     controller = ready(contestant)(case.seed)
     # what is off are the bodies, and not the drive, the track or the integrator with them
-    usual = plants.PLANT.complete({each.name: getattr(nominal, each.name)
-                                   for each in fields_of(PendulumParameters, nominal.links)})
+    usual = plants.PLANT.complete(nominal.by_name)
     plant = plants.plant({**{name: usual[name] for name in OF_NOMINAL}, **contestant.plant,
                           **case.told, **case.plant, 'seed': case.seed})
     episode = simulate(plant, controller, case.duration, contestant.name,
