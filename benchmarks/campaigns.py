@@ -105,7 +105,7 @@ CAMPAIGNS = {
         'Under stress', (*METHODS, TEXTBOOK, BASELINE), STRESS, None, {},
         {'sweeps': ('stress', 'What is held, by level')}),
     'transitions': Campaign(
-        'From each equilibrium to each other', METHODS, ('transitions',), range(50), {}, {})}
+        'From each equilibrium to each other', METHODS, ('transitions',), range(100), {}, {})}
 
 
 def page(name: str, rows: Sequence[Row], made: str, figures: Path) -> str:

@@ -20,7 +20,7 @@ from dp_swing_ros.evaluation.campaign.report import share
 from dp_swing_ros.evaluation.comparison import rate
 from dp_swing_ros.tables import compact
 
-BUSY = 60.0       # [s]
+BUSY = 30.0       # [s]
 RUNS = 3
 
 

@@ -39,7 +39,6 @@ BALANCED = 4.0    # [s] before the first change
 PAUSE = 0.2       # [s] after each
 LOADING = 60.0    # [s] at most until a change counts: another solver may have to be compiled
 COUNT = 100       # of each kind
-HORIZON = 40      # steps, of the tour: with 30 hanging is not left for up_down
 LEG = 10.0        # [s] of the tour for each way; in lockstep the slowest takes 8.6 s
 METRE = 2.4       # [s] of the time axis, of a picture in which neither is distorted
 
@@ -163,8 +162,7 @@ def tour(solver: str, folder: Path) -> tuple[Path, list[Leg], dict[str, int]]:
     with Crew() as crew, Operator() as operator:
         logger = crew.start('logger', {'output': str(bag), 'progress_period': 0.0},
                             folder / 'logger.log')
-        mpc = crew.start('mpc', {'solver': solver, 'horizon': HORIZON, 'goal': places[0]},
-                         folder / 'mpc.log')
+        mpc = crew.start('mpc', {'solver': solver, 'goal': places[0]}, folder / 'mpc.log')
         operator.meet('mpc')
         plant = crew.start('plant', {'start': places[0]}, folder / 'plant.log')
         if not operator.until(lambda: operator.states):
@@ -253,8 +251,8 @@ def page(changed: pd.DataFrame, legs: pd.DataFrame, made: str) -> str:
         '## The tour\n',
         '![All twelve ways](../figures/live_tour.png)\n',
         'From each of the four equilibria to each other by live changes of `goal`, one every '
-        f'{LEG:g} s, with `horizon` {HORIZON} and the defaults else, recorded by a logger. Times '
-        'until the last stay at the goal began [s] (all angles within 0.1 rad and all speeds '
+        f'{LEG:g} s, with the defaults, recorded by a logger. Times until '
+        'the last stay at the goal began [s] (all angles within 0.1 rad and all speeds '
         f'under 1, for {HOLD:g} s at least): {"; ".join(held)}. '
         'In lockstep: [reliability](reliability.md#from-each-equilibrium-to-each-other).\n',
         compact([('way', *(f'`{solver}`' for solver in solvers)), *ways]), ''])

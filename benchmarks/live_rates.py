@@ -7,14 +7,14 @@ Run by `make results`, on a machine that must do nothing else.
 """
 
 import argparse
-from collections.abc import Iterable, Iterator, Sequence
-import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 import tempfile
 from typing import Any, NamedTuple
 
 from campaigns import METHODS
 import pandas as pd
+from sizes import LAB_RIG, two
 from soak import answers, pendulum, processes, Soak, soak, times
 from stamp import made, sources, store_page, TOP
 
@@ -22,9 +22,11 @@ from dp_swing_ros.learning.trials import OUT
 from dp_swing_ros.tables import compact
 from dp_swing_ros.tools.processes import isolated
 
-RATES = (20.0, 100.0, 200.0, 300.0, 400.0, 500.0)   # [Hz]
-SHORT = 20.0      # [s] at each
-FAST, FASTEST, FOR = 'ddp', 500.0, 60.0    # who is to keep up at which rate [Hz] for how long [s]
+RATES = (50.0, 100.0, 200.0, 300.0, 400.0)   # [Hz]
+LONG = 10.0       # [s] at each
+FASTEST = 500.0   # [Hz]
+OF_RIG = (50.0, 100.0, 200.0)   # [Hz]
+SHORT = 6.0       # [s] of a run from hanging
 PRIORITY = 50     # of real time, where they have one
 KEPT_UP = 0.95    # of the states are answered before the next: a rate that is held
 ABOUT = (
@@ -44,21 +46,37 @@ class Run(NamedTuple):
     burn: int = 0     # busy processes
     seed: int = 0
     thread_priority: int = 0
+    bodies: str = '1 m'   # of BODIES
+
+
+class Bodies(NamedTuple):
+    """A pendulum by what plant and mpc are told, and the plant alone."""
+
+    told: Mapping[str, Any] = {}
+    of_plant: Mapping[str, Any] = {}
+
+
+SMALL, LAB = '0.2 m', 'config/lab_rig.yaml'
+BODIES = {'1 m': Bodies(), SMALL: Bodies(two(0.2, 0.2)), LAB: Bodies(LAB_RIG.mpc, LAB_RIG.plant)}
 
 
 def runs() -> Iterator[Run]:
     """Yield all that are done."""
-    for priority in (0, PRIORITY):
-        yield Run('fast', FAST, FOR, FASTEST, thread_priority=priority)
     for solver in METHODS:
         for each in RATES:
-            yield Run('rates', solver, SHORT, each)
+            yield Run('rates', solver, LONG, each, bodies=SMALL)
+        for priority, count in ((0, 10), (PRIORITY, 3)):
+            for seed in range(count):
+                yield Run('fast', solver, SHORT, FASTEST, 0, seed, priority, SMALL)
+        for each in OF_RIG:
+            for seed in range(5):
+                yield Run('rig', solver, SHORT, each, seed=seed, bodies=LAB)
 
 
 def play(run: Run, folder: Path) -> dict[str, Any]:
     """Do a run, and return its figures; raises ProcessError where a process does not come up."""
     found = soak(folder, run.solver, run.duration, run.rate, seed=run.seed, burn=run.burn,
-                 thread_priority=run.thread_priority)
+                 thread_priority=run.thread_priority, **BODIES[run.bodies]._asdict())
     return {**run._asdict(), **figures(found)}
 
 
@@ -104,36 +122,43 @@ def prioritised(priority: int) -> str:
 
 
 def of_rates(rows: pd.DataFrame) -> str:
-    """Return the table of the rates."""
+    """Return the table of the rates: of several runs the median p50, and the largest p99."""
     return compact([
-        ('solver', 'rate [Hz]', 'priority', 'time [s]', 'answered before the next', 'echo, too',
-         'state to force p50 [ms]', 'p99', 'mpc [%]', 'plant [%]', 'echo [%]'),
-        *((f'`{row.solver}`', f'{row.rate:g}', prioritised(row.thread_priority),
-           f'{row.duration:g}',
-           f'{100 * row.in_time / max(row.states, 1):.2f} %',
-           f'{100 * row.echo_in_time / max(row.states, 1):.2f} %', f'{row.mpc_p50:.2f}',
-           f'{row.mpc_p99:.2f}', f'{row.mpc_share:.0f}', f'{row.plant_share:.0f}',
-           f'{row.echo_share:.0f}') for row in rows.itertuples())])
+        ('solver', 'rate [Hz]', 'priority', 'up to the end', 'answered before the next',
+         'echo, too', 'state to force p50 [ms]', 'p99', 'mpc [%]', 'plant [%]', 'echo [%]'),
+        *((f'`{solver}`', f'{rate:g}', prioritised(priority), f'{of.success.sum()} of {len(of)}',
+           answered(of), f'{100 * of.echo_in_time.sum() / max(of.states.sum(), 1):.2f} %',
+           f'{of.mpc_p50.median():.2f}', f'{of.mpc_p99.max():.2f}', f'{of.mpc_share.mean():.0f}',
+           f'{of.plant_share.mean():.0f}', f'{of.echo_share.mean():.0f}')
+          for (solver, rate, priority), of in rows.groupby(
+              ['solver', 'rate', 'thread_priority'], sort=False))])
 
 
 def held(rows: pd.DataFrame) -> str:
     """Return the highest rate that each solver holds, as a sentence."""
-    highest = {solver: of.rate[of.in_time >= KEPT_UP * of.states].max()
-               for solver, of in rows.groupby('solver', sort=False)}
+    counted = rows.groupby(['solver', 'rate'], sort=False)[['in_time', 'states']].sum()
+    kept = counted.in_time >= KEPT_UP * counted.states
+    highest = {solver: max((rate for rate in rows.rate if kept.get((solver, rate))), default=None)
+               for solver in rows.solver.unique()}
     return (f'The highest of these rates at which {100 * KEPT_UP:g} % of the states are answered '
             'before the next, without a priority: ' + ', '.join(
-                f'`{solver}` {"none" if math.isnan(rate) else f"{rate:g} Hz"}'
+                f'`{solver}` {"none" if rate is None else f"{rate:g} Hz"}'
                 for solver, rate in highest.items()) + '.')
 
 
 def page(rows: pd.DataFrame, made: str) -> str:
     """Return the page as Markdown."""
     of = dict(list(rows.groupby('part')))
+    small = pd.concat([of['rates'], of['fast'].sort_values('thread_priority', kind='stable')])
     return '\n'.join([
         '# Rates and latencies\n', made, ABOUT.format('live_rates'),
-        'Some with [a real-time priority](../nodes.md#time) of plant, mpc and echo. Processor in '
-        'hundredths of one core.\n',
-        of_rates(pd.concat([of['rates'], of['fast']])), '', held(of['rates']), ''])
+        f'Links of {SMALL}, of which nothing but the length is told: {LONG:g} s at each rate, at '
+        f'{FASTEST:g} Hz {SHORT:g} s from hanging with each seed; some with [a real-time priority]'
+        '(../nodes.md#time) of plant, mpc and echo. Of several runs p50 is the median, p99 the '
+        'largest. Processor in hundredths of one core.\n',
+        of_rates(small), '', held(small[small.thread_priority == 0]), '',
+        f'The rig of laboratory size of `{LAB}`, {SHORT:g} s from hanging with each seed:\n',
+        of_rates(of['rig']), ''])
 
 
 def main(argv: Sequence[str] | None = None) -> None:

@@ -25,6 +25,7 @@ import methods
 import pandas as pd
 import rig
 import seeded
+import sizes
 import stamp
 import summary
 
@@ -68,7 +69,7 @@ def of_rows(name: str, minutes: float) -> Part:
     return Part(minutes, lambda: seeded.sources(name), write)
 
 
-OF_ROWS = {'ablation': ablation.page, 'links': links.page}
+OF_ROWS = {'ablation': ablation.page, 'links': links.page, 'sizes': sizes.page}
 
 
 def of_rigs(minutes: float) -> Part:
@@ -113,11 +114,12 @@ PARTS = {
     'random': of_rows('random', 5),
     'robustness': of_rows('robustness', 12),
     'fresh': of_rows('fresh', 4),
-    'transitions': of_rows('transitions', 3),
+    'transitions': of_rows('transitions', 6),
     'stress': of_rows('stress', 9),
     'links': of_rows('links', 3),
     'summary': of_others('summary', summary.NEEDED, summary.write),
     'rig': of_rigs(17),
+    'sizes': of_rows('sizes', 20),
     'benchmark': of_script('benchmark', 14),
     'methods': of_others('methods', methods.NEEDED, methods.write),
     'ablation': of_rows('ablation', 22),
@@ -126,8 +128,8 @@ PARTS = {
     'learned_rigs': of_script('learned_rigs', 11),
     'live_changes': of_script('live_changes', 6),
     'live_faults': of_script('live_faults', 11),
-    'live_rates': of_script('live_rates', 10),
-    'live_busy': of_script('live_busy', 10),
+    'live_rates': of_script('live_rates', 17),
+    'live_busy': of_script('live_busy', 5),
     'live_soak': of_script('live_soak', 6),
     'durability': of_script('durability', 6),
     'damaged_bags': of_script('damaged_bags', 2, 'mutated_bags.py')}
@@ -152,6 +154,11 @@ PAGES = {
         'Who holds a pendulum whose drive, frictions, sensors and bodies are not as told. What is '
         'learned of such rigs, and of links of another build, is on [another page](learned.md).',
         ('rig',)),
+    'sizes': Page(
+        'Of what size, at what rate?',
+        'Who holds pendulums of other lengths and masses, as fast as their sensors are; why one '
+        'number tells it: [theory](../theory.md#units-of-the-pendulum).',
+        ('sizes',)),
     'benchmark': Page(
         'How fast is it?', 'How long it takes beside its peers, on the same problems.',
         ('benchmark',)),

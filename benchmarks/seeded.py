@@ -13,6 +13,7 @@ import links
 import numpy as np
 import paper_experiments
 import rig
+import sizes
 import stamp
 
 from dp_swing_ros import provenance
@@ -41,6 +42,7 @@ SEEDED = {
        for name, campaign in campaigns.CAMPAIGNS.items()},
     'ablation': Seeded(ablation.episodes, lambda case: False),
     'links': Seeded(links.episodes, links.is_timed),
+    'sizes': Seeded(sizes.episodes, lambda case: False),
     'rig': Seeded(rig.episodes, lambda case: False, (*provenance.COMPUTING, 'mujoco')),
     'paper': Seeded(paper_experiments.episodes, lambda case: False)}
 # whatever the rounding, the solvers with their defaults hold these, and settle where they do

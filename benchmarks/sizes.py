@@ -1,23 +1,17 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""
-Pendulums of any size, at any rate: the defaults, told nothing but bodies and limits.
+"""Pendulums of any size, at any rate: the defaults, told nothing but bodies and limits."""
 
-It goes on where it was stopped, and prints a page of what was held.
-"""
-
-import argparse
-from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from campaigns import METHODS
+import campaigns
+from campaigns import CONFIG, METHODS
 import numpy as np
 
-from dp_swing_ros.evaluation.campaign.contestants import Contestant, key
+from dp_swing_ros.evaluation.campaign.contestants import Contestant, key, parse
 from dp_swing_ros.evaluation.campaign.report import share
-from dp_swing_ros.evaluation.campaign.rows import Row, Table
-from dp_swing_ros.evaluation.campaign.runner import run
+from dp_swing_ros.evaluation.campaign.rows import Row
 from dp_swing_ros.evaluation.comparison import rate as held_of
 from dp_swing_ros.evaluation.scenarios import Case, SCENARIOS
 from dp_swing_ros.parameters import group
@@ -30,7 +24,7 @@ LENGTHS = (0.1, 0.15, 0.2, 0.3, 0.5, 1.0, 2.0, 3.0)   # [m] of each of two links
 RATES = (20.0, 50.0, 100.0, 200.0, 500.0)   # [Hz]
 FAST = RATES[1:]
 TRACK = 2.4              # lengths of a link, either way: that of the default bodies
-SEEDS = 20
+SEEDS = range(20)
 DURATION = {1: 6.0, 2: 6.0, 3: 15.0}   # [s] by links, of the default bodies; of others likewise
 SURE, LIKELY = 0.5, 0.7   # λT up to which all are to be held, and nearly all
 
@@ -49,6 +43,10 @@ class Pendulum(NamedTuple):
     name: str
     values: Mapping[str, Any]
     rates: Sequence[float]
+    plant: Mapping[str, Any] = {}   # of which the mpc is told nothing
+    scenario: str = 'hanging'
+    seeds: range = SEEDS
+    duration: float = 0.0           # [s] of the default bodies; 0: by links
 
     @property
     def time(self) -> float:
@@ -58,7 +56,7 @@ class Pendulum(NamedTuple):
     def contestant(self, rate: float, solver: str) -> Contestant:
         """Return a solver with it."""
         return Contestant(f'{solver}, {self.name}, {rate:g} Hz', solver,
-                          {**self.values, 'rate': rate}, dict(self.values))
+                          {**self.values, **self.plant, 'rate': rate}, dict(self.values))
 
 
 def two(first: float, second: float, **others: float) -> dict[str, Any]:
@@ -78,19 +76,26 @@ OTHERS = [
                               for name, value in zip(('mass', 'length'), link)}}, FAST)
       for n, links in PUBLISHED.items()),
     Pendulum('0.32, 0.42 and 0.48 m', {'links': 3, 'link3_length': 0.48, **two(0.32, 0.42)}, FAST)]
+LAB_RIG = parse(f'ilqr:{CONFIG / "lab_rig.yaml"}')
+RIGS = [
+    Pendulum('`config/lab_rig.yaml`', LAB_RIG.mpc, (50.0, 100.0, 200.0), LAB_RIG.plant),
+    Pendulum('`rig_all`, 0.2 m', two(0.2, 0.2), (50.0, 100.0, 200.0), scenario='rig_all',
+             seeds=range(100), duration=campaigns.DURATION)]
+ALL = (*SIZES, *OTHERS, *RIGS)
 
 
 def of_pendulum(one: Pendulum, rate: float, solver: str) -> Iterator[tuple[Contestant, Case]]:
     """Yield the episodes of a solver with a pendulum at a rate [Hz]."""
     contestant = one.contestant(rate, solver)
     links = one.values.get('links', DEFAULT_LINKS)
-    for case in SCENARIOS['hanging'].cases('hanging', range(SEEDS), None, DURATION[links], links):
+    for case in SCENARIOS[one.scenario].cases(
+            one.scenario, one.seeds, None, one.duration or DURATION[links], links):
         yield contestant, case
 
 
 def episodes() -> list[tuple[Contestant, Case]]:
     """Return the episodes of all cells."""
-    return [episode for one in (*SIZES, *OTHERS) for rate in one.rates for solver in METHODS
+    return [episode for one in ALL for rate in one.rates for solver in METHODS
             for episode in of_pendulum(one, rate, solver)]
 
 
@@ -109,7 +114,10 @@ def settling(one: Pendulum, rate: float, found: Mapping[Any, Row]) -> str:
     return ' / '.join('-' if np.isnan(each) else f'{each / one.time:.1f}' for each in times)
 
 
-def table(pendulums: Sequence[Pendulum], what: Any, found: Mapping[Any, Row]) -> str:
+Cell = Callable[[Pendulum, float, Mapping[Any, Row]], str]
+
+
+def table(pendulums: Sequence[Pendulum], what: Cell, found: Mapping[Any, Row]) -> str:
     """Return a table of pendulums by rates."""
     rates = pendulums[0].rates
     return compact([('bodies', '1/λ [ms]', *(f'{rate:g} Hz' for rate in rates)), *(
@@ -130,39 +138,33 @@ def in_short(found: Mapping[Any, Row]) -> str:
     return compact([('period', 'held'), *lines])
 
 
-def page(rows: Sequence[Row]) -> str:
+def page(rows: Sequence[Row], made: str) -> str:
     """Return the page from the rows of all runs."""
     found = {row.key: row for row in rows}
     return '\n\n'.join([
-        '# Sizes and rates',
-        f'From nearly hanging, in lockstep without ROS, seeds 0 to {SEEDS - 1}, for as long as '
-        f'{DURATION[2]:g} s are with links of 1 m ({DURATION[3]:g} s with three links); told are '
-        'bodies and, of some of the others below, the track. Held of '
-        f'{SEEDS}: {" / ".join(f"`{name}`" for name in METHODS)}, and in brackets λT, the period '
-        "of the states in the pendulum's own unit of time, 1/λ. In square brackets 95 % "
-        'intervals (Wilson).',
-        in_short(found), 'Two links of the same length each, 0.5 kg, a cart of 1 kg:',
+        '# Sizes and rates', made.strip(),
+        f'From nearly hanging, in lockstep without ROS, seeds 0 to {SEEDS.stop - 1}, for as long '
+        f'as {DURATION[2]:g} s are with links of 1 m ({DURATION[3]:g} s with three links); told '
+        'are bodies and, of some of the others below, the track. Held of '
+        f'{len(SEEDS)}: {" / ".join(f"`{name}`" for name in METHODS)}, and in brackets λT, the '
+        "period of the states in the pendulum's own unit of time, 1/λ. In square brackets 95 % "
+        'intervals (Wilson). Rows: `results/sizes.csv.gz`.',
+        'All of the first two tables together:', in_short(found),
+        'Two links of the same length each, 0.5 kg, a cart of 1 kg:',
         table(SIZES, cell, found), 'Median settling in units of 1/λ:',
-        table(SIZES, settling, found), 'Other bodies:', table(OTHERS, cell, found),
+        table(SIZES, settling, found), '## Other bodies', table(OTHERS, cell, found),
         'Median settling in units of 1/λ:', table(OTHERS, settling, found),
         'Published are masses and lengths, as uniform rods, of Kaheman et al., "The experimental '
         'multi-arm pendulum on a cart", HardwareX 15, 2023, with a cart of '
         f'{LAB["cart_mass"]:g} kg and ±{LAB["track_limit"]:g} m of track; three links of 0.32, '
         '0.42 and 0.48 m are about '
         'as long as those of Glück, Eder and Kugi, "Swing-up control of a triple pendulum on a '
-        'cart with experimental validation", Automatica 49, 2013.', ''])
-
-
-def main() -> None:
-    """Play what a folder lacks, and print the page."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--output', type=Path, default=Path('results', 'sizes'))
-    folder = parser.parse_args().output
-    folder.mkdir(parents=True, exist_ok=True)
-    stored = Table(folder / 'episodes.csv')
-    run(episodes(), stored, jobs=-1)
-    print(page(stored.rows))
-
-
-if __name__ == '__main__':
-    main()
+        'cart with experimental validation", Automatica 49, 2013.',
+        '## Small rigs',
+        'A rig of laboratory size, with the back EMF of a motor, coarse encoders and no '
+        'velocities, which the mpc is told; and '
+        f'[`rig_all`](../evaluation.md#scenarios) for links of 0.2 m, {len(RIGS[1].seeds)} seeds, '
+        f'for as long as {RIGS[1].duration:g} s are with links of 1 m, '
+        'of which it is told only the nominal bodies.',
+        table(RIGS, cell, found), 'Median settling in units of 1/λ:',
+        table(RIGS, settling, found), ''])

@@ -137,15 +137,18 @@ class Soak:
 
 def soak(folder: Path, solver: str, duration: float, rate: float = 20.0, seed: int = 0,
          burn: int = 0, thread_priority: int = 0,
-         beside: Mapping[str, int] = MappingProxyType({})) -> Soak:
+         beside: Mapping[str, int] = MappingProxyType({}),
+         told: Mapping[str, Any] = MappingProxyType({}),
+         of_plant: Mapping[str, Any] = MappingProxyType({})) -> Soak:
     """
     Watch a plant and an mpc for a time [s], and return what was found; the logs are in the folder.
 
     rate [Hz] is that of the states; burn is the number of busy processes beside them; beside are
-    the numbers of other processes to watch, by name. A process that fails ends a soak early, and
-    leaves what there is. Raises ProcessError where one does not come up.
+    the numbers of other processes to watch, by name; told are parameters of mpc and plant,
+    of_plant of the plant alone. A process that fails ends a soak early, and leaves what there is.
+    Raises ProcessError where one does not come up.
     """
-    shared = {'seed': seed, 'thread_priority': thread_priority}
+    shared = {'seed': seed, 'thread_priority': thread_priority, **told}
     values = controllers.MPC.complete({'solver': solver, **shared})
     folder.mkdir()
     with burning(burn), Crew() as crew, Watcher(
@@ -154,7 +157,7 @@ def soak(folder: Path, solver: str, duration: float, rate: float = 20.0, seed: i
                              script=Path(echo.__file__))
         mpc = crew.start('mpc', {'solver': solver, **shared}, folder / 'mpc.log')
         await_ready([echoing, mpc], lambda: {'echo', 'mpc'} - watcher.listeners(), time.sleep)
-        plant = crew.start('plant', {**shared, 'duration': duration, 'rate': rate,
+        plant = crew.start('plant', {**shared, **of_plant, 'duration': duration, 'rate': rate,
                                      'lockstep': False}, folder / 'plant.log')
         await_ready([plant], lambda: set() if watcher.take() else {'plant'}, time.sleep)
         resources = Resources({**{each.name: each.pid for each in (plant, mpc, echoing)},

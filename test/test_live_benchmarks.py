@@ -85,8 +85,11 @@ def test_the_page_of_rates_says_what_was_met_and_missed():
     rows = rows_of(live_rates.runs())
     rows.loc[(rows.rate > 300) & (rows.solver == 'mppi'), 'in_time'] = 94
     text = live_rates.page(rows, 'made\n')
-    assert '| `ddp` | 500 | 50 | 60 | 95.00 % | 99.00 % | 1.00 | 5.00 | 50 | 20 | 10 |' in text
+    assert ('| `ddp` | 500 | 50 | 3 of 3 | 95.00 % | 99.00 % | 1.00 | 5.00 | 50 | 20 | 10 |'
+            in text)
     assert 'without a priority: `ilqr` 500 Hz, `ddp` 500 Hz, `mppi` 300 Hz.' in text
+    rows.loc[rows.solver == 'ddp', 'in_time'] = 90
+    assert '`ilqr` 500 Hz, `ddp` none, `mppi` 300 Hz.' in live_rates.page(rows, 'made\n')
 
 
 def test_the_page_of_busy_cores_says_who_was_held():

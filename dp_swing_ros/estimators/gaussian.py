@@ -95,12 +95,16 @@ def predict(model, constants, nominal, factors, ends, commands, duration, force_
     for i in range(n):
         for j in range(n):   # the last of p is a force
             P[i, j] += force_noise / duration * F[i, k - 1] * F[j, k - 1]
+    # apart from the sums, for no compiler may round a product and its sum at once
+    of_speeds = acceleration_noise * duration
+    of_both = acceleration_noise * duration ** 2 / 2
+    of_positions = acceleration_noise * duration ** 3 / 3
     for x in range(n // 2):
         v = n // 2 + x
-        P[v, v] += acceleration_noise[x] * duration
-        P[x, v] += acceleration_noise[x] * duration ** 2 / 2
-        P[v, x] += acceleration_noise[x] * duration ** 2 / 2
-        P[x, x] += acceleration_noise[x] * duration ** 3 / 3
+        P[v, v] += of_speeds[x]
+        P[x, v] += of_both[x]
+        P[v, x] += of_both[x]
+        P[x, x] += of_positions[x]
     symmetrise(P)
     return rate
 

@@ -20,7 +20,7 @@ from std_msgs.msg import Float64
 from std_srvs.srv import SetBool
 
 from dp_swing_ros.bags import read_episode
-from dp_swing_ros.messages.fields import from_diagnostics, nanoseconds
+from dp_swing_ros.messages.fields import from_diagnostics, nanoseconds, to_state
 from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
 from dp_swing_ros.pendulum.state import is_upright, to_turn_of
 from dp_swing_ros.simulation import plants
@@ -320,9 +320,9 @@ def test_the_guide_leads_from_a_bare_machine_to_a_held_pendulum(peer, start_node
     start('mpc').wait_for('ready')
     logger = start('logger')
     logger.wait_for('recording to')
-    before = len(states)
     assert peer.call(SetBool, 'mpc/enable', data=True).success
-    assert peer.until(lambda: len(states) > before + 400)   # 20 s
+    assert peer.until(lambda: len(states) > 60 and all(
+        is_upright(to_state(each, 2)) for each in states[-60:]))   # 3 s
     assert logger.stop() == 0
     assert analyse.main([*commands['analyse'], '--no-animation']) == 0
     run = read_episode(commands['analyse'][0])
