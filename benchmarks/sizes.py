@@ -17,7 +17,7 @@ from dp_swing_ros.evaluation.scenarios import Case, SCENARIOS
 from dp_swing_ros.parameters import group
 from dp_swing_ros.pendulum.equations import own_units
 from dp_swing_ros.pendulum.parameters import PendulumParameters
-from dp_swing_ros.pendulum.state import DEFAULT_LINKS
+from dp_swing_ros.pendulum.state import DEFAULT_LINKS, LINKS
 from dp_swing_ros.tables import compact
 
 LENGTHS = (0.1, 0.15, 0.2, 0.3, 0.5, 1.0, 2.0, 3.0)   # [m] of each of two links
@@ -26,6 +26,7 @@ FAST = RATES[1:]
 TRACK = 2.4              # lengths of a link, either way: that of the default bodies
 SEEDS = range(20)
 DURATION = {1: 6.0, 2: 6.0, 3: 15.0}   # [s] by links, of the default bodies; of others likewise
+DRAWN, COUNT = 40, 100   # bodies at random: a seed of its own, and how many
 SURE, LIKELY = 0.5, 0.7   # λT up to which all are to be held, and nearly all
 
 
@@ -76,12 +77,31 @@ OTHERS = [
                               for name, value in zip(('mass', 'length'), link)}}, FAST)
       for n, links in PUBLISHED.items()),
     Pendulum('0.32, 0.42 and 0.48 m', {'links': 3, 'link3_length': 0.48, **two(0.32, 0.42)}, FAST)]
+
+
+def drawn(number: int) -> Pendulum:
+    """Return a pendulum as nobody chose it: links, lengths, masses and rate at random."""
+    rng = np.random.default_rng((DRAWN, number))
+    links = int(rng.integers(1, 4))
+    lengths = np.exp(rng.uniform(*np.log((0.1, 2.0))) + rng.uniform(-0.5, 0.5, links))
+    masses = np.exp(rng.uniform(*np.log((0.05, 2.0))) + rng.uniform(-0.7, 0.7, links))
+    values = {'links': links, 'cart_mass': masses.sum() * 10 ** rng.uniform(-1, 1), **{
+        f'link{i}_{name}': value for i, each in enumerate(zip(masses, lengths), 1)
+        for name, value in zip(('mass', 'length'), each)}}
+    values = {name: float(f'{value:.3g}') if name != 'links' else value
+              for name, value in values.items()}
+    period = rng.uniform(0.05, SURE) * Pendulum('', values, ()).time
+    return Pendulum(f'drawn {number}', values, (float(f'{1 / period:.4g}'),),
+                    seeds=range(number, number + 1))
+
+
 LAB_RIG = parse(f'ilqr:{CONFIG / "lab_rig.yaml"}')
 RIGS = [
     Pendulum('`config/lab_rig.yaml`', LAB_RIG.mpc, (50.0, 100.0, 200.0), LAB_RIG.plant),
     Pendulum('`rig_all`, 0.2 m', two(0.2, 0.2), (50.0, 100.0, 200.0), scenario='rig_all',
              seeds=range(100), duration=campaigns.DURATION)]
-ALL = (*SIZES, *OTHERS, *RIGS)
+RANDOM = [drawn(number) for number in range(COUNT)]
+ALL = (*SIZES, *OTHERS, *RIGS, *RANDOM)
 
 
 def of_pendulum(one: Pendulum, rate: float, solver: str) -> Iterator[tuple[Contestant, Case]]:
@@ -138,6 +158,17 @@ def in_short(found: Mapping[Any, Row]) -> str:
     return compact([('period', 'held'), *lines])
 
 
+def of_random(found: Mapping[Any, Row]) -> str:
+    """Return a table of what is held of the bodies that were drawn, by links."""
+    lines = []
+    for links in LINKS:
+        alike = [one for one in RANDOM if one.values['links'] == links]
+        lines.append((str(links), str(len(alike)), *(share(held_of(
+            [found[key(*each)].metrics.success for one in alike for rate in one.rates
+             for each in of_pendulum(one, rate, solver)])) for solver in METHODS)))
+    return compact([('links', 'bodies', *(f'`{name}`' for name in METHODS)), *lines])
+
+
 def page(rows: Sequence[Row], made: str) -> str:
     """Return the page from the rows of all runs."""
     found = {row.key: row for row in rows}
@@ -160,6 +191,11 @@ def page(rows: Sequence[Row], made: str) -> str:
         '0.42 and 0.48 m are about '
         'as long as those of Glück, Eder and Kugi, "Swing-up control of a triple pendulum on a '
         'cart with experimental validation", Automatica 49, 2013.',
+        '## Bodies at random',
+        f'{len(RANDOM)} pendulums that nobody chose: one to three links around a length from 0.1 '
+        'to 2 m and a mass from 0.05 to 2 kg, which differ by a factor of up to 2.7 and 4 among '
+        'each other, a cart of a tenth to ten times their mass, and a rate with λT from 0.05 to '
+        f'{SURE:g}; each from one start.', of_random(found),
         '## Small rigs',
         'A rig of laboratory size, with the back EMF of a motor, coarse encoders and no '
         'velocities, which the mpc is told; and '
