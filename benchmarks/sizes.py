@@ -97,7 +97,8 @@ def drawn(number: int) -> Pendulum:
 
 LAB_RIG = parse(f'ilqr:{CONFIG / "lab_rig.yaml"}')
 RIGS = [
-    Pendulum('`config/lab_rig.yaml`', LAB_RIG.mpc, (50.0, 100.0, 200.0), LAB_RIG.plant),
+    Pendulum('`config/lab_rig.yaml`', dict(sorted(LAB_RIG.mpc.items())), (50.0, 100.0, 200.0),
+             dict(sorted(LAB_RIG.plant.items()))),
     Pendulum('`rig_all`, 0.2 m', two(0.2, 0.2), (50.0, 100.0, 200.0), scenario='rig_all',
              seeds=range(100), duration=campaigns.DURATION)]
 RANDOM = [drawn(number) for number in range(COUNT)]
