@@ -61,7 +61,7 @@ class Trial(NamedTuple):
             case.level == self.level and self.parameter in ('', case.parameter))]
 
 
-TRIALS = tuple(Trial(name, seeds=SEEDS) for name in ('hanging', 'random', 'rig_all'))
+TRIALS = tuple(Trial(name, seeds=SEEDS) for name in ('random', 'rig_all'))
 NOISE, PUSHES = Trial('position_noise', 0.01), Trial('strong_pushes', 30.0)
 DELAY, LAG = Trial('unknown_delay', 0.05), Trial('rig_lag', 0.05)
 

@@ -35,7 +35,7 @@ from dp_swing_ros.tables import compact
 from dp_swing_ros.tools.processes import Crew, isolated, Process
 from dp_swing_ros.topics import DISTURBANCE, FORCE_COMMAND
 
-RUNS = 3          # of each fault and solver
+RUNS = 2          # of each fault and solver
 DOWN = 0.2        # [rad] of an angle, beyond which it is down
 STAYS = 1.0       # [s] within that: up again
 ALLOWED = 10.0    # [s] after the end of a fault

@@ -23,7 +23,7 @@ from dp_swing_ros.provenance import commit, machine, package_version
 from dp_swing_ros.tables import compact
 from dp_swing_ros.tools.processes import isolated
 
-SOLVER, DURATION = 'ilqr', 300.0   # [s]
+SOLVER, DURATION = 'ilqr', 180.0   # [s]
 GROWTH = 1.0   # [MB] below which the memory of plant and mpc is to grow
 
 
