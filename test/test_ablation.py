@@ -118,4 +118,4 @@ def test_the_page_says_what_each_part_is_worth(monkeypatch):
     assert '| delay compensation | `ilqr` | **2 of 12, ' in text
     assert 'Worth it: delay compensation.' in text
     assert 'Nothing shown: start: no force; all around the solver.' in text
-    assert 'with nothing around it, 12 of 12 (`rig_all`)' in text
+    assert 'with nothing around it, 12 of 12 (`random`), 12 of 12 (`rig_all`)' in text
