@@ -29,6 +29,7 @@ EXECUTABLES = [
     'evaluate = dp_swing_ros.executables:evaluate',
     'export = dp_swing_ros.executables:export',
     'identify = dp_swing_ros.executables:identify',
+    'import = dp_swing_ros.executables:import_log',
     'learn = dp_swing_ros.executables:learn',
     'recover = dp_swing_ros.executables:recover',
     'parameters = dp_swing_ros.executables:parameters',

@@ -19,6 +19,7 @@ TOOLS = {
     'compare': 'what each solver would have done from a tick on',
     'evaluate': 'seeded campaigns: rates, scores, comparisons, pictures',
     'export': 'a run as CSV or Parquet tables, with units',
+    'import': 'a log in CSV or Parquet as a bag',
     'identify': 'masses, lengths, frictions and the drive from recorded motion',
     'learn': 'from random forces to a pendulum that is held: its dynamics, learned',
     'parameters': 'all parameters of all nodes',
@@ -35,6 +36,7 @@ NODES = {
 BY_COLCON = {
     'demo': 'runs plant, mpc and logger, and draws the results',
     'play': 'plant, mpc and a page in the browser on them'}
+MODULES = {'import': 'import_log'}   # of tools that have the name of no module
 COMMANDS = TOOLS | NODES | BY_COLCON
 
 
@@ -52,7 +54,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     if (is_node or name in BY_COLCON) and (error := environment.misused()):
         return _misused(error)
     try:
-        module = import_module(f'dp_swing_ros.{"nodes" if is_node else "tools"}.{name}')
+        module = import_module('dp_swing_ros.' + (
+            f'nodes.{name}' if is_node else f'tools.{MODULES.get(name, name)}'))
     except ModuleNotFoundError as error:
         remedy = 'pip install what the package needs' if name in TOOLS else \
             'source an installation of ROS 2, or run `make setup` in a checkout'

@@ -17,7 +17,7 @@ PATIENCE = 120                 # [s]
 FORKS = multiprocessing.get_context('forkserver')
 FORKS.set_forkserver_preload([f'dp_swing_ros.{module}' for module in (
     'tools.analyse', 'tools.compare', 'tools.evaluate', 'tools.export', 'tools.identify',
-    'tools.recover', 'tools.verify', 'nodes.replay')])
+    'tools.import_log', 'tools.recover', 'tools.verify', 'nodes.replay')])
 
 
 def called(module, arguments, folder, room=None):

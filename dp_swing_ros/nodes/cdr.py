@@ -14,11 +14,11 @@ import struct
 from builtin_interfaces.msg import Time
 import numpy as np
 
+from dp_swing_ros.messages.cdr import count, ENCAPSULATION, string
 from dp_swing_ros.messages.fields import BILLION
 from dp_swing_ros.pendulum.state import joints, links_of
 from dp_swing_ros.problem.plan import Plan
 
-ENCAPSULATION = b'\0\1\0\0'   # CDR, little endian
 HALF = 4   # [bytes] by which what is aligned to four may be off from what is aligned to eight
 
 
@@ -29,8 +29,8 @@ def to_trajectory(plan: Plan, stamp: Time) -> bytes:
     The force of a point acts until the next, and that of the last is zero.
     """
     names = joints(links_of(plan.X))
-    head = b''.join((_header(stamp), _count(len(names)), *map(_string, names),
-                     _count(len(plan.X))))
+    head = b''.join((_header(stamp), count(len(names)), *map(string, names),
+                     count(len(plan.X))))
     points = np.zeros(len(plan.X), _point(len(names)))
     for field in ('positions', 'velocities', 'effort'):
         points[f'{field}_count'] = len(names)
@@ -48,30 +48,21 @@ def to_diagnostics(stamp: Time, name: str, level: int, message: str,
                    values: Mapping[str, float | int | str], hardware: str = '') -> bytes:
     """Return a node's status as a DiagnosticArray; numbers are written to read back the same."""
     return b''.join((
-        ENCAPSULATION, _header(stamp), _count(1), struct.pack('<B3x', level),
-        *map(_string, (name, message, hardware)), _count(len(values)), *_pairs(values)))
+        ENCAPSULATION, _header(stamp), count(1), struct.pack('<B3x', level),
+        *map(string, (name, message, hardware)), count(len(values)), *_pairs(values)))
 
 
 def _pairs(values: Mapping[str, float | int | str]) -> Iterable[bytes]:
     for key, value in values.items():
         yield _key(key)
-        yield _string(_text(value))
+        yield string(_text(value))
 
 
 def _header(stamp: Time) -> bytes:
-    return struct.pack('<iI', stamp.sec, stamp.nanosec) + _string('')
+    return struct.pack('<iI', stamp.sec, stamp.nanosec) + string('')
 
 
-def _count(number: int) -> bytes:
-    return struct.pack('<I', number)
-
-
-def _string(text: str) -> bytes:
-    data = text.encode()
-    return _count(len(data) + 1) + data + bytes(4 - len(data) % 4)   # ends with a zero
-
-
-_key = functools.lru_cache(_string)   # of which there are few
+_key = functools.lru_cache(string)   # of which there are few
 
 
 @functools.cache

@@ -9,6 +9,7 @@ import sys
 
 import pytest
 
+from dp_swing_ros.__main__ import MODULES
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.executables import ENDING, INTERRUPTED, UNREAD
 from dp_swing_ros.parameters import ParameterError
@@ -151,10 +152,11 @@ def test_a_bug_has_its_traceback():
 @pytest.mark.parametrize('tool, argument', [
     *((tool, 'BAG') for tool in ('analyse', 'compare', 'export', 'identify', 'recover',
                                  'verify')),
-    ('demo', '--solver'), ('evaluate', '--scenarios'), ('parameters', '--help')])
+    ('demo', '--solver'), ('evaluate', '--scenarios'), ('import', 'LOG'),
+    ('parameters', '--help')])
 def test_help_names_tool_and_arguments(tool, argument, capsys):
     with pytest.raises(SystemExit) as end:
-        import_module(f'dp_swing_ros.tools.{tool}').main(['--help'])
+        import_module(f'dp_swing_ros.tools.{MODULES.get(tool, tool)}').main(['--help'])
     assert end.value.code == 0
     shown = capsys.readouterr().out
     assert f'dp_swing_ros {tool}' in shown
