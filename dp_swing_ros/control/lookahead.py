@@ -20,6 +20,8 @@ from dp_swing_ros.problem.problem import Problem
 PERIODS, ENOUGH = 31, 3   # that are remembered, some of which may be those of losses; to go by
 SLOWEST = 0.6   # period in the pendulum's own units of time: beyond, it is easily dropped
 NEAR = 0.05     # of its periods, by which a step may be off
+FINE = 0.4      # step in those units, at most, where states come often enough: with more, samples
+#                 swing up no three links
 LONGER = 1.15   # times what is given, until another number of periods is better
 FURTHER = 4 / 3   # times as far, where no plan comes to the goal
 
@@ -93,7 +95,7 @@ class Lookahead:
         """Find other steps where these do not go with the period, and as many as are needed."""
         given, period = self.given, self.period
         if self.fitted and not (math.isnan(period) or self.fits(self.step)):
-            step = period * max(math.floor(given.step / period + NEAR), 1)
+            step = period * max(math.floor(self.longest / period + NEAR), 1)
             # one so long that the pendulum falls over in it would make no plan at all
             self.step = min(step, max(SLOWEST * self.time, given.step))
         if (self.step, self.steps) != (given.step, given.horizon) or self.prediction is not given:
@@ -103,7 +105,12 @@ class Lookahead:
 
     def fits(self, step: float) -> bool:
         """Return whether a step [s] is of whole periods, and none more would fit in it."""
-        periods, longest = max(round(step / self.period), 1), LONGER * self.given.step
+        periods = max(round(step / self.period), 1)
         return (abs(step / self.period - periods) <= NEAR * periods
-                and (periods == 1 or step <= longest)
-                and step + self.period > self.given.step / LONGER)
+                and (periods == 1 or step <= LONGER * self.longest)
+                and step + self.period > self.longest / LONGER)
+
+    @property
+    def longest(self) -> float:
+        """Return how long a step of several periods may be [s]."""
+        return min(self.given.step, FINE * self.time)

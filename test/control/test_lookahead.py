@@ -38,6 +38,11 @@ def test_a_step_is_as_many_periods_as_fit_into_the_given_one(rate, step, horizon
         assert found == GIVEN   # to the bit
 
 
+@pytest.mark.parametrize('rate, step', [(20.0, 0.05), (30.0, 1 / 30), (60.0, 2 / 60), (200.0, 0.035)])
+def test_a_step_of_several_periods_is_fine_for_what_falls_fast(rate, step):
+    assert after(np.arange(12) / rate, links=3).prediction.step == pytest.approx(step)
+
+
 def test_without_any_states_the_step_is_the_given_one():
     assert after([]).prediction == after([0.0, 0.03]).prediction == GIVEN
     assert math.isnan(after([0.0, 0.03]).period)
