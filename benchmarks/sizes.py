@@ -178,10 +178,10 @@ def page(rows: Sequence[Row], made: str) -> str:
         '# Sizes and rates', made.strip(),
         f'From nearly hanging, in lockstep without ROS, seeds 0 to {SEEDS.stop - 1}, for as long '
         f'as {DURATION[2]:g} s are with links of 1 m, {SHORT:g} s in the first tables and '
-        f'{DURATION[3]:g} s with three links; told are bodies and, of some of the others below, the track. Held of '
-        f'{len(SEEDS)}: {" / ".join(f"`{name}`" for name in METHODS)}, and in brackets λT, the '
-        "period of the states in the pendulum's own unit of time, 1/λ. In square brackets 95 % "
-        'intervals (Wilson). Rows: `results/sizes.csv.gz`.',
+        f'{DURATION[3]:g} s with three links; told are bodies and, of some of the others below, '
+        f'the track. Held of {len(SEEDS)}: {" / ".join(f"`{name}`" for name in METHODS)}, and in '
+        "brackets λT, the period of the states in the pendulum's own unit of time, 1/λ. In square "
+        'brackets 95 % intervals (Wilson). Rows: `results/sizes.csv.gz`.',
         'All of these and of the other bodies together:', in_short(found),
         'Two links of the same length each, 0.5 kg, a cart of 1 kg:',
         table(SIZES, cell, found), 'Median settling in units of 1/λ:',

@@ -38,7 +38,8 @@ def test_a_step_is_as_many_periods_as_fit_into_the_given_one(rate, step, horizon
         assert found == GIVEN   # to the bit
 
 
-@pytest.mark.parametrize('rate, step', [(20.0, 0.05), (30.0, 1 / 30), (60.0, 2 / 60), (200.0, 0.035)])
+@pytest.mark.parametrize('rate, step', [
+    (20.0, 0.05), (30.0, 1 / 30), (60.0, 2 / 60), (200.0, 0.035)])
 def test_a_step_of_several_periods_is_fine_for_what_falls_fast(rate, step):
     assert after(np.arange(12) / rate, links=3).prediction.step == pytest.approx(step)
 
