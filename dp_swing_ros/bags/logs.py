@@ -3,17 +3,15 @@
 """Logs as people have them, tables in CSV or Parquet, as bags that everything here reads."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-import csv
 from dataclasses import dataclass, field
 import math
 from pathlib import Path
 import re
 from typing import Any, NamedTuple
-import warnings
 
 import numpy as np
-import pandas
 
+from dp_swing_ros.bags.log_files import read_columns
 from dp_swing_ros.bags.metadata import Recorded
 from dp_swing_ros.bags.writer import BagWriter
 from dp_swing_ros.errors import UserError
@@ -23,24 +21,27 @@ from dp_swing_ros.messages.fields import BILLION
 from dp_swing_ros.pendulum.state import Array, hanging, joints, LINKS, to_joints
 from dp_swing_ros.topics import FORCE_COMMAND, JOINT_STATES, ROBOT_DESCRIPTION
 
-ROWS = 100_000     # read at a time
-LOOKED_AT = 20     # lines, to find the form of a file
 GAP = 3.0          # periods without a row, from which on they count as a gap
 EPOCH = 1e8        # [s] from which on times are those of a clock, and not from a beginning
 BEGIN = 1.0        # [s] that the first row has else: at zero, bags say, there is no message
 VELOCITY = '_velocity'
 TIME, FORCE = 't', 'force'
+DEGREE = math.pi / 180
+LATEST = 2.0 ** 31  # [s] that a stamp may be
+LONGEST = 1e5       # [s] of a log
 # what a column is in, by what its name may end in, in SI
 UNITS: dict[str, dict[str, float]] = {
-    'time': {'s': 1.0, 'ms': 1e-3, 'us': 1e-6, 'ns': 1e-9},
+    'time': {'s': 1.0, 'sec': 1.0, 'ms': 1e-3, 'us': 1e-6, 'µs': 1e-6, 'ns': 1e-9},
     'length': {'m': 1.0, 'cm': 1e-2, 'mm': 1e-3},
-    'angle': {'rad': 1.0, 'mrad': 1e-3, 'deg': math.pi / 180, 'rev': 2 * math.pi},
+    'angle': {'rad': 1.0, 'mrad': 1e-3, 'deg': DEGREE, 'degree': DEGREE,
+              'degrees': DEGREE, '°': DEGREE, 'rev': 2 * math.pi},
     'speed': {'m/s': 1.0, 'm_s': 1.0, 'cm/s': 1e-2, 'mm/s': 1e-3, 'mm_s': 1e-3},
-    'angular speed': {'rad/s': 1.0, 'rad_s': 1.0, 'deg/s': math.pi / 180,
-                      'deg_s': math.pi / 180, 'rpm': math.pi / 30},
-    'force': {'N': 1.0, 'mN': 1e-3, 'V': 1.0}}
+    'angular speed': {'rad/s': 1.0, 'rad_s': 1.0, 'deg/s': DEGREE, '°/s': DEGREE,
+                      'deg_s': DEGREE, 'rpm': math.pi / 30},
+    'force': {'N': 1.0, 'mN': 1e-3, 'kN': 1e3, 'V': 1.0}}
 KINDS = {name: kind for kind, units in UNITS.items() for name in units}
-UNIT_AT_END = re.compile(rf'(?:_| ?[\[(])({"|".join(map(re.escape, KINDS))})[\])]?$')
+AT_END = re.compile(rf'_({"|".join(map(re.escape, KINDS))})$')
+IN_BRACKETS = re.compile(r'[\[(]([^\[(]*)[\])]$')   # which is a unit, known or not
 
 
 class Column(NamedTuple):
@@ -109,7 +110,10 @@ def columns_of(texts: Mapping[str, str]) -> dict[str, Column]:
     if strange := [name for name in texts if name not in known]:
         raise UserError(f'a pendulum has no {", ".join(map(repr, strange))}; expected of '
                         f'{", ".join(known)}')
-    return {name: column_of(name, text) for name, text in texts.items()}
+    found = {name: column_of(name, given) for name, given in texts.items()}
+    cart, *_ = joints(min(LINKS))
+    # which is not measured where it is clamped
+    return found if cart in found else {**found, cart: Column('', value=0.0)}
 
 
 def column_of(name: str, given: str) -> Column:
@@ -120,16 +124,20 @@ def column_of(name: str, given: str) -> Column:
     """
     kind = names_of(max(LINKS))[name]
     try:
-        return Column('', value=float(given))
+        value = float(given)
     except ValueError:
         pass
+    else:
+        if not math.isfinite(value):
+            raise UserError(f'{name}={given} is no value; expected a finite one, or a column')
+        return Column('', value=value)
     column, _, said = given.rpartition(':')
     if not column or said not in KINDS:
         column, said = given, ''
-    found = UNIT_AT_END.search(column)
-    unit = said or (found[1] if found else '')
+    found = IN_BRACKETS.search(column) or AT_END.search(column)
+    unit = said or (found[1].strip() if found else '')
     if unit and unit not in UNITS[kind]:
-        raise UserError(f'{name}={given} is in {unit}; expected {kind}, in '
+        raise UserError(f'{name}={given} is in {unit!r}; expected {kind}, in '
                         f'{", ".join(UNITS[kind])}: name its unit, as {name}={column}:'
                         f'{next(iter(UNITS[kind]))}')
     return Column(column, unit, UNITS[kind][unit] if unit else 1.0)
@@ -151,13 +159,15 @@ def read_log(path: Path, columns: Mapping[str, Column], rate: float = 0.0,
     if lacking := [name for name in joints(links)[1:] if name not in columns]:
         raise UserError(f'there is a column for joint{links}; expected a column for '
                         f'{", ".join(lacking)}, too')
-    needed = [one.name for one in columns.values() if one.name]
-    table = _table(path, list(dict.fromkeys(needed)), progress)
+    needed = dict.fromkeys(one.name for one in columns.values() if one.name)
+    if not needed:
+        raise UserError(f'of {path} no column is read: a number stands for itself, and the '
+                        'columns of a file without names are #1, #2, ...')
+    table = read_columns(path, list(needed), progress)
     rows = len(next(iter(table.values())))
     counts, found = Counts(rows), dict[str, Array]()
     for name in wanted:
-        # of a cart that is not measured it is the middle of the track where it stands
-        column = columns.get(name, Column('', value=0.0 if name == 'cart' else math.nan))
+        column = columns.get(name, Column(''))
         if not column.name:
             found[name] = np.full(rows, column.value)
             continue
@@ -169,7 +179,12 @@ def read_log(path: Path, columns: Mapping[str, Column], rate: float = 0.0,
     kept = _in_order(found[TIME], counts)
     t = found[TIME][kept]
     if len(t) < 2:
-        raise UserError(f'{path} has {len(t)} rows with a time; expected a run')
+        raise UserError(f'{path} has {len(t)} different times in {rows} rows; expected a run '
+                        '(--rate HZ stands for times)')
+    if not (abs(t[-1]) < LATEST and t[-1] - t[0] < LONGEST):
+        raise UserError(f'{path} has times from {t[0]:.6g} to {t[-1]:.6g} s; expected at most '
+                        f'{LONGEST:g} s: name their unit, as t={columns[TIME].name}:ms, and leave '
+                        'out rows of another clock')
     names = joints(links)
     return Log(t if t[0] > EPOCH else t - t[0] + BEGIN,
                np.column_stack([found[name][kept] for name in names]),
@@ -220,10 +235,12 @@ def write_log(log: Log, folder: Path, description: str,
     stands the description of the robot.
     """
     stamps = np.rint(log.t * BILLION).astype(np.int64)
-    v = log.v if np.isfinite(log.v).any() else None
-    states = _rows(joint_states(stamps, log.q, v, joints(log.links)))
-    forces = _rows(floats(log.force))
     is_sent, first = np.isfinite(log.force), int(stamps[0])
+    v = log.v if np.isfinite(log.v).any() else None
+    # a state has the force that acted until then
+    acted = np.concatenate(([math.nan], log.force[:-1])) if is_sent.any() else None
+    states = _rows(joint_states(stamps, log.q, v, acted, joints(log.links)))
+    forces = _rows(floats(log.force))
     bag = BagWriter(folder)
     try:
         for topic in (ROBOT_DESCRIPTION, JOINT_STATES,
@@ -245,84 +262,3 @@ def write_log(log: Log, folder: Path, description: str,
 def _rows(rows: Array) -> Iterator[bytes]:
     size, data = rows.dtype.itemsize, memoryview(rows.tobytes())
     return (bytes(data[n * size:(n + 1) * size]) for n in range(len(rows)))
-
-
-def _table(path: Path, needed: Sequence[str], progress: Callable[..., Any]) -> dict[str, Array]:
-    """Return columns of a file by name; raises UserError."""
-    try:
-        parts = _parquet(path, needed) if path.suffix == '.parquet' else _csv(path, needed)
-        tables = [{name: _numbers(path, part, name) for name in needed}
-                  for part in progress(parts)]
-    except (OSError, pandas.errors.ParserError, pandas.errors.EmptyDataError,
-            pandas.errors.ParserWarning, UnicodeDecodeError, csv.Error) as error:
-        raise UserError(f'cannot read {path}: {getattr(error, "strerror", None) or error}') \
-            from None
-    return {name: np.concatenate([table[name] for table in tables]) if tables else np.empty(0)
-            for name in needed}
-
-
-def _numbers(path: Path, part: pandas.DataFrame, name: str) -> Array:
-    """Return a column as numbers, NaN where a cell is empty; raises UserError."""
-    found = pandas.to_numeric(part[name], errors='coerce').to_numpy(float)
-    odd = np.isnan(found) & part[name].notna().to_numpy()
-    odd &= part[name].astype(str).str.strip().str.lower().ne('nan').to_numpy()
-    if odd.any():
-        row = int(np.flatnonzero(odd)[0])
-        raise UserError(f'{path} has {part[name].iloc[row]!r} in column {name!r}, row '
-                        f'{part.index[row] + 1}; expected a number, or nothing')
-    return np.where(np.isfinite(found), found, math.nan)
-
-
-def _csv(path: Path, needed: Sequence[str]) -> Iterator[pandas.DataFrame]:
-    separator, has_names, decimal = _form(path)
-    form: dict[str, Any] = {'sep': separator, 'header': 0 if has_names else None,
-                            'index_col': False, 'skipinitialspace': True}
-    head = pandas.read_csv(path, nrows=1, **form)
-    known = [str(name).strip() if has_names else f'#{name + 1}' for name in head.columns]
-    _check(path, needed, known)
-    with warnings.catch_warnings(), pandas.read_csv(
-            path, names=known, chunksize=ROWS, decimal=decimal, **form) as parts:
-        # all columns are read, for of some alone a row that is too long is none to pandas
-        warnings.simplefilter('error', pandas.errors.ParserWarning)
-        yield from parts
-
-
-def _form(path: Path) -> tuple[str, bool, str]:
-    """Return the separator of a CSV file, whether its first row has names, and its decimal."""
-    first = pandas.read_csv(path, sep='\x00', header=None, nrows=LOOKED_AT, dtype=str,
-                            engine='python', quoting=csv.QUOTE_NONE)[0].astype(str).tolist()
-    counted = {each: min(line.count(each) for line in first) for each in ';\t,'}
-    separator = next((each for each, count in counted.items() if count), r'\s+')
-    cells = re.split(separator, first[0])
-    decimal = ',' if separator != ',' and any(re.search(r'\d,\d', line) for line in first[1:]) \
-        else '.'
-    numeric = all(re.fullmatch(r'\s*[-+]?[\d.,]+(e[-+]?\d+)?\s*|\s*nan\s*|\s*', cell, re.I)
-                  for cell in cells)
-    return separator, not numeric, decimal
-
-
-def _parquet(path: Path, needed: Sequence[str]) -> Iterator[pandas.DataFrame]:
-    try:
-        from pyarrow import ArrowException
-        from pyarrow.parquet import ParquetFile
-    except ModuleNotFoundError:
-        raise UserError('Parquet needs pyarrow, which is not installed: python3 -m pip install '
-                        'pyarrow, or give a CSV file') from None
-    try:
-        with ParquetFile(path) as file:
-            _check(path, needed, file.schema_arrow.names)
-            begin = 0
-            for batch in file.iter_batches(ROWS, columns=list(needed)):
-                part = batch.to_pandas()
-                part.index += begin
-                begin += len(part)
-                yield part
-    except ArrowException as error:
-        raise UserError(f'cannot read {path}: {error}') from None
-
-
-def _check(path: Path, needed: Sequence[str], known: Sequence[str]) -> None:
-    """Raise UserError where a file lacks a column."""
-    if missing := [name for name in needed if name not in known]:
-        raise UserError(f'{path} has no column {", ".join(map(repr, missing))}; it has '
-                        f'{", ".join(map(repr, known))}')

@@ -42,34 +42,34 @@ def floats(values: Array) -> Array:
     return rows
 
 
-def joint_states(stamps: Array, q: Array, v: Array | None, names: Sequence[str]) -> Array:
+def joint_states(stamps: Array, q: Array, v: Array | None, force: Array | None,
+                 names: Sequence[str]) -> Array:
     """
-    Return positions and speeds as JointState messages (K,), which have no effort.
+    Return positions, speeds and the force on the cart as JointState messages (K,).
 
-    Shapes: stamps (K,) [ns], q and v (K, n + 1).
+    Shapes: stamps (K,) [ns], q and v (K, n + 1), force (K,) [N].
     """
     fixed: list[tuple[str, bytes]] = [('encapsulation', ENCAPSULATION)]
     fields: list[Any] = [('encapsulation', f'V{len(ENCAPSULATION)}'), ('sec', '<i4'),
                          ('nanosec', '<u4')]
     head, place = b''.join((string(''), count(len(names)), *map(string, names))), STAMP
-
-    def add(name: str, data: bytes) -> None:
-        fixed.append((name, data))
-        fields.append((name, f'V{len(data)}'))
-
-    for name, numbers in (('position', q), ('velocity', v)):
-        head += count(len(names) if numbers is not None else 0)
-        if numbers is not None:
+    effort = None if force is None else np.pad(force[:, None], ((0, 0), (0, len(names) - 1)))
+    numbers = {'position': q, 'velocity': v, 'effort': effort}
+    for name, values in numbers.items():
+        head += count(0 if values is None else len(names))
+        if values is not None:
             head += bytes(-(place + len(head)) % 8)
-            add(f'before_{name}', head)
-            fields.append((name, '<f8', (len(names),)))
+            fixed.append((f'before_{name}', head))
+            fields += [(f'before_{name}', f'V{len(head)}'), (name, '<f8', (len(names),))]
             place, head = place + len(head) + 8 * len(names), b''
-    add('end', head + count(0))
+    if head:
+        fixed.append(('end', head))
+        fields.append(('end', f'V{len(head)}'))
     rows = np.zeros(len(stamps), fields)
     for name, data in fixed:
         rows[name] = np.void(data)
     rows['sec'], rows['nanosec'] = np.divmod(stamps, BILLION)
-    rows['position'] = q
-    if v is not None:
-        rows['velocity'] = v
+    for name, values in numbers.items():
+        if values is not None:
+            rows[name] = values
     return rows

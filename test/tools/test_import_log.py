@@ -51,12 +51,16 @@ def states(bag):
 
 @pytest.mark.parametrize('links', [1, 2, 3])
 @pytest.mark.parametrize('speeds', [True, False])
-def test_messages_are_those_that_ros_itself_reads(links, speeds, rng):
+@pytest.mark.parametrize('forces', [True, False])
+def test_messages_are_those_that_ros_itself_reads(links, speeds, forces, rng):
     stamps = rng.integers(0, 2 ** 31 * 10 ** 9, 5)
     q, v = rng.normal(size=(2, 5, links + 1))
-    for n, row in enumerate(joint_states(stamps, q, v if speeds else None, joints(links))):
+    rows = joint_states(stamps, q, v if speeds else None, q[:, 0] if forces else None,
+                        joints(links))
+    for n, row in enumerate(rows):
         message = JointState(name=list(joints(links)), position=q[n].tolist(),
-                             velocity=v[n].tolist() if speeds else [])
+                             velocity=v[n].tolist() if speeds else [],
+                             effort=[q[n, 0], *[0.0] * links] if forces else [])
         message.header.stamp.sec, message.header.stamp.nanosec = map(int, divmod(
             stamps[n], 10 ** 9))
         assert deserialize_message(row.tobytes(), JointState) == message
@@ -112,6 +116,7 @@ def test_what_was_exported_comes_back(kind, tmp_path):
     first, again = read_episode(bag), read_episode(tmp_path / 'again')
     np.testing.assert_array_equal(wrapped(again.X), wrapped(first.X))
     np.testing.assert_allclose(again.t, first.t, atol=1e-9)
+    np.testing.assert_array_equal(again.U, first.U)
 
 
 def test_disorder_is_put_in_order_and_said(tmp_path, capsys):
@@ -134,8 +139,12 @@ def test_disorder_is_put_in_order_and_said(tmp_path, capsys):
     ('t;theta\n0,0;3,1\n0,005;3,2\n0,01;3,3\n', ['t=t', 'joint1=theta']),
     ('0.0 3.1\n0.005 3.2\n0.01 3.3\n', ['t=#1', 'joint1=#2']),
     ('t\ttheta\n0.0\t3.1\n0.005\t3.2\n0.01\t3.3\n', ['t=t', 'joint1=theta']),
-    ('t, theta\n0.0, 3.1\n0.005, 3.2\n0.01, 3.3\n', ['t=t', 'joint1=theta'])],
-    ids=['semicolons and commas', 'no names, blanks', 'tabs', 'blanks behind commas'])
+    ('t, theta\n0.0, 3.1\n0.005, 3.2\n0.01, 3.3\n', ['t=t', 'joint1=theta']),
+    ('# made, by me\n# t,theta\n0,3.1\n0.005,3.2\n0.01,3.3\n', ['t=t', 'joint1=theta']),
+    ('% by me\r\n\r\n"t","theta"\r\n0,3.1\r\n0.005,3.2\r\n0.01,3.3\r\n',
+     ['t=t', 'joint1=theta'])],
+    ids=['semicolons and commas', 'no names, blanks', 'tabs', 'blanks behind commas',
+         'names in a comment', 'comment and quotes'])
 def test_forms_of_csv_are_found_out(text, columns, tmp_path):
     path = log(tmp_path, text)
     assert main([str(path), '--columns', *columns]) == 0
@@ -159,7 +168,10 @@ def test_times_of_a_clock_stay_and_a_rate_stands_for_times(tmp_path):
 @pytest.mark.parametrize('arguments, words', [
     (['t=t', 'joint1=angle'], "has no column 'angle'; it has 't', 'theta', 'word'"),
     (['t=t', 'joint1=word'], "has 'up' in column 'word', row 3; expected a number"),
-    (['t=t', 'joint1=theta:mm'], 'joint1=theta:mm is in mm; expected angle, in rad'),
+    (['t=t', 'joint1=theta:mm'], "joint1=theta:mm is in 'mm'; expected angle, in rad"),
+    (['t=t', 'joint1=theta [grad]'], "joint1=theta [grad] is in 'grad'; expected angle"),
+    (['t=t', 'joint1=nan'], 'joint1=nan is no value; expected a finite one, or a column'),
+    (['t=1', 'joint1=2'], 'no column is read: a number stands for itself'),
     (['t=t', 'joint4=theta'], "a pendulum has no 'joint4'; expected of t, cart, joint1"),
     (['joint1=theta'], 'expected t (or --rate) and at least joint1'),
     (['t=t', 'joint2=theta'], 'expected a column for joint1'),
@@ -170,6 +182,36 @@ def test_what_cannot_be_imported_is_one_line(arguments, words, tmp_path, capsys)
     shown = capsys.readouterr().err
     assert words in shown and len(shown.splitlines()) == 1
     assert not (tmp_path / 'log_bag').exists()
+
+
+@pytest.mark.parametrize('t, words', [
+    (1.7e12 + 5.0 * np.arange(40), 'name their unit, as t=t:ms'),
+    (np.append(0.0, 1.7e9 + T[1:]), 'leave out rows of another clock'),
+    (np.ones(40), '1 different times in 40 rows')])
+def test_times_that_are_none_leave_no_bag(t, words, tmp_path, capsys):
+    assert main([str(log(tmp_path, table(t=t, theta=TURN[:, 0]))), '--columns', 't=t',
+                 'joint1=theta']) == 2
+    assert words in capsys.readouterr().err
+    assert not (tmp_path / 'log_bag').exists()
+
+
+def test_columns_of_one_name_are_refused(tmp_path, capsys):
+    path = log(tmp_path, 't,a,a \n0,1,2\n1,2,3\n')
+    assert main([str(path), '--columns', 't=t', 'joint1=a']) == 2
+    assert "has several columns 'a'" in capsys.readouterr().err
+
+
+def test_a_cell_that_is_none_is_named_with_decimal_commas_too(tmp_path, capsys):
+    path = log(tmp_path, 't;a\n0,0;3,1\n0,1;-\n')
+    assert main([str(path), '--columns', 't=t', 'joint1=a']) == 2
+    assert "has '-' in column 'a', row 2" in capsys.readouterr().err
+
+
+def test_what_is_no_text_is_refused(tmp_path, capsys):
+    path = tmp_path / 'log.xlsx'
+    path.write_bytes(b'PK\3\4\0\0')
+    assert main([str(path), '--columns', 't=t', 'joint1=a']) == 2
+    assert 'is no text; expected CSV or Parquet' in capsys.readouterr().err
 
 
 @pytest.mark.parametrize('text', ['', 't,theta\n', 't,theta\n0,1\n'])
@@ -193,7 +235,8 @@ def test_what_is_there_is_not_overwritten(tmp_path, capsys):
 
 
 @pytest.mark.parametrize('text, unit', [
-    ('x_mm', 'mm'), ('x [cm]', 'cm'), ('x (m)', 'm'), ('position', ''), ('x_mm:m', 'm')])
+    ('x_mm', 'mm'), ('x [cm]', 'cm'), ('x[mm]', 'mm'), ('x (m)', 'm'), ('position', ''),
+    ('x_mm:m', 'm')])
 def test_a_unit_is_that_at_the_end_of_a_name_or_said(text, unit):
     assert column_of('cart', text).unit == unit
 
