@@ -37,7 +37,7 @@ from dp_swing_ros.simulation.closed_loop import Controller
 from dp_swing_ros.tables import compact
 
 SOLVERS = ('ilqr', 'mppi')     # around DDP stands what stands around iLQR
-SEEDS = range(1000, 1020)     # held out: nothing was chosen on them
+SEEDS = range(1000, 1014)     # held out: nothing was chosen on them
 FEW = range(1000, 1010)       # of what a part is meant for
 SHOWN = 0.01                  # p of a difference in what is held
 

@@ -94,7 +94,7 @@ CAMPAIGNS = {
     'random': Campaign(
         'From random starts', METHODS, ('random',), None, {'random': 50},
         {'starts': ('random_starts', 'Random starts')}),
-    'fresh': Campaign('From fresh random starts', METHODS[:1], ('random',), range(10_000, 12_000),
+    'fresh': Campaign('From fresh random starts', METHODS[:1], ('random',), range(10_000, 11_000),
                       {}, {}),
     'robustness': Campaign(
         'With one thing wrong at a time', (*METHODS, *OF_ESTIMATOR, BASELINE),

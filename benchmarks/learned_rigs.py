@@ -44,7 +44,7 @@ from dp_swing_ros.tables import compact
 
 RIGS = (Rig('rig_cart', 4.0), Rig('rig_joints', 0.05), Rig('rig_lag', 0.05), Rig('rig_gain'),
         Rig('rig_all'), UnevenRig('beside'), UnevenRig('along'))
-SEEDS = 15
+SEEDS = 12
 SOLVER = 'ilqr'
 RUNS = (1, 5)       # of which is learned
 OTHER, APART = 1000, 100   # seeds further, and apart, are the runs that are learned from

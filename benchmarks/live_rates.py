@@ -22,7 +22,7 @@ from dp_swing_ros.learning.trials import OUT
 from dp_swing_ros.tables import compact
 from dp_swing_ros.tools.processes import isolated
 
-RATES = (50.0, 100.0, 200.0, 300.0, 400.0)   # [Hz]
+RATES = (100.0, 200.0, 300.0, 400.0)   # [Hz]
 LONG = 10.0       # [s] at each
 FASTEST = 500.0   # [Hz]
 OF_RIG = (50.0, 100.0, 200.0)   # [Hz]

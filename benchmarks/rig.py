@@ -30,7 +30,7 @@ from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import simulate
 from dp_swing_ros.tables import compact
 
-SEEDS = range(30)
+SEEDS = range(20)
 CAMPAIGN = Campaign('Rigs of other make', METHODS, tuple(RIGS), SEEDS, {}, {})
 CLEAN, BIAS = 'rig_clean', 'rig_bias'
 CENTRED = 0.02          # [m] from the reference, at most, over the last seconds
@@ -84,7 +84,7 @@ ORACLES: dict[str, dict[str, Any]] = {
     'told': {},
     'told and certain': CERTAIN}
 TOLD = [Rig('rig_delay'), Rig('rig_lag', 0.05), Rig('rig_cart', 4.0), Rig('rig_all')]
-TOLD_SEEDS = range(15)
+TOLD_SEEDS = range(12)
 
 # which a rig may ask for; see control/supervisor.py
 LIMITS: dict[str, dict[str, Any]] = {
