@@ -34,7 +34,7 @@ BAGS = ('bags/', 'environment.py', 'executables.py', 'messages/',
                                           'process', 'ros_parameters', 'taking')),
         'tools/processes.py', 'topics.py')
 LIVE = (*BAGS, 'runtime/', *(f'nodes/{name}.py' for name in (
-    'cdr', 'diagnostics', 'messages', 'mpc', 'plant')))
+    'diagnostics', 'messages', 'mpc', 'plant')))
 SOAK = (*LIVE, 'tools/demo.py', 'tools/tool_node.py')
 SOAKING = 'soak watcher resources echo'
 OPERATED = (*LIVE, 'tools/tool_node.py')

@@ -11,8 +11,8 @@ from synthetic import swing_up
 from dp_swing_ros import topics
 from dp_swing_ros.bags.metadata import Recorded
 from dp_swing_ros.bags.writer import BagWriter
+from dp_swing_ros.messages.cdr import to_diagnostics
 from dp_swing_ros.messages.definitions import schema
-from dp_swing_ros.nodes.cdr import to_diagnostics
 from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
 from dp_swing_ros.pendulum.urdf import urdf
 

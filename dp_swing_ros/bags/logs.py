@@ -15,7 +15,7 @@ from dp_swing_ros.bags.log_files import read_columns
 from dp_swing_ros.bags.metadata import Recorded
 from dp_swing_ros.bags.writer import BagWriter
 from dp_swing_ros.errors import UserError
-from dp_swing_ros.messages.cdr import floats, joint_states, text
+from dp_swing_ros.messages.cdr import to_floats, to_joint_states, to_string
 from dp_swing_ros.messages.definitions import schema
 from dp_swing_ros.messages.fields import BILLION
 from dp_swing_ros.pendulum.state import Array, hanging, joints, LINKS, to_joints
@@ -239,14 +239,14 @@ def write_log(log: Log, folder: Path, description: str,
     v = log.v if np.isfinite(log.v).any() else None
     # a state has the force that acted until then
     acted = np.concatenate(([math.nan], log.force[:-1])) if is_sent.any() else None
-    states = _rows(joint_states(stamps, log.q, v, acted, joints(log.links)))
-    forces = _rows(floats(log.force))
+    states = _rows(to_joint_states(stamps, log.q, v, acted, joints(log.links)))
+    forces = _rows(to_floats(log.force))
     bag = BagWriter(folder)
     try:
         for topic in (ROBOT_DESCRIPTION, JOINT_STATES,
                       *([FORCE_COMMAND] if is_sent.any() else [])):
             bag.add(Recorded(f'/{topic.name}', topic.type, schema(topic.type), '', []))
-        bag.write(f'/{ROBOT_DESCRIPTION.name}', text(description), first, first)
+        bag.write(f'/{ROBOT_DESCRIPTION.name}', to_string(description), first, first)
         sent = 0
         for n, stamp in enumerate(progress(stamps.tolist())):
             bag.write(f'/{JOINT_STATES.name}', next(states), stamp, stamp, n)

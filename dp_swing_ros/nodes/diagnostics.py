@@ -11,9 +11,9 @@ from collections.abc import Iterator
 
 from rclpy.node import Node
 
+from dp_swing_ros.messages.cdr import to_diagnostics
 from dp_swing_ros.messages.fields import ERROR, OK, Report, WARN
 from dp_swing_ros.messages.states import States
-from dp_swing_ros.nodes.cdr import to_diagnostics
 from dp_swing_ros.nodes.connections import mismatch, NAMELESS, owner, POLICIES, publish
 from dp_swing_ros.nodes.messages import to_stamp
 from dp_swing_ros.nodes.process import ProcessNode

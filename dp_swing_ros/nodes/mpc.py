@@ -17,8 +17,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, String
 
 from dp_swing_ros.control import controllers
+from dp_swing_ros.messages.cdr import to_trajectory
 from dp_swing_ros.messages.fields import ERROR, OK, Report, WARN
-from dp_swing_ros.nodes.cdr import to_trajectory
 from dp_swing_ros.nodes.connections import (
     hearers, owners, publish, request_for, sender_of, subscribe)
 from dp_swing_ros.nodes.diagnostics import Diagnostics

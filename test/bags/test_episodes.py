@@ -19,8 +19,8 @@ from dp_swing_ros.bags.metadata import Recorded
 from dp_swing_ros.bags.writer import BagWriter
 from dp_swing_ros.errors import BagError
 from dp_swing_ros.evaluation.metrics import measure
+from dp_swing_ros.messages.cdr import to_diagnostics
 from dp_swing_ros.messages.definitions import schema
-from dp_swing_ros.nodes.cdr import to_diagnostics
 from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.pendulum.urdf import urdf

@@ -10,9 +10,9 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from dp_swing_ros.messages.cdr import to_diagnostics, to_trajectory
 from dp_swing_ros.messages.fields import (
     from_diagnostics, from_trajectory, nanoseconds, seconds, to_force, to_state)
-from dp_swing_ros.nodes.cdr import to_diagnostics, to_trajectory
 from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
 from dp_swing_ros.pendulum.state import joints
 from dp_swing_ros.problem.plan import Plan, SolverStats, Status

@@ -20,7 +20,7 @@ from synthetic import swing_up
 from dp_swing_ros.bags import read_episode
 from dp_swing_ros.bags.logs import column_of
 from dp_swing_ros.errors import UserError
-from dp_swing_ros.messages.cdr import floats, joint_states
+from dp_swing_ros.messages.cdr import to_floats, to_joint_states
 from dp_swing_ros.pendulum.state import joints, wrapped
 from dp_swing_ros.tools import export
 from dp_swing_ros.tools.import_log import main
@@ -55,8 +55,8 @@ def states(bag):
 def test_messages_are_those_that_ros_itself_reads(links, speeds, forces, rng):
     stamps = rng.integers(0, 2 ** 31 * 10 ** 9, 5)
     q, v = rng.normal(size=(2, 5, links + 1))
-    rows = joint_states(stamps, q, v if speeds else None, q[:, 0] if forces else None,
-                        joints(links))
+    rows = to_joint_states(stamps, q, v if speeds else None, q[:, 0] if forces else None,
+                           joints(links))
     for n, row in enumerate(rows):
         message = JointState(name=list(joints(links)), position=q[n].tolist(),
                              velocity=v[n].tolist() if speeds else [],
@@ -64,7 +64,7 @@ def test_messages_are_those_that_ros_itself_reads(links, speeds, forces, rng):
         message.header.stamp.sec, message.header.stamp.nanosec = map(int, divmod(
             stamps[n], 10 ** 9))
         assert deserialize_message(row.tobytes(), JointState) == message
-    for value, row in zip(q[:, 0], floats(q[:, 0])):
+    for value, row in zip(q[:, 0], to_floats(q[:, 0])):
         assert deserialize_message(row.tobytes(), Float64) == Float64(data=value)
 
 
