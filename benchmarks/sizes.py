@@ -199,8 +199,8 @@ def page(rows: Sequence[Row], made: str) -> str:
         'each other, a cart of a tenth to ten times their mass, and a rate with λT from 0.05 to '
         f'{SURE:g}; each from one start.', of_random(found),
         '## Small rigs',
-        'A rig of laboratory size, with the back EMF of a motor, coarse encoders and no '
-        'velocities, which the mpc is told; and '
+        'A rig of laboratory size, of which the mpc is told bodies, limits and the back EMF of '
+        'its motor, but not that its encoders are coarse and give no velocities; and '
         f'[`rig_all`](../evaluation.md#scenarios) for links of 0.2 m, {len(RIGS[1].seeds)} seeds, '
         'of which it is told only the nominal bodies.',
         table(RIGS, cell, found), 'Median settling in units of 1/λ:',
