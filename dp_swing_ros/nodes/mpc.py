@@ -21,7 +21,7 @@ from dp_swing_ros.messages.cdr import to_trajectory
 from dp_swing_ros.messages.fields import ERROR, OK, Report, WARN
 from dp_swing_ros.nodes.connections import (
     hearers, owners, publish, request_for, sender_of, subscribe)
-from dp_swing_ros.nodes.diagnostics import Diagnostics
+from dp_swing_ros.nodes.diagnostics import Diagnostics, LOOK_PERIOD
 from dp_swing_ros.nodes.messages import to_point_cloud, to_stamp, to_stamped_force
 from dp_swing_ros.nodes.process import AWAY, COMPILING, ProcessNode, run
 from dp_swing_ros.nodes.ros_parameters import allow_changes, announce, declare, overrides
@@ -81,6 +81,7 @@ class MpcNode(ProcessNode):
         self.silence = self.create_timer(1.0, self.core.on_silence, clock=self.pace_clock,
                                          autostart=False)
         self.meeting: Timer | None = None
+        self.following: Timer | None = None
         self.jumps = self.get_clock().create_jump_callback(
             JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1)),
             post_callback=lambda _: self.core.on_setback())
@@ -134,6 +135,12 @@ class MpcNode(ProcessNode):
     def on_configuration(self, message: String) -> None:
         """Hand on what another node runs with."""
         self.core.on_configuration(message.data)
+        self.follow()
+        if self.following is None:   # who announces it may be found before its states are
+            self.following = self.every(LOOK_PERIOD, self.follow)
+
+    def follow(self) -> None:
+        """Listen without a loss to a plant in lockstep that offers it, else to everybody."""
         # in lockstep time would stand still for ever after a lost state
         offered = [each.qos_profile for each in self.get_publishers_info_by_topic(
             self.states.topic_name)]

@@ -8,18 +8,21 @@ import signal
 from diagnostic_msgs.msg import DiagnosticStatus
 import numpy as np
 import pytest
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
-from std_msgs.msg import Float64
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64, String
 from std_srvs.srv import Trigger
 
 from dp_swing_ros.control import controllers
+from dp_swing_ros.messages.configuration import Configuration
 from dp_swing_ros.messages.fields import from_diagnostics, from_trajectory, seconds
 from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
 from dp_swing_ros.pendulum.model import rollout
 from dp_swing_ros.pendulum.parameters import PendulumParameters
 from dp_swing_ros.pendulum.state import hanging
 from dp_swing_ros.topics import (
-    DIAGNOSTICS, FORCE_COMMAND, FORCE_COMMAND_STAMPED, JOINT_STATES, PLAN, TRIES)
+    CONFIGURATION, DIAGNOSTICS, FORCE_COMMAND, FORCE_COMMAND_STAMPED, JOINT_STATES, PLAN, TRIES)
 
 LEANING = np.array([0.1, 0.02, -0.01, 0.0, 0.05, 0.0])
 
@@ -196,6 +199,23 @@ def test_in_lockstep_no_state_is_lost(peer, start_node):
         before = len(forces)
         assert peer.until(lambda: len(forces) > before + 5)
         plant.stop()
+
+
+def test_states_that_are_found_after_their_plant_are_heard(peer, start_node):
+    """A plant is discovered topic by topic, and one before it may have gone but in part."""
+    start_node('mpc').wait_for('ready')
+    told = peer.publisher(CONFIGURATION)
+    told.publish(String(data=Configuration(
+        '/elsewhere/plant', {'lockstep': True, 'rate': 20.0}, '', '', '', '', {}).to_text()))
+    for reliability in (ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT):
+        peer.spin(0.5)
+        states = peer.node.create_publisher(
+            JointState, 'joint_states', QoSProfile(depth=1, reliability=reliability))
+        assert peer.until(lambda: [each.qos_profile.reliability for each in
+                                   peer.node.get_subscriptions_info_by_topic('/joint_states')
+                                   ] == [reliability])
+        assert peer.until(states.get_subscription_count)
+        peer.node.destroy_publisher(states)
 
 
 def test_tries_are_shown_where_they_are_asked_for(peer, start_node):
