@@ -74,7 +74,15 @@ def copy_of(function: Any) -> FunctionType:
     return FunctionType(function.__code__.replace(), function.__globals__, function.__name__)
 
 
-@functools.lru_cache(maxsize=4)   # estimated parameters change the problem, but not the program
+@functools.lru_cache(maxsize=4)
+def compiled(kind: Inputs, samples: int) -> Any:
+    """Return `step` compiled for inputs of a kind, however many steps there are."""
+    return torch.compile(copy_of(step), dynamic=False)
+
+
+# estimated parameters change the problem, but not the program; the rate of the states, and how
+# far the goal is, change the steps
+@functools.lru_cache(maxsize=8)
 class Program:
     """The samples of one update; compiled and recorded once, for all problems of a size."""
 
@@ -91,7 +99,8 @@ class Program:
         self.step, self.run = step, self.follow
         if place == 'cuda':
             if importlib.util.find_spec('triton'):
-                self.step = torch.compile(copy_of(step), dynamic=False)
+                of_a_step = kind._replace(offsets=Sized(()), gains=kind.x_0)
+                self.step = compiled(of_a_step, K)
             self.run = self.recorded()
 
     def recorded(self) -> Any:

@@ -87,6 +87,19 @@ def test_another_problem_of_the_same_size_is_another_problem(device, rng):
     assert np.median(costs[1] / costs[0]) > 1.01
 
 
+@ON_GPU
+def test_another_horizon_compiles_nothing():
+    """The rate of the states changes it while control runs."""
+    def graphs():
+        return torch._dynamo.utils.counters['stats']['unique_graphs']
+    solver('cuda', values={'horizon': 20})
+    before = graphs()
+    for horizon in (23, 31):
+        plan = solver('cuda', values={'horizon': horizon}).solve(hanging(), None, math.inf)
+        assert len(plan.U) == horizon
+    assert graphs() == before > 0
+
+
 def test_torch_compiles_a_program_of_every_size():
     """It compiles one code object eight times, and runs what comes then fifty times slower."""
     sizes = []
