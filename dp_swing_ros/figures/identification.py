@@ -17,12 +17,11 @@ HEIGHT = 2.0       # [inch] of a panel
 def identification(found: Identified) -> Figure:
     """Draw the errors of predictions over all motions, one after the other, in mm and mrad."""
     links = found.predictions[0].before.shape[-1] - 1
-    figure = Figure(figsize=(9.6, 0.8 + HEIGHT * (links + 1)), layout='constrained')
-    panels = figure.subplots(links + 1, 1, sharex=True)
+    figure = Figure(figsize=(9.6, 0.8 + HEIGHT * len(found.joints)), layout='constrained')
+    panels = figure.subplots(len(found.joints), 1, sharex=True, squeeze=False)[:, 0]
     before, after = (1e3 * found.rms(of) for of in ('before', 'after'))
-    for i, (axes, symbol, colour) in enumerate(zip(panels, formulas(links),
-                                                   (CART, *LINKS[:links]))):
-        unit = 'mm' if i == 0 else 'mrad'
+    for axes, i in zip(panels, found.joints):
+        symbol, colour, unit = (formulas(links)[i], (CART, *LINKS)[i], 'mrad' if i else 'mm')
         t, errors = along_time(found, i)
         axes.plot(t, errors[0], color=FAINT, linewidth=1.0,
                   label=f'before, RMS {before[i]:.3g} {unit}')

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from dp_swing_ros.identification.fit import Fit, losses, roughly
+from dp_swing_ros.identification.given_cart import HEAVY, on_cart_as_measured
 from dp_swing_ros.identification.segments import Motion, Segments, segments_of
 from dp_swing_ros.identification.unknowns import Parametrisation
 from dp_swing_ros.parameters import fields_of
@@ -25,15 +26,16 @@ from dp_swing_ros.pendulum.parameters import DIRECT, Drive, PendulumParameters
 LENGTHS, MASSES = range(-5, 3), range(-4, 5, 2)   # sizes to try: powers of two of the nominal ones
 ENOUGH = 1.1   # of the least loss: of what predicts as well, what is nearest to the nominal size
 SEGMENTS = 60  # of a motion, for more tell no more of that
-HEAVY = 1e6    # [kg] of a cart that no link moves
 
 
 def guessed(motions: Sequence[Motion], physical: PendulumParameters, drive: Drive,
-            known: Mapping[str, float], on_step: Callable[[], object]) -> PendulumParameters:
+            known: Mapping[str, float], on_step: Callable[[], object],
+            is_given: bool = False) -> PendulumParameters:
     """
     Return the bodies whose size is about that of what moved, from nominal ones.
 
-    Raises UserError and ParameterError as `identify`.
+    Where the motion of the cart is given, nothing tells their masses. Raises UserError and
+    ParameterError as `identify`.
     """
     shortest = scale_of(resized(physical, LENGTHS[0], 0, known))
 
@@ -42,7 +44,7 @@ def guessed(motions: Sequence[Motion], physical: PendulumParameters, drive: Driv
         segments = [some_of(segments_of(motion, shortest)) for motion in motions]
 
         def loss(guess: PendulumParameters) -> float:
-            fit = Fit(segments, Parametrisation(physical, drive, known, guess), on_step)
+            fit = Fit(segments, Parametrisation(physical, drive, known, guess, is_given), on_step)
             fit.whitening = roughly(scale_of(physical), physical.links)   # the same for all
             fit.take(fit.p[fit.free])
             return sum(float(losses(fit.white(each)).sum()) for each in fit.differences())
@@ -51,21 +53,11 @@ def guessed(motions: Sequence[Motion], physical: PendulumParameters, drive: Driv
         return min((power for power in found if found[power] <= ENOUGH * min(found.values())),
                    key=abs)
 
-    length = best([on_cart_as_measured(motion) for motion in motions], DIRECT, {
+    length = best(motions if is_given else list(map(on_cart_as_measured, motions)), DIRECT, {
         power: replace(resized(physical, power, 0, known), cart_mass=HEAVY) for power in LENGTHS})
-    mass = best(motions, drive, {
+    mass = 0 if is_given else best(motions, drive, {
         power: resized(physical, length, power, known) for power in MASSES})
     return resized(physical, length, mass, known)
-
-
-def on_cart_as_measured(motion: Motion) -> Motion:
-    """Return a motion under the forces that move a heavy cart as it was measured."""
-    middles = (motion.t[1:] + motion.t[:-1]) / 2
-    with np.errstate(divide='ignore', invalid='ignore'):
-        speeds = np.diff(motion.Q[:, 0]) / np.diff(motion.t)
-        forces = HEAVY * np.diff(speeds) / np.diff(middles)
-    return motion._replace(sent=middles[:-1], commands=np.where(np.isfinite(forces), forces, 0.0),
-                           pushes=np.array([]))
 
 
 def resized(physical: PendulumParameters, length: int, mass: int,

@@ -3,19 +3,22 @@
 """From motions to parameters: what is found, how well, and what these motions cannot tell."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from dp_swing_ros.identification.fit import FINE, Fit
+from dp_swing_ros.identification.given_cart import HEAVY, on_given_cart
 from dp_swing_ros.identification.guess import guessed
 from dp_swing_ros.identification.segments import Motion, Segments, segments_of
-from dp_swing_ros.identification.unknowns import Parametrisation, SHARE
+from dp_swing_ros.identification.unknowns import OF_CART, Parametrisation, SHARE
 from dp_swing_ros.pendulum.parameters import DIRECT, Drive, PendulumParameters
 from dp_swing_ros.pendulum.state import Array
 
 ROUNDS = 6          # of parameters and of what residuals count by in turns, at most
 CONFIDENCE = 1.96   # standard deviations to either side of 95 %
+CARTS = FREE, GIVEN = 'free', 'given'   # moved by commands and links; or as it was recorded
 
 
 @dataclass(frozen=True)
@@ -43,6 +46,12 @@ class Identified:
     unidentified: dict[str, float]             # half the interval that it would have
     predictions: list[Prediction]              # a motion each
     left_out: int                              # segments that nothing explains
+    cart: str                                  # FREE, or GIVEN: then all this is of links alone
+
+    @property
+    def joints(self) -> list[int]:
+        """Return which positions were predicted."""
+        return list(range(self.cart == GIVEN, self.predictions[0].before.shape[-1]))
 
     def rms(self, of: str) -> Array:
         """Return the RMS of the errors of predictions, 'before' or 'after' (n + 1,) [m, rad]."""
@@ -53,16 +62,22 @@ class Identified:
 
 
 def identify(motions: Sequence[Motion], physical: PendulumParameters, drive: Drive = DIRECT,
-             known: Mapping[str, float] = {},
-             on_step: Callable[[], object] = lambda: None) -> Identified:
+             known: Mapping[str, float] = {}, on_step: Callable[[], object] = lambda: None,
+             cart: str = FREE) -> Identified:
     """
     Identify pendulum and drive from motions, from nominal parameters of about any size on.
 
-    `known` are values by name that are right. Raises UserError where motions say too little,
+    `known` are values by name that are right; where the motion of the cart is GIVEN, commands say
+    nothing, and what is found are the links. Raises UserError where motions say too little,
     ParameterError for what cannot be known.
     """
-    about = Parametrisation(
-        physical, drive, known, guessed(motions, physical, drive, known, on_step))
+    is_given = cart == GIVEN
+    if is_given:
+        motions = list(map(on_given_cart, motions))
+        drive, physical = DIRECT, replace(physical, cart_mass=HEAVY, cart_friction=0.0,
+                                          cart_dry_friction=0.0)
+    about = Parametrisation(physical, drive, known, guessed(
+        motions, physical, drive, known, on_step, is_given), is_given)
     fit = Fit([segments_of(motion, about.scale) for motion in motions], about, on_step)
     cut = sum(len(motion.t) for motion in fit.motions)
     fit.free = np.array([i for i, name in enumerate(about.names) if name not in about.held])
@@ -83,11 +98,15 @@ def identify(motions: Sequence[Motion], physical: PendulumParameters, drive: Dri
         np.clip([found - halves, found + halves], about.lowest, about.highest))
     met = about.is_met(found, halves)
     left_out = cut - sum(len(motion.t) for motion in fit.motions)
+
+    def of_rig(values: dict[str, Any]) -> dict[str, Any]:
+        return {name: value for name, value in values.items()
+                if not (is_given and name in OF_CART)}
     return Identified(
-        about.named(about.nominal), about.named(about.values(found)),
+        of_rig(about.named(about.nominal)), of_rig(about.named(about.values(found))),
         {about.names[i]: (float(low[i]), float(high[i])) for i in fit.free if not met[i]},
-        [about.names[i] for i in fit.free if met[i]], about.held, unidentified,
-        predictions(fit), left_out)
+        [about.names[i] for i in fit.free if met[i]], of_rig(about.held), unidentified,
+        predictions(fit), left_out, cart)
 
 
 def hold_unidentifiable(fit: Fit) -> dict[str, float]:

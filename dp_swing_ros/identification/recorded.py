@@ -54,14 +54,14 @@ class Log(NamedTuple):
     stamps: Array
 
 
-def recorded(bag: Bag, links: int | None = None) -> Recorded:
+def recorded(bag: Bag, links: int | None = None, commanded: bool = True) -> Recorded:
     """
-    Return the motion in a bag, of so many links if it is said.
+    Return the motion in a bag, of so many links if it is said; without commands, if not wanted.
 
     Raises BagError, also where its times and numbers are those of no motion.
     """
     try:
-        found = _recorded(bag, links)
+        found = _recorded(bag, links, commanded)
         period_of(found.motion.t)
         check_sizes(found.motion.Q, found.V, found.motion.commands)
     except BagError:
@@ -71,12 +71,12 @@ def recorded(bag: Bag, links: int | None = None) -> Recorded:
     return found
 
 
-def _recorded(bag: Bag, links: int | None) -> Recorded:
+def _recorded(bag: Bag, links: int | None, commanded: bool) -> Recorded:
     if links not in (None, links_of(bag)):
         raise BagError(f'{bag} is of {links_of(bag)} links; {links} were asked for (--links)')
-    if not bag.has(FORCE_COMMAND):
+    if commanded and not bag.has(FORCE_COMMAND):
         raise BagError(f'{bag} has no commands on {FORCE_COMMAND.name}; record joint_states and '
-                       'force_command together')
+                       'force_command together, or identify the links alone (--cart given)')
     (times, log), reports = clock_of(bag), reports_of(bag)
     samples = completed(samples_of(bag, as_sent=times == LOGGED), reports)
     start = log.stamps[0] if times != LOGGED else log.sent[0]
@@ -84,8 +84,8 @@ def _recorded(bag: Bag, links: int | None) -> Recorded:
     if len(samples) < 2:
         raise BagError(f'{bag} has {len(samples)} states with finite positions; expected some '
                        'half minute of them')
-    sent, commands = commands_in(bag, times, log, reports)
-    if not len(sent):
+    sent, commands = commands_in(bag, times, log, reports) if commanded else np.zeros((2, 0))
+    if commanded and not len(sent):
         raise BagError(f'{bag} has no finite command on {FORCE_COMMAND.name}; record a run under '
                        'control')
     order = np.argsort(sent, kind='stable')
@@ -102,9 +102,10 @@ def _recorded(bag: Bag, links: int | None) -> Recorded:
     return Recorded(motion, V, times, physical, drive, believed(reports, physical, drive))
 
 
-def recorded_of_one(bags: Sequence[Bag], links: int | None = None) -> list[Recorded]:
+def recorded_of_one(bags: Sequence[Bag], links: int | None = None,
+                    commanded: bool = True) -> list[Recorded]:
     """Return the motions in bags of one pendulum; raises BagError, and UserError for several."""
-    found = [recorded(bag, links) for bag in bags]
+    found = [recorded(bag, links, commanded) for bag in bags]
     first = found[0].physical.links
     for bag, each in zip(bags, found):
         if each.physical.links != first:

@@ -7,9 +7,10 @@ Masses, lengths, inertia factors and the gain are never negative: of them it is 
 what they are in their nominal values; of all others what they are above theirs.
 
 Two things no motion tells. Twice all masses and frictions under twice the force move the same, so
-the gain is known only where a mass is. And of the last link, which carries none, motion tells two
-numbers, m l and J + m l²/4, for three: so its inertia factor is known only where its length is, or
-its mass beside the scale of all.
+the gain is known only where a mass is; and where the motion of the cart is given, masses and
+frictions of the links only beside one of theirs. And of the last link, which carries none, motion
+tells two numbers, m l and J + m l²/4, for three: so its inertia factor is known only where its
+length is, or its mass beside the scale of all.
 """
 
 from collections.abc import Mapping
@@ -29,6 +30,8 @@ FACTOR = 30.0       # a mass, a length or the gain is within so many times its f
 SHARE = 0.5         # of itself, within which a value must be known to be told
 DIFFERENCE = 1e-4   # [SI] scaled, of a parameter for derivatives; of a factor as a share
 MET = 0.5           # of a scale from a bound: nearer it counts as met, for a fit goes there slowly
+OF_CART = ('cart_mass', 'cart_friction', 'cart_dry_friction', 'force_gain', 'actuation_delay',
+           'motor_time_constant', 'force_bias')   # which decide how it moves
 
 
 class Parametrisation:
@@ -41,9 +44,13 @@ class Parametrisation:
     by the nature of motion not told.
     """
 
-    def __init__(self, physical: PendulumParameters, drive: Drive,
-                 known: Mapping[str, float], guess: PendulumParameters) -> None:
-        """Take nominal values, those known, and a guess of bodies; raises ParameterError."""
+    def __init__(self, physical: PendulumParameters, drive: Drive, known: Mapping[str, float],
+                 guess: PendulumParameters, is_given: bool = False) -> None:
+        """
+        Take nominal values, those known, a guess of bodies, and whether the cart moves as given.
+
+        Raises ParameterError.
+        """
         n, self.scale = physical.links, scale_of(guess)
         of_filter = Unknowns(physical, drive, UnknownsParameters(), SAME)
         self.links = n
@@ -72,7 +79,7 @@ class Parametrisation:
             i = self.names.index(name)
             self.lowest[i], self.highest[i] = lowest - self.nominal[i], highest - self.nominal[i]
         self.held = {name: f'{value:g} is given' for name, value in known.items()}
-        for name, why in unidentifiable(n, known).items():
+        for name, why in unidentifiable(n, known, is_given).items():
             self.held.setdefault(name, why)
 
     def sizes(self, guess: PendulumParameters) -> list[float]:
@@ -109,14 +116,20 @@ class Parametrisation:
         return dict(zip(self.names, values.tolist()))
 
 
-def unidentifiable(links: int, known: Mapping[str, float]) -> dict[str, str]:
+def unidentifiable(links: int, known: Mapping[str, float], is_given: bool) -> dict[str, str]:
     """Return what no motion tells beside what is known, and why, by name."""
     found = {'gravity': 'it is that of the earth'}
-    masses = [name for name in known if name.endswith('_mass')]
-    if not masses:
+    masses = [name for name in known if name.endswith('_mass') and not (
+        is_given and name in OF_CART)]
+    if is_given:
+        found |= dict.fromkeys(OF_CART, 'the motion of the cart is given')
+        if not masses:
+            found['link1_mass'] = ('motion tells masses and frictions beside each other alone; '
+                                   '--known link1_mass=... finds the others')
+    elif not masses:
         found['force_gain'] = ('motion tells masses and frictions per force alone; --known '
                                'cart_mass=... finds it')
-    scaled = 'force_gain' in known or len(masses) > 1
+    scaled = 'force_gain' in known and not is_given or len(masses) > 1
     last = f'link{links}'
     if f'{last}_length' not in known and not (scaled and f'{last}_mass' in known):
         found[f'{last}_inertia_factor'] = (

@@ -12,9 +12,10 @@ from dp_swing_ros import figures
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.control.controllers import MPC
 from dp_swing_ros.declarations import DECLARATIONS
-from dp_swing_ros.identification.identify import Identified, identify
+from dp_swing_ros.identification.identify import CARTS, FREE, GIVEN, Identified, identify
 from dp_swing_ros.identification.recorded import Recorded, recorded_of_one
-from dp_swing_ros.parameters import checked, unknown
+from dp_swing_ros.identification.unknowns import OF_CART
+from dp_swing_ros.parameters import checked, ParameterError, unknown
 from dp_swing_ros.pendulum.state import joints, LINKS
 from dp_swing_ros.simulation.plants import PLANT
 from dp_swing_ros.tables import aligned
@@ -45,6 +46,10 @@ def main(argv: Sequence[str] | None = None) -> int:
                         metavar='NAME=VALUE',
                         help='parameters that are known; force_gain is found only where a mass '
                              'is, and the inertia factor of the last link where its length is')
+    parser.add_argument('--cart', choices=CARTS, default=FREE,
+                        help='free: moved by the commands and the links; given: as it was '
+                             'recorded, clamped or driven by whatever drives it, so that no '
+                             'commands are needed and the links alone are found (default: free)')
     parser.add_argument('--links', type=int, choices=LINKS,
                         help='number of links (default: what the bag says)')
     return execute(parser, _identify, argv)
@@ -63,12 +68,12 @@ def given(text: str) -> tuple[str, float]:
 def _identify(arguments: argparse.Namespace) -> int:
     bags = [Bag(path, arguments.partial, arguments.namespace, arguments.node)
             for path in arguments.bag]
-    found = recorded_of_one(bags, arguments.links)
+    found = recorded_of_one(bags, arguments.links, commanded=arguments.cart == FREE)
     first, known = found[0], dict(arguments.known)
-    check(known, first.physical.links)
+    check(known, first.physical.links, arguments.cart)
     with progress(desc='predictions', unit='') as bar:
         identified = identify([each.motion for each in found], first.physical, first.drive, known,
-                              on_step=bar.update)
+                              bar.update, arguments.cart)
     print(table(identified), report(identified, found), sep='\n\n', end='\n\n')
     print_incomplete(bags)
     output = arguments.output or Path(f'{beside(arguments.bag[0], "rig")}.yaml')
@@ -80,8 +85,11 @@ def _identify(arguments: argparse.Namespace) -> int:
     return OK
 
 
-def check(known: Mapping[str, float], links: int) -> None:
+def check(known: Mapping[str, float], links: int, cart: str) -> None:
     """Raise ParameterError for values that a rig with so many links cannot have."""
+    if cart == GIVEN and (of_cart := [name for name in known if name in OF_CART]):
+        raise ParameterError(f'{", ".join(of_cart)}: known, but with --cart given nothing depends '
+                             'on it; expected values of links, joints and gravity')
     of_plant = PLANT.fields(links)
     fields = {name: field for name, field in MPC.fields(links).items() if name in of_plant}
     for name, value in known.items():
@@ -115,8 +123,8 @@ def report(found: Identified, motions: Sequence[Recorded]) -> str:
     before, after = found.rms('before'), found.rms('after')
     span = max(np.ptp(each.segments.t, axis=1).max() for each in found.predictions)
     lines = [f'error of predictions over {span:.2g} s, RMS: ' + ', '.join(
-        f'{name} {1e3 * was:.3g} -> {1e3 * now:.3g} {unit}' for name, was, now, unit in zip(
-            joints(len(after) - 1), before, after, ['mm', *['mrad'] * len(after)]))]
+        f'{joints(len(after) - 1)[i]} {1e3 * before[i]:.3g} -> {1e3 * after[i]:.3g} '
+        f'{"mrad" if i else "mm"}' for i in found.joints)]
     lines.append(f'{used} of {sum(len(each.motion.t) for each in motions)} states used')
     if found.at_bound:
         lines.append(f'{", ".join(found.at_bound)}: {BOUND}, and what else was found goes with '
@@ -126,7 +134,8 @@ def report(found: Identified, motions: Sequence[Recorded]) -> str:
         lines.append(f'segments left out that no parameters explain: {found.left_out}')
     lines += [f'{name} held at {number(found.values[name])}: {why}'
               for name, why in found.held.items()]
-    lines += list(dict.fromkeys(each.times for each in motions))
+    lines += list(dict.fromkeys(each.times for each in motions)) if found.cart == FREE else [
+        'the motion of the cart is given: nothing is said of what moves it']
     return '\n'.join(lines)
 
 

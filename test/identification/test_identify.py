@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 import dataclasses
+from dataclasses import replace
 import re
 
 import numpy as np
@@ -13,6 +14,7 @@ from dp_swing_ros.identification.fit import FINE
 from dp_swing_ros.identification.guess import guessed
 from dp_swing_ros.identification.identify import identify
 from dp_swing_ros.identification.segments import Motion, segments_of
+from dp_swing_ros.identification.unknowns import OF_CART
 from dp_swing_ros.parameters import fields_of, ParameterError
 from dp_swing_ros.pendulum.drive import follow_commands, HISTORY
 from dp_swing_ros.pendulum.equations import Pendulum
@@ -98,6 +100,41 @@ def test_what_is_known_finds_the_rest():
     for name in ('force_gain', 'link1_inertia_factor', 'link2_inertia_factor', 'link1_mass'):
         assert found.values[name] == pytest.approx(true(physical, drive, name), rel=3e-3), name
     assert all(found.values[name] == value for name, value in known.items())
+
+
+@pytest.mark.parametrize('links', [1, 2, 3])
+def test_where_the_motion_of_the_cart_is_given_no_force_is_needed(links):
+    """
+    Nobody knows what moved it, nor what it weighs.
+
+    Its forces jump from sample to sample, which no path through its positions does: that costs
+    the frictions a tenth.
+    """
+    physical = rig(links, cart_mass=0.4)
+    motion = swung(physical, period=0.01)._replace(sent=np.zeros(0), commands=np.zeros(0))
+    found = identify([motion], PendulumParameters(links=links), cart='given',
+                     known={'link1_mass': physical.link1_mass})
+    assert set(found.held) == {'gravity', 'link1_mass', f'link{links}_inertia_factor'}
+    assert not set(found.values) & set(OF_CART)
+    for name in found.intervals:
+        assert found.values[name] == pytest.approx(
+            true(physical, DRIVE, name), rel=5e-3, abs=3e-3 if 'friction' in name else 0.0), name
+    assert np.all(found.rms('after')[1:] < 1e-3)
+
+
+def test_a_clamped_cart_tells_the_links_from_positions_alone():
+    physical = rig(2)
+    motion = swung(replace(physical, cart_mass=1e6), period=0.01, noise=5e-5)
+    clamped = motion._replace(Q=motion.Q * [0.0, 1.0, 1.0], sent=np.zeros(0),
+                              commands=np.zeros(0), track_limit=0.0)
+    found = identify([clamped], PendulumParameters(), cart='given')
+    assert found.held['link1_mass'].startswith('motion tells masses and frictions beside')
+    share = physical.link1_mass / found.values['link1_mass']   # of all masses and frictions
+    for name, (low, high) in found.intervals.items():
+        times = share if name.endswith(('mass', 'friction')) else 1.0
+        assert times * found.values[name] == pytest.approx(
+            true(physical, DRIVE, name), rel=0.03, abs=1e-3 if 'friction' in name else 0.0), name
+        assert high - low < 0.2 * max(high, 0.01), name
 
 
 def test_two_motions_tell_more_than_one():

@@ -151,6 +151,10 @@ def test_a_bag_without_commands_is_one_line(lockstep, tmp_path, capsys):
     bag = rewritten(lockstep, tmp_path / 'bag', FORCE_COMMAND, lambda message: None)
     assert main([str(bag)]) == 2
     assert 'no commands on force_command' in capsys.readouterr().err
+    assert main([str(bag), '-o', str(tmp_path / 'rig.yaml'), '--cart', 'given']) == 0
+    lengths = declarations.read([tmp_path / 'rig.yaml'])['mpc']
+    assert lengths['link1_length'] == pytest.approx(RIG['link1_length'], rel=0.05)
+    assert 'cart_mass' not in lengths
 
 
 def test_a_rig_that_hangs_still_is_one_line(lockstep, tmp_path, capsys):
@@ -166,7 +170,8 @@ def test_a_rig_that_hangs_still_is_one_line(lockstep, tmp_path, capsys):
     (['--known', 'cart_mas=1.1'], "did you mean 'cart_mass'"),
     (['--known', 'cart_mass=-1'], 'at least 0.001'),
     (['--known', 'force_limit=20'], 'unknown parameter'),
-    (['--known', 'horizon=30'], 'unknown parameter')])
+    (['--known', 'horizon=30'], 'unknown parameter'),
+    (['--cart', 'given', '--known', 'cart_mass=1.1'], 'nothing depends on it')])
 def test_what_cannot_be_is_one_line(lockstep, arguments, text, capsys):
     assert main([str(lockstep), *arguments]) == 2
     assert text in capsys.readouterr().err
