@@ -114,10 +114,11 @@ PARTS = {
     'random': of_rows('random', 5),
     'robustness': of_rows('robustness', 12),
     'fresh': of_rows('fresh', 2),
-    'transitions': of_rows('transitions', 6),
+    'transitions': of_rows('transitions', 4.5),
     'stress': of_rows('stress', 9),
-    'links': of_rows('links', 3),
+    'links': of_rows('links', 2.2),
     'summary': of_others('summary', summary.NEEDED, summary.write),
+    'recordings': of_script('recordings', 2.5),
     'rig': of_rigs(10.5),
     'sizes': of_rows('sizes', 35),
     'benchmark': of_script('benchmark', 14),
@@ -151,9 +152,9 @@ PAGES = {
         ('summary', 'random', 'fresh', 'robustness', 'stress', 'transitions', 'links')),
     'rigs': Page(
         'On what rigs?',
-        'Who holds a pendulum whose drive, frictions, sensors and bodies are not as told. What is '
-        'learned of such rigs, and of links of another build, is on [another page](learned.md).',
-        ('rig',)),
+        'What is found of a real pendulum, and who holds one whose drive, frictions, sensors and '
+        'bodies are not as told. What is learned of such rigs, and of links of another build, is '
+        'on [another page](learned.md).', ('recordings', 'rig')),
     'sizes': Page(
         'Of what size, at what rate?',
         'Who holds pendulums of other lengths and masses, as fast as their sensors are; why one '

@@ -53,6 +53,8 @@ class Measured(NamedTuple):
 # what is not named is a part of episodes alone (seeded.py)
 MEASURED = {
     'ablation': Measured('ablation'),
+    'recordings': Measured('recordings', (
+        'identification/', 'pendulum/', 'kernels/', 'estimators/unknowns.py'), episodes=False),
     'rig': Measured(parts=('identification/',)),
     'live_changes': Measured('live_changes live_operator', OPERATED),
     'live_faults': Measured('live_faults faults live_operator', OPERATED),

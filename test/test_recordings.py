@@ -1,0 +1,61 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The page on real recordings: published parameters are what was published."""
+
+from conftest import BENCHMARKS
+import numpy as np
+import pandas
+import pytest
+
+pytest.importorskip('joblib')
+
+
+@pytest.fixture(scope='module')
+def recordings():
+    """Return the module, which stands beside the package."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(BENCHMARKS))
+        import recordings as found
+        yield found
+
+
+def energy(g, links, theta, omega):
+    """Return kinetic and potential energy of links as they were published, from their centres."""
+    found, p, v = 0.0, np.zeros(2), np.zeros(2)
+    for link, angle, rate in zip(links, theta, omega):
+        along, across = np.array([np.sin(angle), np.cos(angle)]), np.array(
+            [np.cos(angle), -np.sin(angle)]) * rate
+        centre, speed = p + link.centre * along, v + link.centre * across
+        found += link.mass * (speed @ speed / 2 + g * centre[1]) + link.inertia * rate ** 2 / 2
+        p, v = p + link.length * along, v + link.length * across
+    return found
+
+
+@pytest.mark.parametrize('name', ['single', 'double', 'triple'])
+def test_rods_stand_for_the_links_that_were_published(recordings, name, rng):
+    """Without friction they move so that the energy of these stays as it is."""
+    g, links = recordings.AUTHORS[name]
+    values = {key: value for key, value in recordings.as_rods(name).items()
+              if not key.endswith('friction')}
+    X_0 = np.concatenate((rng.uniform(-3, 3, len(links)), rng.uniform(-3, 3, len(links))))
+    theta = recordings.predict(values, X_0, 0.5)
+    omega = np.gradient(theta, recordings.STEP, axis=0)
+    energies = [energy(g, links, *state) for state in zip(theta, omega)][1:-1]
+    scale = sum(link.mass for link in links) * g * 0.15
+    np.testing.assert_allclose(energies, energies[0], atol=2e-3 * scale)
+
+
+def test_what_is_found_of_a_motion_without_noise_predicts_the_rest(recordings, tmp_path):
+    """By the page's own functions, on a motion that the published parameters make."""
+    X_0 = np.array([2.6, 3.6, 0.0, 0.0])
+    every = round(recordings.PERIOD / recordings.STEP)
+    theta = recordings.predict(recordings.as_rods('double'), X_0, 15.0)
+    X = np.hstack((theta, np.gradient(theta, recordings.STEP, axis=0)))[::every]
+    found = recordings.fit(X, 50).found
+    rows = pandas.DataFrame(recordings.predicted('double', X, {50: found}))
+    assert rows[rows.parameters == 'found at 50 Hz'][['theta1', 'theta2']].to_numpy().max() < 0.5
+    theirs, ours = (recordings.moved_as(values) for values in (
+        recordings.as_rods('double'), recordings.bodies(found)))
+    for name in theirs:
+        if 'friction' not in name:
+            assert ours[name][0] == pytest.approx(theirs[name][0], rel=1e-3), name
