@@ -14,7 +14,7 @@ from dp_swing_ros.evaluation.campaign import manifest, report
 from dp_swing_ros.evaluation.campaign.contestants import Contestant, parse_all
 from dp_swing_ros.evaluation.campaign.rows import Row
 from dp_swing_ros.evaluation.campaign.summary import summarise, Summary
-from dp_swing_ros.evaluation.scenarios import Case, RIGS, SCENARIOS, STRESS
+from dp_swing_ros.evaluation.scenarios import Case, LIMITS, RIGS, SCENARIOS, STRESS
 from dp_swing_ros.figures import of_campaign
 from dp_swing_ros.parameters import fields_of
 from dp_swing_ros.pendulum.state import DEFAULT_LINKS
@@ -61,7 +61,8 @@ class Campaign(NamedTuple):
     def episodes(self) -> list[tuple[Contestant, Case]]:
         """Return all episodes, case by case."""
         contestants = self.parsed()
-        return [(informed(contestant, case), case) for name in self.scenarios
+        return [(contestant, informed(case) if contestant.label == TOLD else case)
+                for name in self.scenarios
                 for case in SCENARIOS[name].cases(name, self.seeds, None, DURATION)
                 for contestant in contestants]
 
@@ -70,11 +71,13 @@ class Campaign(NamedTuple):
         return case.seed < self.timed.get(case.scenario, 0)
 
 
-def informed(contestant: Contestant, case: Case) -> Contestant:
-    """Return a contestant as it enters a case: TOLD has the truth."""
-    if contestant.label != TOLD:
-        return contestant
-    return replace(contestant, mpc={**contestant.mpc, **truth(case)})
+def informed(case: Case) -> Case:
+    """
+    Return a case whose plant the controller is told, with the limits that it has whatever it is.
+
+    Told so the case stays as it is; for other bodies that a contestant has it would be scaled.
+    """
+    return replace(case, mpc={**vars(LIMITS), **case.mpc, **truth(case)})
 
 
 def truth(case: Case) -> dict[str, Any]:

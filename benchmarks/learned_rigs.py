@@ -12,12 +12,12 @@ Run by `make results`.
 from collections.abc import Sequence
 from typing import Any
 
-from campaigns import DURATION
+from campaigns import DURATION, informed
 from joblib import delayed, Memory
 from learned import in_parallel
 from matplotlib.figure import Figure
 import numpy as np
-from rig import Rig, settling, told
+from rig import ORACLES, Rig, settling
 from stamp import asked, made, sources
 from uneven import ADDED, Along, Beside, engines, exact, UnevenRig
 
@@ -103,7 +103,7 @@ def contestants(case: Case, counts: Sequence[int] = RUNS) -> list[Contestant]:
         found.append(Contestant(label(count), SOLVER, {},
                                 {'dynamics': 'learned', 'model': model.to_text()}))
     truth = {'dynamics': 'learned', 'model': exact(case).to_text()} \
-        if case.plant['engine'] in ADDED else told(ORACLE, SOLVER, case).mpc
+        if case.plant['engine'] in ADDED else ORACLES[ORACLE]
     return [*found, Contestant(ORACLE, SOLVER, {}, truth)]
 
 
@@ -115,7 +115,9 @@ def label(runs: int) -> str:
 def played(case: Case, counts: Sequence[int] = RUNS) -> list[Row]:
     """Return a row for each contestant on a rig."""
     with np.errstate(all='ignore'), engines():
-        return [play(contestant, case) for contestant in contestants(case, counts)]
+        is_told = case.plant['engine'] not in ADDED   # else its model is
+        return [play(one, informed(case) if is_told and one.label == ORACLE else case)
+                for one in contestants(case, counts)]
 
 
 Groups = dict[Rig, dict[str, list[Row]]]

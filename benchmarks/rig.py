@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import math
 from typing import Any, NamedTuple
 
-from campaigns import Campaign, CERTAIN, DURATION, METHODS, truth
+from campaigns import Campaign, CERTAIN, DURATION, informed, METHODS
 from joblib import delayed, Parallel
 from matplotlib.figure import Figure
 import numpy as np
@@ -142,15 +142,11 @@ def episodes() -> list[tuple[Contestant, Case]]:
     return [
         *(episode for episode in CAMPAIGN.episodes()
           if Rig(episode[1].scenario, episode[1].level) in AIMS),
-        *((told(kind, solver, case), case) for rig in TOLD for case in rig.cases(TOLD_SEEDS)
+        *((Contestant(f'{solver}, {kind}', solver, {}, ORACLES[kind]), informed(case))
+          for rig in TOLD for case in rig.cases(TOLD_SEEDS)
           for kind in ORACLES for solver in METHODS),
         *((Contestant(f'{solver}, {kind}', solver, {}, LIMITS[kind]), case) for rig in LIMITED
           for case in rig.cases(LIMITED_SEEDS) for kind in LIMITS for solver in METHODS)]
-
-
-def told(kind: str, solver: str, case: Case) -> Contestant:
-    """Return a solver that has the truth of a plant."""
-    return Contestant(f'{solver}, {kind}', solver, {}, truth(case) | ORACLES[kind])
 
 
 def estimates(seeds: range = SEEDS) -> list[Found]:

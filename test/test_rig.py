@@ -17,9 +17,10 @@ import seeded
 
 from dp_swing_ros import declarations
 from dp_swing_ros.control import controllers
-from dp_swing_ros.evaluation.campaign.contestants import key, play
+from dp_swing_ros.evaluation.campaign.contestants import Contestant, key, play, simulated
 from dp_swing_ros.evaluation.metrics import measure
 from dp_swing_ros.parameters.files import for_node, sections
+from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import simulate
 
@@ -123,18 +124,30 @@ def test_no_two_episodes_share_a_row():
 
 def test_who_is_told_is_told_all_that_an_mpc_can_be_and_only_that():
     case, = rig.Rig('rig_all').cases(range(3, 4))
-    told, certain = (rig.told(kind, 'ilqr', case) for kind in rig.ORACLES)
+    told = rig.informed(case)
     assert set(case.plant) - set(told.mpc) == {
         'engine', 'initial_state', 'encoder_counts', 'velocities'}
-    assert told.mpc == {name: case.plant[name] for name in told.mpc}
-    assert told.mpc.items() < certain.mpc.items()
-    assert certain.mpc['ekf.delay_error'] == certain.mpc['ekf.force_bias'] == 0.0
+    assert told.mpc == {**vars(LimitParameters()), **{
+        name: value for name, value in case.plant.items() if name in told.mpc}}
+    certain = rig.ORACLES['told and certain']
+    assert certain['ekf.delay_error'] == certain['ekf.force_bias'] == 0.0
+
+
+def test_a_plant_that_is_told_is_the_same_plant():
+    """What is told of its bodies is not taken for other bodies that it is off by a share of."""
+    case, = rig.Rig('rig_all').cases(range(3, 4))
+    case = dataclasses.replace(case, duration=0.1)
+    anybody = Contestant('anybody', 'ilqr', {}, {})
+    untold, told = (simulated(anybody, each) for each in (case, rig.informed(case)))
+    assert untold.physical == told.physical != PendulumParameters()
+    assert told.physical.link1_length == case.plant['link1_length']
 
 
 @pytest.mark.parametrize('kind', rig.ORACLES)
-def test_who_is_told_holds_a_rig(kind):
-    case, = rig.Rig('rig_delay').cases(range(1))
-    found = play(rig.told(kind, 'ilqr', case), case)
+@pytest.mark.parametrize('scenario', ['rig_delay', 'rig_all'])
+def test_who_is_told_holds_a_rig(scenario, kind):
+    case, = rig.Rig(scenario).cases(range(1))
+    found = play(Contestant(kind, 'ilqr', {}, rig.ORACLES[kind]), rig.informed(case))
     assert found.outcome == 'HELD', found.detail
 
 

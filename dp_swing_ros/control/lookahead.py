@@ -24,6 +24,8 @@ FINE = 0.4      # step in those units, at most, where states come often enough: 
 #                 swing up no three links
 LONGER = 1.15   # times what is given, until another number of periods is better
 FURTHER = 4 / 3   # times as far, where no plan comes to the goal
+PATIENCE = 2      # horizons without one, before: where a limit makes a swing-up long, plans of
+#                   samples that look further hold less
 
 
 class Lookahead:
@@ -71,14 +73,15 @@ class Lookahead:
         """
         Take the time of a tick [s], whether its plan comes to the goal, and whether it is there.
 
-        Where no plan has come there for a horizon, they look further until the pendulum is there.
+        Where none has come there for PATIENCE horizons, they look further until it is there.
         """
         given = self.given
         if arrives or is_there or t < self.arrived:
             self.arrived = t
         if is_there:
             self.steps = given.horizon
-        elif t - self.arrived > self.steps * given.step and self.steps < given.longest_horizon:
+        elif (t - self.arrived > PATIENCE * self.steps * given.step
+              and self.steps < given.longest_horizon):
             self.arrived = t
             self.steps = min(round(FURTHER * self.steps), given.longest_horizon)
 

@@ -143,7 +143,7 @@ def test_where_no_plan_comes_to_the_goal_plans_are_lengthened_until_it_is_there(
 
     def on_tick(t, plan):
         seen.append((len(plan.U), c.belief.problem.is_reached(c.belief.x)))
-    simulate(plants.plant({}), c, 8.0, on_tick=on_tick)
+    simulate(plants.plant({}), c, 10.0, on_tick=on_tick)
     lengths, there = zip(*seen)
     assert lengths[0] == lengths[-1] == 30 and {*lengths} <= {30, 40, 53} and 40 in lengths
     assert all(there[-40:])
@@ -177,7 +177,7 @@ def test_a_body_that_changes_leaves_the_step_fitted():
 def test_another_solver_keeps_a_longer_plan():
     c = controllers.controller({'goal': 'up_down'})
     plant = plants.plant({})
-    simulate(plant, c, 3.0)
+    simulate(plant, c, 4.0)
     assert c.nominal.horizon > 30
     c.reconfigure(controllers.controller({'goal': 'up_down', 'solver': 'ddp'}))
     assert c.nominal.horizon > 30
