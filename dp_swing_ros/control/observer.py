@@ -144,7 +144,7 @@ class Observer:
         if self.estimator.has_moved(problem.physical):
             with contextlib.suppress(ParameterError):   # of what no pendulum can be held with
                 problem = self.nominal.with_physical(
-                    replace(self.nominal.physical, **estimate.physical))
+                    self.nominal.physical.estimated(estimate.physical))
         return Belief(t, estimate.x, driven_by(estimate.drive, problem), estimate.drive,
                       '' if estimate.accepted else
                       f'the state is {estimate.distance:.3g} deviations from its prediction; the '

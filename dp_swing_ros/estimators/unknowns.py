@@ -88,7 +88,8 @@ class Unknowns:
         self.highest = np.array([*[math.log(LARGEST_FACTOR)] * self.factors,
                                  *[math.inf] * (2 * n + 2), longest, longest, math.inf])
         self.lowest = np.array([*-self.highest[:self.factors], *-above[:-1], -math.inf])
-        self.constants = np.array([*physical.inertia_factors, physical.gravity])
+        self.constants = np.array(
+            [*physical.inertia_factors, physical.gravity, *physical.centres])
 
     def values(self, p: Array) -> dict[str, float]:
         """Return the parameters that p (m,) stands for, by name."""
@@ -117,7 +118,7 @@ def model_of(model, b, constants):
     """
     Return the model of another pendulum, or what is learned as it is.
 
-    Shapes: b (m,), constants as of Unknowns (n + 1,).
+    Shapes: b (m,), constants as of Unknowns (2n + 1,).
     """
     if not isinstance(model.pendulum, Pendulum):
         return model
@@ -125,7 +126,7 @@ def model_of(model, b, constants):
     rest = 2 * n + 2
     return model._replace(pendulum=coefficients(
         [b[i] for i in range(n + 1)], [b[n + 1 + i] for i in range(n)],
-        [constants[i] for i in range(n)], constants[n],
+        [constants[n + 1 + i] for i in range(n)], [constants[i] for i in range(n)], constants[n],
         [b[rest + i] for i in range(n + 1)], [b[rest + n + 1 + i] for i in range(n + 1)],
         model.pendulum.sharpness))
 

@@ -97,7 +97,8 @@ class Fit:
     def positions(self, motion: Segments, X_0: Array, P: Array, columns: int) -> Array:
         """Return what segments are predicted to do (S, columns, K, n + 1); see shoot."""
         out = np.empty((len(X_0), columns, *motion.Q.shape[1:]))
-        shoot(self.model, motion, X_0, self.about.values(P), out)
+        shoot(self.model, motion, X_0, np.hstack((
+            self.about.values(P), np.tile(self.about.centres, (len(P), 1)))), out)
         return np.nan_to_num(out, nan=FAR, posinf=FAR, neginf=-FAR)
 
     def white(self, positions: Array) -> Array:

@@ -71,7 +71,7 @@ def resized(physical: PendulumParameters, length: int, mass: int,
                 values[field.name] = max(nominal * 2.0 ** power, field.metadata['minimum'])
         if field.name in known:
             values[field.name] = known[field.name]
-    return replace(physical, **values)
+    return physical.estimated(values)
 
 
 def some_of(segments: Segments) -> Segments:

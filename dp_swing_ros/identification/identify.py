@@ -99,13 +99,19 @@ def identify(motions: Sequence[Motion], physical: PendulumParameters, drive: Dri
     met = about.is_met(found, halves)
     left_out = cut - sum(len(motion.t) for motion in fit.motions)
 
+    values, held = about.named(about.values(found)), dict(about.held)
+    for i, (centre, given) in enumerate(zip(about.centres, about.is_centre_given), 1):
+        if given:
+            values[f'link{i}_centre'] = centre * values[f'link{i}_length']
+            held[f'link{i}_centre'] = 'it is as far along the link as it was told'
+
     def of_rig(values: dict[str, Any]) -> dict[str, Any]:
         return {name: value for name, value in values.items()
                 if not (is_given and name in OF_CART)}
     return Identified(
-        of_rig(about.named(about.nominal)), of_rig(about.named(about.values(found))),
+        of_rig(about.named(about.nominal)), of_rig(values),
         {about.names[i]: (float(low[i]), float(high[i])) for i in fit.free if not met[i]},
-        [about.names[i] for i in fit.free if met[i]], of_rig(about.held), unidentified,
+        [about.names[i] for i in fit.free if met[i]], of_rig(held), unidentified,
         predictions(fit), left_out, cart)
 
 

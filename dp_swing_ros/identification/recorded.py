@@ -3,8 +3,7 @@
 """The motion in a bag: when each state was measured and each command sent, by one clock."""
 
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -120,9 +119,8 @@ def believed(reports: Sequence[Report], physical: PendulumParameters,
     for report in reversed(reports):
         found = report.values
         if 'motor_time_constant' in found:
-            known: dict[str, Any] = {
-                name: float(found[name]) for name in vars(physical) if name in found}
-            return replace(physical, **known), Drive(
+            known = {name: float(found[name]) for name in vars(physical) if name in found}
+            return physical.estimated(known), Drive(
                 float(found['actuation_delay']), float(found['motor_time_constant']))
     return physical, Drive(drive.delay, drive.time_constant)
 

@@ -22,11 +22,11 @@ def shoot(model, segments, X_0, V, out):
 
     The first begins at X_0 (S, 2n + 2) with the first of the values V; each of the next 2n + 2
     begins a difference further along one number of the state; the rest with the other values.
-    Shapes: V (1 + m, 5n + 8), the values of Unknowns, the inertia factors and gravity.
+    Shapes: V (1 + m, 6n + 8), the values of Unknowns and its constants.
     """
     count, size = out.shape[0], X_0.shape[1]
     half = size // 2
-    constants = V.shape[1] - half       # where they begin
+    constants = V.shape[1] - 2 * half + 1   # where they begin
     x, ends = np.empty(size), np.empty(len(segments.commands))
     for s in range(count):
         for c in range(out.shape[1]):

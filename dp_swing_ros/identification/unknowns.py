@@ -59,7 +59,10 @@ class Parametrisation:
         for name in known:
             if name not in self.names:
                 raise unknown(name, 'identify', self.names)
-        self.nominal = np.concatenate((of_filter.nominal, of_filter.constants))
+        self.nominal = np.concatenate((of_filter.nominal, of_filter.constants[:n + 1]))
+        self.centres = of_filter.constants[n + 1:]   # as shares of the lengths
+        self.is_centre_given = [getattr(physical, f'link{i}_centre') > 0.0
+                                for i in range(1, n + 1)]
         self.nominal[[self.names.index(name) for name in known]] = list(known.values())
         self.is_factor = np.array([name == 'force_gain' or name.endswith(
             ('_mass', '_length', '_factor')) for name in self.names])

@@ -39,8 +39,8 @@ class Pendulum(NamedTuple):
     """Coefficients of the equations of motion, from masses, lengths and frictions."""
 
     m: float                          # [kg]    of cart and links together
-    a: tuple[float, ...]              # [kg m]  (m_i/2 + Σ_{k>i} m_k) l_i
-    b: tuple[tuple[float, ...], ...]  # [kg m²] rows b_ii, b_i,i+1 …: (m_j/2 + Σ_{k>j} m_k) l_i l_j
+    a: tuple[float, ...]              # [kg m]  (c_i m_i + Σ_{k>i} m_k) l_i
+    b: tuple[tuple[float, ...], ...]  # [kg m²] rows b_ii, b_ij … (c_j m_j + Σ_{k>j} m_k) l_i l_j
     g: float                          # [m/s²]
     friction: tuple[float, ...]       # of the cart [N s/m], and of the joints [N m s/rad]
     dry: tuple[float, ...]            # [N] and [N m]
@@ -55,9 +55,9 @@ class Pendulum(NamedTuple):
         creep is the speed [m/s, rad/s] from which on dry friction has its whole size, scaled as
         other bodies are, if others than these.
         """
-        return coefficients(physical.masses, physical.lengths, physical.inertia_factors,
-                            physical.gravity, physical.frictions, physical.dry_frictions,
-                            [1 / speed for speed in scaled_speeds(
+        return coefficients(physical.masses, physical.lengths, physical.centres,
+                            physical.inertia_factors, physical.gravity, physical.frictions,
+                            physical.dry_frictions, [1 / speed for speed in scaled_speeds(
                                 creep, scale or scale_of(physical), physical.links)])
 
     @property
@@ -80,20 +80,22 @@ class Pendulum(NamedTuple):
         return accelerations(self, th, w, u - friction(self, 0, v))
 
 
-def coefficients(masses: Numbers, lengths: Numbers, inertia_factors: Numbers, g: Any,
-                 friction: Numbers, dry: Numbers, sharpness: Numbers) -> Pendulum:
+def coefficients(masses: Numbers, lengths: Numbers, centres: Numbers, inertia_factors: Numbers,
+                 g: Any, friction: Numbers, dry: Numbers, sharpness: Numbers) -> Pendulum:
     """
     Return the coefficients; b_ii is (m_i/3 + Σ_{k>i} m_k) l_i², if link i is a uniform rod.
 
-    Shapes: masses, friction, dry and sharpness (n + 1,), of the cart first; lengths and
-    inertia_factors (n,).
+    A centre c_i is how far along link i its mass is, as a share of its length. Shapes: masses,
+    friction, dry and sharpness (n + 1,), of the cart first; lengths, centres and inertia_factors
+    (n,).
     Source: the paper, (8)-(10) and (14), corrected.
     """
     n, m, l = len(lengths), masses[1:], lengths  # noqa: E741
     carried = [total(m[i + 1:]) for i in range(n)]
-    at_tip = [m[i] / 2 + carried[i] for i in range(n)]
-    # of a rod about its end, and exactly that where the factor is one
-    own = [m[i] / 3 + (inertia_factors[i] - 1) * m[i] / 12 + carried[i] for i in range(n)]
+    at_tip = [centres[i] * m[i] + carried[i] for i in range(n)]
+    # of a rod about its end, and exactly that where the factor is one and the centre a half
+    own = [m[i] / 3 + (inertia_factors[i] - 1) * m[i] / 12 + (
+        centres[i] * centres[i] - 0.25) * m[i] + carried[i] for i in range(n)]
     return Pendulum(
         total(masses), tuple(at_tip[i] * l[i] for i in range(n)),
         tuple((own[i] * (l[i] * l[i]), *(at_tip[j] * l[i] * l[j] for j in range(i + 1, n)))
@@ -113,8 +115,8 @@ def own_units(physical: PendulumParameters) -> Units:
     """
     n, g = physical.links, physical.gravity or STANDARD_GRAVITY
     none = (0.0,) * (n + 1)
-    p = coefficients(physical.masses, physical.lengths, physical.inertia_factors, g, none, none,
-                     none)
+    p = coefficients(physical.masses, physical.lengths, physical.centres,
+                     physical.inertia_factors, g, none, none, none)
     D: Any = np.array(mass_matrix(p, [0.0] * n, [1.0] * n))
     square = float(np.linalg.eigvals(np.linalg.solve(D, np.diag([0.0, *p.a]) * g)).real.max())
     return Units(g / square, square ** -0.5, p.m)

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The physical parameters of the pendulum, and the limits of its drive and track."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 import dataclasses
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -44,6 +44,15 @@ class PendulumParameters(Parameters):
     link1_length: float = parameter(1.0, 'length of link 1, l1', unit='m', minimum=1e-3)
     link2_length: float = parameter(1.0, 'length of link 2, l2', unit='m', minimum=1e-3, links=2)
     link3_length: float = parameter(1.0, 'length of link 3, l3', unit='m', minimum=1e-3, links=3)
+    link1_centre: float = parameter(
+        0.0, 'from joint 1 to the centre of mass of link 1; 0 is half the length', unit='m',
+        minimum=0.0)
+    link2_centre: float = parameter(
+        0.0, 'from joint 2 to the centre of mass of link 2; 0 is half the length', unit='m',
+        minimum=0.0, links=2)
+    link3_centre: float = parameter(
+        0.0, 'from joint 3 to the centre of mass of link 3; 0 is half the length', unit='m',
+        minimum=0.0, links=3)
     link1_inertia_factor: float = parameter(
         1.0, 'moment of inertia of link 1 about its centre, in those of a uniform rod, m1 l1^2/12',
         minimum=1e-3)
@@ -53,6 +62,15 @@ class PendulumParameters(Parameters):
     link3_inertia_factor: float = parameter(
         1.0, 'moment of inertia of link 3 about its centre, in those of a uniform rod, m3 l3^2/12',
         minimum=1e-3, links=3)
+    link1_inertia: float = parameter(
+        0.0, 'moment of inertia of link 1 about its centre; 0 is what the factor says',
+        unit='kg m^2', minimum=0.0)
+    link2_inertia: float = parameter(
+        0.0, 'moment of inertia of link 2 about its centre; 0 is what the factor says',
+        unit='kg m^2', minimum=0.0, links=2)
+    link3_inertia: float = parameter(
+        0.0, 'moment of inertia of link 3 about its centre; 0 is what the factor says',
+        unit='kg m^2', minimum=0.0, links=3)
     gravity: float = parameter(9.81, 'acceleration of gravity, g', unit='m/s^2', minimum=0.0)
     cart_friction: float = parameter(
         0.0, 'viscous friction of the cart on the track; of a voltage drive with its back EMF',
@@ -75,6 +93,16 @@ class PendulumParameters(Parameters):
     joint3_dry_friction: float = parameter(
         0.0, 'dry friction between link 2 and link 3', unit='N m', minimum=0.0, links=3)
 
+    def __post_init__(self) -> None:
+        """Check every value, and that none is given twice; raises ParameterError."""
+        super().__post_init__()
+        for i in range(1, self.links + 1):
+            factor, inertia = (getattr(self, f'link{i}_inertia{end}') for end in ('_factor', ''))
+            if inertia > 0.0 and factor != 1.0:
+                raise ParameterError(
+                    f'parameters link{i}_inertia is {inertia:g} and link{i}_inertia_factor '
+                    f'{factor:g}; expected one of them: both say the same')
+
     @property
     def masses(self) -> tuple[float, ...]:
         """Return the masses of the cart and the links [kg]."""
@@ -86,9 +114,18 @@ class PendulumParameters(Parameters):
         return self._of_links('link{}_length')
 
     @property
+    def centres(self) -> tuple[float, ...]:
+        """Return how far along each link its centre of mass is, as a share of its length."""
+        return tuple(centre / length if centre else 0.5 for centre, length in zip(
+            self._of_links('link{}_centre'), self.lengths))
+
+    @property
     def inertia_factors(self) -> tuple[float, ...]:
-        """Return the moments of inertia of the links, in those of uniform rods."""
-        return self._of_links('link{}_inertia_factor')
+        """Return the moments of inertia of the links about their centres, in those of rods."""
+        return tuple(inertia / (mass * length ** 2 / 12) if inertia else factor
+                     for inertia, factor, mass, length in zip(
+                         self._of_links('link{}_inertia'), self._of_links('link{}_inertia_factor'),
+                         self.masses[1:], self.lengths))
 
     @property
     def frictions(self) -> tuple[float, ...]:
@@ -99,6 +136,22 @@ class PendulumParameters(Parameters):
     def dry_frictions(self) -> tuple[float, ...]:
         """Return the dry frictions of the cart [N] and the joints [N m]."""
         return (self.cart_dry_friction, *self._of_links('joint{}_dry_friction'))
+
+    def estimated(self, values: Mapping[str, float]) -> 'PendulumParameters':
+        """
+        Return the same bodies as they are estimated to be.
+
+        A centre that is given goes with the length of its link, an inertia with m l².
+        """
+        changed: dict[str, Any] = dict(values)
+        for i in range(1, self.links + 1):
+            mass, length = (values.get(name, getattr(self, name)) / getattr(self, name)
+                            for name in (f'link{i}_mass', f'link{i}_length'))
+            for name, times in ((f'link{i}_centre', length),
+                                (f'link{i}_inertia', mass * length ** 2)):
+                if getattr(self, name):
+                    changed.setdefault(name, getattr(self, name) * times)
+        return dataclasses.replace(self, **changed)
 
     @property
     def by_name(self) -> dict[str, float]:

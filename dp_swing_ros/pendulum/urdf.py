@@ -49,17 +49,18 @@ def from_urdf(text: str) -> tuple[PendulumParameters, LimitParameters]:
     except ElementTree.ParseError as error:
         raise ValueError(f'the robot description is no XML: {error}') from None
 
-    def number(path: str, attribute: str) -> float:
+    def number(path: str, attribute: str, default: str | None = None) -> float:
         element = robot.find(path)
-        if element is None or attribute not in element.attrib:
+        if element is None or default is None and attribute not in element.attrib:
             raise ValueError('the robot description is not one of a pendulum on a cart: '
                              f'{path} has no {attribute}')
-        value = float(element.attrib[attribute])
+        value = float(element.get(attribute, default or '').split()[-1])   # of a place, its height
         return math.inf if value >= UNLIMITED else value
 
     values = {'cart_mass': number('link[@name="cart_body"]/inertial/mass', 'value'),
               'gravity': number('gravity', 'value'),
-              'cart_friction': number('joint[@name="cart"]/dynamics', 'damping')}
+              'cart_friction': number('joint[@name="cart"]/dynamics', 'damping'),
+              'cart_dry_friction': number('joint[@name="cart"]/dynamics', 'friction', '0')}
     links = max([n for n in LINKS if robot.find(f'link[@name="link{n}"]') is not None],
                 default=min(LINKS))
     for i in range(1, links + 1):
@@ -67,12 +68,16 @@ def from_urdf(text: str) -> tuple[PendulumParameters, LimitParameters]:
         length = number(f'{link}/visual/geometry/cylinder', 'length')
         mass = number(f'{link}/inertial/mass', 'value')
         inertia = number(f'{link}/inertial/inertia', 'ixx')
+        centre = number(f'{link}/inertial/origin', 'xyz')
         if not _across(mass, length):
             raise ValueError(f'the robot description has a link{i} without length or mass')
         values.update({f'link{i}_length': length, f'link{i}_mass': mass,
+                       f'link{i}_centre': 0.0 if centre == length / 2 else centre,
                        f'link{i}_inertia_factor': round(inertia / _across(mass, length), DIGITS),
                        f'joint{i}_friction': number(f'joint[@name="joint{i}"]/dynamics',
-                                                    'damping')})
+                                                    'damping'),
+                       f'joint{i}_dry_friction': number(f'joint[@name="joint{i}"]/dynamics',
+                                                        'friction', '0')})
     return PendulumParameters(links=links, **values), LimitParameters(
         force_limit=number('joint[@name="cart"]/limit', 'effort'),
         track_limit=number('joint[@name="cart"]/limit', 'upper'))
@@ -118,7 +123,9 @@ def _link(physical: PendulumParameters, i: int) -> list[str]:
     number = str(i - 1) if i > 2 else ''   # of the elbow
     return [
         *(_elbow(number, i - 1, physical.lengths[i - 2]) if i > 1 else ()),
-        _element(f'link name="link{i}"', _inertial(mass, moments, _above(length / 2)),
+        _element(f'link name="link{i}"',
+                 _inertial(mass, moments, _above(
+                     getattr(physical, f'link{i}_centre') or length / 2)),
                  _visual(f'cylinder radius="{radius!r}" length="{length!r}"', list(MATERIALS)[i],
                          _above(length / 2))),
         _joint(f'joint{i}', f'elbow{number}' if i > 1 else 'cart_body', f'link{i}',

@@ -171,7 +171,7 @@ def mjcf(physical: PendulumParameters, limits: LimitParameters) -> str:
         inertia = physical.inertia_factors[i] * m * length ** 2 / 12
         text += (f'<body pos="{at}"><joint type="hinge" axis="0 1 0" damping="{damping[i + 1]}" '
                  f'frictionloss="{dry[i + 1]}" {firm}/>'
-                 f'<inertial pos="0 0 {length / 2}" mass="{m}" '
+                 f'<inertial pos="0 0 {physical.centres[i] * length}" mass="{m}" '
                  f'diaginertia="{inertia} {inertia} {inertia * THIN}"/>')
         at = f'0 0 {length}'
     return (f'<mujoco><option gravity="0 0 {-physical.gravity}" integrator="implicitfast">'

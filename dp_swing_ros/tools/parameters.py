@@ -1,15 +1,20 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""`ros2 run dp_swing_ros parameters`: the reference of all parameters, as it is in docs/."""
+"""`ros2 run dp_swing_ros parameters`: the reference of all parameters, or those of a URDF."""
 
 import argparse
 from collections.abc import Sequence
+from pathlib import Path
+
+import yaml
 
 from dp_swing_ros.declarations import DECLARATIONS
+from dp_swing_ros.errors import UserError
 from dp_swing_ros.nodes.parameters import OWN, shown, table
+from dp_swing_ros.pendulum.description import Found, parameters_of
 from dp_swing_ros.pendulum.state import DEFAULT_LINKS, LINKS
 from dp_swing_ros.tables import compact
-from dp_swing_ros.tools.command_lines import OK, program
+from dp_swing_ros.tools.command_lines import execute, OK, program
 
 HEAD = """\
 # Parameters
@@ -57,10 +62,45 @@ def other_defaults() -> str:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Print the page."""
-    argparse.ArgumentParser(
+    """Print the page, or make a parameter file of the robot that the command line names."""
+    parser = argparse.ArgumentParser(
         prog=program('parameters'),
         description='Print all parameters of all nodes, with default, unit, range and '
-                    'description, as Markdown.').parse_args(argv)
-    print(reference(), end='')
+                    'description, as Markdown; or make a parameter file of a robot description '
+                    'with a prismatic and one to three revolute joints: bodies, frictions, '
+                    'limits, and how its joints count.',
+        epilog=f'example: {program("parameters")} --urdf rig.urdf -o rig.yaml; then: ros2 run '
+               'dp_swing_ros mpc --ros-args --params-file rig.yaml')
+    parser.add_argument('--urdf', type=Path, metavar='FILE', help='robot description to read')
+    parser.add_argument('-o', '--output', type=Path, metavar='FILE',
+                        help='parameter file to write (default: print it)')
+    return execute(parser, _parameters, argv)
+
+
+def _parameters(arguments: argparse.Namespace) -> int:
+    text, left_out = reference(), list[str]()
+    if arguments.urdf is not None:
+        try:
+            found = parameters_of(arguments.urdf.read_text(encoding='utf-8'))
+        except ValueError as error:
+            raise UserError(f'{arguments.urdf}: {error}') from None
+        text, left_out = parameter_file(found, arguments.urdf.name), found.left_out
+    if arguments.output is None:
+        print(text, end='')
+    else:
+        arguments.output.parent.mkdir(parents=True, exist_ok=True)
+        arguments.output.write_text(text, encoding='utf-8')
+        print(*left_out, arguments.output, sep='\n')
     return OK
+
+
+def parameter_file(found: Found, name: str) -> str:
+    """Return a ROS parameter file of what a robot description says, for plant and mpc."""
+    of_links = found.values['links']
+    both = set.intersection(*(set(each.fields(of_links)) for each in DECLARATIONS.values()))
+    parts = {'/**': [name for name in found.values if name in both],
+             '/**/mpc': [name for name in found.values if name not in both]}
+    head = [f'# Of the robot description {name}.', *(f'# {each}' for each in found.left_out)]
+    return '\n'.join(head) + '\n' + yaml.safe_dump(
+        {node: {'ros__parameters': {each: found.values[each] for each in names}}
+         for node, names in parts.items() if names}, sort_keys=False)

@@ -17,6 +17,7 @@ from dp_swing_ros.pendulum.parameters import DIRECT, Drive, DriveParameters, Pen
 from dp_swing_ros.pendulum.state import LINKS
 
 VALUES = {'cart_mass': 1.3, 'link1_mass': 0.4, 'link2_length': 1.1, 'link1_inertia_factor': 1.25,
+          'link1_centre': 0.35, 'link2_inertia': 0.05,
           'gravity': 9.7, 'cart_friction': 0.3, 'joint1_friction': 0.1, 'joint3_friction': 0.02,
           'cart_dry_friction': 2.0, 'joint2_dry_friction': 0.03}
 DRIVE = Drive(0.03, 0.02, 0.8, -1.5)
@@ -128,7 +129,7 @@ def test_its_pendulum_is_that_of_its_parameters(links, rng):
     """Written out for a kernel, too: see the filter, which is the textbook's."""
     about = unknowns(links)
     p = np.abs(rng.normal(0.0, 0.1, len(about.names)))
-    physical = replace(PendulumParameters(links=links, **VALUES), **{
+    physical = PendulumParameters(links=links, **VALUES).estimated({
         name: value for name, value in about.values(p).items()
         if about.of_pendulum[about.names.index(name)]})
     given = PendulumParameters(links=links, **VALUES)

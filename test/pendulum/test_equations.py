@@ -16,7 +16,8 @@ from dp_swing_ros.pendulum.state import angles, LINKS, SIZES, upright
 
 UNEVEN = {'cart_mass': 1.3, 'link1_mass': 0.4, 'link2_mass': 0.7, 'link3_mass': 0.3,
           'link1_length': 0.8, 'link2_length': 1.1, 'link3_length': 0.6,
-          'link1_inertia_factor': 1.25, 'link2_inertia_factor': 0.6, 'link3_inertia_factor': 0.9,
+          'link1_inertia_factor': 1.25, 'link2_inertia': 0.04, 'link3_inertia_factor': 0.9,
+          'link1_centre': 0.5, 'link2_centre': 0.3, 'link3_centre': 0.7,
           'cart_friction': 0.3, 'joint1_friction': 0.1, 'joint2_friction': 0.05,
           'joint3_friction': 0.02}
 
@@ -28,13 +29,15 @@ def mujoco_model(physical):
     inside = ''
     for i in reversed(range(physical.links)):
         mass, length = physical.masses[i + 1], physical.lengths[i]
-        about_centre = physical.inertia_factors[i] * mass * length ** 2 / 12
+        centre, about_centre, factor = (getattr(physical, f'link{i + 1}_{name}') for name in (
+            'centre', 'inertia', 'inertia_factor'))
+        about_centre = about_centre or factor * mass * length ** 2 / 12
         base = physical.lengths[i - 1] if i > 0 else 0
         inside = f"""
             <body pos="0 0 {base}">
               <joint type="hinge" axis="0 1 0" damping="{physical.frictions[i + 1]}"
                      frictionloss="{physical.dry_frictions[i + 1]}"/>
-              <inertial pos="0 0 {length / 2}" mass="{mass}"
+              <inertial pos="0 0 {centre or length / 2}" mass="{mass}"
                         diaginertia="{about_centre} {about_centre} {about_centre}"/>{inside}
             </body>"""
     return mujoco.MjModel.from_xml_string(f"""

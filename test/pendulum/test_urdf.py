@@ -17,6 +17,7 @@ from dp_swing_ros.pendulum.urdf import from_urdf, urdf
 VALUES = {'cart_mass': 1.1, 'link1_mass': 0.3, 'link2_mass': 0.7, 'link3_mass': 0.2,
           'link1_length': 0.8, 'link2_length': 1 / 3, 'link3_length': 0.45,
           'link1_inertia_factor': 1.1, 'link2_inertia_factor': 0.7, 'link3_inertia_factor': 1.3,
+          'link1_centre': 0.3, 'link3_centre': 0.5,
           'gravity': 1.62, 'cart_friction': 0.1, 'joint1_friction': 0.02,
           'joint2_friction': 0.03, 'joint3_friction': 0.04}
 ELBOWS = ('elbow', 'elbow2')
@@ -121,7 +122,8 @@ def test_inertia_is_its_factor_times_that_of_a_thin_rod(physical):
     for i, (mass, length, factor) in enumerate(
             zip(physical.masses[1:], physical.lengths, physical.inertia_factors), 1):
         inertial = robot.find(f'link[@name="link{i}"]/inertial')
-        assert vector(inertial.find('origin'), 'xyz').tolist() == [0, 0, length / 2]
+        centre = getattr(physical, f'link{i}_centre') or length / 2
+        assert vector(inertial.find('origin'), 'xyz').tolist() == [0, 0, centre]
         moments = {key: float(value) for key, value in inertial.find('inertia').items()}
         assert moments['ixx'] == moments['iyy'] == pytest.approx(factor * mass * length ** 2 / 12)
         assert 0 < moments['izz'] < moments['ixx']

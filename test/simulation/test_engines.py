@@ -19,6 +19,7 @@ from dp_swing_ros.simulation.engines import ENGINES, from_joints, to_joints
 from dp_swing_ros.simulation.plant import Plant, PlantParameters
 
 UNEVEN = {'cart_mass': 1.3, 'link1_mass': 0.4, 'link1_length': 0.8, 'link1_inertia_factor': 1.25,
+          'link1_centre': 0.5, 'link2_inertia': 0.05,
           'cart_friction': 0.3, 'joint1_friction': 0.05, 'joint2_friction': 0.02}
 WHOLE = {'link2_mass': 0.5, 'link2_length': 1.0}
 DRY = {'cart_dry_friction': 1.0, 'joint1_dry_friction': 0.05, 'joint2_dry_friction': 0.02}
