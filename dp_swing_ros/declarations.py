@@ -15,6 +15,11 @@ from dp_swing_ros.simulation.plants import PLANT
 DECLARATIONS = {each.node: each for each in (PLANT, MPC)}
 
 
+def shared(links: int) -> set[str]:
+    """Return the names of the parameters that plant and mpc both have with so many links."""
+    return set.intersection(*(set(each.fields(links)) for each in DECLARATIONS.values()))
+
+
 def read(paths: Iterable[Path]) -> dict[str, dict[str, Any]]:
     """
     Return what ROS parameter files hold for plant and mpc, where files differ the later's.

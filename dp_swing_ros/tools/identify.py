@@ -11,7 +11,7 @@ import numpy as np
 from dp_swing_ros import figures
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.control.controllers import MPC
-from dp_swing_ros.declarations import DECLARATIONS
+from dp_swing_ros.declarations import shared
 from dp_swing_ros.identification.identify import CARTS, FREE, GIVEN, Identified, identify
 from dp_swing_ros.identification.recorded import Recorded, recorded_of_one
 from dp_swing_ros.identification.unknowns import OF_CART
@@ -141,7 +141,7 @@ def report(found: Identified, motions: Sequence[Recorded]) -> str:
 
 def parameter_file(found: Identified, links: int, bags: Iterable[Path]) -> str:
     """Return the text of a ROS parameter file with what mpc and plant both have."""
-    both = set.intersection(*(set(each.fields(links)) for each in DECLARATIONS.values()))
+    both = shared(links)
     lines = [f'# Identified from {", ".join(path.name for path in bags)}; intervals of 95 %.',
              '/**:', '  ros__parameters:', f'    links: {links}']
     for name, value in found.values.items():

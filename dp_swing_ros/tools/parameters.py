@@ -8,7 +8,7 @@ from pathlib import Path
 
 import yaml
 
-from dp_swing_ros.declarations import DECLARATIONS
+from dp_swing_ros.declarations import DECLARATIONS, shared
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.nodes.parameters import OWN, shown, table
 from dp_swing_ros.pendulum.description import Found, parameters_of
@@ -40,10 +40,10 @@ def reference() -> str:
     # those of the most links, with the defaults of two
     nodes = {node: each.fields(max(LINKS)) | each.fields(DEFAULT_LINKS)
              for node, each in DECLARATIONS.items()}
-    shared = {name: field for name, field in nodes['plant'].items() if name in nodes['mpc']}
-    own = {node: {name: field for name, field in fields.items() if name not in shared}
+    both = {name: field for name, field in nodes['plant'].items() if name in nodes['mpc']}
+    own = {node: {name: field for name, field in fields.items() if name not in both}
            for node, fields in nodes.items()}
-    sections = {'The pendulum and its limits (plant and mpc)': shared, **own,
+    sections = {'The pendulum and its limits (plant and mpc)': both, **own,
                 **{node: fields for node, fields in OWN.items() if fields}}
     return '\n'.join([
         HEAD, *(f'## {name}\n\n{table(fields)}' for name, fields in sections.items()),
@@ -78,8 +78,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _parameters(arguments: argparse.Namespace) -> int:
-    text, left_out = reference(), list[str]()
-    if arguments.urdf is not None:
+    if arguments.urdf is None:
+        text, left_out = reference(), list[str]()
+    else:
         try:
             found = parameters_of(arguments.urdf.read_text(encoding='utf-8'))
         except ValueError as error:
@@ -96,8 +97,7 @@ def _parameters(arguments: argparse.Namespace) -> int:
 
 def parameter_file(found: Found, name: str) -> str:
     """Return a ROS parameter file of what a robot description says, for plant and mpc."""
-    of_links = found.values['links']
-    both = set.intersection(*(set(each.fields(of_links)) for each in DECLARATIONS.values()))
+    both = shared(found.values['links'])
     parts = {'/**': [name for name in found.values if name in both],
              '/**/mpc': [name for name in found.values if name not in both]}
     head = [f'# Of the robot description {name}.', *(f'# {each}' for each in found.left_out)]
