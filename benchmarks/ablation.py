@@ -332,7 +332,7 @@ def differences(rows: Sequence[Row]) -> Differences:
     found = {row.key: row for row in rows}
     of = {(cell.part.title, cell.name, cell.trial): [found[key(*one)] for one in cell.episodes()]
           for cell in cells()}
-    return {place: difference(runs, of[DEFAULTS, *place[1:]]) for place, runs in of.items()}
+    return {place: difference(runs, of[(DEFAULTS, *place[1:])]) for place, runs in of.items()}
 
 
 def verdict(part: Part, of: Differences) -> str:

@@ -3,6 +3,7 @@
 """The filter: against a plain one, its own statistics, and what it must refuse or survive."""
 
 from dataclasses import replace
+from functools import lru_cache
 import math
 
 from controllers import controller, plant
@@ -99,12 +100,18 @@ def with_values(nominal, drive, p):
                         drive.bias + bias)
 
 
+@lru_cache
+def frictionless(physical):
+    """Return what is left of a pendulum without its friction."""
+    joints = (f'joint{i}' for i in range(1, physical.links + 1))
+    none = {f'{each}_{kind}': 0.0 for each in ('cart', *joints)
+            for kind in ('friction', 'dry_friction')}
+    return Pendulum.of(replace(physical, **none))
+
+
 def accelerations(physical, x, force):
     """Return those of cart and links, with viscous and dry friction added by hand."""
-    n = physical.links
-    none = {f'{each}_{kind}': 0.0 for each in ('cart', *(f'joint{i}' for i in range(1, n + 1)))
-            for kind in ('friction', 'dry_friction')}
-    p = Pendulum.of(replace(physical, **none))
+    n, p = physical.links, frictionless(physical)
     v = np.diff(x[n + 2:], prepend=0.0)      # of the joints
     y = np.clip(np.array([x[n + 1], *v]) / CREEP, -1, 1)
     at_joints = (np.array(physical.frictions) * (x[n + 1], *v)
