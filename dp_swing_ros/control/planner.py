@@ -9,7 +9,9 @@ plan is obeyed.
 
 Where states come faster than the steps of a plan, a solve is due once a step: a plan that is
 shifted by parts of one has its forces interpolated, which blurs them, and with every tick more so.
-For the states in between its first force is held as it was planned, and its feedback added.
+For the states in between its first force is held as it was planned, and its feedback added. They
+make up for other starts that there was no time for: a plan from one of them is obeyed at once
+where it is cheaper.
 """
 
 from collections.abc import Callable, Iterable
@@ -58,6 +60,11 @@ def search(planner: 'Planner', x_0: Array, starts: Iterable[Plan], deadline: flo
     return plans
 
 
+def cheapest(plans: Iterable[Plan]) -> Plan:
+    """Return the plan that costs least, a usable one if there is any."""
+    return min(plans, key=lambda plan: plan.stats.cost if plan.usable else math.inf)
+
+
 class Planner:
     """Holds the solver with its random numbers, the other starts, and the last plan."""
 
@@ -76,6 +83,7 @@ class Planner:
         self.starts = Starts(problem, self.parameters, self.parameters.seed, self.build)
         self.last: Plan | None = None
         self.since = self.before = -math.inf   # [s] when its force acts, and that of the last tick
+        self.owed = 0   # starts that there was no time for
 
     def build(self, problem: Problem, parameters: Parameters | None = None) -> Solver:
         """Build the solver for a problem; its random numbers go on."""
@@ -110,9 +118,16 @@ class Planner:
         began, left, passed = time.perf_counter(), self.warm_start(acts_at), acts_at - self.before
         self.before = acts_at
         if left is not None and not self.is_due(acts_at, passed):
-            return self.feedback(x_0, left)
-        plans = self.search(self, x_0, self.starts.of(x_0, left), deadline)
-        best = min(plans, key=lambda plan: plan.stats.cost if plan.usable else math.inf)
+            plan = self.feedback(x_0, left)
+            if self.owed == 0 or problem.is_reached(x_0):
+                return plan
+            plans = self.search(self, x_0, self.starts.others(x_0, 1), deadline)
+            self.owed -= 1
+            best = cheapest([plan, *plans])
+        else:
+            plans = self.search(self, x_0, self.starts.of(x_0, left), deadline)
+            self.owed = self.starts.count(x_0, left) - len(plans)
+            best = cheapest(plans)
         return replace(best, stats=stats_of_tick(best, plans, time.perf_counter() - began))
 
     def is_due(self, acts_at: float, passed: float) -> bool:

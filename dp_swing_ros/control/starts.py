@@ -92,8 +92,17 @@ class Starts:
                                   self.parameters.first_starts - 1)
             return
         yield self.last(x_0, left)
-        if not self.problem.is_reached(x_0):
-            yield from self.plans(self.later_kinds, x_0, self.parameters.other_starts)
+        yield from self.others(x_0, self.count(x_0, left) - 1)
+
+    def count(self, x_0: Array, left: Plan | None) -> int:
+        """Return how many starts `of` yields."""
+        if left is None:
+            return self.parameters.first_starts
+        return 1 if self.problem.is_reached(x_0) else 1 + self.parameters.other_starts
+
+    def others(self, x_0: Array, count: int) -> Iterator[Plan]:
+        """Yield so many starts beside the last plan, in turn."""
+        return self.plans(self.later_kinds, x_0, count)
 
     def plans(self, kinds: Iterable[Callable[[Array], Plan | None]], x_0: Array,
               count: int) -> Iterator[Plan]:

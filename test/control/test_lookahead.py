@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The steps of plans that go with the period of states, and what is done between two solves."""
 
+from itertools import islice
 import math
 
 from controllers import controller
@@ -10,6 +11,7 @@ import pytest
 
 from dp_swing_ros.control import controllers
 from dp_swing_ros.control.lookahead import Lookahead
+from dp_swing_ros.control.planner import search
 from dp_swing_ros.pendulum.model import hold
 from dp_swing_ros.pendulum.state import hanging
 from dp_swing_ros.problem.parameters import PredictionParameters
@@ -119,6 +121,23 @@ def test_between_two_solves_the_force_is_held_and_what_is_off_is_fed_back():
     off = fine + np.array([0.0, 0.01, 0.0, 0.0, 0.0, 0.0])
     again = c.update(0.041, off)
     assert again.U[0] - plan.U[0] == pytest.approx(0.01 * plan.K[0, 1], rel=0.3)
+
+
+def test_starts_that_there_was_no_time_for_are_made_up_for_in_between():
+    """As where there is time for one plan a search: most of the six starts of the first tick."""
+    c, ticks = controller('mppi'), []
+    c.planner.search = lambda planner, x_0, starts, deadline: search(
+        planner, x_0, islice(starts, 1), deadline)
+    simulate(plants.plant({'rate': 100.0}), c, 0.2, on_tick=lambda t, plan: ticks.append(plan))
+    stats = [plan.stats for plan in ticks]
+    others = [n for n, tick in enumerate(stats) if tick.candidates
+              and tick.candidates[0].start != 'last_plan']
+    assert others[:5] == [0, 1, 2, 3, 4] and len(others) > 7
+    for n in others[1:]:
+        candidate, = stats[n].candidates
+        assert stats[n].cost <= candidate.cost
+        assert (stats[n].cost == candidate.cost) is (stats[n].status is not Status.FEEDBACK)
+    assert {stats[n].status is Status.FEEDBACK for n in others[1:]} == {True, False}
 
 
 def test_what_could_not_be_solved_is_solved_for_the_next_state():

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from dp_swing_ros.rerun.answers import answer, Tick
+from dp_swing_ros.simulation import plants
 from dp_swing_ros.solvers import SOLVERS
 
 STEP = 0.05
@@ -32,3 +33,21 @@ def test_what_a_deadline_ended_is_repeated_in_wild_states_too(solver, rng):
         diverged += not np.isfinite([each.cost for each in stats.candidates]).all()
         assert (repeated.stats.cost, list(repeated.U)) == (stats.cost, list(plan.U)), n
     assert 0 < diverged < 60
+
+
+@pytest.mark.parametrize('solver', SOLVERS)
+def test_what_was_made_up_for_between_two_steps_is_repeated(solver, rng):
+    """Five states a step, and a deadline that leaves other starts to those in between."""
+    c, again, made_up = controller(solver), controller(solver), 0
+    p = plants.plant({'rate': 100.0, 'seed': 1})
+    for n in range(120):
+        t, x = n / 100, p.measure().x
+        plan = c.update(t, x, deadline=time.perf_counter() + rng.choice([0.0, 2e-4, 1.0]))
+        stats = plan.stats
+        repeated = answer(again, Tick(n, n, t, x, 0.0, 0.0, True, False, True, False,
+                                      stats.solves, stats.status.name, stats.cost, plan.U[0]))
+        assert (repeated.stats.cost, list(repeated.U)) == (stats.cost, list(plan.U)), n
+        made_up += any(each.start != 'last_plan' for each in stats.candidates[:1])
+        p.obey(plan.U[0])
+        p.advance(0.01)
+    assert made_up > 4   # the more, the slower the machine
