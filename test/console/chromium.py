@@ -50,6 +50,10 @@ class Page:
         self.driver.get(address)
         self.until(lambda: len(self.places()) > 1, 'a pendulum')
 
+    def leave(self):
+        """Look at nothing, so that it does not miss what is gone."""
+        self.driver.get('about:blank')
+
     def find(self, selector):
         return self.driver.find_element('css selector', selector)
 

@@ -19,7 +19,7 @@ from recorded_runs import write_bag
 from selenium.webdriver import ActionChains, Keys
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 from synthetic import resized, swing_up
 
 from dp_swing_ros.pendulum.units import decimals, rounded
@@ -527,6 +527,8 @@ def test_a_bag_is_played(browser, nodes, lockstep_bag, tmp_path):
     browser.await_text('#play', 'Play')
     assert not browser.find('#record').is_displayed()
     assert browser.errors() == []
+    browser.leave()
+    console.stop()
 
 
 def test_a_small_pendulum_is_seen_as_a_large_one(browser, nodes, tmp_path):
@@ -542,6 +544,8 @@ def test_a_small_pendulum_is_seen_as_a_large_one(browser, nodes, tmp_path):
         time.sleep(0.5)   # until it has been drawn
         seen.append(browser.places())
         browser.shot(tmp_path / f'{name}.png')
+        browser.leave()
+        console.stop()
     for large, small in zip(*seen):
         assert small == pytest.approx(large, abs=1.0)   # [px]
     assert browser.errors() == []
@@ -572,9 +576,11 @@ def test_read_only_refuses_and_says_so(browser, nodes, ears):
     console.stop()
     browser.until(lambda: browser.find('#lost').is_displayed(), 'that nobody answers')
     assert 'Trying again' in browser.text('#lost')
-    nodes.console(['-r', '__node:=watcher'], read_only=True,
-                  port=int(address.rstrip('/').rsplit(':', 1)[1]))
+    console, _ = nodes.console(['-r', '__node:=watcher'], read_only=True,
+                               port=int(address.rstrip('/').rsplit(':', 1)[1]))
     browser.until(lambda: not browser.find('#lost').is_displayed(), 'the console again')
+    browser.leave()
+    console.stop()
 
 
 class Mortal:
@@ -594,8 +600,16 @@ class Mortal:
 
 
 @pytest.fixture(scope='module')
-def mortal(nodes):
+def mortals(nodes):
     return Mortal(nodes)
+
+
+@pytest.fixture
+def mortal(mortals, ears):
+    """Return nodes that may end; the others rest meanwhile."""
+    ears.call(SetBool, '/plant/pause', data=True)
+    yield mortals
+    ears.call(SetBool, '/plant/pause', data=False)
 
 
 def test_the_solver_is_switched(browser, mortal):
@@ -672,6 +686,8 @@ def test_a_console_that_hangs_is_noticed(browser, nodes):
     console.signal(signal.SIGCONT)
     browser.until(lambda: not browser.find('#lost').is_displayed(), 'the console again')
     browser.until(lambda: browser.text('#now-status'), 'a status')
+    browser.leave()
+    console.stop()
 
 
 def test_a_plant_in_lockstep_is_paused_and_stepped(page, tmp_path):

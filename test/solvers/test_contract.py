@@ -43,7 +43,8 @@ DEFAULT = PredictionParameters().model
 
 # by a name in the tests: the class, and parameters
 CHOICES = {**{name: (SOLVERS[name], {}) for name in sorted(SOLVERS)},
-           'mppi by torch': (SOLVERS['mppi'], {'device': 'torch', 'samples': 64}),
+           'mppi by torch': (
+              SOLVERS['mppi'], {'device': 'torch', 'samples': 64, 'iterations': 2}),
            'cross-entropy': (CrossEntropy, {}), 'sampled iLQR': (SampledILQR, {})}
 
 
@@ -89,7 +90,7 @@ def is_wild(x_0):
 
 def solver(name, problem, seed=0, **more):
     kind, parameters = CHOICES[name]
-    return kind(problem, kind.Parameters(**parameters, **more), seed)
+    return kind(problem, kind.Parameters(**{**parameters, **more}), seed)
 
 
 def random_start(problem, x_0, seed=0):
