@@ -22,6 +22,7 @@ import pandas
 from stamp import folders, made, sources, store_page, TOP
 
 from dp_swing_ros.figures.style import FAINT, formulas, legend, LINKS, styled
+from dp_swing_ros.identification.base_parameters import base_parameters_of_links
 from dp_swing_ros.identification.fit import FINE
 from dp_swing_ros.identification.given_cart import HEAVY
 from dp_swing_ros.identification.identify import GIVEN, Identified, identify
@@ -184,21 +185,6 @@ def predicted(name: str, X: Array, found: Mapping[int, Identified]) -> list[dict
             for ahead, of_joints in zip(AHEAD, errors(values, X, starts, first))]
 
 
-def moved_as(values: Mapping[str, Any]) -> dict[str, tuple[float, str]]:
-    """Return what motion tells of links on a given cart: by name, the number and its unit."""
-    physical = group(PendulumParameters, values)
-    p, links = Pendulum.of(physical), range(1, physical.links + 1)
-    return {
-        **{f'joint {i} to joint {i + 1}': (physical.lengths[i - 1], 'm') for i in links[:-1]},
-        **{f'second by first moment about joint {i}': (p.b[i - 1][0] / p.a[i - 1], 'm')
-           for i in links},
-        **{f'first moment about joint {i} by that about joint 1': (p.a[i - 1] / p.a[0], '1')
-           for i in links[1:]},
-        **{f'{kind} friction of joint {i} by first moment about joint 1': (
-            value[i] / p.a[0], unit) for kind, value, unit in (
-                ('viscous', p.friction, 'm/s'), ('dry', p.dry, 'm/s^2')) for i in links}}
-
-
 def page(rows: pandas.DataFrame, fitted: Mapping[tuple[str, int], Fitted]) -> str:
     """Return the page as Markdown."""
     lines = [
@@ -222,13 +208,16 @@ def page(rows: pandas.DataFrame, fitted: Mapping[tuple[str, int], Fitted]) -> st
               '![recorded and predicted angles of the double pendulum](../figures/recordings.png)',
               '', f'The double pendulum over {SHOWN:g} s of that which was not seen.', '',
               '## What was found', '',
-              'What motion tells of links on a given cart, whatever the masses are as a whole. '
+              'What motion tells of links on a given cart, whatever the masses are as a whole, '
+              'with intervals of 95 % as `identify` prints them. '
               'Moments are those of a link with all that it carries at its tip.', '']
     table = [['recording', 'what', PUBLISHED, *(f'{rate} Hz' for rate in RATES), 'unit']]
     for name in AUTHORS:
-        others = [moved_as(bodies(fitted[name, rate].found)) for rate in RATES]
-        table += [[name, what, f'{value:.4g}', *(f'{other[what][0]:.4g}' for other in others),
-                   unit] for what, (value, unit) in moved_as(as_rods(name)).items()]
+        published = base_parameters_of_links(group(PendulumParameters, as_rods(name)))
+        for what, (value, unit) in published.items():
+            ours = [fitted[name, rate].found.base[what] for rate in RATES]
+            table.append([name, what, f'{value:.4g}', *(
+                f'{of.value:.4g} ({of.low:.4g} to {of.high:.4g})' for of in ours), unit])
     lines += [compact(table), '',
               'Error within the segments that were fitted, RMS, and the time that it took:', '']
     table = [['recording', 'rate [Hz]', 'error [mrad]', 'time [s]', 'ended at a bound',

@@ -7,6 +7,10 @@ import numpy as np
 import pandas
 import pytest
 
+from dp_swing_ros.identification.base_parameters import base_parameters_of_links
+from dp_swing_ros.parameters import group
+from dp_swing_ros.pendulum.parameters import PendulumParameters
+
 pytest.importorskip('joblib')
 
 
@@ -54,8 +58,7 @@ def test_what_is_found_of_a_motion_without_noise_predicts_the_rest(recordings, t
     found = recordings.fit(X, 50).found
     rows = pandas.DataFrame(recordings.predicted('single', X, {50: found}))
     assert rows[rows.parameters == 'found at 50 Hz'].theta1.max() < 0.5
-    theirs, ours = (recordings.moved_as(values) for values in (
-        recordings.as_rods('single'), recordings.bodies(found)))
-    for name in theirs:
+    theirs = base_parameters_of_links(group(PendulumParameters, recordings.as_rods('single')))
+    for name, (value, _) in theirs.items():
         if 'friction' not in name:
-            assert ours[name][0] == pytest.approx(theirs[name][0], rel=1e-3), name
+            assert found.base[name].value == pytest.approx(value, rel=1e-3), name

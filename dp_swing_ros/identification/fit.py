@@ -217,17 +217,19 @@ class Fit:
         self.states = [states[which] for states, which in zip(self.states, kept)]
         return not all(map(np.all, kept))
 
-    def deviations(self) -> Array:
+    def covariances(self) -> tuple[Array, Array]:
         """
-        Return the standard deviations of the free parameters (free,).
+        Return two covariances of the free parameters (free, free), of which the larger counts.
 
-        They are the larger of two: of H⁻¹, for residuals that are independent, and of
+        The one is H⁻¹, for residuals that are independent, the other
         H⁻¹ (Σ_s g_s g_sᵀ) H⁻¹ with the gradient g_s of each segment, for those that are not. What
         the model itself lacks shows in many samples on end. Source of the second: White, "Maximum
         likelihood estimation of misspecified models", Econometrica 50(1), 1982.
         """
         scales = self.about.scales[self.free]
         H, G = np.zeros((2, len(scales), len(scales)))
+        if not len(scales):
+            return H, G
         segments = 0
         for part in self.parts():
             J = part.projected() * scales
@@ -237,7 +239,14 @@ class Fit:
         of_directions, directions = np.linalg.eigh(H)
         inverse = directions / np.maximum(of_directions, UNTOLD * of_directions[-1]) @ directions.T
         clustered = inverse @ G @ inverse * segments / max(segments - len(scales), 1)
-        return scales * np.sqrt(np.maximum(np.diag(inverse), np.diag(clustered)))
+        sizes = np.outer(scales, scales)
+        return sizes * inverse, sizes * clustered
+
+    def deviations(self, J: Array | None = None) -> Array:
+        """Return the standard deviations of the free parameters, or of J (k, free) times them."""
+        J = np.eye(len(self.free)) if J is None else J
+        variances = [np.einsum('ki,ij,kj->k', J, C, J) for C in self.covariances()]
+        return np.sqrt(np.max(variances, axis=0, initial=0.0))
 
 
 def roughly(scale: Units, links: int) -> Array:

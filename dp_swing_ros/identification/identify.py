@@ -4,10 +4,12 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from dp_swing_ros.identification.base_parameters import (
+    base_parameters, base_parameters_of_links, Quantity)
 from dp_swing_ros.identification.fit import FINE, Fit
 from dp_swing_ros.identification.given_cart import HEAVY, on_given_cart
 from dp_swing_ros.identification.guess import guessed
@@ -34,6 +36,15 @@ class Prediction:
     after: Array
 
 
+class BaseParameter(NamedTuple):
+    """One of base_parameters.py, with its interval of 95 %."""
+
+    value: float
+    low: float
+    high: float
+    unit: str
+
+
 @dataclass(frozen=True)
 class Identified:
     """What was found, by name; what could not be told is as it was guessed to be at first."""
@@ -47,6 +58,7 @@ class Identified:
     predictions: list[Prediction]              # a motion each
     left_out: int                              # segments that nothing explains
     cart: str                                  # FREE, or GIVEN: then all this is of links alone
+    base: dict[str, 'BaseParameter']           # what is told of the bodies, however they share it
 
     @property
     def joints(self) -> list[int]:
@@ -96,7 +108,7 @@ def identify(motions: Sequence[Motion], physical: PendulumParameters, drive: Dri
     halves[fit.free] = CONFIDENCE * fit.deviations()
     low, high = about.values(
         np.clip([found - halves, found + halves], about.lowest, about.highest))
-    met = about.is_met(found, halves)
+    met, base = about.is_met(found, halves), base_of(fit, cart)
     left_out = cut - sum(len(motion.t) for motion in fit.motions)
 
     values, held = about.named(about.values(found)), dict(about.held)
@@ -112,7 +124,7 @@ def identify(motions: Sequence[Motion], physical: PendulumParameters, drive: Dri
         of_rig(about.named(about.nominal)), of_rig(values),
         {about.names[i]: (float(low[i]), float(high[i])) for i in fit.free if not met[i]},
         [about.names[i] for i in fit.free if met[i]], of_rig(held), unidentified,
-        predictions(fit), left_out, cart)
+        predictions(fit), left_out, cart, base)
 
 
 def hold_unidentifiable(fit: Fit) -> dict[str, float]:
@@ -136,6 +148,28 @@ def hold_unidentifiable(fit: Fit) -> dict[str, float]:
         fit.free = np.delete(free, worst)
         fit.solve()
     return unidentified
+
+
+def base_of(fit: Fit, cart: str) -> dict[str, BaseParameter]:
+    """Return the base parameters of what a fit has found, with intervals."""
+    about, free = fit.about, fit.free
+
+    def at(p: Array) -> dict[str, Quantity]:
+        bodies = about.bodies(p)
+        return base_parameters_of_links(bodies) if cart == GIVEN else base_parameters(
+            bodies, about.named(about.values(p))['force_gain'])
+
+    def numbers(p: Array) -> Array:
+        return np.array([value for value, _ in at(p).values()])
+    found = at(fit.p)
+    J = np.zeros((len(found), len(free)))
+    for column, i in enumerate(free):
+        step = np.zeros(len(fit.p))
+        step[i] = about.differences[i]
+        J[:, column] = (numbers(fit.p + step) - numbers(fit.p)) / step[i]
+    halves = CONFIDENCE * fit.deviations(J)
+    return {name: BaseParameter(value, value - half, value + half, unit)
+            for (name, (value, unit)), half in zip(found.items(), halves.tolist())}
 
 
 def predictions(fit: Fit) -> list[Prediction]:

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Motion as it was recorded, and the segments of it that say something about the pendulum."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +22,8 @@ PERIODS = 1e-4, 1.0   # [s] between samples that a motion may have, about
 LONGEST = 1e5         # [s] of a motion
 LARGEST = 1e6         # [m, rad, m/s, rad/s, N] that anything in it may be
 SWING = 0.3           # [rad] that the links must go at least, all in all
+ROUNDED = 1e-9        # of all that is gone: two positions nearer to each other are one
+OFF_GRID = 0.05       # of a step that the positions of an encoder may be off by
 
 
 class Motion(NamedTuple):
@@ -37,6 +40,18 @@ class Motion(NamedTuple):
     commands: Array
     pushes: Array
     track_limit: float   # [m]
+
+
+def resolution(q: Array) -> float:
+    """Return the steps of the encoder that positions (K,) come from; NaN where there are none."""
+    values = np.unique(q)
+    steps = np.diff(values)
+    steps = steps[steps > ROUNDED * np.ptp(q)]
+    if len(steps) < FEWEST:
+        return math.nan
+    counts = (values - values[0]) / steps.min()
+    is_grid = np.abs(counts - np.rint(counts)).max() < OFF_GRID
+    return float(steps.min()) if is_grid else math.nan
 
 
 class Segments(NamedTuple):

@@ -114,6 +114,16 @@ class Parametrisation:
         met: Array = self.is_factor & (p - self.lowest < near) | (self.highest - p < near)
         return met
 
+    def bodies(self, p: Array) -> PendulumParameters:
+        """Return the pendulum of p (m,)."""
+        values = self.named(self.values(p))
+        centres = {f'link{i}_centre': centre * values[f'link{i}_length']
+                   for i, (centre, given) in enumerate(zip(
+                       self.centres, self.is_centre_given), 1) if given}
+        return PendulumParameters(links=self.links, **centres, **{
+            field.name: values[field.name] for field in fields_of(PendulumParameters, self.links)
+            if field.name in values})
+
     def named(self, values: Array) -> dict[str, Any]:
         """Return values (m,) by name."""
         return dict(zip(self.names, values.tolist()))

@@ -4,6 +4,7 @@
 
 import argparse
 from collections.abc import Iterable, Mapping, Sequence
+import math
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from dp_swing_ros.control.controllers import MPC
 from dp_swing_ros.declarations import shared
 from dp_swing_ros.identification.identify import CARTS, FREE, GIVEN, Identified, identify
 from dp_swing_ros.identification.recorded import Recorded, recorded_of_one
+from dp_swing_ros.identification.segments import resolution
 from dp_swing_ros.identification.unknowns import OF_CART
 from dp_swing_ros.parameters import checked, ParameterError, unknown
 from dp_swing_ros.pendulum.state import joints, LINKS
@@ -23,6 +25,7 @@ from dp_swing_ros.tools.command_lines import (
     bag_parser, beside, execute, OK, print_incomplete, progress)
 
 NOTHING = 1e-7   # a value below is none
+CLEARLY = 3.0    # times what an encoder rounds off: an error beyond is not its
 UNTOLD, BOUND = 'cannot be told from these bags', 'at the bound of the search'
 
 
@@ -74,7 +77,8 @@ def _identify(arguments: argparse.Namespace) -> int:
     with progress(desc='predictions', unit='') as bar:
         identified = identify([each.motion for each in found], first.physical, first.drive, known,
                               bar.update, arguments.cart)
-    print(table(identified), report(identified, found), sep='\n\n', end='\n\n')
+    print(table(identified), base_table(identified), report(identified, found), sep='\n\n',
+          end='\n\n')
     print_incomplete(bags)
     output = arguments.output or Path(f'{beside(arguments.bag[0], "rig")}.yaml')
     output.parent.mkdir(parents=True, exist_ok=True)
@@ -112,6 +116,13 @@ def table(found: Identified) -> str:
     return aligned(rows, names=1)
 
 
+def base_table(found: Identified) -> str:
+    """Return a Markdown table of what motion tells of the bodies, however they share it."""
+    return aligned([['base parameter', 'value', '95 %', 'unit'], *(
+        [name, number(of.value), f'{number(of.low)} to {number(of.high)}', of.unit]
+        for name, of in found.base.items())], names=1)
+
+
 def why_not(found: Identified, name: str) -> str:
     """Return why a parameter has no interval."""
     return BOUND if name in found.at_bound else found.held.get(name, UNTOLD)
@@ -125,6 +136,7 @@ def report(found: Identified, motions: Sequence[Recorded]) -> str:
     lines = [f'error of predictions over {span:.2g} s, RMS: ' + ', '.join(
         f'{joints(len(after) - 1)[i]} {1e3 * before[i]:.3g} -> {1e3 * after[i]:.3g} '
         f'{"mrad" if i else "mm"}' for i in found.joints)]
+    lines += explained(found, motions)
     lines.append(f'{used} of {sum(len(each.motion.t) for each in motions)} states used')
     if found.at_bound:
         lines.append(f'{", ".join(found.at_bound)}: {BOUND}, and what else was found goes with '
@@ -137,6 +149,23 @@ def report(found: Identified, motions: Sequence[Recorded]) -> str:
     lines += list(dict.fromkeys(each.times for each in motions)) if found.cart == FREE else [
         'the motion of the cart is given: nothing is said of what moves it']
     return '\n'.join(lines)
+
+
+def explained(found: Identified, motions: Sequence[Recorded]) -> list[str]:
+    """Return in words whether what is missed is what encoders round off, where such are seen."""
+    rms, names = found.rms('after'), joints(len(found.rms('after')) - 1)
+    steps = [np.max([resolution(each.motion.Q[:, i]) for each in motions])
+             for i in range(len(rms))]
+    seen = [i for i in found.joints if steps[i] > 0]
+    if not seen:
+        return []
+    off = [i for i in seen if rms[i] > CLEARLY * steps[i] / math.sqrt(12)]
+    shown = ', '.join(f'{names[i]} {1e3 * steps[i]:.3g} {"mrad" if i else "mm"}' for i in seen)
+    return [f'that explains the motion to within the encoders, whose steps are: {shown}'
+            if not off else 'something else moves here, or the encoders are worse than their '
+            f'steps ({shown}): ' + ', '.join(
+                f'{names[i]} is off by {rms[i] / steps[i] * math.sqrt(12):.2g} times what these '
+                'round off' for i in off)]
 
 
 def parameter_file(found: Identified, links: int, bags: Iterable[Path]) -> str:

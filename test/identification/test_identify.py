@@ -10,10 +10,13 @@ import plausible_rig
 import pytest
 
 from dp_swing_ros.errors import UserError
+from dp_swing_ros.identification.base_parameters import (
+    base_parameters, base_parameters_of_links)
 from dp_swing_ros.identification.fit import FINE
 from dp_swing_ros.identification.guess import guessed
 from dp_swing_ros.identification.identify import identify
-from dp_swing_ros.identification.segments import Motion, segments_of
+from dp_swing_ros.identification.recorded import Recorded
+from dp_swing_ros.identification.segments import Motion, resolution, segments_of
 from dp_swing_ros.identification.unknowns import OF_CART
 from dp_swing_ros.parameters import fields_of, ParameterError
 from dp_swing_ros.pendulum.drive import follow_commands, HISTORY
@@ -92,6 +95,17 @@ def test_what_moved_it_is_found_exactly(links):
     assert np.all(found.rms('before') > 20 * found.rms('after'))
 
 
+def test_bodies_of_which_nothing_is_known_are_told_by_what_they_share():
+    """Another inertia of the last link, and forces in another unit: other masses move alike."""
+    physical = rig(2, link2_inertia_factor=1.3)
+    found = identify([swung(physical, noise=1e-4, drive=DRIVE._replace(gain=0.8))],
+                     PendulumParameters())
+    assert abs(found.values['link2_length'] / physical.link2_length - 1) > 0.02
+    for name, (value, unit) in base_parameters(physical, 0.8).items():
+        assert found.base[name].value == pytest.approx(value, rel=0.01), name
+        assert found.base[name].unit == unit
+
+
 def test_what_is_known_finds_the_rest():
     physical = rig(2, link1_inertia_factor=0.8, link2_inertia_factor=1.3)
     drive = DRIVE._replace(gain=0.8)
@@ -135,6 +149,9 @@ def test_a_clamped_cart_tells_the_links_from_positions_alone():
         assert times * found.values[name] == pytest.approx(
             true(physical, DRIVE, name), rel=0.03, abs=1e-3 if 'friction' in name else 0.0), name
         assert high - low < 0.2 * max(high, 0.01), name
+    for name, (value, _) in base_parameters_of_links(physical).items():
+        assert found.base[name].value == pytest.approx(
+            value, rel=0.01, abs=1e-3 if 'friction' in name else 0.0), name
 
 
 def test_two_motions_tell_more_than_one():
@@ -153,7 +170,9 @@ def test_intervals_cover_the_truth_as_often_as_they_say():
         found = identify([swung(physical, seed, noise=5e-4)], PendulumParameters())
         covered += [found.intervals[name][0] <= true(physical, DRIVE, name)
                     <= found.intervals[name][1] for name in names if name in found.intervals]
-    assert len(covered) > 30
+        covered += [found.base[name].low <= value <= found.base[name].high
+                    for name, (value, _) in base_parameters(physical).items()]
+    assert len(covered) > 60
     assert np.mean(covered) > 0.88
 
 
@@ -163,6 +182,25 @@ def test_the_plausible_rig_is_found_within_the_figures():
         value = plausible_rig.truth()[name]
         if not name.startswith('joint'):   # of which the median over seeds is within
             assert abs(found.values[name] - value) <= plausible_rig.allowed(name, value), name
+
+
+def test_a_motion_is_explained_to_within_its_encoders_or_something_else_moves():
+    steps = np.array([2.5e-4, *[2 * np.pi / 4096] * 2])
+    motion = swung(rig(2))
+    motion = motion._replace(Q=steps * np.rint(motion.Q / steps))
+    assert [resolution(q) for q in motion.Q.T] == pytest.approx(steps)
+    recorded = [Recorded(motion, motion.Q, 'by one clock', rig(2), DRIVE, (rig(2), DRIVE))]
+    found = identify([motion], PendulumParameters())
+    assert ('explains the motion to within the encoders, whose steps are: cart 0.25 mm, joint1 '
+            '1.53 mrad, joint2 1.53 mrad') in report(found, recorded)
+    found = identify([motion], PendulumParameters(), known={'link2_length': 0.7})
+    assert re.search(r'something else moves here.*joint2 is off by [\d.]+ times',
+                     report(found, recorded))
+
+
+def test_positions_on_no_grid_have_no_resolution(rng):
+    assert np.isnan(resolution(rng.normal(size=1000)))
+    assert np.isnan(resolution(np.zeros(1000)))
 
 
 def test_what_motions_do_not_tell_stays_nominal():
