@@ -5,7 +5,7 @@
 from dp_swing_ros.pendulum.units import Units
 from dp_swing_ros.simulation.plants import PLANT
 
-SMALLER = Units(1 / 4, 1 / 2, 1 / 8)   # powers of two: nothing but what is rounded differs
+SMALLER = Units(1 / 4, 1 / 2, 1 / 8, 1 / 8)   # powers of two: nothing but what is rounded differs
 
 
 def sized(values, scale=SMALLER):

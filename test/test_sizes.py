@@ -33,7 +33,7 @@ def bodies(lengths, masses, gravity, links=2):
 def run(scale, solver, periods, plant=None, links=2, lean=math.pi, **mpc):
     """Play a run; return states and forces in those of the default bodies."""
     lengths, masses, gravity = scale
-    scale = Units(lengths, math.sqrt(lengths / gravity), masses)
+    scale = Units(lengths, math.sqrt(lengths / gravity), masses, masses)
     values = bodies(*(lengths, masses, gravity), links)
     start = [0.1 * lengths, *[lean + 0.02, lean - 0.03, lean][:links], *[0.0] * (links + 1)]
     of_plant = {name: value * scale.factor(unit) for name, (value, unit) in (plant or {}).items()}
@@ -95,8 +95,8 @@ def test_the_units_are_those_of_the_bodies(links):
     assert scale_of(PendulumParameters(links=links)) == SAME
     for lengths, masses, gravity in SCALES.values():
         found = scale_of(group(PendulumParameters, bodies(lengths, masses, gravity, links)))
-        np.testing.assert_allclose(found, (lengths, math.sqrt(lengths / gravity), masses),
-                                   rtol=1e-9)
+        np.testing.assert_allclose(
+            found, (lengths, math.sqrt(lengths / gravity), masses, masses), rtol=1e-9)
     # of one link, by hand: D = [[m, a], [a, b]], so λ² = g a / (b - a²/m)
     if links == 1:
         m, a, b, g = 1.5, 0.25, 0.5 / 3, 9.81

@@ -161,6 +161,8 @@ class Structured(NamedTuple):
 
     def sized(self, scale: Units) -> 'Structured':
         """Return the same of a pendulum so many times larger."""
+        scale = scale._replace(mass_of_links=scale.mass)   # in equations there is one mass
+
         def factors(unit: str) -> list[float]:
             return scale.factors(unit, self.links + 1)
         inertia = [scale.mass * scale.length ** ((i > 0) + (j > 0)) for i, j in pairs(self.links)]

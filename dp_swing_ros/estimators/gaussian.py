@@ -21,7 +21,7 @@ from dp_swing_ros.kernels import kernel
 from dp_swing_ros.pendulum.drive import follow_commands
 from dp_swing_ros.pendulum.model import size
 
-SMALL = 1e-4   # difference of x, p and time [s] for derivatives
+SMALL = 1e-4   # difference of x, p and time for derivatives, in own units
 
 
 @kernel
@@ -64,28 +64,29 @@ def move(model, constants, nominal, factors, ends, commands, duration, z, b):
 
 
 @kernel
-def predict(model, constants, nominal, factors, ends, commands, duration, force_noise,
-            acceleration_noise, z, P):
+def predict(model, constants, nominal, factors, ends, commands, duration, differences,
+            force_noise, acceleration_noise, z, P):
     """
     Advance mean and covariance in place by a time [s]; return ẋ at its end.
 
-    The noises are densities, squared. Shapes: acceleration_noise (n + 1,), constants and nominal
-    as of Unknowns, ends and commands as of follow_commands, z (2n + 2 + m,),
+    The noises are densities, squared; differences are those for derivatives, the last of time.
+    Shapes: differences (2n + 3 + m,), acceleration_noise (n + 1,), constants and nominal as of
+    Unknowns, ends and commands as of follow_commands, z (2n + 2 + m,),
     P (2n + 2 + m, 2n + 2 + m), ẋ (2n + 2,).
     """
-    n, k, shortly = size(model), len(z), min(SMALL, duration)
+    n, k, shortly = size(model), len(z), min(differences[-1], duration)
     b, F, FP = np.empty(len(nominal)), np.empty((n, k)), np.empty((n, k))   # the rows of x alone
     # from z moved by each of its numbers, then from z for a shorter time, and from z
     ends_of = np.empty((k + 2, k))
     for j in range(k + 2):
         for i in range(k):
-            ends_of[j, i] = z[i] + (SMALL if i == j else 0.0)
+            ends_of[j, i] = z[i] + (differences[j] if i == j else 0.0)
         move(model, constants, nominal, factors, ends, commands,
              duration - (shortly if j == k else 0.0), ends_of[j], b)
     mean, rate = ends_of[k + 1], np.empty(n)
     for i in range(n):
         for j in range(k):
-            F[i, j] = (ends_of[j, i] - mean[i]) / SMALL
+            F[i, j] = (ends_of[j, i] - mean[i]) / differences[j]
     product(F, P, FP)
     for i in range(n):
         z[i], rate[i] = mean[i], (mean[i] - ends_of[k, i]) / shortly

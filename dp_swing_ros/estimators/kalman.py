@@ -17,14 +17,14 @@ import math
 import numpy as np
 
 from dp_swing_ros.estimators.estimator import Commands, Estimate
-from dp_swing_ros.estimators.gaussian import constrain, correct, forget, predict
+from dp_swing_ros.estimators.gaussian import constrain, correct, forget, predict, SMALL
 from dp_swing_ros.estimators.unknowns import Unknowns, UnknownsParameters
 from dp_swing_ros.parameters import parameter
 from dp_swing_ros.pendulum.drive import HISTORY
 from dp_swing_ros.pendulum.equations import Pendulum
 from dp_swing_ros.pendulum.parameters import Drive, PendulumParameters
 from dp_swing_ros.pendulum.state import Array
-from dp_swing_ros.pendulum.units import ACCELERATIONS, POSITIONS, scaled_speeds, SPEEDS
+from dp_swing_ros.pendulum.units import ACCELERATIONS, POSITIONS, scaled_speeds, SPEEDS, STATES
 from dp_swing_ros.problem.problem import Problem
 
 LONGEST_STEP = 0.01      # [s] scaled, of the model; at 50 ms its error would pass for one of p
@@ -97,6 +97,8 @@ class ExtendedKalmanFilter:
             [*[0.0] * half, *scaled_speeds(UNMEASURED, scale, half - 1)]) ** 2
         self.disturbed = self.held * np.array(scale.each_joint(
             parameters.acceleration_noise, ACCELERATIONS, half - 1)) ** 2
+        self.differences = SMALL * np.array(
+            [*scale.factors(STATES, self.size), *self.unknowns.sizes, scale.time])
         self.compared, self.p_compared = self.nominal, self.unknowns.of(self.nominal)
         self.reset()
 
@@ -190,7 +192,7 @@ class ExtendedKalmanFilter:
         passed = t - self.t
         forget(self.prior, min(passed / about.memory, 1.0), P)
         rate = predict(self.model, unknowns.constants, unknowns.nominal, unknowns.factors,
-                       *commands.since(self.t, HISTORY), passed,
+                       *commands.since(self.t, HISTORY), passed, self.differences,
                        self.held * (about.force_noise ** 2 * self.scales[0] + push ** 2),
                        self.disturbed * self.scales[0], z, P)
         return z, P, rate

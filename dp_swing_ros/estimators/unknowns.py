@@ -9,6 +9,7 @@ and the gain in common alone: with twice of all it is the same. What tells them 
 uncertain each of them is at first.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 import math
 
@@ -16,9 +17,9 @@ import numpy as np
 
 from dp_swing_ros.kernels import kernel
 from dp_swing_ros.kernels.unrolling import unrolled
-from dp_swing_ros.parameters import parameter, Parameters
+from dp_swing_ros.parameters import fields_of, parameter, Parameters
 from dp_swing_ros.pendulum.equations import coefficients, Pendulum
-from dp_swing_ros.pendulum.parameters import Drive, PendulumParameters
+from dp_swing_ros.pendulum.parameters import Drive, DriveParameters, PendulumParameters
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.pendulum.units import SAME, Units
 
@@ -58,9 +59,9 @@ class Unknowns:
     """
     Names, nominal values, standard deviations at first and bounds of the unknowns p.
 
-    Shapes: nominal, deviations, lowest and highest (m,) with m = 4n + 7. The first so many
+    Shapes: nominal, deviations, sizes, lowest and highest (m,) with m = 4n + 7. The first so many
     `factors` are logarithms of ratios; the last three belong to the drive, the very last is a
-    force.
+    force. `sizes` are how many times larger each is than with the default bodies.
     """
 
     def __init__(self, physical: PendulumParameters, drive: Drive, about: UnknownsParameters,
@@ -83,6 +84,8 @@ class Unknowns:
             *scale.each_joint(about.friction_error, FRICTIONS, n),
             about.cart_dry_friction_error, *[about.joint_dry_friction_error] * n,
             about.delay_error, about.lag_error, about.force_bias])
+        self.sizes = np.where(np.arange(len(self.names)) < self.factors, 1.0,
+                              sizes_of(self.names, n, scale))
         longest = scale.sized(LONGEST, 's')
         above = self.nominal[self.factors:]
         self.highest = np.array([*[math.log(LARGEST_FACTOR)] * self.factors,
@@ -104,6 +107,13 @@ class Unknowns:
         with np.errstate(divide='ignore', invalid='ignore'):
             logarithms = np.log(b / self.nominal)
         return np.where(np.arange(len(b)) < self.factors, logarithms, b - self.nominal)
+
+
+def sizes_of(names: Sequence[str], links: int, scale: Units) -> list[float]:
+    """Return how many times larger parameters are than with the default bodies."""
+    units = {field.name: field.metadata['unit'] for kind in (PendulumParameters, DriveParameters)
+             for field in fields_of(kind, links)}
+    return [scale.factor(units[name]) for name in names]
 
 
 @kernel

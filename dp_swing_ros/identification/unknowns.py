@@ -19,10 +19,11 @@ from typing import Any
 
 import numpy as np
 
-from dp_swing_ros.estimators.unknowns import LONGEST, Unknowns, UnknownsParameters
+from dp_swing_ros.estimators.unknowns import (
+    LONGEST, sizes_of, Unknowns, UnknownsParameters)
 from dp_swing_ros.parameters import fields_of, unknown
 from dp_swing_ros.pendulum.equations import scale_of
-from dp_swing_ros.pendulum.parameters import Drive, DriveParameters, PendulumParameters
+from dp_swing_ros.pendulum.parameters import Drive, PendulumParameters
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.pendulum.units import SAME
 
@@ -70,7 +71,7 @@ class Parametrisation:
                     for name, nominal in zip(self.names, self.nominal)]
         self.first = np.log(np.divide(of_guess, self.nominal, where=self.is_factor,
                                       out=np.ones(len(self.names))))
-        sizes = np.where(self.is_factor, 1.0, self.sizes(guess))
+        sizes = np.where(self.is_factor, 1.0, sizes_of(self.names, n, self.scale))
         rest = np.concatenate((of_filter.deviations, np.ones(n + 1)))
         self.scales = np.where(self.is_factor, SHARE, sizes * rest)
         self.differences = DIFFERENCE * sizes
@@ -84,20 +85,6 @@ class Parametrisation:
         self.held = {name: f'{value:g} is given' for name, value in known.items()}
         for name, why in unidentifiable(n, known, is_given).items():
             self.held.setdefault(name, why)
-
-    def sizes(self, guess: PendulumParameters) -> list[float]:
-        """
-        Return how many times larger each value (m,) is than with the default bodies.
-
-        Those of joints go with the masses that they bear; a cart may be as heavy as a clamp.
-        """
-        usual = PendulumParameters(links=guess.links)
-        of_joints = self.scale._replace(mass=sum(guess.masses[1:]) / sum(usual.masses[1:]))
-        units = {field.name: field.metadata['unit']
-                 for kind in (PendulumParameters, DriveParameters)
-                 for field in fields_of(kind, guess.links)}
-        return [(of_joints if name.startswith('joint') else self.scale).factor(units[name])
-                for name in self.names]
 
     def values(self, p: Array) -> Array:
         """Return the values of p; shapes: (..., m) -> (..., m)."""

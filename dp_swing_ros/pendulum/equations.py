@@ -111,7 +111,7 @@ def own_units(physical: PendulumParameters) -> Units:
     as e^λt with the generalised eigenvalues λ². The unit of time is that of the fastest, 1/λ; at
     no other equilibrium is any faster, as there D has the same eigenvalues with some of the a
     negative. That of length, g/λ², is how long a pendulum of a point mass as fast would be; that
-    of mass is all of it. So that of force is the whole weight.
+    of mass is all of it, so that of force is the whole weight, and of torques that of the links.
     """
     n, g = physical.links, physical.gravity or STANDARD_GRAVITY
     none = (0.0,) * (n + 1)
@@ -119,7 +119,7 @@ def own_units(physical: PendulumParameters) -> Units:
                      physical.inertia_factors, g, none, none, none)
     D: Any = np.array(mass_matrix(p, [0.0] * n, [1.0] * n))
     square = float(np.linalg.eigvals(np.linalg.solve(D, np.diag([0.0, *p.a]) * g)).real.max())
-    return Units(g / square, square ** -0.5, p.m)
+    return Units(g / square, square ** -0.5, p.m, sum(physical.masses[1:]))
 
 
 def scale_of(physical: PendulumParameters) -> Units:

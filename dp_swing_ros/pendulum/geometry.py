@@ -36,4 +36,5 @@ def drawn_scale(physical: PendulumParameters) -> Units:
     """
     usual = PendulumParameters(links=physical.links)
     length = float(np.mean(physical.lengths) / np.mean(usual.lengths))
-    return Units(length, math.sqrt(length), sum(physical.masses) / sum(usual.masses))
+    return Units(length, math.sqrt(length), *(
+        sum(physical.masses[first:]) / sum(usual.masses[first:]) for first in (0, 1)))

@@ -16,9 +16,10 @@ from typing import NamedTuple
 import numpy as np
 
 DIGITS = 6   # of what is scaled: nobody means the others
-# exponents of length, time and mass
-DIMENSIONS = {'m': (1, 0, 0), 's': (0, 1, 0), 'kg': (0, 0, 1), 'N': (1, -2, 1), 'J': (2, -2, 1),
-              'Hz': (0, -1, 0), 'rad': (0, 0, 0), '1': (0, 0, 0)}
+# exponents of length, time, mass, and mass of the links: what turns a joint moves those alone
+DIMENSIONS = {'m': (1, 0, 0, 0), 's': (0, 1, 0, 0), 'kg': (0, 0, 1, 0), 'N': (1, -2, 1, 0),
+              'J': (2, -2, 1, 0), 'Nm': (2, -2, 0, 1), 'Hz': (0, -1, 0, 0),
+              'rad': (0, 0, 0, 0), '1': (0, 0, 0, 0)}
 
 
 class Units(NamedTuple):
@@ -26,7 +27,8 @@ class Units(NamedTuple):
 
     length: float
     time: float
-    mass: float
+    mass: float          # of cart and links, which forces on the cart move
+    mass_of_links: float
 
     def factor(self, unit: str) -> float:
         """Return the same of what the SI measures in a unit as 'N s/m'."""
@@ -42,7 +44,7 @@ class Units(NamedTuple):
     @property
     def inverse(self) -> 'Units':
         """Return how many times smaller."""
-        return Units(1 / self.length, 1 / self.time, 1 / self.mass)
+        return Units(*(1 / each for each in self))
 
     def each_joint(self, value: float, unit: str, links: int) -> list[float]:
         """
@@ -61,7 +63,7 @@ class Units(NamedTuple):
 
 POSITIONS, SPEEDS, ACCELERATIONS = 'm, rad', 'm/s, rad/s', 'm/s^2, rad/s^2'
 STATES = f'{POSITIONS}, {SPEEDS}'
-SAME = Units(1.0, 1.0, 1.0)   # as large as the default bodies
+SAME = Units(1.0, 1.0, 1.0, 1.0)   # as large as the default bodies
 
 
 @functools.lru_cache(maxsize=64)   # every tick asks, of the same pendulum
@@ -73,12 +75,12 @@ def scaled_speeds(value: float, scale: Units, links: int) -> tuple[float, ...]:
 @functools.cache
 def dimension(unit: str) -> tuple[int, ...]:
     """
-    Return the exponents of length, time and mass in a unit as 'N s/m'.
+    Return the exponents of length, time, mass and that of the links in a unit as 'N s/m'.
 
     What is of cart and joints alike, as 'm/s, rad/s', is scaled as that of the joints.
     """
-    above, _, below = unit.rpartition(', ')[2].partition('/')
-    found = np.zeros(3, dtype=int)
+    above, _, below = unit.rpartition(', ')[2].replace('N m', 'Nm').partition('/')
+    found = np.zeros(4, dtype=int)
     for sign, text in ((1, above), (-1, below)):
         for name, exponent in re.findall(r'([A-Za-z1]+)(?:\^(\d))?', text):
             found += sign * int(exponent or 1) * np.array(DIMENSIONS[name])
@@ -98,11 +100,15 @@ def rounded(value: float) -> float:
 
 
 def in_words(unit: str) -> str:
-    """Return a unit of the SI as one of the pendulum's own, as 'M L/T^2' for 'N'."""
-    powers = dict(zip('LTM', dimension(unit)))
+    """
+    Return a unit of the SI as one of the pendulum's own, as 'M L/T^2' for 'N'.
+
+    M is the mass of all, m that of the links.
+    """
+    powers = dict(zip('LTMm', dimension(unit)))
     above, below = (' '.join(
         name + (f'^{abs(powers[name])}' if abs(powers[name]) > 1 else '')
-        for name in 'MLT' if powers[name] * sign > 0) for sign in (1, -1))
+        for name in 'MmLT' if powers[name] * sign > 0) for sign in (1, -1))
     return (above or '1') + (f'/{below}' if below else '')
 
 

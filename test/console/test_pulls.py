@@ -36,7 +36,7 @@ def test_a_hand_that_does_not_renew_its_pull_lets_go():
 
 def test_a_small_pendulum_is_pulled_as_a_large_one():
     forces = []
-    for scale in (SAME, Units(0.25, 0.5, 0.1)):
+    for scale in (SAME, Units(0.25, 0.5, 0.1, 0.1)):
         pulls, size = Pulls(), scale.length
         pulls.take(0, Pull(2, 0.5, (0.3 * size, 0.0)), 0.0)
         x = np.array([0.1 * size, 0.2, 0.1, 0.5 * size / scale.time, *[-0.4 / scale.time] * 2])

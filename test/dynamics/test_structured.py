@@ -34,7 +34,7 @@ def test_a_chain_of_rigid_links_is_structured(physical, rng):
 
 @pytest.mark.parametrize('physical', [PHYSICAL, FRICTIONAL], ids=['bodies', 'friction'])
 def test_of_a_larger_pendulum_they_are_those_of_the_larger_chain(physical):
-    scale = Units(3.0, 3.0 ** 0.5, 5.0)
+    scale = Units(3.0, 3.0 ** 0.5, 5.0, 5.0)
     numbers = {name: value for name, value in vars(physical).items() if name != 'links'}
     larger = of_chain(PendulumParameters(**sized(numbers, scale)))
     for found, expected in zip(of_chain(physical).sized(scale)[1:], larger[1:]):

@@ -184,18 +184,21 @@ def test_the_plausible_rig_is_found_within_the_figures():
             assert abs(found.values[name] - value) <= plausible_rig.allowed(name, value), name
 
 
+def recorded(motion):
+    return Recorded(motion, motion.Q, 'by one clock', rig(2), DRIVE, (rig(2), DRIVE))
+
+
 def test_a_motion_is_explained_to_within_its_encoders_or_something_else_moves():
     steps = np.array([2.5e-4, *[2 * np.pi / 4096] * 2])
     motion = swung(rig(2))
     motion = motion._replace(Q=steps * np.rint(motion.Q / steps))
     assert [resolution(q) for q in motion.Q.T] == pytest.approx(steps)
-    recorded = [Recorded(motion, motion.Q, 'by one clock', rig(2), DRIVE, (rig(2), DRIVE))]
     found = identify([motion], PendulumParameters())
     assert ('explains the motion to within the encoders, whose steps are: cart 0.25 mm, joint1 '
-            '1.53 mrad, joint2 1.53 mrad') in report(found, recorded)
+            '1.53 mrad, joint2 1.53 mrad') in report(found, [recorded(motion)])
     found = identify([motion], PendulumParameters(), known={'link2_length': 0.7})
     assert re.search(r'something else moves here.*joint2 is off by [\d.]+ times',
-                     report(found, recorded))
+                     report(found, [recorded(motion)]))
 
 
 def test_positions_on_no_grid_have_no_resolution(rng):
@@ -237,7 +240,7 @@ def changed(**fields):
 
 def size(length, mass):
     """Return how many times larger is what has so many times the lengths and masses."""
-    return Units(length, length ** 0.5, mass)
+    return Units(length, length ** 0.5, mass, mass)
 
 
 @pytest.mark.parametrize('links', [1, 2, 3])
@@ -275,7 +278,8 @@ def test_what_is_about_as_large_as_nominal_bodies_is_guessed_to_be_like_them():
 
 def test_what_meets_a_bound_is_no_estimate():
     physical = rig(1)
-    found = identify([swung(physical, duration=5.0)], PendulumParameters(links=1),
+    motion = swung(physical, duration=5.0)
+    found = identify([motion], PendulumParameters(links=1),
                      known={'cart_mass': 40 * physical.cart_mass})   # so the gain is 40
     assert found.at_bound == ['force_gain']
     assert found.values['force_gain'] == pytest.approx(30, rel=0.1)
@@ -283,7 +287,7 @@ def test_what_meets_a_bound_is_no_estimate():
     shown, file = table(found), parameter_file(found, 1, [])
     assert re.search(r'force_gain *\| +[\d.]+ \| +at the bound of the search \|', shown)
     assert re.search(r'force_gain: [\d.]+  # at the bound of the search', file)
-    assert 'force_gain: at the bound of the search' in report(found, [])
+    assert 'force_gain: at the bound of the search' in report(found, [recorded(motion)])
 
 
 @pytest.mark.parametrize('change, text', [

@@ -125,7 +125,7 @@ def test_after_a_gap_it_begins_anew(step):
 
 
 def test_a_small_pendulum_stands_still_sooner():
-    scale = Units(0.25, 0.5, 1.0)
+    scale = Units(0.25, 0.5, 1.0, 1.0)
     still = Standstill(2, scale)
     found = [still.place(0.025 * n, hanging(2)) is not None for n in range(30)]
     assert found.index(True) * 0.025 == pytest.approx(0.5 * REST, abs=0.026)
