@@ -40,6 +40,7 @@ SOLVERS = ('ilqr', 'mppi')     # around DDP stands what stands around iLQR
 SEEDS = range(1000, 1014)     # held out: nothing was chosen on them
 FEW = range(1000, 1010)       # of what a part is meant for
 SHOWN = 0.01                  # p of a difference in what is held
+ONE_A_STEP = 'one solve a step, where states come faster (one for each instead)'
 
 
 class Trial(NamedTuple):
@@ -150,7 +151,7 @@ PARTS = [
          meant=Trial('delay', 0.075)),
     Part('bounds of the force as estimated', code={(observer, 'driven_by'): nominal_bounds},
          meant=Trial('rig_gain')),
-    Part('one solve a step, where states come faster (one for each instead)', code={
+    Part(ONE_A_STEP, code={
         (Planner, 'is_due'): always}, meant=Trial('rig_all_fast')),
     Part('message filter: range', code={
         (message_filter, name): math.inf for name in ('TRACKS', 'LARGEST_SPEED')}),
@@ -159,7 +160,7 @@ PARTS = [
         (MessageFilter, 'rejection'): believed},
         meant=Trial('rig_bias', 5.0)),
     Part('message filter: velocities that are differences',
-         code={(message_filter, 'SAME'): -1.0}),
+         code={(message_filter, 'EQUAL'): -1.0}),
     Part('estimator: all of it', {'estimator': 'none'}, meant=NOISE),
     Part('estimator: all but the state', {**NO_ERRORS, 'ekf.force_bias': 0.0}),
     *(Part(f'estimator: {name}', {f'ekf.{parameter}': 0.0}, meant=meant)

@@ -2,12 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pendulums of any size, at any rate: the defaults, told nothing but bodies and limits."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
+from ablation import Ablated, ONE_A_STEP
 from campaigns import CONFIG, METHODS
 import numpy as np
 
+from dp_swing_ros.control.controllers import MPC
 from dp_swing_ros.evaluation.campaign.contestants import Contestant, key, parse
 from dp_swing_ros.evaluation.campaign.report import share
 from dp_swing_ros.evaluation.campaign.rows import Row
@@ -28,6 +31,7 @@ DURATION = {1: 10.0, 2: 10.0, 3: 20.0}   # [s] by links, of the default bodies; 
 SHORT = 6.0   # [s] of the sizes, of which none takes a second swing
 DRAWN, COUNT = 40, 100   # bodies at random: a seed of its own, and how many
 SURE, LIKELY = 0.5, 0.7   # λT up to which all are to be held, and nearly all
+ALIKE, SLOWER = 0.15, 0.1   # of a settling time that others are to be within, and not above
 
 
 # masses [kg] and lengths [m] of the multi-arm pendulum on a cart of the University of Washington,
@@ -102,6 +106,11 @@ RIGS = [
              dict(sorted(LAB_RIG.plant.items()))),
     Pendulum('`rig_all`, 0.2 m', two(0.2, 0.2), (50.0, 100.0, 200.0), scenario='rig_all',
              seeds=range(100))]
+WAYS_AT = 50.0, 200.0, 500.0   # [Hz]
+KEPT, EACH, FINE = (   # ways to answer states that come faster than steps
+    'a solve a step, feedback in between',
+    'a solve for each state, plans shifted by parts of a step',
+    'a step for each period, as many as last as long')
 RANDOM = [drawn(number) for number in range(COUNT)]
 ALL = (*SIZES, *OTHERS, *RIGS, *RANDOM)
 
@@ -115,25 +124,83 @@ def of_pendulum(one: Pendulum, rate: float, solver: str) -> Iterator[tuple[Conte
         yield contestant, case
 
 
+def of_way(way: str, rate: float) -> Iterator[tuple[Contestant, Case]]:
+    """Yield the episodes of iLQR with links of 0.2 m that answers states in a way."""
+    small = SIZES[2]
+    for contestant, case in of_pendulum(small, rate, 'ilqr'):
+        label = contestant.label if way == KEPT else f'{contestant.label}, {way}'
+        mpc = dict(contestant.mpc)
+        if way == FINE:
+            usual = MPC.complete(mpc)
+            mpc |= {'step': 1 / rate, 'horizon': round(usual['horizon'] * usual['step'] * rate)}
+        yield (Ablated(label, contestant.name, contestant.plant, mpc, ONE_A_STEP) if way == EACH
+               else replace(contestant, label=label, mpc=mpc)), case
+
+
 def episodes() -> list[tuple[Contestant, Case]]:
     """Return the episodes of all cells."""
     return [episode for one in ALL for rate in one.rates for solver in METHODS
-            for episode in of_pendulum(one, rate, solver)]
+            for episode in of_pendulum(one, rate, solver)] + [
+                episode for way in (EACH, FINE) for rate in WAYS_AT
+                for episode in of_way(way, rate)]
 
 
 def cell(one: Pendulum, rate: float, found: Mapping[Any, Row]) -> str:
     """Return how many each solver held at a rate [Hz], and λT."""
     held = [sum(found[key(*each)].metrics.success for each in of_pendulum(one, rate, solver))
             for solver in METHODS]
-    return f'{" / ".join(map(str, held))} ({1 / (rate * one.time):.2f})'
+    return f'{" / ".join(map(str, held))} ({1 / (rate * one.time):.3f})'
+
+
+def settles(one: Pendulum, runs: Iterable[tuple[Contestant, Case]],
+            found: Mapping[Any, Row]) -> float:
+    """Return the median settling time of runs in the pendulum's own units; NaN of none."""
+    metrics = [found[key(*each)].metrics for each in runs]
+    return float(np.median(
+        [of.settling_time for of in metrics if of.success] or [np.nan])) / one.time
 
 
 def settling(one: Pendulum, rate: float, found: Mapping[Any, Row]) -> str:
     """Return the median settling times of each solver in the pendulum's own units."""
-    times = [np.median([row.settling_time for row in of if row.success] or [np.nan]) for of in (
-        [found[key(*each)].metrics for each in of_pendulum(one, rate, solver)]
-        for solver in METHODS)]
-    return ' / '.join('-' if np.isnan(each) else f'{each / one.time:.1f}' for each in times)
+    times = [settles(one, of_pendulum(one, rate, solver), found) for solver in METHODS]
+    return ' / '.join('-' if np.isnan(each) else f'{each:.1f}' for each in times)
+
+
+def of_ways(found: Mapping[Any, Row]) -> str:
+    """Return a table of the ways to answer states that come faster than steps."""
+    lines = []
+    for way in (KEPT, EACH, FINE):
+        runs = [list(of_way(way, rate)) for rate in WAYS_AT]
+        held = [sum(found[key(*each)].metrics.success for each in of) for of in runs]
+        times = [settles(SIZES[2], of, found) for of in runs]
+        lines.append((way, *(f'{count} ({time:.1f})' for count, time in zip(held, times))))
+    return compact([('way', *(f'{rate:g} Hz' for rate in WAYS_AT)), *lines])
+
+
+def verdict(found: Mapping[Any, Row]) -> str:
+    """Return in words how settling goes with size and rate."""
+    sizes = {(one.name, rate, solver): settles(one, of_pendulum(one, rate, solver), found)
+             for one in SIZES for rate in FAST for solver in METHODS}
+    middle = float(np.median(list(sizes.values())))
+    low, high = (100 * (each(sizes.values()) / middle - 1) for each in (min, max))
+    slower = []
+    for one in (*SIZES, *OTHERS, *RIGS):
+        rates = [rate for rate in one.rates if 1 / (rate * one.time) <= SURE]
+        for solver in METHODS:
+            times = [settles(one, of_pendulum(one, rate, solver), found) for rate in rates]
+            worst = max((100 * (later / earlier - 1), rate, before)
+                        for n, (later, rate) in enumerate(zip(times, rates))
+                        for earlier, before in zip(times[:n], rates))
+            if worst[0] > 100 * SLOWER:
+                slower.append(f'{one.name}, `{solver}`, {worst[0]:+.0f} % ({worst[2]:g} to '
+                              f'{worst[1]:g} Hz)')
+    met = 'met' if max(-low, high) <= 100 * ALIKE else '**missed**'
+    return (f'From {FAST[0]:g} Hz on, the medians of all sizes and solvers are within {low:+.0f} '
+            f'and {high:+.0f} % of their median (aim: ±{100 * ALIKE:g} %, {met}). Of the '
+            f'{len(METHODS) * len((*SIZES, *OTHERS, *RIGS))} bodies by solvers of the tables here '
+            f'and below, {len(slower)} settle more than {100 * SLOWER:g} % later at some rate '
+            f'than at a lower one (aim: none{", met" if not slower else ", **missed**"})'
+            f'{": " * bool(slower)}{"; ".join(slower)}.')
 
 
 Cell = Callable[[Pendulum, float, Mapping[Any, Row]], str]
@@ -185,7 +252,8 @@ def page(rows: Sequence[Row], made: str) -> str:
         'All of these and of the other bodies together:', in_short(found),
         'Two links of the same length each, 0.5 kg, a cart of 1 kg:',
         table(SIZES, cell, found), 'Median settling in units of 1/λ:',
-        table(SIZES, settling, found), '## Other bodies', table(OTHERS, cell, found),
+        table(SIZES, settling, found), verdict(found),
+        '## Other bodies', table(OTHERS, cell, found),
         'Median settling in units of 1/λ:', table(OTHERS, settling, found),
         'Published are masses and lengths, as uniform rods, of Kaheman et al., "The experimental '
         'multi-arm pendulum on a cart", HardwareX 15, 2023, with a cart of '
@@ -193,6 +261,11 @@ def page(rows: Sequence[Row], made: str) -> str:
         '0.42 and 0.48 m are about '
         'as long as those of Glück, Eder and Kugi, "Swing-up control of a triple pendulum on a '
         'cart with experimental validation", Automatica 49, 2013.',
+        '## States faster than steps',
+        'Three ways to answer them, by `ilqr` with links of 0.2 m: held of '
+        f'{len(SEEDS)}, and in brackets the median settling in units of 1/λ. The first is what '
+        'the mpc does; the last takes as many times longer as its steps are more.',
+        of_ways(found),
         '## Bodies at random',
         f'{len(RANDOM)} pendulums that nobody chose: one to three links around a length from 0.1 '
         'to 2 m and a mass from 0.05 to 2 kg, which differ by a factor of up to 2.7 and 4 among '
