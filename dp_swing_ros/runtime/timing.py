@@ -247,7 +247,7 @@ class GoalWatch:
         if is_there or arrives or t < self.planned:
             self.planned = t
         if t - self.planned > HORIZONS * horizon:
-            return (f'no plan has come to the goal for {t - self.planned:.1f} s, that is '
+            return (f'no plan has come to the goal for {t - self.planned:.1f} s, more than '
                     f"{HORIZONS} horizons; expected a longer 'horizon', or a goal that can be "
                     'reached')
         return '' if t - self.there <= IN_VAIN * horizon else (

@@ -14,7 +14,7 @@ from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tables import aligned
 from dp_swing_ros.tools.command_lines import bag_parser, beside, execute, OK, progress, within
 
-AT = 0.5         # [s] the pendulum moves, and everything is still open
+AT = 0.5         # [s] scaled: the pendulum moves, and everything is still open
 SHORTEST = 1e-3  # [s]
 
 
@@ -28,9 +28,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         'above the least of all. All are pushed as was recorded, their forces act as late as '
         'the recorded ones did at the median, and no deadline cuts a solve short.')
     when = parser.add_mutually_exclusive_group()
-    when.add_argument('--at', type=within(float, 0), default=AT, metavar='SECONDS',
-                      help=f'take over this long after the first state (default: {AT:g}: the '
-                           'pendulum moves, and everything is still open)')
+    when.add_argument('--at', type=within(float, 0), metavar='SECONDS',
+                      help=f'take over this long after the first state (default: {AT:g} with '
+                           'links of 1 m, and as long in own units with others: the pendulum '
+                           'moves, and everything is still open)')
     when.add_argument('--every', type=within(float, SHORTEST), metavar='SECONDS',
                       help='take over again and again, for the regret over the run')
     parser.add_argument('--solvers', nargs='+', choices=list(SOLVERS), default=list(SOLVERS),
@@ -46,7 +47,8 @@ def _compare(arguments: argparse.Namespace) -> int:
     bag = Bag(arguments.bag, arguments.partial, arguments.namespace, arguments.node)
     run, duration = Run(bag), arguments.duration
     solvers = list(dict.fromkeys(arguments.solvers))
-    ticks = [run.tick_at(arguments.at, duration)] if arguments.every is None \
+    at = run.problem.scale.sized(AT, 's') if arguments.at is None else arguments.at
+    ticks = [run.tick_at(at, duration)] if arguments.every is None \
         else run.ticks_every(arguments.every, duration)
     with progress(total=len(ticks) * len(solvers), desc='take-overs') as bar:
         found = [counterfactual(run, tick, solvers, duration, bar.update) for tick in ticks]

@@ -30,8 +30,8 @@ are refused.
 
 Where a unit has another one behind it, made of M, L and T, the default is that of the default
 bodies; for others it is the same number of [the pendulum's own
-units](theory.md#units-of-the-pendulum) of mass, length and time. What is in force says
-`ros2 param get`.
+units](theory.md#units-of-the-pendulum) of mass (m: of the links alone), length and time. What is
+in force says `ros2 param get`.
 """
 
 

@@ -14,7 +14,7 @@ from std_msgs.msg import Float64
 
 from dp_swing_ros.messages.fields import seconds
 from dp_swing_ros.nodes.connections import subscribe
-from dp_swing_ros.nodes.fast_lane import FastLane, OFTEN, TURN
+from dp_swing_ros.nodes.fast_lane import FastLane, OFTEN
 from dp_swing_ros.topics import DISTURBANCE, FORCE_COMMAND, JOINT_STATES
 
 RATE = 400.0   # [Hz]
@@ -77,9 +77,8 @@ def test_timers_have_their_turn(peer):
 
 def test_it_is_over_when_messages_come_no_more(lane):
     one, heard, publisher = lane
-    began = time.monotonic()
     one.serve(never)
-    assert not one.is_busy and time.monotonic() - began < 10 * OFTEN
+    assert not one.is_busy
 
 
 def test_it_is_for_what_comes_often_alone(lane):
@@ -101,9 +100,8 @@ def test_a_turn_ends_though_messages_come_on(lane):
     for _ in range(2000):
         publisher.publish(Float64())
     one.subscription.callback = lambda message: time.sleep(1e-3) or heard.append(message)
-    began = time.monotonic()
     one.serve(never)
-    assert time.monotonic() - began < 10 * TURN
+    assert len(heard) < 2000
 
 
 def test_nothing_is_called_back_for_when_all_is_over(lane):

