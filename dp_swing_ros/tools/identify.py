@@ -153,7 +153,8 @@ def report(found: Identified, motions: Sequence[Recorded]) -> str:
 
 def explained(found: Identified, motions: Sequence[Recorded]) -> list[str]:
     """Return in words whether what is missed is what encoders round off, where such are seen."""
-    rms, names = found.rms('after'), joints(len(found.rms('after')) - 1)
+    rms = found.rms('after')
+    names = joints(len(rms) - 1)
     steps = [np.max([resolution(each.motion.Q[:, i]) for each in motions])
              for i in range(len(rms))]
     seen = [i for i in found.joints if steps[i] > 0]
