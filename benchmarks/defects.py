@@ -137,7 +137,7 @@ DEFECTS = [
     defect('refusals in a row are counted over accepted states', 'estimators/kalman.py',
            '                self.in_a_row = 0\n', '', 'estimators'),
     defect('the Jacobian of the filter is transposed', 'estimators/gaussian.py',
-           '(ends_of[j, i] - mean[i]) / SMALL', '(ends_of[i, j] - mean[j]) / SMALL',
+           '(ends_of[j, i] - mean[i]) / differences', '(ends_of[i, j] - mean[j]) / differences',
            'estimators'),
     defect('the error of the time has the wrong sign', 'estimators/gaussian.py',
            'mean[i] - rate[i] * mean[k]', 'mean[i] + rate[i] * mean[k]', 'estimators'),
