@@ -9,9 +9,9 @@ from std_msgs.msg import Float64
 
 from dp_swing_ros.messages.fields import seconds
 from dp_swing_ros.nodes.connections import publish, subscribe
-from dp_swing_ros.nodes.parameters import named
 from dp_swing_ros.nodes.process import ProcessNode, run
 from dp_swing_ros.nodes.ros_parameters import declare
+from dp_swing_ros.parameters import named
 from dp_swing_ros.parameters.scheduling import SchedulingParameters
 from dp_swing_ros.topics import JOINT_STATES, Topic
 

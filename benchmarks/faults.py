@@ -36,10 +36,9 @@ from std_msgs.msg import Float64
 from dp_swing_ros.messages.fields import BILLION, OK, Report, WARN
 from dp_swing_ros.nodes.connections import publish, QUEUE, subscribe
 from dp_swing_ros.nodes.diagnostics import Diagnostics
-from dp_swing_ros.nodes.parameters import named
 from dp_swing_ros.nodes.process import ProcessNode, run
 from dp_swing_ros.nodes.ros_parameters import allow_changes, announce, declare
-from dp_swing_ros.parameters import group, parameter, Parameters
+from dp_swing_ros.parameters import group, named, parameter, Parameters
 from dp_swing_ros.streams import stream
 from dp_swing_ros.topics import FORCE_COMMAND, JOINT_STATES, Topic
 

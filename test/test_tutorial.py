@@ -16,8 +16,8 @@ from real_bags import record
 from dp_swing_ros.__main__ import TOOLS
 from dp_swing_ros.declarations import DECLARATIONS
 from dp_swing_ros.estimators.estimator import Estimator
-from dp_swing_ros.nodes.parameters import LoggerParameters, named
-from dp_swing_ros.parameters import checked
+from dp_swing_ros.nodes.parameters import LoggerParameters
+from dp_swing_ros.parameters import checked, named
 from dp_swing_ros.parameters.files import value_of
 from dp_swing_ros.tools.demo import command_line
 

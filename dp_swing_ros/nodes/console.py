@@ -31,10 +31,10 @@ from dp_swing_ros.errors import one_line
 from dp_swing_ros.messages.configuration import CONTROLLER, PLANT
 from dp_swing_ros.nodes.actions import Actions, DEFAULTS
 from dp_swing_ros.nodes.connections import message_class, NAMELESS, owners, subscribe
-from dp_swing_ros.nodes.parameters import named
 from dp_swing_ros.nodes.partners import Partner
 from dp_swing_ros.nodes.process import ProcessNode, run
 from dp_swing_ros.nodes.ros_parameters import allow_changes, declare, overrides
+from dp_swing_ros.parameters import named
 from dp_swing_ros.parameters.console import ConsoleParameters
 from dp_swing_ros.pendulum.parameters import GIVEN
 from dp_swing_ros.provenance import package_version

@@ -7,8 +7,8 @@ import textwrap
 from typing import NamedTuple
 
 from dp_swing_ros.declarations import DECLARATIONS
-from dp_swing_ros.nodes.parameters import OWN, shown
-from dp_swing_ros.parameters import expected
+from dp_swing_ros.nodes.parameters import OWN
+from dp_swing_ros.parameters import expected, shown
 from dp_swing_ros.pendulum.state import DEFAULT_LINKS
 from dp_swing_ros.topics import (
     CONFIGURATION, CONTROLLER_COMMANDS, DIAGNOSTICS, DISTURBANCE, FORCE_COMMAND,

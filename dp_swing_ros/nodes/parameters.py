@@ -1,20 +1,15 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Parameters of logger, replay and console, and the tables of all parameters; needs no ROS.
+Parameters of logger and replay, and of all nodes but plant and mpc; needs no ROS.
 
 Plant and mpc have theirs where the plant and the controller are: see declarations.py.
 """
 
-from collections.abc import Mapping
 import dataclasses
-import math
-from typing import Any
 
-from dp_swing_ros.parameters import expected, parameter, Parameters
+from dp_swing_ros.parameters import named, parameter, Parameters
 from dp_swing_ros.parameters.console import ConsoleParameters
-from dp_swing_ros.pendulum.units import in_words
-from dp_swing_ros.tables import compact
 from dp_swing_ros.topics import TOPICS
 
 SENT, RECEIVED = ORDERS = ('sent', 'received')  # the time of a message that counts
@@ -68,43 +63,6 @@ class ReplayParameters(Parameters):
     wait: float = parameter(
         2.0, 'at most, for subscribers of the topics to be found', unit='s', minimum=0.0)
     delay: float = parameter(0.0, 'before the first message', unit='s', minimum=0.0)
-
-
-def table(fields: Mapping[str, dataclasses.Field]) -> str:
-    """Return the Markdown table of parameters by their full names."""
-    return compact([('parameter', 'default', 'unit', 'range', 'description'), *(
-        (f'`{name}`', f'`{shown(field.default)}`', unit_of(field), expected(field),
-         field.metadata['description'] + ('' if field.metadata['live'] else '; stays')
-         + ('; never shown' if field.metadata['secret'] else ''))
-        for name, field in fields.items())]) + '\n'
-
-
-def unit_of(field: dataclasses.Field) -> str:
-    """Return the unit of a parameter, and after it in what own unit its default is the same."""
-    unit: str = field.metadata['unit']
-    if not field.metadata['scaled']:
-        return unit
-    kinds = unit.split(', ') if isinstance(field.default, tuple) else [unit]
-    return f'{unit} ({", ".join(map(in_words, kinds))})'
-
-
-def named(group: type[Parameters], prefix: str = '') -> dict[str, dataclasses.Field]:
-    """Return the parameters of a group by their full names."""
-    return {prefix + field.name: field for field in dataclasses.fields(group)}
-
-
-def shown(value: Any) -> str:
-    """Return the value of a parameter as it is given on the command line."""
-    if isinstance(value, tuple):
-        # ROS wants a point in each number of a list, if it is in one
-        texts = (str(each) if isinstance(each, float) and math.isfinite(each) else shown(each)
-                 for each in value)
-        return f'[{", ".join(texts)}]'
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, float) and math.isinf(value):
-        return '.inf'
-    return f'{value:g}' if isinstance(value, float) else str(value)
 
 
 # by the name of the node, but for plant and mpc

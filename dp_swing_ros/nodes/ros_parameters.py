@@ -26,8 +26,8 @@ from std_msgs.msg import String
 from dp_swing_ros.errors import one_line, SHOWN
 from dp_swing_ros.messages.configuration import Configuration
 from dp_swing_ros.nodes.connections import publish
-from dp_swing_ros.nodes.parameters import shown
-from dp_swing_ros.parameters import checked, expected, LARGEST, ParameterError, unknown
+from dp_swing_ros.parameters import (
+    checked, expected, LARGEST, ParameterError, shown, unknown)
 from dp_swing_ros.parameters.files import ANY_NODE, for_node, QOS_OVERRIDES, sections, value_of
 from dp_swing_ros.provenance import commit, machine, package_version, packages, sources
 from dp_swing_ros.topics import CONFIGURATION

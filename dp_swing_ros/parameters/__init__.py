@@ -74,6 +74,11 @@ def fields_of(group: type[Parameters], links: int) -> list[dataclasses.Field]:
     return [field for field in dataclasses.fields(group) if field.metadata['links'] <= links]
 
 
+def named(group: type[Parameters], prefix: str = '') -> dict[str, dataclasses.Field]:
+    """Return the parameters of a group by their full names."""
+    return {prefix + field.name: field for field in dataclasses.fields(group)}
+
+
 def checked(field: dataclasses.Field, value: Any, name: str = '') -> Any:
     """
     Return the value in its declared type; `name` is its full name, if not the field's.
@@ -145,6 +150,20 @@ def _sequence(value: Any, kind: type, sizes: list[int],
     if sizes and len(elements) not in sizes:
         raise refuse(expected)
     return elements
+
+
+def shown(value: Any) -> str:
+    """Return the value of a parameter as it is given on the command line."""
+    if isinstance(value, tuple):
+        # ROS wants a point in each number of a list, if it is in one
+        texts = (str(each) if isinstance(each, float) and math.isfinite(each) else shown(each)
+                 for each in value)
+        return f'[{", ".join(texts)}]'
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float) and math.isinf(value):
+        return '.inf'
+    return f'{value:g}' if isinstance(value, float) else str(value)
 
 
 def unknown(name: str, node: str, known: Iterable[str]) -> ParameterError:

@@ -3,16 +3,19 @@
 """`ros2 run dp_swing_ros parameters`: the reference of all parameters, or those of a URDF."""
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+import dataclasses
 from pathlib import Path
 
 import yaml
 
 from dp_swing_ros.declarations import DECLARATIONS, shared
 from dp_swing_ros.errors import UserError
-from dp_swing_ros.nodes.parameters import OWN, shown, table
+from dp_swing_ros.nodes.parameters import OWN
+from dp_swing_ros.parameters import expected, shown
 from dp_swing_ros.pendulum.description import Found, parameters_of
 from dp_swing_ros.pendulum.state import DEFAULT_LINKS, LINKS
+from dp_swing_ros.pendulum.units import in_words
 from dp_swing_ros.tables import compact
 from dp_swing_ros.tools.command_lines import execute, OK, program
 
@@ -59,6 +62,24 @@ def other_defaults() -> str:
     return compact([('parameter', *(f'links {links}' for links in LINKS)), *(
         (f'`{name}`', *(f'`{shown(fields[links][name].default)}`' for links in LINKS))
         for name in names)]) + '\n'
+
+
+def table(fields: Mapping[str, dataclasses.Field]) -> str:
+    """Return the Markdown table of parameters by their full names."""
+    return compact([('parameter', 'default', 'unit', 'range', 'description'), *(
+        (f'`{name}`', f'`{shown(field.default)}`', unit_of(field), expected(field),
+         field.metadata['description'] + ('' if field.metadata['live'] else '; stays')
+         + ('; never shown' if field.metadata['secret'] else ''))
+        for name, field in fields.items())]) + '\n'
+
+
+def unit_of(field: dataclasses.Field) -> str:
+    """Return the unit of a parameter, and after it in what own unit its default is the same."""
+    unit: str = field.metadata['unit']
+    if not field.metadata['scaled']:
+        return unit
+    kinds = unit.split(', ') if isinstance(field.default, tuple) else [unit]
+    return f'{unit} ({", ".join(map(in_words, kinds))})'
 
 
 def main(argv: Sequence[str] | None = None) -> int:

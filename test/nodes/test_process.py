@@ -20,10 +20,9 @@ import sys
 import time
 
 from dp_swing_ros.errors import UserError
-from dp_swing_ros.nodes.parameters import named
 from dp_swing_ros.nodes.process import ProcessNode, run
 from dp_swing_ros.nodes.ros_parameters import declare
-from dp_swing_ros.parameters import parameter, Parameters
+from dp_swing_ros.parameters import named, parameter, Parameters
 
 
 @dataclasses.dataclass(frozen=True)

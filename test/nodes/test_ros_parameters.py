@@ -19,12 +19,12 @@ from rclpy.utilities import remove_ros_args
 from dp_swing_ros import declarations
 from dp_swing_ros.messages.configuration import Configuration
 from dp_swing_ros.nodes import ros_parameters
-from dp_swing_ros.nodes.parameters import named, shown, table
 from dp_swing_ros.nodes.ros_parameters import allow_changes, check_given, declare
-from dp_swing_ros.parameters import parameter, ParameterError, Parameters
+from dp_swing_ros.parameters import named, parameter, ParameterError, Parameters, shown
 from dp_swing_ros.parameters.console import ConsoleParameters
 from dp_swing_ros.parameters.files import value_of
 from dp_swing_ros.pendulum.state import joints, LINKS
+from dp_swing_ros.tools.parameters import table
 
 SCALARS = (bool, int, float, str)
 
