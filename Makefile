@@ -39,10 +39,11 @@ demo:  ## swing up and hold in real time for 10 s (SOLVER=ilqr, ddp or mppi; RIG
 play: setup  ## plant, mpc and a page in the browser to pull at them (SOLVER=...; LOCKSTEP=1: can be paused, stepped, slowed down)
 	@$(WITH_ROS) && ros2 run dp_swing_ros play --solver $(SOLVER) $(if $(LOCKSTEP),--lockstep)
 
-docs: setup  ## the references of parameters, constants and the Python API, the drawings, the table of rooms, which results are older
+docs: setup  ## the references of parameters, constants, diagnostics and the Python API, the drawings, the table of rooms, which results are older
 	@$(WITH_ROS) && ros2 run dp_swing_ros parameters > docs/parameters.md && \
 	  python scripts/api_reference.py > docs/api.md && python scripts/house.py --docs && \
 	  python scripts/constants.py > docs/constants.md && \
+	  python scripts/diagnostics.py > docs/diagnostics.md && \
 	  for drawing in sketch architecture theory; do \
 	    python scripts/$$drawing.py docs/figures || exit; done && \
 	  python benchmarks/published.py --mark

@@ -170,7 +170,8 @@ DEFECTS = [
            'self.missed_total += steps - 1 if', 'self.missed_total += 2 * (steps - 1) if',
            'runtime'),
     defect('a figure of the diagnostics has another name', 'messages/ticks.py',
-           'found[name] = value', "found[name.replace('_total', '_ticks')] = value",
+           'found[each.name] = value',
+           "found[each.name.replace('_total', '_ticks')] = value",
            'runtime tools/test_analyse.py'),
     defect('a deadline is counted from the state, not from the tick', 'runtime/schedule.py',
            ' began + min(', ' t + min(', 'runtime'),
@@ -230,7 +231,7 @@ DEFECTS = [
            'if now < until}', 'if until}', 'console/test_pulls.py'),
     defect('a page of any port is ours', 'console/access.py',
            'if port != str(self.port):', 'if not port:', 'console/test_access.py'),
-    defect('the lead is that over the dearest start', 'messages/ticks.py',
+    defect('the lead is that over the dearest start', 'runtime/report.py',
            'costs[1] - costs[0]', 'costs[-1] - costs[0]', 'runtime')]
 
 

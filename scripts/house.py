@@ -47,10 +47,10 @@ COMMON = {'environment', 'errors', 'executables', 'provenance', 'streams', 'tabl
 CONTRACTS = {
     'plant': Contract({
         'kernels', 'messages', 'nodes', 'parameters', 'pendulum', 'problem', 'runtime',
-        'simulation'}, 55),
+        'simulation'}, 53),
     'mpc': Contract({
         'control', 'dynamics', 'estimators', 'kernels', 'messages', 'nodes', 'parameters',
-        'pendulum', 'problem', 'runtime', 'solvers'}, 86),
+        'pendulum', 'problem', 'runtime', 'solvers'}, 85),
     'logger': Contract({
         'bags', 'messages', 'nodes', 'parameters', 'pendulum', 'simulation'}, 38)}
 

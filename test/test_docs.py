@@ -10,6 +10,7 @@ import sys
 
 import architecture
 from constants import constants_of
+from diagnostics import page
 import pytest
 
 from dp_swing_ros.tools.parameters import reference
@@ -26,6 +27,10 @@ def test_the_list_of_constants_is_current():
     made = subprocess.run([sys.executable, TOP / 'scripts' / 'constants.py'], check=True,
                           capture_output=True, text=True).stdout
     assert (TOP / 'docs' / 'constants.md').read_text() == made, 'run `make docs`'
+
+
+def test_the_reference_of_diagnostics_is_current():
+    assert (TOP / 'docs' / 'diagnostics.md').read_text() == f'{page()}\n', 'run `make docs`'
 
 
 @pytest.mark.parametrize('comment, verdict', [

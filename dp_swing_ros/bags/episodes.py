@@ -18,6 +18,7 @@ from dp_swing_ros.messages.configuration import (
 from dp_swing_ros.messages.fields import (
     BILLION, from_diagnostics, links_in, nanoseconds, Report, to_force, to_measured, to_state)
 from dp_swing_ros.messages.states import by_publisher, FEW, Kind, kind_of, States
+from dp_swing_ros.messages.ticks import keys_of_state, KINDS
 from dp_swing_ros.parameters import group
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.pendulum.sensors import default_sensors, SensorParameters
@@ -134,9 +135,8 @@ def completed(samples: list[Sample], reports: list[Report]) -> list[Sample]:
         values = ticks.get(sample.stamp, {})
         q, v = np.hsplit(sample.x, 2)
         if np.isfinite(q).all():   # else it is no state at all
-            estimated = [values.get(f'estimate_{joint}_velocity', math.nan)
-                         for joint in joints(links_of_state(sample.x))]
-            v = np.where(np.isnan(v), estimated, v)
+            keys = keys_of_state('estimate', links_of_state(sample.x))[len(q):]
+            v = np.where(np.isnan(v), [values.get(key, math.nan) for key in keys], v)
         found.append(Sample(sample.stamp, np.concatenate((q, v)),
                             sent if math.isnan(sample.force) else sample.force))
         sent = float(values.get('force', sent))
@@ -317,13 +317,10 @@ def _sample(message: Any, links: int, sensors: SensorParameters) -> Sample:
 
 
 def _ticks(reports: list[Report], start: int) -> Ticks:
-    def column(key: str, kind: type) -> Array:
-        missing = [report for report in reports if key not in report.values]
-        if missing:
+    found: dict[str, Any] = {}
+    for key in Ticks._fields[1:]:
+        if not all(key in report.values for report in reports):
             raise ValueError(f'a tick of {CONTROLLER} does not give its {key}')
-        return np.array([report.values[key] for report in reports], dtype=kind)
-
-    return Ticks(t=np.array([report.stamp - start for report in reports]) / BILLION,
-                 cost=column('cost', float), iterations=column('iterations', int),
-                 solve_time=column('solve_time', float), latency=column('latency', float),
-                 late=column('late', bool), status=column('status', str).tolist())
+        found[key] = np.array([report.values[key] for report in reports], dtype=KINDS[key])
+    return Ticks(np.array([report.stamp - start for report in reports]) / BILLION,
+                 **{**found, 'status': found['status'].tolist()})

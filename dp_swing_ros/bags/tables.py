@@ -3,7 +3,6 @@
 """A run as pandas frames whose columns name their units: its states and its plans."""
 
 import dataclasses
-import itertools
 
 import numpy as np
 import pandas
@@ -11,17 +10,17 @@ import pandas
 from dp_swing_ros.bags.episodes import reports_of, samples_of
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.messages.fields import BILLION, from_trajectory, nanoseconds
+from dp_swing_ros.messages.ticks import keys_of_state, TickReport
 from dp_swing_ros.pendulum.parameters import DriveParameters, PendulumParameters
-from dp_swing_ros.pendulum.state import Array, columns, joints, LINKS, links_of, units, wrapped
+from dp_swing_ros.pendulum.state import Array, columns, LINKS, links_of, units, wrapped
 from dp_swing_ros.topics import PLAN
 
-UNITS = {'step': 's', 'solve_time': 's', 'latency': 's', 'delay': 's', 'force': 'N',
-         **{field.name: field.metadata['unit'] for group in (PendulumParameters, DriveParameters)
-            for field in dataclasses.fields(group)},
-         **{f'{what}_{joint}_{kind}': unit for what in ('estimate', 'innovation')
-            for (kind, joint), unit in zip(
-                itertools.product(('position', 'velocity'), joints(max(LINKS))),
-                units(max(LINKS)))}}
+UNNAMED = {'age', 'time', 'time_noise', 'sent'}   # columns that have always been without a unit
+UNITS = {**{field.name: field.metadata['unit']
+            for group in (TickReport, PendulumParameters, DriveParameters)
+            for field in dataclasses.fields(group) if field.name not in UNNAMED},
+         **{key: unit for what in ('estimate', 'innovation')
+            for key, unit in zip(keys_of_state(what, max(LINKS)), units(max(LINKS)))}}
 
 
 def state_columns(links: int) -> list[str]:

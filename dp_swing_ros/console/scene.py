@@ -15,11 +15,12 @@ from dp_swing_ros.messages.configuration import (
     Configuration, CONTROLLER, from_text, PLANT, role_of)
 from dp_swing_ros.messages.fields import (
     from_diagnostics, from_trajectory, links_in, nanoseconds, Report, seconds, to_force, to_state)
+from dp_swing_ros.messages.ticks import keys_of_state
 from dp_swing_ros.parameters import group, ParameterError
 from dp_swing_ros.pendulum.geometry import drawn_scale
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.pendulum.sensors import default_sensors, SensorParameters
-from dp_swing_ros.pendulum.state import Array, joints
+from dp_swing_ros.pendulum.state import Array, links_of
 from dp_swing_ros.pendulum.units import decimals
 from dp_swing_ros.pendulum.urdf import from_urdf
 from dp_swing_ros.topics import (
@@ -225,8 +226,7 @@ class Scene:
         obeyed = values.get('status') not in UNPLANNED
         plan_, tries_ = (self._of(tick, found) if obeyed else None
                          for found in (self.plans, self.tries))
-        estimate = [values.get(f'estimate_{joint}_{kind}') for kind in ('position', 'velocity')
-                    for joint in joints(len(self.x) // 2 - 1)]
+        estimate = [values.get(key) for key in keys_of_state('estimate', links_of(self.x))]
         force = values.get('force', self.force if self._counts(self.commanded) else math.nan)
         return {
             'kind': 'frame', 't': self.t, 'time': round(self.time, 6), 'x': numbers(self.x),

@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Read messages by their fields; needs no ROS, so it reads those of a bag just as well."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+import dataclasses
 import math
 from typing import Any, NamedTuple
 
@@ -15,6 +16,8 @@ from dp_swing_ros.pendulum.state import Array, joints, LINKS
 
 BILLION = 1_000_000_000  # nanoseconds in a second
 OK, WARN, ERROR = range(3)   # levels of a report
+
+Figures = Mapping[str, float | int | str]
 
 
 class Trajectory(NamedTuple):
@@ -37,6 +40,15 @@ class Report(NamedTuple):
     message: str
     values: dict[str, float | int | str]
     part: str = ''   # of the node, whose status it is
+
+
+def diagnostic(words: str, unit: str = '', key: str = '', **default: Any) -> Any:
+    """
+    Declare a value of a report as a dataclass field: what it says, its unit, its default.
+
+    `key` is that of each item of a mapping, around the item's own.
+    """
+    return dataclasses.field(metadata={'words': words, 'unit': unit, 'key': key}, **default)
 
 
 def seconds(stamp: Any) -> float:

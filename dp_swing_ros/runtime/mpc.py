@@ -19,7 +19,6 @@ from dp_swing_ros.messages.configuration import from_text, is_of_plant
 from dp_swing_ros.messages.fields import (
     ERROR, nanoseconds, OK, Report, to_measured, to_state, WARN)
 from dp_swing_ros.messages.states import States
-from dp_swing_ros.messages.ticks import TickReport, tip_paths
 from dp_swing_ros.parameters import group
 from dp_swing_ros.pendulum.equations import scale_of
 from dp_swing_ros.pendulum.parameters import PendulumParameters
@@ -29,6 +28,7 @@ from dp_swing_ros.problem.plan import FALLBACK, Plan, Status
 from dp_swing_ros.runtime.handshake import Handshake, Peers
 from dp_swing_ros.runtime.loading import Loader, SLOWEST
 from dp_swing_ros.runtime.pace import Answer
+from dp_swing_ros.runtime.report import tick_report, tip_paths
 from dp_swing_ros.runtime.schedule import Arrived, Clocks, Schedule, Slot
 from dp_swing_ros.runtime.timing import GoalWatch, Measured, Setbacks
 
@@ -381,7 +381,7 @@ class MpcCore:
             level = ERROR
         elif warning or late or stats.status in (*FALLBACK, Status.DISABLED):
             level = WARN
-        tick = TickReport.of(
+        tick = tick_report(
             plan, problem, controller.belief.estimate, solver=self.parameters.solver, time=time,
             late=late, late_total=self.late_total, missed_total=self.schedule.missed_total,
             time_noise=self.time_noise, carried=self.carried, resets=self.resets,

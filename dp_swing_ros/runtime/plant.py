@@ -3,7 +3,7 @@
 """What the plant does with what comes, and when: the node without ROS, by any clock."""
 
 from collections.abc import Set
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 import math
 from typing import NamedTuple
@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dp_swing_ros.messages.configuration import BEFORE
-from dp_swing_ros.messages.fields import BILLION, ERROR, OK, Report, WARN
+from dp_swing_ros.messages.fields import BILLION, diagnostic, ERROR, OK, Report, WARN
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.pendulum.urdf import urdf
 from dp_swing_ros.runtime.pace import Answer, Pace
@@ -67,15 +67,19 @@ Sent = list[State | Report | Announcement | Description | Warned]
 
 
 @dataclass
-class Counts:
-    """What a plant counts from its start on, as it reports it."""
+class PlantReport:
+    """What a plant reports, by its keys in /diagnostics; it counts from its start on."""
 
-    commands: int = 0
-    refused: int = 0
-    refused_disturbances: int = 0
-    skipped_ticks: int = 0
-    lost_commands: int = 0
-    lost_states: int = 0
+    time: float = diagnostic('since the start, or the last reset', 's', default=0.0)
+    push: float = diagnostic('through the period that begins', 'N', default=0.0)
+    commands: int = diagnostic('forces that came', default=0)
+    refused: int = diagnostic('that were no finite numbers', default=0)
+    refused_disturbances: int = diagnostic('beyond `disturbance_limit`', default=0)
+    skipped_ticks: int = diagnostic('periods without a state, for the tick before was late',
+                                    default=0)
+    lost_commands: int = diagnostic('as the parameters ask for', default=0)
+    lost_states: int = diagnostic('as the parameters ask for', default=0)
+    paused: bool = diagnostic('between two periods, in lockstep', default=False)
 
 
 class PlantCore:
@@ -92,7 +96,7 @@ class PlantCore:
         """Take the plant, which stands still until `begin`."""
         self.stepper, self.pace = Stepper(plant), Pace()
         self.lockstep = plant.parameters.lockstep
-        self.counts, self.refusals = Counts(), 0     # and those that were reported
+        self.counts, self.refusals = PlantReport(), 0   # and those that were reported
         self.configured = Announcement()
         self.begun = self.done = False
         self.push = 0.0                     # [N] asked for the next period
@@ -269,8 +273,8 @@ class PlantCore:
         """Return what the plant counts, and the push through the period that begins [N]."""
         level, message = self.verdict()
         self.reported, self.refusals = self.plant.t, self.refused()
-        return Report(self.stamp(self.plant.t), level, message, {
-            'time': self.plant.t, 'push': push, **vars(self.counts), 'paused': self.pace.paused})
+        return Report(self.stamp(self.plant.t), level, message, vars(replace(
+            self.counts, time=self.plant.t, push=push, paused=self.pace.paused)))
 
     def refused(self) -> int:
         """Return how many forces and disturbances were refused."""

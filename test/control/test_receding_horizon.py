@@ -419,7 +419,7 @@ def test_after_warming_up_no_tick_compiles_or_loads(solver, tmp_path):
 import sys
 from numba.core.dispatcher import Dispatcher
 from controllers import controller, plant
-from dp_swing_ros.messages.ticks import TickReport
+from dp_swing_ros.runtime.report import tick_report
 
 def compiled():
     return {{kernel.py_func.__qualname__: len(kernel.overloads)
@@ -437,8 +437,8 @@ for n in range(60):
         plan = c.fallback(p.t)
     else:
         plan = c.update(measured.t, measured.x + (n == 30), 0.02)
-    TickReport.of(plan, c.belief.problem, c.belief.estimate, delay=0.0, force=0.0,
-                  real_time=True, carried=0, resets=0, number=n)
+    tick_report(plan, c.belief.problem, c.belief.estimate, delay=0.0, force=0.0,
+                real_time=True, carried=0, resets=0, number=n)
     p.obey(plan.first_force(20.0))
     p.advance(0.05)
 assert len(before) > 30, before
