@@ -50,12 +50,12 @@ CONTRACTS = {
         'simulation'}, 53),
     'mpc': Contract({
         'control', 'dynamics', 'estimators', 'kernels', 'messages', 'nodes', 'parameters',
-        'pendulum', 'problem', 'runtime', 'solvers'}, 85),
+        'pendulum', 'problem', 'runtime', 'solvers'}, 86),
     'logger': Contract({
         'bags', 'messages', 'nodes', 'parameters', 'pendulum', 'simulation'}, 38)}
 
 
-MOST = {'class': 351, 'module': 439}   # lines of the largest: what is there may only shrink
+MOST = {'class': 275, 'module': 379}   # lines of the largest: what is there may only shrink
 
 
 class Room(NamedTuple):

@@ -16,9 +16,10 @@ from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
 from dp_swing_ros.pendulum.state import joints
 from dp_swing_ros.runtime.handshake import Peers
 from dp_swing_ros.runtime.loading import kind_of
-from dp_swing_ros.runtime.mpc import Announcement, Force, MpcCore, Planned, Said, Wake
+from dp_swing_ros.runtime.mpc import MpcCore
 from dp_swing_ros.runtime.plant import PlantCore, State
 from dp_swing_ros.runtime.schedule import Arrived
+from dp_swing_ros.runtime.sent import Announcement, Force, Planned, Said, Wake
 from dp_swing_ros.simulation import plants
 from dp_swing_ros.topics import CONFIGURATION, FORCE_COMMAND, JOINT_STATES
 
@@ -67,7 +68,7 @@ class Running:
         self.core.prepare()
         self.core.schedule.tick_time = tick_time
         self.core.controller.update = self.solving(self.core.controller.update)
-        self.core.forget()
+        self.core.restart()
         self.sent.clear()
 
     def solving(self, update):
@@ -138,7 +139,7 @@ class Running:
     def hear(self, *messages, **about):
         """Let messages come; return the last force."""
         self.core.on_states([self.came(message, **about) for message in messages])
-        self.core.meet(self.peers)
+        self.core.on_peers(self.peers)
         return self.forces[-1] if self.forces else None
 
     def state(self, x, stamp=None, **about):
@@ -174,10 +175,10 @@ class Running:
         """Ask for other parameters, and wait until they are loaded."""
         def make(controller):
             made = controller()
-            self.core.loader.kinds.add(kind_of(made))   # needs no process that compiles
+            self.core.live.loader.kinds.add(kind_of(made))   # needs no process that compiles
             return made
-        self.core.on_change({**self.core.values, **parameters}, make)
-        thread = self.core.loader.thread
+        self.core.on_change({**self.core.live.values, **parameters}, make)
+        thread = self.core.live.loader.thread
         if thread is not None:
             thread.join()
 
@@ -188,7 +189,8 @@ def record(folder, duration, rng, **plant):
     configured, states, forces = (topic._replace(name=f'/{topic.name}') for topic in (
         CONFIGURATION, JOINT_STATES, FORCE_COMMAND))
     with written(folder, (configured, states, forces)) as write:
-        for name, values in (('plant', plants.PLANT.complete(plant)), ('mpc', mpc.core.values)):
+        for name, values in (('plant', plants.PLANT.complete(plant)),
+                             ('mpc', mpc.core.live.values)):
             write(configured, mpc.clocks.now(), String(data=told(name, values).to_text()))
         sent = core.begin(mpc.clocks.now(), mpc.clocks.now())
         for n in range(round(duration / PERIOD)):

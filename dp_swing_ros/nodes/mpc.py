@@ -27,9 +27,10 @@ from dp_swing_ros.nodes.process import AWAY, COMPILING, ProcessNode, run
 from dp_swing_ros.nodes.ros_parameters import allow_changes, announce, declare, overrides
 from dp_swing_ros.nodes.taking import take
 from dp_swing_ros.runtime.handshake import Peers
-from dp_swing_ros.runtime.mpc import (
-    Announcement, Force, MpcCore, Planned, PutBack, Said, Sent, Tried, Wake)
+from dp_swing_ros.runtime.mpc import MpcCore
 from dp_swing_ros.runtime.schedule import Arrived
+from dp_swing_ros.runtime.sent import (
+    Announcement, Force, Planned, PutBack, Said, Sent, Tried, Wake)
 from dp_swing_ros.topics import (
     CONFIGURATION, FORCE_COMMAND, FORCE_COMMAND_STAMPED, JOINT_STATES, PLAN, TRIES)
 
@@ -88,12 +89,13 @@ class MpcNode(ProcessNode):
 
     def prepare(self) -> None:
         """Compile before the first state, then listen."""
+        values = self.core.live.values
         self.get_logger().info(
-            f'preparing the solver {self.core.parameters.solver!r} (the first start on a machine '
+            f"preparing the solver {values['solver']!r} (the first start on a machine "
             'compiles for half a minute; later ones take a second)')
         began = time.perf_counter()
         self.core.prepare()
-        self.put_back = allow_changes(self, self.fields, self.core.values, self.on_change)
+        self.put_back = allow_changes(self, self.fields, values, self.on_change)
         taken = time.perf_counter() - began
         gc.collect()
         gc.freeze()   # else the collector looks through all modules in a first tick, for 25 ms
@@ -127,8 +129,8 @@ class MpcNode(ProcessNode):
 
     def on_meeting(self) -> None:
         """Look who is there, until the first state is answered."""
-        self.core.meet(Peers(owners(self, JOINT_STATES), owners(self, CONFIGURATION),
-                             hearers(self, self.forces)))
+        self.core.on_peers(Peers(owners(self, JOINT_STATES), owners(self, CONFIGURATION),
+                                 hearers(self, self.forces)))
         if self.core.handshake.done and self.meeting is not None:
             self.destroy_timer(self.meeting)
 

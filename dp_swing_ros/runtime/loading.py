@@ -10,6 +10,7 @@ the disk yet, and the thread then loads it from there.
 
 from collections.abc import Mapping
 import json
+import math
 import os
 import subprocess
 import sys
@@ -24,7 +25,6 @@ COMPILE = ('import json, sys; from dp_swing_ros import controller; '
            'controller(json.loads(sys.stdin.read())).warm_up()')
 NICENESS = 10     # of the process that compiles
 COMPILING = 300.0  # [s] that it has at most
-SLOWEST = 0.5     # [s] of a tick beyond its time limit; a machine that is busy needs some
 
 
 class Loaded(NamedTuple):
@@ -38,18 +38,20 @@ class Loaded(NamedTuple):
 class Loader:
     """Loads the newest controller that was asked for; one that was overtaken is dropped."""
 
-    def __init__(self, running: RecedingHorizon, slowest: float = SLOWEST) -> None:
-        """Take the controller that is loaded already, and how late a tick may be [s]."""
+    def __init__(self, running: RecedingHorizon) -> None:
+        """Take the controller that is loaded already."""
         self.kinds = {kind_of(running)}   # of controllers that have been loaded
-        self.slowest = slowest
+        self.slowest = math.inf   # [s] of a tick beyond its time limit
         self.lock = Lock()
         self.asked: Loaded | None = None
         self.ready: Loaded | None = None
         self.thread: Thread | None = None
 
-    def load(self, controller: RecedingHorizon, values: Mapping[str, Any]) -> None:
-        """Load a controller in a thread."""
+    def load(self, controller: RecedingHorizon, values: Mapping[str, Any],
+             slowest: float) -> None:
+        """Load a controller in a thread, whose ticks may be so much late [s]."""
         with self.lock:
+            self.slowest = slowest
             self.asked, self.ready = Loaded(controller, dict(values)), None
             if self.thread is None:
                 self.thread = Thread(target=self.run, daemon=True)

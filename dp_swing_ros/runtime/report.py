@@ -1,20 +1,98 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the mpc reports of a tick: of plan, problem and estimate, as numbers."""
+"""What the mpc reports of a tick: its figures, and in words what is wrong."""
 
 import math
 from typing import Any
 
 import numpy as np
 
+from dp_swing_ros.control.receding_horizon import RecedingHorizon
 from dp_swing_ros.estimators.estimator import Estimate
+from dp_swing_ros.messages.fields import ERROR, OK, Report, WARN
 from dp_swing_ros.messages.ticks import keys_of_state, TickReport
 from dp_swing_ros.pendulum.geometry import joint_positions
 from dp_swing_ros.pendulum.model import rollout
 from dp_swing_ros.pendulum.state import Array, links_of
 from dp_swing_ros.problem.cost import terms
-from dp_swing_ros.problem.plan import Plan, Tries
+from dp_swing_ros.problem.plan import FALLBACK, Plan, Status, Tries
 from dp_swing_ros.problem.problem import Problem
+from dp_swing_ros.runtime.sent import Log
+
+HORIZONS = 3       # without a plan that comes to the goal
+IN_VAIN = 8        # horizons of plans that come there, and the pendulum does not
+
+
+class Reporter:
+    """Reports the ticks of a controller, one after the other."""
+
+    def __init__(self, controller: RecedingHorizon, log: Log) -> None:
+        """Take the controller, and a log for what is wrong for long."""
+        self.controller, self.log = controller, log
+        self.reset()
+
+    def reset(self) -> None:
+        """Count anew."""
+        self.late_total = 0     # ticks
+        self.goal_watch = GoalWatch()
+
+    def report(self, stamp: int, plan: Plan, complaint: str, warning: str, *, time: float,
+               late: bool = False, **figures: Any) -> Report:
+        """
+        Return the report of a tick for the state of a stamp [ns], measured at a time [s].
+
+        Complaint and warning say what else is wrong with it; figures are as TickReport names them.
+        """
+        controller, stats = self.controller, plan.stats
+        problem, stopping = controller.belief.problem, controller.stopping
+        # what is disabled is not expected to arrive
+        is_there, arrives = (not controller.enabled or problem.is_reached(x) for x in (
+            controller.belief.x, plan.X[-1]))
+        astray = self.goal_watch.warning(time, is_there, arrives, problem.horizon * problem.dt)
+        if astray:
+            self.log.say(WARN, astray, 'goal', 10.0)
+        warning = '; '.join(filter(None, (
+            warning, astray,
+            'the solve failed' if stats.candidates and stats.status in FALLBACK else '')))
+        self.late_total += late
+        level = OK
+        if complaint or stopping or stats.status is Status.ZERO:
+            level = ERROR
+        elif warning or late or stats.status in (*FALLBACK, Status.DISABLED):
+            level = WARN
+        tick = tick_report(
+            plan, problem, controller.belief.estimate, solver=controller.parameters.solver,
+            time=time, late=late, late_total=self.late_total, enabled=controller.enabled,
+            stopping=bool(stopping), **figures)
+        words = filter(None, (complaint, stopping, warning, stats.status.value))
+        return Report(stamp, level, '; '.join(words), tick.values())
+
+
+class GoalWatch:
+    """Whether the pendulum comes to the goal, or has not for so long that it may never."""
+
+    def __init__(self) -> None:
+        """Begin without any tick."""
+        self.planned = self.there = math.inf   # [s] when a plan came there last, and the pendulum
+
+    def warning(self, t: float, is_there: bool, arrives: bool, horizon: float) -> str:
+        """
+        Return what is wrong, if anything, after a tick at a time t [s].
+
+        Then the pendulum was at the goal, or not, and the plan came there within a horizon [s].
+        """
+        if is_there or t < self.there:
+            self.there = t
+        if is_there or arrives or t < self.planned:
+            self.planned = t
+        if t - self.planned > HORIZONS * horizon:
+            return (f'no plan has come to the goal for {t - self.planned:.1f} s, more than '
+                    f"{HORIZONS} horizons; expected a longer 'horizon', or a goal that can be "
+                    'reached')
+        return '' if t - self.there <= IN_VAIN * horizon else (
+            f'plans come to the goal, but the pendulum has not for {t - self.there:.1f} s; '
+            'expected bodies and drive near those that the mpc is told, and a force that is '
+            'enough')
 
 
 def tick_report(plan: Plan, problem: Problem, estimate: Estimate | None,

@@ -24,8 +24,6 @@ TICKS, LONGER = 20, 1     # of the last ticks, so many may take longer than the 
 WINDOW = 5.0       # [s] in which the state that came fastest gives the offset of the clocks
 SPARE = 0.025      # [s] at least, beyond a period, to a first silence; one every period follows
 PATIENCE = 0.5     # periods, where that is longer
-HORIZONS = 3       # without a plan that comes to the goal
-IN_VAIN = 8        # horizons of plans that come there, and the pendulum does not
 LATELY = 10.0      # [s]
 AGAIN, MOST = 3, 1000   # jumps back in that time that are too many, and that are counted
 PERIODS = 9        # that are remembered; some of them may be those of losses
@@ -227,30 +225,3 @@ class Watchdog:
         if period > 0:
             self.periods.append(period)
         return self.period + max(PATIENCE * self.period, SPARE)
-
-
-class GoalWatch:
-    """Whether the pendulum comes to the goal, or has not for so long that it may never."""
-
-    def __init__(self) -> None:
-        """Begin without any tick."""
-        self.planned = self.there = math.inf   # [s] when a plan came there last, and the pendulum
-
-    def warning(self, t: float, is_there: bool, arrives: bool, horizon: float) -> str:
-        """
-        Return what is wrong, if anything, after a tick at a time t [s].
-
-        Then the pendulum was at the goal, or not, and the plan came there within a horizon [s].
-        """
-        if is_there or t < self.there:
-            self.there = t
-        if is_there or arrives or t < self.planned:
-            self.planned = t
-        if t - self.planned > HORIZONS * horizon:
-            return (f'no plan has come to the goal for {t - self.planned:.1f} s, more than '
-                    f"{HORIZONS} horizons; expected a longer 'horizon', or a goal that can be "
-                    'reached')
-        return '' if t - self.there <= IN_VAIN * horizon else (
-            f'plans come to the goal, but the pendulum has not for {t - self.there:.1f} s; '
-            'expected bodies and drive near those that the mpc is told, and a force that is '
-            'enough')

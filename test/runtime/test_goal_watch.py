@@ -5,7 +5,7 @@
 import pytest
 
 from dp_swing_ros.control import controllers
-from dp_swing_ros.runtime.timing import GoalWatch
+from dp_swing_ros.runtime.report import GoalWatch
 from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import simulate
 

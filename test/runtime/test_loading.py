@@ -22,9 +22,9 @@ class Broken(RecedingHorizon):
         raise SystemExit('no license')
 
 
-def load(loader, controller):
+def load(loader, controller, slowest=math.inf):
     """Load a controller; return what is taken."""
-    loader.load(controller, {})
+    loader.load(controller, {}, slowest)
     if loader.thread is not None:
         loader.thread.join()
     return loader.take()
@@ -34,17 +34,17 @@ def test_what_cannot_be_loaded_is_told_and_the_next_is_loaded():
     good = controllers.controller({})
     broken = Broken(good.nominal, good.parameters, good.planner.solver_parameters,
                     good.observer.estimator_parameters)
-    loader = Loader(good, math.inf)   # however busy the machine is
+    loader = Loader(good)   # however busy the machine is
     assert load(loader, broken) == Loaded(broken, {}, 'no license')
     assert load(loader, good) == Loaded(good, {}, '')
-    loader.load(broken, {})
+    loader.load(broken, {}, math.inf)
     with pytest.raises(ParameterError, match='no license'):
         loader.wait()
 
 
 def test_one_whose_ticks_would_be_late_whatever_the_deadline_is_refused():
     good = controllers.controller({})
-    assert 'time_limit is 0.04 s; expected fewer' in load(Loader(good, SLOW), good).error
+    assert 'time_limit is 0.04 s; expected fewer' in load(Loader(good), good, SLOW).error
 
 
 def test_samples_beyond_the_memory_are_refused():

@@ -19,8 +19,10 @@ from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.pendulum.model import rollout
 from dp_swing_ros.pendulum.state import hanging, is_upright, joints, upright
 from dp_swing_ros.problem.plan import Status
+from dp_swing_ros.runtime import live_parameters
 from dp_swing_ros.runtime.handshake import Peers
-from dp_swing_ros.runtime.mpc import Force, MpcCore, Planned, PutBack, Tried
+from dp_swing_ros.runtime.mpc import MpcCore
+from dp_swing_ros.runtime.sent import Force, Planned, PutBack, Tried
 from dp_swing_ros.simulation import plants
 from dp_swing_ros.solvers import SOLVERS
 
@@ -252,15 +254,15 @@ def test_states_wait_for_a_simulated_clock_that_was_not_heard_yet():
     run = Running(simulated=0.0, clock='arrival')
     run.state(LEANING, 100.0)
     run.passes(0.5)
-    run.core.meet(KNOWN)
+    run.core.on_peers(KNOWN)
     assert not run.forces
     run.clocks.simulated_time = 100.001
-    run.core.meet(KNOWN)
+    run.core.on_peers(KNOWN)
     assert run.report.values['time'] == pytest.approx(100.0, abs=0.01)
     run = Running(simulated=0.0, clock='arrival')   # nor for ever
     run.state(LEANING, 100.0)
     run.passes(2.1)
-    run.core.meet(KNOWN)
+    run.core.on_peers(KNOWN)
     assert len(run.forces) == 1
 
 
@@ -271,21 +273,21 @@ def test_who_sends_the_first_state_is_waited_for_but_not_for_ever():
     run.state(LEANING)
     assert not run.forces
     run.plant(lockstep=True)
-    run.core.meet(plant)
+    run.core.on_peers(plant)
     assert not run.forces    # it would wait for ever for a force that it did not hear
     both = Peers({'/plant', '/second'}, {'/plant', '/second'}, {'/plant', '/second'})
-    run.core.meet(both)
+    run.core.on_peers(both)
     assert not run.forces    # of one of them nothing is known
-    run.core.meet(plant._replace(hearers={'/plant'}))
+    run.core.on_peers(plant._replace(hearers={'/plant'}))
     assert len(run.forces) == 1 and run.report.values['clock'] == 'lockstep'
     run = Running(peers=plant)
     run.state(LEANING)
     run.passes(1.9)
-    run.core.meet(plant)
+    run.core.on_peers(plant)
     assert not run.forces
     run.state(LEANING * 1.1)   # the newest is answered
     run.passes(0.2)
-    run.core.meet(plant)
+    run.core.on_peers(plant)
     assert len(run.forces) == 1
     assert run.report.values['estimate_cart_position'] == pytest.approx(0.11, abs=1e-3)
 
@@ -681,19 +683,15 @@ def test_the_newest_bound_of_the_force_counts():
     assert np.abs(run.plan.U).max() == pytest.approx(10.0)
 
 
-def test_what_cannot_be_used_is_put_back():
+def test_what_cannot_be_used_is_put_back(monkeypatch):
     """In real time it turns out later; in lockstep who asked is told."""
     run = Running()
     run.stream(2)
-    run.core.loader.slowest = -math.inf   # of which every tick is late
-
-    def keep_slow(make):
-        run.core.loader.slowest = -math.inf
-        return make()
-    values = run.core.values
-    run.core.on_change({**values, 'horizon': 40}, keep_slow)
-    if run.core.loader.thread is not None:
-        run.core.loader.thread.join()
+    monkeypatch.setattr(live_parameters, 'SLOWEST', -math.inf)   # of which every tick is late
+    values = run.core.live.values
+    run.core.on_change({**values, 'horizon': 40}, lambda make: make())
+    if run.core.live.loader.thread is not None:
+        run.core.live.loader.thread.join()
     run.stream(1)
     assert run.of(PutBack) == [PutBack(values)] and run.report.values['revision'] == 0
     last = next(each for each in run.of(Report) if each.part == 'parameters')
@@ -794,6 +792,6 @@ def test_values_are_complete_and_to_the_letter():
     """What a core is given is what the node declares; a state reads back as it was sent."""
     values = controllers.MPC.complete({})
     core = MpcCore(values, Running().clocks, lambda sent: None)
-    assert core.values == values
+    assert core.live.values == values
     message = to_joint_state(to_stamp(0), LEANING, 0.0)
     np.testing.assert_array_equal(to_state(message, 2, core.sensors), LEANING)
