@@ -14,7 +14,7 @@ from dp_swing_ros.evaluation.campaign import manifest, report
 from dp_swing_ros.evaluation.campaign.contestants import Contestant, parse_all
 from dp_swing_ros.evaluation.campaign.rows import Row
 from dp_swing_ros.evaluation.campaign.summary import summarise, Summary
-from dp_swing_ros.evaluation.scenarios import Case, LIMITS, RIGS, SCENARIOS, STRESS
+from dp_swing_ros.evaluation.scenarios import Case, LIMITS, RIGS, SCENARIOS
 from dp_swing_ros.figures import of_campaign
 from dp_swing_ros.parameters import fields_of
 from dp_swing_ros.pendulum.state import DEFAULT_LINKS
@@ -32,6 +32,7 @@ TOLD = 'told'   # the contestant that has the truth of each plant
 OF_ESTIMATOR = (f'state_alone=ilqr:{STATE_ALONE}', f'{TOLD}=ilqr:{STATE_ALONE}',
                 'no_estimator=ilqr:estimator=none')
 BASELINE = 'tvlqr_ekf'   # the strongest
+STRESS = ('strong_pushes', 'tight', 'position_noise', 'unknown_delay', 'all_at_once', 'uptime')
 
 
 class Campaign(NamedTuple):

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from campaigns import METHODS
+from campaigns import METHODS, STRESS
 from matplotlib.figure import Figure
 import numpy as np
 
@@ -19,7 +19,6 @@ from dp_swing_ros.evaluation.campaign.rows import grouped, read, Row, solves
 from dp_swing_ros.evaluation.campaign.summary import common
 from dp_swing_ros.evaluation.comparison import paired_ratio, Rate, rate, Ratio
 from dp_swing_ros.evaluation.metrics import quantile
-from dp_swing_ros.evaluation.scenarios import STRESS
 from dp_swing_ros.figures.style import as_share, colours, FAINT, name_lines, solver_name, styled
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.tables import compact

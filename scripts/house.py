@@ -55,7 +55,7 @@ CONTRACTS = {
         'bags', 'messages', 'nodes', 'parameters', 'pendulum', 'simulation'}, 38)}
 
 
-MOST = {'class': 275, 'module': 379}   # lines of the largest: what is there may only shrink
+MOST = {'class': 275, 'module': 378}   # lines of the largest: what is there may only shrink
 
 
 class Room(NamedTuple):

@@ -2,12 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The page that answers which method, when, from rows that are made up."""
 
+from campaigns import STRESS
 import methods
 import numpy as np
 import pytest
 from results import row
-
-from dp_swing_ros.evaluation.scenarios import STRESS
 
 
 @pytest.fixture

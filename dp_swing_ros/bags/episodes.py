@@ -27,7 +27,7 @@ from dp_swing_ros.pendulum.state import (
 from dp_swing_ros.pendulum.urdf import from_urdf
 from dp_swing_ros.simulation.episode import Episode, Ticks
 from dp_swing_ros.topics import (
-    CONFIGURATION, DIAGNOSTICS, DISTURBANCE, JOINT_STATES, ROBOT_DESCRIPTION)
+    CONFIGURATION, DIAGNOSTICS, DISTURBANCE, FORCE_COMMAND, JOINT_STATES, ROBOT_DESCRIPTION)
 
 LARGEST = 1e100   # [m, rad, m/s, rad/s] of a run; what has diverged further cannot be drawn
 LONGEST = 1e6     # [s] of a run
@@ -39,6 +39,14 @@ class Sample(NamedTuple):
     stamp: int    # [ns]
     x: Array
     force: float  # [N] over the period before
+
+
+class Command(NamedTuple):
+    """A force on the topic."""
+
+    number: int   # that its publisher gave it
+    time: int     # [ns] when it was sent, or received where that is not known
+    force: float  # [N]
 
 
 def read_episode(path: Path | str, partial: bool = False,
@@ -157,6 +165,14 @@ def differenced(samples: list[Sample]) -> list[Sample]:
         rate = moved * BILLION / (sample.stamp - other.stamp)
         found.append(sample._replace(x=np.concatenate((q, np.where(missing, rate, v)))))
     return found
+
+
+def commands_of(bag: Bag) -> list[Command]:
+    """Return the forces on their topic in the order in which they were sent."""
+    entries = bag.entries_of(FORCE_COMMAND) if bag.has(FORCE_COMMAND) else []
+    found = [Command(entry.sequence, entry.time, bag.parse(
+        lambda message: float(message.data), bag.decoded(entry))) for entry in entries]
+    return sorted(found, key=lambda command: command.time)
 
 
 def links_of(bag: Bag) -> int:

@@ -18,7 +18,7 @@ from dp_swing_ros.errors import UserError
 from dp_swing_ros.messages.cdr import to_floats, to_joint_states, to_string
 from dp_swing_ros.messages.definitions import schema
 from dp_swing_ros.messages.fields import BILLION
-from dp_swing_ros.pendulum.state import Array, hanging, joints, LINKS, to_joints
+from dp_swing_ros.pendulum.state import Array, from_joints, hanging, joints, LINKS, to_joints
 from dp_swing_ros.topics import FORCE_COMMAND, JOINT_STATES, ROBOT_DESCRIPTION
 
 GAP = 3.0          # periods without a row, from which on they count as a gap
@@ -221,8 +221,7 @@ def as_state(log: Log, signs: Sequence[float] | None, relative: bool, hangs_at_z
         at_rest, _ = np.hsplit(hanging(log.links), 2)
         q = q + (to_joints(at_rest) if relative else at_rest)
     if relative:
-        for each in (q, v):
-            each[:, 1:] = np.cumsum(each[:, 1:], axis=1)
+        q, v = from_joints(q), from_joints(v)
     return log._replace(q=q, v=v)
 
 

@@ -21,8 +21,6 @@ from dp_swing_ros.kernels import kernel
 from dp_swing_ros.pendulum.drive import follow_commands
 from dp_swing_ros.pendulum.model import size
 
-SMALL = 1e-4   # difference of x, p and time for derivatives, in own units
-
 
 @kernel
 def product(left, right, out):

@@ -17,7 +17,7 @@ import math
 import numpy as np
 
 from dp_swing_ros.estimators.estimator import Commands, Estimate
-from dp_swing_ros.estimators.gaussian import constrain, correct, forget, predict, SMALL
+from dp_swing_ros.estimators.gaussian import constrain, correct, forget, predict
 from dp_swing_ros.estimators.unknowns import Unknowns, UnknownsParameters
 from dp_swing_ros.parameters import parameter
 from dp_swing_ros.pendulum.drive import HISTORY
@@ -34,6 +34,7 @@ HELD = 0.05              # [s] scaled, for which the noises of the prediction st
 UNMEASURED = 3.0         # [m/s, rad/s] scaled, deviation at first of a speed that is not measured
 MOVED = 0.1              # of their deviation at first: parameters further off are a new problem
 SCALES = (0.1, 5.0)      # of a noise's standard deviation, smallest and largest
+SMALL = 1e-4             # difference of x, p and time for derivatives, in own units
 REFUSALS = 3             # so many in a row, and the filter starts anew from the last
 
 

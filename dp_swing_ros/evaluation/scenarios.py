@@ -375,5 +375,4 @@ SCENARIOS: dict[str, Scenario] = {
     'rig_gain': rig_with('a force 0.7 to 1.3 times as large', force_gain=(0.7, 1.3)),
     'rig_all': rig_with('all of it at once', **ALL_AT_ONCE),
     'rig_all_fast': rig_with('all of it at once, states at 100 Hz', rate=100.0, **ALL_AT_ONCE)}
-STRESS = ('strong_pushes', 'tight', 'position_noise', 'unknown_delay', 'all_at_once', 'uptime')
 RIGS = [name for name in SCENARIOS if name.startswith('rig_')]   # which need MuJoCo

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dp_swing_ros.bags.episodes import (
-    completed, configurations_of, links_of, reports_of, samples_of, states_in)
+    commands_of, completed, configurations_of, links_of, reports_of, samples_of, states_in)
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.errors import BagError, UserError
 from dp_swing_ros.identification.segments import check_sizes, check_span, Motion, period_of
@@ -18,7 +18,6 @@ from dp_swing_ros.parameters import group
 from dp_swing_ros.pendulum.parameters import (
     Drive, DriveParameters, LimitParameters, PendulumParameters)
 from dp_swing_ros.pendulum.state import Array
-from dp_swing_ros.rerun.ticks import commands_of
 from dp_swing_ros.topics import DISTURBANCE, FORCE_COMMAND
 
 APART = 1.0    # [s] between stamps and the times of sending, beyond which their clocks differ

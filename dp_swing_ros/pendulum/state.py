@@ -121,8 +121,8 @@ def to_joints(absolute: Array) -> Array:
 
 
 def from_joints(relative: Array) -> Array:
-    """Return positions or speeds of the state from those of the joints; shapes: (n + 1,)."""
-    return np.concatenate((relative[:1], np.cumsum(relative[1:])))
+    """Return positions or speeds of the state from those of the joints; shapes: (..., n + 1)."""
+    return np.concatenate((relative[..., :1], np.cumsum(relative[..., 1:], axis=-1)), axis=-1)
 
 
 def between(x: Array, following: Array, share: Array | float, h: Array | float) -> Array:

@@ -7,7 +7,8 @@ from difflib import SequenceMatcher
 from itertools import dropwhile, pairwise, takewhile
 from typing import Any, NamedTuple
 
-from dp_swing_ros.bags.episodes import configurations_of, reports_of, revisions_of, samples_of
+from dp_swing_ros.bags.episodes import (
+    Command, configurations_of, reports_of, revisions_of, samples_of)
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.errors import BagError
 from dp_swing_ros.estimators import ESTIMATORS
@@ -17,7 +18,7 @@ from dp_swing_ros.messages.ticks import NEEDED, TickReport
 from dp_swing_ros.parameters.files import is_of_rclpy
 from dp_swing_ros.rerun.answers import Tick
 from dp_swing_ros.solvers import SOLVERS
-from dp_swing_ros.topics import FORCE_COMMAND, JOINT_STATES
+from dp_swing_ros.topics import JOINT_STATES
 
 CHOSEN = ('solver', 'estimator')   # whose parameters count
 AGREEING = 3  # forces in a row that are the same, where two sequences meet again
@@ -170,28 +171,12 @@ def _early(bag: Bag) -> str:
             '.publisher.durability:=transient_local` keeps them for it')
 
 
-class Command(NamedTuple):
-    """A force on the topic."""
-
-    number: int   # that its publisher gave it
-    time: int     # [ns] when it was sent, or received where that is not known
-    force: float  # [N]
-
-
 class Pairing(NamedTuple):
     """How the topic differs from what the ticks sent."""
 
     others: dict[int, float]  # [N] instead of the tick's, by its number
     missing: list[Tick]       # whose forces are not there
     unpaired: list[Command]    # that no tick sent
-
-
-def commands_of(bag: Bag) -> list[Command]:
-    """Return the forces on their topic in the order in which they were sent."""
-    entries = bag.entries_of(FORCE_COMMAND) if bag.has(FORCE_COMMAND) else []
-    found = [Command(entry.sequence, entry.time, bag.parse(
-        lambda message: float(message.data), bag.decoded(entry))) for entry in entries]
-    return sorted(found, key=lambda command: command.time)
 
 
 def paired(record: Record, commands: Sequence[Command]) -> Pairing:

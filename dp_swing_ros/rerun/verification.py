@@ -18,7 +18,7 @@ import numpy as np
 
 from dp_swing_ros import provenance
 from dp_swing_ros.bags.episodes import (
-    configurations_of, description_of, pushes_of, revisions_of, Sample, samples_of)
+    commands_of, configurations_of, description_of, pushes_of, revisions_of, Sample, samples_of)
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.control import controllers
 from dp_swing_ros.control.receding_horizon import RecedingHorizon
@@ -30,8 +30,7 @@ from dp_swing_ros.pendulum.state import links_of, symbols, units
 from dp_swing_ros.pendulum.urdf import from_urdf, urdf
 from dp_swing_ros.problem.plan import Plan
 from dp_swing_ros.rerun.answers import answer, Tick
-from dp_swing_ros.rerun.ticks import (
-    commands_of, configuration_of, gone, own, paired, Record, record_of)
+from dp_swing_ros.rerun.ticks import configuration_of, gone, own, paired, Record, record_of
 from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.plant import Plant
 from dp_swing_ros.simulation.stepper import Stepper
