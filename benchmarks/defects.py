@@ -120,7 +120,7 @@ DEFECTS = [
     defect('a rejected state counts as one that is believed', 'control/supervisor.py',
            'if not belief.rejection:', 'if True:', 'control'),
     defect('a plan from before it was disabled is followed', 'control/receding_horizon.py',
-           '        if changes:\n            self.planner.forget()\n', '', 'control'),
+           '        if changes:\n            self.planner.discard()\n', '', 'control'),
     defect('the time that the drive delays is not predicted', 'control/commands.py',
            'acts_at + drive.delay)', 'acts_at)', 'control simulation'),
     defect('the state stays on its turn, the warm start does not', 'control/starts.py',

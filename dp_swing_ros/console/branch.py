@@ -38,7 +38,7 @@ def main(argv: list[str]) -> int:
         at, duration, origin = map(float, times)
         branch(Bag(bag), at, duration, origin, send)
     except (UserError, ParameterError) as error:
-        send({'progress': 1.0, 'courses': None, 'text': str(error)})
+        send({'progress': 1.0, 'trajectories': None, 'text': str(error)})
     return 0
 
 
@@ -57,11 +57,11 @@ def branch(bag: Bag, at: float, duration: float, origin: float, send: Send) -> N
     def progress() -> None:
         nonlocal done
         done += 1
-        send({'progress': done / (len(solvers) + 1), 'courses': None, 'text': ''})
+        send({'progress': done / (len(solvers) + 1), 'trajectories': None, 'text': ''})
 
     found = counterfactual(run.lately(tick.stamp - round(LEAD * BILLION)), tick, solvers,
                            duration, progress)
-    send({'at': start + found.at, 'progress': 1.0, 'text': f'{duration:.2f} s', 'courses': {
+    send({'at': start + found.at, 'progress': 1.0, 'text': f'{duration:.2f} s', 'trajectories': {
         name: {'t': numbers(one.t + start, 6), 'X': numbers(one.X), 'U': numbers(one.U),
                'cost': number(one.cost), 'regret': number(found.regret(one)),
                'settled': numbers(np.array([one.settled + start]), 6)[0]}

@@ -57,13 +57,13 @@ class Branches:
             client.send({'kind': 'branch', 'id': request.get('id'), 'at': request['at'],
                          **message})
 
-        send({'progress': 0.0, 'courses': None, 'text': ''})
+        send({'progress': 0.0, 'trajectories': None, 'text': ''})
         with TemporaryDirectory(prefix='dp_swing_ros_branch_') as folder:
             try:
                 bag = await asyncio.to_thread(make_bag, Path(folder, 'bag'))
                 await _run(bag, (request['at'], request['duration'], origin), send)
             except Exception as error:  # noqa: B902
-                send({'progress': 1.0, 'courses': None, 'text': one_line(error)})
+                send({'progress': 1.0, 'trajectories': None, 'text': one_line(error)})
 
 
 async def _run(bag: Path, times: tuple[float, ...],
@@ -78,7 +78,7 @@ async def _run(bag: Path, times: tuple[float, ...],
         async for line in process.stdout:
             send(json.loads(line))
         if await process.wait() != 0:
-            send({'progress': 1.0, 'courses': None, 'text': 'the solvers failed; the console '
+            send({'progress': 1.0, 'trajectories': None, 'text': 'the solvers failed; the console '
                   'has printed why'})
     finally:
         if process.returncode is None:

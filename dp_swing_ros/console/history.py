@@ -101,7 +101,7 @@ class History:
         """Keep the newest state; where time goes back, another run has begun."""
         if self.rows and scene.t < self.rows[-1].t:
             self.rows.clear()
-            self.forget()
+            self.clear()
         if self.rows and scene.t - self.rows[-1].t < NEAREST:
             return
         self.rows.append(row_of(scene))
@@ -113,7 +113,7 @@ class History:
         if self.rows and self.rows[-1].t == scene.t:
             self.rows[-1] = row_of(scene)
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Forget the messages of a run, but not who ran it."""
         self._let_stand(self._needed.clear())
         self._seen.clear()

@@ -4,7 +4,7 @@
 Which measured states cannot be: those that are out of reach, and those that stand still.
 
 A sensor that dies goes on publishing more often than not, with fresh stamps. What it repeats to
-the bit is believed only where the model, under the forces sent, would not have moved either, or
+the bit is accepted only where the model, under the forces sent, would not have moved either, or
 less than an encoder sees.
 
 Velocities that are only the differences of positions say nothing new, and lag: they count as not
@@ -40,7 +40,7 @@ Predict = Callable[[Array, float, float], Array]
 
 @dataclass
 class Past:
-    """A state: when [s], as it was measured, and with what was not as believed (2n + 2,)."""
+    """A state: when [s], as it was measured, and with what was not as estimated (2n + 2,)."""
 
     t: float
     x: Array
@@ -89,9 +89,9 @@ class MessageFilter:
         self.past.append(Past(t, x, np.where(np.isnan(x), 0.0, x)))
         return self.frozen(predictions)
 
-    def accept(self, measured: Array, believed: Array) -> None:
-        """Take what is believed of the last state where it is not measured (NaN)."""
-        self.past[-1].whole = np.where(np.isnan(measured), believed, measured)
+    def accept(self, measured: Array, estimated: Array) -> None:
+        """Take the estimate of the last state where it is not measured (NaN)."""
+        self.past[-1].whole = np.where(np.isnan(measured), estimated, measured)
 
     def with_velocities_measured(self, x: Array) -> Array:
         """Return the last state, x on another turn, without velocities that are differences."""

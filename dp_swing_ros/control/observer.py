@@ -1,6 +1,6 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""From measurements to what is believed: message filter, estimator, and the problem that is."""
+"""From measurements to a belief: message filter, estimator, and the problem as estimated."""
 
 import contextlib
 from dataclasses import dataclass, replace
@@ -34,21 +34,21 @@ class ObserverParameters(Parameters):
 
 class Belief(NamedTuple):
     """
-    What is believed at the time of the last accepted measurement.
+    State, pendulum and drive as estimated at the time of the last accepted measurement.
 
     Shapes: x (2n + 2,), NaN before the first.
     """
 
     t: float             # [s]
     x: Array
-    problem: Problem     # of the pendulum as it is believed to be
+    problem: Problem     # of the pendulum as it is estimated
     drive: Drive
     rejection: str       # why the last measurement was not accepted; empty where it was
     estimate: Estimate | None   # None where the state is taken as it is measured
 
 
 class Observer:
-    """Holds the estimator and what it believes, and the states before that tell dead sensors."""
+    """Holds the estimator, the belief, and the states before, which tell dead sensors."""
 
     def __init__(self, problem: Problem, parameters: ObserverParameters, estimator: Parameters,
                  drive: Drive) -> None:
@@ -86,13 +86,13 @@ class Observer:
 
     def predict_as(self, prediction: PredictionParameters) -> None:
         """
-        Believe the same of a problem in other steps.
+        Go on with the same belief for a problem in other steps.
 
         Raises ParameterError, and changes nothing, where no regulator holds the reference state.
         """
-        nominal, believed = (problem.with_prediction(prediction) for problem in (
+        nominal, estimated = (problem.with_prediction(prediction) for problem in (
             self.nominal, self.belief.problem))
-        self.nominal, self.belief = nominal, self.belief._replace(problem=believed)
+        self.nominal, self.belief = nominal, self.belief._replace(problem=estimated)
 
     @property
     def inputs(self) -> tuple[object, ...]:
@@ -108,7 +108,7 @@ class Observer:
 
     def update(self, t: float, x: Array, time_noise: float, commands: Commands) -> Belief:
         """
-        Return what is believed with a measurement x at a time t [s], uncertain by time_noise [s].
+        Return the belief with a measurement x at a time t [s], uncertain by time_noise [s].
 
         One that a later one overtook adds nothing. Shapes: x (2n + 2,), NaN where a velocity is
         not measured. Raises ValueError where one is not, and the estimator does not do without.
@@ -116,7 +116,7 @@ class Observer:
         if t <= self.latest:
             return self.belief
         self.first, self.latest = min(self.first, t), t
-        # a pendulum that hangs still would be refused for ever where a bias is believed in that is
+        # a pendulum that hangs still would be refused for ever where a bias is estimated that is
         # not there any more, for what is refused cannot correct it
         rejection = self.message_filter.rejection(
             t, x, prediction(commands, self.belief.problem, self.belief.drive),
@@ -129,7 +129,7 @@ class Observer:
         measured = self.message_filter.with_velocities_measured(x)
         estimate = self.estimator.update(t, measured, commands, time_noise)
         if estimate is not None:
-            self.belief = self.believed(t, estimate)
+            self.belief = self.belief_of(t, estimate)
         elif np.all(np.isfinite(x)):
             self.belief = self.belief._replace(t=t, x=x, rejection='', estimate=None)
         else:
@@ -138,7 +138,7 @@ class Observer:
         self.message_filter.accept(measured, self.belief.x)
         return self.belief
 
-    def believed(self, t: float, estimate: Estimate) -> Belief:
+    def belief_of(self, t: float, estimate: Estimate) -> Belief:
         """Return what an estimate says of state, pendulum and drive."""
         problem = self.belief.problem
         if self.estimator.has_moved(problem.physical):

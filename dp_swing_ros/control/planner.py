@@ -83,7 +83,7 @@ class Planner:
         self.starts = Starts(problem, self.parameters, self.parameters.seed, self.build)
         self.last: Plan | None = None
         self.since = self.before = -math.inf   # [s] when its force acts, and that of the last tick
-        self.owed = 0   # starts that there was no time for
+        self.skipped = 0   # starts that there was no time for
 
     def build(self, problem: Problem, parameters: Parameters | None = None) -> Solver:
         """Build the solver for a problem; its random numbers go on."""
@@ -119,14 +119,14 @@ class Planner:
         self.before = acts_at
         if left is not None and not self.is_due(acts_at, passed):
             plan = self.feedback(x_0, left)
-            if self.owed == 0 or problem.is_reached(x_0):
+            if self.skipped == 0 or problem.is_reached(x_0):
                 return plan
             plans = self.search(self, x_0, self.starts.others(x_0, 1), deadline)
-            self.owed -= 1
+            self.skipped -= 1
             best = cheapest([plan, *plans])
         else:
             plans = self.search(self, x_0, self.starts.of(x_0, left), deadline)
-            self.owed = self.starts.count(x_0, left) - len(plans)
+            self.skipped = self.starts.count(x_0, left) - len(plans)
             best = cheapest(plans)
         return replace(best, stats=stats_of_tick(best, plans, time.perf_counter() - began))
 
@@ -158,10 +158,10 @@ class Planner:
     def keep(self, plan: Plan, acts_at: float) -> None:
         """Take the plan that is obeyed from a time on [s] for the last one."""
         if plan.stats.status in (Status.ZERO, Status.DISABLED):
-            self.forget()   # it predicts nothing, so the next tick is a first one
+            self.discard()   # it predicts nothing, so the next tick is a first one
         elif plan.stats.status is not Status.FEEDBACK:
             self.last, self.since = plan, acts_at
 
-    def forget(self) -> None:
+    def discard(self) -> None:
         """Have no last plan."""
         self.last = None

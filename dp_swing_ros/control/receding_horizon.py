@@ -72,7 +72,7 @@ class RecedingHorizon:
         [s], delay its age when the force will act [s], and deadline in seconds of
         time.perf_counter(). Where the solve fails, it is the fallback. A state that a later one
         overtook adds nothing; a time before the run's first, or long before the last, is a new
-        run. Why a state is not believed is in `belief.rejection`. Where it is not enabled, the
+        run. Why a state is rejected is in `belief.rejection`. Where it is not enabled, the
         force is zero, and the first after it that of a first tick. Shapes: x (2n + 2,), NaN where
         a velocity is not measured. Raises ValueError where x is not finite.
         """
@@ -120,7 +120,7 @@ class RecedingHorizon:
 
     @property
     def belief(self) -> Belief:
-        """Return what is believed of state, pendulum and drive."""
+        """Return the estimate of state, pendulum and drive."""
         return self.observer.belief
 
     @property
@@ -142,7 +142,7 @@ class RecedingHorizon:
         """Act, from a first plan, or let the force go; return whether that is a change."""
         changes = self.supervisor.enable(enabled)
         if changes:
-            self.planner.forget()
+            self.planner.discard()
         return changes
 
     def stop(self, why: str) -> None:
@@ -154,12 +154,12 @@ class RecedingHorizon:
         Go on with the parameters of another controller, which is not used any more.
 
         The last plan, the commands sent and the random numbers go on, these unless the seed is
-        another. So does what is believed of state and pendulum, unless the estimator is told
+        another. So does the estimate of state and pendulum, unless the estimator is told
         something else. What `enable` says counts as before, unless `enabled` changes.
         """
         self.parameters = other.parameters
         if self.supervisor.reconfigure(other.supervisor):
-            self.planner.forget()
+            self.planner.discard()
         self.observer.reconfigure(other.observer)
         self.lookahead.reconfigure(other.lookahead)
         self.fit()

@@ -28,7 +28,7 @@ class Commands(Protocol):
 
 class Estimate(NamedTuple):
     """
-    What is believed at a measurement's time.
+    What is estimated at a measurement's time.
 
     Shapes: x and innovation (2n + 2,). The innovation is what was measured less what was
     predicted; its distance is in standard deviations.
@@ -55,12 +55,12 @@ class Estimator(Protocol):
         """Forget all measurements."""
 
     def continue_from(self, before: Any) -> None:
-        """Believe what another one did, for which the dynamics were others and all else equal."""
+        """Go on from the estimate of another one, with other dynamics and all else equal."""
 
     def update(self, t: float, x: Array, commands: Commands,
                time_noise: float = 0.0) -> Estimate | None:
         """
-        Take the state measured at a time [s] after the last one; return what is believed of it.
+        Take the state measured at a time [s] after the last one; return the estimate of it.
 
         The time is right but for a standard deviation of time_noise [s].
         Returns None where the state is taken as it is measured.
@@ -68,7 +68,7 @@ class Estimator(Protocol):
         """
 
     def has_moved(self, physical: PendulumParameters) -> bool:
-        """Return whether the pendulum is believed to be another than these parameters'."""
+        """Return whether the pendulum is estimated to be another than these parameters'."""
 
 
 class Direct:
@@ -83,7 +83,7 @@ class Direct:
         """Forget nothing, for nothing is remembered."""
 
     def continue_from(self, before: Any) -> None:
-        """Believe nothing, as before."""
+        """Go on without any estimate."""
 
     def update(self, t: float, x: Array, commands: Commands,
                time_noise: float = 0.0) -> Estimate | None:

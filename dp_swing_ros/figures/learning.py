@@ -32,17 +32,17 @@ def learning(trials: Sequence[Trial], first: float) -> Figure:
 
 
 @styled
-def training(course: Sequence[tuple[float, float]], own: Errors, analytic: Errors,
+def training(curve: Sequence[tuple[float, float]], own: Errors, analytic: Errors,
              duration: float) -> Figure:
     """
     Draw how a model of so much motion [s] was found, and what its predictions miss.
 
-    course are the errors of speeds, of what was learned from and of what was held out, a round
+    curve are the errors of speeds, of what was learned from and of what was held out, a round
     each; own and analytic those of the model and of the equations on what was held out.
     """
     figure = Figure(figsize=(10.2, 3.9), layout='constrained')
     rounds, errors = figure.subplots(1, 2)
-    for values, colour, name in zip(zip(*course), PALETTE, ('learned from', 'held out')):
+    for values, colour, name in zip(zip(*curve), PALETTE, ('learned from', 'held out')):
         rounds.plot(range(1, len(values) + 1), values, color=colour, label=name)
     rounds.set(yscale='log', xlabel='round', ylabel='error of speeds, RMS [m/s, rad/s]')
     for found, colour, name in zip((own, analytic), (PALETTE[0], FAINT), ('learned', 'equations')):

@@ -108,7 +108,7 @@ def identify(motions: Sequence[Motion], physical: PendulumParameters, drive: Dri
     halves[fit.free] = CONFIDENCE * fit.deviations()
     low, high = about.values(
         np.clip([found - halves, found + halves], about.lowest, about.highest))
-    met, base = about.is_met(found, halves), base_of(fit, cart)
+    at_bounds, base = about.at_bounds(found, halves), base_of(fit, cart)
     left_out = cut - sum(len(motion.t) for motion in fit.motions)
 
     values, held = about.named(about.values(found)), dict(about.held)
@@ -122,8 +122,8 @@ def identify(motions: Sequence[Motion], physical: PendulumParameters, drive: Dri
                 if not (is_given and name in OF_CART)}
     return Identified(
         of_rig(about.named(about.nominal)), of_rig(values),
-        {about.names[i]: (float(low[i]), float(high[i])) for i in fit.free if not met[i]},
-        [about.names[i] for i in fit.free if met[i]], of_rig(held), unidentified,
+        {about.names[i]: (float(low[i]), float(high[i])) for i in fit.free if not at_bounds[i]},
+        [about.names[i] for i in fit.free if at_bounds[i]], of_rig(held), unidentified,
         predictions(fit), left_out, cart, base)
 
 

@@ -34,7 +34,7 @@ class Recorded(NamedTuple):
     The motion in a bag, how its times were found, and what its controller took for granted.
 
     V (K, n + 1) are the speeds, as measured or else as estimated; NaN where they are neither.
-    believed are pendulum and drive as the controller had them in the end, but for gain and bias.
+    estimated are pendulum and drive as the controller had them in the end, but for gain, bias.
     """
 
     motion: Motion
@@ -42,7 +42,7 @@ class Recorded(NamedTuple):
     times: str
     physical: PendulumParameters
     drive: Drive
-    believed: tuple[PendulumParameters, Drive]
+    estimated: tuple[PendulumParameters, Drive]
 
 
 class Log(NamedTuple):
@@ -97,7 +97,7 @@ def _recorded(bag: Bag, links: int | None, commanded: bool) -> Recorded:
                     bag.parse(group, LimitParameters, nominal).track_limit)
     physical = bag.parse(group, PendulumParameters, {**nominal, 'links': links_of(bag)})
     drive = Drive.of(bag.parse(group, DriveParameters, nominal))
-    return Recorded(motion, V, times, physical, drive, believed(reports, physical, drive))
+    return Recorded(motion, V, times, physical, drive, estimated(reports, physical, drive))
 
 
 def recorded_of_one(bags: Sequence[Bag], links: int | None = None,
@@ -112,8 +112,8 @@ def recorded_of_one(bags: Sequence[Bag], links: int | None = None,
     return found
 
 
-def believed(reports: Sequence[Report], physical: PendulumParameters,
-             drive: Drive) -> tuple[PendulumParameters, Drive]:
+def estimated(reports: Sequence[Report], physical: PendulumParameters,
+              drive: Drive) -> tuple[PendulumParameters, Drive]:
     """Return pendulum, delay and lag as the last report has them that has any, else nominal."""
     for report in reversed(reports):
         found = report.values

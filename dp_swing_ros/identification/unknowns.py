@@ -30,7 +30,7 @@ from dp_swing_ros.pendulum.units import SAME
 FACTOR = 30.0       # a mass, a length or the gain is within so many times its first guess
 SHARE = 0.5         # of itself, within which a value must be known to be told
 DIFFERENCE = 1e-4   # [SI] scaled, of a parameter for derivatives; of a factor as a share
-MET = 0.5           # of a scale from a bound: nearer it counts as met, for a fit goes there slowly
+NEAR = 0.5          # of a scale from a bound: nearer counts as there, for a fit goes there slowly
 OF_CART = ('cart_mass', 'cart_friction', 'cart_dry_friction', 'force_gain', 'actuation_delay',
            'motor_time_constant', 'force_bias')   # which decide how it moves
 
@@ -91,15 +91,15 @@ class Parametrisation:
         factors = self.nominal * np.exp(np.where(self.is_factor, p, 0.0))
         return np.where(self.is_factor, factors, self.nominal + p)
 
-    def is_met(self, p: Array, halves: Array) -> Array:
+    def at_bounds(self, p: Array, halves: Array) -> Array:
         """
         Return whether each p, give or take half its interval, meets a bound of the search.
 
         That no friction and no time is below zero is none. Shapes: (m,), (m,) -> (m,).
         """
-        near = np.maximum(halves, MET * self.scales)
-        met: Array = self.is_factor & (p - self.lowest < near) | (self.highest - p < near)
-        return met
+        near = np.maximum(halves, NEAR * self.scales)
+        found: Array = self.is_factor & (p - self.lowest < near) | (self.highest - p < near)
+        return found
 
     def bodies(self, p: Array) -> PendulumParameters:
         """Return the pendulum of p (m,)."""

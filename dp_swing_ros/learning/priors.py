@@ -1,7 +1,7 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What is believed of dynamics before any experience.
+The prior of dynamics, before any experience.
 
 A mass matrix that does not depend on the angles, bodies of about a kilogram and a metre, no
 gravity and no friction; and that any of it may well be otherwise; or, where a pendulum is known,

@@ -48,7 +48,7 @@ FINE = Precision(0.02, 0.005)   # [m/s, rad/s] scaled, [s] likewise
 
 
 class Prior(NamedTuple):
-    """What is believed before any experience; shapes: mean, deviations and lowest (P,)."""
+    """The prior, before any experience; shapes: mean, deviations and lowest (P,)."""
 
     mean: Array
     deviations: Array

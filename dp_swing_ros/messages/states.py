@@ -85,7 +85,7 @@ class States:
         self.number += lost + 1
         return True
 
-    def rest(self, now: float) -> None:
+    def caught_up(self, now: float) -> None:
         """Take that no message was taken until now [s], as a publisher in lockstep may know."""
         if self.obeyed in self._heard:
             self._heard[self.obeyed] = now

@@ -147,7 +147,7 @@ class ConsoleNode(ProcessNode):
         if topic is CONFIGURATION and found is not None:
             whose = found.node
             if found.revision == found.resets == 0:   # it was started again
-                self.history.forget()
+                self.history.clear()
         self.history.keep(Entry(self.scene.time_of(topic, message), topic, whose, data,
                                 info['received_timestamp'], info['source_timestamp']))
 
@@ -170,7 +170,7 @@ class ConsoleNode(ProcessNode):
         """Return the node of a name, which may have been here before."""
         if name not in self.known:
             self.known[name] = Partner(self, name, partial(self.publish_parameters, role))
-        self.known[name].forget()
+        self.known[name].reset()
         return self.known[name]
 
     def on_parameters(self, event: ParameterEvent) -> None:

@@ -34,7 +34,7 @@ from dp_swing_ros.runtime.sent import (
 from dp_swing_ros.topics import (
     CONFIGURATION, FORCE_COMMAND, FORCE_COMMAND_STAMPED, JOINT_STATES, PLAN, TRIES)
 
-MEETING_POLL = 0.02  # [s]
+HANDSHAKE_POLL = 0.02  # [s]
 SLOW_START = 1.0     # [s] a preparation longer than this was a compilation
 QUEUE = 100          # messages of all robots, while a solve goes on
 
@@ -81,7 +81,7 @@ class MpcNode(ProcessNode):
         # a clock that is set must not look like silence, and simulated time may stand still
         self.silence = self.create_timer(1.0, self.core.on_silence, clock=self.pace_clock,
                                          autostart=False)
-        self.meeting: Timer | None = None
+        self.handshake_timer: Timer | None = None
         self.following: Timer | None = None
         self.jumps = self.get_clock().create_jump_callback(
             JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1)),
@@ -116,9 +116,9 @@ class MpcNode(ProcessNode):
             self.fast_lane.note()
         self.core.rivals = self.diagnostics.rivals
         self.core.on_states(self.arrived(message, info))
-        if not self.core.handshake.done and self.meeting is None:
-            self.meeting = self.every(MEETING_POLL, self.on_meeting)
-            self.on_meeting()
+        if not self.core.handshake.done and self.handshake_timer is None:
+            self.handshake_timer = self.every(HANDSHAKE_POLL, self.on_handshake)
+            self.on_handshake()
 
     def arrived(self, message: JointState, info: dict[str, Any]) -> Iterator[Arrived]:
         """Yield a message, and what came after it."""
@@ -127,12 +127,12 @@ class MpcNode(ProcessNode):
             yield Arrived(each, about['publisher_gid'], about['publication_sequence_number'],
                           about['source_timestamp'], about['received_timestamp'])
 
-    def on_meeting(self) -> None:
+    def on_handshake(self) -> None:
         """Look who is there, until the first state is answered."""
         self.core.on_peers(Peers(owners(self, JOINT_STATES), owners(self, CONFIGURATION),
                                  hearers(self, self.forces)))
-        if self.core.handshake.done and self.meeting is not None:
-            self.destroy_timer(self.meeting)
+        if self.core.handshake.done and self.handshake_timer is not None:
+            self.destroy_timer(self.handshake_timer)
 
     def on_configuration(self, message: String) -> None:
         """Hand on what another node runs with."""

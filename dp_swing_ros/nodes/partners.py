@@ -49,9 +49,9 @@ class Partner:
         self.name, self.changed = name, changed
         self._client = AsyncParameterClient(node, name)
         self.described: dict[str, dict[str, Any]] = {}   # for the page, by name
-        self.forget()
+        self.reset()
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Know nothing of it, for it may have been started again."""
         self.described, self._known, self._asked_at = {}, False, -math.inf
 
@@ -66,7 +66,7 @@ class Partner:
     def on_event(self, event: ParameterEvent) -> None:
         """Take the news of a change."""
         if event.new_parameters:   # it was started again
-            self.forget()
+            self.reset()
             self.look()
             return
         for each in event.changed_parameters:

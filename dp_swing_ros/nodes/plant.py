@@ -80,7 +80,7 @@ class PlantNode(ProcessNode):
         """Begin as soon as the first state will be heard, in lockstep by a controller too."""
         if not self.audience.complete() or self.pace_clock.now().nanoseconds == 0:
             return   # a simulated clock is zero until its first message
-        if not self.is_met():
+        if not self.is_connected():
             return
         self.destroy_timer(self.search)
         self.timer = self.create_timer(self.core.stepper.period, self.on_tick, clock=self.clock,
@@ -91,7 +91,7 @@ class PlantNode(ProcessNode):
             self.every(NEWCOMER_PERIOD, self.on_look)
         self.send(self.core.begin(self.now(), self.today()))
 
-    def is_met(self) -> bool:
+    def is_connected(self) -> bool:
         """Return whether every controller that is there hears the states, and is heard."""
         controllers = owners(self, FORCE_COMMAND)
         if self.core.lockstep:   # where there must be one

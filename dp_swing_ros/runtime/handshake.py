@@ -55,12 +55,12 @@ class Handshake:
                  now: float) -> Arrived | None:
         """Return the state to answer at a time [s], once, if it can be, or after a while."""
         if self.done or self.waiting is None or not (
-                now > self.until or is_timed and self._is_met(peers, timing)):
+                now > self.until or is_timed and self._is_complete(peers, timing)):
             return None
         self.done = True
         return self.waiting
 
-    def _is_met(self, peers: Peers, timing: Timing) -> bool:
+    def _is_complete(self, peers: Peers, timing: Timing) -> bool:
         announcers = peers.senders & peers.announcers
         if timing.configured is None and not announcers <= self.resets.keys():
             return False

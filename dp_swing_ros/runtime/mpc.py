@@ -126,7 +126,7 @@ class MpcCore:
             self.attempt(partial(self.answer, newest))
         else:
             self.handshake.keep(newest, self.clocks.steady())
-        self.states.rest(self.clocks.steady())
+        self.states.caught_up(self.clocks.steady())
 
     def on_peers(self, peers: Peers) -> None:
         """Answer the first state once it can be, or at the latest after a while."""
@@ -282,7 +282,7 @@ class MpcCore:
         """
         Act again, from a first plan, or let the force go at once.
 
-        States are believed meanwhile, so that it knows the pendulum when it is enabled again.
+        States are estimated meanwhile, so that it knows the pendulum when it is enabled again.
         """
         changes = self.controller.enable(enabled)
         self.schedule.is_first = self.schedule.is_first or changes

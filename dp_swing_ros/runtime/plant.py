@@ -20,7 +20,7 @@ from dp_swing_ros.simulation.plant import Plant, STOPPABLE
 from dp_swing_ros.simulation.stepper import Stepper
 
 REPORT_PERIOD = 1.0  # [s] between two diagnostics
-MEETING = 300_000_000   # [ns] until it hears what is sent to it: discovery goes one way at a time
+DISCOVERY = 300_000_000   # [ns] until who sends forces hears states: one way comes first
 ROUNDING = 1e-9      # [s]
 REAL_TIME = Answer(False, f'real time cannot be stopped; {STOPPABLE}')
 
@@ -212,7 +212,7 @@ class PlantCore:
     def on_listeners(self, listeners: Set[bytes], now: int) -> Sent:
         """Send a state again that a controller in lockstep joined after, or overlooked."""
         self.listeners = {each: self.listeners.get(each, now) for each in listeners}
-        if self.waiting and any(self.sent_at < since < now - MEETING
+        if self.waiting and any(self.sent_at < since < now - DISCOVERY
                                 for since in self.listeners.values()):
             self.sent_at = now
             return [self.state]

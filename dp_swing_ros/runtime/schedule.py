@@ -79,7 +79,7 @@ class Schedule:
     def reset(self) -> None:
         """Forget the states before."""
         self.timing.reset()
-        self.watchdog.forget()
+        self.watchdog.reset()
         self.latency = Latency(self.tick_time)
         self.pace = 1.0          # seconds of the controller's clock in a second
         self.missed_total = 0    # states that others overtook
@@ -133,8 +133,8 @@ class Schedule:
         return self.pace + SMOOTHING * (min(max(pace, PACES[0]), PACES[1]) - self.pace)
 
     def wait(self, slot: Slot) -> None:
-        """Let the rest of the time pass that a tick was given."""
-        self.clocks.sleep(self.latency.rest(self.clocks.steady() - slot.began, self.is_first))
+        """Let the time pass that remains of what a tick was given."""
+        self.clocks.sleep(self.latency.remaining(self.clocks.steady() - slot.began, self.is_first))
         self.is_first = False
 
     def taken(self, slot: Slot) -> float:

@@ -192,7 +192,7 @@ class Latency:
         self.allotted = min(longest, max(left - SLACK, median(self.ticks)))
         return self.allotted + self.transport()
 
-    def rest(self, taken: float, first: bool) -> float:
+    def remaining(self, taken: float, first: bool) -> float:
         """
         Return what is left of the time that the tick was given [s], after what it has taken [s].
 
@@ -209,9 +209,9 @@ class Watchdog:
     def __init__(self, period: float) -> None:
         """Take the period [s] until one is known."""
         self.first = period
-        self.forget()
+        self.reset()
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Forget the period."""
         self.periods: deque[float] = deque([self.first], maxlen=PERIODS)
 

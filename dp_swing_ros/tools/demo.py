@@ -30,7 +30,7 @@ from dp_swing_ros.tools.tool_node import listeners, tool_node
 from dp_swing_ros.topics import (
     DIAGNOSTICS, FORCE_COMMAND, FORCE_COMMAND_STAMPED, JOINT_STATES, PLAN, Topic)
 
-MEETING = 3.0   # [s] to find the nodes that are there already, however they announce themselves
+DISCOVERY = 3.0   # [s] to find the nodes that are there already, however they announce themselves
 COLUMNS = 5     # of more runs than this the table shows the spread
 SILENCE = 20.0  # [s] without a state: something hangs
 SHORTEST = 1e-3  # [s] of a run
@@ -192,7 +192,7 @@ def keeping(*topics: Topic) -> dict[str, object]:
 
 def refuse_company(names: set[str]) -> None:
     """Raise UserError where nodes of these names are in the domain that the user has set."""
-    end, others = time.monotonic() + MEETING, set[str]()
+    end, others = time.monotonic() + DISCOVERY, set[str]()
     with Observer() as observer:
         # a state may come before the name of who sent it
         while not others and time.monotonic() < end:

@@ -48,7 +48,7 @@ from dp_swing_ros.topics import FORCE_COMMAND, FORCE_COMMAND_STAMPED, JOINT_STAT
 MPC = 'mpc'
 POLL = 0.05      # [s]
 DELIVERY = 0.3   # [s] at most for a last force to arrive
-MEETING = 1.0    # [s] for nodes to find each other
+DISCOVERY = 1.0    # [s] for nodes to find each other
 SILENCE = 10.0   # [s] without a state, after which nobody seems to send any
 COMPILING = 120.0   # [s] the same, until the mpc acts
 LONGEST = 0.5    # [s] between two states; beyond, it is no experience
@@ -146,7 +146,7 @@ class LiveLearner:
         if self.newest is not None:   # a plant in lockstep waits
             self.on_state(*self.newest)
 
-    def rest(self) -> None:
+    def stop(self) -> None:
         """End the random forces, with zero."""
         self.explores = False
         self.forces.publish(Float64(data=0.0))
@@ -213,7 +213,7 @@ def learning(learner: LiveLearner, arguments: Namespace, folder: Path,
 
     Raises UserError where somebody else sends forces, or where nobody sends states.
     """
-    learner.listen(MEETING)
+    learner.listen(DISCOVERY)
     if others := learner.masters():
         raise UserError(f'{" and ".join(sorted(others))} on {FORCE_COMMAND.name}, too; end it, '
                         'for there is to be one master')
@@ -224,7 +224,7 @@ def learning(learner: LiveLearner, arguments: Namespace, folder: Path,
             if learner.t:
                 show(learner.duration, float(deviation(learner.X[-1], learner.problem.x_r)))
     finally:
-        learner.rest()
+        learner.stop()
     model = learner.learn()
     if model is None:
         raise UserError('the random forces say too little of what they move; give it more of '

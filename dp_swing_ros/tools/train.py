@@ -55,7 +55,7 @@ def _train(arguments: argparse.Namespace) -> int:
             for path in arguments.bag]
     found = recorded_of_one(bags, arguments.links)
     # dynamics that are learned make up for gain and bias of the drive
-    (physical, drive), began = found[-1].believed, time.monotonic()
+    (physical, drive), began = found[-1].estimated, time.monotonic()
     # an estimator has seen what is held out: its parameters are no judge of what is learned
     scale = scale_of(found[0].physical)
     known, told = (Pendulum.of(each, scale=scale) for each in (physical, found[0].physical))
@@ -65,11 +65,11 @@ def _train(arguments: argparse.Namespace) -> int:
     step = scale.sized(LONGEST_STEP, 's')
     seen, held_out = map(Experience.joined, parts)
     print(f'{seen.duration:.1f} s to learn from, {held_out.duration:.1f} s held out', flush=True)
-    course = list[tuple[float, float]]()
+    curve = list[tuple[float, float]]()
     with progress(desc='rounds', unit='') as bar:
         def on_round(dynamics: Structured) -> None:
-            course.append((rms(dynamics, seen, step), rms(dynamics, held_out, step)))
-            bar.set_postfix_str(f'off by {course[-1][0]:.3g}, held out {course[-1][1]:.3g}')
+            curve.append((rms(dynamics, seen, step), rms(dynamics, held_out, step)))
+            bar.set_postfix_str(f'off by {curve[-1][0]:.3g}, held out {curve[-1][1]:.3g}')
             bar.update()
         try:
             model = learned(known, parts, on_round, drive, scale)
@@ -86,7 +86,7 @@ def _train(arguments: argparse.Namespace) -> int:
           *dict.fromkeys(each.times for each in found), sep='\n')
     print_incomplete(bags)
     output = arguments.output or Path(f'{beside(arguments.bag[0], "structured")}.json')
-    print(*write(model, course, own, analytic, output), sep='\n')
+    print(*write(model, curve, own, analytic, output), sep='\n')
     print(f'{time.monotonic() - began:.1f} s of computing')
     return OK
 
@@ -120,11 +120,11 @@ def remarks(own: Errors, analytic: Errors) -> list[str]:
     return found
 
 
-def write(model: LearnedModel, course: Sequence[tuple[float, float]], own: Errors,
+def write(model: LearnedModel, curve: Sequence[tuple[float, float]], own: Errors,
           analytic: Errors, output: Path) -> list[Path]:
     """Write model and picture; return their files."""
     output.parent.mkdir(parents=True, exist_ok=True)
     output.write_text(model.to_text(), encoding='utf-8')
     picture = output.with_suffix('.png')
-    figures.training(course, own, analytic, model.about['seconds']).savefig(picture)
+    figures.training(curve, own, analytic, model.about['seconds']).savefig(picture)
     return [output, picture]

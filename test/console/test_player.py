@@ -110,13 +110,13 @@ def test_the_past_and_branches_are_there_too(page, lockstep_bag):
     assert {name: past['figures'][name][50] for name in ticks} == {
         name: frame['tick'][name] for name in ticks}
     page.send('branch', id=7, at=1.0, duration=2.0)
-    page.until(lambda page: page.newest.get('branch', {}).get('courses'))
-    courses = page.newest['branch']['courses']
-    assert len(courses) == 1 + len(SOLVERS)
-    for course in courses.values():
-        assert (course['t'][0], course['t'][-1]) == (1.0, 3.0)
+    page.until(lambda page: page.newest.get('branch', {}).get('trajectories'))
+    trajectories = page.newest['branch']['trajectories']
+    assert len(trajectories) == 1 + len(SOLVERS)
+    for trajectory in trajectories.values():
+        assert (trajectory['t'][0], trajectory['t'][-1]) == (1.0, 3.0)
     # it saw every state until then, and does it again
-    assert courses['ilqr']['X'] == courses['recorded ilqr']['X']
+    assert trajectories['ilqr']['X'] == trajectories['recorded ilqr']['X']
 
 
 @pytest.mark.parametrize('node', DECLARATIONS)

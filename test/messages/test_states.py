@@ -102,7 +102,7 @@ def test_where_the_first_falls_silent_the_other_is_obeyed_until_it_is_heard_agai
 def test_who_waits_for_an_answer_is_not_silent(topic):
     """As a plant in lockstep, while a solve takes long."""
     assert topic.state(b'plant', 0.0)
-    topic.states.rest(10.0)
+    topic.states.caught_up(10.0)
     assert not topic.state(b'zeros', 10.1)
     assert topic.state(b'plant', 10.2)
 

@@ -397,24 +397,25 @@ def test_an_instant_of_the_last_minute_is_branched_from(page):
     page.send('branch', id=1, at=at, duration=1.5)
     page.until(lambda page: 'branch' in page.newest and (
         received.append(page.newest.pop('branch'))
-        or received[-1]['courses'] or received[-1]['text']))
+        or received[-1]['trajectories'] or received[-1]['text']))
     assert [each['progress'] for each in received] == sorted(each['progress'] for each in received)
-    courses = received[-1]['courses']
-    assert courses, received[-1]['text']
-    assert set(courses) == {'recorded ddp', 'ilqr', 'ddp', 'mppi'}, received[-1]
+    trajectories = received[-1]['trajectories']
+    assert trajectories, received[-1]['text']
+    assert set(trajectories) == {'recorded ddp', 'ilqr', 'ddp', 'mppi'}, received[-1]
     # the first tick from there on: on a busy machine it may miss more of them
     assert at - 1e-3 < received[-1]['at'] < at + 1.4
     at = received[-1]['at']
     assert min(abs(t - at) for t in past['t']) < 1e-3
-    for course in courses.values():
-        assert course['t'][0] == pytest.approx(at, abs=1e-3)
-        assert course['t'][-1] == pytest.approx(at + 1.5, abs=0.1)
-        assert len(course['X']) == len(course['t']) == len(course['U']) + 1
-        assert course['X'][0] == courses['ddp']['X'][0]
-        assert course['regret'] >= 0
-        assert course['settled'] is None or at <= course['settled'] + 1e-3 <= at + 1.6
+    for trajectory in trajectories.values():
+        assert trajectory['t'][0] == pytest.approx(at, abs=1e-3)
+        assert trajectory['t'][-1] == pytest.approx(at + 1.5, abs=0.1)
+        assert len(trajectory['X']) == len(trajectory['t']) == len(trajectory['U']) + 1
+        assert trajectory['X'][0] == trajectories['ddp']['X'][0]
+        assert trajectory['regret'] >= 0
+        assert trajectory['settled'] is None or at <= trajectory['settled'] + 1e-3 <= at + 1.6
     # the same solver, with what it ran with then, does nearly the same
-    assert courses['ddp']['X'][10] == pytest.approx(courses['recorded ddp']['X'][10], abs=0.05)
+    assert trajectories['ddp']['X'][10] == pytest.approx(
+        trajectories['recorded ddp']['X'][10], abs=0.05)
     page.send('branch', id=2, at=past['t'][-1] + 100, duration=1)
     page.until(lambda page: page.newest.get('branch', {}).get('id') == 2
                and 'there is no tick' in page.newest['branch']['text'])
@@ -444,7 +445,7 @@ def test_after_a_reset_in_lockstep_the_past_is_another(page):
     assert past['t'] == sorted(past['t'])
     assert past['t'][0] == 0.0
     page.send('branch', id=1, at=0.3, duration=0.5)
-    page.until(lambda page: page.newest.get('branch', {}).get('courses'))
+    page.until(lambda page: page.newest.get('branch', {}).get('trajectories'))
 
 
 def test_it_pulls_at_what_is_there_unless_told_how(start_node, peer):

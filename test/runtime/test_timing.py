@@ -140,10 +140,10 @@ def test_others_announce_nothing_and_a_parameter_says_more():
 def test_a_tick_is_given_what_all_but_the_longest_of_late_took():
     latency = Latency(0.008)
     assert latency.expected(math.inf) == 0.008
-    latency.rest(1.0, first=True)   # which says nothing about the next
+    latency.remaining(1.0, first=True)   # which says nothing about the next
     assert latency.expected(math.inf) == 0.008
     for taken in [0.003] * 18 + [0.03, 0.006]:
-        latency.rest(taken, first=False)
+        latency.remaining(taken, first=False)
     assert latency.expected(math.inf) == pytest.approx(0.006, abs=1e-3)
     # where the next state comes sooner, less, but what it takes to be no longer late
     assert latency.expected(0.005) == 0.005 - SLACK
@@ -152,8 +152,8 @@ def test_a_tick_is_given_what_all_but_the_longest_of_late_took():
 
 def test_a_force_waits_until_what_the_tick_was_given():
     latency = Latency(0.05)
-    assert latency.rest(0.02, first=True) == pytest.approx(0.03)
-    assert latency.rest(0.06, first=True) == 0.0   # a late one does not wait
+    assert latency.remaining(0.02, first=True) == pytest.approx(0.03)
+    assert latency.remaining(0.06, first=True) == 0.0   # a late one does not wait
 
 
 def test_a_force_is_expected_to_travel_as_states_do():

@@ -1,6 +1,6 @@
 // Copyright 2026 the dp_swing_ros authors
 // SPDX-License-Identifier: Apache-2.0
-// The time machine: look back, branch, and see the courses side by side; a bag is played here, too.
+// The time machine: look back, branch, and see the trajectories side by side; a bag is played here, too.
 
 import {colours, linkColour, solverColour} from './colours.js';
 import {Brush, fit, View} from './draw.js';
@@ -9,7 +9,7 @@ import {clamp, element, find, number, short, solverName} from './dom.js';
 import {pastOf} from './plots.js';
 import {Stream} from './stream.js';
 
-const REST = 0.8;      // [s] for which the courses stand at their end
+const PAUSE = 0.8;     // [s] for which the trajectories stand at their end
 const SEEK = 60;       // [ms] between two seeks while the slider moves
 const SEEN = 1.2;      // times what plots show, before an instant
 const INSET = 8;       // [px] of the slider's ends
@@ -22,7 +22,7 @@ export class Timeline {
   past = null;         // a stream whose newest frame is that of the instant that is looked at
   n = 0;               // the row of that instant
   asking = false;
-  courses = null;
+  trajectories = null;
   sought = 0;
 
   constructor(socket, stream, say) {
@@ -31,7 +31,7 @@ export class Timeline {
     this.slider.addEventListener('input', () => this.scrub());
     find('#look').addEventListener('click', () => this.toggle());
     find('#branch').addEventListener('click', () => this.branch());
-    find('#close-courses').addEventListener('click', () => this.close());
+    find('#close-trajectories').addEventListener('click', () => this.close());
     find('#play').addEventListener('click', () => this.play(!this.playing));
     find('#rate').addEventListener('change', () => this.play(true));
     socket.on('branch', message => this.onBranch(message));
@@ -98,7 +98,7 @@ export class Timeline {
     document.documentElement.classList.remove('looking-back');
     find('#instant-time').textContent = 'live';
     this.drawStrip();
-    if (!find('#courses').hidden) find('#thoughts-tab').click();   // they stay until they are closed
+    if (!find('#trajectories').hidden) find('#thoughts-tab').click();   // they stay until they are closed
   }
 
   scrub() {
@@ -239,52 +239,52 @@ export class Timeline {
     this.say({ok: false, text});
   }
 
-  onBranch({progress, courses, text}) {
+  onBranch({progress, trajectories, text}) {
     if (progress !== undefined) find('#progress').value = progress;
-    if (courses) this.show(courses);
+    if (trajectories) this.show(trajectories);
     else if (text) this.fail(text);
   }
 
-  show(courses) {
+  show(trajectories) {
     find('#progress').hidden = true;
     find('#branch').disabled = !this.hello.replay && !this.history;
-    const least = Math.min(...Object.values(courses).map(({cost}) => cost ?? Infinity));
-    this.courses = Object.entries(courses).map(([name, course], n) => {
+    const least = Math.min(...Object.values(trajectories).map(({cost}) => cost ?? Infinity));
+    this.trajectories = Object.entries(trajectories).map(([name, trajectory], n) => {
       const solver = name.split(' ').at(-1), canvas = element('canvas', {
         role: 'img', 'aria-label': `what ${name} did from there on`});
       const title = name.split(' ').map(solverName).join(' ');
       const caption = element('figcaption', {}, element('b', {textContent: title}),
-        element('span', {textContent: `cost ${short(course.cost)}`}),
-        element('span', {textContent: course.regret === null || course.cost === least
-          ? 'the least' : `regret ${short(course.regret)}`}),
-        element('span', {textContent: Number.isFinite(course.settled)
+        element('span', {textContent: `cost ${short(trajectory.cost)}`}),
+        element('span', {textContent: trajectory.regret === null || trajectory.cost === least
+          ? 'the least' : `regret ${short(trajectory.regret)}`}),
+        element('span', {textContent: Number.isFinite(trajectory.settled)
           ? 'held to the end' : 'not held at the end'}));
-      const figure = element('figure', {className: course.cost === least ? 'best' : ''}, canvas, caption);
+      const figure = element('figure', {className: trajectory.cost === least ? 'best' : ''}, canvas, caption);
       figure.style.setProperty('--chip', solverColour(solver, n));
-      return {...course, name, solver, canvas, figure};
+      return {...trajectory, name, solver, canvas, figure};
     });
-    this.duration = Math.max(...this.courses.map(({t}) => t.at(-1) - t[0]));
-    find('#courses-list').replaceChildren(...this.courses.map(({figure}) => figure));
-    find('#courses-tab').hidden = false;
-    find('#courses-tab').click();
-    find('#courses').scrollIntoView({block: 'start'});
-    this.say({ok: true, text: `${this.courses.length} courses from there on, side by side`});
+    this.duration = Math.max(...this.trajectories.map(({t}) => t.at(-1) - t[0]));
+    find('#trajectories-list').replaceChildren(...this.trajectories.map(({figure}) => figure));
+    find('#trajectories-tab').hidden = false;
+    find('#trajectories-tab').click();
+    find('#trajectories').scrollIntoView({block: 'start'});
+    this.say({ok: true, text: `${this.trajectories.length} trajectories from there on, side by side`});
   }
 
   close() {
-    this.courses = null;
-    find('#courses-tab').hidden = true;
+    this.trajectories = null;
+    find('#trajectories-tab').hidden = true;
     find('#thoughts-tab').click();
   }
 
-  /** Draw the courses at the same time after the branch, over and over. */
+  /** Draw the trajectories at the same time after the branch, over and over. */
   draw(now) {
-    if (!this.courses || !this.hello || find('#courses').hidden) return;
+    if (!this.trajectories || !this.hello || find('#trajectories').hidden) return;
     const {limits, lengths, cart, scale} = this.hello, reach = lengths.reduce((a, b) => a + b);
     const side = Math.min(limits.track ?? 3 * scale.length, 12 * scale.length);
-    const after = Math.min(now / 1000 % (this.duration + REST), this.duration);
-    find('#courses-time').textContent = `+${number(after, 1)} s`;
-    for (const {t, X, U, canvas, solver} of this.courses) {
+    const after = Math.min(now / 1000 % (this.duration + PAUSE), this.duration);
+    find('#trajectories-time').textContent = `+${number(after, 1)} s`;
+    for (const {t, X, U, canvas, solver} of this.trajectories) {
       const {pen, width, height} = fit(canvas), time = t[0] + after;
       const view = new View(width, height, side + cart[0], 1.15 * reach);
       const brush = new Brush(pen, view, scale);
