@@ -129,8 +129,8 @@ DEFECTS = [
            'max(bounds.low, u - change), min(bounds.high, u + change)',
            'bounds.low, bounds.high', 'control'),
     defect('the speed of a link is limited, not that of the cart', 'control/supervisor.py',
-           '(X.shape[1] // 2, cost.cart_speed_limit',
-           '(X.shape[1] // 2 + 1, cost.cart_speed_limit', 'control'),
+           '(X.shape[1] // 2, limits.cart_speed_limit',
+           '(X.shape[1] // 2 + 1, limits.cart_speed_limit', 'control'),
     # estimators
     defect('a new start keeps the noises learned before', 'estimators/kalman.py',
            'self.in_a_row, self.scales = 0, np.ones(2)', 'self.in_a_row = 0', 'estimators'),

@@ -14,9 +14,9 @@ LIMITS = LimitParameters()
 
 
 def controller(name='ilqr', seed=0, horizon=30, cost=CostParameters(), of_solver=None,
-               drive=DIRECT, **mpc):
+               drive=DIRECT, limits=LIMITS, **mpc):
     """Build a controller of the default problem."""
-    problem = Problem.of(PendulumParameters(), LIMITS, cost, PredictionParameters(horizon=horizon))
+    problem = Problem.of(PendulumParameters(), limits, cost, PredictionParameters(horizon=horizon))
     parameters = MpcParameters(solver=name, seed=seed, **mpc)
     return RecedingHorizon(problem, parameters, SOLVERS[name].Parameters(**(of_solver or {})),
                            ESTIMATORS[parameters.estimator].Parameters(), drive)

@@ -20,14 +20,15 @@ from dp_swing_ros.messages.fields import (
 from dp_swing_ros.messages.states import by_publisher, FEW, Kind, kind_of, States
 from dp_swing_ros.messages.ticks import keys_of_state, KINDS
 from dp_swing_ros.parameters import group
-from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
+from dp_swing_ros.pendulum.parameters import DRIVEN, LimitParameters, PendulumParameters
 from dp_swing_ros.pendulum.sensors import default_sensors, SensorParameters
 from dp_swing_ros.pendulum.state import (
     Array, joints, LINKS, links_of as links_of_state, to_turn_of)
 from dp_swing_ros.pendulum.urdf import from_urdf
 from dp_swing_ros.simulation.episode import Episode, Ticks
 from dp_swing_ros.topics import (
-    CONFIGURATION, DIAGNOSTICS, DISTURBANCE, FORCE_COMMAND, JOINT_STATES, ROBOT_DESCRIPTION)
+    COMMAND_TOPICS, CONFIGURATION, DIAGNOSTICS, DISTURBANCE, FORCE_COMMAND, JOINT_STATES,
+    ROBOT_DESCRIPTION, Topic)
 
 LARGEST = 1e100   # [m, rad, m/s, rad/s] of a run; what has diverged further cannot be drawn
 LONGEST = 1e6     # [s] of a run
@@ -167,9 +168,21 @@ def differenced(samples: list[Sample]) -> list[Sample]:
     return found
 
 
+def is_driven(bag: Bag) -> bool:
+    """Return whether the cart moved as it was told, whatever the links did; raises BagError."""
+    return any(found.parameters.get('drive') in DRIVEN
+               for found in configurations_of(bag).values())
+
+
+def command_topic(bag: Bag) -> Topic:
+    """Return the topic of commands that a bag has; that of forces where it has none."""
+    return next(filter(bag.has, COMMAND_TOPICS), FORCE_COMMAND)
+
+
 def commands_of(bag: Bag) -> list[Command]:
-    """Return the forces on their topic in the order in which they were sent."""
-    entries = bag.entries_of(FORCE_COMMAND) if bag.has(FORCE_COMMAND) else []
+    """Return the commands on their topic in the order in which they were sent."""
+    topic = command_topic(bag)
+    entries = bag.entries_of(topic) if bag.has(topic) else []
     found = [Command(entry.sequence, entry.time, bag.parse(
         lambda message: float(message.data), bag.decoded(entry))) for entry in entries]
     return sorted(found, key=lambda command: command.time)

@@ -15,7 +15,7 @@ from dp_swing_ros.bags.writer import BagWriter
 from dp_swing_ros.console.scene import is_figure, keep, Kept, LASTS, number, numbers, Scene
 from dp_swing_ros.messages.definitions import schema
 from dp_swing_ros.topics import (
-    CONFIGURATION, DIAGNOSTICS, DISTURBANCE, FORCE_COMMAND, JOINT_STATES, PLAN, ROBOT_DESCRIPTION,
+    COMMAND_TOPICS, CONFIGURATION, DIAGNOSTICS, DISTURBANCE, JOINT_STATES, PLAN, ROBOT_DESCRIPTION,
     Topic, TRIES)
 
 SPAN = 60.0       # [s] of the run
@@ -24,7 +24,7 @@ ROWS = 3000       # states of an answer, at most
 NEAREST = 0.9 * SPAN / ROWS   # [s] between two rows of a live run
 EARLY = 1e-6      # [s] by which a time in JSON may be early
 KEPT = (JOINT_STATES, DIAGNOSTICS, DISTURBANCE, CONFIGURATION, ROBOT_DESCRIPTION)   # for branches
-SEEN = (PLAN, TRIES, FORCE_COMMAND)   # beside these, to look back
+SEEN = (PLAN, TRIES, *COMMAND_TOPICS)   # beside these, to look back
 NEWEST = 12       # of these that an instant needs: two plans, two clouds, forces between them
 PLOTTED = re.compile('cost.*|.*_time|latency|iterations')   # values of a tick
 MOST = 60         # of them

@@ -24,7 +24,7 @@ from dp_swing_ros.pendulum.state import Array, links_of
 from dp_swing_ros.pendulum.units import decimals
 from dp_swing_ros.pendulum.urdf import from_urdf
 from dp_swing_ros.topics import (
-    CONFIGURATION, DIAGNOSTICS, DISTURBANCE, FORCE_COMMAND, JOINT_STATES, PLAN,
+    COMMAND_TOPICS, CONFIGURATION, DIAGNOSTICS, DISTURBANCE, JOINT_STATES, PLAN,
     ROBOT_DESCRIPTION, Topic, TRIES)
 
 CART = (0.44, 0.22)   # [m] scaled, as it is drawn
@@ -36,7 +36,7 @@ PATHS, STEPS = 2000, 10_000   # at most that are looked at, of somebody's
 MOST = 500            # statuses of all nodes that are kept
 DIGITS = 4            # after the point: a tenth of a millimetre
 PATH_DIGITS = 3       # of a path [m], scaled
-HEARD = (JOINT_STATES, FORCE_COMMAND, DISTURBANCE, PLAN, TRIES, DIAGNOSTICS, ROBOT_DESCRIPTION,
+HEARD = (JOINT_STATES, *COMMAND_TOPICS, DISTURBANCE, PLAN, TRIES, DIAGNOSTICS, ROBOT_DESCRIPTION,
          CONFIGURATION)
 
 
@@ -77,7 +77,8 @@ class Scene:
         self.ticks = deque[Report](maxlen=2)
         self.paused = False
         self._hear: dict[str, Callable[[Any], None]] = {
-            JOINT_STATES.name: self._on_state, FORCE_COMMAND.name: self._on_force,
+            JOINT_STATES.name: self._on_state,
+            **{command.name: self._on_force for command in COMMAND_TOPICS},
             DISTURBANCE.name: self._on_disturbance, PLAN.name: self._on_plan,
             TRIES.name: self._on_tries, DIAGNOSTICS.name: self._on_diagnostics,
             ROBOT_DESCRIPTION.name: self._on_description,
@@ -213,7 +214,7 @@ class Scene:
             'scale': {'length': scale.length, 'time': scale.time, 'force': scale.factor('N')},
             'limits': {'track': number(self.limits.track_limit),
                        'margin': margin if is_figure(margin) else None,
-                       'force': number(self.limits.force_limit),
+                       'force': number(self.limits.input_limit(self.physical.drive)),
                        'disturbance': self.value(PLANT, 'disturbance_limit', None)},
             'period': self.period, 'lockstep': bool(self.value(PLANT, 'lockstep', False))}
 

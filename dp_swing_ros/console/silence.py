@@ -6,7 +6,7 @@ from typing import Any
 
 from dp_swing_ros.console.scene import Scene
 from dp_swing_ros.messages.configuration import CONTROLLER, PLANT
-from dp_swing_ros.topics import DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES, PLAN, Topic
+from dp_swing_ros.topics import COMMAND_TOPICS, DIAGNOSTICS, JOINT_STATES, PLAN, Topic
 
 PATIENCE = 2.0   # [s] without a word, at least
 PERIODS = 3      # without one, at least
@@ -25,7 +25,7 @@ class Silence:
         if topic is JOINT_STATES:
             self._heard[PLANT] = now
             self._asked = now if self._asked is None else self._asked
-        said = {CONTROLLER} if topic in (FORCE_COMMAND, PLAN) else set()
+        said = {CONTROLLER} if topic in (*COMMAND_TOPICS, PLAN) else set()
         if topic is DIAGNOSTICS:
             whose = {status.name.partition(':')[0] for status in message.status}
             said = {role for role in (PLANT, CONTROLLER) if scene.node(role) in whose}

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Delay compensation: the commands that were sent, and what they do to a state until later."""
 
+import math
+
 import numpy as np
 
 from dp_swing_ros.control.observer import Belief
@@ -17,10 +19,16 @@ STEP = 0.01        # [s] scaled, longest of a prediction
 
 
 class SentCommands:
-    """Remembers from when on each command holds; what was sent later replaces it."""
+    """
+    Remembers from when on each command holds; what was sent later replaces it.
+
+    To a drive of velocities the integral of the commands is sent, which are accelerations.
+    """
 
     def __init__(self, scale: Units = SAME) -> None:
         """Begin with none, which is a force of zero, for a pendulum of a scale."""
+        self.velocity = math.nan   # [m/s] sent last
+        self.lasts = math.inf      # [s] the command for which it was
         self.step = scale.sized(STEP, 's')
         self.remembered = max(REMEMBERED, scale.sized(REMEMBERED, 's'))   # [s]
         self.times, self.forces = np.empty(0), np.empty(0)   # since when [s], in order; which [N]
@@ -35,9 +43,18 @@ class SentCommands:
         self.times = np.append(self.times[old:end], t)
         self.forces = np.append(self.forces[old:end], command)
 
+    def add_velocity(self, t: float, velocity: float, lasts: float) -> None:
+        """Remember a velocity [m/s] that is sent at a time [s], and lasts so long [s]."""
+        self.add(t, (velocity - self.velocity) / lasts if lasts else 0.0)
+        self.velocity, self.lasts = velocity, lasts or math.inf
+
     def replace_last(self, command: float) -> None:
-        """Remember that another command [N] was sent than the last one added."""
-        self.forces[-1] = command
+        """Remember that another command was sent than the last one added [N], or [m/s]."""
+        if math.isnan(self.velocity):
+            self.forces[-1] = command
+        else:
+            self.forces[-1] += (command - self.velocity) / self.lasts
+            self.velocity = command
 
     def last(self, t: float) -> tuple[float, float]:
         """Return the newest command [N] of those before a time [s], and since when it holds."""

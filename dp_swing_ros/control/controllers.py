@@ -12,7 +12,7 @@ from dp_swing_ros.parameters import group, ParameterError, Values
 from dp_swing_ros.pendulum.declaration import Declaration, Group
 from dp_swing_ros.pendulum.integrators import INTEGRATORS
 from dp_swing_ros.pendulum.parameters import (
-    Drive, DriveParameters, LimitParameters, PendulumParameters)
+    Drive, DRIVEN, DriveParameters, LimitParameters, PendulumParameters)
 from dp_swing_ros.pendulum.sensors import default_sensors, SensorParameters
 from dp_swing_ros.pendulum.state import LINKS, upright
 from dp_swing_ros.problem.parameters import CostParameters, LEARNED, PredictionParameters
@@ -33,11 +33,19 @@ def _groups() -> Iterable[Group]:
             yield f'{name}.', kinds[name].Parameters
 
 
+def _beside(given: Values) -> dict[str, Any]:
+    return {
+        # who gives a horizon gets that
+        **({'longest_horizon': given['horizon']} if 'horizon' in given else {}),
+        # what is driven moves as it is told
+        **({'ekf.gain_error': 0.0, 'ekf.force_bias': 0.0}
+           if given.get('drive') in DRIVEN else {})}
+
+
 MPC = Declaration('mpc', _groups, {
     links: {'reference': tuple(upright(links).tolist()), **default_sensors(links),
             **WEIGHTS[links]} for links in LINKS},
-    # who gives a horizon gets that
-    beside=lambda given: {'longest_horizon': given['horizon']} if 'horizon' in given else {})
+    beside=_beside)
 
 
 def controller(values: Values) -> RecedingHorizon:

@@ -53,6 +53,11 @@ class Lookahead:
         return median(self.periods) if len(self.periods) >= ENOUGH else math.nan
 
     @property
+    def last_period(self) -> float:
+        """Return the same as long as that is not known by the last two states; zero of a first."""
+        return self.period if len(self.periods) >= ENOUGH else sum(list(self.periods)[-1:])
+
+    @property
     def warning(self) -> str:
         """Return what is wrong with the period, or nothing."""
         longest = SLOWEST * self.time

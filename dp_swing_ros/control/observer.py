@@ -166,7 +166,7 @@ def checked(x: Array, size: int) -> Array:
 
 def driven_by(drive: Drive, problem: Problem) -> Problem:
     """Return a problem within what a drive can do; the same where that is nearly what it has."""
-    u_max = problem.parameters.limits.force_limit
+    u_max = problem.parameters.limits.input_limit(problem.physical.drive)
     bounds = Bounds(drive.bias - drive.gain * u_max, drive.bias + drive.gain * u_max)
     near = all(abs(b - old) <= NEARLY * u_max for b, old in zip(bounds, problem.bounds))
     return problem if near else replace(problem, bounds=bounds)

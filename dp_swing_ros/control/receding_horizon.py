@@ -13,10 +13,10 @@ from dp_swing_ros.control.observer import Belief, checked, Observer, ObserverPar
 from dp_swing_ros.control.planner import Planner, PlannerParameters
 from dp_swing_ros.control.supervisor import braked, Supervisor, SupervisorParameters
 from dp_swing_ros.parameters import parameter, ParameterError, Parameters
-from dp_swing_ros.pendulum.parameters import DIRECT, Drive
+from dp_swing_ros.pendulum.parameters import DIRECT, Drive, VELOCITY
 from dp_swing_ros.pendulum.state import Array, hanging, upright
 from dp_swing_ros.problem.cost import terms
-from dp_swing_ros.problem.plan import Plan, Status
+from dp_swing_ros.problem.plan import IDLE, Plan, Status
 from dp_swing_ros.problem.problem import Problem
 
 WARMING = 1.0    # [s] at most of a tick that warms up
@@ -112,11 +112,30 @@ class RecedingHorizon:
                 candidates=plan.stats.candidates))
         plan = self.supervisor.command(plan, belief, commands, acts_at)
         self.planner.keep(plan, acts_at)
-        has_no_goal = plan.stats.status in (Status.ZERO, Status.DISABLED, Status.STOP)
+        has_no_goal = plan.stats.status in (*IDLE, Status.STOP)
         self.lookahead.look(acts_at, belief.problem.is_reached(plan.X[-1]),
                             has_no_goal or belief.problem.is_reached(belief.x))
+        if belief.problem.physical.drive == VELOCITY:
+            return self.as_velocity(plan, acts_at)
         commands.add(acts_at, plan.first_force(self.nominal.u_max))
         return plan
+
+    def as_velocity(self, plan: Plan, acts_at: float) -> Plan:
+        """
+        Return a plan with the velocity to send for its first acceleration, and remember that.
+
+        It is the integral of what was planned: a cart that follows its velocity late has the
+        acceleration as late. Where there is no plan, it is zero.
+        """
+        commands, limit = self.commands, self.nominal.parameters.limits.cart_speed_limit
+        if math.isnan(commands.velocity):
+            v = float(plan.X[0, plan.X.shape[1] // 2])
+            commands.velocity = v if math.isfinite(v) else 0.0
+        lasts = self.lookahead.last_period
+        v = commands.velocity + plan.first_force(self.nominal.u_max) * lasts
+        v = 0.0 if plan.stats.status in IDLE else min(max(v, -limit), limit)
+        commands.add_velocity(acts_at, v, lasts)
+        return replace(plan, velocity=v)
 
     @property
     def belief(self) -> Belief:

@@ -22,7 +22,7 @@ from dp_swing_ros.kernels import kernel
 from dp_swing_ros.parameters import parameter, Parameters
 from dp_swing_ros.pendulum.model import size, step
 from dp_swing_ros.pendulum.state import Array
-from dp_swing_ros.problem.plan import Plan, Status
+from dp_swing_ros.problem.plan import IDLE, Plan, Status
 from dp_swing_ros.problem.problem import (
     Bounds, plan_of, policy_rollout, Problem, regulator_rollout)
 
@@ -105,8 +105,10 @@ class Supervisor:
         problem = belief.problem
         if x_0 is None and last is not None:
             x_0 = last.X[0]
-        if x_0 is None or np.isnan(belief.x[0]) or not self.acts(acts_at):
+        if x_0 is None or np.isnan(belief.x[0]):
             return self.zero(problem, problem.x_r)
+        if not self.acts(acts_at):
+            return self.zero(problem, x_0 if problem.physical.is_driven else problem.x_r)
         if not is_finite(x_0):   # where a learned model is wild
             x_0 = belief.x
         if self.stopping:
@@ -122,13 +124,17 @@ class Supervisor:
             else self.zero(problem, x_0)
 
     def zero(self, problem: Problem, x_0: Array) -> Plan:
-        """Return a plan of zero force."""
+        """Return a plan of zero force, of a cart that is driven one of zero speed."""
+        status = Status.ZERO if self.enabled else Status.DISABLED
+        if problem.physical.is_driven and is_finite(x_0):
+            plan = braked(problem, x_0, 0.0, math.inf)
+            return replace(plan, stats=plan.stats._replace(status=status))
         return plan_of(problem, np.tile(x_0, (problem.horizon + 1, 1)), np.zeros(problem.horizon),
-                       Status.ZERO if self.enabled else Status.DISABLED)
+                       status)
 
     def command(self, plan: Plan, belief: Belief, commands: SentCommands, acts_at: float) -> Plan:
         """Return the plan as it may be sent: within the limits of the rig, or braked."""
-        if plan.stats.status in (Status.ZERO, Status.DISABLED):
+        if plan.stats.status in IDLE:
             return plan
         problem, (u, change) = belief.problem, self.reach(belief, commands, acts_at)
         plan = limited(problem, plan, Bounds(u - change, u + change))
@@ -193,10 +199,10 @@ def limited(problem: Problem, plan: Plan, within: Bounds) -> Plan:
 
 def violation(problem: Problem, X: Array) -> str:
     """Return in words which limit states do not keep; empty where they keep them."""
-    limits, cost, _ = problem.parameters
+    limits = problem.parameters.limits
     for i, limit, name, unit in (
             (0, limits.track_limit, 'track_limit', 'm'),
-            (X.shape[1] // 2, cost.cart_speed_limit, 'cart_speed_limit', 'm/s')):
+            (X.shape[1] // 2, limits.cart_speed_limit, 'cart_speed_limit', 'm/s')):
         largest = np.abs(X[:, i]).max()
         if not largest <= limit + ROUNDING:
             return f'{largest:.3g} {unit} instead of {name} {limit:g} {unit} at most'

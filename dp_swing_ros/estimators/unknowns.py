@@ -61,7 +61,8 @@ class Unknowns:
 
     Shapes: nominal, deviations, sizes, lowest and highest (m,) with m = 4n + 7. The first so many
     `factors` are logarithms of ratios; the last three belong to the drive, the very last is a
-    force. `sizes` are how many times larger each is than with the default bodies.
+    force. `sizes` are how many times larger each is than with the default bodies, `counts` how
+    many times larger each counts than its parameter says; see PendulumParameters.lightness.
     """
 
     def __init__(self, physical: PendulumParameters, drive: Drive, about: UnknownsParameters,
@@ -79,13 +80,21 @@ class Unknowns:
         self.nominal = np.array([
             *physical.masses, *physical.lengths, drive.gain, *physical.frictions,
             *physical.dry_frictions, drive.delay, drive.time_constant, drive.bias])
+        of_links = [physical.lightness] * n
+        self.counts = np.array([
+            physical.masses[0] / physical.cart_mass, *of_links, *[1.0] * (n + 2), *of_links, 1.0,
+            *of_links, 1.0, 1.0, 1.0])
+        is_factor = np.arange(len(self.names)) < self.factors
         self.deviations = np.array([
             *[about.body_error] * (2 * n + 1), about.gain_error,
             *scale.each_joint(about.friction_error, FRICTIONS, n),
             about.cart_dry_friction_error, *[about.joint_dry_friction_error] * n,
-            about.delay_error, about.lag_error, about.force_bias])
-        self.sizes = np.where(np.arange(len(self.names)) < self.factors, 1.0,
-                              sizes_of(self.names, n, scale))
+            about.delay_error, about.lag_error, about.force_bias]) * np.where(
+                is_factor, 1.0, self.counts)
+        if physical.is_driven:   # no motion tells them
+            self.deviations[[name.startswith('cart_') for name in self.names]] = 0.0
+        self.sizes = np.where(is_factor, 1.0,
+                              self.counts * np.array(sizes_of(self.names, n, scale)))
         longest = scale.sized(LONGEST, 's')
         above = self.nominal[self.factors:]
         self.highest = np.array([*[math.log(LARGEST_FACTOR)] * self.factors,
@@ -98,12 +107,12 @@ class Unknowns:
         """Return the parameters that p (m,) stands for, by name."""
         b = np.empty(len(p))
         write_values(self.nominal, self.factors, p, b)
-        return dict(zip(self.names, b.tolist()))
+        return dict(zip(self.names, (b / self.counts).tolist()))
 
     def of(self, physical: PendulumParameters) -> Array:
         """Return the p (m,) of a pendulum, with the nominal drive."""
-        b = np.array([getattr(physical, name, nominal)
-                      for name, nominal in zip(self.names, self.nominal)])
+        b = self.counts * np.array([getattr(physical, name, nominal)
+                                    for name, nominal in zip(self.names, self.nominal)])
         with np.errstate(divide='ignore', invalid='ignore'):
             logarithms = np.log(b / self.nominal)
         return np.where(np.arange(len(b)) < self.factors, logarithms, b - self.nominal)

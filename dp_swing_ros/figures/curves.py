@@ -81,7 +81,7 @@ def timeline(episode: Episode) -> Figure:
     _draw_position(position, episode, color=CART, label='cart')
     limit_lines(position, episode.limits.track_limit, 'end stops')
     _draw_force(force, episode, color=FORCE, linewidth=1.4, label='applied')
-    limit_lines(force, episode.limits.force_limit, 'limits')
+    limit_lines(force, episode.limits.input_limit(episode.bodies.drive), 'limits')
     _draw_times(times, episode)
     for axes in panels:
         legend(axes)

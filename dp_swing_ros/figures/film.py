@@ -133,7 +133,7 @@ def hero(episode: Episode) -> Figure:
                      color=FORCE, alpha=0.85)
     if cut:
         _mark_cut(film, force, seconds, length, scale)
-    limit_lines(force, episode.limits.force_limit)
+    limit_lines(force, episode.limits.input_limit(episode.bodies.drive))
     ending = f'not upright at the end, {length:.1f} s' if math.isnan(settled) \
         else f'upright from {settled:.2f} to {length:.1f} s'
     # long links reach up to it

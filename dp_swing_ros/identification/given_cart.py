@@ -27,9 +27,11 @@ def on_cart_as_measured(motion: Motion) -> Motion:
                            pushes=np.array([]))
 
 
-def on_given_cart(motion: Motion) -> Motion:
+def on_given_cart(motion: Motion, mass: float = HEAVY) -> Motion:
     """
-    Return a motion under the forces that move a heavy cart along a smooth path through its own.
+    Return a motion under the forces that move a cart along a smooth path through its own.
+
+    That is a heavy one of a mass [kg]; where links count as light, it is one of 1 kg.
 
     What noise the sensor of the cart has is told by how the spline leaves out one sample after
     the other best (generalised cross-validation). The cart then moves as these forces have it.
@@ -46,4 +48,4 @@ def on_given_cart(motion: Motion) -> Motion:
     path = np.concatenate(([0.0], np.cumsum(spans * (speeds[1:] + speeds[:-1]) / 2)))
     return motion._replace(
         Q=np.column_stack((x[known][0] + np.interp(t, sent, path), motion.Q[:, 1:])),
-        sent=sent[:-1], commands=HEAVY * accelerations, pushes=np.array([]), track_limit=np.inf)
+        sent=sent[:-1], commands=mass * accelerations, pushes=np.array([]), track_limit=np.inf)

@@ -15,7 +15,7 @@ from dp_swing_ros.identification.given_cart import HEAVY, on_given_cart
 from dp_swing_ros.identification.guess import guessed
 from dp_swing_ros.identification.segments import Motion, Segments, segments_of
 from dp_swing_ros.identification.unknowns import OF_CART, Parametrisation, SHARE
-from dp_swing_ros.pendulum.parameters import DIRECT, Drive, PendulumParameters
+from dp_swing_ros.pendulum.parameters import DIRECT, Drive, FORCE, PendulumParameters
 from dp_swing_ros.pendulum.state import Array
 
 ROUNDS = 6          # of parameters and of what residuals count by in turns, at most
@@ -86,8 +86,8 @@ def identify(motions: Sequence[Motion], physical: PendulumParameters, drive: Dri
     is_given = cart == GIVEN
     if is_given:
         motions = list(map(on_given_cart, motions))
-        drive, physical = DIRECT, replace(physical, cart_mass=HEAVY, cart_friction=0.0,
-                                          cart_dry_friction=0.0)
+        drive, physical = DIRECT, replace(physical, drive=FORCE, cart_mass=HEAVY,
+                                          cart_friction=0.0, cart_dry_friction=0.0)
     about = Parametrisation(physical, drive, known, guessed(
         motions, physical, drive, known, on_step, is_given), is_given)
     fit = Fit([segments_of(motion, about.scale) for motion in motions], about, on_step)

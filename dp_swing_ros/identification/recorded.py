@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from dp_swing_ros.bags.episodes import (
-    commands_of, completed, configurations_of, links_of, reports_of, samples_of, states_in)
+    command_topic, commands_of, completed, configurations_of, links_of, reports_of, samples_of,
+    states_in)
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.errors import BagError, UserError
 from dp_swing_ros.identification.segments import check_sizes, check_span, Motion, period_of
@@ -18,7 +19,7 @@ from dp_swing_ros.parameters import group
 from dp_swing_ros.pendulum.parameters import (
     Drive, DriveParameters, LimitParameters, PendulumParameters)
 from dp_swing_ros.pendulum.state import Array
-from dp_swing_ros.topics import DISTURBANCE, FORCE_COMMAND
+from dp_swing_ros.topics import DISTURBANCE
 
 APART = 1.0    # [s] between stamps and the times of sending, beyond which their clocks differ
 LOOSE = 0.02   # [s] by which two clocks may differ from a straight line
@@ -72,9 +73,9 @@ def recorded(bag: Bag, links: int | None = None, commanded: bool = True) -> Reco
 def _recorded(bag: Bag, links: int | None, commanded: bool) -> Recorded:
     if links not in (None, links_of(bag)):
         raise BagError(f'{bag} is of {links_of(bag)} links; {links} were asked for (--links)')
-    if commanded and not bag.has(FORCE_COMMAND):
-        raise BagError(f'{bag} has no commands on {FORCE_COMMAND.name}; record joint_states and '
-                       'force_command together, or identify the links alone (--cart given)')
+    if commanded and not bag.has(command_topic(bag)):
+        raise BagError(f'{bag} has no commands on {command_topic(bag).name}; record joint_states '
+                       'and commands together, or identify the links alone (--cart given)')
     (times, log), reports = clock_of(bag), reports_of(bag)
     samples = completed(samples_of(bag, as_sent=times == LOGGED), reports)
     start = log.stamps[0] if times != LOGGED else log.sent[0]
@@ -84,8 +85,8 @@ def _recorded(bag: Bag, links: int | None, commanded: bool) -> Recorded:
                        'half minute of them')
     sent, commands = commands_in(bag, times, log, reports) if commanded else np.zeros((2, 0))
     if commanded and not len(sent):
-        raise BagError(f'{bag} has no finite command on {FORCE_COMMAND.name}; record a run under '
-                       'control')
+        raise BagError(f'{bag} has no finite command on {command_topic(bag).name}; record a run '
+                       'under control')
     order = np.argsort(sent, kind='stable')
     Q, V = np.hsplit(np.array([each.x for each in samples]), 2)
     Q[:, 1:] = np.unwrap(Q[:, 1:], axis=0)

@@ -17,10 +17,10 @@ from dp_swing_ros.messages.states import States
 from dp_swing_ros.nodes.connections import mismatch, NAMELESS, owner, POLICIES, publish
 from dp_swing_ros.nodes.messages import to_stamp
 from dp_swing_ros.nodes.process import ProcessNode
-from dp_swing_ros.topics import DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES
+from dp_swing_ros.topics import COMMAND_TOPICS, DIAGNOSTICS, JOINT_STATES
 
 LOOK_PERIOD = 1.0  # [s] between looks at the topics
-SINGLE = (JOINT_STATES, FORCE_COMMAND)  # one publisher each, or nobody knows whom to obey
+SINGLE = (JOINT_STATES, *COMMAND_TOPICS)  # one publisher each, or nobody knows whom to obey
 
 
 class Diagnostics:
@@ -89,8 +89,9 @@ def rivals(node: Node, states: States | None = None) -> Iterator[str]:
         found = {gid: owner(each) for each in node.get_publishers_info_by_topic(name)
                  if (gid := bytes(each.endpoint_gid)) not in others}
         if topic is JOINT_STATES and states is None:
-            obeying = set(map(owner, node.get_subscriptions_info_by_topic(
-                node.resolve_topic_name(FORCE_COMMAND.name))))
+            obeying = {owner(each) for command in COMMAND_TOPICS
+                       for each in node.get_subscriptions_info_by_topic(
+                           node.resolve_topic_name(command.name))}
             found = {gid: each for gid, each in found.items() if each in obeying}
             if node.get_fully_qualified_name() not in found.values():
                 continue

@@ -11,8 +11,8 @@ from dp_swing_ros.nodes.parameters import OWN
 from dp_swing_ros.parameters import expected, shown
 from dp_swing_ros.pendulum.state import DEFAULT_LINKS
 from dp_swing_ros.topics import (
-    CONFIGURATION, CONTROLLER_COMMANDS, DIAGNOSTICS, DISTURBANCE, FORCE_COMMAND,
-    FORCE_COMMAND_STAMPED, JOINT_STATES, PLAN, ROBOT_DESCRIPTION, Topic, TRIES)
+    COMMAND_TOPICS, CONFIGURATION, CONTROLLER_COMMANDS, DIAGNOSTICS, DISTURBANCE, JOINT_STATES,
+    PLAN, ROBOT_DESCRIPTION, STAMPED_COMMANDS, Topic, TRIES)
 
 WIDTH = 99
 SWITCHES = ('mpc/enable', 'plant/pause')   # services that are asked for true or false
@@ -35,15 +35,15 @@ NODE: dict[str, About] = {
         'Integrates the pendulum on its cart, publishes its state at a fixed rate and '
         'obeys the force: in real time, on /clock with use_sim_time, or in lockstep.',
         (JOINT_STATES, DIAGNOSTICS, ROBOT_DESCRIPTION, CONFIGURATION),
-        (FORCE_COMMAND, DISTURBANCE), ('plant/reset', 'plant/pause', 'plant/step')),
+        (*COMMAND_TOPICS, DISTURBANCE), ('plant/reset', 'plant/pause', 'plant/step')),
     'mpc': About(
         'Solves for a plan from each state, warm-started by the last one, and publishes the '
         'force that it begins with.',
-        (FORCE_COMMAND, FORCE_COMMAND_STAMPED, PLAN, TRIES, DIAGNOSTICS,
+        (*COMMAND_TOPICS, *dict.fromkeys(STAMPED_COMMANDS.values()), PLAN, TRIES, DIAGNOSTICS,
          CONFIGURATION), (JOINT_STATES,), ('mpc/reset', 'mpc/enable')),
     'relay': About(
-        'Hands the force on to a forward_command_controller of ros2_control, and a zero where '
-        'none comes for 0.25 s.', (CONTROLLER_COMMANDS, CONFIGURATION), (FORCE_COMMAND,)),
+        'Hands commands on to a forward_command_controller of ros2_control, and a zero where '
+        'none comes for 0.25 s.', (*CONTROLLER_COMMANDS.values(), CONFIGURATION), COMMAND_TOPICS),
     'logger': About('Writes topics to an MCAP bag that rosbag2 opens.', (CONFIGURATION,), ()),
     'replay': About(
         'Plays a bag back onto its topics with its recorded timing.',
@@ -53,7 +53,7 @@ NODE: dict[str, About] = {
         'Serves a page that shows the pendulum, its plan and its parameters, and lets hands on '
         'them; of a recorded run, without ROS: console BAG.',
         (DISTURBANCE, CONFIGURATION),
-        (JOINT_STATES, FORCE_COMMAND, DISTURBANCE, PLAN, TRIES, DIAGNOSTICS, ROBOT_DESCRIPTION,
+        (JOINT_STATES, *COMMAND_TOPICS, DISTURBANCE, PLAN, TRIES, DIAGNOSTICS, ROBOT_DESCRIPTION,
          CONFIGURATION))}
 
 

@@ -11,6 +11,7 @@ from sensor_msgs.msg import JointState, PointCloud2, PointField
 from std_msgs.msg import Header
 
 from dp_swing_ros.messages.fields import BILLION
+from dp_swing_ros.pendulum.parameters import VELOCITY
 from dp_swing_ros.pendulum.state import Array, joints, links_of
 from dp_swing_ros.pendulum.urdf import ROOT
 
@@ -41,9 +42,10 @@ def to_joint_state(stamp: Time, x: Array, force: float) -> JointState:
                       effort=[float(force), *[0.0] * (len(names) - 1)])
 
 
-def to_stamped_force(stamp: Time, cart: str, force: float) -> JointState:
-    """Convert a force [N] on the cart, with the stamp of the state that it answers."""
-    return JointState(header=Header(stamp=stamp), name=[cart], effort=[force])
+def to_stamped_command(stamp: Time, cart: str, command: float, drive: str) -> JointState:
+    """Convert a command for the cart by its drive, with the stamp of the state that it answers."""
+    field = 'velocity' if drive == VELOCITY else 'effort'
+    return JointState(header=Header(stamp=stamp), name=[cart], **{field: [command]})
 
 
 def to_point_cloud(stamp: Time, paths: Array, weights: Array) -> PointCloud2:

@@ -22,7 +22,7 @@ from dp_swing_ros.messages.fields import ERROR, OK, Report, WARN
 from dp_swing_ros.nodes.connections import (
     hearers, owners, publish, request_for, sender_of, subscribe)
 from dp_swing_ros.nodes.diagnostics import Diagnostics, LOOK_PERIOD
-from dp_swing_ros.nodes.messages import to_point_cloud, to_stamp, to_stamped_force
+from dp_swing_ros.nodes.messages import to_point_cloud, to_stamp, to_stamped_command
 from dp_swing_ros.nodes.process import AWAY, COMPILING, ProcessNode, run
 from dp_swing_ros.nodes.ros_parameters import allow_changes, announce, declare, overrides
 from dp_swing_ros.nodes.taking import take
@@ -32,7 +32,7 @@ from dp_swing_ros.runtime.schedule import Arrived
 from dp_swing_ros.runtime.sent import (
     Announcement, Force, Planned, PutBack, Said, Sent, Tried, Wake)
 from dp_swing_ros.topics import (
-    CONFIGURATION, FORCE_COMMAND, FORCE_COMMAND_STAMPED, JOINT_STATES, PLAN, TRIES)
+    COMMANDS, CONFIGURATION, JOINT_STATES, PLAN, STAMPED_COMMANDS, TRIES)
 
 HANDSHAKE_POLL = 0.02  # [s]
 SLOW_START = 1.0     # [s] a preparation longer than this was a compilation
@@ -71,8 +71,10 @@ class MpcNode(ProcessNode):
         self.thread_priority = values['thread_priority']
         self.core = MpcCore(values, NodeClocks(self), self.send,
                             partial(sender_of, self, JOINT_STATES))
-        self.forces = publish(self, FORCE_COMMAND)
-        self.stamped_forces = publish(self, FORCE_COMMAND_STAMPED)
+        self.drive = values['drive']
+        self.forces = publish(self, COMMANDS[self.drive])
+        self.stamped_forces = publish(self, STAMPED_COMMANDS[self.drive]) \
+            if self.drive in STAMPED_COMMANDS else None
         self.plans, self.tries = publish(self, PLAN), publish(self, TRIES)
         self.diagnostics = Diagnostics(self, self.core.states)
         self.serve('mpc/reset', self.core.reset)
@@ -164,8 +166,9 @@ class MpcNode(ProcessNode):
         match sent:
             case Force(stamp, force):
                 self.forces.publish(Float64(data=force))
-                self.stamped_forces.publish(to_stamped_force(
-                    to_stamp(stamp), self.core.sensors.joint_names[0], force))
+                if self.stamped_forces is not None:
+                    self.stamped_forces.publish(to_stamped_command(
+                        to_stamp(stamp), self.core.sensors.joint_names[0], force, self.drive))
             case Planned(stamp, plan):
                 self.plans.publish(to_trajectory(plan, to_stamp(stamp)))
             case Tried(stamp, paths, weights):

@@ -1,7 +1,7 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Parameters of logger and replay, and of all nodes but plant and mpc; needs no ROS.
+Parameters of logger, replay and relay, and of all nodes but plant and mpc; needs no ROS.
 
 Plant and mpc have theirs where the plant and the controller are: see declarations.py.
 """
@@ -12,6 +12,10 @@ from dp_swing_ros.parameters import named, parameter, Parameters
 from dp_swing_ros.parameters.console import ConsoleParameters
 from dp_swing_ros.topics import TOPICS
 
+POSITION = 'position'
+# whose commands a controller takes, by its command interface
+RELAYED = {'effort': 'force', 'acceleration': 'acceleration', 'velocity': 'velocity',
+           POSITION: 'velocity'}
 SENT, RECEIVED = ORDERS = ('sent', 'received')  # the time of a message that counts
 
 
@@ -65,6 +69,18 @@ class ReplayParameters(Parameters):
     delay: float = parameter(0.0, 'before the first message', unit='s', minimum=0.0)
 
 
+@dataclasses.dataclass(frozen=True)
+class RelayParameters(Parameters):
+    """What the controller takes that commands are handed on to."""
+
+    interface: str = parameter(
+        'effort', 'command interface of the controller: effort, for the drives force and voltage; '
+        'acceleration; velocity, or position, their integral, for the drive velocity',
+        choices=lambda: list(RELAYED))
+    joint: str = parameter(
+        'cart', 'joint of the cart in joint_states, which tells where positions begin')
+
+
 # by the name of the node, but for plant and mpc
-OWN = {'relay': named(Parameters), 'logger': named(LoggerParameters),
+OWN = {'relay': named(RelayParameters), 'logger': named(LoggerParameters),
        'replay': named(ReplayParameters), 'console': named(ConsoleParameters)}

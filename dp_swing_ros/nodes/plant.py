@@ -21,7 +21,7 @@ from dp_swing_ros.runtime.plant import (
     Announcement, Description, PlantCore, Sent, State, Trouble, Warned)
 from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.plant import Plant
-from dp_swing_ros.topics import DISTURBANCE, FORCE_COMMAND, JOINT_STATES, ROBOT_DESCRIPTION
+from dp_swing_ros.topics import COMMANDS, DISTURBANCE, JOINT_STATES, ROBOT_DESCRIPTION
 
 PATIENCE = 2.0       # [s] at most for subscriptions to be found before the first state
 LONGER = 2.0         # [s] more for a controller that is there, but does not listen yet
@@ -40,6 +40,7 @@ class PlantNode(ProcessNode):
         self.thread_priority = self.values['thread_priority']
         self.get_logger().info('preparing the integrator')   # compiled at the first start
         self.core = PlantCore(plants.plant(self.values))
+        self.command = COMMANDS[self.values['drive']]
         self.clock = STEADY if self.core.lockstep else self.pace_clock
         if self.core.lockstep:   # which may be far ahead of who only listens
             self.delivery = CATCHING_UP
@@ -57,7 +58,7 @@ class PlantNode(ProcessNode):
         """Compile the integrator, then look for those who are to hear the first state."""
         ready(self.values)
         allow_changes(self, self.fields, self.values, self.on_change)
-        self.forces = subscribe(self, FORCE_COMMAND, self.on_force)
+        self.forces = subscribe(self, self.command, self.on_force)
         lockstep = self.core.lockstep
         self.audience = Audience([self.states, self.diagnostics.publisher, self.description],
                                  math.inf if lockstep else PATIENCE)
@@ -93,7 +94,7 @@ class PlantNode(ProcessNode):
 
     def is_connected(self) -> bool:
         """Return whether every controller that is there hears the states, and is heard."""
-        controllers = owners(self, FORCE_COMMAND)
+        controllers = owners(self, self.command)
         if self.core.lockstep:   # where there must be one
             return is_heard(self, self.states, controllers)
         return not controllers or time.monotonic() >= self.audience.give_up + LONGER or (
@@ -103,7 +104,7 @@ class PlantNode(ProcessNode):
     def on_look(self) -> None:
         """Look who hears the states in lockstep."""
         self.send(self.core.on_listeners(
-            listeners(self, self.states, FORCE_COMMAND), self.now()))
+            listeners(self, self.states, self.command), self.now()))
 
     def on_tick(self) -> None:
         """Let a period end."""

@@ -23,7 +23,7 @@ from dp_swing_ros.nodes.playback import excerpt, LATE, Playback, Scheduled
 from dp_swing_ros.nodes.process import CLOCK, ProcessNode, run, STEADY
 from dp_swing_ros.nodes.ros_parameters import declare
 from dp_swing_ros.parameters import named, ParameterError
-from dp_swing_ros.topics import FORCE_COMMAND, JOINT_STATES, Topic
+from dp_swing_ros.topics import COMMAND_TOPICS, JOINT_STATES, Topic
 
 HEADER = 4          # [bytes] before the number, when a force is serialised
 BATCH = 100         # messages at once, so that signals and services are heard in between
@@ -59,13 +59,15 @@ class ReplayNode(ProcessNode):
         self.playback = Playback(messages, p.rate, p.loop)
         for topic in sorted({message.entry.topic for message in messages}):
             self.outputs[topic] = publish_again(self, topic, bag.channels[topic])
-            if _is(FORCE_COMMAND, topic, bag.channels[topic]):
+            if any(_is(each, topic, bag.channels[topic]) for each in COMMAND_TOPICS):
                 self.last_forces[topic] = b''
         for topic in self.outputs:
-            forces = topic.removesuffix(JOINT_STATES.name) + FORCE_COMMAND.name
-            if _is(JOINT_STATES, topic, bag.channels[topic]) and forces not in self.outputs:
-                # a controller answers those who hear it
-                subscribe(self, FORCE_COMMAND._replace(name=forces), lambda message: None)
+            if not _is(JOINT_STATES, topic, bag.channels[topic]):
+                continue
+            for command in COMMAND_TOPICS:
+                name = topic.removesuffix(JOINT_STATES.name) + command.name
+                if name not in self.outputs:   # a controller answers those who hear it
+                    subscribe(self, command._replace(name=name), lambda message: None)
         self.listen()
         self.get_logger().info(f'{len(messages)} messages over {span / BILLION:.3f} s of {bag}, '
                                f'at rate {p.rate:g}')

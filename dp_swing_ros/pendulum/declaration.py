@@ -22,7 +22,8 @@ from dp_swing_ros.pendulum.state import DEFAULT_LINKS, LINKS
 from dp_swing_ros.pendulum.units import by_element, Units
 
 SHARED = ('', PendulumParameters), ('', DriveParameters), ('', LimitParameters)
-OF_BOTH: dict[int, dict[str, Any]] = {1: {}, 2: {}, 3: {'force_limit': 40.0}}
+OF_BOTH: dict[int, dict[str, Any]] = {1: {}, 2: {}, 3: {
+    'force_limit': 40.0, 'acceleration_limit': 40.0}}
 
 Group = tuple[str, type[Parameters]]   # what names begin with, and the fields
 

@@ -88,7 +88,8 @@ def _of_robot(text: str) -> Found:
     y = np.cross([0.0, 0.0, 1.0], x)
     moving = [_body(links, poses, bodies, joint.child, y) for joint in (cart, *chain)]
     values: dict[str, Any] = {'links': len(chain), 'cart_mass': moving[0].mass}
-    left_out = [*_track(cart, values), *_links(chain, moving[1:], x, y, values)]
+    values |= _track(cart)
+    left_out = list(_links(chain, moving[1:], x, y, values))
     for name, joint in zip(('cart', *(f'joint{i}' for i in range(1, 4))), (cart, *chain)):
         values[f'{name}_friction'] = joint.number('dynamics', 'damping', 0.0)
         values[f'{name}_dry_friction'] = joint.number('dynamics', 'friction', 0.0)
@@ -191,19 +192,16 @@ def _body(links: Mapping[str, ElementTree.Element], poses: Mapping[str, tuple[Ro
         inertia + m * float(np.sum(np.cross(y, at - centre) ** 2)) for m, at, inertia in parts))
 
 
-def _track(cart: Joint, values: dict[str, Any]) -> Iterator[str]:
-    """Add what the limits of the cart's joint say; yield what has no parameter."""
+def _track(cart: Joint) -> dict[str, Any]:
+    """Return what the limits of the cart's joint say."""
     lower, upper = (cart.number('limit', name, math.nan) for name in ('lower', 'upper'))
-    values['joint_offsets'] = [0.0]
+    values: dict[str, Any] = {'joint_offsets': [0.0]}
     if upper > lower:
-        values['track_limit'] = (upper - lower) / 2
-        values['joint_offsets'] = [(upper + lower) / 2]
-    effort = cart.number('limit', 'effort', 0.0)
-    if 0 < effort < math.inf:
-        values['force_limit'] = effort
-    speed = cart.number('limit', 'velocity', 0.0)
-    if 0 < speed < math.inf:
-        yield f'{cart.name} goes {speed:g} m/s at most: there is no limit of the speed here'
+        values = {'track_limit': (upper - lower) / 2, 'joint_offsets': [(upper + lower) / 2]}
+    for name, attribute in (('force_limit', 'effort'), ('cart_speed_limit', 'velocity')):
+        if 0 < (limit := cart.number('limit', attribute, 0.0)) < math.inf:
+            values[name] = limit
+    return values
 
 
 def _links(chain: list[Joint], moving: list[Body], x: Array, y: Array,

@@ -119,7 +119,8 @@ def own_units(physical: PendulumParameters) -> Units:
                      physical.inertia_factors, g, none, none, none)
     D: Any = np.array(mass_matrix(p, [0.0] * n, [1.0] * n))
     square = float(np.linalg.eigvals(np.linalg.solve(D, np.diag([0.0, *p.a]) * g)).real.max())
-    return Units(g / square, square ** -0.5, p.m, sum(physical.masses[1:]))
+    return Units(g / square, square ** -0.5, p.m,
+                 sum(physical.masses[1:]) / physical.lightness)
 
 
 def scale_of(physical: PendulumParameters) -> Units:

@@ -4,6 +4,7 @@
 
 from collections.abc import Mapping, Sequence
 import dataclasses
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,6 +12,11 @@ import numpy as np
 from dp_swing_ros.parameters import fields_of, parameter, ParameterError, Parameters
 from dp_swing_ros.pendulum.state import angles, Array, DEFAULT_LINKS, equilibria, LINKS, links_of
 
+FORCE, VOLTAGE, ACCELERATION, VELOCITY = 'force', 'voltage', 'acceleration', 'velocity'
+# what takes commands, and their units
+DRIVES = {FORCE: 'N', VOLTAGE: 'V', ACCELERATION: 'm/s^2', VELOCITY: 'm/s'}
+DRIVEN = (ACCELERATION, VELOCITY)   # the cart, whatever the links do
+LIGHT = 1e-6      # of a cart that is driven, what all links together weigh
 GIVEN = 'given'   # no equilibrium by its name, but the state as it is
 EQUILIBRIA = [GIVEN, *(name for links in LINKS for name in equilibria(links))]
 
@@ -37,6 +43,12 @@ class PendulumParameters(Parameters):
 
     links: int = parameter(DEFAULT_LINKS, 'number of links, n', minimum=min(LINKS),
                            maximum=max(LINKS), live=False)
+    drive: str = parameter(
+        FORCE, 'what a command is: force, a force on the cart; voltage, one of a motor, by '
+        'force_gain [N/V] a force, too; acceleration, or velocity, which a stepper or a servo '
+        'gives the cart whatever the links do, so that mass and frictions of the cart do not '
+        'count, and all forces on it are accelerations, in m/s^2 for N',
+        choices=lambda: list(DRIVES), live=False)
     cart_mass: float = parameter(1.0, 'mass of the cart, m0', unit='kg', minimum=1e-3)
     link1_mass: float = parameter(0.5, 'mass of link 1, m1', unit='kg', minimum=1e-3)
     link2_mass: float = parameter(0.5, 'mass of link 2, m2', unit='kg', minimum=1e-3, links=2)
@@ -104,9 +116,24 @@ class PendulumParameters(Parameters):
                     f'{factor:g}; expected one of them: both say the same')
 
     @property
+    def is_driven(self) -> bool:
+        """Return whether the cart moves as it is told, whatever the links do."""
+        return self.drive in DRIVEN
+
+    @property
+    def lightness(self) -> float:
+        """
+        Return what masses and frictions of the links count in the equations of motion.
+
+        The links of a driven cart move as with one of 1 kg that they are too light to move; a
+        force on that in N is its acceleration in m/s².
+        """
+        return LIGHT / sum(self._of_links('link{}_mass')) if self.is_driven else 1.0
+
+    @property
     def masses(self) -> tuple[float, ...]:
-        """Return the masses of the cart and the links [kg]."""
-        return (self.cart_mass, *self._of_links('link{}_mass'))
+        """Return the masses of the cart and the links [kg], as they count."""
+        return self._counting(1.0 if self.is_driven else self.cart_mass, 'link{}_mass')
 
     @property
     def lengths(self) -> tuple[float, ...]:
@@ -125,17 +152,18 @@ class PendulumParameters(Parameters):
         return tuple(inertia / (mass * length ** 2 / 12) if inertia else factor
                      for inertia, factor, mass, length in zip(
                          self._of_links('link{}_inertia'), self._of_links('link{}_inertia_factor'),
-                         self.masses[1:], self.lengths))
+                         self._of_links('link{}_mass'), self.lengths))
 
     @property
     def frictions(self) -> tuple[float, ...]:
-        """Return the viscous frictions of the cart [N s/m] and the joints [N m s/rad]."""
-        return (self.cart_friction, *self._of_links('joint{}_friction'))
+        """Return the viscous frictions of cart [N s/m] and joints [N m s/rad], as they count."""
+        return self._counting(0.0 if self.is_driven else self.cart_friction, 'joint{}_friction')
 
     @property
     def dry_frictions(self) -> tuple[float, ...]:
-        """Return the dry frictions of the cart [N] and the joints [N m]."""
-        return (self.cart_dry_friction, *self._of_links('joint{}_dry_friction'))
+        """Return the dry frictions of the cart [N] and the joints [N m], as they count."""
+        return self._counting(0.0 if self.is_driven else self.cart_dry_friction,
+                              'joint{}_dry_friction')
 
     def estimated(self, values: Mapping[str, float]) -> 'PendulumParameters':
         """
@@ -154,10 +182,13 @@ class PendulumParameters(Parameters):
         return dataclasses.replace(self, **changed)
 
     @property
-    def by_name(self) -> dict[str, float]:
+    def by_name(self) -> dict[str, Any]:
         """Return the parameters that a pendulum with so many links has, by name."""
         return {field.name: getattr(self, field.name)
                 for field in fields_of(type(self), self.links)}
+
+    def _counting(self, of_cart: float, name: str) -> tuple[float, ...]:
+        return (of_cart, *(self.lightness * each for each in self._of_links(name)))
 
     def _of_links(self, name: str) -> tuple[float, ...]:
         return tuple(getattr(self, name.format(i)) for i in range(1, self.links + 1))
@@ -220,6 +251,17 @@ class LimitParameters(Parameters):
     force_limit: float = parameter(
         20.0, 'largest command, either way; the force on the cart is force_gain times as large, '
         'so with a gain in N/V this is in V', unit='N', minimum=0.0, finite=False, scaled=True)
+    acceleration_limit: float = parameter(
+        20.0, 'largest acceleration of the cart, either way, of the drives acceleration and '
+        'velocity, whose limit this is instead of force_limit', unit='m/s^2', minimum=0.0,
+        finite=False, scaled=True)
+    cart_speed_limit: float = parameter(
+        math.inf, 'speed of the cart that plans keep below, and no command of the drive velocity '
+        'exceeds; see controlled_stop, too', unit='m/s', minimum=0.01, finite=False)
     track_limit: float = parameter(
         2.4, 'the cart stays within this distance of the centre', unit='m', minimum=1e-3,
         finite=False, scaled=True)
+
+    def input_limit(self, drive: str) -> float:
+        """Return the largest command of a drive; of velocities, how fast they change [m/s²]."""
+        return self.acceleration_limit if drive in DRIVEN else self.force_limit

@@ -6,17 +6,20 @@ The pendulum as a robot description (URDF), and back.
 z is up and every joint turns about y, so a positive angle leans towards +x. All angles are
 absolute, so each link but the first hangs on a massless `elbow` that turns back by the angle of
 the link before (a mimic joint) at its tip: joint1, joint2 … are θ1, θ2 … as they are. What URDF
-has no word for: gravity, in an element of our own, which other readers skip; infinity, written as
-UNLIMITED; and that the damping of a joint acts between two links.
+has no word for: gravity, and a drive that is none by forces, in elements of our own, which other
+readers skip; infinity, written as UNLIMITED; and that the damping of a joint acts between two
+links.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 import math
 from textwrap import indent
+from typing import Any
 from xml.etree import ElementTree
 
 from dp_swing_ros.pendulum.geometry import drawn_scale
-from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
+from dp_swing_ros.pendulum.parameters import FORCE, LimitParameters, PendulumParameters
 from dp_swing_ros.pendulum.state import LINKS
 
 ROOT = 'track'   # the link that stands still
@@ -32,8 +35,10 @@ def urdf(physical: PendulumParameters, limits: LimitParameters) -> str:
     """Return the robot description as XML."""
     materials = [f'<material name="{name}"><color rgba="{colour} 1"/></material>'
                  for name, colour in MATERIALS.items()]
-    links = [element for i in range(1, physical.links + 1) for element in _link(physical, i)]
-    robot = _element('robot name="dp_swing"', f'<gravity value="{physical.gravity!r}"/>',
+    drive = [] if physical.drive == FORCE else [f'<drive value="{physical.drive}"/>']
+    bodies = replace(physical, drive=FORCE)   # as they are, not as they count
+    links = [element for i in range(1, physical.links + 1) for element in _link(bodies, i)]
+    robot = _element('robot name="dp_swing"', f'<gravity value="{physical.gravity!r}"/>', *drive,
                      *materials, *_track(physical, limits), *links)
     return f'<?xml version="1.0"?>\n{robot}\n'
 
@@ -57,10 +62,12 @@ def from_urdf(text: str) -> tuple[PendulumParameters, LimitParameters]:
         value = float(element.get(attribute, default or '').split()[-1])   # of a place, its height
         return math.inf if value >= UNLIMITED else value
 
-    values = {'cart_mass': number('link[@name="cart_body"]/inertial/mass', 'value'),
-              'gravity': number('gravity', 'value'),
-              'cart_friction': number('joint[@name="cart"]/dynamics', 'damping'),
-              'cart_dry_friction': number('joint[@name="cart"]/dynamics', 'friction', '0')}
+    drive, limit = robot.find('drive'), 'joint[@name="cart"]/limit'
+    values: dict[str, Any] = {
+        'cart_mass': number('link[@name="cart_body"]/inertial/mass', 'value'),
+        'gravity': number('gravity', 'value'),
+        'cart_friction': number('joint[@name="cart"]/dynamics', 'damping'),
+        'cart_dry_friction': number('joint[@name="cart"]/dynamics', 'friction', '0')}
     links = max([n for n in LINKS if robot.find(f'link[@name="link{n}"]') is not None],
                 default=min(LINKS))
     for i in range(1, links + 1):
@@ -78,9 +85,12 @@ def from_urdf(text: str) -> tuple[PendulumParameters, LimitParameters]:
                                                     'damping'),
                        f'joint{i}_dry_friction': number(f'joint[@name="joint{i}"]/dynamics',
                                                         'friction', '0')})
-    return PendulumParameters(links=links, **values), LimitParameters(
-        force_limit=number('joint[@name="cart"]/limit', 'effort'),
-        track_limit=number('joint[@name="cart"]/limit', 'upper'))
+    kind = FORCE if drive is None else drive.get('value', '')
+    return PendulumParameters(links=links, drive=kind, **values), LimitParameters(
+        force_limit=number(limit, 'effort'), track_limit=number(limit, 'upper'),
+        cart_speed_limit=number(limit, 'velocity', repr(UNLIMITED)),
+        acceleration_limit=number(limit, 'acceleration', repr(
+            LimitParameters.acceleration_limit)))
 
 
 def _across(mass: float, length: float) -> float:
@@ -91,7 +101,10 @@ def _across(mass: float, length: float) -> float:
 def _track(physical: PendulumParameters, limits: LimitParameters) -> list[str]:
     """Return the track and the cart on it."""
     mass = physical.cart_mass
-    track, force = min(limits.track_limit, UNLIMITED), min(limits.force_limit, UNLIMITED)
+    track, force, speed, acceleration = (min(limit, UNLIMITED) for limit in (
+        limits.track_limit, limits.force_limit, limits.cart_speed_limit,
+        limits.acceleration_limit))
+    driven = f' acceleration="{acceleration!r}"' if physical.is_driven else ''
     scale = drawn_scale(physical)
     # an endless track is drawn as long as the default one
     end = scale.sized(LimitParameters().track_limit, 'm') if math.isinf(limits.track_limit) \
@@ -107,7 +120,7 @@ def _track(physical: PendulumParameters, limits: LimitParameters) -> list[str]:
                          'steel')),
         _joint('cart', ROOT, 'cart_body',
                f'<limit lower="{-track!r}" upper="{track!r}" effort="{force!r}" '
-               f'velocity="{UNLIMITED!r}"/>',
+               f'velocity="{speed!r}"{driven}/>',
                f'<dynamics damping="{physical.cart_friction!r}" '
                f'friction="{physical.cart_dry_friction!r}"/>',
                kind='prismatic', axis='1 0 0')]

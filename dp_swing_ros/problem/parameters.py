@@ -3,7 +3,6 @@
 """Parameters of the optimal control problem: cost and prediction."""
 
 import dataclasses
-import math
 
 from dp_swing_ros.parameters import parameter, ParameterError, Parameters
 from dp_swing_ros.pendulum.integrators import Integrator, INTEGRATORS
@@ -43,9 +42,6 @@ class CostParameters(Parameters):
     track_margin: float = parameter(
         0.4, 'width of the soft margin inside the track limit; less than half of it', unit='m',
         minimum=0.0, scaled=True)
-    cart_speed_limit: float = parameter(
-        math.inf, 'speed of the cart that plans keep below; see controlled_stop, too',
-        unit='m/s', minimum=0.01, finite=False)
     speed_weight: float = parameter(
         1e5, 'weight of the squared excess of a speed over nine tenths of its limit',
         unit='s^2/m^2', minimum=0.0, scaled=True)

@@ -32,6 +32,7 @@ class Status(enum.Enum):
     DISABLED = 'disabled: the force is zero; call mpc/enable'
 
 
+IDLE = (Status.ZERO, Status.DISABLED)   # of a plan that does nothing
 FALLBACK = (Status.LAST_POLICY, Status.REGULATOR, Status.ZERO)   # of a tick without a solve
 
 
@@ -95,6 +96,7 @@ class Plan:
     turns: Array | float = 0.0   # [rad] from the reference to its goal, (2n + 2,)
     start: str = ''         # what a solve began from, where it was one of several
     tries: Tries | None = None   # where they were asked for
+    velocity: float | None = None   # [m/s] that a drive of velocities is sent for its first force
 
     @property
     def usable(self) -> bool:
@@ -110,6 +112,10 @@ class Plan:
         """Return the command [N] to send, within its limit; whatever happened, a finite one."""
         force = (float(self.U[0]) - self.drive.bias) / self.drive.gain
         return min(max(force, -limit), limit) if math.isfinite(force) else 0.0
+
+    def command(self, limit: float) -> float:
+        """Return what to send: the first force within its limit, or the velocity for it."""
+        return self.first_force(limit) if self.velocity is None else self.velocity
 
     def resampled(self, dt: float) -> 'Plan':
         """Return the plan in steps of another duration [s], as `shifted` interpolates it."""

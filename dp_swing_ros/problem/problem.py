@@ -77,8 +77,10 @@ class Problem:
         Raises ParameterError where no regulator holds the reference state, or where the cost is
         that of another number of links.
         """
-        if limits.force_limit == 0:
-            raise ParameterError('parameter force_limit is 0; the controller needs a force')
+        u_max = limits.input_limit(physical.drive)
+        if u_max == 0:
+            name = 'acceleration_limit' if physical.is_driven else 'force_limit'
+            raise ParameterError(f'parameter {name} is 0; expected more: nothing could move')
         for name in ('reference', 'state_weights'):
             count = len(getattr(cost, name))
             if count != SIZES[physical.links]:
@@ -103,8 +105,8 @@ class Problem:
             S=cost.state_weights, R=cost.force_weight, P=np.ascontiguousarray(P),
             x_r=tuple(cost.x_r.tolist()), angle_error=ANGLE_ERRORS[cost.angle_error],
             x_soft=limits.track_limit - cost.track_margin, w=cost.track_weight,
-            v_soft=FAST * cost.cart_speed_limit, w_v=cost.speed_weight),
-            prediction.horizon, Bounds(-limits.force_limit, limits.force_limit), lqr, physical,
+            v_soft=FAST * limits.cart_speed_limit, w_v=cost.speed_weight),
+            prediction.horizon, Bounds(-u_max, u_max), lqr, physical,
             ProblemParameters(limits, cost, prediction), scale, learned)
 
     @property

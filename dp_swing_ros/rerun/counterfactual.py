@@ -228,7 +228,7 @@ def take_over(run: Run, tick: Tick, solver: str, end: int) -> list[Sample]:
     epoch = arrival if tick.real_time else 0
     plant.begin_period(run.push(epoch + round(before * period * BILLION)))   # it is measured
     for n in range(before + 1, before + count + 1):
-        stepper.finish(None if plan is None else plan.first_force(run.problem.u_max), late)
+        stepper.finish(None if plan is None else plan.command(run.problem.u_max), late)
         now = epoch + round(n * period * BILLION)
         measured = stepper.begin(run.push(now))
         if measured is not None:

@@ -26,6 +26,7 @@ from dp_swing_ros.errors import BagError
 from dp_swing_ros.messages.configuration import BEFORE, Configuration, CONTROLLER, PLANT
 from dp_swing_ros.messages.fields import BILLION, from_trajectory, nanoseconds, Trajectory
 from dp_swing_ros.messages.states import FEW
+from dp_swing_ros.pendulum.parameters import DRIVES
 from dp_swing_ros.pendulum.state import links_of, symbols, units
 from dp_swing_ros.pendulum.urdf import from_urdf, urdf
 from dp_swing_ros.problem.plan import Plan
@@ -34,7 +35,7 @@ from dp_swing_ros.rerun.ticks import configuration_of, gone, own, paired, Record
 from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.plant import Plant
 from dp_swing_ros.simulation.stepper import Stepper
-from dp_swing_ros.topics import DIAGNOSTICS, FORCE_COMMAND, PLAN, ROBOT_DESCRIPTION, Topic
+from dp_swing_ros.topics import COMMANDS, DIAGNOSTICS, PLAN, ROBOT_DESCRIPTION, Topic
 
 SHOWN = 5  # numbers of ticks in a sentence
 RIVALS = re.compile(r'(\S+) has \d+ publishers, [^;]*')   # of nodes/diagnostics.py
@@ -79,23 +80,25 @@ def verify(bag: Bag, progress: Callable[[list[Tick]], Iterable[Tick]]) -> Verifi
         cause = f'; likely cause: {"; ".join(rivals)}' if rivals else ''
         raise BagError(f'{error}{cause}') from None
     controller = controllers.controller(config.parameters)
+    drive = controller.nominal.physical.drive
+    topic, unit = COMMANDS[drive], DRIVES[drive]
     pairing, plans = paired(record, commands_of(bag)), _plans_of(bag, record)
     differences = list[Difference]()
     for tick in progress(record.ticks):
         plan = answer(controller, tick)
         sent = pairing.others.get(tick.number, tick.force)
         text = differs(controller, plan, tick) \
-            or changed(f'force on {FORCE_COMMAND.name}', 'N', sent, tick.force) \
+            or changed(f'command on {topic.name}', unit, sent, tick.force) \
             or (_of_plans(plans[tick.number], plan) if tick.number in plans else '')
         if text:
             differences.append(Difference(
                 'ticks', f'tick {tick.number} at {tick.stamp} ns ({tick.stamp / BILLION:.3f} s), '
                 f'{tick.status}', text))
-    differences += [Difference('forces', f'a force at {command.time} ns', f'{command.force!r} N '
-                               f'on {FORCE_COMMAND.name}, which no tick sent')
+    differences += [Difference('forces', f'a force at {command.time} ns', f'{command.force!r} '
+                               f'{unit} on {topic.name}, which no tick sent')
                     for command in pairing.unpaired]
     again = plant_again(bag, record, bool(pairing.unpaired))
-    lacking = {FORCE_COMMAND: pairing.missing}
+    lacking = {topic: pairing.missing}
     if bag.has(PLAN):
         lacking[PLAN] = [tick for tick in record.ticks if tick.number not in plans]
     else:
@@ -153,8 +156,9 @@ def _unchecked(bag: Bag, record: Record, lacking: Mapping[Topic, list[Tick]]) ->
 
 def differs(controller: RecedingHorizon, plan: Plan, tick: Tick) -> str:
     """Return how a tick's answer differs from the recorded one; nothing where it does not."""
-    force, stats = plan.first_force(controller.nominal.u_max), plan.stats
-    text = changed('force', 'N', tick.force, force) or changed('cost', '', tick.cost, stats.cost)
+    force, stats = plan.command(controller.nominal.u_max), plan.stats
+    unit = DRIVES[controller.nominal.physical.drive]
+    text = changed('force', unit, tick.force, force) or changed('cost', '', tick.cost, stats.cost)
     if not text and stats.solves != tick.solves:
         return f'iterations {tick.solves} recorded, {stats.solves} now, for the same force'
     return text

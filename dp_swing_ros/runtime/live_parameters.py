@@ -8,6 +8,7 @@ from typing import Any
 
 from dp_swing_ros.control.receding_horizon import RecedingHorizon
 from dp_swing_ros.messages.fields import ERROR, Report, WARN
+from dp_swing_ros.pendulum.parameters import DRIVEN, FORCE
 from dp_swing_ros.runtime.loading import Loader
 from dp_swing_ros.runtime.sent import Announcement, Log, PutBack, Sent
 
@@ -65,8 +66,13 @@ class LiveParameters:
         self.send(Announcement(self.found, self.revision))
 
     def compare(self, of_plant: Mapping[str, Any]) -> None:
-        """Warn of a plant that takes less force, or has less track, than plans count on."""
-        for name in ('force_limit', 'track_limit'):
+        """Warn of a plant that takes other commands, or less, or has less track, than plans do."""
+        theirs, own = of_plant.get('drive', FORCE), self.values['drive']
+        if theirs != own:
+            self.log.say(
+                ERROR, f'the drive of the plant is {theirs!r}, and commands are for {own!r}: it '
+                'hears none of them; give both the same drive', 'drive', math.inf)
+        for name in ('acceleration_limit' if own in DRIVEN else 'force_limit', 'track_limit'):
             theirs, own = of_plant.get(name, math.inf), self.values[name]
             if theirs < own:
                 self.log.say(

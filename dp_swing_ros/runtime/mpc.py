@@ -247,7 +247,7 @@ class MpcCore:
         """Send the first force [N] of a plan, and return it."""
         if plan.stats.status is Status.STOP:
             self.log.say(ERROR, f'controlled stop: {self.controller.stopping}', 'stop', 10.0)
-        force = plan.first_force(self.controller.nominal.u_max)
+        force = plan.command(self.controller.nominal.u_max)
         self.command(force)
         return force
 

@@ -55,7 +55,8 @@ def simulate(plant: Plant, controller: Controller, duration: float, solver: str 
             plant.place(resets[n])
             X[-1] = plant.x.copy()
         plan = answer(plant, stepper.begin(float(pushes[n])), controller)
-        stepper.finish(None if plan is None else plan.first_force(plant.limits.force_limit))
+        stepper.finish(None if plan is None else plan.command(
+            plant.limits.input_limit(plant.physical.drive)))
         t.append(plant.t)
         X.append(plant.x.copy())
         U.append(plant.mean_force)

@@ -34,12 +34,17 @@ THIN = 1e-3           # of a link's moment of inertia, that about its own axis
 
 
 class Motor(NamedTuple):
-    """What a motor does in a step: its force goes a share to the target, or lags behind it."""
+    """
+    What a motor does in a step: its force goes a share to the target, or lags behind it.
+
+    One that is a follower gives the cart a speed, which is the target [m/s] and less its gain.
+    """
 
     response: float
     time_constant: float  # [s]
-    limit: float          # [N]
+    limit: float          # [N]; of a driven cart, its acceleration [m/s²]
     gain: float
+    follows: bool
 
 
 class Engine(Protocol):
@@ -82,8 +87,12 @@ def stop_at_end(model, limit, x):
 
 
 @kernel
-def motor_step(motor, force, target, h):
-    """Return the motor's force after a step [s], and its mean over it."""
+def motor_step(motor, speed, force, target, h):
+    """Return the motor's force after a step [s], and its mean over it, at a speed of the cart."""
+    if motor.follows:
+        change, _ = lagged(0.0, target - speed / motor.gain, motor.time_constant, h)
+        force = min(max(change / h, -motor.limit), motor.limit)
+        return force, force
     if motor.time_constant > 0:
         return lagged(force, target, motor.time_constant, h)
     # in this form a response of 1 gives the target to the bit
@@ -97,7 +106,7 @@ def integrate(model, motor, track_limit, x, force, target, push, steps):
     """Advance the state between the end stops; see Engine.advance."""
     mean = 0.0
     for n in range(steps):
-        force, acting = motor_step(motor, force, target, model.h)
+        force, acting = motor_step(motor, x[size(model) // 2], force, target, model.h)
         acting *= motor.gain
         mean += (acting - mean) / (n + 1)
         step(model, x, acting + push, x)
@@ -147,7 +156,7 @@ class MuJoCo:
         data.qpos[:], data.qvel[:] = map(to_joints, np.split(x, 2))
         self.model.opt.timestep = h
         for n in range(steps):
-            force, acting = motor_step(motor, force, target, h)
+            force, acting = motor_step(motor, data.qvel[0], force, target, h)
             acting *= motor.gain
             mean += (acting - mean) / (n + 1)
             data.ctrl[0] = acting + push

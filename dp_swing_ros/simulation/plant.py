@@ -20,7 +20,7 @@ from dp_swing_ros.pendulum.integrators import INTEGRATORS
 from dp_swing_ros.pendulum.model import ROUNDING, steps_in
 from dp_swing_ros.pendulum.parameters import (
     at_equilibrium, DriveParameters, EQUILIBRIA, GIVEN, LimitParameters, PendulumParameters,
-    RhythmParameters)
+    RhythmParameters, VELOCITY)
 from dp_swing_ros.pendulum.state import Array, from_joints, hanging, SIZES, to_joints
 from dp_swing_ros.simulation.engines import ENGINES, Motor
 from dp_swing_ros.streams import Stream, stream
@@ -253,14 +253,18 @@ class Plant:
         steps = steps_in(duration, min(physics_step, self.engine.longest_step))
         if steps < 1:
             return
-        limit = self.limits.force_limit
+        limit = self.limits.input_limit(self.physical.drive)
+        follows = self.physical.drive == VELOCITY
+        largest = self.limits.cart_speed_limit if follows else limit
         response = self.parameters.actuator_response
         # two halves of a physics step make what the whole one would; an actuator that overshoots
         # does so in a step of any length
         if response < 1:
             response = 1 - (1 - response) ** (duration / steps / physics_step)
-        target = min(max(self.commands.force + self.noise, -limit), limit)
-        motor = Motor(response, self.drive.motor_time_constant, limit, self.drive.force_gain)
+        target = min(max(self.commands.force + self.noise, -largest), largest)
+        # without a command a driven cart is brought to rest, and does not go on at its speed
+        motor = Motor(response, self.drive.motor_time_constant, limit, self.drive.force_gain,
+                      follows or self.physical.is_driven and self.commands.expired)
         self.force, mean = self.engine.advance(
             self.x, motor, self.force, target, self.push + self.drive.force_bias,
             duration / steps, steps)

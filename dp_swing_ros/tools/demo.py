@@ -18,6 +18,8 @@ from dp_swing_ros.evaluation.comparison import spread, summary, table
 from dp_swing_ros.evaluation.metrics import measure, Metrics
 from dp_swing_ros.messages.fields import links_in, seconds, to_state
 from dp_swing_ros.nodes.connections import subscribe
+from dp_swing_ros.parameters.files import for_node, sections
+from dp_swing_ros.pendulum.parameters import FORCE
 from dp_swing_ros.pendulum.state import (
     angles, Array, DEFAULT_LINKS, LINKS, links_of, symbols, wrapped)
 from dp_swing_ros.report.recording import named, recording
@@ -28,7 +30,7 @@ from dp_swing_ros.tools.processes import (
     await_ready, Crew, isolated, located, Process, ProcessError)
 from dp_swing_ros.tools.tool_node import listeners, tool_node
 from dp_swing_ros.topics import (
-    DIAGNOSTICS, FORCE_COMMAND, FORCE_COMMAND_STAMPED, JOINT_STATES, PLAN, Topic)
+    COMMANDS, DIAGNOSTICS, JOINT_STATES, PLAN, STAMPED_COMMANDS, Topic)
 
 DISCOVERY = 3.0   # [s] to find the nodes that are there already, however they announce themselves
 COLUMNS = 5     # of more runs than this the table shows the spread
@@ -168,7 +170,7 @@ def perform(folder: Path, solver: str, seed: int, duration: float, links: int | 
             'logger', {'output': str(bag), 'progress_period': 0.0}, folder / 'logger.log')
         mpc = crew.start(
             'mpc', {'solver': solver, **shared, **keeping(
-                FORCE_COMMAND, FORCE_COMMAND_STAMPED, PLAN, DIAGNOSTICS)},
+                *commands_for(parameter_files), PLAN, DIAGNOSTICS)},
             folder / 'mpc.log', parameter_files)
         # the mpc subscribes once it has compiled; the logger, only to what somebody publishes
         await_ready([logger, mpc], lambda: {'logger'} - observer.nodes()
@@ -182,6 +184,14 @@ def perform(folder: Path, solver: str, seed: int, duration: float, links: int | 
         mpc.end()  # it sends a last zero force, which belongs into the bag
         logger.end()
     return bag
+
+
+def commands_for(parameter_files: Sequence[Path]) -> list[Topic]:
+    """Return the topics on which an mpc with these parameters commands."""
+    drive = FORCE
+    for path in parameter_files:
+        drive = for_node(sections(path), '/mpc', ['drive']).get('drive', drive)
+    return [topics[drive] for topics in (COMMANDS, STAMPED_COMMANDS) if drive in topics]
 
 
 def keeping(*topics: Topic) -> dict[str, object]:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from dp_swing_ros import figures
+from dp_swing_ros.bags.episodes import is_driven
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.control.controllers import MPC
 from dp_swing_ros.declarations import shared
@@ -49,10 +50,11 @@ def main(argv: Sequence[str] | None = None) -> int:
                         metavar='NAME=VALUE',
                         help='parameters that are known; force_gain is found only where a mass '
                              'is, and the inertia factor of the last link where its length is')
-    parser.add_argument('--cart', choices=CARTS, default=FREE,
+    parser.add_argument('--cart', choices=CARTS,
                         help='free: moved by the commands and the links; given: as it was '
                              'recorded, clamped or driven by whatever drives it, so that no '
-                             'commands are needed and the links alone are found (default: free)')
+                             'commands are needed and the links alone are found (default: given where '
+                             'the drive is acceleration or velocity, else free)')
     parser.add_argument('--links', type=int, choices=LINKS,
                         help='number of links (default: what the bag says)')
     return execute(parser, _identify, argv)
@@ -71,12 +73,13 @@ def given(text: str) -> tuple[str, float]:
 def _identify(arguments: argparse.Namespace) -> int:
     bags = [Bag(path, arguments.partial, arguments.namespace, arguments.node)
             for path in arguments.bag]
-    found = recorded_of_one(bags, arguments.links, commanded=arguments.cart == FREE)
+    cart = arguments.cart or (GIVEN if any(map(is_driven, bags)) else FREE)
+    found = recorded_of_one(bags, arguments.links, commanded=cart == FREE)
     first, known = found[0], dict(arguments.known)
-    check(known, first.physical.links, arguments.cart)
+    check(known, first.physical.links, cart)
     with progress(desc='predictions', unit='') as bar:
         identified = identify([each.motion for each in found], first.physical, first.drive, known,
-                              bar.update, arguments.cart)
+                              bar.update, cart)
     print(table(identified), base_table(identified), report(identified, found), sep='\n\n',
           end='\n\n')
     print_incomplete(bags)

@@ -15,6 +15,7 @@ from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.dynamics.files import LearnedModel
 from dp_swing_ros.dynamics.structured import Structured
 from dp_swing_ros.errors import UserError
+from dp_swing_ros.identification.given_cart import on_given_cart
 from dp_swing_ros.identification.recorded import recorded_of_one
 from dp_swing_ros.learning.experience import Experience
 from dp_swing_ros.learning.models import learned, parted
@@ -22,6 +23,7 @@ from dp_swing_ros.learning.quality import AHEAD, Errors, errors, rms
 from dp_swing_ros.learning.recorded import stretches
 from dp_swing_ros.learning.regression import LONGEST_STEP
 from dp_swing_ros.pendulum.equations import Pendulum, scale_of
+from dp_swing_ros.pendulum.parameters import DIRECT
 from dp_swing_ros.pendulum.state import joints, LINKS
 from dp_swing_ros.tables import aligned
 from dp_swing_ros.tools.command_lines import (
@@ -53,9 +55,13 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _train(arguments: argparse.Namespace) -> int:
     bags = [Bag(path, arguments.partial, arguments.namespace, arguments.node)
             for path in arguments.bag]
-    found = recorded_of_one(bags, arguments.links)
+    found, began = recorded_of_one(bags, arguments.links), time.monotonic()
     # dynamics that are learned make up for gain and bias of the drive
-    (physical, drive), began = found[-1].estimated, time.monotonic()
+    physical, drive = found[-1].estimated
+    if physical.is_driven:   # nothing but how the cart moves acts on the links
+        drive, found = DIRECT, [
+            each._replace(motion=on_given_cart(each.motion, physical.masses[0]))
+            for each in found]
     # an estimator has seen what is held out: its parameters are no judge of what is learned
     scale = scale_of(found[0].physical)
     known, told = (Pendulum.of(each, scale=scale) for each in (physical, found[0].physical))

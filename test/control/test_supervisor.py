@@ -13,7 +13,6 @@ from dp_swing_ros.control.supervisor import braked, limited, violation
 from dp_swing_ros.pendulum.model import step
 from dp_swing_ros.pendulum.parameters import LimitParameters
 from dp_swing_ros.pendulum.state import hanging, is_upright, upright
-from dp_swing_ros.problem.parameters import CostParameters
 from dp_swing_ros.problem.plan import Status
 from dp_swing_ros.problem.problem import Bounds
 from dp_swing_ros.simulation.closed_loop import simulate
@@ -79,7 +78,7 @@ def test_zero_is_sent_at_once():
 @SOLVERS
 def test_plans_keep_a_limit_of_the_speed(name):
     limit = 2.0
-    c, p = controller(name, cost=CostParameters(cart_speed_limit=limit)), plant()
+    c, p = controller(name, limits=LimitParameters(cart_speed_limit=limit)), plant()
     _, episode = commands_of(c, p, 8.0)
     assert np.abs(episode.X[:, 3]).max() < limit
     assert is_upright(episode.X[-1])
@@ -99,7 +98,7 @@ def test_the_brake_brings_the_cart_to_rest_and_holds_it():
 
 
 def test_what_is_not_kept_is_said():
-    c = controller(cost=CostParameters(cart_speed_limit=2.0))
+    c = controller(limits=LimitParameters(cart_speed_limit=2.0))
     X = np.array([upright(), NEAR_THE_END])
     assert violation(c.belief.problem, X) == '4 m/s instead of cart_speed_limit 2 m/s at most'
     X[1, 0] = -2.5

@@ -13,9 +13,9 @@ from scipy.stats import chi2
 
 from dp_swing_ros.control import controllers
 from dp_swing_ros.control.commands import SentCommands
-from dp_swing_ros.estimators.gaussian import constrain, correct, SMALL
+from dp_swing_ros.estimators.gaussian import constrain, correct
 from dp_swing_ros.estimators.kalman import (
-    CREEP, ExtendedKalmanFilter, KalmanParameters, SCALES, UNMEASURED)
+    CREEP, ExtendedKalmanFilter, KalmanParameters, SCALES, SMALL, UNMEASURED)
 from dp_swing_ros.evaluation.metrics import measure
 from dp_swing_ros.evaluation.scenarios import push_profile
 from dp_swing_ros.pendulum.equations import derivative, mass_matrix, Pendulum

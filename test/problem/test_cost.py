@@ -24,21 +24,22 @@ AS_THE_PAPER = {'angle_error': 'angle', 'terminal_cost': 'scaled', 'track_weight
 PAPER = CostParameters(**AS_THE_PAPER)
 
 
-def cost_of(parameters):
+def cost_of(parameters, limits=LimitParameters()):
     links = len(parameters.reference) // 2 - 1
-    return Problem.of(PendulumParameters(links=links), LimitParameters(), parameters,
+    return Problem.of(PendulumParameters(links=links), limits, parameters,
                       PredictionParameters()).cost
 
 
 def costs():
     """Return costs by names: the paper's, the tuned ones, and about another equilibrium."""
-    found = {'shifted': SHIFTED, 'slow': CostParameters(cart_speed_limit=2.0, speed_weight=50.0)}
+    found = {'shifted': cost_of(SHIFTED), 'slow': cost_of(
+        CostParameters(speed_weight=50.0), LimitParameters(cart_speed_limit=2.0))}
     for links in LINKS:
         tuned = controllers.cost({'links': links})
-        found.update({f'tuned {links}': tuned,
-                      f'paper {links}': dataclasses.replace(tuned, **AS_THE_PAPER),
-                      f'hanging {links}': dataclasses.replace(
-                          tuned, reference=tuple(hanging(links).tolist()))})
+        found.update({f'tuned {links}': cost_of(tuned),
+                      f'paper {links}': cost_of(dataclasses.replace(tuned, **AS_THE_PAPER)),
+                      f'hanging {links}': cost_of(dataclasses.replace(
+                          tuned, reference=tuple(hanging(links).tolist())))})
     return [pytest.param(cost, id=name) for name, cost in found.items()]
 
 
@@ -89,9 +90,8 @@ def test_near_the_goal_the_chord_is_the_angle(rng):
     assert terminal(chord, x) == pytest.approx(terminal(cost_of(PAPER), x), rel=1e-6)
 
 
-@pytest.mark.parametrize('parameters', costs())
-def test_gradients_meet_finite_differences(parameters, rng):
-    cost = cost_of(parameters)
+@pytest.mark.parametrize('cost', costs())
+def test_gradients_meet_finite_differences(cost, rng):
     size = len(cost.S)
     X, U = rng.normal(size=(20, size)) * 2.5, rng.normal(size=20) * 10
     of_steps = running_derivatives(cost, X, U, None)
@@ -108,9 +108,8 @@ def test_gradients_meet_finite_differences(parameters, rng):
         assert np.linalg.eigvalsh(V_xx).min() > -1e-9 * np.abs(V_xx).max()
 
 
-@pytest.mark.parametrize('parameters', costs())
-def test_errors_have_their_derivatives(parameters, rng):
-    cost = cost_of(parameters)
+@pytest.mark.parametrize('cost', costs())
+def test_errors_have_their_derivatives(cost, rng):
     x = rng.normal(size=len(cost.S)) * 2
 
     def differences(which):
@@ -128,9 +127,8 @@ def gradients(cost, x):
     return np.array([running_derivatives(cost, x[None], np.zeros(1), None)[0, :size, 0], V_x])
 
 
-@pytest.mark.parametrize('parameters', costs())
-def test_the_exact_hessian_meets_finite_differences(parameters, rng):
-    cost = cost_of(parameters)
+@pytest.mark.parametrize('cost', costs())
+def test_the_exact_hessian_meets_finite_differences(cost, rng):
     size = len(cost.S)
     for x in rng.normal(size=(20, size)) * 2.5:
         differences = np.stack([
@@ -144,10 +142,9 @@ def test_the_exact_hessian_meets_finite_differences(parameters, rng):
                                        atol=1e-6 * np.abs(expected).max())
 
 
-@pytest.mark.parametrize('parameters', costs())
-def test_tensors_cost_what_arrays_do(parameters, rng):
+@pytest.mark.parametrize('cost', costs())
+def test_tensors_cost_what_arrays_do(cost, rng):
     torch = pytest.importorskip('torch')
-    cost = cost_of(parameters)
     X, U = rng.normal(size=(4, len(cost.S))) * 2.5, rng.normal(size=3) * 10
     tensors = [torch.tensor(x).unbind() for x in X]
     J = sum(running_cost(cost, x, torch.tensor(u)) for x, u in zip(tensors, U)) + terminal_cost(
