@@ -103,14 +103,16 @@ def _of_robot(text: str) -> Found:
 def _placed(robot: ElementTree.Element, links: Mapping[str, ElementTree.Element]
             ) -> tuple[dict[str, tuple[Rotation, Array]], list[Joint]]:
     """Return where each link is, and the joints, parents first; raises ValueError."""
-    elements = dict[str, list[tuple[str, ElementTree.Element]]]()
+    elements, children = dict[str, list[tuple[str, ElementTree.Element]]](), set[str]()
     for element in robot.findall('joint'):
         parent, child = (_attribute(element, path, 'link') for path in ('parent', 'child'))
         for name in {parent, child} - links.keys():
             raise ValueError(f'joint {element.get("name")} is of a link {name!r}, which is not '
                              'there')
+        if child in children:
+            raise ValueError(f'link {child} hangs on two joints; expected one each')
+        children.add(child)
         elements.setdefault(parent, []).append((child, element))
-    children = {child for found in elements.values() for child, _ in found}
     roots = sorted(links.keys() - children)
     if len(roots) != 1:
         raise ValueError(f'{len(roots)} links hang on no other ({", ".join(roots[:5])}); expected '

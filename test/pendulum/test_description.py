@@ -120,6 +120,8 @@ def test_what_has_no_parameter_is_said():
        '<parent link="slide"/><child link="lower"/>')], 'begin at one body'),
     ([('<axis xyz="0 -1 0"/>', '<axis xyz="1 0 0"/>')], 'across the plane'),
     ([('<axis xyz="1 0 0"/>', '<axis xyz="0 0 1"/>')], 'expected a horizontal one'),
+    ([('</robot>', '<joint name="loop" type="fixed"><parent link="lower"/><child link="slide"/>'
+       '</joint></robot>')], 'slide hangs on two joints'),
     ([('<mass value="0.1"/>', '<mass value="0"/>')], 'lower has no mass'),
     ([('<child link="lower"/>', '<child link="nobody"/>')], "'nobody', which is not there"),
     ([('xyz="0 0.01 -0.08"', 'xyz="0 0.01 0.30"')], 'beyond its joint'),
