@@ -20,6 +20,7 @@ from dp_swing_ros.problem.plan import IDLE, Plan, Status
 from dp_swing_ros.problem.problem import Problem
 
 WARMING = 1.0    # [s] at most of a tick that warms up
+PARAMETERS, DESCRIPTION = 'parameters', 'description'   # where the bodies are from
 LEANING = 0.2    # [rad] of link 1, so far that the regulator would drop it
 
 
@@ -36,6 +37,11 @@ class MpcParameters(PlannerParameters, SupervisorParameters, ObserverParameters)
         'it came later than others did; lockstep, simulated time that waits for the answer; '
         'announced, what the publisher of the states says on the topic configuration, else '
         'arrival', choices=lambda: ['announced', 'stamps', 'arrival', 'lockstep'], live=False)
+    bodies: str = parameter(
+        PARAMETERS, 'where bodies, frictions, limits and the names, signs and zeros of the joints '
+        'are from: parameters; description, the first robot description on the topic '
+        'robot_description (nothing is sent before)',
+        choices=lambda: [PARAMETERS, DESCRIPTION], live=False)
     time_noise: float = parameter(
         1e-3, 'standard deviation of the time at which a state was measured, by its stamp (real '
         'time only)', unit='s', minimum=0.0)

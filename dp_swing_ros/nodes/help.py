@@ -40,7 +40,7 @@ NODE: dict[str, About] = {
         'Solves for a plan from each state, warm-started by the last one, and publishes the '
         'force that it begins with.',
         (*COMMAND_TOPICS, *dict.fromkeys(STAMPED_COMMANDS.values()), PLAN, TRIES, DIAGNOSTICS,
-         CONFIGURATION), (JOINT_STATES,), ('mpc/reset', 'mpc/enable')),
+         CONFIGURATION), (JOINT_STATES, ROBOT_DESCRIPTION), ('mpc/reset', 'mpc/enable')),
     'relay': About(
         'Hands commands on to a forward_command_controller of ros2_control, and a zero where '
         'none comes for 0.25 s.', (*CONTROLLER_COMMANDS.values(), CONFIGURATION), COMMAND_TOPICS),

@@ -3,6 +3,7 @@
 """The controller as a node: hands on what comes to its core, and publishes what that sends."""
 
 from collections.abc import Iterator
+from dataclasses import Field
 from functools import partial
 import gc
 from itertools import chain, islice
@@ -17,22 +18,23 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, String
 
 from dp_swing_ros.control import controllers
+from dp_swing_ros.control.receding_horizon import DESCRIPTION
 from dp_swing_ros.messages.cdr import to_trajectory
 from dp_swing_ros.messages.fields import ERROR, OK, Report, WARN
 from dp_swing_ros.nodes.connections import (
     hearers, owners, publish, request_for, sender_of, subscribe)
 from dp_swing_ros.nodes.diagnostics import Diagnostics, LOOK_PERIOD
 from dp_swing_ros.nodes.messages import to_point_cloud, to_stamp, to_stamped_command
-from dp_swing_ros.nodes.process import AWAY, COMPILING, ProcessNode, run
+from dp_swing_ros.nodes.process import AWAY, COMPILING, POLL, ProcessNode, run
 from dp_swing_ros.nodes.ros_parameters import allow_changes, announce, declare, overrides
-from dp_swing_ros.nodes.taking import take
+from dp_swing_ros.nodes.taking import Executor, take
 from dp_swing_ros.runtime.handshake import Peers
 from dp_swing_ros.runtime.mpc import MpcCore
 from dp_swing_ros.runtime.schedule import Arrived
 from dp_swing_ros.runtime.sent import (
     Announcement, Force, Planned, PutBack, Said, Sent, Tried, Wake)
 from dp_swing_ros.topics import (
-    COMMANDS, CONFIGURATION, JOINT_STATES, PLAN, STAMPED_COMMANDS, TRIES)
+    COMMANDS, CONFIGURATION, JOINT_STATES, PLAN, ROBOT_DESCRIPTION, STAMPED_COMMANDS, TRIES)
 
 HANDSHAKE_POLL = 0.02  # [s]
 SLOW_START = 1.0     # [s] a preparation longer than this was a compilation
@@ -63,14 +65,22 @@ class NodeClocks:
 class MpcNode(ProcessNode):
     """The node. It listens only once everything is compiled."""
 
+    configured: bool = False   # there is a core
+
     def __init__(self) -> None:
-        """Read the parameters, and refuse what cannot work."""
+        """Read the parameters, and refuse what cannot work, where the bodies are known."""
         super().__init__('mpc')
-        self.fields = controllers.MPC.fields_for(overrides(self))
-        values = declare(self, self.fields, live=True)
+        self.given = overrides(self)
+        if self.given.get('bodies') != DESCRIPTION:
+            self.configure(controllers.MPC.fields_for(self.given))
+
+    def configure(self, fields: dict[str, Field]) -> None:
+        """Take parameters by their full names, and offer topics and services."""
+        self.fields, values = fields, declare(self, fields, live=True)
         self.thread_priority = values['thread_priority']
         self.core = MpcCore(values, NodeClocks(self), self.send,
                             partial(sender_of, self, JOINT_STATES))
+        self.configured = True
         self.drive = values['drive']
         self.forces = publish(self, COMMANDS[self.drive])
         self.stamped_forces = publish(self, STAMPED_COMMANDS[self.drive]) \
@@ -91,6 +101,8 @@ class MpcNode(ProcessNode):
 
     def prepare(self) -> None:
         """Compile before the first state, then listen."""
+        if not self.configured:
+            self.configure(self.described())
         values = self.core.live.values
         self.get_logger().info(
             f"preparing the solver {values['solver']!r} (the first start on a machine "
@@ -104,6 +116,24 @@ class MpcNode(ProcessNode):
         done = 'compiled' if taken > SLOW_START else 'loaded'
         self.listen(lossless=False)
         self.get_logger().info(f'{done} in {taken:.1f} s; ready')
+
+    def described(self) -> dict[str, Field]:
+        """Return the parameters for the pendulum of a robot description, once there is one."""
+        from dp_swing_ros.runtime.described import DescribedPendulum   # with a tenth of a second
+        pendulum = DescribedPendulum(self.given)
+
+        def on_description(message: String) -> None:
+            if said := pendulum.hear(message.data):
+                self.say(*said)
+        heard = subscribe(self, ROBOT_DESCRIPTION, on_description, sparing=True)
+        self.get_logger().info(f'waiting for a robot description on {heard.topic_name}, which '
+                               'gives the bodies')
+        with (executor := Executor(context=self.context)):
+            executor.add_node(self)
+            while not pendulum.fields:
+                self.call_back(partial(executor.spin_once, POLL))
+            executor.remove_node(self)
+        return pendulum.fields
 
     def listen(self, lossless: bool) -> None:
         """Subscribe to the states: with best effort every driver is heard, but some are lost."""
@@ -199,11 +229,12 @@ class MpcNode(ProcessNode):
 
     def may_end(self) -> bool:
         """Return whether the cart is braked, where it is to be before the end."""
-        return self.core.may_end()
+        return not self.configured or self.core.may_end()
 
     def close(self) -> None:
         """End the stream of commands with zero."""
-        self.core.close()
+        if self.configured:
+            self.core.close()
 
 
 main = partial(run, MpcNode)

@@ -59,7 +59,8 @@ def from_urdf(text: str) -> tuple[PendulumParameters, LimitParameters]:
         if element is None or default is None and attribute not in element.attrib:
             raise ValueError('the robot description is not one of a pendulum on a cart: '
                              f'{path} has no {attribute}')
-        value = float(element.get(attribute, default or '').split()[-1])   # of a place, its height
+        words = element.get(attribute, default or '').split()
+        value = float(words[-1] if words else '')   # of a place, its height
         return math.inf if value >= UNLIMITED else value
 
     drive, limit = robot.find('drive'), 'joint[@name="cart"]/limit'
