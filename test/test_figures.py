@@ -9,6 +9,7 @@ import sys
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
 from matplotlib.text import Text
 import numpy as np
 from PIL import Image
@@ -19,7 +20,7 @@ from synthetic import first, PERIOD, resized, swing_up, without_ticks
 from dp_swing_ros import figures
 from dp_swing_ros.figures.curves import unwrapped
 from dp_swing_ros.figures.film import by_motion, SPEED
-from dp_swing_ros.figures.pendulum import states_at
+from dp_swing_ros.figures.pendulum import draw_pendulum, states_at
 from dp_swing_ros.pendulum.geometry import joint_positions
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.pendulum.state import is_upright
@@ -228,6 +229,17 @@ def test_states_between_the_recorded_follow_the_speeds():
     np.testing.assert_allclose(shown[:, 0], np.sin(between), atol=1e-6)
     np.testing.assert_allclose(shown[:, 2], 0.1 * between ** 3, atol=1e-12)
     np.testing.assert_array_equal(states_at(episode, t[[0, 7, 30]]), X[[0, 7, 30]])
+
+
+def test_a_centre_of_mass_is_drawn_where_it_is_not_in_the_middle():
+    def dots(**centres):
+        axes = Figure().subplots()
+        x = np.array([0.5, math.pi / 2, 0.0, 0.0, 0.0, 0.0])
+        draw_pendulum(axes, PendulumParameters(**centres), x)
+        return [line.get_xydata().tolist() for line in axes.lines if line.get_zorder() > 5]
+    assert dots() == dots(link1_centre=0.5 + 1e-9) == []   # a description is rounded
+    assert dots(link1_centre=0.2) == [[[pytest.approx(0.7), pytest.approx(0.0)]]]
+    assert dots(link2_centre=1.2) == [[[pytest.approx(1.5), pytest.approx(1.2)]]]   # beyond
 
 
 def test_animation_plays_in_real_time_and_is_small(tmp_path):

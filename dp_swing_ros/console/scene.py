@@ -17,7 +17,7 @@ from dp_swing_ros.messages.fields import (
     from_diagnostics, from_trajectory, links_in, nanoseconds, Report, seconds, to_force, to_state)
 from dp_swing_ros.messages.ticks import keys_of_state
 from dp_swing_ros.parameters import group, ParameterError
-from dp_swing_ros.pendulum.geometry import drawn_scale
+from dp_swing_ros.pendulum.geometry import drawn_centres, drawn_scale
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.pendulum.sensors import default_sensors, SensorParameters
 from dp_swing_ros.pendulum.state import Array, links_of
@@ -210,6 +210,7 @@ class Scene:
         scale = self.scale
         return {
             'links': self.physical.links, 'lengths': list(self.physical.lengths),
+            'centres': drawn_centres(self.physical),
             'cart': [scale.sized(side, 'm') for side in CART],
             'scale': {'length': scale.length, 'time': scale.time, 'force': scale.factor('N')},
             'limits': {'track': number(self.limits.track_limit),

@@ -12,7 +12,7 @@ from matplotlib.patches import FancyBboxPatch
 import numpy as np
 
 from dp_swing_ros.figures.style import CART, FAINT, INK, LINKS, tint
-from dp_swing_ros.pendulum.geometry import drawn_scale, joint_positions
+from dp_swing_ros.pendulum.geometry import drawn_centres, drawn_scale, joint_positions
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.pendulum.state import Array, between
 from dp_swing_ros.pendulum.units import Units
@@ -100,7 +100,11 @@ def track_lines(scale: Units, limits: LimitParameters) -> Array:
 
 def draw_pendulum(axes: Axes, physical: PendulumParameters, x: Array, size: float = 1.0,
                   strength: float = 1.0) -> list[Artist]:
-    """Draw cart and links in the state x (2n + 2,), white at strength 0; return the artists."""
+    """
+    Draw cart and links in the state x (2n + 2,), white at strength 0; return the artists.
+
+    A dot is the centre of mass of a link that has it elsewhere than in its middle.
+    """
     places, scale = joint_positions(x, physical.lengths), drawn_scale(physical)
     width, height = cart_size(scale)
     cart = axes.add_patch(FancyBboxPatch(
@@ -112,7 +116,11 @@ def draw_pendulum(axes: Axes, physical: PendulumParameters, x: Array, size: floa
         solid_capstyle='round', zorder=4)]
     joints = axes.plot(*places[:-1].T, 'o', color='white', markeredgecolor=tint(INK, strength),
                        markeredgewidth=size, markersize=3.6 * size, zorder=5)
-    return [cart, *lines, *joints]
+    centres = [point for link, share in enumerate(drawn_centres(physical)) if share is not None
+               for point in axes.plot(*(places[link] + share * (places[link + 1] - places[link])),
+                                      'o', color=tint(INK, strength), markeredgecolor='white',
+                                      markeredgewidth=0.6 * size, markersize=5 * size, zorder=6)]
+    return [cart, *lines, *joints, *centres]
 
 
 def draw_trail(axes: Axes, episode: Episode, t: float, length: float, width: float) -> Artist:

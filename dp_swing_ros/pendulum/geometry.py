@@ -11,6 +11,8 @@ from dp_swing_ros.pendulum.parameters import PendulumParameters
 from dp_swing_ros.pendulum.state import angles, Array
 from dp_swing_ros.pendulum.units import Units
 
+HALF = 1e-6   # of a share, by which rounding leaves one half
+
 
 def joint_positions(X: Array, lengths: Sequence[float]) -> Array:
     """
@@ -23,6 +25,12 @@ def joint_positions(X: Array, lengths: Sequence[float]) -> Array:
     links = np.stack([np.sin(turned), np.cos(turned)], axis=-1) * np.reshape(lengths, (-1, 1))
     cart = np.stack([X[..., 0], np.zeros_like(X[..., 0])], axis=-1)
     return np.cumsum(np.concatenate([cart[..., None, :], links], axis=-2), axis=-2)
+
+
+def drawn_centres(physical: PendulumParameters) -> list[float | None]:
+    """Return how far along each link its centre of mass is, as a share; None for one half."""
+    return [None if math.isclose(share, 0.5, rel_tol=HALF) else share
+            for share in physical.centres]
 
 
 def drawn_scale(physical: PendulumParameters) -> Units:

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The page of the console in a real browser, beside a real plant and a real mpc."""
 
+import dataclasses
 from itertools import cycle
 import math
 import re
@@ -61,6 +62,22 @@ COLOURS = """
     const rgb = [1, 3, 5].map(n => parseInt(colour.slice(n, n + 2), 16));
     const off = n => rgb.reduce((sum, value, k) => sum + Math.abs(data[n + k] - value), 0);
     return [...Array(40).keys()].filter(n => off(4 * n) < 30).length;
+  });
+"""
+# the colour at a share of the length of each link, whose it is of the page's, if of one
+ALONG = """
+  const picture = document.querySelector('#picture'), places = JSON.parse(picture.dataset.places);
+  const ratio = picture.width / picture.clientWidth, pen = picture.getContext('2d');
+  const style = getComputedStyle(document.documentElement);
+  return arguments[0].map((share, link) => {
+    const [x, y] = [0, 1].map(n => ratio * (
+      places[link][n] + share * (places[link + 1][n] - places[link][n])));
+    const {data} = pen.getImageData(Math.round(x), Math.round(y), 1, 1);
+    return ['ink', 'link1', 'link2'].find(name => {
+      const colour = style.getPropertyValue(`--${name}`);
+      const off = (n, k) => Math.abs(data[k] - parseInt(colour.slice(n, n + 2), 16));
+      return [1, 3, 5].every((n, k) => off(n, k) < 9);
+    });
   });
 """
 # what an element says while the page is looked at
@@ -549,6 +566,25 @@ def test_a_small_pendulum_is_seen_as_a_large_one(browser, nodes, tmp_path):
     for large, small in zip(*seen):
         assert small == pytest.approx(large, abs=1.0)   # [px]
     assert browser.errors() == []
+
+
+def test_a_centre_of_mass_is_seen_where_it_is_not_in_the_middle(browser, nodes, tmp_path):
+    episode = swing_up()
+    bodies = dataclasses.replace(episode.physical, link1_centre=0.75)
+    bag = write_bag(dataclasses.replace(episode, physical=bodies), tmp_path / 'bag')
+    console = nodes.start('console', {}, options=[str(bag), '--port', '0'])
+    browser.open(address_of(console))
+    browser.find('#play').click()   # which stops it
+    go_to(browser, 3.51)            # where it is upright
+
+    def colours(*shares):
+        return browser.driver.execute_script(ALONG, shares)
+    browser.until(lambda: colours(0.75, 0.5) == ['ink', 'link2'], 'the centre of mass')
+    assert colours(0.5, 0.25) == ['link1', 'link2']
+    browser.shot(tmp_path / 'centre.png')
+    assert browser.errors() == []
+    browser.leave()
+    console.stop()
 
 
 def test_read_only_refuses_and_says_so(browser, nodes, ears):

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the page is sent where others say what no pendulum of ours would."""
 
+import dataclasses
 import json
 import math
 
@@ -96,6 +97,10 @@ def test_a_small_pendulum_is_shown_as_large(scene):
     scene.hear(ROBOT_DESCRIPTION, String(data=urdf(physical, LimitParameters())))
     assert scene.about()['cart'] == pytest.approx([0.0176, 0.0088])
     assert scene.about()['scale'] == pytest.approx({'length': 0.04, 'time': 0.2, 'force': 0.1})
+    assert scene.about()['centres'] == [None, None]
+    physical = dataclasses.replace(physical, link1_centre=0.02 + 1e-10, link2_centre=0.03)
+    scene.hear(ROBOT_DESCRIPTION, String(data=urdf(physical, LimitParameters())))
+    assert scene.about()['centres'] == [None, pytest.approx(0.75)]
     scene.hear(TRIES, cloud(value=np.float32(0.01234).tobytes()))
     assert scene.tries[-1].content['paths'][0][0] == [0.0123, 0.0123]
 

@@ -115,17 +115,22 @@ export class Brush {
     }
   }
 
-  /** Draw a cart and its links, places as `joints` tells them; a later one is on top, and thinner. */
-  pendulum(places, size, alpha = 1) {
-    const {pen, view} = this, links = Math.max(4, 0.07 * this.length * view.scale);
-    this.cart(places[0], size, alpha, true);
+  /**
+   * Draw a cart and its links, places as `joints` tells them; a later one is on top, and thinner.
+   * A centre of mass is drawn where it has a share of the length of its link.
+   */
+  pendulum(places, size, centres) {
+    const links = Math.max(4, 0.07 * this.length * this.view.scale);
+    this.cart(places[0], size, 1, true);
     for (let n = 1; n < places.length; n++) {
-      this.line(places.slice(n - 1, n + 1), linkColour(n - 1), links * THINNER ** (n - 1), alpha);
+      this.line(places.slice(n - 1, n + 1), linkColour(n - 1), links * THINNER ** (n - 1));
     }
-    for (const place of places.slice(0, -1)) {
-      this.dot(place, Math.max(2, links / 4), colours.panel, null, alpha);
-    }
-    pen.globalAlpha = 1;
+    for (const place of places.slice(0, -1)) this.dot(place, Math.max(2, links / 4), colours.panel);
+    centres.forEach((share, n) => {
+      if (share === null) return;
+      const [from, to] = places.slice(n, n + 2), along = i => from[i] + share * (to[i] - from[i]);
+      this.dot([along(0), along(1)], Math.max(3, links / 3), colours.ink, colours.panel);
+    });
   }
 
   cart([x, z], [width, height], alpha, filled, dash = []) {

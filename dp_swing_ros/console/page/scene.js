@@ -46,7 +46,7 @@ export class Scene {
     this.places = places;
     if (this.shows.trace) this.drawTrace(brush);
     this.drawThoughts(brush, frame, now);
-    brush.pendulum(places, cart);
+    brush.pendulum(places, cart, this.hello.centres);
     this.drawEstimate(brush, frame, x);
     this.drawForces(brush, frame, places);
   }

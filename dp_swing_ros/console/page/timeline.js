@@ -296,7 +296,7 @@ export class Timeline {
       const x = at(time, t, X, scale.length);
       if (!x?.every(Number.isFinite)) continue;
       const places = joints(x, lengths);
-      brush.pendulum(places, cart);
+      brush.pendulum(places, cart, this.hello.centres);
       brush.arrow(places[0], U[Math.min(n, U.length - 1)], colours.force, cart[0] / 2);
     }
   }
