@@ -5,8 +5,9 @@
 import json
 import re
 import socket
+import time
 
-from conftest import wait_until
+from conftest import starting, wait_until
 from pages import deaf, get, memory, Page, port_of, token_of
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
@@ -16,13 +17,34 @@ ANY = {'port': 0}   # that is free
 
 
 @pytest.fixture
-def console(start_node, tmp_path):
-    """Return a function that starts a console and waits until it serves."""
+def console(start_node):
+    """Return a function that starts a console with parameters and waits until it serves."""
     def start(**parameters):
-        node = start_node('console', {**ANY, 'recordings': str(tmp_path / 'runs'), **parameters})
+        node = start_node('console', {**ANY, **parameters})
         node.port = port_of(node)
         return node
     return start
+
+
+@pytest.fixture(scope='module')
+def shared(tmp_path_factory):
+    """Return a console with its defaults, one for all tests, and its recordings."""
+    folder = tmp_path_factory.mktemp('console')
+    with starting(folder) as start:
+        node = start('console', {**ANY, 'recordings': str(folder / 'runs')})
+        node.port, node.recordings = port_of(node), folder / 'runs'
+        yield node
+
+
+@pytest.fixture
+def node(shared):
+    """Return that console; what it printed before the test counts no more."""
+    host = f'{time.monotonic_ns()}.example'
+    get(shared.port, Host=host)
+    shared.wait_for(f"{host}' is not this console")   # after all lines of the tests before
+    shared.seen = len(shared.output())
+    yield shared
+    assert 'Traceback' not in shared.output()
 
 
 def refused(port, **options):
@@ -42,7 +64,7 @@ def opens(port):
 
 
 def lines_of(node, text):
-    return [line for line in node.output().splitlines() if text in line]
+    return [line for line in node.output()[node.seen:].splitlines() if text in line]
 
 
 def counted(node, text, count):
@@ -51,8 +73,8 @@ def counted(node, text, count):
         and len(lines_of(node, text)) == count
 
 
-def test_the_page_is_served_with_a_policy_that_keeps_it_to_this_host(console):
-    port = console().port
+def test_the_page_is_served_with_a_policy_that_keeps_it_to_this_host(node):
+    port = node.port
     answer, body = get(port)
     assert answer.status == 200
     assert b'<html' in body
@@ -66,16 +88,14 @@ def test_the_page_is_served_with_a_policy_that_keeps_it_to_this_host(console):
 
 @pytest.mark.parametrize('host', ['evil.example:{}', '127.0.0.1:80', '127.0.0.1', '', '[::1]',
                                   '127.0.0.1.evil.example:{}'])
-def test_another_host_is_refused(console, host):
-    node = console()
+def test_another_host_is_refused(node, host):
     host = host.format(node.port)
     assert get(node.port, Host=host)[0].status in (400, 403)
     for name in ('127.0.0.1', 'localhost', '[::1]'):
         assert get(node.port, Host=f'{name}:{node.port}')[0].status == 200
 
 
-def test_the_socket_is_for_this_origin_alone(console):
-    node = console()
+def test_the_socket_is_for_this_origin_alone(node):
     for origin in ('http://evil.example', 'null', 'http://127.0.0.1:80',
                    f'http://127.0.0.1.evil.example:{node.port}', f'ftp://127.0.0.1:{node.port}'):
         assert refused(node.port, origin=origin) == 403
@@ -129,8 +149,7 @@ MALFORMED = ('no JSON', '[1, 2]', '{"do": 5}', '"pull"', '[' * 60_000,
              f'{{"do": "step", "id": {2 ** 63}}}', f'{{"do": "step", "id": {"[" * 900}')
 
 
-def test_what_is_no_request_ends_the_socket_and_nothing_else(console):
-    node = console()
+def test_what_is_no_request_ends_the_socket_and_nothing_else(node):
     with Page(node.port) as other:
         for number, text in enumerate(MALFORMED, start=1):
             with Page(node.port) as page, pytest.raises(ConnectionClosed) as error:
@@ -145,7 +164,6 @@ def test_what_is_no_request_ends_the_socket_and_nothing_else(console):
                 page.receive()
         assert error.value.rcvd.code == 1009
         assert not other.ask('reset', node='plant')['ok']
-    assert 'Traceback' not in node.output()
 
 
 @pytest.mark.parametrize(('request_', 'words'), [
@@ -163,8 +181,7 @@ def test_what_is_no_request_ends_the_socket_and_nothing_else(console):
     ({'do': 'reset', 'node': '\ud800'}, 'reset needs node: a text'),
     ({'do': 'set', 'node': 'plant', 'parameters': {'rate': 2 ** 63}}, 'parameters: an object')],
     ids=lambda value: str(value)[:40])
-def test_a_request_that_cannot_be_obeyed_is_answered_in_words(console, request_, words):
-    node = console()
+def test_a_request_that_cannot_be_obeyed_is_answered_in_words(node, request_, words):
     with Page(node.port) as page:
         answer = page.ask(**request_)
         assert not answer['ok']
@@ -190,8 +207,7 @@ def test_who_may_only_look_can_change_nothing(console):
             assert (answer['ok'], answer['text']) == (False, 'this console is read-only')
 
 
-def test_of_a_hundred_pages_as_many_as_there_is_room_for_are_open(console):
-    node = console()
+def test_of_a_hundred_pages_as_many_as_there_is_room_for_are_open(node):
     pages, turned_away = [], 0
     for _ in range(100):
         try:
@@ -213,8 +229,7 @@ def asks(stream, **request):
     stream.sendall(bytes([0x81, 0x80 | 126, *len(text).to_bytes(2, 'big'), 0, 0, 0, 0]) + text)
 
 
-def test_a_page_that_asks_and_does_not_read_is_closed(console):
-    node = console()
+def test_a_page_that_asks_and_does_not_read_is_closed(node):
     with deaf(node.port) as stream, Page(node.port) as other:
         with pytest.raises(OSError):
             for _ in range(200_000):
@@ -226,13 +241,12 @@ def test_a_page_that_asks_and_does_not_read_is_closed(console):
     assert len(lines_of(node, 'does not read')) == 1
 
 
-def test_recordings_are_served_and_nothing_beside_them(console, tmp_path):
-    folder = tmp_path / 'runs' / 'one'
+def test_recordings_are_served_and_nothing_beside_them(node):
+    folder, secret = node.recordings / 'one', node.recordings.parent / 'secret'
     folder.mkdir(parents=True)
     (folder / 'report.html').write_text('the report')
-    (tmp_path / 'secret').write_text('not for you')
-    (folder / 'link').symlink_to(tmp_path / 'secret')
-    node = console()
+    secret.write_text('not for you')
+    (folder / 'link').symlink_to(secret)
     answer, body = get(node.port, '/recordings/one/report.html')
     assert (answer.status, body) == (200, b'the report')
     assert answer.getheader('Content-Security-Policy').startswith('sandbox')
@@ -244,4 +258,3 @@ def test_recordings_are_served_and_nothing_beside_them(console, tmp_path):
     for path in ('/recordings/%00', '/recordings/one/%00/report.html', '/static/%00',
                  '/static/index.html%00', '/recordings/%ff', '/?token=%ff', '/static/%ed%a0%80'):
         assert get(node.port, path)[0].status == 400, path
-    assert 'Traceback' not in node.output()
