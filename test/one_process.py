@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Plant, mpc and logger in this process: what `demo` records, without the time processes take."""
 
-from contextlib import ExitStack, redirect_stdout
+from contextlib import contextmanager, ExitStack, redirect_stdout
 from functools import cache
 import gc
 import io
@@ -85,9 +85,10 @@ class Crew:
         node.close()
 
 
-def run(bag, parameters, meddle=None):
+@contextmanager
+def recording(bag, parameters, meddle=None):
     """
-    Let a plant run until it is done, and record that; parameters are of each node, by name.
+    Yield a crew, an mpc and a plant that run, and are recorded; parameters are of each, by name.
 
     meddle is given a node with which to do more.
     """
@@ -99,7 +100,7 @@ def run(bag, parameters, meddle=None):
         if meddle is not None:
             meddle(crew.add(Node('other', context=crew.context)))
         logger, mpc, plant = map(crew.start, (LoggerNode, MpcNode, PlantNode))
-        assert crew.until(lambda: plant.done)
+        yield crew, mpc, plant
         crew.end(plant)
         if plant.core.lockstep:
             crew.until(lambda: mpc.core.answered == plant.core.state.stamp, ANSWER)
@@ -107,6 +108,12 @@ def run(bag, parameters, meddle=None):
             crew.until(mpc.silence.is_canceled, SILENCE)
         crew.end(mpc)
         logger.close()   # which takes what is still underway
+
+
+def run(bag, parameters, meddle=None):
+    """Record a run, as above, until the plant is done; return the bag."""
+    with recording(bag, parameters, meddle) as (crew, _, plant):
+        assert crew.until(lambda: plant.done)
     return bag
 
 

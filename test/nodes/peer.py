@@ -54,6 +54,12 @@ class Peer:
         assert self.until(answer.done)
         return answer.result()
 
+    def reliability(self):
+        """Return with which reliability the mpc hears the states, by its subscriptions."""
+        return [each.qos_profile.reliability.name for each in
+                self.node.get_subscriptions_info_by_topic('/joint_states')
+                if each.node_name == 'mpc']
+
     def close(self):
         """Leave ROS."""
         self.executor.shutdown()

@@ -74,11 +74,13 @@ class Driver:
             JointState, 'force_command_stamped', self.stamped.append, forces)
         self.n = 0
 
-    def meet(self):
-        """Wait until the mpc hears the states, and is heard."""
+    def meet(self, lockstep=False):
+        """Wait until the mpc hears the states, all of them in lockstep, and is heard."""
         counted = self.node.count_publishers
         assert self.peer.until(lambda: self.states.get_subscription_count() and counted(
             'force_command') and counted('force_command_stamped'))
+        if lockstep:
+            assert self.peer.until(lambda: self.peer.reliability() == ['RELIABLE'])
         self.peer.spin(0.5)
 
     def send(self, stamp):
@@ -143,25 +145,25 @@ def best_effort(depth=10):
 
 @pytest.mark.parametrize('first, reliability, durability', [
     ('mpc', 'BEST_EFFORT', 'TRANSIENT_LOCAL'), ('driver', 'RELIABLE', 'VOLATILE')])
-def test_every_kind_of_publisher_is_heard(peer, start_node, first, reliability, durability):
+def test_every_kind_of_publisher_is_heard(peer, start_here, first, reliability, durability):
     if first == 'mpc':
-        start_node('mpc').wait_for('ready')
+        start_here('mpc').wait_for('ready')
     driver = Driver(peer, QoSProfile(depth=1, reliability=ReliabilityPolicy[reliability],
                                      durability=DurabilityPolicy[durability]), best_effort())
     if first == 'driver':
         peer.spin(0.5)
-        start_node('mpc').wait_for('ready')
+        start_here('mpc').wait_for('ready')
     driver.meet()
     driver.send(0)
     assert peer.until(lambda: driver.forces and driver.stamped)
     assert driver.topics() is None
 
 
-def test_the_stamped_command_has_the_stamp_of_the_state_that_it_answers(peer, start_node):
-    node = start_node('mpc', {'clock': 'lockstep'})
+def test_the_stamped_command_has_the_stamp_of_the_state_that_it_answers(peer, start_here):
+    node = start_here('mpc', {'clock': 'lockstep'})
     node.wait_for('ready')
     driver = Driver(peer)
-    driver.meet()   # with the default quality of service
+    driver.meet(lockstep=True)   # with the default quality of service
     for stamp in (7, 1_000_000_007, 2_050_000_003):
         driver.send(stamp)
         assert peer.until(lambda: len(driver.stamped) == driver.n)
@@ -188,8 +190,8 @@ OFFERED = {
 
 
 def test_a_partner_that_hears_nothing_is_an_error_in_log_and_diagnostics(
-        peer, other, start_node):
-    node = start_node('mpc')
+        peer, other, start_here):
+    node = start_here('mpc')
     node.wait_for('ready')
     driver = Driver(peer)
     for profile, words in OFFERED.items():
@@ -204,13 +206,13 @@ def test_a_partner_that_hears_nothing_is_an_error_in_log_and_diagnostics(
 
 
 def test_who_cannot_hear_the_states_does_not_keep_a_lockstep_waiting_and_is_named(
-        peer, start_node):
+        peer, start_node, start_here):
     """It hears none of them, whenever it comes."""
     peer.node.create_subscription(
         JointState, 'joint_states', lambda message: None,
         QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
     forces, stamped = peer.record(FORCE_COMMAND), peer.record(FORCE_COMMAND_STAMPED)
-    start_node('mpc').wait_for('ready')
+    start_here('mpc').wait_for('ready')
     plant = start_node('plant', {'lockstep': True})
     plant.wait_for('set qos_overrides./joint_states.publisher.durability of /plant')
     assert peer.until(lambda: len(forces) == len(stamped) >= 20)
@@ -218,12 +220,13 @@ def test_who_cannot_hear_the_states_does_not_keep_a_lockstep_waiting_and_is_name
 
 @pytest.mark.parametrize(('zero', 'now'), [('hanging', time.time_ns), ('given', lambda: 0)])
 def test_the_bag_of_a_foreign_rig_is_read_as_the_mpc_read_it(
-        peer, start_node, tmp_path, capsys, zero, now):
+        peer, start_node, start_here, tmp_path, capsys, zero, now):
     logger = start_node('logger', {'output': str(tmp_path / 'bag')})
+    logger.wait_for('recording to')
     parameters = {**Rig.PARAMETERS, 'zero': zero}
     if zero == 'hanging':
         parameters['joint_offsets'] = [Rig.OFFSETS[0], 0.0, 0.0]
-    mpc = start_node('mpc', parameters)
+    mpc = start_here('mpc', parameters)
     mpc.wait_for('ready')
     rig, plant = Rig(peer), plants.plant({})
     rig.meet()
@@ -239,8 +242,8 @@ def test_the_bag_of_a_foreign_rig_is_read_as_the_mpc_read_it(
     assert analyse.main([str(tmp_path / 'bag'), '--no-animation']) == 0
 
 
-def test_a_gripper_on_the_same_topic_changes_nothing(peer, start_node):
-    node = start_node('mpc', {'clock': 'stamps'})
+def test_a_gripper_on_the_same_topic_changes_nothing(peer, start_here):
+    node = start_here('mpc', {'clock': 'stamps'})
     node.wait_for('ready')
     driver, other = Driver(peer), Peer('gripper')
     gripper, fingers = other.publisher(JOINT_STATES), JointState(
@@ -263,9 +266,9 @@ def test_a_gripper_on_the_same_topic_changes_nothing(peer, start_node):
     other.close()
 
 
-def test_a_second_publisher_of_our_joints_is_named_and_the_first_is_obeyed(peer, start_node):
+def test_a_second_publisher_of_our_joints_is_named_and_the_first_is_obeyed(peer, start_here):
     """As joint_state_publisher, whose joints are all zero."""
-    node = start_node('mpc', {'clock': 'stamps'})
+    node = start_here('mpc', {'clock': 'stamps'})
     node.wait_for('ready')
     driver, other = Driver(peer), Peer('joint_state_publisher')
     driver.meet()
@@ -290,8 +293,8 @@ def test_a_second_publisher_of_our_joints_is_named_and_the_first_is_obeyed(peer,
     other.close()
 
 
-def test_bytes_that_are_no_state_end_nothing(peer, start_node):
-    node = start_node('mpc', {'clock': 'lockstep'})
+def test_bytes_that_are_no_state_end_nothing(peer, start_here):
+    node = start_here('mpc', {'clock': 'lockstep'})
     node.wait_for('ready')
     driver = Driver(peer)
     driver.meet()
@@ -299,7 +302,7 @@ def test_bytes_that_are_no_state_end_nothing(peer, start_node):
         driver.states.publish(data)
     # the mpc hears with best effort: one alone may be lost
     assert peer.until(lambda: driver.stream(1, lambda now: 0) or driver.forces)
-    assert node.popen.poll() is None
+    assert not node.ended()
 
 
 def test_the_guide_leads_from_a_bare_machine_to_a_held_pendulum(peer, start_node, here):

@@ -11,8 +11,11 @@ import subprocess
 
 from builtin_interfaces.msg import Time
 import numpy as np
+from one_process import recording
+from peer import Peer
 import pytest
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
+from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rosgraph_msgs.msg import Clock
 from test_mpc import Conversation, LEANING
@@ -56,9 +59,9 @@ REFUSED = [
     ({'initial_force': math.nan}, 'initial_force'), ({'force_weight': None}, 'a number')]
 
 
-def test_all_of_a_request_change_or_none(peer, start_node):
+def test_all_of_a_request_change_or_none(peer, start_here):
     told = peer.record(CONFIGURATION)
-    talk = Conversation(peer, start_node)
+    talk = Conversation(peer, start_here)
     names = {'horizon', *(name for wrong, _ in REFUSED for name in wrong)} - {'smaples'}
     before = {name: value(peer, name) for name in names}
     for wrong, words in REFUSED:
@@ -80,13 +83,14 @@ def test_all_of_a_request_change_or_none(peer, start_node):
     assert list(value(peer, 'state_weights')) == [20.0, 100.0, 100.0, 2.0, 6.0, 1.0]
 
 
-def test_no_parameter_ends_or_holds_up_what_drives(peer, start_node, tmp_path):
+def test_no_parameter_ends_or_holds_up_what_drives(
+        peer, start_node, start_here, tmp_path):
     """Files that never end, pipes, what no parser or memory holds, values of another kind."""
     os.mkfifo(tmp_path / 'pipe')
     forces = peer.record(FORCE_COMMAND)
     mpc = start_node('mpc')
     mpc.wait_for('ready')
-    start_node('plant')
+    start_here('plant')
     assert peer.until(lambda: len(forces) > 3)
     big = {'mppi.samples': 1_000_000, 'horizon': 1000}
     for wrong, words in (
@@ -114,9 +118,9 @@ def ros2_param(*command):
     return done.returncode, done.stdout + done.stderr
 
 
-def test_a_file_is_loaded_as_a_whole_or_not_at_all(peer, start_node, tmp_path):
+def test_a_file_is_loaded_as_a_whole_or_not_at_all(peer, start_here, tmp_path):
     """By the stand-in; sections of other nodes are theirs, as the plant's rate."""
-    Conversation(peer, start_node)
+    Conversation(peer, start_here)
     param = partial(ros2_param, str(CHECKOUT / 'scripts' / 'ros2'))
     assert param('set', '/mpc', 'force_weight', '1.e-2') == (0, 'Set parameter successful\n')
     code, text = param('load', '/mpc', str(CHECKOUT / 'config' / 'paper.yaml'))
@@ -142,25 +146,28 @@ def test_a_file_is_loaded_as_a_whole_or_not_at_all(peer, start_node, tmp_path):
     assert 'mppi.samples' in param('list', '/mpc')[1]
 
 
-def test_a_run_with_changes_is_repeated_to_the_bit(peer, start_node, tmp_path, capsys):
+class Member(Peer):
+    """A peer among a crew, which goes on while it waits."""
+
+    def __init__(self, crew):
+        self.executor, self.node = crew.executor, crew.add(Node('peer', context=crew.context))
+
+
+def test_a_run_with_changes_is_repeated_to_the_bit(tmp_path, capsys):
     """In lockstep: three solvers, a reference, a goal, and another seed in between."""
     bag = tmp_path / 'bag'
-    logger = start_node('logger', {'output': str(bag)})
-    logger.wait_for('recording to')
-    mpc = start_node('mpc', {'horizon': 40})
-    mpc.wait_for('ready')
-    reports = peer.record(DIAGNOSTICS)
-    plant = start_node('plant', {'lockstep': True})
     changes = [{'solver': 'ddp'}, {'solver': 'mppi', 'mppi.samples': 256}, {'seed': 4},
                {'reference': [0.4, 0.0, 0.0, 0.0, 0.0, 0.0]}, {'solver': 'ilqr'},
                {'goal': 'down_up'}]
-    for change in changes:
+    with recording(bag, {'mpc': {'horizon': 40}, 'plant': {'lockstep': True}}) as (crew, *_):
+        peer = Member(crew)
+        reports = peer.record(DIAGNOSTICS)
+        for change in changes:
+            before = len(reports)
+            assert peer.until(lambda: len(reports) > before + 25)
+            assert put(peer, **change) == ''
         before = len(reports)
-        assert peer.until(lambda: len(reports) > before + 25)
-        assert put(peer, **change) == ''
-    before = len(reports)
-    assert peer.until(lambda: len(reports) > before + 200)
-    assert (plant.stop(), mpc.stop(), logger.stop()) == (0, 0, 0)
+        assert peer.until(lambda: len(reports) > before + 200)
     found = Bag(bag)
     assert sorted(revisions_of(found)['mpc']) == list(range(len(changes) + 1))
     assert reports_of(found)[-1].values['revision'] == len(changes)
@@ -171,33 +178,29 @@ def test_a_run_with_changes_is_repeated_to_the_bit(peer, start_node, tmp_path, c
     assert 'to the bit' in capsys.readouterr().out
 
 
-def test_the_plant_s_changes_are_repeated_to_the_bit(peer, start_node, tmp_path, capsys):
+def test_the_plant_s_changes_are_repeated_to_the_bit(tmp_path, capsys):
     """In lockstep, from before the first state on: bodies, noises, delay, rate and drive."""
     bag = tmp_path / 'bag'
-    logger = start_node('logger', {'output': str(bag)})
-    logger.wait_for('recording to')
-    mpc, reports = start_node('mpc'), peer.record(DIAGNOSTICS)
-    mpc.wait_for('ready')
-    # it begins with the clock, so that there is time before
-    plant = start_node('plant', {'lockstep': True, 'use_sim_time': True})
-    plant.wait_for('waiting for a controller')
-    assert put(peer, 'plant', start='down_up', position_noise=1e-3) == ''
-    clock = peer.node.create_publisher(Clock, '/clock', 1)
-    peer.node.create_timer(0.1, lambda: clock.publish(Clock(clock=Time(sec=1))))
     changes = [{'link2_mass': 0.6, 'cart_friction': 0.5}, {'velocity_noise': 0.1, 'seed': 3},
                {'rate': 40.0}, {'actuation_delay': 0.01, 'force_gain': 0.9}, {'delay': 0.05},
                {'delay': 0.0, 'track_limit': 2.0}]
-    for change in changes:
+    # it begins with the clock, so that there is time before
+    with recording(bag, {'plant': {'lockstep': True, 'use_sim_time': True}}) as (crew, *_):
+        peer = Member(crew)
+        reports = peer.record(DIAGNOSTICS)
+        assert put(peer, 'plant', start='down_up', position_noise=1e-3) == ''
+        clock = peer.node.create_publisher(Clock, '/clock', 1)
+        peer.node.create_timer(0.1, lambda: clock.publish(Clock(clock=Time(sec=1))))
+        for change in changes:
+            before = len(reports)
+            assert peer.until(lambda: len(reports) > before + 15)
+            assert put(peer, 'plant', **change) == ''
+        assert 'read-only' in put(peer, 'plant', lockstep=False)
+        assert 'a list of 6 numbers' in put(peer, 'plant', initial_state=[0.0])
         before = len(reports)
-        assert peer.until(lambda: len(reports) > before + 15)
-        assert put(peer, 'plant', **change) == ''
-    assert 'read-only' in put(peer, 'plant', lockstep=False)
-    assert 'a list of 6 numbers' in put(peer, 'plant', initial_state=[0.0])
-    before = len(reports)
-    assert peer.until(lambda: len(reports) > before + 50)
-    assert (plant.stop(), mpc.stop(), logger.stop()) == (0, 0, 0)
+        assert peer.until(lambda: len(reports) > before + 50)
     found = revisions_of(Bag(bag))['plant']
-    # on a busy machine the logger meets the plant when its first announcement is replaced already
+    # the logger may meet the plant when its first announcement is replaced already
     assert [*found][-len(changes) - 1:] == list(range(1, len(changes) + 2))
     assert found[1].since == BEFORE < found[2].since < found[3].since
     assert verify.main([str(bag)]) == 0

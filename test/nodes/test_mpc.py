@@ -1,6 +1,6 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The controller as a process: one force for every state, whatever the state."""
+"""The controller as a node: one force for every state, whatever the state."""
 
 import math
 import signal
@@ -30,15 +30,18 @@ LEANING = np.array([0.1, 0.02, -0.01, 0.0, 0.05, 0.0])
 class Conversation:
     """Sends states to an mpc in simulated time, and hears what it answers."""
 
-    def __init__(self, peer, start_node, parameters=(), arguments=()):
+    def __init__(self, peer, start, parameters=(), arguments=()):
         self.peer = peer
         self.forces, self.plans = peer.record(FORCE_COMMAND), peer.record(PLAN)
         self.reports = peer.record(DIAGNOSTICS)
-        self.node = start_node('mpc', {'clock': 'lockstep', **dict(parameters)}, arguments)
+        given = {'clock': 'lockstep', **dict(parameters)}
+        self.node = start('mpc', given, arguments)
         self.node.wait_for('ready')
         self.states = peer.publisher(JOINT_STATES)
         counted = peer.node.count_publishers
         assert peer.until(lambda: counted('force_command') and counted('mpc/plan'))
+        if given['clock'] == 'lockstep':   # until it does not, a state may be lost
+            assert peer.until(lambda: peer.reliability() == ['RELIABLE'])
         peer.spin(0.5)
         self.n = 0
 
@@ -57,8 +60,8 @@ class Conversation:
         return from_diagnostics(self.reports[-1], 'mpc')
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-def test_every_state_gets_one_force_a_plan_and_a_report(peer, start_node, number):
+def test_every_state_gets_one_force_a_plan_and_a_report(peer, start_node):
+    """As a process, which a signal ends."""
     talk = Conversation(peer, start_node)
     assert not talk.forces   # never before the first state
     for n in range(5):
@@ -75,22 +78,22 @@ def test_every_state_gets_one_force_a_plan_and_a_report(peer, start_node, number
     talk.send(np.full(6, math.nan))
     talk.node.wait_for('expected 6 finite numbers')
     talk.send(hanging())
-    talk.node.signal(number)   # it ends the stream of commands with zero
+    talk.node.signal(signal.SIGTERM)   # it ends the stream of commands with zero
     assert peer.until(lambda: len(talk.forces) == 8)
     assert talk.forces[-2].data != 0.0 == talk.forces[-1].data
     assert talk.node.wait() == 0
     assert 'Traceback' not in talk.node.output()
 
 
-def test_without_a_state_it_says_nothing_even_at_the_end(peer, start_node):
-    talk = Conversation(peer, start_node)
+def test_without_a_state_it_says_nothing_even_at_the_end(peer, start_here):
+    talk = Conversation(peer, start_here)
     talk.node.stop()
     peer.spin(0.3)
     assert not talk.forces
 
 
-def test_where_states_stop_the_force_is_zero_until_they_come_back(peer, start_node):
-    talk = Conversation(peer, start_node, {'clock': 'stamps'})
+def test_where_states_stop_the_force_is_zero_until_they_come_back(peer, start_here):
+    talk = Conversation(peer, start_here, {'clock': 'stamps'})
     for n in range(8):
         talk.send(LEANING * (1 + 1e-3 * n), peer.node.get_clock().now().to_msg())
         peer.spin(0.05)
@@ -105,8 +108,8 @@ def test_where_states_stop_the_force_is_zero_until_they_come_back(peer, start_no
     assert from_diagnostics(talk.reports[before], 'mpc').values['carried'] == 0
 
 
-def test_a_simulated_clock_is_waited_for_and_told_of_where_it_jumps(peer, start_node):
-    talk = Conversation(peer, start_node, {'use_sim_time': True, 'clock': 'arrival'})
+def test_a_simulated_clock_is_waited_for_and_told_of_where_it_jumps(peer, start_here):
+    talk = Conversation(peer, start_here, {'use_sim_time': True, 'clock': 'arrival'})
     clock = peer.node.create_publisher(Clock, '/clock', 10)
     talk.states.publish(to_joint_state(to_stamp(100_000_000_000), LEANING, 0.0))
     peer.spin(0.5)
@@ -132,16 +135,16 @@ def test_a_simulated_clock_is_waited_for_and_told_of_where_it_jumps(peer, start_
     ({'solver': 'lqr'}, ('solver', "'lqr'", 'one of ddp, ilqr, mppi')),
     ({'reference': [0.0, 0.5, 0.0, 0.0, 0.0, 3.0], 'state_weights': [0.0] * 6},
      ('reference', 'state_weights', 'no regulator'))])
-def test_impossible_parameters_end_it_with_one_line(start_node, parameters, words):
-    node = start_node('mpc', parameters)
+def test_impossible_parameters_end_it_with_one_line(start_here, parameters, words):
+    node = start_here('mpc', parameters)
     assert node.wait() == 2
     assert 'Traceback' not in node.output()
     last = node.output().strip().splitlines()[-1]
     assert last.startswith('mpc: error: ') and all(word in last for word in words), node.output()
 
 
-def test_a_second_master_is_a_warning_in_the_diagnostics(peer, start_node):
-    talk = Conversation(peer, start_node)
+def test_a_second_master_is_a_warning_in_the_diagnostics(peer, start_here):
+    talk = Conversation(peer, start_here)
     peer.publisher(JOINT_STATES)
     peer.node.create_publisher(Float64, 'force_command', 10)
 
@@ -165,10 +168,10 @@ def test_a_signal_while_it_compiles_ends_it(start_node, tmp_path):
     assert node.stop(timeout=60) == 0
 
 
-def test_the_first_force_answers_the_first_state(peer, start_node):
+def test_the_first_force_answers_the_first_state(peer, start_node, start_here):
     """A start is over when each hears the other."""
     states, forces = peer.record(JOINT_STATES), peer.record(FORCE_COMMAND_STAMPED)
-    start_node('mpc').wait_for('ready')
+    start_here('mpc').wait_for('ready')
     plant = start_node('plant', {'duration': 1.0})
     assert plant.wait() == 0
     assert peer.until(lambda: len(states) >= 20 and len(forces) >= 20)
@@ -183,27 +186,21 @@ def points_of(cloud):
     return np.frombuffer(bytes(cloud.data), kind).reshape(cloud.height, cloud.width)
 
 
-def test_in_lockstep_no_state_is_lost(peer, start_node):
-    start_node('mpc').wait_for('ready')
-
-    def reliability():
-        return [each.qos_profile.reliability.name for each in
-                peer.node.get_subscriptions_info_by_topic('/joint_states')
-                if each.node_name == 'mpc']
-
+def test_in_lockstep_no_state_is_lost(peer, start_node, start_here):
+    start_here('mpc').wait_for('ready')
     forces = peer.record(FORCE_COMMAND)
     override = {'qos_overrides./joint_states.publisher.reliability': 'best_effort'}
     for offered, parameters in (('RELIABLE', {}), ('BEST_EFFORT', override)):
         plant = start_node('plant', {'lockstep': True, 'pace': 1.0, **parameters})
-        assert peer.until(lambda: reliability() == [offered])
+        assert peer.until(lambda: peer.reliability() == [offered])
         before = len(forces)
         assert peer.until(lambda: len(forces) > before + 5)
         plant.stop()
 
 
-def test_states_that_are_found_after_their_plant_are_heard(peer, start_node):
+def test_states_that_are_found_after_their_plant_are_heard(peer, start_here):
     """A plant is discovered topic by topic, and one before it may have gone but in part."""
-    start_node('mpc').wait_for('ready')
+    start_here('mpc').wait_for('ready')
     told = peer.publisher(CONFIGURATION)
     told.publish(String(data=Configuration(
         '/elsewhere/plant', {'lockstep': True, 'rate': 20.0}, '', '', '', '', {}).to_text()))
@@ -218,9 +215,9 @@ def test_states_that_are_found_after_their_plant_are_heard(peer, start_node):
         peer.node.destroy_publisher(states)
 
 
-def test_tries_are_shown_where_they_are_asked_for(peer, start_node):
+def test_tries_are_shown_where_they_are_asked_for(peer, start_here):
     clouds = peer.record(TRIES)
-    talk = Conversation(peer, start_node, {'solver': 'mppi', 'shown_tries': 6})
+    talk = Conversation(peer, start_here, {'solver': 'mppi', 'shown_tries': 6})
     talk.send(hanging())
     assert peer.until(lambda: clouds and talk.plans)
     cloud, points = clouds[-1], points_of(clouds[-1])

@@ -1,7 +1,7 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The plant as a process: its topics, services and parameters, whom it meets, and how it ends.
+The plant as a node: its topics, services and parameters, whom it meets, and how it ends.
 
 What it does with what comes is tested in virtual time: test/runtime/test_plant.py.
 """
@@ -35,9 +35,9 @@ from dp_swing_ros.topics import (
 to_state = functools.partial(fields.to_state, links=2)
 
 
-def first_states(peer, start_node, count=5, **parameters):
+def first_states(peer, start_here, count=5, **parameters):
     states = peer.record(JOINT_STATES)
-    node = start_node('plant', parameters)
+    node = start_here('plant', parameters)
     node.wait_for('states a second')   # the first time it compiles before
     assert peer.until(lambda: len(states) >= count), node.output()
     return node, states
@@ -62,9 +62,9 @@ def services(peer):
             lambda: answered(Trigger, 'plant/step'))
 
 
-def test_in_real_time_it_obeys_what_comes_and_says_what_it_refuses(peer, start_node):
+def test_in_real_time_it_obeys_what_comes_and_says_what_it_refuses(peer, start_here):
     reports, told = peer.record(DIAGNOSTICS), peer.record(CONFIGURATION)
-    node, states = first_states(peer, start_node, 20, link2_length=0.7)
+    node, states = first_states(peer, start_here, 20, link2_length=0.7)
     assert list(states[0].name) == ['cart', 'joint1', 'joint2']
     assert peer.until(lambda: gap(states) == pytest.approx(0.05, abs=0.01))
     stamp = seconds(states[-1].header.stamp)
@@ -107,9 +107,9 @@ def test_in_real_time_it_obeys_what_comes_and_says_what_it_refuses(peer, start_n
     assert 'Traceback' not in node.output()
 
 
-def test_lockstep_waits_for_a_bare_publisher_and_is_stopped_and_slowed_down(peer, start_node):
+def test_lockstep_waits_for_a_bare_publisher_and_is_stopped_and_slowed_down(peer, start_here):
     states, reports = peer.record(JOINT_STATES), peer.record(DIAGNOSTICS)
-    node = start_node('plant', {'lockstep': True, 'links': 3, 'duration': 1.0})
+    node = start_here('plant', {'lockstep': True, 'links': 3, 'duration': 1.0})
     node.wait_for('waiting for a controller')
     peer.spin(0.5)
     assert not states
@@ -182,9 +182,9 @@ def test_with_simulated_time_it_goes_as_the_clock_does(peer, start_node):
     assert node.stop(signal.SIGTERM) == 0
 
 
-def test_in_lockstep_a_controller_that_joins_late_gets_the_unanswered_state(peer, start_node):
+def test_in_lockstep_a_controller_that_joins_late_gets_the_unanswered_state(peer, start_here):
     states = peer.record(JOINT_STATES)
-    start_node('plant', {'lockstep': True})
+    start_here('plant', {'lockstep': True})
     peer.publisher(FORCE_COMMAND).publish(Float64(data=3.0))
     assert peer.until(lambda: states)
     peer.spin(1.0)
@@ -229,8 +229,8 @@ def late_states(peer, name='/joint_states'):
     return states
 
 
-def test_states_are_kept_for_who_asks_for_it(peer, start_node):
-    node, states = first_states(peer, start_node, 20, **{
+def test_states_are_kept_for_who_asks_for_it(peer, start_here):
+    node, states = first_states(peer, start_here, 20, **{
         'qos_overrides./joint_states.publisher.durability': 'transient_local',
         'qos_overrides./joint_states.publisher.depth': 1000})
     before = list(states)   # from the first on, if the plant found its reader in time
@@ -246,8 +246,8 @@ def test_states_are_kept_for_who_asks_for_it(peer, start_node):
     ('qos_overrides./joint_states.publisher.durability', 'for ever', 'is impossible'),
     ('qos_overrides./joint_state.publisher.depth', 9,
      "did you mean 'qos_overrides./joint_states.publisher.")])
-def test_what_is_impossible_ends_it_with_one_line(start_node, name, value, words):
-    node = start_node('plant', {name: value})
+def test_what_is_impossible_ends_it_with_one_line(start_here, name, value, words):
+    node = start_here('plant', {name: value})
     assert node.wait() == 2
     last = node.output().strip().splitlines()[-1]
     assert last.startswith('plant: error: ') and words in last, node.output()
@@ -260,11 +260,11 @@ def topics_of(reports):
     return [report for report in found if report is not None]
 
 
-def test_all_who_listen_hear_it_and_who_cannot_is_named(peer, start_node):
+def test_all_who_listen_hear_it_and_who_cannot_is_named(peer, start_here):
     """From the same first state on; whoever comes later hears what is new."""
     namespace = '/second'
     reports = peer.record(DIAGNOSTICS)
-    start_node('plant', arguments=['-r', f'__ns:={namespace}']).wait_for('states a second')
+    start_here('plant', arguments=['-r', f'__ns:={namespace}']).wait_for('states a second')
     topic = JOINT_STATES._replace(name=f'{namespace}/joint_states')
     states, other = peer.record(topic), peer.record(topic)   # found later than it is ready
     assert peer.until(lambda: len(other) > 2 and reports)

@@ -29,9 +29,11 @@ def switch(peer, enabled):
     return answer.message
 
 
-def test_disabled_it_sends_zero_at_once_and_for_each_state(peer, start_node, tmp_path, capsys):
+def test_disabled_it_sends_zero_at_once_and_for_each_state(
+        peer, start_node, start_here, tmp_path, capsys):
     logger = start_node('logger', {'output': str(tmp_path / 'bag')})
-    mpc = start_node('mpc')
+    logger.wait_for('recording to')
+    mpc = start_here('mpc')
     mpc.wait_for('ready')
     driver = Driver(peer)
     driver.meet()
@@ -61,12 +63,14 @@ def test_disabled_it_sends_zero_at_once_and_for_each_state(peer, start_node, tmp
     assert 'every force is the recorded one' in capsys.readouterr().out
 
 
-def test_it_brakes_the_cart_before_it_ends(peer, start_node, tmp_path, capsys):
-    logger = start_node('logger', {'output': str(tmp_path / 'bag')})
+def test_it_brakes_the_cart_before_it_ends(
+        peer, start_node, start_here, tmp_path, capsys):
+    logger = start_here('logger', {'output': str(tmp_path / 'bag')})
+    logger.wait_for('recording to')
     mpc = start_node('mpc', {'controlled_stop': 0.5, 'clock': 'lockstep', **Rig.PARAMETERS})
     mpc.wait_for('ready')
     rig, pendulum, times = Rig(peer), plant(), itertools.count(0, 50_000_000)
-    rig.meet()
+    rig.meet(lockstep=True)
     swung = rig.swing(pendulum, 12, lambda: next(times), paced=False)
     mpc.signal(signal.SIGTERM)
     peer.spin(0.2)
@@ -112,7 +116,7 @@ def test_a_driver_that_asks_hears_of_the_death_of_the_mpc(peer, start_node):
     assert all(at - killed < WITHIN for at in heard.values()), heard
 
 
-def test_states_that_stop_are_a_missed_deadline_too(peer, start_node):
+def test_states_that_stop_are_a_missed_deadline_too(peer, start_here):
     """The stream is: a force a state, then zero, then silence."""
     missed = []
     peer.node.create_subscription(
@@ -120,7 +124,7 @@ def test_states_that_stop_are_a_missed_deadline_too(peer, start_node):
         QoSProfile(depth=10, deadline=Duration(seconds=DEADLINE)),
         event_callbacks=SubscriptionEventCallbacks(
             deadline=lambda event: missed.append(time.monotonic()), use_default_callbacks=False))
-    start_node('mpc').wait_for('ready')
+    start_here('mpc').wait_for('ready')
     driver = Driver(peer)
     driver.meet()
     driver.stream(20, lambda now: now)
