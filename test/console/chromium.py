@@ -14,6 +14,11 @@ from selenium.webdriver.support.wait import WebDriverWait
 CHROMIUM, DRIVER = shutil.which('chromium'), shutil.which('chromedriver')
 DESKTOP, PHONE = (1440, 900), (390, 844)   # [px]
 PATIENCE, POLL = 90.0, 0.05   # [s]
+# draws seldom, as a machine does that is busy with something else
+SELDOM = """
+  const draw = window.requestAnimationFrame.bind(window);
+  window.requestAnimationFrame = callback => setTimeout(() => draw(callback), 50);
+"""
 
 
 class Page:
@@ -27,6 +32,7 @@ class Page:
             options.add_argument(argument)
         options.set_capability('goog:loggingPrefs', {'browser': 'ALL'})
         self.driver = webdriver.Chrome(options, webdriver.ChromeService(DRIVER))
+        self.driver.execute_cdp_cmd('Page.addScriptToEvaluateOnNewDocument', {'source': SELDOM})
         self.resize()
 
     def __enter__(self):
