@@ -187,7 +187,7 @@ def test_odd_soaks_are_drawn_without_a_warning(change, tmp_path):
 
 
 def test_a_soak_counts_every_state_once_and_watches_each_process(tmp_path):
-    duration, rate = 4.0, 50.0
+    duration, rate = 2.0, 50.0
     with isolated():
         found = soak.soak(tmp_path / 'soak', 'ddp', duration, rate, seed=3, burn=1)
     assert found.failure == ''

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The tutorial's commands and snippets, as they are printed; those with nodes are only parsed."""
 
+import json
 import os
 from pathlib import Path
 import re
@@ -26,7 +27,18 @@ PAGE = (TOP / 'docs' / 'tutorial.md').read_text()
 COMMANDS = re.findall(r'^    ros2 run dp_swing_ros (.*)$', PAGE, re.M)
 SAID = {'verify': 'the recorded ones to the bit', 'compare': '| search '}
 # an episode takes as long as it lasts with most solvers, and longer with the tutorial's own
-SHORT = {'evaluate': ['--duration', '1', '--jobs', '1', '--no-figures']}
+SHORT = {'evaluate': ['--duration', '0.5', '--seeds', '2', '--jobs', '1', '--no-figures'],
+         'analyse': ['--no-animation']}
+# in one process, which loads all once: arguments in, and for each what came of it
+RUN = """
+from contextlib import redirect_stdout
+import io, json, sys
+from dp_swing_ros.__main__ import main
+for words in json.load(sys.stdin):
+    with redirect_stdout(io.StringIO()) as printed:
+        code = main(words)
+    print(json.dumps([code, printed.getvalue()]))
+"""
 
 
 def blocks(language):
@@ -73,14 +85,24 @@ def test_every_executable_is_a_tool_or_a_node():
     assert {words.split()[0] for words in COMMANDS} <= {*TOOLS, *DECLARATIONS, 'logger', 'demo'}
 
 
-@pytest.mark.parametrize('words', commands(TOOLS), ids=' '.join)
-def test_a_tool_runs(words, here):
+@pytest.fixture(scope='module')
+def ran(here):
+    """Return exit code and output of each command of a tool, and the errors of all."""
+    several = [[*words, *SHORT.get(words[0], [])] for words in commands(TOOLS)]
     done = subprocess.run(
-        [sys.executable, '-m', 'dp_swing_ros', *words, *SHORT.get(words[0], [])], cwd=here,
-        capture_output=True, text=True,
-        env={**os.environ, 'PYTHONPATH': f'{here / "site"}{os.pathsep}{TOP}'})
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert SAID.get(words[0], '') in done.stdout
+        [sys.executable, '-c', RUN], cwd=here, input=json.dumps(several), capture_output=True,
+        text=True, env={**os.environ, 'PYTHONPATH': f'{here / "site"}{os.pathsep}{TOP}'})
+    found = [json.loads(line) for line in done.stdout.splitlines()]
+    assert len(found) == len(several), done.stderr
+    return found, done.stderr
+
+
+@pytest.mark.parametrize(('number', 'words'), enumerate(commands(TOOLS)), ids=str)
+def test_a_tool_runs(number, words, ran):
+    found, errors = ran
+    code, printed = found[number]
+    assert code == 0, printed + errors
+    assert SAID.get(words[0], '') in printed
 
 
 @pytest.mark.parametrize('words', commands({'demo'}), ids=' '.join)

@@ -267,15 +267,16 @@ def answer(c, t, x):
         return c.fallback(t)
 
 
-@pytest.mark.parametrize('begins', [16, 100])   # in the swing-up, and upright
+# in the swing-up, with another one after it, and upright
+@pytest.mark.parametrize(('begins', 'after'), [(16, 240), (100, 0)])
 @pytest.mark.parametrize('fault', [constant_outlier, stuck_joint, random_outlier, not_a_number,
                                    silence, Frozen])
 @pytest.mark.parametrize('name', sorted(SOLVERS))
-def test_a_dead_sensor_ends_in_zero_force_and_a_new_swing_up(name, fault, begins):
+def test_a_dead_sensor_ends_in_zero_force_and_a_new_swing_up(name, fault, begins, after):
     c, p, ends = controller(name), plant(), begins + 30
     broken = Frozen() if fault is Frozen else fault
     forces, upright = [], []
-    for n in range(ends + 240):
+    for n in range(ends + after):
         x = p.measure().x
         force = answer(c, p.t, broken(n, x) if begins <= n < ends else x).first_force(20.0)
         p.obey(force)

@@ -203,15 +203,15 @@ DRY = {'cart_dry_friction': 1.0, 'joint1_dry_friction': 0.02, 'joint2_dry_fricti
 @pytest.mark.parametrize('velocities', [True, False], ids=['velocities', 'positions'])
 @pytest.mark.parametrize('drive', [DIRECT, SLOW], ids=['direct', 'slow'])
 @pytest.mark.parametrize('links', LINKS)
-@pytest.mark.parametrize('time_noise', [0.0, 2e-3])
-def test_it_is_the_textbook_s(links, drive, velocities, time_noise, rng):
+def test_it_is_the_textbook_s(links, drive, velocities, rng):
     nominal = replace(PHYSICAL, links=links, **DRY)
     e = estimator(nominal, drive, memory=math.inf, adaptation=0.0, push_gate=math.inf)
     x = swinging(links)
     e.update(0.0, x, NONE)
     z, P, forces, commands = e.z, e.P, SentCommands(), []
     real = other(1.05, nominal)
-    for n in range(1, 8):
+    for n in range(1, 7):
+        time_noise = 2e-3 * (n % 2)
         # two commands a period, that end nowhere near a step
         for begins in (0.05 * n - 0.037, 0.05 * n - 0.011):
             commands.append((begins, rng.uniform(-20, 20)))

@@ -177,7 +177,7 @@ def test_help_tells_scenarios_and_examples(capsys):
 
 
 LONG = ['--contestants', 'nothing', 'ilqr', '--scenarios', 'random', '--seeds', '20',
-        '--duration', '1', '--jobs', '2', '--no-figures', '--output', 'campaign']
+        '--duration', '0.5', '--jobs', '2', '--no-figures', '--output', 'campaign']
 
 
 def started(lines=5):
