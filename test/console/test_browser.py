@@ -239,12 +239,11 @@ def test_a_small_pendulum_is_seen_as_a_large_one(browser, start_node, tmp_path):
     assert browser.errors() == []
 
 
-def test_a_centre_of_mass_is_seen_where_it_is_not_in_the_middle(browser, nodes, tmp_path):
+def test_a_centre_of_mass_is_seen_where_it_is_not_in_the_middle(browser, start_node, tmp_path):
     episode = swing_up()
     bodies = dataclasses.replace(episode.physical, link1_centre=0.75)
-    bag = write_bag(dataclasses.replace(episode, physical=bodies), tmp_path / 'bag')
-    console = nodes.start('console', {}, options=[str(bag), '--port', '0'])
-    browser.open(address_of(console))
+    open_bag(browser, start_node, write_bag(
+        dataclasses.replace(episode, physical=bodies), tmp_path / 'bag'))
     browser.find('#play').click()   # which stops it
     go_to(browser, 3.51)            # where it is upright
 
@@ -255,7 +254,6 @@ def test_a_centre_of_mass_is_seen_where_it_is_not_in_the_middle(browser, nodes, 
     browser.shot(tmp_path / 'centre.png')
     assert browser.errors() == []
     browser.leave()
-    console.stop()
 
 
 def test_nothing_comes_from_another_host(page, nodes, tmp_path):

@@ -62,6 +62,7 @@ def page(nodes):
         begin(page)
         assert page.ask('reset', node='mpc')['ok']
         yield page
+        page.ask('pause', on=False)   # where a test has let the plant wait
 
 
 def begin(page, **plant):
@@ -86,6 +87,96 @@ def newest_state(page):
     """Return the time of the newest state that the console has heard [s]."""
     return page.ask('history', kind='history')['t'][-1]
 
+
+# without the nodes that tests share, which go on once they are there
+
+def test_without_plant_and_mpc_there_is_a_page_and_they_may_come_and_go(start_node, start_here):
+    node = start_node('console', {'port': 0}, AWAY)
+    with Page(port_of(node)) as page:
+        page.until(lambda page: 'hello' in page.newest)
+        assert page.newest['hello']['nodes'] == {'plant': None, 'mpc': None}
+        assert 'frame' not in page.newest
+        assert not page.ask('set', node='plant', parameters={})['ok']
+        plant = start_here('plant', arguments=AWAY)
+        page.until(lambda page: page.value('plant', 'rate') and 'frame' in page.newest)
+        assert page.newest['hello']['nodes'] == {'plant': '/away/plant', 'mpc': None}
+        assert page.newest['frame']['plan'] is None
+        assert not page.newest['hello']['pausable']   # in real time
+        answer = page.ask('pause', on=True)
+        assert not answer['ok']
+        assert 'lockstep:=true' in answer['text']
+        assert 'in real time' in page.ask('pace', pace=0.5)['text']
+        plant.stop()
+        page.until(lambda page: page.newest['hello']['nodes']['plant'] is None)
+        assert page.newest['parameters plant']['parameters'] == []
+    assert node.stop() == 0
+    assert wait_until(lambda: 'Traceback' not in node.output())
+
+
+def test_nothing_that_other_nodes_send_ends_it_or_keeps_frames_from_a_page(
+        start_node, start_here, peer):
+    node = start_node('console', {'port': 0}, AWAY)
+    start_here('plant', arguments=AWAY)
+    senders = [(peer.publisher(topic._replace(name=f'/away/{topic.name.lstrip("/")}')), message)
+               for topic, message in (
+        (CONFIGURATION, String(data='node: /away/plant\nrate: 0.0')),
+        (CONFIGURATION, String(data=Configuration(
+            '/away/plant', {'lockstep': False, 'rate': 0.0}, '', '', '', '', {}).to_text())),
+        (TRIES, PointCloud2(height=2, width=2 ** 31)), (PLAN, JointTrajectory()),
+        (ROBOT_DESCRIPTION, String(data='<robot/>')))]
+    senders.append((peer.publisher(PARAMETER_EVENTS), ParameterEvent(
+        node='/away/plant', changed_parameters=[Parameter(
+            name='rate', value=ParameterValue(type=99))])))
+    with Page(port_of(node)) as page:
+        page.until(lambda page: page.value('plant', 'rate') and 'frame' in page.newest)
+        for _ in range(3):
+            for publisher, message in senders:
+                publisher.publish(message)
+            peer.spin(0.1)
+            t = page.newest['frame']['t']
+            page.until(lambda page: page.newest['frame']['t'] > t)
+        assert peer.until(lambda: all(
+            node.output().count(f'a message on {topic.name} is none') == 1
+            for topic in (CONFIGURATION, TRIES, PLAN, ROBOT_DESCRIPTION)))
+        assert page.value('plant', 'rate')['value'] == 20.0
+        assert page.newest['hello']['period'] == 0.05
+    assert 'Traceback' not in node.output()
+
+
+def test_a_given_token_is_told_to_nobody(start_node, peer):
+    heard = [peer.record(topic) for topic in (
+        CONFIGURATION, Topic('/rosout', 'rcl_interfaces/msg/Log'), PARAMETER_EVENTS)]
+    node = start_node('console', {'port': 0, 'token': 'xyzzy'}, ['-r', '__node:=secret'])
+    assert get(port_of(node), '/')[0].status == 403
+    assert get(port_of(node), '/?token=xyzzy')[0].status == 200
+    assert 'xyzzy' not in node.output()
+    assert peer.until(lambda: '/secret' in {from_text(message.data).node for message in heard[0]})
+    told = peer.call(GetParameters, '/secret/get_parameters', names=['token', 'token_file'])
+    assert 'xyzzy' not in repr((heard, told))
+
+
+def test_it_pulls_at_what_is_there_unless_told_how(start_node, peer):
+    small = PendulumParameters(link1_length=0.25, link2_length=0.25, cart_mass=0.1,
+                               link1_mass=0.05, link2_mass=0.05)
+    port_of(start_node('console', {'port': 0, 'pull_limit': 30.0}, AWAY))
+    publisher = peer.publisher(ROBOT_DESCRIPTION._replace(name='/away/robot_description'))
+
+    def pull():
+        answer = peer.call(GetParameters, '/away/console/get_parameters',
+                           names=['pull_stiffness', 'pull_limit'])
+        return [each.double_value for each in answer.values]
+
+    assert pull() == [100.0, 30.0]
+    publisher.publish(String(data=urdf(small, LimitParameters())))
+    assert peer.until(lambda: pull() == [40.0, 30.0])
+    peer.call(SetParametersAtomically, '/away/console/set_parameters_atomically', parameters=[
+        Parameter(name='pull_stiffness', value=ParameterValue(type=3, double_value=50.0))])
+    publisher.publish(String(data=urdf(PendulumParameters(), LimitParameters())))
+    peer.spin(0.5)
+    assert pull() == [50.0, 30.0]
+
+
+# with them
 
 def test_the_page_is_told_what_there_is_and_shown_each_state(page):
     answer = page.ask('set', node='mpc', parameters={'shown_tries': 5})
@@ -266,6 +357,7 @@ def test_a_recording_comes_out_again_and_has_a_report(page, capsys):
     page.until(lambda page: page.newest['frame']['tick']['solver'] == 'ddp')
     frames(page, 20)
     assert page.ask('record', on=False)['ok']
+    assert page.ask('pause', on=True)['ok']   # while the report is made
     page.until(lambda page: page.newest['recording']['finished']
                and page.newest['recording']['finished'][0]['report'])
     assert page.newest['recording']['folder'] is None
@@ -298,70 +390,6 @@ def test_a_recording_is_whole_even_where_the_console_is_killed(nodes, start_node
     assert wait_until(lambda: (folder / 'bag' / 'metadata.yaml').exists()
                       and Bag(folder / 'bag').incomplete == '')
     assert len(Bag(folder / 'bag').of(JOINT_STATES)) > 10
-
-
-def test_without_plant_and_mpc_there_is_a_page_and_they_may_come_and_go(start_node):
-    node = start_node('console', {'port': 0}, AWAY)
-    with Page(port_of(node)) as page:
-        page.until(lambda page: 'hello' in page.newest)
-        assert page.newest['hello']['nodes'] == {'plant': None, 'mpc': None}
-        assert 'frame' not in page.newest
-        assert not page.ask('set', node='plant', parameters={})['ok']
-        plant = start_node('plant', arguments=AWAY)
-        page.until(lambda page: page.value('plant', 'rate') and 'frame' in page.newest)
-        assert page.newest['hello']['nodes'] == {'plant': '/away/plant', 'mpc': None}
-        assert page.newest['frame']['plan'] is None
-        assert not page.newest['hello']['pausable']   # in real time
-        answer = page.ask('pause', on=True)
-        assert not answer['ok']
-        assert 'lockstep:=true' in answer['text']
-        assert 'in real time' in page.ask('pace', pace=0.5)['text']
-        plant.stop()
-        page.until(lambda page: page.newest['hello']['nodes']['plant'] is None)
-        assert page.newest['parameters plant']['parameters'] == []
-    assert node.stop() == 0
-    assert wait_until(lambda: 'Traceback' not in node.output())
-
-
-def test_nothing_that_other_nodes_send_ends_it_or_keeps_frames_from_a_page(start_node, peer):
-    node = start_node('console', {'port': 0}, AWAY)
-    start_node('plant', arguments=AWAY)
-    senders = [(peer.publisher(topic._replace(name=f'/away/{topic.name.lstrip("/")}')), message)
-               for topic, message in (
-        (CONFIGURATION, String(data='node: /away/plant\nrate: 0.0')),
-        (CONFIGURATION, String(data=Configuration(
-            '/away/plant', {'lockstep': False, 'rate': 0.0}, '', '', '', '', {}).to_text())),
-        (TRIES, PointCloud2(height=2, width=2 ** 31)), (PLAN, JointTrajectory()),
-        (ROBOT_DESCRIPTION, String(data='<robot/>')))]
-    senders.append((peer.publisher(PARAMETER_EVENTS), ParameterEvent(
-        node='/away/plant', changed_parameters=[Parameter(
-            name='rate', value=ParameterValue(type=99))])))
-    with Page(port_of(node)) as page:
-        page.until(lambda page: page.value('plant', 'rate') and 'frame' in page.newest)
-        for _ in range(3):
-            for publisher, message in senders:
-                publisher.publish(message)
-            peer.spin(0.1)
-            t = page.newest['frame']['t']
-            page.until(lambda page: page.newest['frame']['t'] > t)
-        assert peer.until(lambda: all(
-            node.output().count(f'a message on {topic.name} is none') == 1
-            for topic in (CONFIGURATION, TRIES, PLAN, ROBOT_DESCRIPTION)))
-        assert page.value('plant', 'rate')['value'] == 20.0
-        assert page.newest['hello']['period'] == 0.05
-    assert 'Traceback' not in node.output()
-
-
-def test_a_given_token_is_told_to_nobody(start_node, peer):
-    heard = [peer.record(topic) for topic in (
-        CONFIGURATION, Topic('/rosout', 'rcl_interfaces/msg/Log'), PARAMETER_EVENTS)]
-    node = start_node('console', {'port': 0, 'token': 'xyzzy'}, ['-r', '__node:=secret'])
-    assert get(port_of(node), '/')[0].status == 403
-    assert get(port_of(node), '/?token=xyzzy')[0].status == 200
-    assert 'xyzzy' not in node.output()
-    assert peer.until(lambda: '/secret' in {from_text(message.data).node for message in heard[0]})
-    told = peer.call(GetParameters, '/secret/get_parameters', names=['token', 'token_file'])
-    assert 'xyzzy' not in repr((heard, told))
 
 
 def test_a_page_that_does_not_read_keeps_nothing_from_others_and_takes_no_memory(page):
@@ -446,24 +474,3 @@ def test_after_a_reset_in_lockstep_the_past_is_another(page):
     assert past['t'][0] == 0.0
     page.send('branch', id=1, at=0.3, duration=0.5)
     page.until(lambda page: page.newest.get('branch', {}).get('trajectories'))
-
-
-def test_it_pulls_at_what_is_there_unless_told_how(start_node, peer):
-    small = PendulumParameters(link1_length=0.25, link2_length=0.25, cart_mass=0.1,
-                               link1_mass=0.05, link2_mass=0.05)
-    port_of(start_node('console', {'port': 0, 'pull_limit': 30.0}, AWAY))
-    publisher = peer.publisher(ROBOT_DESCRIPTION._replace(name='/away/robot_description'))
-
-    def pull():
-        answer = peer.call(GetParameters, '/away/console/get_parameters',
-                           names=['pull_stiffness', 'pull_limit'])
-        return [each.double_value for each in answer.values]
-
-    assert pull() == [100.0, 30.0]
-    publisher.publish(String(data=urdf(small, LimitParameters())))
-    assert peer.until(lambda: pull() == [40.0, 30.0])
-    peer.call(SetParametersAtomically, '/away/console/set_parameters_atomically', parameters=[
-        Parameter(name='pull_stiffness', value=ParameterValue(type=3, double_value=50.0))])
-    publisher.publish(String(data=urdf(PendulumParameters(), LimitParameters())))
-    peer.spin(0.5)
-    assert pull() == [50.0, 30.0]
