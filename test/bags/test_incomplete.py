@@ -88,7 +88,8 @@ def has_warning(path):
     return bool(np.any(np.abs(np.asarray(corner, float) / 255 - to_rgb(WARNING)).sum(2) < 0.1))
 
 
-def test_several_bags_say_which(bag, original, tmp_path, capsys):
+def test_several_bags_say_which(bag, original, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(analyse, 'PICTURES', {})
     notice = Bag(cut(bag, 0.6), partial=True).incomplete
     assert analyse.main([str(bag), str(original), '--partial', '--no-animation', '--output',
                          str(tmp_path / 'out')]) == 0

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 
 from base64 import b64encode
+from contextlib import redirect_stdout
+import io
 import re
 
 import numpy as np
@@ -13,6 +15,7 @@ from synthetic import swing_up, without_ticks
 from dp_swing_ros.bags import read_episode
 from dp_swing_ros.evaluation.comparison import table
 from dp_swing_ros.evaluation.metrics import measure, outcome
+from dp_swing_ros.tools import analyse
 from dp_swing_ros.tools.analyse import main
 from dp_swing_ros.tools.command_lines import beside
 
@@ -25,15 +28,23 @@ def bag(tmp_path_factory):
     return write_bag(swing_up(duration=2.5), folder)
 
 
-def test_bag_gives_table_and_all_pictures(bag, tmp_path, capsys):
-    assert main([str(bag), '--output', str(tmp_path / 'new' / 'pictures')]) == 0
-    shown = capsys.readouterr().out
-    made = {path.name for path in (tmp_path / 'new' / 'pictures').iterdir()}
+@pytest.fixture(scope='module')
+def analysed(bag, tmp_path_factory):
+    """Return a folder with all that the tool makes of a bag, and what it printed."""
+    folder = tmp_path_factory.mktemp('analysed') / 'new' / 'pictures'
+    with redirect_stdout(io.StringIO()) as printed:
+        assert main([str(bag), '--output', str(folder)]) == 0
+    return folder, printed.getvalue()
+
+
+def test_bag_gives_table_and_all_pictures(bag, analysed):
+    folder, shown = analysed
+    made = {path.name for path in folder.iterdir()}
     assert made == STILLS | {'animation.gif', 'report.html'}
     for name in made:
-        assert str(tmp_path / 'new' / 'pictures' / name) in shown
+        assert str(folder / name) in shown
     for name in made - {'report.html'}:
-        with Image.open(tmp_path / 'new' / 'pictures' / name) as image:
+        with Image.open(folder / name) as image:
             image.verify()
     assert table({'ilqr': measure(read_episode(bag))}) in shown
 
@@ -45,12 +56,12 @@ def test_table_is_that_of_the_episode_before_it_was_recorded(bag):
         [float(value) for value in vars(before).values()], rtol=1e-6, atol=1e-9)
 
 
-def test_report_holds_the_pictures_and_stays_small(bag, tmp_path):
-    assert main([str(bag), '--output', str(tmp_path)]) == 0
-    report = (tmp_path / 'report.html').read_text()
+def test_report_holds_the_pictures_and_stays_small(bag, analysed):
+    folder, _ = analysed
+    report = (folder / 'report.html').read_text()
     assert f'iLQR: {outcome(read_episode(bag)).value}' in report
     for name in (*STILLS, 'animation.gif'):
-        assert b64encode((tmp_path / name).read_bytes()).decode() in report
+        assert b64encode((folder / name).read_bytes()).decode() in report
     assert len(report) < 3e6
 
 
@@ -58,6 +69,7 @@ def test_several_bags_stand_side_by_side(bag, tmp_path, capsys, monkeypatch):
     second = write_bag(swing_up(duration=2.0, solver='$x<'), tmp_path / 'second')
     third = write_bag(without_ticks(swing_up(duration=1.0)), tmp_path / 'third')
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(analyse, 'PICTURES', {'hero': analyse.PICTURES['hero']})
     assert main([str(bag), str(second), str(third), '--no-animation']) == 0
     runs = {name: read_episode(each) for name, each in
             {'ilqr': bag, '$x<': second, 'no controller': third}.items()}
@@ -67,13 +79,14 @@ def test_several_bags_stand_side_by_side(bag, tmp_path, capsys, monkeypatch):
         '1_ilqr', '2__x_', '3_no_controller', 'overlay.png', 'report.html'}
     for number in '123':
         (own,) = folder.glob(f'{number}_*')
-        assert {path.name for path in own.iterdir()} == STILLS
+        assert {path.name for path in own.iterdir()} == {'hero.png'}
     report = (folder / 'report.html').read_text()
     assert '3 runs side by side' in report
-    assert len(re.findall('<img ', report)) == 3 * len(STILLS) + 1
+    assert len(re.findall('<img ', report)) == 3 + 1
 
 
-def test_one_solver_twice_is_told_apart_by_the_bags(bag, tmp_path, capsys):
+def test_one_solver_twice_is_told_apart_by_the_bags(bag, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(analyse, 'PICTURES', {})
     again = write_bag(swing_up(duration=1.0), tmp_path / 'again')
     arguments = [str(bag), str(again), '--no-animation', '--output', str(tmp_path / 'out')]
     assert main(arguments) == 0
@@ -118,7 +131,8 @@ def test_folder_that_cannot_be_made_is_one_line(bag, tmp_path, capsys):
     assert 'file' in one_line(capsys)
 
 
-def test_bag_without_an_end_is_read_when_asked(bag, tmp_path, capsys):
+def test_bag_without_an_end_is_read_when_asked(bag, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(analyse, 'PICTURES', {})
     whole = next(bag.glob('*.mcap')).read_bytes()
     cut = tmp_path / 'cut.mcap'
     cut.write_bytes(whole[:-200])
