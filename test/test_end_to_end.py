@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 import signal
 import subprocess
+import time
 import uuid
 
 from conftest import wait_until
@@ -96,7 +97,7 @@ def test_solver_swings_up_in_lockstep_and_the_bag_tells_with_what(solver, tmp_pa
 
 def test_same_seed_gives_the_same_run_to_the_bit(tmp_path):
     """Whether three processes do it or one."""
-    arguments = ('--solver', 'mppi', '--seed', '3', '--duration', '5', '--lockstep',
+    arguments = ('--solver', 'mppi', '--seed', '3', '--duration', '4', '--lockstep',
                  '--no-figures')
     run = Demo(tmp_path, *arguments)
     assert run.finish() == 0, run.out + run.err
@@ -188,6 +189,7 @@ def test_demo_joins_no_other_and_an_interrupt_ends_everything_and_finishes_the_b
 
     def is_recording():
         assert run.process.poll() is None, run.finish() or run.err
+        time.sleep(0.3)   # to read takes a while
         return states_so_far(run.folder / 'bag') >= 20
     assert wait_until(is_recording, LIMIT)
     other = Demo(tmp_path / 'second', domain=domain)

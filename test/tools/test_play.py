@@ -10,8 +10,9 @@ from conftest import wait_until
 from pages import Page, port_of
 import pytest
 
+from dp_swing_ros.tools import play
 from dp_swing_ros.tools.play import follow
-from dp_swing_ros.tools.processes import Process
+from dp_swing_ros.tools.processes import Crew, Process
 
 
 def processes_of(folder):
@@ -26,27 +27,37 @@ def processes_of(folder):
             and place(process) == folder]
 
 
-@pytest.mark.parametrize('lockstep', [False, True])
-def test_all_is_there_and_all_ends(start_node, tmp_path, monkeypatch, lockstep):
+def test_all_is_there_and_all_ends(start_node, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    play = start_node('play', options=['--port', '0', '--no-browser', '--solver', 'ddp',
-                                       *(['--lockstep'] if lockstep else [])],
-                      environment={'ROS_DOMAIN_ID': ''})
-    port = port_of(play)
-    play.wait_for('the plant starts once the page is open')
+    running = start_node('play', options=['--port', '0', '--no-browser', '--solver', 'ddp',
+                                          '--lockstep'], environment={'ROS_DOMAIN_ID': ''})
+    port = port_of(running)
+    running.wait_for('the plant starts once the page is open')
     assert not list(tmp_path.glob('runs/play_*/plant.log'))
     with Page(port) as page:
         page.until(lambda page: page.newest.get('frame', {}).get('tick')
                    and page.newest['hello']['nodes']['mpc'])
         assert page.newest['frame']['tick']['solver'] == 'ddp'
-        assert page.newest['hello']['lockstep'] == lockstep
-        assert page.until(lambda page: page.newest['hello']['pausable'] == lockstep)
+        assert page.newest['hello']['lockstep']
+        assert page.until(lambda page: page.newest['hello']['pausable'])
         assert page.until(lambda page: page.newest['frame']['tries'])
     assert len(processes_of(tmp_path)) >= 4
-    assert play.stop() == 0
+    assert running.stop() == 0
     assert wait_until(lambda: not processes_of(tmp_path), 10)
     assert {log.name for log in tmp_path.glob('runs/play_*/*')} == {
         'plant.log', 'mpc.log', 'console.log'}
+
+
+@pytest.mark.parametrize('options', [[], ['--lockstep']])
+def test_the_plant_waits_for_the_mpc_where_it_is_asked_to(options, tmp_path, monkeypatch):
+    asked = {}
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(play, 'follow', lambda processes, start_plant, browse: start_plant())
+    monkeypatch.setattr(Crew, 'start', lambda crew, name, parameters, *files: asked.update({
+        name: parameters}))
+    assert play.main(options) == 0
+    assert asked.keys() == {'console', 'mpc', 'plant'}
+    assert asked['plant'] == ({'lockstep': True, 'pace': 1.0} if options else {})
 
 
 def test_the_plant_starts_without_a_page_after_a_while(tmp_path, monkeypatch, capsys):
@@ -72,8 +83,8 @@ def test_a_process_that_fails_ends_all_with_its_own_words(start_node, tmp_path, 
     monkeypatch.chdir(tmp_path)
     file = tmp_path / 'wrong.yaml'
     file.write_text('/**/mpc:\n  ros__parameters: {dynamics: learned, model: none.json}\n')
-    play = start_node('play', options=['--port', '0', '--no-browser', '--params', str(file)],
-                      environment={'ROS_DOMAIN_ID': ''})
-    assert play.wait() == 1
-    assert 'none.json' in play.output()
+    running = start_node('play', options=['--port', '0', '--no-browser', '--params', str(file)],
+                         environment={'ROS_DOMAIN_ID': ''})
+    assert running.wait() == 1
+    assert 'none.json' in running.output()
     assert wait_until(lambda: not processes_of(tmp_path), 10)
