@@ -17,7 +17,7 @@ PATIENCE, POLL = 90.0, 0.05   # [s]
 # draws seldom, as a machine does that is busy with something else
 SELDOM = """
   const draw = window.requestAnimationFrame.bind(window);
-  window.requestAnimationFrame = callback => setTimeout(() => draw(callback), 50);
+  window.requestAnimationFrame = callback => setTimeout(() => draw(callback), 100);
 """
 
 

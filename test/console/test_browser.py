@@ -521,9 +521,9 @@ def test_the_hint_lies_below_the_picture_and_on_a_phone_the_numbers_too(page):
             page.resize()
 
 
-def test_a_branch_shows_courses(page, ears, tmp_path):
-    def courses():
-        return page.all('#courses-list figure')
+def test_a_branch_shows_trajectories(page, ears, tmp_path):
+    def trajectories():
+        return page.all('#trajectories-list figure')
 
     def refusals():
         said = page.driver.execute_script('return window.said')
@@ -535,28 +535,28 @@ def test_a_branch_shows_courses(page, ears, tmp_path):
     look_back(page, -3)
     page.choose('#branch-duration', '2')
     page.find('#branch').click()
-    page.until(lambda: courses() or refusals(), 'courses')
-    assert len(courses()) >= 3, refusals()
-    assert all('cost' in each.text for each in page.all('#courses-list figure'))
+    page.until(lambda: trajectories() or refusals(), 'trajectories')
+    assert len(trajectories()) >= 3, refusals()
+    assert all('cost' in each.text for each in page.all('#trajectories-list figure'))
     assert all('regret' in each.text or 'the least' in each.text
-               for each in page.all('#courses-list figure'))
+               for each in page.all('#trajectories-list figure'))
     page.resize(1280, 720)
     try:
         assert box(page, '#stage')['height'] >= 359
-        for n in range(len(page.all('#courses-list figure'))):   # each can be scrolled to
-            card = f'#courses-list figure:nth-child({n + 1})'
+        for n in range(len(page.all('#trajectories-list figure'))):   # each can be scrolled to
+            card = f'#trajectories-list figure:nth-child({n + 1})'
             page.driver.execute_script(
                 'document.querySelector(arguments[0]).scrollIntoView()', card)
-            assert box(page, '#courses')['bottom'] >= box(page, card)['bottom']
+            assert box(page, '#trajectories')['bottom'] >= box(page, card)['bottom']
         page.shot(tmp_path / 'branch.png')
     finally:
         page.resize()
     page.find('#look').click()
     page.await_text('#instant-time', 'live')
-    assert not page.find('#courses').is_displayed()
-    page.find('#courses-tab').click()   # until it is closed
-    page.find('#close-courses').click()
-    assert not page.find('#courses-tab').is_displayed()
+    assert not page.find('#trajectories').is_displayed()
+    page.find('#trajectories-tab').click()   # until it is closed
+    page.find('#close-trajectories').click()
+    assert not page.find('#trajectories-tab').is_displayed()
     assert page.find('#thoughts').is_displayed()
 
 

@@ -220,7 +220,8 @@ def test_who_cannot_hear_the_states_does_not_keep_a_lockstep_waiting_and_is_name
 
 @pytest.mark.parametrize(('zero', 'now'), [('hanging', time.time_ns), ('given', lambda: 0)])
 def test_the_bag_of_a_foreign_rig_is_read_as_the_mpc_read_it(
-        peer, start_node, start_here, tmp_path, capsys, zero, now):
+        peer, start_node, start_here, tmp_path, capsys, monkeypatch, zero, now):
+    monkeypatch.setattr(analyse, 'PICTURES', {})
     logger = start_node('logger', {'output': str(tmp_path / 'bag')})
     logger.wait_for('recording to')
     parameters = {**Rig.PARAMETERS, 'zero': zero}
@@ -305,8 +306,10 @@ def test_bytes_that_are_no_state_end_nothing(peer, start_here):
     assert not node.ended()
 
 
-def test_the_guide_leads_from_a_bare_machine_to_a_held_pendulum(peer, start_node, here):
+def test_the_guide_leads_from_a_bare_machine_to_a_held_pendulum(
+        peer, start_node, here, monkeypatch):
     """The commands of docs/rig.md, but faster, and enabled by a call."""
+    monkeypatch.setattr(analyse, 'PICTURES', {})
     top = Path(__file__).parents[2]
     guide = (top / 'docs' / 'rig.md').read_text().split('\n## ')[2]
     assert guide.startswith('From a bare machine')

@@ -1,8 +1,9 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Each test runs a node in a process of its own and looks at how it ends."""
+"""How a node's process ends, whatever ends it."""
 
 import os
+from pathlib import Path
 import signal
 import subprocess
 import sys
@@ -14,93 +15,18 @@ import pytest
 from dp_swing_ros.tools.processes import Process
 
 PRIORITY = 7
-NODE = """
-import dataclasses
-import sys
-import time
-
-from dp_swing_ros.errors import UserError
-from dp_swing_ros.nodes.process import ProcessNode, run
-from dp_swing_ros.nodes.ros_parameters import declare
-from dp_swing_ros.parameters import named, parameter, Parameters
-
-
-@dataclasses.dataclass(frozen=True)
-class Example(Parameters):
-    mode: str = parameter('idle', 'what to do')
-    rate: float = parameter(20.0, 'a rate', unit='Hz', minimum=1.0)
-
-
-class Dying:
-    def __del__(self):
-        print('dying', flush=True)
-        time.sleep(2)
-
-
-class ExampleNode(ProcessNode):
-    linger = 0.2
-
-    def __init__(self):
-        super().__init__('example')
-        self.mode = declare(self, named(Example))['mode']
-        self.create_timer(0.01, self.tick)
-        self.ticks = 0
-
-    def prepare(self):
-        print('prepare', flush=True)
-        if self.mode == 'prepare':
-            time.sleep(60)
-        if self.mode == 'bug':
-            raise RuntimeError('oops')
-        if self.mode == 'destructor':
-            Dying()
-            time.sleep(60)
-        print('ready', flush=True)
-
-    def tick(self):
-        self.ticks += 1
-        self.done = self.mode in ('aside', 'done') or (
-            self.mode == 'goes on' and self.ticks > 3)
-        if self.mode == 'exit':
-            sys.exit(0)
-        if self.mode == 'aside' and self.ticks == 1:
-            self.try_aside()
-        if self.mode == 'user':
-            raise UserError('the disk\\nis full')
-        if self.mode == 'goes on':
-            raise RuntimeError('oops')
-        if self.mode == 'busy':
-            time.sleep(0.3)
-
-    def try_aside(self):
-        print(self.made_in_background(lambda: 'made'))
-        for make in (lambda: 1 / 0, lambda: sys.exit(3), lambda: time.sleep(60), lambda: 1):
-            try:
-                self.made_in_background(make, 0.2)
-            except BaseException as error:
-                print(f'{type(error).__name__}: {error}', flush=True)
-
-    def close(self):
-        if self.mode == 'slow':
-            time.sleep(0.5)
-        print('closed', flush=True)
-
-
-sys.exit(run(ExampleNode))
-"""
+NODE = Path(__file__).with_name('example_node.py')
 
 
 @pytest.fixture
-def start(tmp_path):
-    """Return a function that starts the node with these ROS arguments."""
-    script = tmp_path / 'example'
-    script.write_text(NODE)
+def start():
+    """Return a function that starts the node with these ROS arguments, in its own process."""
     processes = []
 
     def begin(*arguments, **variables):
         environment = {**os.environ, **variables}
         processes.append(subprocess.Popen(
-            [sys.executable, str(script), *arguments], stdout=subprocess.PIPE,
+            [sys.executable, NODE, *arguments], stdout=subprocess.PIPE,
             stderr=subprocess.PIPE, text=True,
             env={name: value for name, value in environment.items() if value is not None}))
         return processes[-1]
@@ -126,8 +52,9 @@ def mode(name):
     return '--ros-args', '-p', f'mode:={name}'
 
 
-@pytest.mark.parametrize('name', ['idle', 'busy', 'slow'])
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize(('name', 'number'), [
+    ('idle', signal.SIGINT), ('idle', signal.SIGTERM), ('idle', signal.SIGHUP),
+    ('busy', signal.SIGINT), ('slow', signal.SIGTERM)])
 def test_signal_ends_it_in_order(start, name, number):
     process = start(*mode(name))
     wait_for(process, 'ready')
@@ -183,7 +110,7 @@ def test_a_node_goes_on_where_a_callback_fails_and_says_in_one_line_what_failed(
     code, out, errors = end(start(*mode("'goes on'")))
     assert (code, out) == (0, 'prepare\nready\nclosed\n')
     line, = errors.splitlines()   # in a second
-    assert 'RuntimeError: oops (example, line' in line and line.endswith('; going on')
+    assert 'RuntimeError: oops (example_node.py, line' in line and line.endswith('; going on')
 
 
 def test_what_is_made_aside_ends_or_holds_up_nothing(start):
@@ -197,21 +124,21 @@ def test_what_is_made_aside_ends_or_holds_up_nothing(start):
 
 
 @pytest.mark.parametrize('arguments, text', [
-    (['--ros-args', '-p', 'rate:=0.5'], "parameter 'rate' is 0.5; expected at least 1 Hz"),
-    (['--ros-args', '-p', 'rat:=5.0'], "unknown parameter 'rat' of the node 'example'; did you"),
-    (['--ros-args', '-p', 'rate:='], "parameter 'rate' is None; expected a value"),
-    (['--ros-args', '-p', 'rate:=[1, 2.0]'], "'rate' is [1, 2.0]; ROS wants the values of a list "
+    (['-p', 'rate:=0.5'], "parameter 'rate' is 0.5; expected at least 1 Hz"),
+    (['-p', 'rat:=5.0'], "unknown parameter 'rat' of the node 'example'; did you"),
+    (['-p', 'rate:='], "parameter 'rate' is None; expected a value"),
+    (['-p', 'rate:=[1, 2.0]'], "'rate' is [1, 2.0]; ROS wants the values of a list "
      'alike: [1.0, 2.0]'),
-    (['--ros-args', '--params-file', 'none.yaml'], 'cannot read the parameter file none.yaml'),
-    (['--ros-args', '-p', 'use_sim_time:=1'], "'use_sim_time' to '1'"),
-    (['--ros-args', 'rate:=5.0'], "UnknownROSArgsError: ['rate:=5.0']"),
-    (['rate:=5.0'], "unknown argument 'rate:=5.0'; parameters are given as: --ros-args -p"),
+    (['--params-file', 'none.yaml'], 'cannot read the parameter file none.yaml'),
+    (['-p', 'use_sim_time:=1'], "'use_sim_time' to '1'"),
+    (['rate:=5.0'], "UnknownROSArgsError: ['rate:=5.0']"),
+    (['--', 'rate:=5.0'], "unknown argument 'rate:=5.0'; parameters are given as: --ros-args -p"),
 ])
-def test_misuse_is_one_line(start, arguments, text):
-    code, out, errors = end(start(*arguments))
-    assert (code, out) == (2, '')
-    assert errors.startswith('example: error: ') and text in errors
-    assert errors.count('\n') == 1 and '/src/' not in errors
+def test_misuse_is_one_line(start_here, arguments, text):
+    node = start_here(NODE.name, arguments=arguments)
+    assert node.wait() == 2
+    assert node.output().startswith(f'{NODE.name}: error: ') and text in node.output()
+    assert node.output().count('\n') == 1 and '/src/' not in node.output()
 
 
 @pytest.mark.parametrize('name, value', [
