@@ -33,8 +33,8 @@ help:  ## list the targets
 setup: install/.built  ## the virtual environment and the built package
 
 demo: setup $(if $(RIG),$(VENV)/.installed-rig)
-demo:  ## swing up and hold in real time for 10 s (SOLVER=ilqr, ddp or mppi; RIG=1: a rig of other make)
-	@$(WITH_ROS) && ros2 run dp_swing_ros demo --solver $(SOLVER) $(if $(RIG),--params config/rig.yaml)
+demo:  ## swing up and hold in real time for 10 s (SOLVER=ilqr, ddp or mppi; RIG=stepper, voltage, linear_motor or rig: one of config/, moved by MuJoCo)
+	@$(WITH_ROS) && ros2 run dp_swing_ros demo --solver $(SOLVER) $(if $(RIG),--params config/$(RIG).yaml)
 
 play: setup  ## plant, mpc and a page in the browser to pull at them (SOLVER=...; LOCKSTEP=1: can be paused, stepped, slowed down)
 	@$(WITH_ROS) && ros2 run dp_swing_ros play --solver $(SOLVER) $(if $(LOCKSTEP),--lockstep)
@@ -52,7 +52,7 @@ evaluate: setup  ## run a campaign of episodes without ROS (EVALUATE='...' for i
 	@$(WITH_ROS) && ros2 run dp_swing_ros evaluate $(EVALUATE)
 
 results: setup $(if $(filter benchmark,$(or $(PAGES),benchmark)),$(VENV)/.peers)
-results: $(if $(filter rigs rig methods ablation learned learned_rigs,$(PAGES)),$(VENV)/.installed-rig)
+results: $(if $(filter rigs rig drives methods ablation learned learned_rigs,$(PAGES)),$(VENV)/.installed-rig)
 results: $(if $(filter bags durability,$(or $(PAGES),bags)),$(VENV)/.installed-test)
 results:  ## every published figure anew, in about three hours (PAGES='reliability live' for some)
 	@$(WITH_ROS) && python benchmarks/published.py $(PAGES) $(RESULTS)

@@ -20,6 +20,7 @@ from typing import NamedTuple
 
 import ablation
 import campaigns
+import drives
 import links
 import methods
 import pandas as pd
@@ -69,7 +70,8 @@ def of_rows(name: str, minutes: float) -> Part:
     return Part(minutes, lambda: seeded.sources(name), write)
 
 
-OF_ROWS = {'ablation': ablation.page, 'links': links.page, 'sizes': sizes.page}
+OF_ROWS = {'ablation': ablation.page, 'drives': drives.page, 'links': links.page,
+           'sizes': sizes.page}
 
 
 def of_rigs(minutes: float) -> Part:
@@ -117,6 +119,7 @@ PARTS = {
     'transitions': of_rows('transitions', 4.5),
     'stress': of_rows('stress', 9),
     'links': of_rows('links', 2.2),
+    'drives': of_rows('drives', 40),
     'summary': of_others('summary', summary.NEEDED, summary.write),
     'recordings': of_script('recordings', 2.5),
     'rig': of_rigs(10.5),
@@ -154,7 +157,7 @@ PAGES = {
         'On what rigs?',
         'What is found of a real pendulum, and who holds one whose drive, frictions, sensors and '
         'bodies are not as told. What is learned of such rigs, and of links of another build, is '
-        'on [another page](learned.md).', ('recordings', 'rig')),
+        'on [another page](learned.md).', ('recordings', 'drives', 'rig')),
     'sizes': Page(
         'Of what size, at what rate?',
         'Who holds pendulums of other lengths and masses, as fast as their sensors are; why one '

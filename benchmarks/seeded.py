@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import ablation
 import campaigns
+import drives
 import links
 import numpy as np
 import paper_experiments
@@ -42,6 +43,8 @@ SEEDED = {
        for name, campaign in campaigns.CAMPAIGNS.items()},
     'ablation': Seeded(ablation.episodes, lambda case: False),
     'links': Seeded(links.episodes, links.is_timed),
+    'drives': Seeded(drives.episodes, lambda case: False,
+                     (*provenance.COMPUTING, 'mujoco')),
     'sizes': Seeded(sizes.episodes, lambda case: False),
     'rig': Seeded(rig.episodes, lambda case: False, (*provenance.COMPUTING, 'mujoco')),
     'paper': Seeded(paper_experiments.episodes, lambda case: False)}

@@ -20,11 +20,12 @@ from dp_swing_ros.control import controllers
 from dp_swing_ros.evaluation.campaign.contestants import Contestant, key, play, simulated
 from dp_swing_ros.evaluation.metrics import measure
 from dp_swing_ros.parameters.files import for_node, sections
-from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
+from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters, VELOCITY
 from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import simulate
 
 CLEAN, TWICE = 1.9, 3.8   # [s] settling times
+CONFIG = Path(__file__).parents[1] / 'config'
 
 
 @pytest.fixture
@@ -179,7 +180,7 @@ def test_the_page_is_written_with_its_tables_and_its_picture(rows, found, tmp_pa
 @pytest.fixture(scope='module')
 def voltage():
     """Return what config/voltage.yaml has for plant and mpc."""
-    found = sections(Path(__file__).parents[1] / 'config' / 'voltage.yaml')
+    found = sections(CONFIG / 'voltage.yaml')
     return [for_node(found, f'/{node}', declarations.DECLARATIONS[node].fields(2))
             for node in declarations.DECLARATIONS]
 
@@ -200,20 +201,24 @@ def test_the_voltage_drive_of_the_guide_is_that_of_its_motor(voltage):
 
 
 @pytest.mark.parametrize('solver', METHODS)
-def test_a_voltage_drive_is_held_as_the_guide_tells(voltage, solver):
-    of_plant, of_mpc = voltage
-    assert of_mpc.keys() == {'force_gain', 'cart_friction', 'cart_mass', 'force_limit'}
-    episode = simulate(plants.plant(of_plant),
-                       controllers.controller({**of_mpc, 'solver': solver}), 8.0)
+@pytest.mark.parametrize('name', ['voltage', 'stepper', 'linear_motor'])
+def test_the_rigs_of_the_guide_are_held(name, solver):
+    pytest.importorskip('mujoco')
+    found = declarations.read([CONFIG / f'{name}.yaml'])
+    plant = plants.plant(found['plant'])
+    episode = simulate(plant, controllers.controller({**found['mpc'], 'solver': solver}), 8.0)
     assert measure(episode).success
-    # what acted is a force [N]; the limit bounds the command [V]
-    assert max(abs(episode.U)) == pytest.approx(of_mpc['force_gain'] * of_mpc['force_limit'])
+    # what acted is a force [N], or an acceleration; the limit bounds the command
+    limit = plant.limits.input_limit(plant.physical.drive) * plant.drive.force_gain
+    assert max(abs(episode.U)) <= limit * (1 + 1e-9)
+    if plant.physical.drive == VELOCITY:
+        assert max(abs(episode.X[:, 3])) <= plant.limits.cart_speed_limit * 1.01
 
 
 @pytest.mark.parametrize('solver', METHODS)
 @pytest.mark.parametrize('rate', [50.0, 200.0])
 def test_a_rig_of_laboratory_size_is_held_with_nothing_told_but_what_it_is(solver, rate):
-    path = Path(__file__).parents[1] / 'config' / 'lab_rig.yaml'
+    path = CONFIG / 'lab_rig.yaml'
     of_plant, of_mpc = (declarations.read([path])[node] for node in ('plant', 'mpc'))
     assert not set(of_mpc) & {'step', 'horizon', 'track_margin', 'state_weights'}
     episode = simulate(plants.plant({**of_plant, 'rate': rate}),

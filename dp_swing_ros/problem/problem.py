@@ -79,8 +79,9 @@ class Problem:
         """
         u_max = limits.input_limit(physical.drive)
         if u_max == 0:
-            name = 'acceleration_limit' if physical.is_driven else 'force_limit'
-            raise ParameterError(f'parameter {name} is 0; expected more: nothing could move')
+            name, what = ('acceleration_limit', 'an acceleration') if physical.is_driven else (
+                'force_limit', 'a force')
+            raise ParameterError(f'parameter {name} is 0; the controller needs {what}')
         for name in ('reference', 'state_weights'):
             count = len(getattr(cost, name))
             if count != SIZES[physical.links]:

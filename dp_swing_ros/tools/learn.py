@@ -17,6 +17,8 @@ from dp_swing_ros.dynamics.files import LearnedModel
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.learning.learner import FIRST, Learner
 from dp_swing_ros.learning.trials import OUT, Trial, trials
+from dp_swing_ros.parameters import ParameterError
+from dp_swing_ros.pendulum.parameters import DRIVEN, FORCE, VOLTAGE
 from dp_swing_ros.simulation import plants
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tools.command_lines import (
@@ -68,6 +70,10 @@ def _learn(arguments: argparse.Namespace) -> int:
     if arguments.live:   # with an mpc that takes what is for its name
         located(arguments.params, {})
     values = declarations.read(arguments.params)
+    if (drive := values['mpc'].get('drive', FORCE)) in DRIVEN:
+        raise ParameterError(
+            f'parameter drive is {drive!r}; expected {FORCE} or {VOLTAGE}: what is learned are '
+            'forces. Record a run by an mpc with this drive, and let train learn from the bag')
     plant = {**values['plant'], 'seed': arguments.seed}
     mpc = {**values['mpc'], 'solver': arguments.solver, 'seed': arguments.seed}
     scale = controllers.controller(mpc).nominal.scale   # refused before a folder is made

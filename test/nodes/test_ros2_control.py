@@ -24,7 +24,8 @@ from dp_swing_ros.nodes.connections import DEADLINE
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.pendulum.state import is_upright, joints
 from dp_swing_ros.pendulum.urdf import urdf
-from dp_swing_ros.topics import CONTROLLER_COMMANDS, FORCE_COMMAND, JOINT_STATES
+from dp_swing_ros.topics import (
+    COMMANDS, CONTROLLER_COMMANDS, FORCE_COMMAND, JOINT_STATES, VELOCITY_COMMAND)
 
 CONFIG = Path(__file__).parents[2] / 'config'
 ROBOT = ElementTree.parse(CONFIG / 'ros2_control.urdf').getroot()
@@ -123,7 +124,7 @@ def test_the_controllers_fit_the_robot_and_the_relay():
         assert set(CONTROLLERS[name]) == OF_TYPE[kind]
     force = CONTROLLERS['force_controller']
     assert force['joints'] == interfaces('command')[force['interface_name']]
-    assert CONTROLLER_COMMANDS.name == 'force_controller/commands'
+    assert CONTROLLER_COMMANDS['effort'].name == 'force_controller/commands'
     assert manager['update_rate'] % CONTROLLERS['joint_state_broadcaster']['update_rate'] == 0
 
 
@@ -132,7 +133,7 @@ def relayed(peer, start_node):
     """Return a relay, a publisher of forces that it hears, and the times and forces it sends."""
     commands = []
     peer.node.create_subscription(
-        Float64MultiArray, CONTROLLER_COMMANDS.name,
+        Float64MultiArray, CONTROLLER_COMMANDS['effort'].name,
         lambda message: commands.append((time.monotonic(), *message.data)), 10)
     node = start_node('relay')
     node.wait_for('ready')
@@ -170,6 +171,42 @@ def test_the_last_command_of_the_relay_is_zero(peer, relayed):
     assert peer.until(lambda: commands[-1][1] == 7.0)
     assert node.stop() == 0
     assert peer.until(lambda: commands[-1][1] == 0.0)
+
+
+@pytest.mark.parametrize('interface', ['velocity', 'acceleration'])
+def test_the_relay_hands_on_what_another_interface_takes(peer, start_here, interface):
+    node = start_here('relay', {'interface': interface})
+    node.wait_for('ready')
+    sent = peer.record(CONTROLLER_COMMANDS[interface])
+    commands = peer.publisher(COMMANDS[interface])
+    commands.publish(Float64(data=0.4))
+    assert peer.until(lambda: [0.4] in [list(each.data) for each in sent])
+    assert peer.until(lambda: list(sent[-1].data) == [0.0])   # where the next is overdue
+
+
+def test_the_relay_integrates_for_positions_from_where_the_cart_is(peer, start_here):
+    node = start_here('relay', {'interface': 'position', 'joint': 'slide'})
+    node.wait_for('ready')
+    sent = peer.record(CONTROLLER_COMMANDS['position'])
+    commands, states = peer.publisher(VELOCITY_COMMAND), peer.publisher(JOINT_STATES)
+    commands.publish(Float64(data=1.0))
+    peer.spin(2 * DEADLINE)
+    assert not sent   # nobody has said where it is
+    states.publish(JointState(name=['hip', 'slide'], position=[9.0, 0.3]))
+    assert peer.until(lambda: sent)
+    assert list(sent[0].data) == [0.3]
+    began = time.monotonic()
+    for _ in range(10):
+        commands.publish(Float64(data=0.5))
+        peer.spin(0.05)
+    lasted = time.monotonic() - began
+    place = sent[-1].data[0]
+    assert 0.0 < place - 0.3 <= 0.5 * lasted
+    peer.spin(3 * DEADLINE)
+    stands = sent[-1].data[0]
+    assert 0.0 <= stands - place <= 0.5 * DEADLINE + 0.01
+    peer.spin(2 * DEADLINE)
+    assert sent[-1].data[0] == stands
 
 
 @pytest.mark.real_time

@@ -1,0 +1,137 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Drives as they are sold: voltages, accelerations, velocities; with links of a real pendulum."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+from campaigns import CONFIG, METHODS
+import numpy as np
+from recordings import AUTHORS
+
+from dp_swing_ros import declarations
+from dp_swing_ros.evaluation.campaign.contestants import Contestant, key
+from dp_swing_ros.evaluation.campaign.report import share
+from dp_swing_ros.evaluation.campaign.rows import Row
+from dp_swing_ros.evaluation.comparison import rate
+from dp_swing_ros.evaluation.scenarios import Case, SCENARIOS
+from dp_swing_ros.tables import compact
+
+TIP = 1.35   # times as far as its centre a last link is drawn
+# encoders alone, on what another engine moves
+SENSED = {'engine': 'mujoco', 'rate': 200.0, 'encoder_counts': 2000, 'velocities': 'none'}
+
+
+class Group(NamedTuple):
+    """Some episodes of all solvers with one rig, which the mpc is told."""
+
+    rig: str
+    told: dict[str, Any]
+    plant: dict[str, Any]
+    scenario: str
+    seeds: int
+    duration: float   # [s]
+
+    @property
+    def drive(self) -> str:
+        """Return the drive in words."""
+        told = self.told
+        limits = [f'{told[name]:g} {unit}' for name, unit in (
+            ('force_limit', 'V'), ('acceleration_limit', 'm/s²'), ('cart_speed_limit', 'm/s'))
+            if name in told]
+        return f'`{told["drive"]}`, {", ".join(limits)}'
+
+
+def published(name: str) -> dict[str, Any]:
+    """Return links as they were published, as parameters."""
+    g, links = AUTHORS[name]
+    values = {'links': len(links), 'gravity': g}
+    for i, link in enumerate(links, 1):
+        values.update({
+            f'link{i}_mass': link.mass, f'link{i}_centre': link.centre,
+            f'link{i}_length': link.length or TIP * link.centre,
+            f'link{i}_inertia': link.inertia, f'joint{i}_friction': link.friction})
+    return values
+
+
+def motor() -> dict[str, Any]:
+    """Return the cart and the motor of config/voltage.yaml."""
+    found = declarations.read([CONFIG / 'voltage.yaml'])['mpc']
+    return {name: found[name] for name in (
+        'drive', 'force_gain', 'cart_friction', 'cart_mass', 'force_limit')}
+
+
+def follower(acceleration: float, speed: float) -> dict[str, Any]:
+    """Return a servo with limits [m/s², m/s] that follows 20 ms late."""
+    return {'drive': 'velocity', 'acceleration_limit': acceleration, 'cart_speed_limit': speed,
+            'motor_time_constant': 0.02}
+
+
+def real(name: str, drive: Mapping[str, Any], duration: float, **told: Any) -> Group:
+    """Return a group with the links of a real pendulum, hanging at first."""
+    return Group(name, {**published(name), 'track_limit': 0.5, **drive, **told}, SENSED,
+                 'hanging', 40, duration)
+
+
+STEPPER = {'drive': 'acceleration', 'acceleration_limit': 20.0}
+GROUPS = [
+    Group('default', STEPPER, {}, 'hanging', 100, 10.0),
+    Group('default', STEPPER, {}, 'random', 1000, 10.0),
+    real('single', follower(5.0, 1.0), 20.0),
+    real('double', follower(5.0, 1.0), 30.0, horizon=90, track_limit=0.8),
+    real('triple', follower(40.0, 2.0), 20.0),
+    *(real(name, motor(), 15.0) for name in AUTHORS)]
+
+
+def of_group(group: Group, solver: str) -> list[tuple[Contestant, Case]]:
+    """Return the episodes of a line of the page."""
+    names = declarations.shared(group.told.get('links', 2))
+    values = {name: value for name, value in group.told.items() if name in names}
+    contestant = Contestant(f'{solver}, {group.rig}, {group.drive}', solver,
+                            {**values, **group.plant}, group.told)
+    cases = SCENARIOS[group.scenario].cases(
+        group.scenario, range(group.seeds), None, group.duration, group.told.get('links', 2))
+    return [(contestant, case) for case in cases]
+
+
+def episodes() -> list[tuple[Contestant, Case]]:
+    """Return the episodes of all lines."""
+    return [episode for group in GROUPS for solver in METHODS
+            for episode in of_group(group, solver)]
+
+
+def line(group: Group, solver: str, rows: Sequence[Row]) -> tuple[str, ...]:
+    """Return a line of the page."""
+    runs = [row.metrics for row in rows]
+    settled = [run.settling_time for run in runs if run.success]
+    return (group.rig, group.drive, group.scenario, f'`{solver}`',
+            share(rate([run.success for run in runs])),
+            f'{np.median(settled):.2f}' if settled else '-',
+            f'{max(settled):.2f}' if settled else '-',
+            f'{max(run.largest_position for run in runs):.2f}',
+            str(sum(run.strikes for run in runs)))
+
+
+def page(rows: Sequence[Row], made: str) -> str:
+    """Return the page from the rows of all runs."""
+    found = {row.key: row for row in rows}
+    lines = [line(group, solver, [found[key(*one)] for one in of_group(group, solver)])
+             for group in GROUPS for solver in METHODS]
+    weak = GROUPS[3]
+    return '\n'.join([
+        '# Drives\n', made,
+        'The input of the problem is a voltage, an acceleration, or for velocities the '
+        'acceleration whose integral they are ([how](../rig.md#what-your-drive-takes)). Of '
+        '`default` the bodies are those of 1 m, at 20 Hz. Else links are those that were '
+        'published of [a real pendulum](#what-is-found-of-a-real-pendulum), moved by MuJoCo on '
+        f'±0.5 m of track, {SENSED["rate"]:g} states a second from encoders of '
+        f'{SENSED["encoder_counts"]:,} counts a turn, without velocities. A velocity is followed '
+        '20 ms late, within the acceleration that stands there; the motor of the voltage is that '
+        'of `config/voltage.yaml`. The mpc is told all of it but the sensors. What else differs '
+        f'from the defaults: two links under 5 m/s² look {weak.told["horizon"]} steps ahead, on '
+        f'±{weak.told["track_limit"]:g} m, and have {weak.duration:g} s. In brackets the 95 % '
+        'interval (Wilson); settling times are those of the successes; the rows: '
+        '`results/drives.csv.gz`.\n',
+        compact([('links', 'drive', 'scenario', 'solver', 'upright to the end',
+                  'median settling [s]', 'longest settling [s]', 'largest position [m]',
+                  'track strikes'), *lines]), ''])
