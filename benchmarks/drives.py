@@ -70,17 +70,17 @@ def follower(acceleration: float, speed: float) -> dict[str, Any]:
 def real(name: str, drive: Mapping[str, Any], duration: float, **told: Any) -> Group:
     """Return a group with the links of a real pendulum, hanging at first."""
     return Group(name, {**published(name), 'track_limit': 0.5, **drive, **told}, SENSED,
-                 'hanging', 40, duration)
+                 'hanging', 20, duration)
 
 
 STEPPER = {'drive': 'acceleration', 'acceleration_limit': 20.0}
 GROUPS = [
     Group('default', STEPPER, {}, 'hanging', 100, 10.0),
-    Group('default', STEPPER, {}, 'random', 1000, 10.0),
-    real('single', follower(5.0, 1.0), 20.0),
+    Group('default', STEPPER, {}, 'random', 200, 10.0),
+    real('single', follower(5.0, 1.0), 12.0),
     real('double', follower(5.0, 1.0), 30.0, horizon=90, track_limit=0.8),
-    real('triple', follower(40.0, 2.0), 20.0),
-    *(real(name, motor(), 15.0) for name in AUTHORS)]
+    real('triple', follower(40.0, 2.0), 12.0),
+    *(real(name, motor(), 6.0) for name in AUTHORS)]
 
 
 def of_group(group: Group, solver: str) -> list[tuple[Contestant, Case]]:

@@ -53,8 +53,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument('--cart', choices=CARTS,
                         help='free: moved by the commands and the links; given: as it was '
                              'recorded, clamped or driven by whatever drives it, so that no '
-                             'commands are needed and the links alone are found (default: given where '
-                             'the drive is acceleration or velocity, else free)')
+                             'commands are needed and the links alone are found (default: given '
+                             'where the drive is acceleration or velocity, else free)')
     parser.add_argument('--links', type=int, choices=LINKS,
                         help='number of links (default: what the bag says)')
     return execute(parser, _identify, argv)

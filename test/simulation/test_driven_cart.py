@@ -125,8 +125,7 @@ def test_it_swings_up_and_stays_on_a_driven_cart(solver, links, drive):
 
 
 def test_what_is_sent_is_the_integral_of_what_is_planned():
-    controller, plant = controllers.controller(STEPPER), plants.plant(
-        {name: value for name, value in STEPPER.items()})
+    controller, plant = controllers.controller(STEPPER), plants.plant(STEPPER)
     sent, planned = [], []
 
     def on_tick(t, plan):

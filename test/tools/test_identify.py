@@ -82,7 +82,7 @@ def test_plant_and_mpc_take_the_file(identified, tmp_path):
               ['--params-file', str(output)]) as crew:
         mpc, plant = map(crew.start, (MpcNode, PlantNode))
         assert crew.until(lambda: plant.done)
-        for node in (mpc.core, plant):
+        for node in (mpc.core.live, plant):
             assert node.values['cart_mass'] == values['plant']['cart_mass']
         for node in (mpc, plant):
             crew.end(node)
