@@ -35,6 +35,8 @@ UNMEASURED = 3.0         # [m/s, rad/s] scaled, deviation at first of a speed th
 MOVED = 0.1              # of their deviation at first: parameters further off are a new problem
 SCALES = (0.1, 5.0)      # of a noise's standard deviation, smallest and largest
 SMALL = 1e-4             # difference of x, p and time for derivatives, in own units
+EXACT = 1e-6             # [m, rad] scaled, of a change of a position that is no step
+SAME_STEP, OFTEN = 1e-4, 5   # of a step, within which another is the same; then it is one
 REFUSALS = 3             # so many in a row, and the filter starts anew from the last
 
 
@@ -44,7 +46,7 @@ class KalmanParameters(UnknownsParameters):
 
     position_noise: float = parameter(
         2e-3, 'standard deviation of measured positions; from a tenth to five times of it is '
-        'learned. A number of cart and joints alike is that of the joints, and the cart has the '
+        'learned, but no less than half a step of an encoder that is not finer. A number of cart and joints alike is that of the joints, and the cart has the '
         'same in own units', unit='m, rad', minimum=1e-6)
     velocity_noise: float = parameter(
         0.3, 'standard deviation of measured velocities; likewise', unit='m/s, rad/s',
@@ -98,6 +100,7 @@ class ExtendedKalmanFilter:
             [*[0.0] * half, *scaled_speeds(UNMEASURED, scale, half - 1)]) ** 2
         self.disturbed = self.held * np.array(scale.each_joint(
             parameters.acceleration_noise, ACCELERATIONS, half - 1)) ** 2
+        self.exact = EXACT * np.array(scale.factors(POSITIONS, half))
         self.differences = SMALL * np.array(
             [*scale.factors(STATES, self.size), *self.unknowns.sizes, scale.time])
         self.compared, self.p_compared = self.nominal, self.unknowns.of(self.nominal)
@@ -109,16 +112,21 @@ class ExtendedKalmanFilter:
         self.t, self.z, self.P = -math.inf, np.zeros(k), np.zeros((k, k))
         self.scales = np.ones(2)   # of the variances of positions and velocities, learned
         self.refused = self.in_a_row = 0
+        self.seen = np.full(self.size, math.nan)   # the last measurement
+        # the smallest changes of positions, and how often they were just those
+        self.steps, self.times = np.full(self.size // 2, math.inf), np.zeros(self.size // 2)
 
     def continue_from(self, before: 'ExtendedKalmanFilter') -> None:
         """Believe what another one did; see Estimator.continue_from."""
         self.t, self.z, self.P, self.scales = before.t, before.z, before.P, before.scales
         self.refused, self.in_a_row = before.refused, before.in_a_row
+        self.seen, self.steps, self.times = before.seen, before.steps, before.times
 
     def update(self, t: float, x: Array, commands: Commands,
                time_noise: float = 0.0) -> Estimate:
         """Take a measured state; see Estimator.update."""
         about = self.parameters
+        self.note_steps(x)
         if t - self.t > self.longest_gap:
             return self.begin(t, x)
         # one that is not told would pass for a delay or a gain; it differs from an outlier by what
@@ -149,14 +157,31 @@ class ExtendedKalmanFilter:
         squares = correct(x, self.R * np.repeat(self.scales, half), rate, time_noise ** 2, z, P)
         return float(squares[:half].sum()), float(squares[half:].sum())
 
+    def note_steps(self, x: Array) -> None:
+        """Take by how little positions change; those of encoders do by just a step, often."""
+        changes = np.abs(x - self.seen)[:self.size // 2]
+        changes[~(changes > self.exact)] = math.inf
+        smaller = changes < self.steps * (1 - SAME_STEP)
+        again = changes <= self.steps * (1 + SAME_STEP)
+        self.times = np.where(smaller, 1.0, self.times + (again & np.isfinite(changes)))
+        self.steps = np.where(smaller, changes, self.steps)
+        self.seen = x
+
     def adapted(self, x: Array, squares: tuple[float, float]) -> Array:
-        """Return the scales with which the squared distances would be more as expected."""
+        """
+        Return the scales with which the squared distances would be more as expected.
+
+        An encoder that stands still shows no noise, but is off by up to half a step all the same.
+        """
         half, scales = self.size // 2, []
-        for part, scale, square in zip((x[:half], x[half:]), self.scales.tolist(), squares):
+        halves = np.where(self.times >= OFTEN, self.steps / 2, 0.0)
+        lowest = max(SCALES[0] ** 2, min(float(np.max(halves ** 2 / self.R[:half])), 1.0))
+        for part, scale, square, least in zip((x[:half], x[half:]), self.scales.tolist(), squares,
+                                              (lowest, SCALES[0] ** 2)):
             measured = half - np.count_nonzero(np.isnan(part))
             ratio = square / measured if measured else 1.0
             scale *= 1 + self.parameters.adaptation * (ratio - 1)
-            scales.append(min(max(scale, SCALES[0] ** 2), SCALES[1] ** 2))
+            scales.append(min(max(scale, least), SCALES[1] ** 2))
         return np.array(scales)
 
     def has_moved(self, physical: PendulumParameters) -> bool:

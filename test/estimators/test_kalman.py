@@ -545,6 +545,18 @@ def test_exact_sensors_are_learned_to_the_floor():
     np.testing.assert_allclose(np.sqrt(scales[-20:]), SCALES[0], rtol=0.3)
 
 
+def test_an_encoder_that_stands_still_is_not_taken_for_exact():
+    counts = 2000
+    e, _, scales = driven(engine='own', duration=3.0, encoder_counts=counts, rate=100.0,
+                          velocities='none')
+    learned = np.sqrt(scales[:, 0] * e.R[1])   # [rad]
+    half = np.pi / counts
+    np.testing.assert_allclose(e.steps[1:], 2 * half, rtol=1e-6)
+    moving = 20   # states until the joints have moved by some counts
+    assert np.all(learned[moving:] >= half * (1 - 1e-6))
+    assert learned[moving:].min() == pytest.approx(half, rel=1e-3)   # and no more than needed
+
+
 def test_without_adaptation_noises_are_as_given(rng):
     e, _ = swung(PendulumParameters(), rng, adaptation=0.0)
     np.testing.assert_array_equal(e.scales, 1.0)
