@@ -22,13 +22,14 @@ class SentCommands:
     """
     Remembers from when on each command holds; what was sent later replaces it.
 
-    To a drive of velocities the integral of the commands is sent, which are accelerations.
+    To a drive of velocities the integral of the commands is sent, which are accelerations. What
+    is sent may jump; the drive comes to it no faster than at its largest acceleration.
     """
 
     def __init__(self, scale: Units = SAME) -> None:
         """Begin with none, which is a force of zero, for a pendulum of a scale."""
-        self.velocity = math.nan   # [m/s] sent last
-        self.lasts = math.inf      # [s] the command for which it was
+        self.velocity = math.nan   # [m/s] to which the drive comes by the last one
+        self.before_last = math.nan, 0.0, 0.0   # the same before; how long it lasts [s]; change
         self.step = scale.sized(STEP, 's')
         self.remembered = max(REMEMBERED, scale.sized(REMEMBERED, 's'))   # [s]
         self.times, self.forces = np.empty(0), np.empty(0)   # since when [s], in order; which [N]
@@ -43,18 +44,24 @@ class SentCommands:
         self.times = np.append(self.times[old:end], t)
         self.forces = np.append(self.forces[old:end], command)
 
-    def add_velocity(self, t: float, velocity: float, lasts: float) -> None:
-        """Remember a velocity [m/s] that is sent at a time [s], and lasts so long [s]."""
-        self.add(t, (velocity - self.velocity) / lasts if lasts else 0.0)
-        self.velocity, self.lasts = velocity, lasts or math.inf
+    def add_velocity(self, t: float, velocity: float, lasts: float, change: float) -> None:
+        """
+        Remember a velocity [m/s] that is sent at a time [s].
+
+        It lasts so long [s], in which the drive changes its own by so much at most [m/s].
+        """
+        self.before_last = self.velocity, lasts, change
+        self.add(t, 0.0)
+        self.replace_last(velocity)
 
     def replace_last(self, command: float) -> None:
         """Remember that another command was sent than the last one added [N], or [m/s]."""
-        if math.isnan(self.velocity):
+        before, lasts, change = self.before_last
+        if math.isnan(before):
             self.forces[-1] = command
-        else:
-            self.forces[-1] += (command - self.velocity) / self.lasts
-            self.velocity = command
+            return
+        self.velocity = min(max(command, before - change), before + change)
+        self.forces[-1] = (self.velocity - before) / lasts if lasts else 0.0
 
     def last(self, t: float) -> tuple[float, float]:
         """Return the newest command [N] of those before a time [s], and since when it holds."""

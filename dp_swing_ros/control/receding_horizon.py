@@ -137,10 +137,10 @@ class RecedingHorizon:
         if math.isnan(commands.velocity):
             v = float(plan.X[0, plan.X.shape[1] // 2])
             commands.velocity = v if math.isfinite(v) else 0.0
-        lasts = self.lookahead.last_period
-        v = commands.velocity + plan.first_force(self.nominal.u_max) * lasts
+        lasts, u_max = self.lookahead.last_period, self.nominal.u_max
+        v = commands.velocity + plan.first_force(u_max) * lasts
         v = 0.0 if plan.stats.status in IDLE else min(max(v, -limit), limit)
-        commands.add_velocity(acts_at, v, lasts)
+        commands.add_velocity(acts_at, v, lasts, u_max * lasts)
         return replace(plan, velocity=v)
 
     @property

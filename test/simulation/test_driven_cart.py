@@ -144,6 +144,21 @@ def test_it_goes_on_from_the_speed_that_the_cart_has():
     assert controller.update(0.0, moving).command(math.inf) == pytest.approx(0.5)
 
 
+def test_enabled_again_it_goes_on_from_the_speed_to_which_the_drive_has_come():
+    """The zero of a mpc that was disabled is sent at once; the cart brakes no faster than ever."""
+    controller = controllers.controller({**STEPPER, 'motor_time_constant': 0.0})
+    speeds = 0.9, 0.9, 0.9, 0.65, 0.4   # [m/s] by 5 m/s^2 down from when it is disabled on
+    sent = []
+    for n, speed in enumerate(speeds):
+        controller.enable(n not in (2, 3))
+        x = np.array([0.04 * n, np.pi + 0.01 * n, np.pi, speed, 0.0, 0.0])
+        sent.append(controller.update(PERIOD * n, x).command(math.inf))
+    assert sent[2:4] == [0.0, 0.0]
+    before = sent[1] - 2 * 5.0 * PERIOD
+    assert abs(sent[4] - before) <= 5.0 * PERIOD + 1e-9
+    assert controller.commands.forces[2:4] == pytest.approx(-5.0)
+
+
 @pytest.mark.parametrize('drive', DRIVEN)
 def test_disabled_it_brings_the_cart_to_rest(drive):
     values = {**STEPPER, 'drive': drive}
