@@ -20,7 +20,7 @@ from dp_swing_ros.evaluation.metrics import measure, outcome, TIME_LIMIT
 from dp_swing_ros.evaluation.scenarios import Case, PERIOD, sized
 from dp_swing_ros.parameters import group, ParameterError
 from dp_swing_ros.parameters.files import value_of
-from dp_swing_ros.pendulum.parameters import PendulumParameters
+from dp_swing_ros.pendulum.parameters import PendulumParameters, VELOCITY
 from dp_swing_ros.problem.parameters import LEARNED
 from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import Controller, simulate
@@ -28,7 +28,8 @@ from dp_swing_ros.simulation.episode import Episode
 from dp_swing_ros.solvers import SOLVERS
 
 FORMAT = re.compile(r'(?:(?P<label>[^=:]+)=)?(?P<name>[^=:]+)(?::(?P<parts>.+))?')
-OF_NOMINAL = ('force_limit', 'track_limit', 'physics_step')   # bodies, of a plant
+# bodies and kind of drive, of a plant
+OF_NOMINAL = ('drive', 'force_limit', 'acceleration_limit', 'track_limit', 'physics_step')
 WARM_UP = 4    # ticks before the first that is timed in a process
 
 _ready: dict[str, Callable[[int], Controller]] = {}  # by contestant, in this process
@@ -69,6 +70,9 @@ def parse(text: str) -> Contestant:
     mpc = {**values['mpc'], **{name: value_of(value, name) for name, value in given}}
     complete = controllers.MPC.complete(mpc)   # before hundreds of episodes find it out
     plants.PLANT.complete(values['plant'])
+    if match['name'] in BASELINES and complete['drive'] == VELOCITY:
+        raise ParameterError(f"{match['name']} sends forces or accelerations, and drive is "
+                             f'{VELOCITY!r}; expected a solver, or another drive')
     if complete['dynamics'] == LEARNED:   # its file may be another when a campaign goes on
         mpc['model'] = load(complete['model'], complete['links']).to_text()
     shown = '+'.join(part if '=' in part else Path(part).stem for part in parts)

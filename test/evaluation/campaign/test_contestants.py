@@ -77,6 +77,12 @@ def test_parameters_are_checked_when_the_controller_is_made(text):
         parse(text).prepare()(0)
 
 
+def test_a_baseline_sends_no_velocities():
+    with pytest.raises(ParameterError, match="tvlqr sends .*'velocity'"):
+        parse('tvlqr:drive=velocity')
+    parse('tvlqr:drive=acceleration')
+
+
 def test_two_of_one_name_are_refused():
     with pytest.raises(ParameterError, match="'ilqr'"):
         parse_all(['ilqr', 'ddp', 'ilqr'])

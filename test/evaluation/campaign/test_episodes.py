@@ -32,6 +32,13 @@ def test_the_plant_is_changed_and_the_controller_s_model_is_not():
     assert play(knowing, heavy).metrics.energy != play(contestant, heavy).metrics.energy
 
 
+def test_a_drive_of_velocities_is_that_of_the_plant_too():
+    case = Case('near_goal', 0, 2.0, plant={'initial_state': [0.0, 0.1, 0.1, 0.0, 0.0, 0.0]})
+    episode = simulated(parse('ilqr:drive=velocity'), case)
+    assert episode.physical.drive == 'velocity'
+    assert measure(episode).success
+
+
 def test_pushes_reach_the_cart():
     pushes = tuple(np.full(20, 5.0))
     assert play(parse('nothing'), Case('pushes', 0, 1.0, pushes=pushes)).metrics.energy == 0.0
