@@ -135,6 +135,20 @@ def test_timeline_shows_force_limits_and_the_period():
     assert times.get_xlabel() == 'time [s]'
 
 
+@pytest.mark.parametrize('drive, name, limits', [
+    ('force', 'force', [20.0, -20.0]), ('voltage', 'force', []),   # [V] of it, and [N] is drawn
+    ('velocity', 'acceleration', [7.0, -7.0])])
+def test_pictures_show_the_limit_of_what_acts_by_its_name(drive, name, limits):
+    episode = swing_up()
+    episode = dataclasses.replace(
+        episode, physical=dataclasses.replace(episode.physical, drive=drive),
+        limits=LimitParameters(acceleration_limit=7.0))
+    for axes in (figures.timeline(episode).axes[2], figures.hero(episode).axes[1],
+                 figures.overlay({'one': episode, 'two': episode}).axes[3]):
+        assert axes.get_ylabel().startswith(f'{name} ')
+        assert [line.get_ydata()[0] for line in axes.lines] == limits
+
+
 @pytest.mark.parametrize('turn', [0, -2 * math.pi, 4 * math.pi])
 def test_hanging_is_pi_on_whatever_turn_and_side_it_was_measured(turn):
     episode = swing_up()

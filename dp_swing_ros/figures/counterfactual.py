@@ -14,8 +14,9 @@ import numpy as np
 
 from dp_swing_ros.figures.curves import name_angles, unwrapped
 from dp_swing_ros.figures.style import (
-    colours, FAINT, formulas, in_decades, INK, legend, limit_lines, solver_name, styled)
-from dp_swing_ros.pendulum.parameters import LimitParameters
+    colours, FAINT, formulas, in_decades, INK, legend, limit_lines, solver_name, styled,
+    unit_of_input)
+from dp_swing_ros.pendulum.parameters import FORCE, LimitParameters
 from dp_swing_ros.pendulum.state import angles, links_of
 from dp_swing_ros.pendulum.units import SAME, Units
 from dp_swing_ros.rerun.counterfactual import Counterfactual, ScoredTrajectory
@@ -27,7 +28,8 @@ SMALLEST = 1e-3   # a regret below is drawn as none
 
 
 @styled
-def counterfactual(one: Counterfactual, limits: LimitParameters, scale: Units = SAME) -> Figure:
+def counterfactual(one: Counterfactual, limits: LimitParameters, scale: Units = SAME,
+                   drive: str = FORCE) -> Figure:
     """Draw the run until a tick and what followed: together, then each one's force and cost."""
     shown, states = _coloured(one), links_of(one.recorded.X) + 1
     figure = Figure(figsize=(9.6, 1.6 + 1.33 * states + STRIP * len(shown)),
@@ -39,7 +41,8 @@ def counterfactual(one: Counterfactual, limits: LimitParameters, scale: Units = 
     left = [panels[row] for row in rows]
     for axes, (trajectory, colour), dash in zip(left[states:], shown, _dashes(len(shown) - 1)):
         _draw_states(left[:states], one, trajectory, {'color': colour, 'linestyle': dash})
-        _draw_force(axes, one, trajectory, colour, limits)
+        _draw_force(axes, one, trajectory, colour, limits.applied_limit(drive))
+        axes.set_ylabel(f'$u$ [{unit_of_input(drive)}]')
     *of_angles, position = left[:states]
     for axes, symbol in zip(of_angles, formulas(states - 1)[1:]):
         name_angles(axes, symbol)
@@ -91,13 +94,12 @@ def _draw_states(panels: Sequence[Axes], one: Counterfactual, trajectory: Scored
 
 
 def _draw_force(axes: Axes, one: Counterfactual, trajectory: ScoredTrajectory, colour: str,
-                limits: LimitParameters) -> None:
+                limit: float) -> None:
     """Draw one force as an area; before the tick it is everybody's, the recorded one."""
     if len(one.past.U):
         axes.stairs(one.past.U, one.past.t, fill=True, color=FAINT)
     axes.stairs(trajectory.U, trajectory.t, fill=True, color=colour)
-    limit_lines(axes, limits.force_limit)
-    axes.set_ylabel('$u$ [N]')
+    limit_lines(axes, limit)
 
 
 def _list_names(axes: Axes, one: Counterfactual) -> None:

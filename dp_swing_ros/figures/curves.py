@@ -14,8 +14,8 @@ from matplotlib.ticker import FuncFormatter, MultipleLocator
 import numpy as np
 
 from dp_swing_ros.figures.style import (
-    ALARM, CART, DASHES, FAINT, FORCE, formulas, in_decades, in_numbers, INK, legend, limit_lines,
-    LINKS, name_lines, PALETTE, solver_name, styled, widths)
+    ALARM, CART, DASHES, FAINT, FORCE, formulas, in_decades, in_numbers, INK, input_name, legend,
+    limit_lines, LINKS, name_lines, PALETTE, solver_name, styled, widths)
 from dp_swing_ros.pendulum.equations import scale_of
 from dp_swing_ros.pendulum.state import angles, Array, links_of, SLOW, units, UPRIGHT
 from dp_swing_ros.pendulum.units import SAME, scaled_speeds, Units
@@ -81,7 +81,7 @@ def timeline(episode: Episode) -> Figure:
     _draw_position(position, episode, color=CART, label='cart')
     limit_lines(position, episode.limits.track_limit, 'end stops')
     _draw_force(force, episode, color=FORCE, linewidth=1.4, label='applied')
-    limit_lines(force, episode.limits.input_limit(episode.bodies.drive), 'limits')
+    limit_lines(force, episode.limits.applied_limit(episode.bodies.drive), 'limits')
     _draw_times(times, episode)
     for axes in panels:
         legend(axes)
@@ -98,7 +98,7 @@ def _draw_position(axes: Axes, episode: Episode, **look: Any) -> None:
 def _draw_force(axes: Axes, episode: Episode, **look: Any) -> None:
     if len(episode.U):
         axes.stairs(episode.U, episode.t, baseline=None, **look)
-    axes.set_ylabel('force $u$ [N]')
+    axes.set_ylabel(input_name(episode.bodies.drive, '$u$ '))
 
 
 def _draw_times(axes: Axes, episode: Episode) -> None:
@@ -153,9 +153,11 @@ def overlay(episodes: Mapping[str, Episode]) -> Figure:
                    color=look['color'])
     for axes, symbol in zip(of_angles, formulas(links)[1:]):
         name_angles(axes, symbol)
-    for limits in {episode.limits for episode in runs}:
+    for limits, drive in {(episode.limits, episode.bodies.drive) for episode in runs}:
         limit_lines(position, limits.track_limit)
-        limit_lines(force, limits.force_limit)
+        limit_lines(force, limits.applied_limit(drive))
+    force.set_ylabel(' or\n'.join(dict.fromkeys(
+        input_name(episode.bodies.drive, '$u$ ') for episode in runs)))
     times.set_ylabel('solve time [ms]')
     if any(np.any(episode.ticks.solve_time > 0) for episode in runs):
         in_decades(times)

@@ -21,8 +21,8 @@ from dp_swing_ros.figures.pendulum import (
     arrow_size, cart_size, draw_pendulum, draw_scene, draw_trail, FINE, force_at, room_for,
     states_at, times_of, TRACK)
 from dp_swing_ros.figures.style import (
-    FAINT, FORCE, INK, limit_lines, LINKS, mark, panels_of, PAPER, solver_name, styled, tint,
-    WARNING)
+    FAINT, FORCE, INK, input_name, limit_lines, LINKS, mark, panels_of, PAPER, solver_name,
+    styled, tint, WARNING)
 from dp_swing_ros.pendulum.equations import scale_of
 from dp_swing_ros.pendulum.geometry import drawn_scale, joint_positions
 from dp_swing_ros.pendulum.state import Array, errors, is_upright
@@ -133,7 +133,8 @@ def hero(episode: Episode) -> Figure:
                      color=FORCE, alpha=0.85)
     if cut:
         _mark_cut(film, force, seconds, length, scale)
-    limit_lines(force, episode.limits.input_limit(episode.bodies.drive))
+    limit_lines(force, episode.limits.applied_limit(episode.bodies.drive))
+    force.set_ylabel(input_name(episode.bodies.drive))
     ending = f'not upright at the end, {length:.1f} s' if math.isnan(settled) \
         else f'upright from {settled:.2f} to {length:.1f} s'
     # long links reach up to it
@@ -178,7 +179,7 @@ def _hero_axes(places: Array, reach: float, scale: Units) -> tuple[Figure, Axes,
         'hspace': 0.0})
     film.set(xlim=(left, right), ylim=(-top, top))
     film.set_axis_off()
-    force.set(xlim=(left / speed, right / speed), xlabel='time [s]', ylabel='force [N]')
+    force.set(xlim=(left / speed, right / speed), xlabel='time [s]')
     return figure, film, force
 
 

@@ -16,6 +16,8 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, NullFormatter
 import numpy as np
 
+from dp_swing_ros.pendulum.parameters import DRIVEN
+
 # Okabe and Ito's palette: distinct to colour-blind readers, on white and in grey
 PALETTE = ('#0072B2', '#D55E00', '#009E73', '#CC79A7', '#E69F00', '#56B4E9', '#7F4F9E')
 INK, FAINT, PAPER, WARNING = '#26323e', '#9aa5b1', '#f4f6f8', '#b3261e'
@@ -130,6 +132,16 @@ def limit_lines(axes: Axes, limit: float, label: str = '') -> None:
     if math.isfinite(limit):
         axes.axhline(limit, color=FAINT, linestyle='--', linewidth=1, label=label)
         axes.axhline(-limit, color=FAINT, linestyle='--', linewidth=1)
+
+
+def unit_of_input(drive: str) -> str:
+    """Return the unit of what moves the cart, a force or of itself an acceleration."""
+    return 'm/s²' if drive in DRIVEN else 'N'
+
+
+def input_name(drive: str, symbol: str = '') -> str:
+    """Return what moves the cart, as an axis is called."""
+    return f"{'acceleration' if drive in DRIVEN else 'force'} {symbol}[{unit_of_input(drive)}]"
 
 
 def as_share(axes: Axes, along: str) -> None:

@@ -265,3 +265,7 @@ class LimitParameters(Parameters):
     def input_limit(self, drive: str) -> float:
         """Return the largest command of a drive; of velocities, how fast they change [m/s²]."""
         return self.acceleration_limit if drive in DRIVEN else self.force_limit
+
+    def applied_limit(self, drive: str) -> float:
+        """Return the largest force [N] or acceleration [m/s²] that acts; inf where voltages do."""
+        return math.inf if drive == VOLTAGE else self.input_limit(drive)

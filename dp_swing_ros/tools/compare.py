@@ -54,7 +54,8 @@ def _compare(arguments: argparse.Namespace) -> int:
         found = [counterfactual(run, tick, solvers, duration, bar.update) for tick in ticks]
     if arguments.every is None:
         name, text = 'counterfactual.png', table(found[0])
-        figure = figures.counterfactual(found[0], run.limits, run.problem.scale)
+        figure = figures.counterfactual(found[0], run.limits, run.problem.scale,
+                                        run.problem.physical.drive)
     else:
         name, text, figure = 'regret.png', regrets(found), figures.regret(found)
     print(text)

@@ -63,6 +63,13 @@ def test_every_solver_is_drawn_however_many_there_are(count):
     assert len(regret([one]).axes[1].get_legend().get_texts()) == count + 1
 
 
+def test_accelerations_are_drawn_with_their_own_limit():
+    figure = counterfactual(made_up(), LimitParameters(acceleration_limit=7.0), drive='velocity')
+    of_input = [axes for axes in figure.axes if axes.get_ylabel() == '$u$ [m/s²]']
+    assert of_input and all(7.0 in [line.get_ydata()[0] for line in axes.lines]
+                            for axes in of_input)
+
+
 @pytest.mark.parametrize('links', [1, 3])
 def test_every_angle_has_a_panel(links):
     figure = counterfactual(made_up(links=links), LimitParameters())
