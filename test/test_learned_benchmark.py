@@ -63,7 +63,7 @@ def test_a_rig_with_uneven_links_is_what_its_exact_model_says(name):
         engine, told = plants.plant(case.plant).engine, uneven.exact(case).dynamics
         h, u, x = 1e-5, 3.0, np.array([0.2, 1.0, -2.0, 0.5, 2.0, -1.0])
         moved = x.copy()
-        engine.advance(moved, Motor(1.0, 0.0, 20.0, 1.0), 0.0, u, 0.0, h, 1)
+        engine.advance(moved, Motor(1.0, 0.0, 20.0, 1.0, False), 0.0, u, 0.0, h, 1)
         a = (moved - x)[3:] / h
         np.testing.assert_allclose(told.accelerations(x, u), a, atol=1e-3)
         even = Pendulum.of(PendulumParameters()).accelerations(x, u)

@@ -53,7 +53,7 @@ def test_what_is_found_of_a_motion_without_noise_predicts_the_rest(recordings, t
     """By the page's own functions, on a motion that the published parameters make."""
     X_0 = np.array([2.6, 0.0])
     every = round(recordings.PERIOD / recordings.STEP)
-    theta = recordings.predict(recordings.as_rods('single'), X_0, 12.0)
+    theta = recordings.predict(recordings.as_rods('single'), X_0, 13.5)
     X = np.hstack((theta, np.gradient(theta, recordings.STEP, axis=0)))[::every]
     found = recordings.fit(X, 50).found
     rows = pandas.DataFrame(recordings.predicted('single', X, {50: found}))

@@ -37,7 +37,7 @@ class RelayNode(ProcessNode):
         heard = subscribe(self, COMMANDS[RELAYED[interface]], self.on_command, depth=1)
         if interface == POSITION:
             subscribe(self, JOINT_STATES, self.on_state, depth=1, sensor=True)
-        self.get_logger().info(f'ready, from {heard.topic_name} for {self.commands.topic_name}')
+        self.get_logger().info(f'ready, for {self.commands.topic_name} from {heard.topic_name}')
 
     def on_state(self, message: JointState) -> None:
         """Take where the cart is at first."""

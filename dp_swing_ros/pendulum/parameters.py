@@ -251,6 +251,9 @@ class LimitParameters(Parameters):
     force_limit: float = parameter(
         20.0, 'largest command, either way; the force on the cart is force_gain times as large, '
         'so with a gain in N/V this is in V', unit='N', minimum=0.0, finite=False, scaled=True)
+    track_limit: float = parameter(
+        2.4, 'the cart stays within this distance of the centre', unit='m', minimum=1e-3,
+        finite=False, scaled=True)
     acceleration_limit: float = parameter(
         20.0, 'largest acceleration of the cart, either way, of the drives acceleration and '
         'velocity, whose limit this is instead of force_limit', unit='m/s^2', minimum=0.0,
@@ -258,9 +261,6 @@ class LimitParameters(Parameters):
     cart_speed_limit: float = parameter(
         math.inf, 'speed of the cart that plans keep below, and no command of the drive velocity '
         'exceeds; see controlled_stop, too', unit='m/s', minimum=0.01, finite=False)
-    track_limit: float = parameter(
-        2.4, 'the cart stays within this distance of the centre', unit='m', minimum=1e-3,
-        finite=False, scaled=True)
 
     def input_limit(self, drive: str) -> float:
         """Return the largest command of a drive; of velocities, how fast they change [m/s²]."""

@@ -146,10 +146,12 @@ def test_whole_run_is_in_the_bag(start, log_apart, tmp_path):
     assert logger.stop(signal.SIGTERM) == 0
     count = int(publisher.communicate(timeout=20)[0])
     assert count > 5
-    assert logger.output().splitlines()[-10:] == [
+    assert logger.output().splitlines()[-13:] == [
         f'{tmp_path}/bag: {2 * count + 3} messages', f'  /joint_states: {count} written, 0 lost',
         f'  /force_command: {count + 1} written, 0 lost',
-        '  /force_command_stamped: 0 written, nobody published it',
+        *(f'  /{name}: 0 written, nobody published it' for name in (
+            'acceleration_command', 'velocity_command', 'force_command_stamped',
+            'velocity_command_stamped')),
         '  /disturbance: 0 written, nobody published it',
         '  /mpc/plan: 0 written, nobody published it',
         '  /mpc/tries: 0 written, nobody published it',

@@ -62,8 +62,8 @@ def test_numbers_are_those_of_the_description():
     assert values['joint_signs'] == [1.0, -1.0, 1.0] and values['relative_angles'] is True
     assert values['joint_offsets'] == pytest.approx([0.1, math.pi, 0.0], abs=1e-8)
     assert (values['cart_friction'], values['joint1_dry_friction']) == (3.5, 0.001)
-    assert len(found.left_out) == 2
-    assert '2 m/s' in found.left_out[0] and 'elbow has ends' in found.left_out[1]
+    assert values['cart_speed_limit'] == 2.0
+    assert len(found.left_out) == 1 and 'elbow has ends' in found.left_out[0]
 
 
 @pytest.mark.parametrize('links', [1, 2, 3])

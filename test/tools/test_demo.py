@@ -61,7 +61,7 @@ def test_help_names_every_solver(capsys):
     ('/**:\n  ros__parameters: {horizn: 3}\n', "no node has 'horizn'; did you mean 'horizon'?"),
     ('/**/mpc:\n  ros__parameters: {horizn: 3}\n',
      "unknown parameter 'horizn' of the node 'mpc'; did you mean 'horizon'?\n"),
-    ('/**/plant:\n  ros__parameters: {xyzzy: 3}\n', "'plant'; available: actuation_delay, "),
+    ('/**/plant:\n  ros__parameters: {xyzzy: 3}\n', "'plant'; available: acceleration_limit, "),
     ('/**/plant:\n  ros__parameters: {rate: 0}\n', "parameter 'rate' is 0.0; expected"),
     ('/**/mpc:\n  ros__parameters: {link3_mass: 1.0}\n', 'a pendulum with 3 links')])
 @pytest.mark.parametrize('tool', [demo, play], ids=['demo', 'play'])

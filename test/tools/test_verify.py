@@ -112,7 +112,7 @@ def test_a_changed_force_is_named(bags, tmp_path, capsys):
                               capsys)
     assert code == 1
     assert re.match(r'tick 7 at 300000000 ns \(0\.300 s\), CONVERGED, differs: '
-                    r'force on force_command .* recorded, .* now: 1\.\d+e-09 N apart', lines[0])
+                    r'command on force_command .* recorded, .* now: 1\.\d+e-09 N apart', lines[0])
     assert lines[1].startswith('1 of 21 ticks of ilqr in lockstep differ')
     assert lines[-1].startswith('code, packages and machine are the same')
 
