@@ -729,7 +729,7 @@ def test_who_is_dead_is_named_and_faded_until_it_is_back(browser, mortal, tmp_pa
         mortal.living[role].stop(signal.SIGKILL)
         # for how long depends on when it is looked at: the number goes on
         browser.await_text('#silence', f'{role} has been silent for ')
-        assert browser.text('#now-status') == f'{role} is silent'
+        browser.await_text('#now-status', f'{role} is silent')   # with the next drawing
         assert opacity(faded) < 0.5
         assert opacity(clear) == 1
         browser.until(lambda: any(role in each.text for each in browser.all('#statuses .stale')),
