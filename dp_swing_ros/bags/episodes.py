@@ -20,7 +20,8 @@ from dp_swing_ros.messages.fields import (
 from dp_swing_ros.messages.states import by_publisher, FEW, Kind, kind_of, States
 from dp_swing_ros.messages.ticks import keys_of_state, KINDS
 from dp_swing_ros.parameters import group
-from dp_swing_ros.pendulum.parameters import DRIVEN, LimitParameters, PendulumParameters
+from dp_swing_ros.pendulum.parameters import (
+    DRIVES, FORCE, LimitParameters, PendulumParameters, VELOCITY)
 from dp_swing_ros.pendulum.sensors import default_sensors, SensorParameters
 from dp_swing_ros.pendulum.state import (
     Array, joints, LINKS, links_of as links_of_state, to_turn_of)
@@ -65,7 +66,7 @@ def read_episode(path: Path | str, partial: bool = False,
 def episode_of(bag: Bag) -> Episode:
     """Return the run in a bag; raises as `read_episode`."""
     reports = reports_of(bag)
-    samples = differenced(completed(samples_of(bag), reports))
+    samples = differenced(completed(samples_of(bag), reports, drive_of(bag) == VELOCITY))
     start = samples[0].stamp
     physical, limits = description_of(bag)
     if physical.links != links_of_state(samples[0].x):
@@ -136,11 +137,16 @@ def states_in(bag: Bag) -> list[tuple[Entry, Any]]:
             if states.picks(message, publisher, entry.sequence, entry.received / BILLION)]
 
 
-def completed(samples: list[Sample], reports: list[Report]) -> list[Sample]:
-    """Return states in which estimate and command of the controller stand for what is missing."""
+def completed(samples: list[Sample], reports: list[Report],
+              of_velocities: bool = False) -> list[Sample]:
+    """
+    Return states in which estimate and command of the controller stand for what is missing.
+
+    Of velocities that were commanded, the acceleration from one to the next does.
+    """
     ticks = {report.stamp: report.values for report in reports}
-    found, sent = [], math.nan
-    for sample in samples:
+    found, command, sent = [], math.nan, math.nan
+    for sample, after in zip(samples, [*samples[1:], samples[-1]]):
         values = ticks.get(sample.stamp, {})
         q, v = np.hsplit(sample.x, 2)
         if np.isfinite(q).all():   # else it is no state at all
@@ -148,7 +154,11 @@ def completed(samples: list[Sample], reports: list[Report]) -> list[Sample]:
             v = np.where(np.isnan(v), [values.get(key, math.nan) for key in keys], v)
         found.append(Sample(sample.stamp, np.concatenate((q, v)),
                             sent if math.isnan(sample.force) else sample.force))
-        sent = float(values.get('force', sent))
+        before, command = command, float(values.get('force', command))
+        sent = command
+        if of_velocities:
+            lasts = (after.stamp - sample.stamp) / BILLION
+            sent = (command - before) / lasts if lasts else math.nan
     return found
 
 
@@ -168,10 +178,10 @@ def differenced(samples: list[Sample]) -> list[Sample]:
     return found
 
 
-def is_driven(bag: Bag) -> bool:
-    """Return whether the cart moved as it was told, whatever the links did; raises BagError."""
-    return any(found.parameters.get('drive') in DRIVEN
-               for found in configurations_of(bag).values())
+def drive_of(bag: Bag) -> str:
+    """Return what takes the commands in a bag, a force where nothing is said; raises BagError."""
+    drives = (found.parameters.get('drive') for found in configurations_of(bag).values())
+    return next((drive for drive in drives if drive in tuple(DRIVES)), FORCE)
 
 
 def command_topic(bag: Bag) -> Topic:

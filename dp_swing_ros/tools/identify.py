@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from dp_swing_ros import figures
-from dp_swing_ros.bags.episodes import is_driven
+from dp_swing_ros.bags.episodes import drive_of
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.control.controllers import MPC
 from dp_swing_ros.declarations import shared
@@ -19,6 +19,7 @@ from dp_swing_ros.identification.recorded import Recorded, recorded_of_one
 from dp_swing_ros.identification.segments import resolution
 from dp_swing_ros.identification.unknowns import OF_CART
 from dp_swing_ros.parameters import checked, ParameterError, unknown
+from dp_swing_ros.pendulum.parameters import DRIVEN
 from dp_swing_ros.pendulum.state import joints, LINKS
 from dp_swing_ros.simulation.plants import PLANT
 from dp_swing_ros.tables import aligned
@@ -73,7 +74,7 @@ def given(text: str) -> tuple[str, float]:
 def _identify(arguments: argparse.Namespace) -> int:
     bags = [Bag(path, arguments.partial, arguments.namespace, arguments.node)
             for path in arguments.bag]
-    cart = arguments.cart or (GIVEN if any(map(is_driven, bags)) else FREE)
+    cart = arguments.cart or (GIVEN if any(drive_of(bag) in DRIVEN for bag in bags) else FREE)
     found = recorded_of_one(bags, arguments.links, commanded=cart == FREE)
     first, known = found[0], dict(arguments.known)
     check(known, first.physical.links, cart)

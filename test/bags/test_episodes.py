@@ -14,13 +14,14 @@ from rosbags.highlevel import AnyReader
 from std_msgs.msg import Float64, String
 
 from dp_swing_ros.bags import read_episode
-from dp_swing_ros.bags.episodes import differenced, Sample
+from dp_swing_ros.bags.episodes import completed, differenced, Sample
 from dp_swing_ros.bags.metadata import Recorded
 from dp_swing_ros.bags.writer import BagWriter
 from dp_swing_ros.errors import BagError
 from dp_swing_ros.evaluation.metrics import measure
 from dp_swing_ros.messages.cdr import to_diagnostics
 from dp_swing_ros.messages.definitions import schema
+from dp_swing_ros.messages.fields import Report
 from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.pendulum.urdf import urdf
@@ -268,6 +269,16 @@ def test_run_of_the_plant_alone(tmp_path):
     writer.close()
     episode = read_episode(tmp_path / 'bag')
     assert (episode.solver, len(episode.ticks.t), episode.ticks.status) == ('', 0, [])
+
+
+def test_forces_that_nobody_gave_are_those_sent_or_changes_of_velocities_sent():
+    samples = [Sample(START + n * PERIOD, np.zeros(6), math.nan) for n in range(4)]
+    reports = [Report(START + n * PERIOD, 0, '', {'force': sent})
+               for n, sent in enumerate((0.5, 0.6, 0.4))]
+    nan = math.nan
+    for of_velocities, expected in ((False, [nan, 0.5, 0.6, 0.4]), (True, [nan, nan, 2.0, -4.0])):
+        found = [sample.force for sample in completed(samples, reports, of_velocities)]
+        assert found == pytest.approx(expected, nan_ok=True)
 
 
 def test_velocities_that_nobody_gave_are_differences():
