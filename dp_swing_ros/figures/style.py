@@ -16,7 +16,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, NullFormatter
 import numpy as np
 
-from dp_swing_ros.pendulum.parameters import DRIVEN
+from dp_swing_ros.pendulum.parameters import acting_unit, DRIVEN
 
 # Okabe and Ito's palette: distinct to colour-blind readers, on white and in grey
 PALETTE = ('#0072B2', '#D55E00', '#009E73', '#CC79A7', '#E69F00', '#56B4E9', '#7F4F9E')
@@ -135,8 +135,8 @@ def limit_lines(axes: Axes, limit: float, label: str = '') -> None:
 
 
 def unit_of_input(drive: str) -> str:
-    """Return the unit of what moves the cart, a force or of itself an acceleration."""
-    return 'm/s²' if drive in DRIVEN else 'N'
+    """Return the unit of what moves the cart, as it is drawn."""
+    return acting_unit(drive).replace('^2', '²')
 
 
 def input_name(drive: str, symbol: str = '') -> str:

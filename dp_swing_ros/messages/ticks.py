@@ -52,7 +52,8 @@ class TickReport:
     late_total: int = diagnostic('how often that was', default=0)
     missed_total: int = diagnostic(
         'states that were overtaken by newer ones or lost: they are not solved', default=0)
-    force: float = diagnostic('that was sent', 'N')
+    force: float = diagnostic(
+        'that was sent; what the drive takes instead, in V, m/s^2 or m/s', 'N')
     real_time: bool = diagnostic('whether nobody waits for anybody')
     time: float | None = diagnostic(
         'when the state was measured, by the clock of the mpc', 's', default=None)

@@ -17,7 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dp_swing_ros.bags.episodes import check_run, pushes_of, Sample, samples_of, states_in
+from dp_swing_ros.bags.episodes import (
+    check_run, completed, differenced, pushes_of, reports_of, Sample, samples_of, states_in)
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.control import controllers
 from dp_swing_ros.control.receding_horizon import MpcParameters, RecedingHorizon
@@ -64,7 +65,10 @@ class Run:
         self.mpc = configuration_of(bag, CONTROLLER).parameters
         plant = configuration_of(bag, PLANT)
         self.plant = plant.parameters
-        self.record, self.samples = record_of(bag, anywhere=True), samples_of(bag)
+        self.record = record_of(bag, anywhere=True)
+        # speeds that no sensor measures are those that were estimated
+        self.samples = differenced(completed(samples_of(bag), reports_of(bag)))
+        self.states = {sample.stamp: sample.x for sample in self.samples}
         check_run(bag, self.samples)
         # when which state was sent [ns], and the plant's parameters that counted from then on
         self.sent = {nanoseconds(message.header.stamp): entry.time
@@ -122,7 +126,8 @@ class Run:
     def _followed(self, duration: float | None, when: str, since: int = 0) -> list[Tick]:
         """Return the ticks that answer a state, and after which the run takes that long [s]."""
         ticks = [tick for tick in self.record.ticks
-                 if tick.x is not None and tick.enabled and np.all(np.isfinite(tick.x))
+                 if tick.x is not None and tick.enabled
+                 and np.all(np.isfinite(self.states[tick.stamp]))
                  and tick.stamp - self.start >= since
                  and tick.stamp < self.window(tick, duration)
                  and tick.stamp + (duration or 0.0) * BILLION <= self.end + self.period / 2]
@@ -218,7 +223,7 @@ def take_over(run: Run, tick: Tick, solver: str, end: int) -> list[Sample]:
     plant = plant_at(run, tick)
     stepper = Stepper(plant)
     period = stepper.period
-    samples = [Sample(tick.stamp, np.asarray(tick.x), math.nan)]
+    samples = [Sample(tick.stamp, run.states[tick.stamp], math.nan)]
     count = round((end - tick.stamp) / BILLION / period)
     arrival = tick.stamp + round(plant.parameters.delay * BILLION)
     # in lockstep a force acts at once, else as long after a state as it did
@@ -233,9 +238,11 @@ def take_over(run: Run, tick: Tick, solver: str, end: int) -> list[Sample]:
         measured = stepper.begin(run.push(now))
         if measured is not None:
             age = plant.t - measured.t
-            samples.append(Sample(now - round(age * BILLION), measured.x, measured.force))
-            plan = respond(controller, samples[-1].stamp / BILLION, measured.x,
+            stamp = now - round(age * BILLION)
+            plan = respond(controller, stamp / BILLION, measured.x,
                            age + late if tick.real_time else tick.delay)
+            x = np.where(np.isnan(measured.x), controller.belief.x, measured.x)
+            samples.append(Sample(stamp, x, measured.force))
         elif tick.real_time:
             plan = controller.fallback(now / BILLION + late)
         else:
@@ -263,7 +270,7 @@ def controller_at(run: Run, until: Tick, solver: str) -> tuple[RecedingHorizon, 
 
 def plant_at(run: Run, tick: Tick) -> Plant:
     """Return the plant when a tick's state arrives, its noise from the beginning of its seed."""
-    plant = plants.plant({**run.plant, 'initial_state': np.asarray(tick.x).tolist()})
+    plant = plants.plant({**run.plant, 'initial_state': run.states[tick.stamp].tolist()})
     for before in run.record.up_to(tick)[-2:-1]:
         # until then, and where the actuator lags or a command is lost, the one before acts
         plant.force = plant.commands.force = before.force

@@ -58,15 +58,16 @@ def _train(arguments: argparse.Namespace) -> int:
     found, began = recorded_of_one(bags, arguments.links), time.monotonic()
     # dynamics that are learned make up for gain and bias of the drive
     physical, drive = found[-1].estimated
+    acting = drive
     if physical.is_driven:   # nothing but how the cart moves acts on the links
-        drive, found = DIRECT, [
+        acting, found = DIRECT, [
             each._replace(motion=on_given_cart(each.motion, physical.masses[0]))
             for each in found]
     # an estimator has seen what is held out: its parameters are no judge of what is learned
     scale = scale_of(found[0].physical)
     known, told = (Pendulum.of(each, scale=scale) for each in (physical, found[0].physical))
     parts = parted([stretch for each in found
-                    for stretch in stretches(each.motion, each.V, drive, scale)],
+                    for stretch in stretches(each.motion, each.V, acting, scale)],
                    arguments.seed, scale)
     step = scale.sized(LONGEST_STEP, 's')
     seen, held_out = map(Experience.joined, parts)

@@ -1,0 +1,50 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The tools over the bag of a cart that is sent velocities, and measures positions alone."""
+
+import json
+
+from one_process import record
+import pandas as pd
+import pytest
+
+from dp_swing_ros.bags.reader import Bag
+from dp_swing_ros.rerun.verification import verify
+from dp_swing_ros.tools import compare, export, train
+
+BOTH = {'links': 1, 'drive': 'velocity', 'acceleration_limit': 10.0, 'motor_time_constant': 0.02}
+
+
+@pytest.fixture(scope='module')
+def bag(tmp_path_factory):
+    return record(tmp_path_factory.mktemp('driven') / 'bags', '--lockstep', '--duration', '4',
+                  plant=json.dumps({**BOTH, 'velocities': 'none', 'rate': 50.0}),
+                  mpc=json.dumps(BOTH))
+
+
+def test_it_is_verified_to_the_bit(bag):
+    assert not verify(Bag(bag), iter).differences
+
+
+def test_a_solver_takes_over_from_the_speeds_that_were_estimated(bag, tmp_path, capsys):
+    assert compare.main([str(bag), '--at', '0.5', '--solvers', 'ilqr', '--output',
+                         str(tmp_path)]) == 0
+    recorded, again = (line.split('|')[2:] for line in capsys.readouterr().out.splitlines()
+                       if 'ilqr' in line)
+    assert float(recorded[0]) == pytest.approx(float(again[0]), rel=0.1)
+    assert 'yes' in recorded[2] and 'yes' in again[2]
+
+
+def test_a_model_keeps_the_lag_with_which_the_cart_follows(bag, tmp_path):
+    model = tmp_path / 'model.json'
+    assert train.main([str(bag), '-o', str(model)]) == 0
+    found = json.loads(model.read_text())
+    assert found['delay'] + found['time_constant'] == pytest.approx(0.02, abs=0.01)
+
+
+def test_columns_name_the_units_of_what_was_sent_and_of_what_acted(bag, tmp_path):
+    assert export.main([str(bag), '--output', str(tmp_path / 'run.csv')]) == 0
+    states = pd.read_csv(tmp_path / 'run.csv')
+    sent, acted = states['force_sent [m/s]'], states['force [m/s^2]']
+    assert sent.abs().max() > 0.3 and acted.abs().max() > 2.0
+    assert 'force [m/s^2]' in pd.read_csv(tmp_path / 'run_plans.csv').columns
