@@ -18,7 +18,8 @@ from dp_swing_ros.messages.fields import (
 from dp_swing_ros.messages.ticks import keys_of_state
 from dp_swing_ros.parameters import group, ParameterError
 from dp_swing_ros.pendulum.geometry import drawn_centres, drawn_scale
-from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
+from dp_swing_ros.pendulum.parameters import (
+    acting_unit, DRIVES, LimitParameters, PendulumParameters)
 from dp_swing_ros.pendulum.sensors import default_sensors, SensorParameters
 from dp_swing_ros.pendulum.state import Array, links_of
 from dp_swing_ros.pendulum.units import decimals
@@ -207,15 +208,16 @@ class Scene:
     def about(self) -> dict[str, Any]:
         """Return the pendulum, for `hello`."""
         margin = exact(self.value(CONTROLLER, 'track_margin', None))
-        scale = self.scale
+        scale, drive = self.scale, self.physical.drive
         return {
+            'units': {'force': acting_unit(drive), 'command': DRIVES[drive]},
             'links': self.physical.links, 'lengths': list(self.physical.lengths),
             'centres': drawn_centres(self.physical),
             'cart': [scale.sized(side, 'm') for side in CART],
             'scale': {'length': scale.length, 'time': scale.time, 'force': scale.factor('N')},
             'limits': {'track': number(self.limits.track_limit),
                        'margin': margin if is_figure(margin) else None,
-                       'force': number(self.limits.input_limit(self.physical.drive)),
+                       'force': number(self.limits.applied_limit(drive)),
                        'disturbance': self.value(PLANT, 'disturbance_limit', None)},
             'period': self.period, 'lockstep': bool(self.value(PLANT, 'lockstep', False))}
 

@@ -239,6 +239,17 @@ def test_a_small_pendulum_is_seen_as_a_large_one(browser, start_node, tmp_path):
     assert browser.errors() == []
 
 
+def test_a_driven_cart_has_accelerations(browser, start_node, tmp_path):
+    episode = swing_up()
+    bodies = dataclasses.replace(episode.physical, drive='velocity')
+    open_bag(browser, start_node, write_bag(
+        dataclasses.replace(episode, physical=bodies), tmp_path / 'bag'))
+    browser.until(lambda: browser.text('#now-applied').endswith(' m/s^2'), 'its unit')
+    assert browser.text('#plots figure.force').startswith('Acceleration')
+    assert browser.errors() == []
+    browser.leave()
+
+
 def test_a_centre_of_mass_is_seen_where_it_is_not_in_the_middle(browser, start_node, tmp_path):
     episode = swing_up()
     bodies = dataclasses.replace(episode.physical, link1_centre=0.75)

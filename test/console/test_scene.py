@@ -89,6 +89,17 @@ def test_what_is_heard_is_shown(scene):
     assert (scene.period, scene.about()['limits']['disturbance']) == (0.02, 5.0)
 
 
+@pytest.mark.parametrize('drive, units, limit', [
+    ('force', {'force': 'N', 'command': 'N'}, 20.0),
+    ('voltage', {'force': 'N', 'command': 'V'}, None),
+    ('velocity', {'force': 'm/s^2', 'command': 'm/s'}, 7.0)])
+def test_numbers_have_the_units_of_the_drive(scene, drive, units, limit):
+    limits = LimitParameters(force_limit=20.0, acceleration_limit=7.0)
+    scene.hear(ROBOT_DESCRIPTION, String(data=urdf(PendulumParameters(drive=drive), limits)))
+    assert scene.about()['units'] == units
+    assert scene.about()['limits']['force'] == limit
+
+
 def test_a_small_pendulum_is_shown_as_large(scene):
     assert scene.about()['scale'] == {'length': 1.0, 'time': 1.0, 'force': 1.0}
     assert scene.about()['cart'] == [0.44, 0.22]

@@ -86,12 +86,12 @@ socket.on('status', message => thoughts.onStatus(message));
 socket.on('recording', message => actions.onRecording(message));
 
 function write(frame) {
-  const {tick} = frame, digits = decimals(1, hello.scale.force);
+  const {tick} = frame, {units} = hello, digits = decimals(1, hello.scale.force);
   const values = {
     '#now-time': `${number(frame.time, 1)} s`,
-    '#now-applied': measure(frame.u, digits, 'N'),
-    '#now-command': measure(frame.force, digits, 'N'),
-    '#now-push': `${number(frame.push ?? 0, Math.max(digits - 1, 0))} N`,
+    '#now-applied': measure(frame.u, digits, units.force),
+    '#now-command': measure(frame.force, digits, units.command),
+    '#now-push': `${number(frame.push ?? 0, Math.max(digits - 1, 0))} ${units.force}`,
     '#now-cost': short(tick?.cost), '#now-solve': measure(1000 * tick?.solve_time, 1, 'ms'),
     '#now-solver': solver(tick)};
   for (const [selector, text] of Object.entries(values)) find(selector).textContent = text;

@@ -122,8 +122,8 @@ export class Scene {
 
   /** Draw the force that is applied, the push beside it, and the rubber line of the user's pull. */
   drawForces(brush, {u, push}, places) {
-    const {cart: [width, height], scale: {length, force: unit}} = this.hello;
-    const text = force => `${number(force, decimals(1, unit))} N`;
+    const {cart: [width, height], scale: {length, force: unit}, units} = this.hello;
+    const text = force => `${number(force, decimals(1, unit))} ${units.force}`;
     brush.arrow(places[0], u, colours.force, width / 2, text(u));
     const above = [places[0][0], height / 2 + 0.1 * length];
     if (!this.held) {

@@ -29,7 +29,7 @@ export class Thoughts {
 
   configure(hello) {
     this.hello = hello;
-    const {links, limits, period, scale} = hello, line = c => () => colours[c], past = pastOf(scale);
+    const {links, limits, period, scale, units} = hello, line = c => () => colours[c], past = pastOf(scale);
     const angles = Array.from({length: links}, (_, n) => ({
       name: `θ${'₁₂₃'[n]}`, colour: () => linkColour(n), wraps: Math.PI,
       of: ({x}) => wrapped(x[n + 1] ?? NaN), ahead: plan => plan.X.map(x => wrapped(x[n + 1]))}));
@@ -37,9 +37,11 @@ export class Thoughts {
     const track = limits.track ?? null, force = limits.force ?? 20 * scale.force;
     const bounded = track && track < 20 * scale.length;
     this.force = new Plot({
-      past, title: 'Force', unit: 'N', least: force, signed: true,
-      levels: both(force),
-      series: [{name: 'commanded', colour: line('c5'), step: 'on', of: frame => frame.force,
+      past, title: units.force === 'N' ? 'Force' : 'Acceleration', unit: units.force, least: force,
+      signed: true, levels: limits.force ? both(force) : [],
+      // volts and velocities are of another axis
+      series: [{name: units.command === units.force ? 'commanded' : 'planned', colour: line('c5'), step: 'on',
+                of: frame => units.command === units.force ? frame.force : frame.plan?.U[0],
                 ahead: plan => plan.U},
                {name: 'applied', colour: line('force'), step: 'until', of: frame => frame.u},
                {name: 'push', colour: line('push'), step: 'until', of: frame => frame.push || 0}]});
@@ -112,7 +114,7 @@ export class Thoughts {
     const {links, scale} = this.hello;
     this.angles.value.textContent = x.slice(1, links + 1).map(a => number(wrapped(a ?? NaN))).join(', ');
     this.position.value.textContent = measure(x[0], decimals(2, scale.length), 'm');
-    this.force.value.textContent = `applied ${measure(u, decimals(1, scale.force), 'N')}`;
+    this.force.value.textContent = `applied ${measure(u, decimals(1, scale.force), this.hello.units.force)}`;
     this.cost.value.textContent = short(tick?.cost);
     this.time.value.textContent = `${measure(1000 * tick?.solve_time, 1, 'ms')}, ` +
       `latency ${measure(1000 * tick?.latency, 1, 'ms')}`;
