@@ -8,7 +8,7 @@ from typing import Any
 
 from dp_swing_ros.control.receding_horizon import RecedingHorizon
 from dp_swing_ros.messages.fields import ERROR, Report, WARN
-from dp_swing_ros.pendulum.parameters import DRIVEN, FORCE
+from dp_swing_ros.pendulum.parameters import DRIVEN, FORCE, VELOCITY
 from dp_swing_ros.runtime.loading import Loader
 from dp_swing_ros.runtime.sent import Announcement, Log, PutBack, Sent
 
@@ -72,7 +72,9 @@ class LiveParameters:
             self.log.say(
                 ERROR, f'the drive of the plant is {theirs!r}, and commands are for {own!r}: it '
                 'hears none of them; give both the same drive', 'drive', math.inf)
-        for name in ('acceleration_limit' if own in DRIVEN else 'force_limit', 'track_limit'):
+        speed = ['cart_speed_limit'] if own == VELOCITY else []
+        for name in ('acceleration_limit' if own in DRIVEN else 'force_limit', 'track_limit',
+                     *speed):
             theirs, own = of_plant.get(name, math.inf), self.values[name]
             if theirs < own:
                 self.log.say(

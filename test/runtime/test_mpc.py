@@ -649,6 +649,15 @@ def test_a_plant_that_allows_less_is_warned_of_once(name, theirs, own):
     assert f'{name} is {own:g}, and that of the plant {theirs:g}' in text
 
 
+@pytest.mark.parametrize('drive, heard', [('velocity', 1), ('acceleration', 0)])
+def test_a_plant_that_clips_velocities_is_warned_of(drive, heard):
+    run = Running(drive=drive, cart_speed_limit=1.5)
+    run.plant(drive=drive, cart_speed_limit=1.0)
+    assert len(run.log(WARN)) == heard
+    assert all('cart_speed_limit is 1.5, and that of the plant 1' in text
+               for text in run.log(WARN))
+
+
 def test_states_that_come_too_seldom_are_warned_of_once():
     run = Running()
     run.plant(rate=10.0)
