@@ -46,8 +46,9 @@ class KalmanParameters(UnknownsParameters):
 
     position_noise: float = parameter(
         2e-3, 'standard deviation of measured positions; from a tenth to five times of it is '
-        'learned, but no less than half a step of an encoder that is not finer. A number of cart and joints alike is that of the joints, and the cart has the '
-        'same in own units', unit='m, rad', minimum=1e-6)
+        'learned, but no less than half a step of an encoder that is not finer. A number of cart '
+        'and joints alike is that of the joints, and the cart has the same in own units',
+        unit='m, rad', minimum=1e-6)
     velocity_noise: float = parameter(
         0.3, 'standard deviation of measured velocities; likewise', unit='m/s, rad/s',
         minimum=1e-6, scaled=True)
