@@ -6,14 +6,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from campaigns import CONFIG, METHODS
-import numpy as np
+from links import OUTCOME, outcome
 from recordings import AUTHORS
 
 from dp_swing_ros import declarations
 from dp_swing_ros.evaluation.campaign.contestants import Contestant, key
-from dp_swing_ros.evaluation.campaign.report import share
 from dp_swing_ros.evaluation.campaign.rows import Row
-from dp_swing_ros.evaluation.comparison import rate
 from dp_swing_ros.evaluation.scenarios import Case, SCENARIOS
 from dp_swing_ros.tables import compact
 
@@ -100,22 +98,11 @@ def episodes() -> list[tuple[Contestant, Case]]:
             for episode in of_group(group, solver)]
 
 
-def line(group: Group, solver: str, rows: Sequence[Row]) -> tuple[str, ...]:
-    """Return a line of the page."""
-    runs = [row.metrics for row in rows]
-    settled = [run.settling_time for run in runs if run.success]
-    return (group.rig, group.drive, group.scenario, f'`{solver}`',
-            share(rate([run.success for run in runs])),
-            f'{np.median(settled):.2f}' if settled else '-',
-            f'{max(settled):.2f}' if settled else '-',
-            f'{max(run.largest_position for run in runs):.2f}',
-            str(sum(run.strikes for run in runs)))
-
-
 def page(rows: Sequence[Row], made: str) -> str:
     """Return the page from the rows of all runs."""
     found = {row.key: row for row in rows}
-    lines = [line(group, solver, [found[key(*one)] for one in of_group(group, solver)])
+    lines = [(group.rig, group.drive, group.scenario, f'`{solver}`',
+              *outcome([found[key(*one)] for one in of_group(group, solver)]))
              for group in GROUPS for solver in METHODS]
     return '\n'.join([
         '# Drives\n', made,
@@ -129,6 +116,4 @@ def page(rows: Sequence[Row], made: str) -> str:
         'of `config/voltage.yaml`. The mpc is told all of it but the sensors, and has the '
         'defaults else. In brackets the 95 % interval (Wilson); settling times are those of the '
         'successes; the rows: `results/drives.csv.gz`.\n',
-        compact([('links', 'drive', 'scenario', 'solver', 'upright to the end',
-                  'median settling [s]', 'longest settling [s]', 'largest position [m]',
-                  'track strikes'), *lines]), ''])
+        compact([('links', 'drive', 'scenario', 'solver', *OUTCOME), *lines]), ''])

@@ -17,6 +17,10 @@ from dp_swing_ros.simulation import plants
 from dp_swing_ros.tables import compact
 
 
+OUTCOME = ('upright to the end', 'median settling [s]', 'longest settling [s]',
+           'largest position [m]', 'track strikes')
+
+
 class Group(NamedTuple):
     """Some episodes of all solvers with one pendulum."""
 
@@ -56,17 +60,22 @@ def is_timed(case: Case) -> bool:
     return case.scenario == 'hanging'
 
 
-def line(group: Group, solver: str, rows: Sequence[Row]) -> tuple[str, ...]:
-    """Return a line of the page."""
+def outcome(rows: Sequence[Row]) -> tuple[str, ...]:
+    """Return how runs ended, as OUTCOME is headed."""
     runs = [row.metrics for row in rows]
     settled = [run.settling_time for run in runs if run.success]
-    timed = is_timed(of_group(group, solver)[0][1])
-    return (str(group.links), f'{group.force_limit:g}', group.scenario, f'`{solver}`',
-            share(rate([run.success for run in runs])),
+    return (share(rate([run.success for run in runs])),
             f'{np.median(settled):.2f}' if settled else '-',
             f'{max(settled):.2f}' if settled else '-',
             f'{max(run.largest_position for run in runs):.2f}',
-            str(sum(run.strikes for run in runs)),
+            str(sum(run.strikes for run in runs)))
+
+
+def line(group: Group, solver: str, rows: Sequence[Row]) -> tuple[str, ...]:
+    """Return a line of the page."""
+    timed = is_timed(of_group(group, solver)[0][1])
+    return (str(group.links), f'{group.force_limit:g}', group.scenario, f'`{solver}`',
+            *outcome(rows),
             f'{1e3 * np.quantile(solves(rows), 0.99):.1f}' if timed else '-',
             f'{1e3 * solves(rows).max():.0f}' if timed else '-')
 
@@ -86,6 +95,5 @@ def page(rows: Sequence[Row], made: str) -> str:
         '`results/links.csv.gz`. In brackets the 95 % interval (Wilson); settling times are '
         'those of the successes; solve times those of all ticks from hanging, played by one '
         'process alone.\n',
-        compact([('links', 'force limit [N]', 'scenario', 'solver', 'upright to the end',
-                  'median settling [s]', 'longest settling [s]', 'largest position [m]',
-                  'track strikes', 'solve, p99 [ms]', 'longest solve [ms]'), *lines]), ''])
+        compact([('links', 'force limit [N]', 'scenario', 'solver', *OUTCOME,
+                  'solve, p99 [ms]', 'longest solve [ms]'), *lines]), ''])

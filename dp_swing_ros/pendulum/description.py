@@ -87,8 +87,7 @@ def _of_robot(text: str) -> Found:
         raise ValueError(f'the axis of {cart.name} is {_shown(x)}; expected a horizontal one')
     y = np.cross([0.0, 0.0, 1.0], x)
     moving = [_body(links, poses, bodies, joint.child, y) for joint in (cart, *chain)]
-    values: dict[str, Any] = {'links': len(chain), 'cart_mass': moving[0].mass}
-    values |= _track(cart)
+    values = {'links': len(chain), 'cart_mass': moving[0].mass, **_track(cart)}
     left_out = list(_links(chain, moving[1:], x, y, values))
     for name, joint in zip(('cart', *(f'joint{i}' for i in range(1, 4))), (cart, *chain)):
         values[f'{name}_friction'] = joint.number('dynamics', 'damping', 0.0)

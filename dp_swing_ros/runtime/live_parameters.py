@@ -67,13 +67,13 @@ class LiveParameters:
 
     def compare(self, of_plant: Mapping[str, Any]) -> None:
         """Warn of a plant that takes other commands, or less, or has less track, than plans do."""
-        theirs, own = of_plant.get('drive', FORCE), self.values['drive']
-        if theirs != own:
+        drive, of_theirs = self.values['drive'], of_plant.get('drive', FORCE)
+        if of_theirs != drive:
             self.log.say(
-                ERROR, f'the drive of the plant is {theirs!r}, and commands are for {own!r}: it '
-                'hears none of them; give both the same drive', 'drive', math.inf)
-        speed = ['cart_speed_limit'] if own == VELOCITY else []
-        for name in ('acceleration_limit' if own in DRIVEN else 'force_limit', 'track_limit',
+                ERROR, f'the drive of the plant is {of_theirs!r}, and commands are for {drive!r}: '
+                'it hears none of them; give both the same drive', 'drive', math.inf)
+        speed = ['cart_speed_limit'] if drive == VELOCITY else []
+        for name in ('acceleration_limit' if drive in DRIVEN else 'force_limit', 'track_limit',
                      *speed):
             theirs, own = of_plant.get(name, math.inf), self.values[name]
             if theirs < own:

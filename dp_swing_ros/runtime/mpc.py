@@ -23,7 +23,7 @@ from dp_swing_ros.parameters import group
 from dp_swing_ros.pendulum.equations import scale_of
 from dp_swing_ros.pendulum.parameters import PendulumParameters
 from dp_swing_ros.pendulum.sensors import HANGING, SensorParameters, Standstill
-from dp_swing_ros.problem.plan import Plan, Status
+from dp_swing_ros.problem.plan import IDLE, Plan, Status
 from dp_swing_ros.runtime.handshake import Handshake, Peers
 from dp_swing_ros.runtime.live_parameters import LiveParameters
 from dp_swing_ros.runtime.report import Reporter, tip_paths
@@ -235,7 +235,7 @@ class MpcCore:
         self.carried += 1
         now, slot = self.clocks.now(), self.schedule.silent_slot()
         plan = self.controller.fallback(slot.t + slot.delay)
-        if plan.stats.status in (Status.ZERO, Status.DISABLED):
+        if plan.stats.status in IDLE:
             self.send(Wake(None))
         force = self.follow(plan)
         self.report(now, plan, complaint, '', force=force, delay=slot.delay, latency=0.0,

@@ -68,7 +68,7 @@ def test_a_description_says_which_drive_it_has_and_what_bodies_weigh():
     assert 'drive' not in urdf(bodies(2), told[1])
 
 
-def follower(engine='own', start=None, **values):
+def follower(engine='own', **values):
     plant = plants.plant({'engine': engine, **STEPPER, **values,
                           'initial_state': upright().tolist()})
     plant.obey(0.4)
