@@ -19,6 +19,7 @@ STRONGEST = 30.0              # [N] of them
 NEARLY = 1e-3                 # [SI] standard deviation of a start from hanging
 WITHIN = 0.03                 # of itself, to which a parameter is to be found
 DRY, LATE = 0.15, 0.003       # of a friction; [s] of a delay or time constant
+ZERO = 1e-3                   # [rad] of an encoder
 RUB = {'cart': 0.05, 'joint': 0.005}  # [N s/m, N m s/rad] viscous friction that none may pass for
 
 
@@ -67,7 +68,7 @@ def record():
 def truth():
     """Return the parameters of the rig."""
     rig = plant()
-    return {**vars(rig.physical), **vars(rig.drive)}
+    return {**vars(rig.physical), **vars(rig.drive), 'link1_balance': 0.0, 'link2_balance': 0.0}
 
 
 def allowed(name, value):
@@ -76,6 +77,8 @@ def allowed(name, value):
         return DRY * value
     if name.endswith('_friction'):
         return RUB[name[:-9].rstrip('123_')]
+    if name.endswith('_balance'):
+        return ZERO
     if name in ('actuation_delay', 'motor_time_constant'):
         return LATE
     return 0.1 if name == 'force_bias' else WITHIN * value

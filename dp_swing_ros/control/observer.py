@@ -14,7 +14,7 @@ from dp_swing_ros.estimators import ESTIMATORS
 from dp_swing_ros.estimators.estimator import Commands, Estimate, Estimator
 from dp_swing_ros.parameters import parameter, ParameterError, Parameters
 from dp_swing_ros.pendulum.parameters import Drive
-from dp_swing_ros.pendulum.state import Array, is_state, to_turn_of
+from dp_swing_ros.pendulum.state import Array, is_state, to_turn_of, turned
 from dp_swing_ros.problem.parameters import PredictionParameters
 from dp_swing_ros.problem.problem import Bounds, Problem
 
@@ -36,6 +36,7 @@ class Belief(NamedTuple):
     """
     State, pendulum and drive as estimated at the time of the last accepted measurement.
 
+    Angles are counted from where links stand balanced; a measurement's are larger by `balance`.
     Shapes: x (2n + 2,), NaN before the first.
     """
 
@@ -45,6 +46,11 @@ class Belief(NamedTuple):
     drive: Drive
     rejection: str       # why the last measurement was not accepted; empty where it was
     estimate: Estimate | None   # None where the state is taken as it is measured
+
+    @property
+    def balance(self) -> Array | float:
+        """Return the angles (n,) [rad] at which the links stand balanced."""
+        return 0.0 if self.estimate is None else self.estimate.balance
 
 
 class Observer:
@@ -119,7 +125,8 @@ class Observer:
         # a pendulum that hangs still would be refused for ever where a bias is estimated that is
         # not there any more, for what is refused cannot correct it
         rejection = self.message_filter.rejection(
-            t, x, prediction(commands, self.belief.problem, self.belief.drive),
+            t, x, prediction(commands, self.belief.problem, self.belief.drive,
+                             self.belief.balance),
             prediction(commands, self.nominal, self.nominal_drive))
         if rejection:
             self.belief = self.belief._replace(rejection=rejection)
@@ -135,7 +142,7 @@ class Observer:
         else:
             self.belief = self.belief._replace(rejection='')
             raise ValueError(f'the state is {x}, without velocities; estimator ekf does without')
-        self.message_filter.accept(measured, self.belief.x)
+        self.message_filter.accept(measured, turned(self.belief.x, self.belief.balance))
         return self.belief
 
     def belief_of(self, t: float, estimate: Estimate) -> Belief:
@@ -145,15 +152,18 @@ class Observer:
             with contextlib.suppress(ParameterError):   # of what no pendulum can be held with
                 problem = self.nominal.with_physical(
                     self.nominal.physical.estimated(estimate.physical))
-        return Belief(t, estimate.x, driven_by(estimate.drive, problem), estimate.drive,
+        return Belief(t, turned(estimate.x, -estimate.balance),
+                      driven_by(estimate.drive, problem), estimate.drive,
                       '' if estimate.accepted else
                       f'the state is {estimate.distance:.3g} deviations from its prediction; the '
                       'estimator refuses it', estimate)
 
 
-def prediction(commands: Commands, problem: Problem, drive: Drive) -> Predict:
-    """Return what predicts a state under the commands sent to a later time."""
-    return lambda x, t, until: commands.predict(problem.model, drive, x, t, until)[0]
+def prediction(commands: Commands, problem: Problem, drive: Drive,
+               balance: Array | float = 0.0) -> Predict:
+    """Return what predicts a measurement under the commands sent to a later time."""
+    return lambda x, t, until: turned(commands.predict(
+        problem.model, drive, turned(x, -balance), t, until)[0], balance)
 
 
 def checked(x: Array, size: int) -> Array:

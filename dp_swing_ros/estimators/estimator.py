@@ -41,6 +41,7 @@ class Estimate(NamedTuple):
     distance: float
     refused: int                     # states since the last reset
     accepted: bool                   # not refused, nor the one to start anew from after refusals
+    balance: Array | float = 0.0     # (n,) [rad] angles at which links stand balanced
 
 
 class Estimator(Protocol):

@@ -16,7 +16,7 @@ import math
 
 import numpy as np
 
-from dp_swing_ros.estimators.unknowns import drive_of, model_of, write_values
+from dp_swing_ros.estimators.unknowns import drive_of, model_of, turn, write_values
 from dp_swing_ros.kernels import kernel
 from dp_swing_ros.pendulum.drive import follow_commands
 from dp_swing_ros.pendulum.model import size
@@ -58,7 +58,9 @@ def move(model, constants, nominal, factors, ends, commands, duration, z, b):
     """Advance the state in z in place by a time [s]; shapes: as of predict, b (m,) is written."""
     n = size(model)
     write_values(nominal, factors, z[n:], b)
+    turn(b, -1.0, z[:n])
     follow_commands(model_of(model, b, constants), drive_of(b), ends, commands, z[:n], duration)
+    turn(b, 1.0, z[:n])
 
 
 @kernel

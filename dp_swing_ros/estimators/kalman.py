@@ -82,8 +82,9 @@ class ExtendedKalmanFilter:
     def __init__(self, problem: Problem, drive: Drive, parameters: KalmanParameters) -> None:
         """Take the nominal model and drive, and the noises."""
         if problem.learned is not None:   # where experience has told all but the drive
-            parameters = replace(parameters, body_error=0.0, friction_error=0.0,
-                                 cart_dry_friction_error=0.0, joint_dry_friction_error=0.0)
+            parameters = replace(parameters, body_error=0.0, inertia_error=0.0, friction_error=0.0,
+                                 cart_dry_friction_error=0.0, joint_dry_friction_error=0.0,
+                                 balance_error=0.0)
         self.nominal, self.parameters = problem.physical, parameters
         scale = problem.scale
         self.model = problem.model._replace(h=scale.sized(LONGEST_STEP, 's'))
@@ -209,8 +210,9 @@ class ExtendedKalmanFilter:
         drive = Drive(found['actuation_delay'], found['motor_time_constant'],
                       found['force_gain'], found['force_bias'])
         physical = {name: value for name, value in found.items() if hasattr(self.nominal, name)}
+        balance = np.array([value for name, value in found.items() if name.endswith('_balance')])
         return Estimate(z[:self.size].copy(), physical, drive, innovation, distance, self.refused,
-                        accepted=True)
+                        accepted=True, balance=balance)
 
     def predicted(self, t: float, commands: Commands,
                   push: float) -> tuple[Array, Array, Array]:

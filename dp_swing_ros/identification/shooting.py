@@ -8,7 +8,7 @@ All columns of a Jacobian are differences of whole motions, as in the Kalman fil
 
 import numpy as np
 
-from dp_swing_ros.estimators.unknowns import drive_of, model_of
+from dp_swing_ros.estimators.unknowns import drive_of, model_of, turn
 from dp_swing_ros.kernels import kernel
 from dp_swing_ros.pendulum.drive import follow_commands
 
@@ -22,11 +22,11 @@ def shoot(model, segments, X_0, V, out):
 
     The first begins at X_0 (S, 2n + 2) with the first of the values V; each of the next 2n + 2
     begins a difference further along one number of the state; the rest with the other values.
-    Shapes: V (1 + m, 6n + 8), the values of Unknowns and its constants.
+    Shapes: V (1 + m, 7n + 8), the values of Unknowns and its constants.
     """
     count, size = out.shape[0], X_0.shape[1]
     half = size // 2
-    constants = V.shape[1] - 2 * half + 1   # where they begin
+    constants = V.shape[1] - half   # where they begin
     x, ends = np.empty(size), np.empty(len(segments.commands))
     for s in range(count):
         for c in range(out.shape[1]):
@@ -37,6 +37,7 @@ def shoot(model, segments, X_0, V, out):
                 x[i] = X_0[s, i]
             if 1 <= c <= size:
                 x[c - 1] += SMALL
+            turn(V[row, :constants], -1.0, x)
             for k in range(out.shape[2]):
                 if k > 0:
                     start, until = segments.t[s, k - 1], segments.t[s, k]
@@ -46,5 +47,7 @@ def shoot(model, segments, X_0, V, out):
                     ends[last - 1 - first] = np.inf
                     follow_commands(of_values, drive, ends[:last - first],
                                     segments.commands[first:last], x, until - start)
+                turn(V[row, :constants], 1.0, x)
                 for i in range(half):
                     out[s, c, k, i] = x[i]
+                turn(V[row, :constants], -1.0, x)

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from dp_swing_ros.estimators.unknowns import (
-    LONGEST, sizes_of, Unknowns, UnknownsParameters)
+    LARGEST_BALANCE, LONGEST, sizes_of, Unknowns, UnknownsParameters)
 from dp_swing_ros.parameters import fields_of, unknown
 from dp_swing_ros.pendulum.equations import scale_of
 from dp_swing_ros.pendulum.parameters import Drive, PendulumParameters
@@ -37,7 +37,7 @@ OF_CART = ('cart_mass', 'cart_friction', 'cart_dry_friction', 'force_gain', 'act
 
 class Parametrisation:
     """
-    All m = 5n + 8 values in the order of shooting.py, and which of them are free.
+    All m = 6n + 8 values in the order of shooting.py, and which of them are free.
 
     Shapes: nominal, first, scales, differences, lowest and highest (m,); `first` is the guess
     that a fit begins with, `scales` are what makes a difference: of values that may be zero
@@ -55,13 +55,12 @@ class Parametrisation:
         n, self.scale = physical.links, scale_of(guess)
         of_filter = Unknowns(physical, drive, UnknownsParameters(), SAME)
         self.links = n
-        self.names = [*of_filter.names, *(f'link{i}_inertia_factor' for i in range(1, n + 1)),
-                      'gravity']
+        self.names = [*of_filter.names, 'gravity']
         for name in known:
             if name not in self.names:
                 raise unknown(name, 'identify', self.names)
-        self.nominal = np.concatenate((of_filter.nominal, of_filter.constants[:n + 1]))
-        self.centres = of_filter.constants[n + 1:]   # as shares of the lengths
+        self.nominal = np.append(of_filter.nominal, of_filter.constants[0])
+        self.centres = of_filter.constants[1:]   # as shares of the lengths
         self.is_centre_given = [getattr(physical, f'link{i}_centre') > 0.0
                                 for i in range(1, n + 1)]
         self.nominal[[self.names.index(name) for name in known]] = list(known.values())
@@ -72,14 +71,16 @@ class Parametrisation:
         self.first = np.log(np.divide(of_guess, self.nominal, where=self.is_factor,
                                       out=np.ones(len(self.names))))
         sizes = np.where(self.is_factor, 1.0, sizes_of(self.names, n, self.scale))
-        rest = np.concatenate((of_filter.deviations, np.ones(n + 1)))
-        self.scales = np.where(self.is_factor, SHARE, sizes * rest)
+        self.scales = np.where(self.is_factor, SHARE, sizes * np.append(
+            of_filter.deviations, 1.0))
         self.differences = DIFFERENCE * sizes
         self.highest = np.where(self.is_factor, self.first + math.log(FACTOR), math.inf)
         self.lowest = np.where(self.is_factor, self.first - math.log(FACTOR), -self.nominal)
         for name, lowest, highest in (('actuation_delay', 0.0, LONGEST),
                                       ('motor_time_constant', 0.0, LONGEST),
-                                      ('force_bias', -math.inf, math.inf)):
+                                      ('force_bias', -math.inf, math.inf),
+                                      *((f'link{i}_balance', -LARGEST_BALANCE, LARGEST_BALANCE)
+                                        for i in range(1, n + 1))):
             i = self.names.index(name)
             self.lowest[i], self.highest[i] = lowest - self.nominal[i], highest - self.nominal[i]
         self.held = {name: f'{value:g} is given' for name, value in known.items()}

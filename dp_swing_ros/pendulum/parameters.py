@@ -174,16 +174,18 @@ class PendulumParameters(Parameters):
         """
         Return the same bodies as they are estimated to be.
 
-        A centre that is given goes with the length of its link, an inertia with m l².
+        A centre that is given goes with the length of its link, an inertia with m l² and its
+        factor.
         """
         changed: dict[str, Any] = dict(values)
-        for i in range(1, self.links + 1):
+        for i, factor in enumerate(self.inertia_factors, 1):
             mass, length = (values.get(name, getattr(self, name)) / getattr(self, name)
                             for name in (f'link{i}_mass', f'link{i}_length'))
-            for name, times in ((f'link{i}_centre', length),
-                                (f'link{i}_inertia', mass * length ** 2)):
-                if getattr(self, name):
-                    changed.setdefault(name, getattr(self, name) * times)
+            if centre := getattr(self, f'link{i}_centre'):
+                changed.setdefault(f'link{i}_centre', centre * length)
+            if inertia := getattr(self, f'link{i}_inertia'):
+                times = changed.pop(f'link{i}_inertia_factor', factor) / factor
+                changed.setdefault(f'link{i}_inertia', inertia * mass * length ** 2 * times)
         return dataclasses.replace(self, **changed)
 
     @property

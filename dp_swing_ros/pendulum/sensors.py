@@ -86,6 +86,15 @@ class SensorParameters(Parameters):
             self, joint_offsets=(self.joint_offsets[0], *offsets.tolist()))
 
 
+    def balanced_at(self, balance: Array) -> 'SensorParameters':
+        """Return the sensors to whom states that have these angles (n,) [rad] are upright."""
+        off = np.append(0.0, balance)
+        if self.relative_angles:
+            off = to_joints(off)
+        offsets = np.array(self.joint_offsets) + np.array(self.joint_signs) * off
+        return dataclasses.replace(self, joint_offsets=tuple(offsets.tolist()))
+
+
 class Standstill:
     """Takes measured positions; finds out where they stand still for a while."""
 

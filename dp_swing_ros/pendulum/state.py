@@ -97,6 +97,13 @@ def to_turn_of(x: Array, reference: Array) -> Array:
     return shifted
 
 
+def turned(x: Array, by: Array | float) -> Array:
+    """Return a state (2n + 2,) whose angles are larger by others (n,) [rad]."""
+    found = x.copy()
+    found[angles(x)] += by
+    return found
+
+
 def errors(x: Array, x_r: Array) -> Array:
     """
     Return by how much states are off from a reference, on its nearest turn.

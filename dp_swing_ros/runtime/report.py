@@ -120,6 +120,8 @@ def of_estimate(estimate: Estimate) -> dict[str, float]:
             'actuation_delay': estimate.drive.delay,
             'motor_time_constant': estimate.drive.time_constant,
             'force_gain': estimate.drive.gain, 'force_bias': estimate.drive.bias,
+            **{f'link{i + 1}_balance': float(angle)
+               for i, angle in enumerate(np.broadcast_to(estimate.balance, links))},
             **estimate.physical}
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from dp_swing_ros import figures
-from dp_swing_ros.bags.episodes import drive_of
+from dp_swing_ros.bags.episodes import drive_of, sensors_of
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.control.controllers import MPC
 from dp_swing_ros.declarations import shared
@@ -20,6 +20,7 @@ from dp_swing_ros.identification.segments import resolution
 from dp_swing_ros.identification.unknowns import OF_CART
 from dp_swing_ros.parameters import checked, ParameterError, unknown
 from dp_swing_ros.pendulum.parameters import DRIVEN
+from dp_swing_ros.pendulum.sensors import SensorParameters
 from dp_swing_ros.pendulum.state import joints, LINKS
 from dp_swing_ros.simulation.plants import PLANT
 from dp_swing_ros.tables import aligned
@@ -34,7 +35,8 @@ UNTOLD, BOUND = 'cannot be told from these bags', 'at the bound of the search'
 def main(argv: Sequence[str] | None = None) -> int:
     """Identify the rig of the bags that the command line names; return the exit code."""
     parser = bag_parser(
-        'identify', 'Find masses, lengths, inertias, frictions, delay, lag and bias of a rig from '
+        'identify', 'Find masses, lengths, inertias, frictions, zeros of the angles, delay, lag and '
+        'bias of a rig from '
         'recorded motion (joint_states and force_command), with intervals of 95 %, and write them '
         'as a parameter file for mpc and plant. Half a minute that swings, is held and pushed '
         'tells all that motion can.',
@@ -86,8 +88,8 @@ def _identify(arguments: argparse.Namespace) -> int:
     print_incomplete(bags)
     output = arguments.output or Path(f'{beside(arguments.bag[0], "rig")}.yaml')
     output.parent.mkdir(parents=True, exist_ok=True)
-    output.write_text(parameter_file(identified, first.physical.links, arguments.bag),
-                      encoding='utf-8')
+    output.write_text(parameter_file(
+        identified, sensors_of(bags[0], first.physical.links), arguments.bag), encoding='utf-8')
     figures.identification(identified).savefig(output.with_suffix('.png'))
     print(output, output.with_suffix('.png'), sep='\n')
     return OK
@@ -110,12 +112,15 @@ def table(found: Identified) -> str:
     """Return a Markdown table of what was found, then of what was not: a row a parameter."""
     links = len(found.rms('after')) - 1
     fields = MPC.fields(links)
+
+    def unit(name: str) -> str:
+        return fields[name].metadata['unit'] if name in fields else 'rad'
     rows = [['parameter', 'value', '95 %', 'before', 'unit']]
     for name, (low, high) in found.intervals.items():
         rows.append([name, number(found.values[name]), f'{number(low)} to {number(high)}',
-                     number(found.before[name]), fields[name].metadata['unit']])
+                     number(found.before[name]), unit(name)])
     rows += [[name, number(found.values[name]), why_not(found, name),
-              number(found.before[name]), fields[name].metadata['unit']]
+              number(found.before[name]), unit(name)]
              for name in (*found.at_bound, *found.unidentified)]
     return aligned(rows, names=1)
 
@@ -173,8 +178,9 @@ def explained(found: Identified, motions: Sequence[Recorded]) -> list[str]:
                 'round off' for i in off)]
 
 
-def parameter_file(found: Identified, links: int, bags: Iterable[Path]) -> str:
-    """Return the text of a ROS parameter file with what mpc and plant both have."""
+def parameter_file(found: Identified, sensors: SensorParameters, bags: Iterable[Path]) -> str:
+    """Return the text of a ROS parameter file with what mpc and plant have, or the mpc alone."""
+    links = len(sensors.joint_offsets) - 1
     both = shared(links)
     lines = [f'# Identified from {", ".join(path.name for path in bags)}; intervals of 95 %.',
              '/**:', '  ros__parameters:', f'    links: {links}']
@@ -185,6 +191,10 @@ def parameter_file(found: Identified, links: int, bags: Iterable[Path]) -> str:
             why = why_not(found, name)
         if name in both:
             lines.append(f'    {name}: {number(value)}  # {why}')
+    balances = np.array([found.values[f'link{i}_balance'] for i in range(1, links + 1)])
+    offsets = map(number, sensors.balanced_at(balances).joint_offsets)
+    lines += ['/**/mpc:', '  ros__parameters:',
+              f'    joint_offsets: [{", ".join(offsets)}]  # where links stand balanced']
     return '\n'.join(lines) + '\n'
 
 

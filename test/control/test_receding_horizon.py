@@ -23,7 +23,7 @@ from dp_swing_ros.pendulum.equations import Pendulum
 from dp_swing_ros.pendulum.integrators import INTEGRATORS
 from dp_swing_ros.pendulum.model import hold, Model
 from dp_swing_ros.pendulum.parameters import DIRECT, Drive, DriveParameters, PendulumParameters
-from dp_swing_ros.pendulum.state import angles, hanging, is_upright, to_turn_of
+from dp_swing_ros.pendulum.state import angles, hanging, is_upright, to_turn_of, turned, wrapped
 from dp_swing_ros.problem.plan import Status
 from dp_swing_ros.rerun.answers import repeated
 from dp_swing_ros.simulation import plants
@@ -388,6 +388,23 @@ def test_a_lost_state_is_predicted_through():
     assert np.abs(x[1:3]).max() < 0.05
 
 
+def test_links_stand_where_they_are_balanced():
+    """Wherever their encoders have zero, or their mass is beside the line of the joints."""
+    c, x, balance = controller(), hanging(), np.array([0.04, -0.06])
+    model, rejections = Model(Pendulum.of(c.nominal.physical), INTEGRATORS['rk4'], 0.005), set()
+    for n in range(120):
+        plan = c.update(0.05 * n, turned(x, balance))
+        rejections.add(c.belief.rejection)
+        x = hold(model, x, plan.first_force(20.0), 0.05)
+    assert rejections == {''}
+    assert c.belief.balance == pytest.approx(balance, abs=2e-3)
+    assert np.abs(wrapped(x)).max() < 0.02
+    # an encoder that stands still does so in balance, which is not where it has zero
+    for n in range(120, 125):
+        c.update(0.05 * n, turned(np.zeros(6), balance))
+        assert 'stood still' not in c.belief.rejection
+
+
 def test_a_pendulum_that_differs_is_solved_for():
     c = controller()
     physical = replace(c.nominal.physical, link2_mass=0.6)
@@ -396,10 +413,12 @@ def test_a_pendulum_that_differs_is_solved_for():
     for n in range(40):
         plan = c.update(0.05 * n, x)
         x = hold(model, x, plan.first_force(20.0), 0.05)
-    # with twice of all masses and the gain the motion is the same
-    for name in ('cart_mass', 'link1_mass', 'link2_mass'):
-        assert getattr(c.belief.problem.physical, name) / c.belief.drive.gain == pytest.approx(
-            getattr(physical, name), rel=0.02)
+    # with twice of all masses and the gain the motion is the same, and who of them has which
+    # share of the moments does not show
+    found, true = (Pendulum.of(each) for each in (c.belief.problem.physical, physical))
+    for one, other in ((found.m, true.m), (found.a, true.a), (found.b[0], true.b[0]),
+                       (found.b[1], true.b[1])):
+        assert np.array(one) / c.belief.drive.gain == pytest.approx(np.array(other), rel=0.02)
     assert c.belief.problem.model == Model(
         Pendulum.of(c.belief.problem.physical, scale=c.nominal.scale), INTEGRATORS['rk4'], 0.05)
     assert c.planner.solver.problem is c.belief.problem

@@ -23,7 +23,7 @@ from dp_swing_ros.pendulum.integrators import INTEGRATORS, rk4
 from dp_swing_ros.pendulum.model import hold, Model
 from dp_swing_ros.pendulum.parameters import (
     DIRECT, Drive, DriveParameters, LimitParameters, PendulumParameters)
-from dp_swing_ros.pendulum.state import angles, hanging, LINKS
+from dp_swing_ros.pendulum.state import angles, hanging, LINKS, turned
 from dp_swing_ros.problem.parameters import PredictionParameters
 from dp_swing_ros.problem.problem import Problem
 from dp_swing_ros.simulation.closed_loop import simulate
@@ -32,8 +32,8 @@ from dp_swing_ros.simulation.plant import Plant, PlantParameters
 PHYSICAL = PendulumParameters(joint1_friction=0.1)
 HANGING = hanging()
 KNOWN = dict.fromkeys((
-    'body_error', 'gain_error', 'friction_error', 'cart_dry_friction_error',
-    'joint_dry_friction_error', 'delay_error', 'lag_error', 'force_bias'), 0.0)
+    'body_error', 'inertia_error', 'gain_error', 'friction_error', 'cart_dry_friction_error',
+    'joint_dry_friction_error', 'balance_error', 'delay_error', 'lag_error', 'force_bias'), 0.0)
 BODIES = {**KNOWN, 'body_error': 0.15}
 SLOW = Drive(delay=0.03, time_constant=0.02, gain=1.1, bias=0.5)
 STEP = 0.01   # [s] of the filter
@@ -83,21 +83,23 @@ NONE = sent()
 
 
 def with_values(nominal, drive, p):
-    """Return the pendulum and the drive that p stands for, written out plainly."""
+    """Return the pendulum, the drive and the balance that p stands for, written out plainly."""
     n, rest = nominal.links, iter(p)
     count = range(1, n + 1)
-    values = {name: getattr(nominal, name) * math.exp(next(rest)) for name in scaled(nominal)}
+    values = {name: getattr(nominal, name) * math.exp(next(rest)) for name in (
+        *scaled(nominal), *(f'link{i}_inertia_factor' for i in count))}
     gain = drive.gain * math.exp(next(rest))
     for name in ('cart_friction', *(f'joint{i}_friction' for i in count), 'cart_dry_friction',
                  *(f'joint{i}_dry_friction' for i in count)):
         values[name] = getattr(nominal, name) + next(rest)
+    balance = np.array([next(rest) for _ in count])
     delay, time_constant, bias = rest
     # finite differences may go below zero, which parameters may not
     found = replace(nominal)
     for name, value in values.items():
         object.__setattr__(found, name, value)
     return found, Drive(drive.delay + delay, drive.time_constant + time_constant, gain,
-                        drive.bias + bias)
+                        drive.bias + bias), balance
 
 
 @lru_cache
@@ -165,8 +167,9 @@ def plain_filter(e, nominal, drive, z, P, t, commands, measured, duration, time_
     half, unit = size // 2, np.eye(len(z))
 
     def flow(z, duration=duration):
-        physical, driven = with_values(nominal, drive, z[size:])
-        return np.concatenate((moved(physical, driven, z[:size], t, commands, duration), z[size:]))
+        physical, driven, balance = with_values(nominal, drive, z[size:])
+        x = moved(physical, driven, turned(z[:size], -balance), t, commands, duration)
+        return np.concatenate((turned(x, balance), z[size:]))
     # one-sided, for a friction may be at its least
     after = flow(z)
     F = np.transpose([(flow(z + d) - after) / SMALL for d in SMALL * unit])
@@ -234,8 +237,9 @@ def test_it_is_the_textbook_s(links, drive, velocities, rng):
 @pytest.mark.parametrize(('unknown', 'time_noise'), [(0.0, 2e-3), (1.0, 0.0)])
 def test_the_innovations_are_as_large_as_it_says(unknown, time_noise, rng):
     """Over runs that are as the filter takes them to be, the squared distances are χ²."""
-    parameters = {**KNOWN, 'body_error': 0.05 * unknown, 'gain_error': 0.05 * unknown,
-                  'friction_error': 0.01 * unknown, 'delay_error': 0.004 * unknown,
+    parameters = {**KNOWN, 'body_error': 0.05 * unknown, 'inertia_error': 0.05 * unknown,
+                  'gain_error': 0.05 * unknown, 'friction_error': 0.01 * unknown,
+                  'balance_error': 0.02 * unknown, 'delay_error': 0.004 * unknown,
                   'lag_error': 0.003 * unknown, 'force_bias': 0.5 * unknown}
     nominal = PendulumParameters(cart_friction=0.1, joint1_friction=0.1, joint2_friction=0.1)
     total, ticks, h = 0.0, 40, 0.01
@@ -243,9 +247,10 @@ def test_the_innovations_are_as_large_as_it_says(unknown, time_noise, rng):
         e = estimator(nominal, SLOW, adaptation=0.0, memory=math.inf, push_gate=math.inf,
                       **parameters)
         about, R, forces, commands = e.parameters, np.sqrt(e.R), SentCommands(), []
-        physical, drive = with_values(nominal, SLOW, rng.normal(0.0, e.unknowns.deviations))
+        physical, drive, balance = with_values(
+            nominal, SLOW, rng.normal(0.0, e.unknowns.deviations))
         x = SWINGING + rng.normal(0.0, 0.1, 6)
-        e.update(0.0, x + rng.normal(0.0, R), forces)
+        e.update(0.0, turned(x, balance) + rng.normal(0.0, R), forces)
         for n in range(1, ticks + 1):
             commands.append((0.05 * (n - 1), rng.uniform(-10, 10)))
             forces.add(*commands[-1])
@@ -256,7 +261,8 @@ def test_the_innovations_are_as_large_as_it_says(unknown, time_noise, rng):
                 kick = rng.normal(0.0, about.acceleration_noise * math.sqrt(0.05 * h), 3)
                 x = x + np.concatenate((h / 2 * kick, kick))
             shortly = moved(physical, pushed, x, 0.05 * n, commands[-12:], 1e-4)
-            seen = x + (shortly - x) / 1e-4 * rng.normal(0.0, time_noise) + rng.normal(0.0, R)
+            late = (shortly - x) / 1e-4 * rng.normal(0.0, time_noise)
+            seen = turned(x, balance) + late + rng.normal(0.0, R)
             total += e.update(0.05 * n, seen, forces, time_noise).distance ** 2
         assert e.refused == 0
     low, high = chi2.ppf((0.0005, 0.9995), 6 * 20 * ticks)

@@ -2,14 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the filter estimates beside the state: its names, its values, its bounds."""
 
-from dataclasses import fields, replace
+from dataclasses import fields
 import math
 
 import numpy as np
 import pytest
 
 from dp_swing_ros.estimators.unknowns import (
-    drive_of, LARGEST_FACTOR, LONGEST, model_of, Unknowns, UnknownsParameters, write_values)
+    drive_of, LARGEST_BALANCE, LARGEST_FACTOR, LONGEST, model_of, Unknowns, UnknownsParameters, write_values)
 from dp_swing_ros.pendulum.equations import Pendulum, scale_of
 from dp_swing_ros.pendulum.integrators import INTEGRATORS
 from dp_swing_ros.pendulum.model import Model
@@ -45,10 +45,11 @@ def flat(numbers):
 @of_links
 def test_names_are_those_of_the_parameters_of_so_many_links(links):
     names = unknowns(links).names
-    assert len(names) == len(set(names)) == 4 * links + 7
+    assert len(names) == len(set(names)) == 6 * links + 7
     of_pendulum = {field.name for field in fields(PendulumParameters)}
     of_drive = {field.name for field in fields(DriveParameters)}
-    assert set(names) <= of_pendulum | of_drive
+    balances = {f'link{i}_balance' for i in range(1, links + 1)}
+    assert balances < set(names) <= of_pendulum | of_drive | balances
     assert of_drive <= set(names)
     links_named = {int(name[len('link'):][0]) for name in names if name.startswith('link')}
     joints_named = {int(name[len('joint'):][0]) for name in names if name.startswith('joint')}
@@ -57,14 +58,22 @@ def test_names_are_those_of_the_parameters_of_so_many_links(links):
                                   [name in of_pendulum for name in names])
 
 
+def nominal_value(physical, name):
+    if name.endswith('_balance'):
+        return 0.0
+    if name.endswith('_inertia_factor'):
+        return physical.inertia_factors[int(name[len('link'):][0]) - 1]
+    return getattr(physical, name) if hasattr(physical, name) else DRIVE[
+        ['actuation_delay', 'motor_time_constant', 'force_gain', 'force_bias'].index(name)]
+
+
 @of_links
 def test_without_an_error_all_is_nominal(links):
     about = unknowns(links)
     physical = PendulumParameters(links=links, **VALUES)
     none = np.zeros(len(about.names))
     for name, value in about.values(none).items():
-        expected = getattr(physical, name) if hasattr(physical, name) else DRIVE[
-            ['actuation_delay', 'motor_time_constant', 'force_gain', 'force_bias'].index(name)]
+        expected = nominal_value(physical, name)
         assert value == pytest.approx(expected, rel=1e-15), name
     np.testing.assert_array_equal(about.of(physical), none)
 
@@ -74,9 +83,9 @@ def test_values_and_p_are_inverse(links, rng):
     about = unknowns(links)
     p = np.where(about.of_pendulum, rng.uniform(0.01, 0.3, len(about.names)), 0.0)
     values = about.values(p)
-    physical = replace(PendulumParameters(links=links, **VALUES),
-                       **{name: value for name, value in values.items()
-                          if about.of_pendulum[about.names.index(name)]})
+    physical = PendulumParameters(links=links, **VALUES).estimated({
+        name: value for name, value in values.items()
+        if about.of_pendulum[about.names.index(name)]})
     np.testing.assert_allclose(about.of(physical), p, atol=1e-12)
 
 
@@ -86,13 +95,14 @@ def test_masses_lengths_and_the_gain_are_factors_all_else_is_added(rng):
     values = about.values(p)
     assert list(values) == about.names
     for name, nominal, error in zip(about.names, about.nominal, p):
-        factor = name.endswith(('mass', 'length', 'gain'))
+        factor = name.endswith(('mass', 'length', 'factor', 'gain'))
         expected = nominal * math.exp(error) if factor else nominal + error
         assert values[name] == pytest.approx(expected, rel=1e-14), name
 
 
 @pytest.mark.parametrize('name, value, kinds', [
-    ('body_error', 0.11, ['_mass', '_length']), ('gain_error', 0.12, ['force_gain']),
+    ('body_error', 0.11, ['_mass', '_length']), ('inertia_error', 0.19, ['_inertia_factor']),
+    ('balance_error', 0.21, ['_balance']), ('gain_error', 0.12, ['force_gain']),
     ('friction_error', 0.13, ['t_friction', '1_friction', '2_friction']),
     ('cart_dry_friction_error', 0.14, ['cart_dry_friction']),
     ('joint_dry_friction_error', 0.15, ['1_dry_friction', '2_dry_friction']),
@@ -112,9 +122,11 @@ def test_within_its_bounds_nothing_is_impossible(links):
     lowest = dict(zip(about.names, numbers(about, about.lowest)))
     highest = dict(zip(about.names, numbers(about, about.highest)))
     for name, nominal in zip(about.names, about.nominal):
-        if name.endswith(('mass', 'length', 'gain')):
+        if name.endswith(('mass', 'length', 'factor', 'gain')):
             assert lowest[name] == pytest.approx(nominal / LARGEST_FACTOR)
             assert highest[name] == pytest.approx(nominal * LARGEST_FACTOR)
+        elif name.endswith('_balance'):
+            assert -lowest[name] == highest[name] == LARGEST_BALANCE
         elif name == 'force_bias':
             assert (lowest[name], highest[name]) == (-math.inf, math.inf)
         else:

@@ -8,6 +8,7 @@ import re
 import numpy as np
 import plausible_rig
 import pytest
+import yaml
 
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.identification.base_parameters import (
@@ -18,12 +19,13 @@ from dp_swing_ros.identification.identify import identify
 from dp_swing_ros.identification.recorded import Recorded
 from dp_swing_ros.identification.segments import Motion, resolution, segments_of
 from dp_swing_ros.identification.unknowns import OF_CART
-from dp_swing_ros.parameters import fields_of, ParameterError
+from dp_swing_ros.parameters import fields_of, group, ParameterError
 from dp_swing_ros.pendulum.drive import follow_commands, HISTORY
 from dp_swing_ros.pendulum.equations import Pendulum
 from dp_swing_ros.pendulum.integrators import INTEGRATORS
 from dp_swing_ros.pendulum.model import Model
 from dp_swing_ros.pendulum.parameters import DIRECT, Drive, PendulumParameters
+from dp_swing_ros.pendulum.sensors import default_sensors, SensorParameters
 from dp_swing_ros.pendulum.state import hanging
 from dp_swing_ros.pendulum.units import POSITIONS, SAME, Units
 from dp_swing_ros.tools.identify import parameter_file, report, table
@@ -79,6 +81,8 @@ def true(physical, drive, name):
     """Return the value of a parameter of pendulum or drive."""
     of_drive = dict(zip(('actuation_delay', 'motor_time_constant', 'force_gain', 'force_bias'),
                         drive))
+    if name.endswith('_balance'):
+        return 0.0
     return of_drive.get(name, getattr(physical, name, None))
 
 
@@ -133,7 +137,8 @@ def test_where_the_motion_of_the_cart_is_given_no_force_is_needed(links):
     assert not set(found.values) & set(OF_CART)
     for name in found.intervals:
         assert found.values[name] == pytest.approx(
-            true(physical, DRIVE, name), rel=5e-3, abs=3e-3 if 'friction' in name else 0.0), name
+            true(physical, DRIVE, name), rel=5e-3,
+            abs=3e-3 if name.endswith(('friction', 'balance')) else 0.0), name
     assert np.all(found.rms('after')[1:] < 1e-3)
 
 
@@ -148,7 +153,8 @@ def test_a_clamped_cart_tells_the_links_from_positions_alone():
     for name, (low, high) in found.intervals.items():
         times = share if name.endswith(('mass', 'friction')) else 1.0
         assert times * found.values[name] == pytest.approx(
-            true(physical, DRIVE, name), rel=0.03, abs=1e-3 if 'friction' in name else 0.0), name
+            true(physical, DRIVE, name), rel=0.03,
+            abs=1e-3 if name.endswith(('friction', 'balance')) else 0.0), name
         assert high - low < 0.2 * max(high, 0.01), name
     for name, (value, _) in base_parameters_of_links(physical).items():
         assert found.base[name].value == pytest.approx(
@@ -205,6 +211,17 @@ def test_a_motion_is_explained_to_within_its_encoders_or_something_else_moves():
 def test_positions_on_no_grid_have_no_resolution(rng):
     assert np.isnan(resolution(rng.normal(size=1000)))
     assert np.isnan(resolution(np.zeros(1000)))
+
+
+@pytest.mark.parametrize('relative', [False, True])
+def test_angles_at_which_links_stand_balanced_are_zeros_of_the_sensors(relative):
+    balance, told = np.array([0.03, -0.05]), default_sensors(2) | {'relative_angles': relative}
+    motion = swung(rig(2))
+    found = identify([motion._replace(Q=motion.Q + [0.0, *balance])], PendulumParameters())
+    file = yaml.safe_load(parameter_file(found, group(SensorParameters, told), []))
+    offsets = np.array(file['/**/mpc']['ros__parameters']['joint_offsets'])
+    assert (np.cumsum(offsets) if relative else offsets)[1:] == pytest.approx(balance, abs=2e-4)
+    assert np.all(found.rms('after') < 1e-4)
 
 
 def test_what_motions_do_not_tell_stays_nominal():
@@ -285,7 +302,8 @@ def test_what_meets_a_bound_is_no_estimate():
     assert found.at_bound == ['force_gain']
     assert found.values['force_gain'] == pytest.approx(30, rel=0.1)
     assert 'force_gain' not in found.intervals
-    shown, file = table(found), parameter_file(found, 1, [])
+    shown, file = table(found), parameter_file(
+        found, group(SensorParameters, default_sensors(1)), [])
     assert re.search(r'force_gain *\| +[\d.]+ \| +at the bound of the search \|', shown)
     assert re.search(r'force_gain: [\d.]+  # at the bound of the search', file)
     assert 'force_gain: at the bound of the search' in report(found, [recorded(motion)])

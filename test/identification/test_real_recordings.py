@@ -26,12 +26,14 @@ def found(name, links, tmp_path, rows):
     assert import_log.main([str(log), '-o', str(bag), '--columns', 't=t', *joints]) == 0
     assert identify.main([str(bag), '-o', str(rig), '--cart', 'given']) == 0
     values = declarations.read([rig])
+    offsets = values['mpc'].pop('joint_offsets')
     assert values['mpc'] == values['plant']
-    return values['mpc']
+    return values['mpc'], offsets
 
 
 def test_a_single_pendulum_is_as_its_authors_found_it(tmp_path, capsys):
-    rig = found('single', 1, tmp_path, 4000)
+    rig, (_, offset) = found('single', 1, tmp_path, 4000)
+    assert abs(offset) < 2e-3   # [rad], whose zero was set by hand
     assert rig['link1_length'] * 2 / 3 == pytest.approx(SINGLE, rel=5e-3)
     said = capsys.readouterr().out
     assert 'the motion of the cart is given' in said and 'cart_mass' not in said
@@ -39,7 +41,7 @@ def test_a_single_pendulum_is_as_its_authors_found_it(tmp_path, capsys):
 
 
 def test_so_is_a_double_one_of_positions_alone(tmp_path, capsys):
-    rig = found('double', 2, tmp_path, 3000)
+    rig, _ = found('double', 2, tmp_path, 3000)
     assert rig['link1_length'] == pytest.approx(JOINT, rel=1e-2)
     assert rig['link2_length'] * 2 / 3 == pytest.approx(DOUBLE, rel=5e-3)
     errors = capsys.readouterr().out.partition('RMS: ')[2].partition('\n')[0]

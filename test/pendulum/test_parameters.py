@@ -52,6 +52,9 @@ def test_centre_and_inertia_go_with_bodies_that_are_estimated():
     assert longer.link1_centre == pytest.approx(2 * given.link1_centre)
     assert longer.link2_inertia == pytest.approx(3 * given.link2_inertia)
     assert longer.joint1_friction == 0.1
+    heavier = given.estimated({'link2_mass': 3 * given.link2_mass, 'link2_inertia_factor':
+                               2 * given.inertia_factors[1]})
+    assert heavier.link2_inertia == pytest.approx(6 * given.link2_inertia)
     plain = PendulumParameters().estimated({'link1_length': 2.0})
     assert plain == PendulumParameters(link1_length=2.0)
 

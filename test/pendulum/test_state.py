@@ -7,7 +7,7 @@ import pytest
 
 from dp_swing_ros.pendulum.state import (
     angles, equilibria, errors, hanging, is_upright, joints, LINKS, links_of, SIZES, symbols,
-    to_turn_of, units, upright, wrapped)
+    to_turn_of, turned, units, upright, wrapped)
 
 of_links = pytest.mark.parametrize('links', LINKS)
 
@@ -29,6 +29,17 @@ def test_angles_come_to_the_turn_of_the_reference(links, rng):
     reference = rng.normal(size=(50, SIZES[links])) * 10
     x = to_turn_of(rng.normal(size=(50, SIZES[links])) * 30, reference)
     assert np.abs(x - reference)[:, angles(x)].max() <= np.pi + 1e-9
+
+
+@of_links
+def test_angles_alone_turn(links, rng):
+    x, by = rng.normal(size=SIZES[links]), rng.normal(size=links)
+    before = x.copy()
+    found = turned(x, by)
+    np.testing.assert_array_equal(found[angles(x)], before[angles(x)] + by)
+    np.testing.assert_array_equal(np.delete(found, np.r_[angles(x)]), np.delete(
+        before, np.r_[angles(x)]))
+    np.testing.assert_array_equal(x, before)
 
 
 @of_links
