@@ -85,7 +85,6 @@ class SensorParameters(Parameters):
         return dataclasses.replace(
             self, joint_offsets=(self.joint_offsets[0], *offsets.tolist()))
 
-
     def balanced_at(self, balance: Array) -> 'SensorParameters':
         """Return the sensors to whom states that have these angles (n,) [rad] are upright."""
         off = np.append(0.0, balance)

@@ -373,9 +373,9 @@ def test_a_push_is_no_outlier(push):
 
 @pytest.mark.parametrize('push_gate, falls', [(3.0, False), (math.inf, True)])
 def test_a_push_of_a_held_pendulum_is_no_delay(push_gate, falls):
-    """Two of some 9 N; an answer to them that does little looks like one that is late."""
+    """Two of some 13 N; an answer to them that does little looks like one that is late."""
     c, delays = controllers.controller({'ekf.push_gate': push_gate}), []
-    episode = simulate(plant(), c, 7.0, pushes=push_profile(1, 140),
+    episode = simulate(plant(), c, 7.0, pushes=1.5 * push_profile(1, 140),
                        on_tick=lambda t, plan: delays.append(c.belief.estimate.drive.delay))
     upright = np.cos(episode.X[60:, angles(c.belief.estimate.x)])
     assert bool(upright.min() < 0.95) is falls
