@@ -4,7 +4,7 @@
 Who holds rigs of other make: the equations with an estimator, or what swing-ups have taught.
 
 Of some rigs the equations lack nothing: what is wrong are numbers, and their estimator finds them.
-Of the others, of uneven.py, they lack the structure.
+Of the others, of unmodelled.py, they lack the structure.
 
 Run by `make results`.
 """
@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 import numpy as np
 from rig import ORACLES, Rig, settling
 from stamp import asked, made, sources
-from uneven import ADDED, Along, Beside, engines, exact, UnevenRig
+from unmodelled import ADDED, Along, Beside, engines, exact, UnevenRig
 
 from dp_swing_ros import provenance
 from dp_swing_ros.control import controllers

@@ -62,7 +62,7 @@ MEASURED = {
     'live_busy': Measured(f'live_busy live_rates sizes {SOAKING}', SOAK),
     'live_soak': Measured(f'live_soak soak_figures {SOAKING}', SOAK),
     'learned': Measured('learned', LEARNED),
-    'learned_rigs': Measured('learned_rigs learned rig uneven', LEARNED),
+    'learned_rigs': Measured('learned_rigs learned rig unmodelled', LEARNED),
     'durability': Measured('durability numbered readers', (*BAGS, 'recovery/', 'tools/recover.py'),
                            episodes=False),
     'damaged_bags': Measured('mutated_bags mutations', (

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from rig import Rig
-import uneven
+import unmodelled
 
 from dp_swing_ros.learning.experience import Experience
 from dp_swing_ros.learning.models import parted
@@ -54,13 +54,13 @@ def test_a_rig_is_held_by_what_its_swing_ups_have_taught():
     assert len(learned_rigs.picture(groups).axes) == 2
 
 
-@pytest.mark.parametrize('name', uneven.ADDED)
+@pytest.mark.parametrize('name', unmodelled.UNEVEN)
 def test_a_rig_with_uneven_links_is_what_its_exact_model_says(name):
     """And no pendulum with its mass in the middle."""
     pytest.importorskip('mujoco')
-    with uneven.engines():
-        case, = uneven.UnevenRig(name).cases(range(1))
-        engine, told = plants.plant(case.plant).engine, uneven.exact(case).dynamics
+    with unmodelled.engines():
+        case, = unmodelled.UnevenRig(name).cases(range(1))
+        engine, told = plants.plant(case.plant).engine, unmodelled.exact(case).dynamics
         h, u, x = 1e-5, 3.0, np.array([0.2, 1.0, -2.0, 0.5, 2.0, -1.0])
         moved = x.copy()
         engine.advance(moved, Motor(1.0, 0.0, 20.0, 1.0, False), 0.0, u, 0.0, h, 1)
