@@ -1,0 +1,228 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Who holds a rig whose model is wrong, and is told so by nobody.
+
+MuJoCo moves the rigs. Most lack no number but a term, see unmodelled.py; sensors are exact but for
+what is said of them, and speeds are measured.
+"""
+
+import argparse
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+import math
+from pathlib import Path
+from typing import Any
+
+from campaigns import CERTAIN, DURATION, METHODS
+from joblib import delayed
+from learned import in_parallel
+import numpy as np
+from rig import CENTRED, settling
+from stamp import folders, made, sources
+from unmodelled import CHANGE, Encoders, engines, Misread, off_zero, with_springs, WithPlay
+
+from dp_swing_ros import provenance
+from dp_swing_ros.evaluation.campaign.contestants import Contestant, measured, simulated
+from dp_swing_ros.evaluation.campaign.report import interval, probability, share
+from dp_swing_ros.evaluation.campaign.rows import grouped, Row, store
+from dp_swing_ros.evaluation.campaign.summary import common, duel
+from dp_swing_ros.evaluation.comparison import rate
+from dp_swing_ros.evaluation.metrics import Metrics
+from dp_swing_ros.evaluation.scenarios import Case, LIMITS, of_each, rig
+from dp_swing_ros.parameters import group
+from dp_swing_ros.pendulum.equations import scale_of
+from dp_swing_ros.pendulum.parameters import PendulumParameters
+from dp_swing_ros.pendulum.state import Array, DEFAULT_LINKS, links_of, upright
+from dp_swing_ros.simulation.closed_loop import Controller
+from dp_swing_ros.simulation.plants import PLANT
+from dp_swing_ros.tables import compact
+
+SEEDS = 100
+SIZES = {1.0: 20.0, 0.2: 200.0}   # [m] of each link: [Hz]
+DEFAULT = 'default'
+CONTESTANTS: dict[str, dict[str, Any]] = {
+    DEFAULT: {}, 'no_adaptation': {'ekf.adaptation': 0.0}, 'state_alone': CERTAIN,
+    'no_estimator': {'estimator': 'none'}}
+AGAIN = 3.0            # [s] scaled, in which a link that was changed is to be held again
+TWICE, LENGTHS = (0.5, 2.0), (0.8, 1.2)   # factors of what is told
+DRY = {'cart_dry_friction': 2.0, **dict.fromkeys(   # [N, N m] scaled
+    of_each('joint{}_dry_friction', DEFAULT_LINKS), 0.02)}
+BODIES = 6             # before the seed; see scenarios.py
+
+
+@dataclass(frozen=True)
+class WrongModel:
+    """
+    A rig, and what is asked of it beside that it is held.
+
+    `encoders` are what the controller sees it through, by seed; `told` what that is told of a
+    pendulum, by seed; `stands` is where its links can rest, on the turn of a state.
+    """
+
+    about: str
+    engine: str = 'mujoco'
+    plant: Mapping[str, Any] = field(default_factory=dict)
+    encoders: Callable[[int], Encoders] | None = None
+    told: Callable[[int, PendulumParameters], dict[str, Any]] = lambda seed, nominal: {}
+    stands: Callable[[Array], Array] = lambda x: upright(links_of(x))
+    settled_by: float = math.inf   # [s] scaled
+    centred: float = math.inf      # [m] scaled, of the cart over the last seconds
+
+    def is_as_asked(self, metrics: Metrics, size: float) -> bool:
+        """Return whether a run was held, and all else that is asked."""
+        scale = scale_of(pendulum(size))
+        return (metrics.success and metrics.settling_time <= scale.sized(self.settled_by, 's')
+                and metrics.rest_offset <= scale.sized(self.centred, 'm'))
+
+
+def told_wrongly(seed: int, nominal: PendulumParameters) -> dict[str, Any]:
+    """
+    Return masses, frictions and a gain that are half or twice of what is, and other lengths.
+
+    The rig stays what its drive can swing up; were it half as strong and twice as heavy, nobody
+    could.
+    """
+    random, scale = np.random.default_rng((BODIES, seed)), scale_of(nominal)
+    known = PLANT.fields(nominal.links)
+    true = {name: getattr(nominal, name) for name in (
+        'cart_mass', *of_each('link{}_mass', nominal.links))}
+    true |= {name: scale.sized(value, known[name].metadata['unit'])
+             for name, value in DRY.items()}
+    told = {name: value * random.choice(TWICE)
+            for name, value in {**true, 'force_gain': 1.0}.items()}
+    return told | {name: getattr(nominal, name) * random.uniform(*LENGTHS)
+                   for name in of_each('link{}_length', nominal.links)}
+
+
+RIGS = {
+    'beside': WrongModel('mass 3 cm beside the line of the joints', 'beside'),
+    'along': WrongModel('mass at 65 % of the length', 'along'),
+    'springs': WrongModel('joint springs of 0.3 N m/rad', 'springs', stands=with_springs),
+    'cable': WrongModel('a spring on the cart, 5 N/m', 'cable'),
+    'cogging': WrongModel('cogging of 1 N every 2 cm', 'cogging'),
+    'zeros': WrongModel('encoder zeros off by 2°, rail tilted by 1°', 'tilted', encoders=off_zero,
+                        centred=CENTRED),
+    'backlash': WrongModel('backlash of 1° in joint 1', encoders=WithPlay),
+    'sticking': WrongModel('a bearing of joint 1 that sticks', 'sticking',
+                           {'joint1_dry_friction': 0.05}),
+    'bodies': WrongModel('told 2 or 0.5 times', plant=DRY, told=told_wrongly),
+    'changed': WrongModel('50 % of its mass added to the end of link 2', 'changed',
+                          settled_by=CHANGE + AGAIN)}
+
+
+@dataclass(frozen=True)
+class Behind(Contestant):
+    """A contestant behind encoders, which depend on the seed."""
+
+    encoders: Callable[[int], Encoders]
+
+    def prepare(self) -> Callable[[int], Controller]:
+        """Return what makes the controller for a seed; see Contestant."""
+        make = super().prepare()
+        return lambda seed: Misread(self.encoders(seed), make(seed))
+
+
+def bodies(size: float) -> dict[str, float]:
+    """Return what has to be told of links so long [m]."""
+    return dict.fromkeys(of_each('link{}_length', DEFAULT_LINKS), size)
+
+
+def pendulum(size: float) -> PendulumParameters:
+    """Return the pendulum with links so long [m]."""
+    return group(PendulumParameters, bodies(size))
+
+
+def episode(name: str, size: float, solver: str, kind: str,
+            seed: int) -> tuple[Contestant, Case]:
+    """Return the episode of a seed: a rig with links so long [m], a solver, who holds it."""
+    model = RIGS[name]
+    of = (f'{solver}, {kind}', solver, {**bodies(size), 'rate': SIZES[size]},
+          {**bodies(size), **CONTESTANTS[kind]})
+    contestant = Contestant(*of) if model.encoders is None else Behind(*of, model.encoders)
+    case = rig(Case(name, seed, DURATION, 'size', size,
+                    plant={'engine': model.engine, **model.plant}), DEFAULT_LINKS)
+    told = model.told(seed, pendulum(size))
+    if told:   # else its limits would go with what it is told
+        case = replace(case, told=vars(LIMITS), mpc=told)
+    return contestant, case
+
+
+def played(contestant: Contestant, case: Case) -> Row:
+    """Return the row of an episode, by where the links of its rig can rest."""
+    with np.errstate(all='ignore'), engines():
+        run = simulated(contestant, case)
+        return measured(contestant, case, replace(
+            run, goal=RIGS[case.scenario].stands(run.X[-1])))
+
+
+def table(rows: Sequence[Row]) -> str:
+    """Return a line for each rig, size, solver and contestant."""
+    return compact([('rig', 'links [m]', 'solver', 'mpc', 'held', 'as asked',
+                     'median settling [s]', 'only it held', 'only the default held', 'p'),
+                    *lines(rows)])
+
+
+def lines(rows: Sequence[Row]) -> Iterator[tuple[str, ...]]:
+    """Yield the lines of the table."""
+    groups = grouped(rows, lambda row: (row.key.scenario, row.key.level, row.key.contestant))
+    for (name, size, contestant), of in groups.items():
+        assert size is not None
+        solver, kind = contestant.split(', ')
+        asked = [RIGS[name].is_as_asked(row.metrics, size) for row in of]
+        line = [f'`{name}`', f'{size:g}', f'`{solver}`', f'`{kind}`',
+                share(rate([row.metrics.success for row in of])), share(rate(asked)),
+                interval(settling(of), '.2f')]
+        default = groups.get((name, size, f'{solver}, {DEFAULT}'), [])
+        if kind != DEFAULT and default:
+            one = duel(name, contestant, DEFAULT, common(of, default))
+            line += [str(one.first_only), str(one.second_only), probability(one.p)]
+        yield (*line, *[''] * (10 - len(line)))
+
+
+def page(rows: Sequence[Row], made: str) -> str:
+    """Return the page."""
+    return '\n'.join([
+        '# When the model is wrong\n', made,
+        f'{DURATION:g} s from nearly hanging (of other lengths as long in their own units), moved '
+        'by MuJoCo; what is wrong is told to nobody. Sensors are exact, and speeds are measured. '
+        'The mpc with its defaults stands beside one whose filter takes its noises as given, one '
+        'whose filter estimates the state alone, and one without an estimator. p is of '
+        "McNemar's exact test against the default on the same seeds; in brackets 95 % intervals, "
+        'by Wilson of what is held, by the bootstrap of a median. Rows: '
+        '`results/wrong_models.csv.gz`.\n',
+        compact([('rig', 'what is wrong'), *(
+            (f'`{name}`', model.about) for name, model in RIGS.items())]) + '\n',
+        'Held is what [evaluate](../evaluation.md) calls so; of `springs`, whose links cannot '
+        'rest upright, about where they can. As asked is, of `zeros`, with the cart within '
+        f'{100 * CENTRED:g} cm of its goal at the end, and of `changed`, which is changed after '
+        f'{CHANGE:g} s, again from {AGAIN:g} s later on.\n', table(rows), ''])
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Play, and print the table or write the page."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('--rigs', nargs='+', choices=RIGS, default=list(RIGS))
+    parser.add_argument('--size', nargs='+', type=float, choices=SIZES, default=list(SIZES),
+                        help='[m] of the links')
+    parser.add_argument('--solvers', nargs='+', choices=METHODS, default=METHODS)
+    parser.add_argument('--contestants', nargs='+', choices=CONTESTANTS,
+                        default=list(CONTESTANTS))
+    parser.add_argument('--seeds', type=int, default=SEEDS)
+    parser.add_argument('--docs', type=Path, help='folder to write the page and its rows into')
+    asked = parser.parse_args(argv)
+    calls = [delayed(played)(*episode(name, size, solver, kind, seed))
+             for name in asked.rigs for size in asked.size for solver in asked.solvers
+             for kind in asked.contestants for seed in range(asked.seeds)]
+    rows = in_parallel('wrong models', calls)
+    print(table(rows))
+    if asked.docs:
+        results, _ = folders(asked.docs)
+        store(results / 'wrong_models.csv.gz', rows)
+        (results / 'wrong_models.md').write_text(page(rows, made(
+            'wrong_models', sources('wrong_models'), (*provenance.COMPUTING, 'mujoco'))),
+            encoding='utf-8')
+
+
+if __name__ == '__main__':
+    main()
