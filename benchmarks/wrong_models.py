@@ -29,7 +29,7 @@ from dp_swing_ros.evaluation.campaign.rows import grouped, Row, store
 from dp_swing_ros.evaluation.campaign.summary import common, duel
 from dp_swing_ros.evaluation.comparison import rate
 from dp_swing_ros.evaluation.metrics import Metrics
-from dp_swing_ros.evaluation.scenarios import Case, LIMITS, of_each, rig
+from dp_swing_ros.evaluation.scenarios import Case, LIMITS, of_each, PERIOD, rig
 from dp_swing_ros.parameters import group
 from dp_swing_ros.pendulum.equations import scale_of
 from dp_swing_ros.pendulum.parameters import PendulumParameters
@@ -45,6 +45,7 @@ CONTESTANTS: dict[str, dict[str, Any]] = {
     DEFAULT: {}, 'no_adaptation': {'ekf.adaptation': 0.0}, 'state_alone': CERTAIN,
     'no_estimator': {'estimator': 'none'}}
 AGAIN = 3.0            # [s] scaled, in which a link that was changed is to be held again
+KNOCK, KNOCKED = 20.0, 0.1   # [N, s] scaled, of the cart by who changes a link
 TWICE, LENGTHS = (0.5, 2.0), (0.8, 1.2)   # factors of what is told
 DRY = {'cart_dry_friction': 2.0, **dict.fromkeys(   # [N, N m] scaled
     of_each('joint{}_dry_friction', DEFAULT_LINKS), 0.02)}
@@ -56,13 +57,15 @@ class WrongModel:
     """
     A rig, and what is asked of it beside that it is held.
 
-    `encoders` are what the controller sees it through, by seed; `told` what that is told of a
-    pendulum, by seed; `stands` is where its links can rest, on the turn of a state.
+    `plant` and `pushes` are as of a Case; `encoders` are what the controller sees it through, by
+    seed; `told` what that is told of a pendulum, by seed; `stands` is where its links can rest, on
+    the turn of a state.
     """
 
     about: str
     engine: str = 'mujoco'
     plant: Mapping[str, Any] = field(default_factory=dict)
+    pushes: tuple[float, ...] = ()
     encoders: Callable[[int], Encoders] | None = None
     told: Callable[[int, PendulumParameters], dict[str, Any]] = lambda seed, nominal: {}
     stands: Callable[[Array], Array] = lambda x: upright(links_of(x))
@@ -74,6 +77,12 @@ class WrongModel:
         scale = scale_of(pendulum(size))
         return (metrics.success and metrics.settling_time <= scale.sized(self.settled_by, 's')
                 and metrics.rest_offset <= scale.sized(self.centred, 'm'))
+
+
+def knock() -> tuple[float, ...]:
+    """Return pushes [N] of which there is one, as a link is changed."""
+    t = PERIOD * (np.arange(round(DURATION / PERIOD)) + 0.5)
+    return tuple(np.where((t > CHANGE) & (t < CHANGE + KNOCKED), KNOCK, 0.0).tolist())
 
 
 def told_wrongly(seed: int, nominal: PendulumParameters) -> dict[str, Any]:
@@ -108,7 +117,9 @@ RIGS = {
                            {'joint1_dry_friction': 0.05}),
     'bodies': WrongModel('told 2 or 0.5 times', plant=DRY, told=told_wrongly),
     'changed': WrongModel('50 % of its mass added to the end of link 2', 'changed',
-                          settled_by=CHANGE + AGAIN)}
+                          settled_by=CHANGE + AGAIN),
+    'knocked': WrongModel('the same, and the cart knocked as it is added', 'changed',
+                          pushes=knock(), settled_by=CHANGE + AGAIN)}
 
 
 @dataclass(frozen=True)
@@ -141,7 +152,8 @@ def episode(name: str, size: float, solver: str, kind: str,
           {**bodies(size), **CONTESTANTS[kind]})
     contestant = Contestant(*of) if model.encoders is None else Behind(*of, model.encoders)
     case = rig(Case(name, seed, DURATION, 'size', size,
-                    plant={'engine': model.engine, **model.plant}), DEFAULT_LINKS)
+                    plant={'engine': model.engine, **model.plant}, pushes=model.pushes),
+               DEFAULT_LINKS)
     told = model.told(seed, pendulum(size))
     if told:   # else its limits would go with what it is told
         case = replace(case, told=vars(LIMITS), mpc=told)
@@ -195,8 +207,10 @@ def page(rows: Sequence[Row], made: str) -> str:
             (f'`{name}`', model.about) for name, model in RIGS.items())]) + '\n',
         'Held is what [evaluate](../evaluation.md) calls so; of `springs`, whose links cannot '
         'rest upright, about where they can. As asked is, of `zeros`, with the cart within '
-        f'{100 * CENTRED:g} cm of its goal at the end, and of `changed`, which is changed after '
-        f'{CHANGE:g} s, again from {AGAIN:g} s later on.\n', table(rows), ''])
+        f'{100 * CENTRED:g} cm of its goal at the end; of `changed` and `knocked`, which are '
+        f'changed after {CHANGE:g} s, from {AGAIN:g} s later on. A link that rests upright does '
+        'not feel that it is changed, hence the second, whose cart is also pushed by '
+        f'{KNOCK:g} N for {KNOCKED:g} s.\n', table(rows), ''])
 
 
 def main(argv: Sequence[str] | None = None) -> None:

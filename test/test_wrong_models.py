@@ -12,6 +12,7 @@ import unmodelled
 import wrong_models
 
 from dp_swing_ros.evaluation.campaign.rows import Key, Row, UNKNOWN
+from dp_swing_ros.evaluation.scenarios import sized
 from dp_swing_ros.pendulum.equations import mass_matrix, Pendulum, scale_of
 from dp_swing_ros.pendulum.state import to_joints, upright
 from dp_swing_ros.simulation import plants
@@ -114,6 +115,16 @@ def test_a_link_is_changed_once_in_the_middle_of_a_run(size):
     about_joint = model.body_inertia[-1, 0] + model.body_mass[-1] * model.body_ipos[-1, 2] ** 2
     assert about_joint == pytest.approx(0.5 * size ** 2 * (1 / 3 + 1 / 2))
     np.testing.assert_array_equal(model.body_mass[:-1], before[0][:-1])
+
+
+@pytest.mark.parametrize('size', wrong_models.SIZES)
+def test_who_changes_a_link_knocks_the_cart(size):
+    contestant, case = wrong_models.episode('knocked', size, 'ilqr', 'default', 0)
+    nominal, period = wrong_models.pendulum(size), 1 / wrong_models.SIZES[size]
+    scale, pushes = scale_of(nominal), np.array(sized(case, nominal, period).pushes)
+    assert pushes.sum() * period == pytest.approx(scale.sized(2.0, 'N s'), rel=0.01)
+    middle = (period * (np.arange(len(pushes)) + 0.5)) @ pushes / pushes.sum()
+    assert middle == pytest.approx(scale.sized(5.05, 's'), rel=1e-3)
 
 
 def test_encoders_are_off_by_two_degrees_each():
