@@ -149,6 +149,18 @@ def test_pictures_show_the_limit_of_what_acts_by_its_name(drive, name, limits):
         assert [line.get_ydata()[0] for line in axes.lines] == limits
 
 
+@pytest.mark.parametrize('drive, unit', [('voltage', 'N'), ('velocity', 'm/s²')])
+def test_an_animation_names_the_unit_of_what_acts(drive, unit, tmp_path, monkeypatch):
+    written, text = [], Figure.text
+    monkeypatch.setattr(Figure, 'text', lambda self, x, y, words, **look: (
+        written.append(words), text(self, x, y, words, **look))[1])
+    episode = swing_up(duration=0.1)
+    figures.animation(dataclasses.replace(episode, physical=dataclasses.replace(
+        episode.physical, drive=drive)), tmp_path / 'animation.gif')
+    shown = [words.split(' ', 1)[1] for words in written if words[0] in '+−']
+    assert len(shown) > 1 and set(shown) == {unit}
+
+
 @pytest.mark.parametrize('turn', [0, -2 * math.pi, 4 * math.pi])
 def test_hanging_is_pi_on_whatever_turn_and_side_it_was_measured(turn):
     episode = swing_up()

@@ -2,14 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Statistics of many runs: rates with their intervals, spreads, and runs in pairs."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 import dataclasses
 import math
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from dp_swing_ros.evaluation.metrics import Metrics, reduced
+from dp_swing_ros.evaluation.metrics import Metrics, named, reduced
+from dp_swing_ros.pendulum.parameters import FORCE
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.tables import aligned
 
@@ -186,16 +187,28 @@ def summary(name: str, runs: Sequence[Metrics]) -> str:
             f'worst median solve {1e3 * slowest:.2f} ms')
 
 
-def table(runs: Mapping[str, Metrics]) -> str:
-    """Return a Markdown table, aligned for a terminal: a row for a metric, a column for a run."""
-    return aligned([['', 'unit', *runs], *rows(list(runs.values())).values()], names=2)
+def table(runs: Mapping[str, Metrics], drives: Collection[str] = (FORCE,)) -> str:
+    """
+    Return a Markdown table, aligned for a terminal: a row for a metric, a column for a run.
+
+    drives are those of the runs.
+    """
+    return aligned([['', 'unit', *runs], *rows(list(runs.values()), drives).values()], names=2)
 
 
-def rows(runs: Sequence[Metrics]) -> dict[str, list[str]]:
-    """Return by the name of each metric its cells in a table: label, unit, and each run's."""
-    return {field.name: [field.metadata['label'], field.metadata['unit'],
-                         *(_text(getattr(run, field.name), field.metadata) for run in runs)]
-            for field in dataclasses.fields(Metrics)}
+def rows(runs: Sequence[Metrics], drives: Collection[str] = (FORCE,)) -> dict[str, list[str]]:
+    """
+    Return by the name of each metric its cells in a table: label, unit, and each run's.
+
+    drives are those of the runs; what makes no sense with any of them is left out.
+    """
+    found = {}
+    for field in dataclasses.fields(Metrics):
+        label, unit = named(field.metadata['label'], field.metadata['unit'], drives)
+        if unit is not None:
+            found[field.name] = [label, unit, *(_text(getattr(run, field.name), field.metadata)
+                                                for run in runs)]
+    return found
 
 
 def _text(value: Any, about: Mapping[str, Any]) -> str:

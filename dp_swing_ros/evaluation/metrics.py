@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The metrics of a run: pure functions of an episode."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 import dataclasses
 import enum
 import math
@@ -13,7 +13,7 @@ import numpy as np
 from dp_swing_ros.control import controllers
 from dp_swing_ros.parameters import group
 from dp_swing_ros.pendulum.equations import scale_of
-from dp_swing_ros.pendulum.parameters import LimitParameters
+from dp_swing_ros.pendulum.parameters import acting, DRIVEN, LimitParameters
 from dp_swing_ros.pendulum.state import angles, Array, is_upright, links_of
 from dp_swing_ros.pendulum.units import SAME, Units
 from dp_swing_ros.problem.parameters import CostParameters
@@ -27,6 +27,8 @@ TIME_LIMIT = 0.04  # [s] for a solve, the mpc's default
 TOUCH = 1e-6  # [m] from an end stop
 ROUNDING = 1e-9  # [s]
 WITHOUT_SOLVE = {status.name for status in FALLBACK}
+# where the cart is driven, what acts is an acceleration; its energy nobody knows
+OF_DRIVEN = {'N': 'm/s²', 'N s': 'm/s', 'N² s': 'm²/s³', 'J': None}
 
 
 class Outcome(enum.Enum):
@@ -47,9 +49,22 @@ def quantity(label: str, unit: str = '', digits: int = 2, scale: float = 1.0) ->
         'label': label, 'unit': unit, 'digits': digits, 'scale': scale})
 
 
+def named(label: str, unit: str, drives: Collection[str]) -> tuple[str, str | None]:
+    """Return label and unit of a metric with some drives; None where it makes no sense."""
+    units = dict.fromkeys(OF_DRIVEN.get(unit, unit) if drive in DRIVEN else unit
+                          for drive in drives)
+    known = [each for each in units if each is not None]
+    return (label.replace('force', ' or '.join(dict.fromkeys(map(acting, drives)))),
+            ' or '.join(known) if known else None)
+
+
 @dataclasses.dataclass(frozen=True)
 class Metrics:
-    """The figures of one run in SI units; NaN where they are not known."""
+    """
+    The figures of one run in SI units; NaN where they are not known.
+
+    What is a force elsewhere is an acceleration where the cart is driven.
+    """
 
     success: bool = quantity('upright to the end, no strike')
     settling_time: float = quantity('settling time', 's')
@@ -120,7 +135,8 @@ def measure(episode: Episode, time_limit: float = TIME_LIMIT) -> Metrics:
         largest_angle=_largest(E[1:, angles(E)]),
         strikes=struck,
         uptime=reduced(np.mean, up),
-        energy=float(np.sum(np.abs(np.diff(X[:, 0]) * U))),
+        energy=math.nan if episode.bodies.is_driven else float(
+            np.sum(np.abs(np.diff(X[:, 0]) * U))),
         impulse=float(np.sum(np.abs(U) * dt)),
         squared_force=float(np.sum(U ** 2 * dt)),
         squared_speed=float(np.sum(joint_speeds ** 2 * dt)),

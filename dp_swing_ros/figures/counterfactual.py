@@ -16,7 +16,7 @@ from dp_swing_ros.figures.curves import name_angles, unwrapped
 from dp_swing_ros.figures.style import (
     colours, FAINT, formulas, in_decades, INK, legend, limit_lines, solver_name, styled,
     unit_of_input)
-from dp_swing_ros.pendulum.parameters import FORCE, LimitParameters
+from dp_swing_ros.pendulum.parameters import acting, FORCE, LimitParameters
 from dp_swing_ros.pendulum.state import angles, links_of
 from dp_swing_ros.pendulum.units import SAME, Units
 from dp_swing_ros.rerun.counterfactual import Counterfactual, ScoredTrajectory
@@ -58,7 +58,7 @@ def counterfactual(one: Counterfactual, limits: LimitParameters, scale: Units = 
         axes.tick_params('x', labelbottom=axes is left[-1])
     left[-1].set_xlabel('time [s]')
     figure.align_ylabels(left)
-    _list_names(panels['names'], one)
+    _list_names(panels['names'], one, acting(drive))
     _draw_costs(panels['costs'], one)
     figure.suptitle(f'Had another solver taken over at {one.at:.2f} s')
     return figure
@@ -102,14 +102,14 @@ def _draw_force(axes: Axes, one: Counterfactual, trajectory: ScoredTrajectory, c
     limit_lines(axes, limit)
 
 
-def _list_names(axes: Axes, one: Counterfactual) -> None:
+def _list_names(axes: Axes, one: Counterfactual, force: str) -> None:
     axes.set_axis_off()
     axes.legend(handles=[Line2D([], [], color=colour, linewidth=2.4, label=_label(one, trajectory))
                          for trajectory, colour in _coloured(one)],
                 loc='upper left', fontsize='medium', borderaxespad=0.0)
     axes.text(0.0, 0.0, 'many-coloured: lines that agree\ndotted: the take-over\n'
-                        'dashed grey: limits of track and force\n'
-                        'grey: the force until the take-over', va='bottom', size='small',
+                        f'dashed grey: limits of track and {force}\n'
+                        f'grey: the {force} until the take-over', va='bottom', size='small',
               transform=axes.transAxes)
 
 

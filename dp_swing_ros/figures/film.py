@@ -22,7 +22,7 @@ from dp_swing_ros.figures.pendulum import (
     states_at, times_of, TRACK)
 from dp_swing_ros.figures.style import (
     FAINT, FORCE, INK, input_name, limit_lines, LINKS, mark, panels_of, PAPER, solver_name,
-    styled, tint, WARNING)
+    styled, tint, unit_of_input, WARNING)
 from dp_swing_ros.pendulum.equations import scale_of
 from dp_swing_ros.pendulum.geometry import drawn_scale, joint_positions
 from dp_swing_ros.pendulum.state import Array, errors, is_upright
@@ -249,7 +249,8 @@ def _picture(canvas: FigureCanvasAgg, axes: Axes, episode: Episode, t: float) ->
     """Return the picture at a time [s]: what moves is drawn, and taken away again."""
     (x,), u = states_at(episode, np.array([t])), force_at(episode, t)
     scale = drawn_scale(episode.physical)
-    force = f'{u:+.{decimals(1, scale.factor("N"))}f} N'
+    force = (f'{u:+.{decimals(1, scale.factor("N"))}f} '
+             f'{unit_of_input(episode.bodies.drive)}')
     moving = [*draw_pendulum(axes, episode.physical, x, size=1.2),
               draw_trail(axes, episode, t, 1.0, 2.0), axes.add_patch(_arrow(x[0], u, scale)),
               canvas.figure.text(0.46, 0.93, f'{t:.2f} s', size=11),

@@ -16,7 +16,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, NullFormatter
 import numpy as np
 
-from dp_swing_ros.pendulum.parameters import acting_unit, DRIVEN
+from dp_swing_ros.pendulum.parameters import acting, acting_unit
 
 # Okabe and Ito's palette: distinct to colour-blind readers, on white and in grey
 PALETTE = ('#0072B2', '#D55E00', '#009E73', '#CC79A7', '#E69F00', '#56B4E9', '#7F4F9E')
@@ -141,7 +141,7 @@ def unit_of_input(drive: str) -> str:
 
 def input_name(drive: str, symbol: str = '') -> str:
     """Return what moves the cart, as an axis is called."""
-    return f"{'acceleration' if drive in DRIVEN else 'force'} {symbol}[{unit_of_input(drive)}]"
+    return f'{acting(drive)} {symbol}[{unit_of_input(drive)}]'
 
 
 def as_share(axes: Axes, along: str) -> None:

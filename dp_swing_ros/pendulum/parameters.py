@@ -21,6 +21,11 @@ GIVEN = 'given'   # no equilibrium by its name, but the state as it is
 EQUILIBRIA = [GIVEN, *(name for links in LINKS for name in equilibria(links))]
 
 
+def acting(drive: str) -> str:
+    """Return what a drive does to the cart, in a word."""
+    return 'acceleration' if drive in DRIVEN else 'force'
+
+
 def acting_unit(drive: str) -> str:
     """Return the unit of what a drive does to the cart: a force, or an acceleration."""
     return 'm/s^2' if drive in DRIVEN else 'N'

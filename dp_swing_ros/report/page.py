@@ -18,6 +18,7 @@ from dp_swing_ros.figures import style
 from dp_swing_ros.figures.pendulum import (
     arrow_size, cart_size, force_at, room_for, states_at, times_of, track_lines)
 from dp_swing_ros.pendulum.geometry import drawn_scale, joint_positions
+from dp_swing_ros.pendulum.parameters import acting
 from dp_swing_ros.pendulum.units import decimals
 from dp_swing_ros.report.recording import Recording
 from dp_swing_ros.report.settings import differences, provenances, settings
@@ -63,9 +64,12 @@ def page(runs: Mapping[str, Shown], overlay: Path | None = None) -> str:
         names=names,
         runs=[_run(name, shown) | {'anchor': f'run-{number}'}
               for number, (name, shown) in enumerate(runs.items(), start=1)],
-        metrics=rows([measure(shown.recording.episode) for shown in runs.values()]).values(),
+        metrics=rows([measure(shown.recording.episode) for shown in runs.values()],
+                     [shown.recording.episode.bodies.drive for shown in runs.values()]).values(),
         differences=differences([shown.recording.configurations for shown in runs.values()]),
-        overlay=None if overlay is None else _picture('overlay', overlay, ', '.join(names)),
+        overlay=None if overlay is None else _picture(
+            'overlay', overlay, ', '.join(names), ' or '.join(dict.fromkeys(
+                acting(shown.recording.episode.bodies.drive) for shown in runs.values()))),
         colours={'accent': style.PALETTE[0], 'ink': style.INK, 'faint': style.FAINT,
                  'paper': style.PAPER},
         player=player, digest=b64encode(sha256(player.encode()).digest()).decode())
@@ -74,24 +78,25 @@ def page(runs: Mapping[str, Shown], overlay: Path | None = None) -> str:
 def _run(name: str, shown: Shown) -> dict[str, Any]:
     """Return what the template shows of a run."""
     recorded, episode = shown.recording, shown.recording.episode
-    metrics = rows([measure(episode)])
+    drive = episode.bodies.drive
+    metrics = rows([measure(episode)], [drive])
     return {
         'name': name, 'solver': style.SOLVERS.get(episode.solver, name), 'recorded': recorded,
         'kind': KINDS[episode.physical.links],
         'place': '/'.join(recorded.path.resolve().parts[-2:]),
-        'outcome': outcome(episode).value,
+        'outcome': outcome(episode).value, 'acting': acting(drive),
         'length': float(episode.t[-1]),
         'highlights': [metrics[each] for each in HIGHLIGHTS],
         'film': _film(episode),
         'animation': _data(shown.pictures['animation']) if 'animation' in shown.pictures else '',
-        'pictures': [_picture(each, shown.pictures[each], name) for each in CAPTIONS
-                     if each in shown.pictures],
+        'pictures': [_picture(each, shown.pictures[each], name, acting(drive))
+                     for each in CAPTIONS if each in shown.pictures],
         'settings': settings(recorded.configurations),
         'provenances': provenances(recorded.configurations)}
 
 
-def _picture(kind: str, path: Path, of: str) -> dict[str, str]:
-    return {'source': _data(path), 'caption': CAPTIONS[kind],
+def _picture(kind: str, path: Path, of: str, force: str) -> dict[str, str]:
+    return {'source': _data(path), 'caption': CAPTIONS[kind].replace('force', force),
             'alt': f'{kind.replace("_", " ").capitalize()} of {of}'}
 
 
@@ -112,6 +117,7 @@ def _film(episode: Episode) -> dict[str, Any]:
                       decimals(4, scale.length))
     return {
         'period': period, 'trail': scale.sized(TRAIL, 's'), 'digits': digits,
+        'unit': style.unit_of_input(episode.bodies.drive),
         'half_width': room_for(episode), 'reach': 1.15 * sum(physical.lengths),
         'track': track_lines(scale, episode.limits).tolist(), 'size': scale.length,
         'cart': cart_size(scale), 'links': style.LINKS[:physical.links],

@@ -35,7 +35,7 @@ for (const player of document.querySelectorAll('.player')) {
     const frame = Math.round(now), joints = run.joints[frame], u = run.forces[frame];
     slider.value = frame;
     player.querySelector('output').textContent = `${(frame * run.period).toFixed(2)} s, ` +
-      (u === null ? '-' : `${u.toFixed(run.digits).replace('-', '−')} N`);
+      (u === null ? '-' : `${u.toFixed(run.digits).replace('-', '−')} ${run.unit}`);
     const most = canvas.clientWidth > 600 ? 2.1 : 1.3;
     const half = Math.max(run.half_width, most * run.reach);
     canvas.width = canvas.clientWidth * devicePixelRatio;

@@ -26,7 +26,7 @@ from dp_swing_ros.errors import BagError
 from dp_swing_ros.messages.configuration import BEFORE, Configuration, CONTROLLER, PLANT
 from dp_swing_ros.messages.fields import BILLION, from_trajectory, nanoseconds, Trajectory
 from dp_swing_ros.messages.states import FEW
-from dp_swing_ros.pendulum.parameters import DRIVES
+from dp_swing_ros.pendulum.parameters import acting_unit, DRIVES
 from dp_swing_ros.pendulum.state import links_of, symbols, units
 from dp_swing_ros.pendulum.urdf import from_urdf, urdf
 from dp_swing_ros.problem.plan import Plan
@@ -244,7 +244,7 @@ def _of_states(bag: Bag, plant: Plant, record: Record, pushes: Mapping[int, floa
     for sample in samples:
         text = ''
         if sample.stamp in again:
-            text = difference(sample, again[sample.stamp])
+            text = difference(sample, again[sample.stamp], acting_unit(plant.physical.drive))
         elif not record.gap or sample.stamp <= max(again, default=-1):
             text = 'the plant has no state then'
         if text:
@@ -277,11 +277,11 @@ def published(plant: Plant, forces: Mapping[int, float], end: int, pushes: Mappi
         stepper.finish(None if measured is None else forces[stamp])
 
 
-def difference(recorded: Sample, again: Sample) -> str:
-    """Return how a state, or the force applied before it, differs; nothing where it does not."""
+def difference(recorded: Sample, again: Sample, unit: str) -> str:
+    """Return how a state, or what acted before it [unit], differs; nothing where it does not."""
     links = links_of(recorded.x)
     numbers = [*zip(symbols(links), units(links), recorded.x, again.x),
-               ('effort', 'N', recorded.force, again.force)]
+               ('effort', unit, recorded.force, again.force)]
     texts = (changed(name, unit, float(before), float(after))
              for name, unit, before, after in numbers)
     return next(filter(None, texts), '')

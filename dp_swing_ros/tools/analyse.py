@@ -39,7 +39,8 @@ def _analyse(arguments: argparse.Namespace) -> int:
     bags = arguments.bag
     runs = named([recording(bag, arguments.partial, arguments.namespace, arguments.node)
                   for bag in bags])
-    print(table({name: measure(run.episode) for name, run in runs.items()}), end='\n\n')
+    print(table({name: measure(run.episode) for name, run in runs.items()},
+                [run.episode.bodies.drive for run in runs.values()]), end='\n\n')
     notice = _incomplete(runs)
     if notice:
         print(notice, end='\n\n')

@@ -19,7 +19,7 @@ from dp_swing_ros.evaluation.metrics import measure, Metrics
 from dp_swing_ros.messages.fields import links_in, seconds, to_state
 from dp_swing_ros.nodes.connections import subscribe
 from dp_swing_ros.parameters.files import for_node, sections
-from dp_swing_ros.pendulum.parameters import FORCE
+from dp_swing_ros.pendulum.parameters import acting_unit, FORCE
 from dp_swing_ros.pendulum.state import (
     angles, Array, DEFAULT_LINKS, LINKS, links_of, symbols, wrapped)
 from dp_swing_ros.report.recording import named, recording
@@ -109,7 +109,7 @@ def _demo(arguments: argparse.Namespace) -> int:
                 from dp_swing_ros.tools.analyse import write   # 0.7 s of loading
                 write(named([recorded]), folder)
             results.append(measure(recorded.episode))
-    _report(arguments.solver, folders, results)
+    _report(arguments.solver, folders, results, drive_in(files))
     return OK if all(result.success for result in results) else FAILED
 
 
@@ -163,14 +163,15 @@ def perform(folder: Path, solver: str, seed: int, duration: float, links: int | 
     duration is in s; links may be left to the parameter files. Raises ProcessError if a process
     fails.
     """
-    bag = folder / 'bag'
+    bag, drive = folder / 'bag', drive_in(parameter_files)
     shared = {'seed': seed, **({'links': links} if links else {})}
     with Crew() as crew, Observer() as observer:
         logger = crew.start(
             'logger', {'output': str(bag), 'progress_period': 0.0}, folder / 'logger.log')
         mpc = crew.start(
-            'mpc', {'solver': solver, **shared, **keeping(
-                *commands_for(parameter_files), PLAN, DIAGNOSTICS)},
+            'mpc', {'solver': solver, **shared, **keeping(*(
+                topics[drive] for topics in (COMMANDS, STAMPED_COMMANDS) if drive in topics),
+                PLAN, DIAGNOSTICS)},
             folder / 'mpc.log', parameter_files)
         # the mpc subscribes once it has compiled; the logger, only to what somebody publishes
         await_ready([logger, mpc], lambda: {'logger'} - observer.nodes()
@@ -179,19 +180,19 @@ def perform(folder: Path, solver: str, seed: int, duration: float, links: int | 
             'plant', {'duration': duration, 'lockstep': lockstep, **shared,
                       **keeping(JOINT_STATES, DIAGNOSTICS)},
             folder / 'plant.log', parameter_files)
-        _follow(observer, plant, [mpc, logger], duration)
+        _follow(observer, plant, [mpc, logger], duration, drive)
         plant.finish()
         mpc.end()  # it sends a last zero force, which belongs into the bag
         logger.end()
     return bag
 
 
-def commands_for(parameter_files: Sequence[Path]) -> list[Topic]:
-    """Return the topics on which an mpc with these parameters commands."""
+def drive_in(parameter_files: Sequence[Path]) -> str:
+    """Return the drive that an mpc with these parameters commands."""
     drive = FORCE
     for path in parameter_files:
         drive = for_node(sections(path), '/mpc', ['drive']).get('drive', drive)
-    return [topics[drive] for topics in (COMMANDS, STAMPED_COMMANDS) if drive in topics]
+    return drive
 
 
 def keeping(*topics: Topic) -> dict[str, object]:
@@ -213,8 +214,8 @@ def refuse_company(names: set[str]) -> None:
                         'or unset ROS_DOMAIN_ID for a free one to be found')
 
 
-def _follow(observer: Observer, plant: Process, others: Sequence[Process],
-            duration: float) -> None:
+def _follow(observer: Observer, plant: Process, others: Sequence[Process], duration: float,
+            drive: str) -> None:
     """Show the pendulum until the plant ends itself."""
     start = time.monotonic()
     with tqdm(total=duration, bar_format='{n:5.2f}/{total:g} s |{bar}| {desc}',
@@ -226,22 +227,23 @@ def _follow(observer: Observer, plant: Process, others: Sequence[Process],
                 raise ProcessError(f'no state for {SILENCE:g} s; the logs are beside the bag')
             observer.wait(0.1)
             if observer.x is not None:
-                bar.set_description_str(in_words(observer.x, observer.u), refresh=False)
+                bar.set_description_str(in_words(observer.x, observer.u, drive), refresh=False)
                 bar.update(min(observer.t, duration) - bar.n)
 
 
-def in_words(x: Array, u: float) -> str:
-    """Return a state (2n + 2,) and a force [N] for a line of progress."""
+def in_words(x: Array, u: float, drive: str = FORCE) -> str:
+    """Return a state (2n + 2,) and what acts by a drive [N], for a line of progress."""
     of_angles = angles(x)
     turned = ' '.join(f'{symbol} {angle:+5.2f}' for symbol, angle in zip(
         symbols(links_of(x))[of_angles], wrapped(x)[of_angles]))
-    return f'{turned} rad  x {x[0]:+5.2f} m  u {u:+6.1f} N'
+    return f'{turned} rad  x {x[0]:+5.2f} m  u {u:+6.1f} {acting_unit(drive)}'
 
 
-def _report(solver: str, folders: Mapping[int, Path], results: Sequence[Metrics]) -> None:
+def _report(solver: str, folders: Mapping[int, Path], results: Sequence[Metrics],
+            drive: str) -> None:
     names = [f'seed {seed}' for seed in folders] if len(folders) > 1 else [solver]
     columns = spread(results) if len(names) > COLUMNS else dict(zip(names, results))
-    print('', table(columns), '', sep='\n')
+    print('', table(columns, [drive]), '', sep='\n')
     if len(names) > 1:
         print(summary(solver, results))
     for folder in folders.values():

@@ -9,7 +9,7 @@ import pytest
 from synthetic import first, swing_up
 
 from dp_swing_ros.evaluation.comparison import (
-    median, paired, paired_ratio, rate, same_held, sign_test, spread, summary, table)
+    median, paired, paired_ratio, rate, rows, same_held, sign_test, spread, summary, table)
 from dp_swing_ros.evaluation.metrics import measure
 
 
@@ -25,6 +25,21 @@ def test_table_has_a_column_a_run_and_a_row_a_metric():
     assert cells['upright to the end, no strike'] == ['', 'yes', 'no']
     assert cells['settling time'] == ['s', f'{metrics.settling_time:.2f}', '-']
     assert cells['solve time, median'] == ['ms', '2.00', f'{1e3 * failed.median_solve_time:.2f}']
+
+
+@pytest.mark.parametrize('drives, largest, over_time, squared, energy', [
+    (['force'], ['largest force u', 'N'], 'N s', 'N² s', ['J']),
+    (['voltage'], ['largest force u', 'N'], 'N s', 'N² s', ['J']),
+    (['acceleration', 'velocity'], ['largest acceleration u', 'm/s²'], 'm/s', 'm²/s³', []),
+    (['force', 'velocity'], ['largest force or acceleration u', 'N or m/s²'], 'N s or m/s',
+     'N² s or m²/s³', ['J'])])
+def test_units_are_those_of_what_acts(drives, largest, over_time, squared, energy):
+    found = rows([measure(swing_up())] * len(drives), drives)
+    assert found['largest_force'][:2] == largest
+    assert found['impulse'][1] == over_time and found['squared_force'][1] == squared
+    assert [found[name][1] for name in found if name == 'energy'] == energy
+    assert found['smoothness'][1] == found['roughness'][1] == largest[1]
+    assert found['largest_position'][1] == 'm'
 
 
 def test_rate_counts_successes():

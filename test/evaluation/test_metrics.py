@@ -157,6 +157,15 @@ def test_pendulums_of_other_numbers_of_links_are_measured(links):
     assert outcome(first(episode, 30)) is Outcome.NEVER_UP
 
 
+def test_a_driven_cart_has_no_energy_that_is_known():
+    episode = swing_up()
+    driven = dataclasses.replace(episode, physical=dataclasses.replace(
+        episode.physical, drive='acceleration'))
+    assert math.isnan(measure(driven).energy)
+    assert measure(episode).energy > 0.0
+    assert measure(driven).squared_force == measure(episode).squared_force
+
+
 def test_roughness_is_that_of_all_the_run():
     forces = np.zeros(80)
     forces[:10] = [5.0, -5.0] * 5

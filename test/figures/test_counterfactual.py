@@ -68,6 +68,8 @@ def test_accelerations_are_drawn_with_their_own_limit():
     of_input = [axes for axes in figure.axes if axes.get_ylabel() == '$u$ [m/s²]']
     assert of_input and all(7.0 in [line.get_ydata()[0] for line in axes.lines]
                             for axes in of_input)
+    assert any('limits of track and acceleration' in words.get_text()
+               for axes in figure.axes for words in axes.texts)
 
 
 @pytest.mark.parametrize('links', [1, 3])

@@ -115,6 +115,13 @@ def test_folder_that_is_a_file_is_refused(here):
         folders('--output', 'file')
 
 
+@pytest.mark.parametrize('drive, shown', [('voltage', '+12.5 N'), ('velocity', '+12.5 m/s^2')])
+def test_progress_shows_the_unit_of_what_acts(drive, shown, here):
+    (here / 'file.yaml').write_text(f'/**:\n  ros__parameters: {{drive: {drive}}}\n')
+    assert demo.drive_in([Path('file.yaml')]) == drive
+    assert demo.in_words(np.zeros(4), 12.5, drive).endswith(shown)
+
+
 @pytest.mark.parametrize('links, angles', [
     (1, 'θ1 +3.00 rad'), (2, 'θ1 +3.00 θ2 -3.00 rad'), (3, 'θ1 +3.00 θ2 -3.00 θ3 +0.50 rad')])
 def test_progress_shows_every_angle_within_half_a_turn(links, angles):

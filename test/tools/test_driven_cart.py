@@ -10,7 +10,7 @@ import pytest
 
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.rerun.verification import verify
-from dp_swing_ros.tools import compare, export, train
+from dp_swing_ros.tools import analyse, compare, export, train
 
 BOTH = {'links': 1, 'drive': 'velocity', 'acceleration_limit': 10.0, 'motor_time_constant': 0.02}
 
@@ -33,6 +33,17 @@ def test_a_solver_takes_over_from_the_speeds_that_were_estimated(bag, tmp_path, 
                        if 'ilqr' in line)
     assert float(recorded[0]) == pytest.approx(float(again[0]), rel=0.1)
     assert 'yes' in recorded[2] and 'yes' in again[2]
+
+
+def test_figures_pictures_and_player_are_of_accelerations(bag, tmp_path, capsys):
+    assert analyse.main([str(bag), '--no-animation', '--output', str(tmp_path)]) == 0
+    units = {line.split('|')[1].strip(): line.split('|')[2].strip()
+             for line in capsys.readouterr().out.splitlines() if line.startswith('|')}
+    assert units['largest acceleration u'] == 'm/s²'
+    assert not {'N', 'N s', 'N² s', 'J'} & set(units.values())
+    page = (tmp_path / 'report.html').read_text()
+    assert '"unit": "m/s\\u00b2"' in page
+    assert 'with the acceleration as an arrow' in page and '>N</td>' not in page
 
 
 def test_a_model_keeps_the_lag_with_which_the_cart_follows(bag, tmp_path):

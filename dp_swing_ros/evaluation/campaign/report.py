@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A summary as Markdown."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 import itertools
 import math
 
@@ -11,7 +11,9 @@ from dp_swing_ros.evaluation.campaign.summary import (
     CRITERIA, DROP, Duel, Failure, Level, NEAR_GOAL, Standing, Summary)
 from dp_swing_ros.evaluation.comparison import (
     Median, Paired, Rate, Ratio, SAME_COST, SAME_HELD)
+from dp_swing_ros.evaluation.metrics import named
 from dp_swing_ros.evaluation.scenarios import PROFILE, SCENARIOS
+from dp_swing_ros.pendulum.parameters import FORCE
 from dp_swing_ros.tables import compact
 
 NOTES = """\
@@ -54,7 +56,8 @@ def markdown(summary: Summary) -> str:
     for scenario in summary.campaign['scenarios']:
         found = [one for one in summary.standings if one.scenario == scenario]
         if found:
-            parts += [f'## {scenario}', f'{SCENARIOS[scenario].about}.', standings(found)]
+            parts += [f'## {scenario}', f'{SCENARIOS[scenario].about}.',
+                      standings(found, summary.drives)]
         if any(one.ways for one in found):
             parts.append(ways(found))
         if scenario == NEAR_GOAL:
@@ -113,14 +116,20 @@ def share(rate: Rate, digits: int = 1) -> str:
             f'({100 * rate.low:.{digits}f}-{100 * rate.high:.{digits}f} %)')
 
 
-def standings(found: list[Standing]) -> str:
-    """Return how contestants did in a scenario, as a table."""
+def head(label: str, unit: str, drives: Collection[str]) -> str:
+    """Return the head of a column with some drives; without a unit where it makes no sense."""
+    label, of_drives = named(label, unit, drives)
+    return label if of_drives is None else f'{label} [{of_drives}]'
+
+
+def standings(found: list[Standing], drives: Collection[str] = (FORCE,)) -> str:
+    """Return how contestants with some drives did in a scenario, as a table."""
     return compact([
         ('contestant', 'held', 'settling, with the cart [s]', 'off [m]', 'hold error [mrad]',
-         'force step: hold, run [N]', 'largest u [N], x [m], θ [rad]', 'strikes', 'up [%]',
-         'Σℓ',
-         'Σabs(Δx u) [J]', '∫abs(u) [N s]', '∫u² [N² s]', 'solve: median, p99, largest [ms]',
-         'misses', 'stand-ins'),
+         head('force step: hold, run', 'N', drives),
+         f'{head("largest u", "N", drives)}, x [m], θ [rad]', 'strikes', 'up [%]', 'Σℓ',
+         head('Σabs(Δx u)', 'J', drives), head('∫abs(u)', 'N s', drives),
+         head('∫u²', 'N² s', drives), 'solve: median, p99, largest [ms]', 'misses', 'stand-ins'),
         *((f'`{one.contestant}`', share(one.held),
            ', '.join(number(one.medians[name]) for name in (
                'settling_time', 'settling_time_with_cart')),
@@ -184,8 +193,8 @@ def failing(levels: Sequence[Level]) -> str:
 def _duels(summary: Summary) -> str:
     return compact([
         ('scenario', 'first', 'second', 'cases', 'only first held', 'only second held', 'p',
-         'the same held', 'settling [s]', 'force step at hold [N]', 'force step over the run [N]',
-         'Σℓ, ratio', 'equivalent'),
+         'the same held', 'settling [s]', head('force step at hold', 'N', summary.drives),
+         head('force step over the run', 'N', summary.drives), 'Σℓ, ratio', 'equivalent'),
         *((one.scenario, f'`{one.first}`', f'`{one.second}`', str(one.cases),
            str(one.first_only), str(one.second_only), probability(one.p), verdict(one.same),
            *(difference(of) for of in one.differences.values()), ratio(one.cost),

@@ -23,6 +23,7 @@ from dp_swing_ros.evaluation.comparison import (
     Paired, paired, paired_ratio, Rate, rate, Ratio, same_held, sign_test)
 from dp_swing_ros.evaluation.metrics import Metrics, Outcome, quantile, reduced
 from dp_swing_ros.evaluation.scenarios import PROFILE, SCENARIOS
+from dp_swing_ros.pendulum.parameters import FORCE
 from dp_swing_ros.pendulum.state import Array, LINKS
 
 OF_HELD = ('settling_time', 'rest_offset', 'hold_error', 'smoothness', 'roughness', 'energy',
@@ -140,6 +141,12 @@ class Summary(NamedTuple):
     scores: list[Score]
     duels: list[Duel]
     failures: list[Failure]
+
+    @property
+    def drives(self) -> list[str]:
+        """Return the drive of each contestant."""
+        contestants = self.campaign['contestants'].values()
+        return [about['mpc'].get('drive', FORCE) for about in contestants]
 
 
 def summarise(campaign: dict[str, Any], rows: Sequence[Row], expected: int) -> Summary:

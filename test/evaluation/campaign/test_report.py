@@ -36,6 +36,20 @@ def test_a_page_has_a_line_for_each_contestant_in_each_scenario():
     assert '9 episodes of 4 s, 3 not run yet' in page
 
 
+def test_heads_name_the_units_of_what_acts():
+    about = campaign()
+    for contestant, drive in zip(about['contestants'].values(), ('acceleration', 'velocity')):
+        contestant['mpc']['drive'] = drive
+    page = markdown(summarise(about, ROWS[:2], 2))
+    found = next(line for line in cells(page) if line[:2] == ['contestant', 'held'])
+    assert found[5:7] == ['acceleration step: hold, run [m/s²]',
+                          'largest u [m/s²], x [m], θ [rad]']
+    assert found[10:13] == ['Σabs(Δx u)', '∫abs(u) [m/s]', '∫u² [m²/s³]']
+    assert 'acceleration step at hold [m/s²]' in page
+    force = markdown(summarise(campaign(), ROWS[:2], 2))
+    assert 'force step: hold, run [N]' in force and 'Σabs(Δx u) [J]' in force
+
+
 def test_a_terminal_is_shown_a_line_for_each_contestant():
     rows = [row('ilqr', seed=1, settling_time=1.5), *ROWS]
     about = campaign(('ilqr', 'mppi', 'ddp'), ('hanging', 'delay'))
