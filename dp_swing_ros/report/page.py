@@ -17,7 +17,7 @@ from dp_swing_ros.evaluation.metrics import measure, outcome
 from dp_swing_ros.figures import style
 from dp_swing_ros.figures.pendulum import (
     arrow_size, cart_size, force_at, room_for, states_at, times_of, track_lines)
-from dp_swing_ros.pendulum.geometry import drawn_scale, joint_positions
+from dp_swing_ros.pendulum.geometry import drawn_centres, drawn_scale, joint_positions
 from dp_swing_ros.pendulum.parameters import acting
 from dp_swing_ros.pendulum.units import decimals
 from dp_swing_ros.report.recording import Recording
@@ -121,7 +121,7 @@ def _film(episode: Episode) -> dict[str, Any]:
         'half_width': room_for(episode), 'reach': 1.15 * sum(physical.lengths),
         'track': track_lines(scale, episode.limits).tolist(), 'size': scale.length,
         'cart': cart_size(scale), 'links': style.LINKS[:physical.links],
-        'arrow': arrow_size(scale),
+        'arrow': arrow_size(scale), 'centres': drawn_centres(physical),
         'colours': {'track': style.FAINT, 'cart': style.CART, 'force': style.FORCE},
         'joints': [each.tolist() if np.isfinite(each).all() else None for each in joints],
         'forces': [round(u, digits + 1) if math.isfinite(u) else None

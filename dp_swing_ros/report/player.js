@@ -14,6 +14,13 @@ for (const player of document.querySelectorAll('.player')) {
     [pen.strokeStyle, pen.lineWidth] = [colour, thickness * run.size];
     pen.stroke(new Path2D('M' + points.map(point => point.join(' ')).join('L')));
   };
+  const dot = place => {
+    const disc = new Path2D();
+    disc.arc(...place, 0.04 * run.size, 0, 2 * Math.PI);
+    [pen.fillStyle, pen.strokeStyle, pen.lineWidth] = [run.colours.cart, 'white', 0.02 * run.size];
+    pen.stroke(disc);
+    pen.fill(disc);
+  };
   const trail = end => {
     for (let n = Math.max(1, end - Math.round(run.trail / run.period)); n <= end; n++) {
       if (run.joints[n - 1] === null || run.joints[n] === null) continue;
@@ -51,6 +58,9 @@ for (const player of document.querySelectorAll('.player')) {
     pen.fillRect(x - width / 2, z - height / 2, width, height);
     arrow(x, u);
     run.links.forEach((colour, n) => line(joints.slice(n, n + 2), colour, 0.07));
+    run.centres.forEach((share, n) => {
+      if (share !== null) dot(joints[n].map((from, i) => from + share * (joints[n + 1][i] - from)));
+    });
   };
   const step = time => {
     if (before === null) return;

@@ -8,6 +8,7 @@ from html.parser import HTMLParser
 import json
 import math
 
+from chromium import CHROMIUM, DRIVER, Page
 import numpy as np
 from PIL import Image
 import pytest
@@ -15,6 +16,8 @@ from recorded_runs import told, write_bag
 from synthetic import first, resized, swing_up, without_ticks
 
 from dp_swing_ros.evaluation.metrics import measure
+from dp_swing_ros.figures import style
+from dp_swing_ros.pendulum.parameters import PendulumParameters
 from dp_swing_ros.report.page import page, Shown
 from dp_swing_ros.report.recording import named, recording
 
@@ -71,6 +74,16 @@ def unlimited(episode):
     return dataclasses.replace(episode, limits=limits, X=X)
 
 
+# the colour at a share of the length of a link, in the first frame
+COLOUR_AT = """
+  const run = JSON.parse(document.querySelector('.player script').textContent);
+  const pen = document.querySelector('.player canvas').getContext('2d');
+  const [link, share] = arguments, [from, to] = run.joints[0].slice(link, link + 2);
+  const place = new DOMPoint(...from.map((start, i) => start + share * (to[i] - start)));
+  const {x, y} = place.matrixTransform(pen.getTransform());
+  const {data} = pen.getImageData(Math.round(x), Math.round(y), 1, 1);
+  return '#' + [...data].slice(0, 3).map(part => part.toString(16).padStart(2, '0')).join('');
+"""
 HOSTILE = '</title><script>alert(1)</script>" onload="x'
 CASES = {
     'one': [swing_up()], 'short': [first(swing_up(), 2)],
@@ -177,6 +190,22 @@ def test_film_has_a_colour_a_link_and_a_point_a_joint(links, tmp_path):
     assert len(set(film['links'])) == links
     assert all(len(joints) == links + 1 for joints in film['joints'])
     assert film['joints'][-1][-1] == [0.0, links]
+
+
+@pytest.mark.skipif(not (CHROMIUM and DRIVER), reason='chromium or chromedriver is not there')
+def test_player_shows_a_centre_of_mass_that_is_not_in_the_middle_and_what_acts(tmp_path):
+    (name, run), = shown(tmp_path, [swing_up()]).items()
+    episode = dataclasses.replace(run.recording.episode, physical=PendulumParameters(
+        drive='velocity', link1_centre=0.75))
+    file = tmp_path / 'report.html'
+    file.write_text(page({name: run._replace(recording=run.recording._replace(episode=episode))}))
+    with Page() as browser:
+        browser.driver.get(file.as_uri())
+        colours = [browser.driver.execute_script(COLOUR_AT, *place)
+                   for place in ((0, 0.75), (0, 0.5), (1, 0.5))]
+        assert colours == [colour.lower() for colour in (style.CART, *style.LINKS[:2])]
+        assert browser.text('.player output').endswith(' m/s²')
+        assert browser.errors() == []
 
 
 def test_film_of_a_long_run_stays_small(tmp_path):
