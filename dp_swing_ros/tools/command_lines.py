@@ -20,10 +20,13 @@ from tqdm import tqdm
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.executables import INTERRUPTED, on_signals
 from dp_swing_ros.parameters import ParameterError
+from dp_swing_ros.topics import COMMAND_TOPICS
 
 OK, FAILED, MISUSED = 0, 1, 2  # exit codes, and INTERRUPTED
 LATER = 0.05  # [s]
 SHOWN = 80  # [characters] of what was given
+# topics of a bag that tell how bodies move, by whatever drive
+MOTION = f'joint_states and one of {", ".join(topic.name for topic in COMMAND_TOPICS)}'
 
 
 def program(tool: str) -> str:

@@ -25,7 +25,7 @@ from dp_swing_ros.pendulum.state import joints, LINKS
 from dp_swing_ros.simulation.plants import PLANT
 from dp_swing_ros.tables import aligned
 from dp_swing_ros.tools.command_lines import (
-    bag_parser, beside, execute, OK, print_incomplete, progress)
+    bag_parser, beside, execute, MOTION, OK, print_incomplete, progress)
 
 NOTHING = 1e-7   # a value below is none
 CLEARLY = 3.0    # times what an encoder rounds off: an error beyond is not its
@@ -35,12 +35,11 @@ UNTOLD, BOUND = 'cannot be told from these bags', 'at the bound of the search'
 def main(argv: Sequence[str] | None = None) -> int:
     """Identify the rig of the bags that the command line names; return the exit code."""
     parser = bag_parser(
-        'identify', 'Find masses, lengths, inertias, frictions, zeros of the angles, delay, lag and '
-        'bias of a rig from '
-        'recorded motion (joint_states and force_command), with intervals of 95 %, and write them '
+        'identify', 'Find masses, lengths, inertias, frictions, zeros of the angles, delay, lag '
+        f'and bias of a rig from recorded motion ({MOTION}), with intervals of 95 %, and write them '
         'as a parameter file for mpc and plant. Half a minute that swings, is held and pushed '
         'tells all that motion can.',
-        nargs='+', help='folder of a bag with joint_states and force_command, or its .mcap file; '
+        nargs='+', help=f'folder of a bag with {MOTION}, or its .mcap file; '
                         'several are of one rig')
     parser.epilog = (
         f'examples: {parser.prog} my_bag -o rig.yaml; with what a balance and a ruler tell: '

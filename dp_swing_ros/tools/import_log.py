@@ -25,7 +25,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         prog=program('import'),
         description='Make a bag of a log in CSV (.gz, too) or Parquet, which analyse, identify, '
                     'train and all else here read: joint_states, and force_command where there '
-                    'is a force. What a column is in says its name (x_mm, "x [mm]") or a unit '
+                    'is a force. For velocity_command and acceleration_command '
+                    'there is no column: of a driven cart its motion is enough, to identify '
+                    '--cart given. What a column is in says its name (x_mm, "x [mm]") or a unit '
                     'behind it; without one it is SI.',
         epilog=f'example: {program("import")} log.csv -o my_bag --columns t=time_ms cart=x_mm '
                'joint1=theta1:deg joint2=theta2:deg force=u --relative-angles --hangs-at-zero')

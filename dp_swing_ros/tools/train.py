@@ -27,17 +27,17 @@ from dp_swing_ros.pendulum.parameters import DIRECT
 from dp_swing_ros.pendulum.state import joints, LINKS
 from dp_swing_ros.tables import aligned
 from dp_swing_ros.tools.command_lines import (
-    bag_parser, beside, execute, OK, print_incomplete, progress, within)
+    bag_parser, beside, execute, MOTION, OK, print_incomplete, progress, within)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Train on the bags that the command line names; return the exit code."""
     parser = bag_parser(
-        'train', 'Learn the dynamics of what moved in bags (joint_states and force_command), as a '
-        'model that an mpc can plan with. A fifth of the motion is held out, to judge by: the '
-        'errors of predictions, beside those of the equations with the parameters of the '
+        'train', f'Learn the dynamics of what moved in bags ({MOTION}), '
+        'as a model that an mpc can plan with. A fifth of the motion is held out, to judge by: '
+        'the errors of predictions, beside those of the equations with the parameters of the '
         'recorded mpc, and a picture of them.',
-        nargs='+', help='folder of a bag with joint_states and force_command, or its .mcap file; '
+        nargs='+', help=f'folder of a bag with {MOTION}, or its .mcap file; '
                         'several are of one pendulum')
     parser.epilog = (
         f'examples: {parser.prog} my_bag -o model.json; {parser.prog} bag1 bag2 -o model.json; '

@@ -15,6 +15,7 @@ from dp_swing_ros.executables import ENDING, INTERRUPTED, UNREAD
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.tools.command_lines import (
     beside, execute, FAILED, interrupt_on_signals, MISUSED, postponed, within)
+from dp_swing_ros.topics import COMMAND_TOPICS
 
 
 @pytest.mark.parametrize('text, value', [('1', 1), ('9', 9)])
@@ -152,6 +153,7 @@ def test_a_bug_has_its_traceback():
 @pytest.mark.parametrize('tool, argument', [
     *((tool, 'BAG') for tool in ('analyse', 'compare', 'export', 'identify', 'recover',
                                  'verify')),
+    *((tool, topic.name) for tool in ('identify', 'import', 'train') for topic in COMMAND_TOPICS),
     ('demo', '--solver'), ('evaluate', '--scenarios'), ('import', 'LOG'),
     ('parameters', '--help')])
 def test_help_names_tool_and_arguments(tool, argument, capsys):
