@@ -285,12 +285,13 @@ def description_of(bag: Bag) -> tuple[PendulumParameters, LimitParameters]:
     """
     Return what the robot description of a bag says; raises BagError.
 
-    A rig that has none, or one of its own, is what its controller takes it for.
+    A rig that has none, or one of its own, is what its controller takes it for; so is the drive of
+    one that names none.
     """
     found = configurations_of(bag)
     if CONTROLLER in found and PLANT not in found:
         with suppress(AttributeError, IndexError, TypeError, ValueError):
-            return from_urdf(bag.any_of(ROBOT_DESCRIPTION)[-1].data)
+            return from_urdf(bag.any_of(ROBOT_DESCRIPTION)[-1].data, drive_of(bag))
         values = found[CONTROLLER].parameters
         return (bag.parse(group, PendulumParameters, values),
                 bag.parse(group, LimitParameters, values))

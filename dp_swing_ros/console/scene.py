@@ -19,7 +19,7 @@ from dp_swing_ros.messages.ticks import keys_of_state
 from dp_swing_ros.parameters import group, ParameterError
 from dp_swing_ros.pendulum.geometry import drawn_centres, drawn_scale
 from dp_swing_ros.pendulum.parameters import (
-    acting_unit, DRIVES, LimitParameters, PendulumParameters)
+    acting_unit, DRIVES, FORCE, LimitParameters, PendulumParameters)
 from dp_swing_ros.pendulum.sensors import default_sensors, SensorParameters
 from dp_swing_ros.pendulum.state import Array, links_of
 from dp_swing_ros.pendulum.units import decimals
@@ -131,7 +131,8 @@ class Scene:
             message, decimals(PATH_DIGITS, self.scale.length))))
 
     def _on_description(self, message: Any) -> None:
-        self.take(*from_urdf(message.data))
+        of_rig = CONTROLLER in self.configurations and PLANT not in self.configurations
+        self.take(*from_urdf(message.data, self.physical.drive if of_rig else FORCE))
 
     def _on_configuration(self, message: Any) -> None:
         found = self.announced = from_text(message.data)

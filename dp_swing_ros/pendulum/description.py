@@ -67,17 +67,22 @@ def parameters_of(text: str) -> Found:
     Raises ValueError where it is none, saying what is in the way.
     """
     try:
-        physical, limits = from_urdf(text)
-    except (TypeError, ValueError):
-        return _of_robot(text)
-    return Found({**physical.by_name, **vars(limits)}, [])
-
-
-def _of_robot(text: str) -> Found:
-    try:
         robot = ElementTree.fromstring(text)
     except ElementTree.ParseError as error:
         raise ValueError(f'the robot description is no XML: {error}') from None
+    try:
+        physical, limits = from_urdf(text)
+        found = Found({**physical.by_name, **vars(limits)}, [])
+    except (TypeError, ValueError):
+        found = _of_robot(robot)
+    # who names no drive may have any
+    named = robot.find('drive')
+    found.values.pop('drive', None)
+    return found if named is None else found._replace(
+        values={**found.values, 'drive': named.get('value', '')})
+
+
+def _of_robot(robot: ElementTree.Element) -> Found:
     links = {each.get('name', ''): each for each in robot.findall('link')}
     poses, joints = _placed(robot, links)
     bodies = _held_together(links, joints)

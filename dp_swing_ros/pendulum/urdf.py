@@ -43,11 +43,11 @@ def urdf(physical: PendulumParameters, limits: LimitParameters) -> str:
     return f'<?xml version="1.0"?>\n{robot}\n'
 
 
-def from_urdf(text: str) -> tuple[PendulumParameters, LimitParameters]:
+def from_urdf(text: str, drive: str = FORCE) -> tuple[PendulumParameters, LimitParameters]:
     """
     Return the physical parameters and limits of a description made by `urdf`.
 
-    Raises ValueError if it is no such description.
+    drive is that of one that names none. Raises ValueError if it is no such description.
     """
     try:
         robot = ElementTree.fromstring(text)
@@ -63,7 +63,7 @@ def from_urdf(text: str) -> tuple[PendulumParameters, LimitParameters]:
         value = float(words[-1] if words else '')   # of a place, its height
         return math.inf if value >= UNLIMITED else value
 
-    drive, limit = robot.find('drive'), 'joint[@name="cart"]/limit'
+    named, limit = robot.find('drive'), 'joint[@name="cart"]/limit'
     values: dict[str, Any] = {
         'cart_mass': number('link[@name="cart_body"]/inertial/mass', 'value'),
         'gravity': number('gravity', 'value'),
@@ -86,8 +86,8 @@ def from_urdf(text: str) -> tuple[PendulumParameters, LimitParameters]:
                                                     'damping'),
                        f'joint{i}_dry_friction': number(f'joint[@name="joint{i}"]/dynamics',
                                                         'friction', '0')})
-    kind = FORCE if drive is None else drive.get('value', '')
-    return PendulumParameters(links=links, drive=kind, **values), LimitParameters(
+    drive = drive if named is None else named.get('value', '')
+    return PendulumParameters(links=links, drive=drive, **values), LimitParameters(
         force_limit=number(limit, 'effort'), track_limit=number(limit, 'upper'),
         cart_speed_limit=number(limit, 'velocity', repr(UNLIMITED)),
         acceleration_limit=number(limit, 'acceleration', repr(

@@ -45,7 +45,7 @@ class DescribedPendulum:
         self.fields, self.values = fields, values
         # a centre, an inertia or a friction of 0 is one that is not there
         taken = ', '.join(f'{name} {_shown(value)}' for name, value in values.items() if value)
-        unsaid = [name for name in ('gravity', *(
+        unsaid = [name for name in ('gravity', 'drive', *(
             field.name for field in fields_of(DriveParameters, values['links'])))
             if name not in values]
         return Said(OK, '; '.join([

@@ -9,9 +9,10 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 import numpy as np
 import pytest
-from recorded_runs import serialised
+from recorded_runs import serialised, told, write_bag
 from rosbags.highlevel import AnyReader
 from std_msgs.msg import Float64, String
+from synthetic import swing_up
 
 from dp_swing_ros.bags import read_episode
 from dp_swing_ros.bags.episodes import completed, differenced, Sample
@@ -269,6 +270,14 @@ def test_run_of_the_plant_alone(tmp_path):
     writer.close()
     episode = read_episode(tmp_path / 'bag')
     assert (episode.solver, len(episode.ticks.t), episode.ticks.status) == ('', 0, [])
+
+
+@pytest.mark.parametrize('others, drive', [([], 'velocity'), ([told('plant', {})], 'force')])
+def test_the_drive_of_a_rig_that_names_none_is_that_of_its_controller(others, drive, tmp_path):
+    """A plant of ours names each but forces."""
+    bag = write_bag(swing_up(), tmp_path / 'bag', [
+        told('mpc', {'drive': 'velocity', 'links': 2}), *others])
+    assert read_episode(bag).physical.drive == drive
 
 
 def test_forces_that_nobody_gave_are_those_sent_or_changes_of_velocities_sent():

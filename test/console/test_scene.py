@@ -100,6 +100,16 @@ def test_numbers_have_the_units_of_the_drive(scene, drive, units, limit):
     assert scene.about()['limits']['force'] == limit
 
 
+def test_a_rig_that_names_no_drive_has_that_of_its_controller():
+    scene, description = Scene(), String(data=urdf(PendulumParameters(), LimitParameters()))
+    scene.hear(CONFIGURATION, announced('mpc', drive='velocity', links=2))
+    scene.hear(ROBOT_DESCRIPTION, description)
+    assert scene.about()['units']['command'] == 'm/s'
+    scene.hear(CONFIGURATION, announced('plant'))
+    scene.hear(ROBOT_DESCRIPTION, description)   # which would name another
+    assert scene.about()['units']['command'] == 'N'
+
+
 def test_a_small_pendulum_is_shown_as_large(scene):
     assert scene.about()['scale'] == {'length': 1.0, 'time': 1.0, 'force': 1.0}
     assert scene.about()['cart'] == [0.44, 0.22]

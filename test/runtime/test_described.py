@@ -18,6 +18,9 @@ from dp_swing_ros.runtime.described import DescribedPendulum
 from dp_swing_ros.tools.parameters import main
 
 
+STEPPER = RIG.replace('</robot>', '<drive value="acceleration"/></robot>')
+
+
 def ours(**changed):
     """Return the description that a plant publishes."""
     return urdf(PendulumParameters(**changed), LimitParameters())
@@ -45,7 +48,7 @@ def test_it_is_said_in_one_line_what_is_taken_and_what_cannot_be():
     text = DescribedPendulum({}).hear(RIG).text
     assert '\n' not in text and 'links 2' in text and 'link1_mass 0.15' in text
     assert 'joint2_dry_friction' not in text   # it has none
-    assert 'no word for gravity, actuation_delay' in text and 'elbow has ends' in text
+    assert 'no word for gravity, drive, actuation_delay' in text and 'elbow has ends' in text
     assert 'gravity 9.81' in DescribedPendulum({}).hear(ours()).text   # in an element of its own
 
 
@@ -56,6 +59,11 @@ def test_it_is_said_in_one_line_what_is_taken_and_what_cannot_be():
     ({}, ours().replace('"0 0 0.5"', '""'), 'mimics another'),
     ({'links': 1}, ours(), 'links is 2 in the robot description, and parameter links is 1'),
     ({'links': 3}, RIG, 'links is 2 in the robot description, and parameter links is 3'),
+    ({'drive': 'acceleration'}, ours(drive='velocity'), 'drive is velocity in the robot '
+     'description, and parameter drive is acceleration; expected the same'),
+    ({'drive': 'velocity'}, STEPPER, 'drive is acceleration in the robot description, and '
+     'parameter drive is velocity; expected the same'),
+    ({}, RIG.replace('</robot>', '<drive value="belt"/></robot>'), "'drive' is 'belt'; expected"),
     ({'link3_mass': 0.5}, RIG, "'link3_mass' is one of a pendulum with 3 links"),
     ({'link1_mass': 0.2}, RIG, 'link1_mass is 0.15 in the robot description, and parameter '
      'link1_mass is 0.2'),
@@ -81,6 +89,15 @@ def test_what_is_given_and_described_alike_is_no_conflict_and_a_limit_may_be_sma
     said = pendulum.hear(RIG)
     assert said.level == OK and 'track_limit 0.4' in said.text and 'force_limit' not in said.text
     assert pendulum.fields['track_limit'].default == 0.4
+
+
+@pytest.mark.parametrize('text, said', [
+    (ours(), 'velocity'), (RIG, 'velocity'), (STEPPER, 'acceleration')])
+def test_who_names_no_drive_may_have_any(text, said):
+    pendulum = DescribedPendulum({'drive': said})
+    heard = pendulum.hear(text)
+    assert heard.level == OK and pendulum.values.get('drive', 'velocity') == said
+    assert ('drive' in heard.text.partition('no word for ')[2]) == (said == 'velocity')
 
 
 def test_a_later_one_changes_nothing():
