@@ -12,7 +12,7 @@ from dp_swing_ros.parameters import group, ParameterError, Values
 from dp_swing_ros.pendulum.declaration import Declaration, Group
 from dp_swing_ros.pendulum.integrators import INTEGRATORS
 from dp_swing_ros.pendulum.parameters import (
-    Drive, DRIVEN, DriveParameters, LimitParameters, PendulumParameters)
+    Drive, DRIVEN, DriveParameters, LimitParameters, PendulumParameters, VELOCITY)
 from dp_swing_ros.pendulum.sensors import default_sensors, SensorParameters
 from dp_swing_ros.pendulum.state import LINKS, upright
 from dp_swing_ros.problem.parameters import CostParameters, LEARNED, PredictionParameters
@@ -59,6 +59,10 @@ def controller(values: Values) -> RecedingHorizon:
     solver, estimator = parameters.solver, parameters.estimator
     problem = _problem(values)
     drive = Drive.of(group(DriveParameters, values))
+    if problem.physical.drive == VELOCITY and drive.bias:
+        raise ParameterError(
+            f"parameter 'force_bias' is {drive.bias:g} with the drive {VELOCITY!r}; expected 0: "
+            'the cart comes to the velocity that it is told, whatever pushes it')
     return RecedingHorizon(problem, parameters,
                            group(SOLVERS[solver].Parameters, values, f'{solver}.'),
                            group(ESTIMATORS[estimator].Parameters, values, f'{estimator}.'),

@@ -136,7 +136,7 @@ class RecedingHorizon:
         commands, limit = self.commands, self.nominal.parameters.limits.cart_speed_limit
         if math.isnan(commands.velocity):
             v = float(plan.X[0, plan.X.shape[1] // 2])
-            commands.velocity = v if math.isfinite(v) else 0.0
+            commands.velocity = v / self.belief.drive.gain if math.isfinite(v) else 0.0
         lasts, u_max = self.lookahead.last_period, self.nominal.u_max
         v = commands.velocity + plan.first_force(u_max) * lasts
         v = 0.0 if plan.stats.status in IDLE else min(max(v, -limit), limit)

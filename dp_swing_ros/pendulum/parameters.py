@@ -216,10 +216,12 @@ class DriveParameters(Parameters):
         0.0, 'time constant of the first-order lag with which the force follows', unit='s',
         minimum=0.0, maximum=1.0)
     force_gain: float = parameter(
-        1.0, 'force on the cart per command: 1 where commands are forces, in N/V where voltages',
+        1.0, 'force on the cart per command: 1 where commands are forces, in N/V where voltages; '
+        'of accelerations and velocities the share that the cart makes of them',
         minimum=1e-2, maximum=100.0)
     force_bias: float = parameter(
-        0.0, 'lasting force on the cart beside the commanded one, of a tilted track for one',
+        0.0, 'lasting force on the cart beside the commanded one, of a tilted track for one; the '
+        'drive velocity holds against it, so there the mpc is told none',
         unit='N')
 
 

@@ -189,6 +189,26 @@ def test_nothing_can_be_done_without_acceleration():
     controllers.controller({'drive': VELOCITY, 'force_limit': 0.0})
 
 
+def test_no_lasting_force_is_told_of_a_cart_that_comes_to_its_velocity():
+    with pytest.raises(ParameterError, match="'force_bias' is 1.5 with the drive 'velocity'; "
+                       'expected 0'):
+        controllers.controller({**STEPPER, 'force_bias': 1.5})
+    controllers.controller({'drive': ACCELERATION, 'force_bias': 1.5})
+    controllers.controller({**STEPPER, 'force_bias': 0.0})
+
+
+def test_a_gain_that_is_told_is_the_share_that_the_cart_makes_of_a_velocity():
+    values = {**STEPPER, 'force_gain': 0.8}
+    plant = plants.plant({**values, 'velocities': 'exact'})
+    plant.place(np.array([0.0, np.pi, np.pi, 0.5, 0.0, 0.0]))
+    controller = controllers.controller(values)
+    sent = controller.update(0.0, plant.measure().x).command(math.inf)
+    assert sent == pytest.approx(0.5 / 0.8)
+    plant.obey(sent)
+    plant.advance(0.5)
+    assert plant.x[3] == pytest.approx(0.5, abs=1e-3)
+
+
 def test_a_drive_that_there_is_none_of_is_refused():
     with pytest.raises(ParameterError, match='force, voltage, acceleration'):
         controllers.controller({'drive': 'stepper'})
