@@ -106,7 +106,7 @@ DEFECTS = [
            'begin = first + j * LANES', 'begin = first', 'solvers'),
     # control
     defect('commands end by the clock, not after the state', 'control/commands.py',
-           'np.append(self.times[place:] - t, np.inf)', 'np.append(self.times[place:], np.inf)',
+           'np.append(times[place:] - t, np.inf)', 'np.append(times[place:], np.inf)',
            'control'),
     defect('the last command is the one that begins now', 'control/commands.py',
            'np.searchsorted(self.times, t) - 1', "np.searchsorted(self.times, t, 'right') - 1",

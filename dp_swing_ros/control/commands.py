@@ -3,6 +3,7 @@
 """Delay compensation: the commands that were sent, and what they do to a state until later."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,20 +17,54 @@ from dp_swing_ros.pendulum.units import SAME, Units
 REMEMBERED = 1.0   # [s] scaled, but no less: delays do not go with the pendulum
 LONGEST = 10.0     # [s] of a prediction; more only passes where a clock is set
 STEP = 0.01        # [s] scaled, longest of a prediction
+RESOLUTION = 1e-6  # [s] of times since 1970, as they are held
+
+
+class SentVelocity(NamedTuple):
+    """
+    A velocity that was sent to a drive, which then stays at it.
+
+    It may jump; the drive comes to it no faster than at its largest acceleration.
+    """
+
+    t: float         # [s] from when on
+    before: float    # [m/s] of the drive then
+    velocity: float  # [m/s]
+    lasts: float     # [s] in which the drive comes to it, if that is fast enough
+    u_max: float     # [m/s²]
+
+    @property
+    def acceleration(self) -> float:
+        """Return that of the drive while it lasts [m/s²]."""
+        return (self._come_to(self.before, self.lasts) - self.before) / self.lasts \
+            if self.lasts else 0.0
+
+    @property
+    def afterwards(self) -> list[tuple[float, float]]:
+        """Return from when on [s] which accelerations [m/s²] follow: what is left, then none."""
+        end, left = self.t + self.lasts, self.velocity - self._come_to(self.before, self.lasts)
+        rest = [(end, math.copysign(self.u_max, left))] if left else []
+        return [*rest, (end + (abs(left) / self.u_max if left else 0.0), 0.0)]
+
+    def at(self, t: float) -> float:
+        """Return the velocity of the drive at a time after what it lasts [s], or at its end."""
+        return self._come_to(self._come_to(self.before, self.lasts), t - self.t - self.lasts)
+
+    def _come_to(self, before: float, duration: float) -> float:
+        change = self.u_max * duration if duration > 0 else 0.0
+        return min(max(self.velocity, before - change), before + change)
 
 
 class SentCommands:
     """
     Remembers from when on each command holds; what was sent later replaces it.
 
-    To a drive of velocities the integral of the commands is sent, which are accelerations. What
-    is sent may jump; the drive comes to it no faster than at its largest acceleration.
+    To a drive of velocities the integral of the commands is sent, which are accelerations.
     """
 
-    def __init__(self, scale: Units = SAME) -> None:
-        """Begin with none, which is a force of zero, for a pendulum of a scale."""
-        self.velocity = math.nan   # [m/s] to which the drive comes by the last one
-        self.before_last = math.nan, 0.0, 0.0   # the same before; how long it lasts [s]; change
+    def __init__(self, scale: Units = SAME, sent: SentVelocity | None = None) -> None:
+        """Begin with none, which is a force of zero, for a pendulum of a scale; or after one."""
+        self.sent = sent   # the last velocity
         self.step = scale.sized(STEP, 's')
         self.remembered = max(REMEMBERED, scale.sized(REMEMBERED, 's'))   # [s]
         self.times, self.forces = np.empty(0), np.empty(0)   # since when [s], in order; which [N]
@@ -44,24 +79,34 @@ class SentCommands:
         self.times = np.append(self.times[old:end], t)
         self.forces = np.append(self.forces[old:end], command)
 
-    def add_velocity(self, t: float, velocity: float, lasts: float, change: float) -> None:
+    def begin(self, t: float, speed: float) -> None:
         """
-        Remember a velocity [m/s] that is sent at a time [s].
+        Begin a run with a command that acts at a time [s], by a measured speed of the cart [m/s].
 
-        It lasts so long [s], in which the drive changes its own by so much at most [m/s].
+        Where that is not measured (NaN), a drive goes on from the velocity that was sent before.
         """
-        self.before_last = self.velocity, lasts, change
-        self.add(t, 0.0)
-        self.replace_last(velocity)
+        if math.isfinite(speed) or self.sent is not None and t < self.sent.t:
+            self.sent = None
+
+    def add_velocity(self, sent: SentVelocity) -> None:
+        """Remember a velocity that is sent."""
+        for t, acceleration in self.afterwards:
+            if t < sent.t - RESOLUTION:
+                self.add(t, acceleration)
+        self.sent = sent
+        self.add(sent.t, sent.acceleration)
 
     def replace_last(self, command: float) -> None:
         """Remember that another command was sent than the last one added [N], or [m/s]."""
-        before, lasts, change = self.before_last
-        if math.isnan(before):
-            self.forces[-1] = command
-            return
-        self.velocity = min(max(command, before - change), before + change)
-        self.forces[-1] = (self.velocity - before) / lasts if lasts else 0.0
+        if self.sent is not None:
+            self.sent = self.sent._replace(velocity=command)
+            command = self.sent.acceleration
+        self.forces[-1] = command
+
+    @property
+    def afterwards(self) -> list[tuple[float, float]]:
+        """Return from when on [s] a drive does what else [N] if nothing more is sent."""
+        return [] if self.sent is None else self.sent.afterwards
 
     def last(self, t: float) -> tuple[float, float]:
         """Return the newest command [N] of those before a time [s], and since when it holds."""
@@ -71,10 +116,12 @@ class SentCommands:
 
     def since(self, t: float, history: float) -> tuple[Array, Array]:
         """Return when commands end, after a time [s], and which; see estimator.Commands."""
-        place = np.searchsorted(self.times, t - history, side='right')
-        before = self.before if place == 0 else self.forces[place - 1]
-        return (np.append(self.times[place:] - t, np.inf),
-                np.append(before, self.forces[place:]))
+        times, forces = self.times, self.forces
+        for begins, acceleration in self.afterwards:
+            times, forces = np.append(times, begins), np.append(forces, acceleration)
+        place = np.searchsorted(times, t - history, side='right')
+        before = self.before if place == 0 else forces[place - 1]
+        return np.append(times[place:] - t, np.inf), np.append(before, forces[place:])
 
     def predict(self, model: Model, drive: Drive, x: Array, t: float,
                 until: float) -> tuple[Array, float]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import math
 import time
 
-from dp_swing_ros.control.commands import SentCommands
+from dp_swing_ros.control.commands import SentCommands, SentVelocity
 from dp_swing_ros.control.lookahead import Lookahead
 from dp_swing_ros.control.observer import Belief, checked, Observer, ObserverParameters
 from dp_swing_ros.control.planner import Planner, PlannerParameters
@@ -61,11 +61,15 @@ class RecedingHorizon:
         self.supervisor = Supervisor(parameters)
 
     def reset(self) -> None:
-        """Forget everything: the next tick is a first tick, with the same random numbers."""
+        """
+        Forget everything: the next tick is a first tick, with the same random numbers.
+
+        A drive of velocities is still at the last one, and goes on from there; see commands.begin.
+        """
         self.lookahead.reset()
         self.observer.reset()
         self.fit()
-        self.commands = SentCommands(self.nominal.scale)
+        self.commands = SentCommands(self.nominal.scale, self.commands.sent)
         self.planner.reset(self.belief.problem)
         self.supervisor.reset()
 
@@ -87,6 +91,8 @@ class RecedingHorizon:
         if self.observer.is_another_run(t):
             self.reset()
         self.lookahead.add(t)
+        if self.lookahead.last_period == 0.0:
+            self.commands.begin(acts_at, float(x[len(x) // 2]))
         self.fit()
         belief = self.observer.update(t, x, time_noise, self.commands)   # filter, estimator, model
         x_0 = self.commands.compensate(belief, acts_at)                  # delay compensation
@@ -133,14 +139,13 @@ class RecedingHorizon:
         It is the integral of what was planned: a cart that follows its velocity late has the
         acceleration as late. Where there is no plan, it is zero.
         """
-        commands, limit = self.commands, self.nominal.parameters.limits.cart_speed_limit
-        if math.isnan(commands.velocity):
-            v = float(plan.X[0, plan.X.shape[1] // 2])
-            commands.velocity = v / self.belief.drive.gain if math.isfinite(v) else 0.0
+        sent, limit = self.commands.sent, self.nominal.parameters.limits.cart_speed_limit
+        speed = float(plan.X[0, plan.X.shape[1] // 2]) / self.belief.drive.gain
+        before = (speed if math.isfinite(speed) else 0.0) if sent is None else sent.at(acts_at)
         lasts, u_max = self.lookahead.last_period, self.nominal.u_max
-        v = commands.velocity + plan.first_force(u_max) * lasts
+        v = before + plan.first_force(u_max) * lasts
         v = 0.0 if plan.stats.status in IDLE else min(max(v, -limit), limit)
-        commands.add_velocity(acts_at, v, lasts, u_max * lasts)
+        self.commands.add_velocity(SentVelocity(acts_at, before, v, lasts, u_max))
         return replace(plan, velocity=v)
 
     @property

@@ -16,7 +16,7 @@ import math
 
 import numpy as np
 
-from dp_swing_ros.control.commands import SentCommands
+from dp_swing_ros.control.commands import RESOLUTION, SentCommands
 from dp_swing_ros.control.observer import Belief
 from dp_swing_ros.kernels import kernel
 from dp_swing_ros.parameters import parameter, Parameters
@@ -26,7 +26,6 @@ from dp_swing_ros.problem.plan import IDLE, Plan, Status
 from dp_swing_ros.problem.problem import (
     Bounds, plan_of, policy_rollout, Problem, regulator_rollout)
 
-RESOLUTION = 1e-6  # [s] of times since 1970, as they are held
 ROUNDING = 1e-9    # [m, m/s]
 
 

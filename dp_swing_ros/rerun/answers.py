@@ -8,9 +8,11 @@ import math
 from typing import Any, NamedTuple
 
 from dp_swing_ros.control import controllers
+from dp_swing_ros.control.commands import SentVelocity
 from dp_swing_ros.control.planner import Planner, Search
 from dp_swing_ros.control.receding_horizon import RecedingHorizon
 from dp_swing_ros.control.starts import solved
+from dp_swing_ros.pendulum.parameters import VELOCITY
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.problem.plan import Plan
 
@@ -45,6 +47,9 @@ def answer(controller: RecedingHorizon, tick: Tick, counted: bool = True) -> Pla
         controller.reconfigure(controllers.controller(tick.changed))
     if tick.reset:
         controller.reset()
+        if controller.commands.sent is None and controller.nominal.physical.drive == VELOCITY:
+            # what was sent before the bag begins is what the drive goes on from
+            controller.commands.sent = SentVelocity(tick.t, tick.force, tick.force, 0.0, 0.0)
     if not tick.stopping:
         controller.enable(tick.enabled)
     elif not tick.solves:   # else it is the controller that begins to stop

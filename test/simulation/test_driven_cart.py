@@ -9,14 +9,16 @@ import numpy as np
 import pytest
 
 from dp_swing_ros.control import controllers
+from dp_swing_ros.control.commands import SentCommands, SentVelocity
 from dp_swing_ros.evaluation.metrics import measure
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.pendulum.equations import mass_matrix, own_units, Pendulum
 from dp_swing_ros.pendulum.parameters import (
-    ACCELERATION, DRIVEN, FORCE, LimitParameters, PendulumParameters, VELOCITY)
+    ACCELERATION, DIRECT, DRIVEN, FORCE, LimitParameters, PendulumParameters, VELOCITY)
 from dp_swing_ros.pendulum.state import LINKS, upright
 from dp_swing_ros.pendulum.urdf import from_urdf, urdf
 from dp_swing_ros.problem.plan import Status
+from dp_swing_ros.rerun.answers import answer, Tick
 from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import simulate
 from dp_swing_ros.solvers import SOLVERS
@@ -157,6 +159,63 @@ def test_enabled_again_it_goes_on_from_the_speed_to_which_the_drive_has_come():
     before = sent[1] - 2 * 5.0 * PERIOD
     assert abs(sent[4] - before) <= 5.0 * PERIOD + 1e-9
     assert controller.commands.forces[2:4] == pytest.approx(-5.0)
+
+
+@pytest.mark.parametrize('sent', [0.3, 0.0])
+def test_a_drive_that_hears_no_more_stays_at_its_velocity(sent):
+    """As the plant does; it comes there as fast as it may, whatever time it was given for it."""
+    controller, plant = controllers.controller(STEPPER), plants.plant(
+        {**STEPPER, 'motor_time_constant': 0.0, 'physics_step': 0.001})
+    commands, x = SentCommands(), np.array([0.0, np.pi, np.pi, 0.8, 0.0, 0.0])
+    plant.place(x)
+    plant.obey(sent)
+    commands.add_velocity(SentVelocity(0.0, 0.8, sent, PERIOD, 5.0))
+    for _ in range(6):
+        plant.advance(PERIOD)
+        found, _ = commands.predict(controller.nominal.model, DIRECT, x, 0.0, plant.t)
+        np.testing.assert_allclose(found, plant.x, atol=2e-3)
+        assert commands.sent.at(plant.t) == pytest.approx(plant.x[3], abs=1e-3)
+    # which is known of what came before the next command, too
+    commands.add_velocity(SentVelocity(plant.t, sent, sent + 0.2, PERIOD, 5.0))
+    found, _ = commands.predict(controller.nominal.model, DIRECT, x, 0.0, plant.t)
+    np.testing.assert_allclose(found, plant.x, atol=2e-3)
+
+
+def swinging(controller, plant, count):
+    """Return the ticks of a controller that sees positions alone: times, states, velocities."""
+    ticks = []
+    for _ in range(count):
+        t, x = plant.measure()
+        ticks.append((t, x, controller.update(t, x).command(math.inf)))
+        plant.obey(ticks[-1][2])
+        plant.advance(PERIOD)
+        plant.begin_period(0.0)
+    return ticks
+
+
+def test_after_a_reset_it_goes_on_from_the_velocity_that_was_sent():
+    controller, plant = controllers.controller(STEPPER), plants.plant(
+        {**STEPPER, 'velocities': 'none'})
+    (*_, (_, _, before)) = swinging(controller, plant, 12)
+    controller.reset()
+    later = swinging(controller, plant, 12)
+    assert abs(before) > 0.1 and later[0][2] == before
+    # as a bag says that begins there
+    again = controllers.controller(STEPPER)
+    for n, (t, x, velocity) in enumerate(later):
+        tick = Tick(n, 0, t, x, 0.0, 0.0, False, n == 0, True, False, (), '', 0.0, velocity)
+        assert answer(again, tick).command(math.inf) == velocity
+
+
+def test_in_another_run_it_begins_with_the_velocity_of_the_cart():
+    controller, plant = controllers.controller(STEPPER), plants.plant(
+        {**STEPPER, 'velocities': 'none'})
+    assert abs(swinging(controller, plant, 12)[-1][2]) > 0.1
+    plant.reset()   # its time goes back
+    assert swinging(controller, plant, 1)[0][2] == pytest.approx(0.0, abs=1e-12)
+    controller.reset()
+    moving = np.array([0.0, np.pi, np.pi, 0.5, 0.0, 0.0])
+    assert controller.update(1.0, moving).command(math.inf) == pytest.approx(0.5)
 
 
 @pytest.mark.parametrize('drive', DRIVEN)
