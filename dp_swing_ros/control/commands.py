@@ -64,7 +64,8 @@ class SentCommands:
 
     def __init__(self, scale: Units = SAME, sent: SentVelocity | None = None) -> None:
         """Begin with none, which is a force of zero, for a pendulum of a scale; or after one."""
-        self.sent = sent   # the last velocity
+        self.scale, self.sent = scale, sent   # the last velocity
+        self.stops_at = math.inf   # [s] since when these are zero
         self.step = scale.sized(STEP, 's')
         self.remembered = max(REMEMBERED, scale.sized(REMEMBERED, 's'))   # [s]
         self.times, self.forces = np.empty(0), np.empty(0)   # since when [s], in order; which [N]
@@ -94,6 +95,7 @@ class SentCommands:
             if t < sent.t - RESOLUTION:
                 self.add(t, acceleration)
         self.sent = sent
+        self.stops_at = math.inf if sent.velocity else min(self.stops_at, sent.t)
         self.add(sent.t, sent.acceleration)
 
     def replace_last(self, command: float) -> None:
@@ -125,7 +127,18 @@ class SentCommands:
 
     def predict(self, model: Model, drive: Drive, x: Array, t: float,
                 until: float) -> tuple[Array, float]:
-        """Return state and force of the motor [N] at a later time [s]; shapes: x (2n + 2,)."""
+        """
+        Return state and force of the motor [N] at a later time [s]; shapes: x (2n + 2,).
+
+        Where a drive was told to stop, the cart is taken to stand, for it may brake at once.
+        """
+        if t < self.stops_at:
+            return self._follow(model, drive, x, t, until)
+        standing = np.where(np.arange(len(x)) == len(x) // 2, 0.0, x)
+        return SentCommands(self.scale)._follow(model, drive, standing, t, until)
+
+    def _follow(self, model: Model, drive: Drive, x: Array, t: float,
+                until: float) -> tuple[Array, float]:
         x, duration = x.copy(), min(until - t, LONGEST)
         f = follow_commands(model._replace(h=self.step), drive, *self.since(t, HISTORY), x,
                             duration)
@@ -142,6 +155,6 @@ class SentCommands:
         if np.isnan(belief.x[0]):
             return belief.x
         model, drive = belief.problem.model, belief.drive
-        x, f = self.predict(model, drive, belief.x, belief.t, acts_at + drive.delay)
+        x, f = self._follow(model, drive, belief.x, belief.t, acts_at + drive.delay)
         return hold(model._replace(h=self.step), x, drive.gain * f + drive.bias,
                     drive.time_constant)

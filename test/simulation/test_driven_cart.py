@@ -10,6 +10,7 @@ import pytest
 
 from dp_swing_ros.control import controllers
 from dp_swing_ros.control.commands import SentCommands, SentVelocity
+from dp_swing_ros.control.observer import Belief
 from dp_swing_ros.evaluation.metrics import measure
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.pendulum.equations import mass_matrix, own_units, Pendulum
@@ -167,18 +168,18 @@ def test_a_drive_that_hears_no_more_stays_at_its_velocity(sent):
     controller, plant = controllers.controller(STEPPER), plants.plant(
         {**STEPPER, 'motor_time_constant': 0.0, 'physics_step': 0.001})
     commands, x = SentCommands(), np.array([0.0, np.pi, np.pi, 0.8, 0.0, 0.0])
+    belief = Belief(0.0, x, controller.nominal, DIRECT, '', None)
     plant.place(x)
     plant.obey(sent)
     commands.add_velocity(SentVelocity(0.0, 0.8, sent, PERIOD, 5.0))
     for _ in range(6):
         plant.advance(PERIOD)
-        found, _ = commands.predict(controller.nominal.model, DIRECT, x, 0.0, plant.t)
+        found = commands.compensate(belief, plant.t)
         np.testing.assert_allclose(found, plant.x, atol=2e-3)
         assert commands.sent.at(plant.t) == pytest.approx(plant.x[3], abs=1e-3)
     # which is known of what came before the next command, too
     commands.add_velocity(SentVelocity(plant.t, sent, sent + 0.2, PERIOD, 5.0))
-    found, _ = commands.predict(controller.nominal.model, DIRECT, x, 0.0, plant.t)
-    np.testing.assert_allclose(found, plant.x, atol=2e-3)
+    np.testing.assert_allclose(commands.compensate(belief, plant.t), plant.x, atol=2e-3)
 
 
 def swinging(controller, plant, count):
@@ -216,6 +217,32 @@ def test_in_another_run_it_begins_with_the_velocity_of_the_cart():
     controller.reset()
     moving = np.array([0.0, np.pi, np.pi, 0.5, 0.0, 0.0])
     assert controller.update(1.0, moving).command(math.inf) == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize('velocities', ['exact', 'none'])
+@pytest.mark.parametrize('limit', [5.0, 100.0])
+def test_a_cart_may_stand_still_where_the_drive_was_told_to_stop(limit, velocities):
+    """However hard the driver brakes; where it was told to go, its encoder is dead."""
+    controller, plant = controllers.controller(STEPPER), plants.plant(
+        {**STEPPER, 'acceleration_limit': limit, 'motor_time_constant': 0.0,
+         'velocities': velocities, 'encoder_counts': 2000})
+    while abs(plant.x[3]) < 0.9:
+        swinging(controller, plant, 1)
+    controller.enable(False)
+    rejections = []
+    for _ in range(12):
+        swinging(controller, plant, 1)
+        rejections.append(controller.belief.rejection)
+    assert plant.x[3] == pytest.approx(0.0, abs=1e-6) and set(rejections) == {''}
+    controller.enable(True)
+    for _ in range(8):
+        t, x = plant.measure()
+        x[0] = 0.1
+        plant.obey(controller.update(t, x).command(math.inf))
+        plant.advance(PERIOD)
+        plant.begin_period(0.0)
+        rejections.append(controller.belief.rejection)
+    assert any('the cart has stood still' in rejection for rejection in rejections)
 
 
 @pytest.mark.parametrize('drive', DRIVEN)
