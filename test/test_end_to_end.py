@@ -110,6 +110,21 @@ def test_same_seed_gives_the_same_run_to_the_bit(tmp_path):
     np.testing.assert_array_equal(first.ticks.cost, second.ticks.cost)
 
 
+def test_a_plant_is_described_to_an_mpc_that_waits_for_that(tmp_path):
+    """The bodies are told to the plant alone, which starts after the mpc."""
+    file = tmp_path / 'rig.yaml'
+    file.write_text("""
+/**/plant: {ros__parameters: {links: 1, link1_length: 0.5, drive: acceleration}}
+/**/mpc: {ros__parameters: {bodies: description}}
+""")
+    assert demo.drive_in([file]) == 'acceleration'
+    run = Demo(tmp_path, '--lockstep', '--duration', '4', '--no-figures', '--params', str(file))
+    assert run.finish() == 0, run.out + run.err
+    assert run.left_behind() == []
+    believed = configurations_of(Bag(run.folder / 'bag'))['mpc'].parameters
+    assert (believed['link1_length'], believed['drive']) == (0.5, 'acceleration')
+
+
 def test_several_runs_end_in_a_summary(here, monkeypatch, capsys):
     def perform(folder, solver, seed, duration, links, lockstep, files):
         assert (links, lockstep, files) == (None, True, [])

@@ -5,24 +5,30 @@
 import argparse
 from collections.abc import Mapping, Sequence
 import contextlib
+from itertools import chain
 import os
 from pathlib import Path
 import time
 from typing import Any
 
 from rclpy.executors import SingleThreadedExecutor
+from std_msgs.msg import String
 from tqdm import tqdm
 
+from dp_swing_ros.control.receding_horizon import DESCRIPTION
+from dp_swing_ros.declarations import DECLARATIONS
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.evaluation.comparison import spread, summary, table
 from dp_swing_ros.evaluation.metrics import measure, Metrics
 from dp_swing_ros.messages.fields import links_in, seconds, to_state
-from dp_swing_ros.nodes.connections import subscribe
-from dp_swing_ros.parameters.files import for_node, sections
+from dp_swing_ros.nodes.connections import publish, subscribe
+from dp_swing_ros.parameters.files import for_node, is_of_rclpy, sections
 from dp_swing_ros.pendulum.parameters import acting_unit, FORCE
 from dp_swing_ros.pendulum.state import (
     angles, Array, DEFAULT_LINKS, LINKS, links_of, symbols, wrapped)
+from dp_swing_ros.pendulum.urdf import urdf
 from dp_swing_ros.report.recording import named, recording
+from dp_swing_ros.simulation import plants
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tools.command_lines import (
     dated, execute, FAILED, new_folder, OK, program, within)
@@ -30,7 +36,7 @@ from dp_swing_ros.tools.processes import (
     await_ready, Crew, isolated, located, Process, ProcessError)
 from dp_swing_ros.tools.tool_node import listeners, tool_node
 from dp_swing_ros.topics import (
-    COMMANDS, DIAGNOSTICS, JOINT_STATES, PLAN, STAMPED_COMMANDS, Topic)
+    COMMANDS, DIAGNOSTICS, JOINT_STATES, PLAN, ROBOT_DESCRIPTION, STAMPED_COMMANDS, Topic)
 
 DISCOVERY = 3.0   # [s] to find the nodes that are there already, however they announce themselves
 COLUMNS = 5     # of more runs than this the table shows the spread
@@ -69,6 +75,10 @@ class Observer:
     def listeners(self) -> set[str]:
         """Return the names of the nodes that subscribe to the states."""
         return listeners(self._node)
+
+    def describe(self, text: str) -> None:
+        """Publish a robot description, for who joins late, too."""
+        publish(self._node, ROBOT_DESCRIPTION).publish(String(data=text))
 
     def wait(self, timeout: float) -> None:
         """Wait for the next state, at most for a time [s]."""
@@ -164,8 +174,12 @@ def perform(folder: Path, solver: str, seed: int, duration: float, links: int | 
     fails.
     """
     bag, drive = folder / 'bag', drive_in(parameter_files)
+    told = given_in(parameter_files, 'mpc')
     shared = {'seed': seed, **({'links': links} if links else {})}
     with Crew() as crew, Observer() as observer:
+        if told.get('bodies') == DESCRIPTION:   # the plant, which has one, is to come last
+            of_plant = plants.plant({**given_in(parameter_files, 'plant'), **shared})
+            observer.describe(urdf(of_plant.physical, of_plant.limits))
         logger = crew.start(
             'logger', {'output': str(bag), 'progress_period': 0.0}, folder / 'logger.log')
         mpc = crew.start(
@@ -187,12 +201,19 @@ def perform(folder: Path, solver: str, seed: int, duration: float, links: int | 
     return bag
 
 
+def given_in(parameter_files: Sequence[Path], node: str) -> dict[str, Any]:
+    """Return what files have for a node of ours, but for what is rclpy's; the later prevails."""
+    found = for_node(chain.from_iterable(map(sections, parameter_files)), f'/{node}',
+                     DECLARATIONS[node].fields(max(LINKS)))
+    return {name: value for name, value in found.items() if not is_of_rclpy(name)}
+
+
 def drive_in(parameter_files: Sequence[Path]) -> str:
-    """Return the drive that an mpc with these parameters commands."""
-    drive = FORCE
-    for path in parameter_files:
-        drive = for_node(sections(path), '/mpc', ['drive']).get('drive', drive)
-    return drive
+    """Return the drive that an mpc with these parameters commands, or the one described to it."""
+    told = given_in(parameter_files, 'mpc')
+    if told.get('bodies') == DESCRIPTION:
+        told = {**given_in(parameter_files, 'plant'), **told}
+    return str(told.get('drive', FORCE))
 
 
 def keeping(*topics: Topic) -> dict[str, object]:
