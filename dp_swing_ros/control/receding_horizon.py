@@ -11,7 +11,7 @@ from dp_swing_ros.control.commands import SentCommands, SentVelocity
 from dp_swing_ros.control.lookahead import Lookahead
 from dp_swing_ros.control.observer import Belief, checked, Observer, ObserverParameters
 from dp_swing_ros.control.planner import Planner, PlannerParameters
-from dp_swing_ros.control.supervisor import braked, Supervisor, SupervisorParameters
+from dp_swing_ros.control.supervisor import braked, HELD, Supervisor, SupervisorParameters
 from dp_swing_ros.parameters import parameter, ParameterError, Parameters
 from dp_swing_ros.pendulum.parameters import DIRECT, Drive, VELOCITY
 from dp_swing_ros.pendulum.state import Array, hanging, upright
@@ -130,6 +130,8 @@ class RecedingHorizon:
         if belief.problem.physical.drive == VELOCITY:
             return self.as_velocity(plan, acts_at)
         commands.add(acts_at, plan.first_force(self.nominal.u_max))
+        if x_0 is None and plan.stats.status in IDLE and belief.problem.physical.is_driven:
+            commands.add(acts_at + HELD, 0.0)   # where no more comes the driver stops the cart
         return plan
 
     def as_velocity(self, plan: Plan, acts_at: float) -> Plan:

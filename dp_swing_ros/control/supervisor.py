@@ -27,6 +27,7 @@ from dp_swing_ros.problem.problem import (
     Bounds, plan_of, policy_rollout, Problem, regulator_rollout)
 
 ROUNDING = 1e-9    # [m, m/s]
+HELD = 0.25        # [s] for which a driver obeys a last command, at most; see docs/rig.md
 
 
 @dataclass(frozen=True)
@@ -101,13 +102,15 @@ class Supervisor:
 
         Without a state x_0 (2n + 2,) the last plan's own prediction is taken.
         """
-        problem = belief.problem
+        problem, is_last = belief.problem, x_0 is None
         if x_0 is None and last is not None:
             x_0 = last.X[0]
         if x_0 is None or np.isnan(belief.x[0]):
             return self.zero(problem, problem.x_r)
         if not self.acts(acts_at):
-            return self.zero(problem, x_0 if problem.physical.is_driven else problem.x_r)
+            plan = self.zero(problem, x_0 if problem.physical.is_driven else problem.x_r)
+            most = abs(x_0[len(x_0) // 2]) / HELD   # with more the cart would turn round
+            return limited(problem, plan, Bounds(-most, most)) if is_last else plan
         if not is_finite(x_0):   # where a learned model is wild
             x_0 = belief.x
         if self.stopping:

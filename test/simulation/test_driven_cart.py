@@ -11,6 +11,7 @@ import pytest
 from dp_swing_ros.control import controllers
 from dp_swing_ros.control.commands import SentCommands, SentVelocity
 from dp_swing_ros.control.observer import Belief
+from dp_swing_ros.control.supervisor import HELD
 from dp_swing_ros.evaluation.metrics import measure
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.pendulum.equations import mass_matrix, own_units, Pendulum
@@ -217,6 +218,24 @@ def test_in_another_run_it_begins_with_the_velocity_of_the_cart():
     controller.reset()
     moving = np.array([0.0, np.pi, np.pi, 0.5, 0.0, 0.0])
     assert controller.update(1.0, moving).command(math.inf) == pytest.approx(0.5)
+
+
+def test_a_last_acceleration_before_silence_brings_the_cart_to_rest_and_the_model_knows():
+    values = {**STEPPER, 'drive': ACCELERATION, 'motor_time_constant': 0.0}
+    controller, plant = controllers.controller({**values, 'carry_over': 0.0}), plants.plant(values)
+    plant.place(np.array([0.0, np.pi, np.pi, 0.6, 0.0, 0.0]))
+    plant.obey(controller.update(0.0, plant.measure().x).command(math.inf))
+    plant.advance(PERIOD)
+    before = plant.x.copy()
+    plan = controller.fallback(PERIOD)
+    assert plan.stats.status is Status.ZERO and abs(before[3]) > 0.3
+    plant.obey(plan.command(math.inf), HELD)
+    belief = controller.belief._replace(t=plant.t, x=before)
+    for _ in range(3):
+        plant.advance(HELD)
+        assert plant.x[3] == pytest.approx(0.0, abs=0.02)
+        np.testing.assert_allclose(controller.commands.compensate(belief, plant.t), plant.x,
+                                   atol=0.02)
 
 
 @pytest.mark.parametrize('velocities', ['exact', 'none'])
