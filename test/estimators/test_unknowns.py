@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from dp_swing_ros.estimators.unknowns import (
-    drive_of, LARGEST_BALANCE, LARGEST_FACTOR, LONGEST, model_of, Unknowns, UnknownsParameters, write_values)
+    drive_of, LARGEST_BALANCE, LARGEST_FACTOR, LONGEST, model_of, Unknowns, UnknownsParameters,
+    write_values)
 from dp_swing_ros.pendulum.equations import Pendulum, scale_of
 from dp_swing_ros.pendulum.integrators import INTEGRATORS
 from dp_swing_ros.pendulum.model import Model
