@@ -37,8 +37,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = bag_parser(
         'identify', 'Find masses, lengths, inertias, frictions, zeros of the angles, delay, lag '
         f'and bias of a rig from recorded motion ({MOTION}), with intervals of 95 %, and write '
-        'them as a parameter file for mpc and plant. Half a minute that swings, is held and pushed '
-        'tells all that motion can.',
+        'them as a parameter file for mpc and plant. Half a minute that swings, is held and '
+        'pushed tells all that motion can.',
         nargs='+', help=f'folder of a bag with {MOTION}, or its .mcap file; '
                         'several are of one rig')
     parser.epilog = (
