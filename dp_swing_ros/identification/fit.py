@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares
+from scipy.special import stdtrit
 
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.identification.segments import Segments
@@ -40,6 +41,7 @@ FAR = 1e3             # [m, rad] where a prediction is that has no end
 UNTOLD = 1e-12        # of the largest singular value: a direction that nothing tells
 WHITE = 0.2           # logarithm of a variance that is one, nearly
 INSIDE = 0.1          # of a scale from a bound a parameter begins
+QUANTILE = 0.975      # at the upper end of 95 %
 FLOOR = 1e-6          # [m, rad] standard deviation of a residual at least: no encoder is finer
 
 
@@ -86,6 +88,7 @@ class Fit:
         self.p = parametrisation.first.copy()
         self.whitening = roughly(parametrisation.scale, parametrisation.links)
         self.free: Array = np.array([], dtype=int)
+        self.untold: Array = np.array([], dtype=int)   # neither known nor told: held
 
     def use(self, precision: Precision) -> None:
         """Predict with this precision from now on."""
@@ -132,11 +135,11 @@ class Fit:
         """Return predictions from states and from a difference beside them (S, 2n + 3, r)."""
         return self.white(self.positions(motion, X_0, self.p[None], 1 + X_0.shape[1]))
 
-    def part(self, i: int) -> Part:
-        """Return motion i at p."""
-        differences = self.about.differences[self.free]
-        P = np.tile(self.p, (1 + len(self.free), 1))
-        P[np.arange(1, len(P)), self.free] += differences
+    def part(self, i: int, which: Array) -> Part:
+        """Return motion i at p, with what changes by some of the parameters (free,)."""
+        differences = self.about.differences[which]
+        P = np.tile(self.p, (1 + len(which), 1))
+        P[np.arange(1, len(P)), which] += differences
         size = self.states[i].shape[1]
         shot = self.white(self.positions(self.motions[i], self.states[i], P, size + len(P)))
         residuals = shot[:, 0] - self.white(self.motions[i].Q)
@@ -144,9 +147,9 @@ class Fit:
         return Part(residuals, apart[..., :size] / SMALL, apart[..., size:] / differences,
                     weights(residuals))
 
-    def parts(self) -> list[Part]:
-        """Return all motions at p."""
-        return [self.part(i) for i in range(len(self.motions))]
+    def parts(self, which: Array) -> list[Part]:
+        """Return all motions at p; see part."""
+        return [self.part(i, which) for i in range(len(self.motions))]
 
     def differences(self) -> list[Array]:
         """Return by what the predictions differ from what was measured, (S, K, n + 1) each."""
@@ -172,9 +175,10 @@ class Fit:
             return np.concatenate([self.white(each).ravel() for each in self.differences()])
 
         def jacobian(p: Array) -> Array:
-            if not np.array_equal(p, self.p[self.free]):   # else the states are those of p
+            if not np.array_equal(p, self.p[free]):   # else the states are those of p
                 self.take(p)
-            return np.concatenate([part.projected().reshape(-1, len(p)) for part in self.parts()])
+            return np.concatenate([
+                part.projected().reshape(-1, len(p)) for part in self.parts(free)])
 
         free, scales = self.free, self.about.scales[self.free]
         lowest, highest = self.about.lowest[free], self.about.highest[free]
@@ -217,36 +221,58 @@ class Fit:
         self.states = [states[which] for states, which in zip(self.states, kept)]
         return not all(map(np.all, kept))
 
+    @property
+    def searched(self) -> Array:
+        """Return which parameters are not known: the free ones, then those untold."""
+        return np.concatenate((self.free, self.untold))
+
+    @property
+    def segments(self) -> int:
+        """Return how many segments there are."""
+        return sum(map(len, self.states))
+
     def covariances(self) -> tuple[Array, Array]:
         """
-        Return two covariances of the free parameters (free, free), of which the larger counts.
+        Return two covariances of what is searched (k, k), for residuals of two kinds.
 
         The one is H⁻¹, for residuals that are independent, the other
         H⁻¹ (Σ_s g_s g_sᵀ) H⁻¹ with the gradient g_s of each segment, for those that are not. What
         the model itself lacks shows in many samples on end. Source of the second: White, "Maximum
-        likelihood estimation of misspecified models", Econometrica 50(1), 1982.
+        likelihood estimation of misspecified models", Econometrica 50(1), 1982. In both, what is
+        untold is off by its scale, and the free parameters make up for that.
         """
-        scales = self.about.scales[self.free]
-        H, G = np.zeros((2, len(scales), len(scales)))
-        if not len(scales):
-            return H, G
-        segments = 0
-        for part in self.parts():
+        scales, free = self.about.scales[self.searched], np.s_[:len(self.free)]
+        H, G, inverse = np.zeros((3, len(scales), len(scales)))
+        if not len(self.free):
+            return inverse, inverse
+        for part in self.parts(self.searched):
             J = part.projected() * scales
             weighted = np.swapaxes(J * part.weights[..., None], 1, 2)
             g = (weighted @ part.residuals[..., None])[..., 0]
-            H, G, segments = H + (weighted @ J).sum(axis=0), G + g.T @ g, segments + len(g)
-        of_directions, directions = np.linalg.eigh(H)
-        inverse = directions / np.maximum(of_directions, UNTOLD * of_directions[-1]) @ directions.T
-        clustered = inverse @ G @ inverse * segments / max(segments - len(scales), 1)
-        sizes = np.outer(scales, scales)
-        return sizes * inverse, sizes * clustered
+            H, G = H + (weighted @ J).sum(axis=0), G + g.T @ g
+        of_directions, directions = np.linalg.eigh(H[free, free])
+        inverse[free, free] = directions / np.maximum(
+            of_directions, UNTOLD * of_directions[-1]) @ directions.T
+        clustered = inverse @ G @ inverse * self.segments / max(
+            self.segments - len(self.free), 1)
+        follow = (np.eye(len(scales)) - inverse @ H)[:, len(self.free):]
+        sizes, of_untold = np.outer(scales, scales), follow @ follow.T
+        return sizes * (inverse + of_untold), sizes * (clustered + of_untold)
 
-    def deviations(self, J: Array | None = None) -> Array:
-        """Return the standard deviations of the free parameters, or of J (k, free) times them."""
-        J = np.eye(len(self.free)) if J is None else J
-        variances = [np.einsum('ki,ij,kj->k', J, C, J) for C in self.covariances()]
-        return np.sqrt(np.max(variances, axis=0, initial=0.0))
+    def halves(self, J: Array | None = None) -> Array:
+        """
+        Return half the intervals of 95 % of what is searched, or of J (m, k) times that (m,).
+
+        The wider of two: by a normal distribution, and by that of Student, for so few segments
+        tell but roughly how much they differ. Source: Cameron and Miller, "A practitioner's guide
+        to cluster-robust inference", Journal of Human Resources 50(2), 2015.
+        """
+        J = np.eye(len(self.searched)) if J is None else J
+        found: Array = np.max([
+            stdtrit(freedom, QUANTILE) * np.sqrt(np.einsum('ki,ij,kj->k', J, C, J))
+            for freedom, C in zip((np.inf, max(self.segments - 1, 1)), self.covariances())],
+            axis=0)
+        return found
 
 
 def roughly(scale: Units, links: int) -> Array:

@@ -19,7 +19,6 @@ from dp_swing_ros.pendulum.parameters import DIRECT, Drive, FORCE, PendulumParam
 from dp_swing_ros.pendulum.state import Array
 
 ROUNDS = 6          # of parameters and of what residuals count by in turns, at most
-CONFIDENCE = 1.96   # standard deviations to either side of 95 %
 CARTS = FREE, GIVEN = 'free', 'given'   # moved by commands and links; or as it was recorded
 
 
@@ -105,7 +104,7 @@ def identify(motions: Sequence[Motion], physical: PendulumParameters, drive: Dri
         fit.whiten()
     unidentified = hold_unidentifiable(fit)
     found, halves = fit.p.copy(), np.zeros(len(fit.p))
-    halves[fit.free] = CONFIDENCE * fit.deviations()
+    halves[fit.searched] = fit.halves()
     low, high = about.values(
         np.clip([found - halves, found + halves], about.lowest, about.highest))
     at_bounds, base = about.at_bounds(found, halves), base_of(fit, cart)
@@ -132,14 +131,16 @@ def hold_unidentifiable(fit: Fit) -> dict[str, float]:
     Hold what the motions cannot tell at its first guess, the least told first; fit the rest.
 
     It is told if half its interval is less than half its value, or than what is typical of such
-    a value. Returns half the intervals of what is not, by name, for a factor as a share.
+    a value, or if it ended at a bound, which is none of its own accord. Returns half the intervals
+    of what is not, by name, for a factor as a share.
     """
     unidentified: dict[str, float] = {}
     while len(fit.free):
         about, free = fit.about, fit.free
-        half = CONFIDENCE * fit.deviations()
+        half = fit.halves()
         size = np.where(about.is_factor[free], 0.0, SHARE * np.abs(about.values(fit.p)[free]))
         width = half / np.maximum(size, about.scales[free])
+        width[about.at_bounds(fit.p, np.zeros(len(fit.p)))[free]] = 0.0
         worst = int(np.argmax(width))
         if width[worst] <= 1:
             break
@@ -147,12 +148,13 @@ def hold_unidentifiable(fit: Fit) -> dict[str, float]:
         fit.p[free[worst]] = about.first[free[worst]]
         fit.free = np.delete(free, worst)
         fit.solve()
+    fit.untold = np.array([fit.about.names.index(name) for name in unidentified], dtype=int)
     return unidentified
 
 
 def base_of(fit: Fit, cart: str) -> dict[str, BaseParameter]:
     """Return the base parameters of what a fit has found, with intervals."""
-    about, free = fit.about, fit.free
+    about, searched = fit.about, fit.searched
 
     def at(p: Array) -> dict[str, Quantity]:
         bodies = about.bodies(p)
@@ -162,14 +164,13 @@ def base_of(fit: Fit, cart: str) -> dict[str, BaseParameter]:
     def numbers(p: Array) -> Array:
         return np.array([value for value, _ in at(p).values()])
     found = at(fit.p)
-    J = np.zeros((len(found), len(free)))
-    for column, i in enumerate(free):
+    J = np.zeros((len(found), len(searched)))
+    for column, i in enumerate(searched):
         step = np.zeros(len(fit.p))
         step[i] = about.differences[i]
         J[:, column] = (numbers(fit.p + step) - numbers(fit.p)) / step[i]
-    halves = CONFIDENCE * fit.deviations(J)
     return {name: BaseParameter(value, value - half, value + half, unit)
-            for (name, (value, unit)), half in zip(found.items(), halves.tolist())}
+            for (name, (value, unit)), half in zip(found.items(), fit.halves(J).tolist())}
 
 
 def predictions(fit: Fit) -> list[Prediction]:

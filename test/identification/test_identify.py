@@ -13,12 +13,12 @@ import yaml
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.identification.base_parameters import (
     base_parameters, base_parameters_of_links)
-from dp_swing_ros.identification.fit import FINE
+from dp_swing_ros.identification.fit import FINE, Fit
 from dp_swing_ros.identification.guess import guessed
 from dp_swing_ros.identification.identify import identify
 from dp_swing_ros.identification.recorded import Recorded
 from dp_swing_ros.identification.segments import Motion, resolution, segments_of
-from dp_swing_ros.identification.unknowns import OF_CART
+from dp_swing_ros.identification.unknowns import OF_CART, Parametrisation
 from dp_swing_ros.parameters import fields_of, group, ParameterError
 from dp_swing_ros.pendulum.drive import follow_commands, HISTORY
 from dp_swing_ros.pendulum.equations import Pendulum
@@ -307,6 +307,41 @@ def test_what_meets_a_bound_is_no_estimate():
     assert re.search(r'force_gain *\| +[\d.]+ \| +at the bound of the search \|', shown)
     assert re.search(r'force_gain: [\d.]+  # at the bound of the search', file)
     assert 'force_gain: at the bound of the search' in report(found, [recorded(motion)])
+
+
+def test_a_bound_beyond_which_nothing_changes_is_told_as_one():
+    """Rods that move as these links have no inertia; near none, its logarithm does nothing."""
+    physical = rig(2, link1_mass=0.1, link1_length=1.0, link1_centre=0.4, link1_inertia_factor=0.8,
+                   link2_mass=0.16, link2_length=1.8, link2_centre=1.03, link2_inertia_factor=0.84)
+    found = identify([swung(physical, noise=5e-4)], PendulumParameters(),
+                     known={'cart_mass': physical.cart_mass})
+    assert 'link1_inertia_factor' in found.at_bound
+    assert 'link1_inertia_factor' not in {**found.unidentified, **found.intervals}
+
+
+def test_what_makes_up_for_what_is_not_told_is_as_uncertain():
+    """A lag makes up for a delay: where that is held, a scale off, all else is off by as much."""
+    physical, off = rig(1, cart_dry_friction=0.0, joint1_dry_friction=0.0), 5e-4
+    about = Parametrisation(physical, DRIVE, {}, physical)
+    fit = Fit([segments_of(swung(physical), about.scale)], about)
+    fit.use(FINE)
+    held = about.names.index('actuation_delay')
+    fit.free = np.array([i for i, name in enumerate(about.names)
+                         if name not in about.held and 'dry' not in name and i != held])
+    fit.restart()
+    alone, p = fit.covariances(), fit.p.copy()
+    fit.p[held] += off
+    fit.solve()
+    expected = np.abs(fit.p - p)[fit.free] * about.scales[held] / off
+    fit.p = p.copy()
+    fit.take(p[fit.free])
+    fit.untold = np.array([held])
+    for less, more in zip(alone, fit.covariances()):
+        wider = np.sqrt(np.diag(more)[:-1] - np.diag(less))
+        np.testing.assert_allclose(wider / about.scales[fit.free],
+                                   expected / about.scales[fit.free], atol=0.02)
+    lag = about.names.index('motor_time_constant')
+    assert expected[fit.free == lag] > 0.5 * about.scales[held]
 
 
 @pytest.mark.parametrize('change, text', [
