@@ -5,8 +5,8 @@ What `identify` finds of a real pendulum, and how far that predicts what it did 
 
 The recordings are those of test/recordings: links that swing freely on a clamped cart. Positions
 alone are identified, of the first five sixths, with nothing told but that the cart is given; the
-last sixth is predicted, beside the parameters that the authors of the recordings published. Run by
-`make results`.
+last sixth is predicted, beside the parameters that the authors of the recordings published, and
+beside what `train` learns. Run by `make results`.
 """
 
 import argparse
@@ -21,17 +21,21 @@ import numpy as np
 import pandas
 from stamp import folders, made, sources, store_page, TOP
 
+from dp_swing_ros.dynamics.structured import Structured
 from dp_swing_ros.figures.style import FAINT, formulas, legend, LINKS, styled
 from dp_swing_ros.identification.base_parameters import base_parameters_of_links
 from dp_swing_ros.identification.fit import FINE
-from dp_swing_ros.identification.given_cart import HEAVY
+from dp_swing_ros.identification.given_cart import HEAVY, on_given_cart
 from dp_swing_ros.identification.identify import GIVEN, Identified, identify
 from dp_swing_ros.identification.segments import Motion
+from dp_swing_ros.learning import regression
+from dp_swing_ros.learning.models import learned, parted
+from dp_swing_ros.learning.recorded import stretches
 from dp_swing_ros.parameters import group
 from dp_swing_ros.pendulum.equations import Pendulum, scale_of
 from dp_swing_ros.pendulum.integrators import INTEGRATORS
 from dp_swing_ros.pendulum.model import Model, rollout
-from dp_swing_ros.pendulum.parameters import PendulumParameters
+from dp_swing_ros.pendulum.parameters import ACCELERATION, DIRECT, PendulumParameters
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.tables import compact
 
@@ -42,8 +46,10 @@ SEEN = 5 / 6                     # of a recording
 AHEAD = 0.5, 1.0, 2.0            # [s] of predictions
 EVERY = 20                       # rows between the states that they begin with
 SHOWN = 5.0                      # [s] of the picture
+Dynamics = Pendulum | Structured
 AROUND, ORDER = 8, 5             # rows to either side, and order, of what smooths a state
-PUBLISHED, FOUND = 'published', 'found'
+PUBLISHED, FOUND, LEARNED = 'published', 'found', 'learned'
+SLOW = 50                        # [Hz] of what is learned; states that come faster are left out
 
 
 class Link(NamedTuple):
@@ -83,11 +89,16 @@ def main(argv: Sequence[str] | None = None) -> None:
     which = [(name, rate) for name in AUTHORS for rate in RATES]
     fitted = dict(zip(which, Parallel(n_jobs=-1)(
         delayed(fit)(recorded[name], rate) for name, rate in reversed(which))[::-1]))
-    rows = pandas.DataFrame([row for name in AUTHORS for row in predicted(
-        name, recorded[name], {rate: fitted[name, rate].found for rate in RATES})])
+    models = dict(zip(AUTHORS, Parallel(n_jobs=-1)(
+        delayed(trained)(recorded[name], fitted[name, SLOW].found)
+        for name in reversed(AUTHORS))[::-1]))
+    rows = pandas.DataFrame([row for name in AUTHORS for row in predicted(recorded[name], {
+        PUBLISHED: pendulum(as_rods(name)),
+        **{f'{FOUND} at {rate} Hz': pendulum(bodies(fitted[name, rate].found)) for rate in RATES},
+        LEARNED: models[name]}, name)])
     picture(recorded['double'], {
-        PUBLISHED: as_rods('double'), FOUND: bodies(fitted['double', 200].found)}).savefig(
-            figures / 'recordings.png')
+        PUBLISHED: pendulum(as_rods('double')),
+        FOUND: pendulum(bodies(fitted['double', 200].found))}).savefig(figures / 'recordings.png')
     store_page('recordings', rows, page(rows, fitted), docs)
 
 
@@ -104,6 +115,23 @@ def fit(X: Array, rate: int) -> Fitted:
     began = time.perf_counter()
     found = identify([seen], PendulumParameters(links=links), cart=GIVEN)
     return Fitted(found, time.perf_counter() - began)
+
+
+def trained(X: Array, found: Identified) -> Structured:
+    """
+    Return what `train` learns of what is seen of a recording (K, 2n), told what was identified.
+
+    It needs speeds, which are those of `smoothed`, and takes the cart's motion as given.
+    """
+    links = X.shape[1] // 2
+    seen = smoothed(X[:round(SEEN * len(X))])[AROUND:-AROUND:RATES[SLOW]]
+    physical = group(PendulumParameters, {**bodies(found), 'drive': ACCELERATION})
+    scale, at_rest = scale_of(physical), np.zeros((len(seen), 1))
+    parts = parted(stretches(
+        on_given_cart(motion_of(seen[:, :links], SLOW), physical.masses[0]),
+        np.hstack((at_rest, seen[:, links:])), DIRECT, scale), 0, scale)
+    model = learned(Pendulum.of(physical, scale=scale), parts, scale=scale)
+    return model.dynamics.sized(scale.inverse).with_creep(regression.FINE.creep).sized(scale)
 
 
 def motion_of(theta: Array, rate: float) -> Motion:
@@ -139,10 +167,15 @@ def as_rods(name: str) -> dict[str, Any]:
     return values
 
 
-def predict(values: Mapping[str, Any], X_0: Array, duration: float) -> Array:
-    """Return the angles after each STEP (T + 1, n) from positions and speeds X_0 (2n,)."""
+def pendulum(values: Mapping[str, Any]) -> Pendulum:
+    """Return the dynamics of parameters, with dry friction as `identify` has it."""
     physical = group(PendulumParameters, values)
-    model = Model(Pendulum.of(physical, FINE.creep, scale_of(physical)), INTEGRATORS['rk4'], STEP)
+    return Pendulum.of(physical, FINE.creep, scale_of(physical))
+
+
+def predict(dynamics: Dynamics, X_0: Array, duration: float) -> Array:
+    """Return the angles after each STEP (T + 1, n) from positions and speeds X_0 (2n,)."""
+    model = Model(dynamics, INTEGRATORS['rk4'], STEP)
     theta, omega = np.split(X_0, 2)
     X = rollout(model, np.concatenate(([0.0], theta, [0.0], omega)),
                 np.zeros(round(duration / STEP)))
@@ -150,7 +183,7 @@ def predict(values: Mapping[str, Any], X_0: Array, duration: float) -> Array:
     return angles
 
 
-def errors(values: Mapping[str, Any], X: Array, starts: Array, first: Sequence[int]) -> Array:
+def errors(dynamics: Dynamics, X: Array, starts: Array, first: Sequence[int]) -> Array:
     """
     Return RMS errors [rad] of predictions AHEAD (3, n).
 
@@ -158,7 +191,7 @@ def errors(values: Mapping[str, Any], X: Array, starts: Array, first: Sequence[i
     """
     links, steps = X.shape[1] // 2, np.round(np.divide(AHEAD, STEP)).astype(int)
     rows = np.round(np.divide(AHEAD, PERIOD)).astype(int)
-    missed = [predict(values, starts[row], AHEAD[-1])[steps] - X[row + rows, :links]
+    missed = [predict(dynamics, starts[row], AHEAD[-1])[steps] - X[row + rows, :links]
               for row in first]
     rms: Array = np.sqrt(np.mean(np.square(missed), axis=0))
     return rms
@@ -172,17 +205,15 @@ def smoothed(X: Array) -> Array:
     return np.column_stack((X[:, :links], *speeds))
 
 
-def predicted(name: str, X: Array, found: Mapping[int, Identified]) -> list[dict[str, Any]]:
-    """Return the errors of predictions [mrad] of what was not seen, a row each."""
+def predicted(X: Array, which: Mapping[str, Dynamics], name: str) -> list[dict[str, Any]]:
+    """Return the errors of predictions [mrad] of what was not seen of a recording, a row each."""
     first = range(round(SEEN * len(X)), len(X) - round(AHEAD[-1] / PERIOD) - AROUND, EVERY)
-    which = {PUBLISHED: as_rods(name), **{
-        f'{FOUND} at {rate} Hz': bodies(of_rate) for rate, of_rate in found.items()}}
     return [{'recording': name, 'begin': begin, 'parameters': parameters,
              'predictions': len(first), 'ahead': ahead,
              **{f'theta{i}': 1e3 * rms for i, rms in enumerate(of_joints, 1)}}
             for begin, starts in (('as recorded', X), ('smoothed', smoothed(X)))
-            for parameters, values in which.items()
-            for ahead, of_joints in zip(AHEAD, errors(values, X, starts, first))]
+            for parameters, dynamics in which.items()
+            for ahead, of_joints in zip(AHEAD, errors(dynamics, X, starts, first))]
 
 
 def page(rows: pandas.DataFrame, fitted: Mapping[tuple[str, int], Fitted]) -> str:
@@ -192,10 +223,12 @@ def page(rows: pandas.DataFrame, fitted: Mapping[tuple[str, int], Fitted]) -> st
         'Recordings of the University of Washington of one, two and three links that swing on a '
         'clamped cart ([source](../../test/recordings/README.md)). What `identify --cart given` '
         'makes of the positions in the first five sixths, told nothing else, predicts the last '
-        'sixth, beside the parameters that the authors published. Errors are RMS [mrad] of each '
+        'sixth, beside the parameters that the authors published, and beside what `train` learns '
+        f'of the same at {SLOW} Hz, told what `identify` found. Errors are RMS [mrad] of each '
         f'angle, from a state every {EVERY * PERIOD:g} s: with the speeds as they were recorded '
         '(filtered, and off by 20 to 60 mrad/s), or with those of a polynomial of order '
-        f'{ORDER} through the positions of {2 * AROUND * PERIOD:g} s around.', '']
+        f'{ORDER} through the positions of {2 * AROUND * PERIOD:g} s around, which are also those '
+        'that is learned from.', '']
     best, table = better(rows), [['recording', 'from a state', 'parameters', *(
         f'after {ahead:g} s' for ahead in AHEAD)]]
     for (name, begin, parameters), of in rows.groupby(
@@ -234,7 +267,8 @@ def said(best: Mapping[tuple[str, str, float, str], str]) -> str:
     theirs = [f'{name} {begin}, θ{angle[-1]} after {ahead:g} s'
               for (name, begin, ahead, angle), by in best.items() if by == PUBLISHED]
     return (f'The best of each is bold. Of {len(best)} the published parameters have '
-            f'{len(theirs)}{": " * bool(theirs)}{"; ".join(theirs)}.')
+            f'{len(theirs)}{": " * bool(theirs)}{"; ".join(theirs)}. What is learned has '
+            f'{list(best.values()).count(LEARNED)}.')
 
 
 def angles_of(row: Any) -> list[str]:
@@ -253,7 +287,7 @@ def better(rows: pandas.DataFrame) -> dict[tuple[str, str, float, str], str]:
 
 
 @styled
-def picture(X: Array, which: Mapping[str, Mapping[str, Any]]) -> Figure:
+def picture(X: Array, which: Mapping[str, Dynamics]) -> Figure:
     """Draw recorded and predicted angles of what was not seen, from one state."""
     links, start = X.shape[1] // 2, round(SEEN * len(X))
     X_0, rows = smoothed(X)[start], start + np.arange(round(SHOWN / PERIOD))
@@ -262,8 +296,8 @@ def picture(X: Array, which: Mapping[str, Mapping[str, Any]]) -> Figure:
     for i, axes in enumerate(panels):
         axes.plot((rows - start) * PERIOD, X[rows, i], color=FAINT, linewidth=4.0,
                   label='recorded')
-        for (label, values), dashes in zip(which.items(), (':', '-')):
-            theta = predict(values, X_0, SHOWN)[:, i]
+        for (label, dynamics), dashes in zip(which.items(), (':', '-')):
+            theta = predict(dynamics, X_0, SHOWN)[:, i]
             axes.plot(np.arange(len(theta)) * STEP, theta, dashes, color=LINKS[i], label=label)
         axes.set_ylabel(f'{formulas(links)[1 + i]} [rad]')
         axes.grid(True)

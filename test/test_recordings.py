@@ -42,7 +42,7 @@ def test_rods_stand_for_the_links_that_were_published(recordings, name, rng):
     values = {key: value for key, value in recordings.as_rods(name).items()
               if not key.endswith('friction')}
     X_0 = np.concatenate((rng.uniform(-3, 3, len(links)), rng.uniform(-3, 3, len(links))))
-    theta = recordings.predict(values, X_0, 0.5)
+    theta = recordings.predict(recordings.pendulum(values), X_0, 0.5)
     omega = np.gradient(theta, recordings.STEP, axis=0)
     energies = [energy(g, links, *state) for state in zip(theta, omega)][1:-1]
     scale = sum(link.mass for link in links) * g * 0.15
@@ -53,11 +53,14 @@ def test_what_is_found_of_a_motion_without_noise_predicts_the_rest(recordings, t
     """By the page's own functions, on a motion that the published parameters make."""
     X_0 = np.array([2.6, 0.0])
     every = round(recordings.PERIOD / recordings.STEP)
-    theta = recordings.predict(recordings.as_rods('single'), X_0, 13.5)
+    theta = recordings.predict(recordings.pendulum(recordings.as_rods('single')), X_0, 13.5)
     X = np.hstack((theta, np.gradient(theta, recordings.STEP, axis=0)))[::every]
     found = recordings.fit(X, 50).found
-    rows = pandas.DataFrame(recordings.predicted('single', X, {50: found}))
-    assert rows[rows.parameters == 'found at 50 Hz'].theta1.max() < 0.5
+    rows = pandas.DataFrame(recordings.predicted(X, {
+        'found': recordings.pendulum(recordings.bodies(found)),
+        'learned': recordings.trained(X, found)}, 'single')).set_index('parameters')
+    assert rows.loc['found'].theta1.max() < 0.5
+    assert rows.loc['learned'].theta1.max() < 5.0   # of single steps, which differ less
     theirs = base_parameters_of_links(group(PendulumParameters, recordings.as_rods('single')))
     for name, (value, _) in theirs.items():
         if 'friction' not in name:
