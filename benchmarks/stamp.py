@@ -54,7 +54,8 @@ class Measured(NamedTuple):
 MEASURED = {
     'ablation': Measured('ablation'),
     'recordings': Measured('recordings', (
-        'identification/', 'pendulum/', 'kernels/', 'estimators/unknowns.py'), episodes=False),
+        'identification/', 'pendulum/', 'kernels/', 'estimators/unknowns.py', 'dynamics/',
+        *LEARNED), episodes=False),
     'rig': Measured(parts=('identification/',)),
     'live_changes': Measured('live_changes live_operator', OPERATED),
     'live_faults': Measured('live_faults faults live_operator', OPERATED),
