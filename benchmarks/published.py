@@ -122,6 +122,7 @@ PARTS = {
     'drives': of_rows('drives', 17),
     'summary': of_others('summary', summary.NEEDED, summary.write),
     'recordings': of_script('recordings', 5),
+    'intervals': of_script('intervals', 8),
     'rig': of_rigs(5),
     'sizes': of_rows('sizes', 24),
     'benchmark': of_script('benchmark', 14),
@@ -157,7 +158,7 @@ PAGES = {
         'On what rigs?',
         'What is found of a real pendulum, and who holds one whose drive, frictions, sensors and '
         'bodies are not as told. What is learned of such rigs, and of links of another build, is '
-        'on [another page](learned.md).', ('recordings', 'drives', 'rig')),
+        'on [another page](learned.md).', ('recordings', 'intervals', 'drives', 'rig')),
     'sizes': Page(
         'Of what size, at what rate?',
         'Who holds pendulums of other lengths and masses, as fast as their sensors are; why one '

@@ -56,6 +56,7 @@ MEASURED = {
     'recordings': Measured('recordings', (
         'identification/', 'pendulum/', 'kernels/', 'estimators/unknowns.py', 'dynamics/',
         *LEARNED), episodes=False),
+    'intervals': Measured('intervals', ('identification/', *LEARNED)),
     'rig': Measured(parts=('identification/',)),
     'live_changes': Measured('live_changes live_operator', OPERATED),
     'live_faults': Measured('live_faults faults live_operator', OPERATED),
