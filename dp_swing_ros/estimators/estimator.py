@@ -42,6 +42,7 @@ class Estimate(NamedTuple):
     refused: int                     # states since the last reset
     accepted: bool                   # not refused, nor the one to start anew from after refusals
     balance: Array | float = 0.0     # (n,) [rad] angles at which links stand balanced
+    explained: bool = True           # the motion, to within the noises, by some pendulum
 
 
 class Estimator(Protocol):

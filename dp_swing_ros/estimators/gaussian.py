@@ -115,12 +115,12 @@ def correct(measured, R, rate, time_noise, z, P):
     """
     Correct mean and covariance in place, one measured number after the other; NaN is none.
 
-    Returns how far each was from what those before it let expect: the innovation squared over its
-    variance. Shapes: measured and R (2n + 2,), the variances of its noise; rate (2n + 2,), ẋ;
-    time_noise the variance of ε [s²]; z (k,), P (k, k).
+    Returns how far each was from what those before it let expect: the innovation over its standard
+    deviation, which is white where the model is right. Shapes: measured and R (2n + 2,), the
+    variances of its noise; rate (2n + 2,), ẋ; time_noise the variance of ε [s²]; z (k,), P (k, k).
     """
     k = len(z)
-    squares, gain, row = np.zeros(len(measured)), np.empty(k + 1), np.empty(k + 1)
+    whitened, gain, row = np.zeros(len(measured)), np.empty(k + 1), np.empty(k + 1)
     mean, A = np.zeros(k + 1), np.zeros((k + 1, k + 1))   # of (z, ε)
     A[k, k] = time_noise
     for a in range(k):   # a slice at once would take long to compile
@@ -134,7 +134,7 @@ def correct(measured, R, rate, time_noise, z, P):
             row[a] = A[i, a] + rate[i] * A[k, a]
         innovation = measured[i] - mean[i] - rate[i] * mean[k]
         S = row[i] + rate[i] * row[k] + R[i]
-        squares[i] = innovation * innovation / S
+        whitened[i] = innovation / math.sqrt(S)
         for a in range(k + 1):
             gain[a] = row[a] / S
             mean[a] += innovation * gain[a]
@@ -150,7 +150,7 @@ def correct(measured, R, rate, time_noise, z, P):
         for b in range(k):
             P[a, b] = A[a, b]
     symmetrise(P)
-    return squares
+    return whitened
 
 
 @kernel

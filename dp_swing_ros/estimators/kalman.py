@@ -37,6 +37,8 @@ SCALES = (0.1, 5.0)      # of a noise's standard deviation, smallest and largest
 SMALL = 1e-4             # difference of x, p and time for derivatives, in own units
 EXACT = 1e-6             # [m, rad] scaled, of a change of a position that is no step
 SAME_STEP, OFTEN = 1e-4, 5   # of a step, within which another is the same; then it is one
+JUDGED = 1.0             # [s] scaled, over which it is seen whether the model explains the motion
+LARGE, COLOURED = 2.0, 0.5   # times the variance expected; of that, what goes on from one to next
 REFUSALS = 3             # so many in a row, and the filter starts anew from the last
 
 
@@ -91,7 +93,8 @@ class ExtendedKalmanFilter:
         if problem.learned is None:
             self.model = self.model._replace(
                 pendulum=Pendulum.of(self.nominal, CREEP, scale))
-        self.longest_gap, self.held = scale.sized(LONGEST_GAP, 's'), scale.sized(HELD, 's')
+        self.longest_gap, self.held, self.judged = (
+            scale.sized(each, 's') for each in (LONGEST_GAP, HELD, JUDGED))
         self.unknowns = Unknowns(self.nominal, drive, parameters, scale)
         self.prior = self.unknowns.deviations ** 2
         self.size = len(problem.cost.S)             # of the state; z goes on with p
@@ -114,6 +117,8 @@ class ExtendedKalmanFilter:
         self.t, self.z, self.P = -math.inf, np.zeros(k), np.zeros((k, k))
         self.scales = np.ones(2)   # of the variances of positions and velocities, learned
         self.refused = self.in_a_row = 0
+        self.power = self.colour = 0.0   # of innovations in deviations: squares, and with the last
+        self.last_whitened = np.zeros(self.size // 2)
         self.seen = np.full(self.size, math.nan)   # the last measurement
         # the smallest changes of positions, and how often they were just those
         self.steps, self.times = np.full(self.size // 2, math.inf), np.zeros(self.size // 2)
@@ -123,6 +128,8 @@ class ExtendedKalmanFilter:
         self.t, self.z, self.P, self.scales = before.t, before.z, before.P, before.scales
         self.refused, self.in_a_row = before.refused, before.in_a_row
         self.seen, self.steps, self.times = before.seen, before.steps, before.times
+        self.power, self.colour, self.last_whitened = (
+            before.power, before.colour, before.last_whitened)
 
     def update(self, t: float, x: Array, commands: Commands,
                time_noise: float = 0.0) -> Estimate:
@@ -136,11 +143,12 @@ class ExtendedKalmanFilter:
         for push, gate in ((0.0, about.push_gate), (about.push, about.gate)):
             z, P, rate = self.predicted(t, commands, push)
             innovation, known, variance = x - z[:self.size], z.copy(), P.copy()
-            squares = self.corrected(x, rate, time_noise, known, variance)
+            whitened = self.corrected(x, rate, time_noise, known, variance)
             if push == 0:
-                scales = self.adapted(x, squares)
+                scales = self.adapted(x, whitened)
+                self.judge(t, whitened)
             # rounding may leave P without its sign: then nothing is believed
-            distance = math.sqrt(sum(squares)) if sum(squares) >= 0 else math.nan
+            distance = float(np.linalg.norm(whitened))
             if distance <= gate:
                 self.scales = scales
                 constrain(self.unknowns.lowest, self.unknowns.highest, known, variance)
@@ -152,12 +160,30 @@ class ExtendedKalmanFilter:
                                              accepted=False)
         return self.set_posterior(t, z, P, innovation, distance)._replace(accepted=False)
 
-    def corrected(self, x: Array, rate: Array, time_noise: float, z: Array,
-                  P: Array) -> tuple[float, float]:
-        """Correct in place; return the squared distances of positions and velocities."""
-        half = self.size // 2
-        squares = correct(x, self.R * np.repeat(self.scales, half), rate, time_noise ** 2, z, P)
-        return float(squares[:half].sum()), float(squares[half:].sum())
+    def corrected(self, x: Array, rate: Array, time_noise: float, z: Array, P: Array) -> Array:
+        """Correct in place; return the innovations in standard deviations (2n + 2,)."""
+        found: Array = correct(x, self.R * np.repeat(self.scales, self.size // 2), rate,
+                               time_noise ** 2, z, P)
+        return found
+
+    def judge(self, t: float, whitened: Array) -> None:
+        """Take by how much positions are not as predicted, and how much of that goes on."""
+        now, half = whitened[:self.size // 2], self.size // 2
+        share = 1 - math.exp((self.t - t) / self.judged)
+        self.power += share * (float(now @ now) / half - self.power)
+        self.colour += share * (float(now @ self.last_whitened) / half - self.colour)
+        self.last_whitened = now
+
+    @property
+    def is_explained(self) -> bool:
+        """
+        Return whether states are as predicted, within the largest noise.
+
+        Innovations of a model that is right are white, however large its noises; those of one
+        that is wrong in kind go on from one to the next. Source: Mehra, as above.
+        """
+        return bool(self.scales[0] < SCALES[1] ** 2 or self.power < LARGE
+                    or self.colour < COLOURED * self.power)
 
     def note_steps(self, x: Array) -> None:
         """Take by how little positions change; those of encoders do by just a step, often."""
@@ -169,19 +195,19 @@ class ExtendedKalmanFilter:
         self.steps = np.where(smaller, changes, self.steps)
         self.seen = x
 
-    def adapted(self, x: Array, squares: tuple[float, float]) -> Array:
+    def adapted(self, x: Array, whitened: Array) -> Array:
         """
-        Return the scales with which the squared distances would be more as expected.
+        Return the scales with which innovations would be more as large as expected.
 
         An encoder that stands still shows no noise, but is off by up to half a step all the same.
         """
         half, scales = self.size // 2, []
         halves = np.where(self.times >= OFTEN, self.steps / 2, 0.0)
         lowest = max(SCALES[0] ** 2, min(float(np.max(halves ** 2 / self.R[:half])), 1.0))
-        for part, scale, square, least in zip((x[:half], x[half:]), self.scales.tolist(), squares,
-                                              (lowest, SCALES[0] ** 2)):
+        for part, scale, off, least in zip((x[:half], x[half:]), self.scales.tolist(), (
+                whitened[:half], whitened[half:]), (lowest, SCALES[0] ** 2)):
             measured = half - np.count_nonzero(np.isnan(part))
-            ratio = square / measured if measured else 1.0
+            ratio = float(off @ off) / measured if measured else 1.0
             scale *= 1 + self.parameters.adaptation * (ratio - 1)
             scales.append(min(max(scale, least), SCALES[1] ** 2))
         return np.array(scales)
@@ -212,7 +238,7 @@ class ExtendedKalmanFilter:
         physical = {name: value for name, value in found.items() if hasattr(self.nominal, name)}
         balance = np.array([value for name, value in found.items() if name.endswith('_balance')])
         return Estimate(z[:self.size].copy(), physical, drive, innovation, distance, self.refused,
-                        accepted=True, balance=balance)
+                        accepted=True, balance=balance, explained=self.is_explained)
 
     def predicted(self, t: float, commands: Commands,
                   push: float) -> tuple[Array, Array, Array]:

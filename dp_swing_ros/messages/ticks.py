@@ -70,7 +70,8 @@ class TickReport:
     clock: str = diagnostic('what the stamps of the states are', default='')
     estimate: Figures = diagnostic(
         'the state as `estimate_JOINT_position` and `_velocity`, the innovation likewise, '
-        '`innovation_distance` in standard deviations, how many states were `refused`, the angles '
+        '`innovation_distance` in standard deviations, how many states were `refused`, '
+        'whether states are `explained` by some pendulum, to within the noises, the angles '
         'at which links stand balanced as `linkN_balance`, and physical parameters and drive by '
         'their names', key='{}', default_factory=dict)
 

@@ -21,6 +21,9 @@ from dp_swing_ros.runtime.sent import Log
 
 HORIZONS = 3       # without a plan that comes to the goal
 IN_VAIN = 8        # horizons of plans that come there, and the pendulum does not
+UNEXPLAINED = ('the states are not those of a chain of rigid links, whatever its bodies and '
+               'drive; expected no spring or cable in a joint, no belt that slips, and the encoder '
+               'of each joint where it is told')
 
 
 class Reporter:
@@ -51,8 +54,11 @@ class Reporter:
         astray = self.goal_watch.warning(time, is_there, arrives, problem.horizon * problem.dt)
         if astray:
             self.log.say(WARN, astray, 'goal', 10.0)
+        estimate = controller.belief.estimate
+        if unexplained := '' if estimate is None or estimate.explained else UNEXPLAINED:
+            self.log.say(WARN, unexplained, 'model', 10.0)
         warning = '; '.join(filter(None, (
-            warning, astray,
+            warning, astray, unexplained,
             'the solve failed' if stats.candidates and stats.status in FALLBACK else '')))
         self.late_total += late
         level = OK
@@ -61,7 +67,7 @@ class Reporter:
         elif warning or late or stats.status in (*FALLBACK, Status.DISABLED):
             level = WARN
         tick = tick_report(
-            plan, problem, controller.belief.estimate, solver=controller.parameters.solver,
+            plan, problem, estimate, solver=controller.parameters.solver,
             time=time, late=late, late_total=self.late_total, enabled=controller.enabled,
             stopping=bool(stopping), **figures)
         words = filter(None, (complaint, stopping, warning, stats.status.value))
@@ -117,6 +123,7 @@ def of_estimate(estimate: Estimate) -> dict[str, float]:
     return {**dict(zip(keys_of_state('estimate', links), estimate.x.tolist())),
             **dict(zip(keys_of_state('innovation', links), estimate.innovation.tolist())),
             'innovation_distance': estimate.distance, 'refused': estimate.refused,
+            'explained': estimate.explained,
             'actuation_delay': estimate.drive.delay,
             'motor_time_constant': estimate.drive.time_constant,
             'force_gain': estimate.drive.gain, 'force_bias': estimate.drive.bias,

@@ -371,6 +371,30 @@ def test_a_push_is_no_outlier(push):
                for name in SCALED) < 0.05
 
 
+@pytest.mark.parametrize('spring, noise, explained', [
+    (0.0, 1e-3, True), (0.0, 0.03, True), (0.3, 1e-3, False)], ids=['exact', 'noisy', 'sprung'])
+def test_what_no_pendulum_does_is_not_explained(spring, noise, explained, rng):
+    """A spring [N m/rad] in a joint; noise is none, however large: it does not go on."""
+    e, x, forces, seen, h = estimator(), SWINGING, SentCommands(), [], 0.005
+    p = Pendulum.of(PHYSICAL)
+
+    def sprung(x, u):
+        D = np.array(mass_matrix(p, np.sin(x[1:3]), np.cos(x[1:3])))
+        torque = spring * (x[2] - x[1])
+        return np.array(derivative(p, x, u)) + np.append(
+            np.zeros(3), np.linalg.solve(D, [0.0, torque, -torque]))
+    for n in range(120):
+        estimate = e.update(0.05 * n, x + rng.normal(0.0, [noise] * 3 + [0.3] * 3), forces)
+        seen.append(estimate.explained)
+        u = rng.uniform(-10, 10)
+        forces.add(0.05 * n, u)
+        for _ in range(10):
+            x = np.array(rk4(lambda x, u: list(sprung(np.array(x), u)), x, u, h))
+    assert all(seen) is explained
+    if not explained:
+        assert all(seen[:10])   # it takes a while to tell
+
+
 @pytest.mark.parametrize('push_gate, falls', [(3.0, False), (math.inf, True)])
 def test_a_push_of_a_held_pendulum_is_no_delay(push_gate, falls):
     """Two of some 13 N; an answer to them that does little looks like one that is late."""

@@ -1,11 +1,14 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A goal that no plan comes to, in lockstep."""
+"""What a report of a tick warns of: a goal that no plan comes to, a motion of no pendulum."""
 
 import pytest
 
 from dp_swing_ros.control import controllers
-from dp_swing_ros.runtime.report import GoalWatch
+from dp_swing_ros.messages.fields import OK, WARN
+from dp_swing_ros.pendulum.state import hanging
+from dp_swing_ros.runtime.report import GoalWatch, Reporter
+from dp_swing_ros.runtime.sent import Log
 from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import simulate
 
@@ -43,3 +46,18 @@ def test_plans_in_vain_are_told_until_the_pendulum_is_there():
     assert not arrival.warning(10.0, True, True, 1.0)
     assert not arrival.warning(18.0, False, True, 1.0)
     assert arrival.warning(18.1, False, True, 1.0)
+
+
+def test_a_motion_that_no_pendulum_explains_is_told():
+    c, said = controllers.controller({}), []
+    reporter, plan = Reporter(c, Log(said.append, lambda: 0.0)), c.update(0.0, hanging())
+
+    def report():
+        return reporter.report(0, plan, '', '', time=0.0, delay=0.0, force=0.0, carried=0,
+                               resets=0, number=0, real_time=False)
+    assert (report().level, report().values['explained'], said) == (OK, True, [])
+    c.observer.belief = c.belief._replace(estimate=c.belief.estimate._replace(explained=False))
+    found = report()
+    assert (found.level, found.values['explained']) == (WARN, False)
+    assert 'not those of a chain of rigid links' in found.message
+    assert [each.text in found.message for each in said] == [True]
