@@ -22,8 +22,8 @@ from dp_swing_ros.runtime.sent import Log
 HORIZONS = 3       # without a plan that comes to the goal
 IN_VAIN = 8        # horizons of plans that come there, and the pendulum does not
 UNEXPLAINED = ('the states are not those of a chain of rigid links, whatever its bodies and '
-               'drive; expected no spring or cable in a joint, no belt that slips, and the encoder '
-               'of each joint where it is told')
+               'drive; expected no spring or cable in a joint, no belt that slips, and each '
+               'encoder at the joint that is told')
 
 
 class Reporter:
