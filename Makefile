@@ -52,7 +52,7 @@ evaluate: setup  ## run a campaign of episodes without ROS (EVALUATE='...' for i
 	@$(WITH_ROS) && ros2 run dp_swing_ros evaluate $(EVALUATE)
 
 results: setup $(if $(filter benchmark,$(or $(PAGES),benchmark)),$(VENV)/.peers)
-results: $(if $(filter rigs rig intervals drives methods ablation learned learned_rigs,$(PAGES)),$(VENV)/.installed-rig)
+results: $(if $(filter rigs rig intervals drives wrong_models methods ablation,$(PAGES)),$(VENV)/.installed-rig)
 results: $(if $(filter bags durability,$(or $(PAGES),bags)),$(VENV)/.installed-test)
 results:  ## every published figure anew, in about three hours (PAGES='reliability live' for some)
 	@$(WITH_ROS) && python benchmarks/published.py $(PAGES) $(RESULTS)

@@ -124,13 +124,13 @@ PARTS = {
     'recordings': of_script('recordings', 5),
     'intervals': of_script('intervals', 8),
     'rig': of_rigs(5),
+    'wrong_models': of_script('wrong_models', 8),
     'sizes': of_rows('sizes', 24),
     'benchmark': of_script('benchmark', 14),
     'methods': of_others('methods', methods.NEEDED, methods.write),
     'ablation': of_rows('ablation', 10),
     'paper': of_script('paper', 7, sources=lambda: seeded.sources('paper')),
     'learned': of_script('learned', 10),
-    'learned_rigs': of_script('learned_rigs', 9),
     'live_changes': of_script('live_changes', 6),
     'live_faults': of_script('live_faults', 8),
     'live_rates': of_script('live_rates', 16),
@@ -157,8 +157,8 @@ PAGES = {
     'rigs': Page(
         'On what rigs?',
         'What is found of a real pendulum, and who holds one whose drive, frictions, sensors and '
-        'bodies are not as told. What is learned of such rigs, and of links of another build, is '
-        'on [another page](learned.md).', ('recordings', 'intervals', 'drives', 'rig')),
+        'bodies are not as told, or of which the model lacks a term.',
+        ('recordings', 'intervals', 'drives', 'rig', 'wrong_models')),
     'sizes': Page(
         'Of what size, at what rate?',
         'Who holds pendulums of other lengths and masses, as fast as their sensors are; why one '
@@ -178,7 +178,7 @@ PAGES = {
         'anew](../paper.md).', ('paper',)),
     'learned': Page(
         'What does it learn, and from how much?',
-        'How it learns: [learned dynamics](../learned_dynamics.md).', ('learned', 'learned_rigs')),
+        'How it learns: [learned dynamics](../learned_dynamics.md).', ('learned',)),
     'live': Page(
         'What does it do in real time?',
         'Plant and mpc as processes, while parameters change, processes fail, states come faster, '

@@ -1,7 +1,7 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Rigs with what the equations of the mpc lack, whatever its numbers.
+Rigs that no masses, lengths, frictions and delays describe.
 
 The mass of a link lies beside the line of the joints, as with a bracket or a bent link, or further
 along it, as with a weight at the end, or is changed in the middle of a run; joints and cart have
@@ -11,23 +11,16 @@ springs, as of cables; a motor cogs, a bearing sticks, the rail is tilted, encod
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 import math
-from typing import NamedTuple
 
-from campaigns import DURATION
 import numpy as np
 
-from dp_swing_ros.dynamics.files import LearnedModel
-from dp_swing_ros.dynamics.structured import harmonics, pairs, Structured
-from dp_swing_ros.evaluation.scenarios import Case, rig
-from dp_swing_ros.pendulum.equations import Pendulum, scale_of
+from dp_swing_ros.pendulum.equations import scale_of
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.pendulum.state import angles, Array, DEFAULT_LINKS, hanging, to_joints, upright
 from dp_swing_ros.problem.plan import Plan
-from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import Controller
 from dp_swing_ros.simulation.engines import ENGINES, Motor, MuJoCo
 
-POSES = 50           # more than there are harmonics
 SPRING = 0.3         # [N m/rad] scaled, of each joint
 LEAN = (0.1408, -0.0196)   # [rad] where links stand with these, or the same to the other side
 CABLE = 5.0          # [N/m] scaled
@@ -189,10 +182,9 @@ class Sticking(Varying):
         self.model.dof_frictionloss[1] = self.dry * (1 + sticking)
 
 
-UNEVEN: dict[str, type[Uneven]] = {'beside': Beside, 'along': Along}
 ADDED: dict[str, type[MuJoCo]] = {
-    **UNEVEN, 'springs': Sprung, 'cable': Pulled, 'cogging': Cogging, 'sticking': Sticking,
-    'tilted': Tilted, 'changed': Changed}
+    'beside': Beside, 'along': Along, 'springs': Sprung, 'cable': Pulled, 'cogging': Cogging,
+    'sticking': Sticking, 'tilted': Tilted, 'changed': Changed}
 
 
 @contextmanager
@@ -255,46 +247,3 @@ class WithPlay:
         said = x.copy()
         said[angles(x)] += self.shaft - joint
         return said
-
-
-class UnevenRig(NamedTuple):
-    """A rig that one of these moves; see Rig."""
-
-    engine: str
-    level: None = None
-
-    @property
-    def scenario(self) -> str:
-        """Return what it is called where results are stored."""
-        return f'rig_{self.engine}'
-
-    def cases(self, seeds: range) -> list[Case]:
-        """Return its cases."""
-        return [rig(Case(self.scenario, seed, DURATION, plant={'engine': self.engine}),
-                    DEFAULT_LINKS) for seed in seeds]
-
-
-def exact(case: Case) -> LearnedModel:
-    """Return as a model what such a rig is, from MuJoCo's mass matrix and potential."""
-    plant = plants.plant(case.plant)
-    engine, pendulum = plant.engine, Pendulum.of(plant.physical)
-    assert isinstance(engine, Uneven)
-    n, model, data, mujoco = pendulum.links, engine.model, engine.data, engine.mujoco
-    poses = np.random.default_rng(0).uniform(-np.pi, np.pi, (POSES, n))
-    ours = np.array([to_joints(row) for row in np.eye(n + 1)])   # each of our speeds, by joints
-    D, V = np.zeros((POSES, n + 1, n + 1)), np.zeros(POSES)
-    for pose, theta in enumerate(poses):
-        data.qpos[:] = to_joints(np.array([0.0, *theta]))
-        mujoco.mj_forward(model, data)
-        for i, speeds in enumerate(ours):
-            momenta = np.zeros(n + 1)
-            mujoco.mj_mulM(model, data, momenta, speeds)
-            D[pose, i] = ours @ momenta
-        V[pose] = -model.opt.gravity[2] * model.body_mass @ data.xipos[:, 2]
-    basis = np.array([[each.value for each in harmonics(np.sin(theta), np.cos(theta))]
-                      for theta in poses])
-    upper = np.array([D[:, i, j] for i, j in pairs(n)]).T
-    inertia, potential = (np.linalg.lstsq(basis, of, rcond=None)[0] for of in (upper, V))
-    dynamics = Structured.of(pendulum)._replace(
-        inertia=inertia.T.copy(), potential=np.append(0.0, potential[1:]))
-    return LearnedModel(dynamics, np.ones(n + 1), {})

@@ -3,13 +3,16 @@
 """
 Who holds a rig whose model is wrong, and is told so by nobody.
 
-MuJoCo moves the rigs. Most lack no number but a term, see unmodelled.py; sensors are exact but for
-what is said of them, and speeds are measured.
+MuJoCo moves the rigs, see unmodelled.py; sensors are exact but for what is said of them, and
+speeds are measured.
+
+Run by `make results`.
 """
 
 import argparse
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
 import math
 from pathlib import Path
 from typing import Any
@@ -17,6 +20,7 @@ from typing import Any
 from campaigns import CERTAIN, DURATION, METHODS
 from joblib import delayed
 from learned import in_parallel
+from matplotlib.figure import Figure
 import numpy as np
 from rig import CENTRED, settling
 from stamp import folders, made, sources
@@ -30,6 +34,8 @@ from dp_swing_ros.evaluation.campaign.summary import common, duel
 from dp_swing_ros.evaluation.comparison import rate
 from dp_swing_ros.evaluation.metrics import Metrics
 from dp_swing_ros.evaluation.scenarios import Case, LIMITS, of_each, PERIOD, rig
+from dp_swing_ros.figures.style import (
+    as_share, FAINT, INK, name_lines, PALETTE, PAPER, solver_name, styled)
 from dp_swing_ros.parameters import group
 from dp_swing_ros.pendulum.equations import scale_of
 from dp_swing_ros.pendulum.parameters import PendulumParameters
@@ -38,12 +44,15 @@ from dp_swing_ros.simulation.closed_loop import Controller
 from dp_swing_ros.simulation.plants import PLANT
 from dp_swing_ros.tables import compact
 
-SEEDS = 100
+SEEDS = 12
 SIZES = {1.0: 20.0, 0.2: 200.0}   # [m] of each link: [Hz]
 DEFAULT = 'default'
 CONTESTANTS: dict[str, dict[str, Any]] = {
     DEFAULT: {}, 'no_adaptation': {'ekf.adaptation': 0.0}, 'state_alone': CERTAIN,
     'no_estimator': {'estimator': 'none'}}
+CELLS = [cell for cell in product(SIZES, METHODS, CONTESTANTS)   # of the page
+         if cell[2] == DEFAULT or cell[:2] == (1.0, 'ilqr')]
+LOOKS = dict(zip(CONTESTANTS, ((INK, 'o'), (PALETTE[0], 's'), (PALETTE[2], '^'), (FAINT, 'D'))))
 AGAIN = 3.0            # [s] scaled, in which a link that was changed is to be held again
 KNOCK, KNOCKED = 20.0, 0.1   # [N, s] scaled, of the cart by who changes a link
 TWICE, LENGTHS = (0.5, 2.0), (0.8, 1.2)   # factors of what is told
@@ -115,7 +124,8 @@ RIGS = {
     'backlash': WrongModel('backlash of 1° in joint 1', encoders=WithPlay),
     'sticking': WrongModel('a bearing of joint 1 that sticks', 'sticking',
                            {'joint1_dry_friction': 0.05}),
-    'bodies': WrongModel('told 2 or 0.5 times', plant=DRY, told=told_wrongly),
+    'bodies': WrongModel('masses, dry frictions and gain told as half or twice, lengths up to '
+                         '20 % off', plant=DRY, told=told_wrongly),
     'changed': WrongModel('50 % of its mass added to the end of link 2', 'changed',
                           settled_by=CHANGE + AGAIN),
     'knocked': WrongModel('the same, and the cart knocked as it is added', 'changed',
@@ -168,6 +178,14 @@ def played(contestant: Contestant, case: Case) -> Row:
             run, goal=RIGS[case.scenario].stands(run.X[-1])))
 
 
+def cell(row: Row) -> tuple[str, float, str, str]:
+    """Return rig, size, solver and contestant of a row."""
+    size = row.key.level
+    assert size is not None
+    solver, kind = row.key.contestant.split(', ')
+    return row.key.scenario, size, solver, kind
+
+
 def table(rows: Sequence[Row]) -> str:
     """Return a line for each rig, size, solver and contestant."""
     return compact([('rig', 'links [m]', 'solver', 'mpc', 'held', 'as asked',
@@ -177,65 +195,103 @@ def table(rows: Sequence[Row]) -> str:
 
 def lines(rows: Sequence[Row]) -> Iterator[tuple[str, ...]]:
     """Yield the lines of the table."""
-    groups = grouped(rows, lambda row: (row.key.scenario, row.key.level, row.key.contestant))
-    for (name, size, contestant), of in groups.items():
-        assert size is not None
-        solver, kind = contestant.split(', ')
+    groups = grouped(rows, cell)
+    for (name, size, solver, kind), of in groups.items():
         asked = [RIGS[name].is_as_asked(row.metrics, size) for row in of]
         line = [f'`{name}`', f'{size:g}', f'`{solver}`', f'`{kind}`',
                 share(rate([row.metrics.success for row in of])), share(rate(asked)),
                 interval(settling(of), '.2f')]
-        default = groups.get((name, size, f'{solver}, {DEFAULT}'), [])
+        default = groups.get((name, size, solver, DEFAULT), [])
         if kind != DEFAULT and default:
-            one = duel(name, contestant, DEFAULT, common(of, default))
+            one = duel(name, kind, DEFAULT, common(of, default))
             line += [str(one.first_only), str(one.second_only), probability(one.p)]
         yield (*line, *[''] * (10 - len(line)))
 
 
+@styled
+def picture(rows: Sequence[Row]) -> Figure:
+    """Draw what is held of each rig, and how soon, by the solver and at the size of the first."""
+    _, size, solver, _ = cell(rows[0])
+    groups = grouped([row for row in rows if cell(row)[1:3] == (size, solver)],
+                     lambda row: (cell(row)[0], cell(row)[3]))
+    names, kinds = (list(dict.fromkeys(of)) for of in zip(*groups))
+    pitch = len(kinds) + 1
+    looks = {kind: {'color': colour, 'marker': marker, 'linewidth': 1.4, 'markersize': 4.7,
+                    'markevery': [1]} for kind, (colour, marker) in LOOKS.items() if kind in kinds}
+    figure = Figure(figsize=(8.4, 1.3 + 0.13 * pitch * len(names)), layout='constrained')
+    held, settled = figure.subplots(1, 2, sharey=True)
+    for (name, kind), of in groups.items():
+        y = [pitch * names.index(name) + kinds.index(kind)] * 3
+        found, took = rate([row.metrics.success for row in of]), settling(of)
+        held.plot([found.low, found.successes / found.runs, found.high], y, **looks[kind],
+                  clip_on=False)
+        settled.plot([took.low, took.value, took.high], y, **looks[kind])
+    for axes in (held, settled):
+        for n in range(0, len(names), 2):
+            axes.axhspan(n * pitch - 1, (n + 1) * pitch - 1, color=PAPER, zorder=0)
+        axes.tick_params('y', length=0)
+        axes.grid(True, axis='x')
+    held.set_yticks(pitch * np.arange(len(names)) + (pitch - 2) / 2, names)
+    held.set(ylim=(pitch * len(names) - 1, -1), xlabel='held')
+    as_share(held, 'x')
+    settled.set(xlim=(0, None), xlabel='median settling time [s]')
+    name_lines(figure, looks, entry=2.0)
+    figure.suptitle(f'When the model is wrong: {solver_name(solver)}, links of {size:g} m')
+    return figure
+
+
 def page(rows: Sequence[Row], made: str) -> str:
     """Return the page."""
+    sizes = ' or '.join(f'{size:g} m at {rate:g} Hz' for size, rate in SIZES.items())
     return '\n'.join([
         '# When the model is wrong\n', made,
-        f'{DURATION:g} s from nearly hanging (of other lengths as long in their own units), moved '
-        'by MuJoCo; what is wrong is told to nobody. Sensors are exact, and speeds are measured. '
-        'The mpc with its defaults stands beside one whose filter takes its noises as given, one '
-        'whose filter estimates the state alone, and one without an estimator. p is of '
-        "McNemar's exact test against the default on the same seeds; in brackets 95 % intervals, "
-        'by Wilson of what is held, by the bootstrap of a median. Rows: '
-        '`results/wrong_models.csv.gz`.\n',
+        f'{DURATION:g} s from nearly hanging, moved by MuJoCo, with links of {sizes}; what stands '
+        'below is of links of 1 m, and of others as much in their own units. Nothing of it is '
+        'told. Sensors are exact but where one is named, and speeds are measured.\n',
         compact([('rig', 'what is wrong'), *(
             (f'`{name}`', model.about) for name, model in RIGS.items())]) + '\n',
-        'Held is what [evaluate](../evaluation.md) calls so; of `springs`, whose links cannot '
-        'rest upright, about where they can. As asked is, of `zeros`, with the cart within '
-        f'{100 * CENTRED:g} cm of its goal at the end; of `changed` and `knocked`, which are '
-        f'changed after {CHANGE:g} s, from {AGAIN:g} s later on. A link that rests upright does '
-        'not feel that it is changed, hence the second, whose cart is also pushed by '
-        f'{KNOCK:g} N for {KNOCKED:g} s.\n', table(rows), ''])
+        'The mpc is the default one; or its filter takes its noises as given (`no_adaptation`) or '
+        'estimates the state alone (`state_alone`), or it has none (`no_estimator`).\n',
+        'Held is what [evaluate](../evaluation.md#measures) calls so; of `springs`, whose links '
+        'cannot rest upright, about where they can. As asked is, of `zeros`, with the cart within '
+        f'{100 * CENTRED:g} cm of its goal at the end; of `changed` and `knocked`, settled within '
+        f'{AGAIN:g} s of the change, which comes after {CHANGE:g} s; of others, what is held. '
+        'Links that rest upright do not feel the change, hence `knocked`, whose cart is pushed as '
+        f'well, by {KNOCK:g} N for {KNOCKED:g} s.\n',
+        "p is of McNemar's exact test against the default on the same seeds; in brackets 95 % "
+        'intervals, by Wilson of what is held, by the bootstrap of a median. Rows: '
+        '`results/wrong_models.csv.gz`.\n',
+        '![What each mpc holds of each rig, and how soon](../figures/wrong_models.png)\n',
+        table(rows), ''])
 
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Play, and print the table or write the page."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(
+        description=__doc__, epilog='Without --size, --solvers and --contestants: the cells of '
+        'the page; with one of them, all of the others.')
     parser.add_argument('--rigs', nargs='+', choices=RIGS, default=list(RIGS))
-    parser.add_argument('--size', nargs='+', type=float, choices=SIZES, default=list(SIZES),
-                        help='[m] of the links')
-    parser.add_argument('--solvers', nargs='+', choices=METHODS, default=METHODS)
-    parser.add_argument('--contestants', nargs='+', choices=CONTESTANTS,
-                        default=list(CONTESTANTS))
+    parser.add_argument('--size', nargs='+', type=float, choices=SIZES, help='[m] of the links')
+    parser.add_argument('--solvers', nargs='+', choices=METHODS)
+    parser.add_argument('--contestants', nargs='+', choices=CONTESTANTS)
     parser.add_argument('--seeds', type=int, default=SEEDS)
     parser.add_argument('--docs', type=Path, help='folder to write the page and its rows into')
     asked = parser.parse_args(argv)
-    calls = [delayed(played)(*episode(name, size, solver, kind, seed))
-             for name in asked.rigs for size in asked.size for solver in asked.solvers
-             for kind in asked.contestants for seed in range(asked.seeds)]
-    rows = in_parallel('wrong models', calls)
-    print(table(rows))
-    if asked.docs:
-        results, _ = folders(asked.docs)
-        store(results / 'wrong_models.csv.gz', rows)
-        (results / 'wrong_models.md').write_text(page(rows, made(
-            'wrong_models', sources('wrong_models'), (*provenance.COMPUTING, 'mujoco'))),
-            encoding='utf-8')
+    chosen = (asked.size, asked.solvers, asked.contestants)
+    cells = list(product(*(some or all_of for some, all_of in zip(
+        chosen, (SIZES, METHODS, CONTESTANTS))))) if any(chosen) else CELLS
+    rows = in_parallel('wrong models', [
+        delayed(played)(*episode(name, *one, seed))
+        for name in asked.rigs for one in cells for seed in range(asked.seeds)])
+    if not asked.docs:
+        print(table(rows))
+        return
+    results, figures = folders(asked.docs)
+    store(results / 'wrong_models.csv.gz', rows)
+    picture(rows).savefig(figures / 'wrong_models.png')
+    (results / 'wrong_models.md').write_text(page(rows, made(
+        'wrong_models', sources('wrong_models'), (*provenance.COMPUTING, 'mujoco'))),
+        encoding='utf-8')
 
 
 if __name__ == '__main__':

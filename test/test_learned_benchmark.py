@@ -3,22 +3,11 @@
 """The page of learned dynamics, of few seeds."""
 
 import learned
-import learned_rigs
 import numpy as np
 import pandas as pd
 import pytest
-from rig import Rig
-import unmodelled
 
-from dp_swing_ros.learning.experience import Experience
-from dp_swing_ros.learning.models import parted
-from dp_swing_ros.learning.priors import structured
-from dp_swing_ros.learning.regression import FINE, fitted, predicted, spread
-from dp_swing_ros.pendulum.equations import Pendulum
-from dp_swing_ros.pendulum.parameters import Drive, PendulumParameters
 from dp_swing_ros.pendulum.state import hanging, upright
-from dp_swing_ros.simulation import plants
-from dp_swing_ros.simulation.engines import ENGINES, Motor
 
 
 def test_experience_in_trials_and_without_a_break(monkeypatch):
@@ -39,53 +28,6 @@ def test_a_log_tells_enough_to_hold():
     assert all(row.metrics.success for row in rows)
     text = learned.of_log(rows)
     assert text.count('1 of 1') == 4 and 'Everything was held' in text
-
-
-def test_a_rig_is_held_by_what_its_swing_ups_have_taught():
-    pytest.importorskip('mujoco')
-    case, = Rig('rig_gain').cases(range(1))
-    rows = learned_rigs.played(case, (1,))
-    assert [row.key.contestant for row in rows] == [
-        'equations, estimator', 'equations alone', 'learned, 1 swing-up', 'told']
-    assert all(row.metrics.success for row in rows)
-    groups = learned_rigs.by_rig(rows)
-    text = learned_rigs.page(groups, 'made\n')
-    assert text.count('1 of 1') == 4 and '| `rig_gain` | told | 1 of 1' in text
-    assert len(learned_rigs.picture(groups).axes) == 2
-
-
-@pytest.mark.parametrize('name', unmodelled.UNEVEN)
-def test_a_rig_with_uneven_links_is_what_its_exact_model_says(name):
-    """And no pendulum with its mass in the middle."""
-    pytest.importorskip('mujoco')
-    with unmodelled.engines():
-        case, = unmodelled.UnevenRig(name).cases(range(1))
-        engine, told = plants.plant(case.plant).engine, unmodelled.exact(case).dynamics
-        h, u, x = 1e-5, 3.0, np.array([0.2, 1.0, -2.0, 0.5, 2.0, -1.0])
-        moved = x.copy()
-        engine.advance(moved, Motor(1.0, 0.0, 20.0, 1.0, False), 0.0, u, 0.0, h, 1)
-        a = (moved - x)[3:] / h
-        np.testing.assert_allclose(told.accelerations(x, u), a, atol=1e-3)
-        even = Pendulum.of(PendulumParameters()).accelerations(x, u)
-        assert np.abs(a - even).max() > 0.1   # a hundred times what is the engine's step
-    rows = learned_rigs.played(case, ())
-    assert [row.metrics.success for row in rows if row.key.contestant == 'told'] == [True]
-    assert name not in ENGINES   # they are none of the product
-
-
-def test_a_fit_that_passes_by_dynamics_that_are_singular_ends_well():
-    """As of this swing-up, of which some slopes are beyond all numbers on the way."""
-    pytest.importorskip('mujoco')
-    case, = Rig('rig_lag', 0.05).cases(range(9, 10))
-    run = learned_rigs.swing_up(case, learned_rigs.OTHER + 9)
-    drive = run.controller.belief.drive
-    parts = parted(run.experience(Drive(drive.delay, drive.time_constant)), 9)
-    (untold, prior), seen = structured(2), Experience.joined(parts.seen)
-    dynamics = untold.with_creep(FINE.creep)
-    with np.errstate(all='ignore'):
-        found = fitted(dynamics, seen, prior, FINE.step)
-    off = seen.Y[:, 3:] - predicted(dynamics.with_free(found), seen, FINE.step)
-    assert np.all(spread(off) < 1.0)
 
 
 def test_the_tip_is_in_its_place_within_a_tenth_of_a_metre():

@@ -11,12 +11,12 @@ from rig import CENTRED
 import unmodelled
 import wrong_models
 
-from dp_swing_ros.evaluation.campaign.rows import Key, Row, UNKNOWN
+from dp_swing_ros.evaluation.campaign.rows import Key, read, Row, UNKNOWN
 from dp_swing_ros.evaluation.scenarios import sized
 from dp_swing_ros.pendulum.equations import mass_matrix, Pendulum, scale_of
 from dp_swing_ros.pendulum.state import to_joints, upright
 from dp_swing_ros.simulation import plants
-from dp_swing_ros.simulation.engines import Motor
+from dp_swing_ros.simulation.engines import ENGINES, Motor
 
 X = np.array([0.203, 1.0, -2.0, 0.5, 2.0, -1.0])
 H = 1e-6   # [s] of a step that is nearly none
@@ -56,6 +56,22 @@ def test_springs_and_cogging_add_their_forces(size):
     np.testing.assert_allclose(added('cable', size, X), [-cable * X[0], 0.0, 0.0], **close)
     np.testing.assert_allclose(added('cogging', size, X), [
         cogging * math.sin(2 * math.pi * X[0] / pitch), 0.0, 0.0], **close)
+
+
+@pytest.mark.parametrize('size', wrong_models.SIZES)
+def test_links_have_their_mass_beside_or_along(size):
+    """And such engines are none of the product."""
+    centres = {f'link{i}_centre': 0.65 * size for i in (1, 2)}
+    inertias = {f'link{i}_inertia': 0.5 * size ** 2 / 12 for i in (1, 2)}   # as of the rods
+    along = plant('along', size)
+    even = plant('mujoco', size, **centres, **inertias)
+    np.testing.assert_allclose(acceleration(along.engine, X), acceleration(even.engine, X),
+                               rtol=1e-6)
+    stands, beside = upright(2), scale_of(wrong_models.pendulum(size)).sized(0.03, 'm')
+    stands[1:3] = -np.arctan(beside / (np.array([1.5, 0.5]) * size))   # their mass is above joints
+    assert np.abs(torques('beside', size, stands)).max() < 1e-6
+    assert np.abs(torques('beside', size, upright(2))).min() > 0.01
+    assert not ENGINES.keys() & unmodelled.ADDED.keys()
 
 
 @pytest.mark.parametrize('size', wrong_models.SIZES)
@@ -178,11 +194,40 @@ def test_the_table_counts_what_is_asked():
     assert [cell[:6] for cell in third[4:6]] == ['2 of 2', '1 of 2'] and third[7:] == ('',) * 3
 
 
-def test_single_cells_are_played_and_written(tmp_path, capsys):
+def test_single_cells_are_played(capsys):
     pytest.importorskip('mujoco')
     wrong_models.main(['--rigs', 'along', '--size', '1', '--solvers', 'ilqr', '--seeds', '1',
-                       '--contestants', 'default', 'state_alone', '--docs', str(tmp_path)])
-    printed = capsys.readouterr().out
-    assert '| `along` | 1 | `ilqr` | `default` | 1 of 1' in printed
+                       '--contestants', 'default'])
+    assert '| `along` | 1 | `ilqr` | `default` | 1 of 1' in capsys.readouterr().out
+
+
+def test_the_page_is_of_its_cells(tmp_path, monkeypatch):
+    pytest.importorskip('mujoco')
+    cells = [cell for cell in wrong_models.CELLS if cell[:2] == (1.0, 'ilqr')][:2]
+    monkeypatch.setattr(wrong_models, 'CELLS', cells)
+    wrong_models.main(['--rigs', 'along', '--seeds', '1', '--docs', str(tmp_path)])
+    rows = read(tmp_path / 'results' / 'wrong_models.csv.gz')
+    assert [row.key.contestant for row in rows] == ['ilqr, default', 'ilqr, no_adaptation']
     text = (tmp_path / 'results' / 'wrong_models.md').read_text()
-    assert printed in text + '\n' and (tmp_path / 'results' / 'wrong_models.csv.gz').exists()
+    assert wrong_models.table(rows) in text
+    assert (tmp_path / 'figures' / 'wrong_models.png').exists()
+
+
+def test_others_than_the_default_are_on_the_page_once():
+    assert len(wrong_models.CELLS) == len(set(wrong_models.CELLS)) == 9
+    assert {cell[:2] for cell in wrong_models.CELLS if cell[2] != 'default'} == {(1.0, 'ilqr')}
+
+
+def test_the_picture_is_of_one_solver_at_one_size():
+    well = {'success': True, 'settling_time': 3.0}
+    rows = [row('zeros', 'ilqr, default', 0, **well), row('zeros', 'ddp, default', 0, **well),
+            row('zeros', 'ilqr, state_alone', 0, settling_time=math.nan),
+            row('cable', 'ilqr, default', 0, **well)]
+    figure = wrong_models.picture(rows)
+    held, settled = figure.axes
+    assert [label.get_text() for label in held.get_yticklabels()] == ['zeros', 'cable']
+    assert [list(line.get_xdata())[1] for line in held.lines] == [1.0, 0.0, 1.0]
+    np.testing.assert_array_equal([line.get_xdata()[1] for line in settled.lines],
+                                  [3.0, math.nan, 3.0])
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ['default',
+                                                                           'state_alone']
