@@ -67,14 +67,14 @@ def follower(acceleration: float, speed: float) -> dict[str, Any]:
 
 def real(name: str, drive: Mapping[str, Any], duration: float) -> Group:
     """Return a group with the links of a real pendulum, hanging at first."""
-    return Group(name, {**published(name), 'track_limit': 0.5, **drive}, SENSED, 'hanging', 25,
+    return Group(name, {**published(name), 'track_limit': 0.5, **drive}, SENSED, 'hanging', 15,
                  duration)
 
 
 STEPPER = {'drive': 'acceleration', 'acceleration_limit': 20.0}
 GROUPS = [
-    Group('default', STEPPER, {}, 'hanging', 100, 10.0),
-    Group('default', STEPPER, {}, 'random', 200, 10.0),
+    Group('default', STEPPER, {}, 'hanging', 50, 10.0),
+    Group('default', STEPPER, {}, 'random', 100, 10.0),
     real('single', follower(5.0, 1.0), 12.0),
     real('double', follower(5.0, 1.0), 20.0),
     real('triple', follower(40.0, 2.0), 12.0),

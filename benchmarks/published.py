@@ -119,7 +119,7 @@ PARTS = {
     'transitions': of_rows('transitions', 4.5),
     'stress': of_rows('stress', 6),
     'links': of_rows('links', 2.2),
-    'drives': of_rows('drives', 17),
+    'drives': of_rows('drives', 10),
     'summary': of_others('summary', summary.NEEDED, summary.write),
     'recordings': of_script('recordings', 5),
     'intervals': of_script('intervals', 8),
