@@ -57,3 +57,12 @@ def test_transitions_may_take_longer_than_a_step():
     assert held.any()
     assert np.median(np.abs(predicted(truth, twice) - twice.Y[:, 3:])[held]) < 0.3
     assert twice.duration == pytest.approx(4.0)
+
+
+def test_slopes_that_are_beyond_all_numbers_do_not_end_a_fit():
+    untold, prior = structured(2)
+    nearly_singular = prior.mean.copy()
+    nearly_singular[0] = 1e-7   # [kg] of cart and links together
+    with np.errstate(all='ignore'):
+        found = fitted(untold.with_free(nearly_singular), experience(3.0), prior)
+    assert np.all(np.isfinite(found))
