@@ -81,7 +81,8 @@ def of_rigs(minutes: float) -> Part:
         found = rig.estimates()
         stamp.store_table(pd.DataFrame(found), docs / 'results' / 'rig_estimates.csv.gz')
         rig.picture(rows).savefig(docs / 'figures' / 'rig.png')
-        (docs / 'results' / 'rig.md').write_text(rig.page(rows, found, made), encoding='utf-8')
+        (docs / 'results' / 'rig.md').write_text(rig.page(
+            rows, found, rig.intervals(), made), encoding='utf-8')
     return Part(minutes, lambda: seeded.sources('rig'), write)
 
 

@@ -25,7 +25,9 @@ from dp_swing_ros.evaluation.comparison import Median, median, Rate, rate
 from dp_swing_ros.evaluation.metrics import REST
 from dp_swing_ros.evaluation.scenarios import Case, RIGS, SCENARIOS
 from dp_swing_ros.figures.campaign import successes
-from dp_swing_ros.pendulum.state import DEFAULT_LINKS
+from dp_swing_ros.identification.base_parameters import base_parameters
+from dp_swing_ros.pendulum.parameters import Drive, PendulumParameters
+from dp_swing_ros.pendulum.state import Array, DEFAULT_LINKS, joints
 from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import simulate
 from dp_swing_ros.tables import compact
@@ -36,6 +38,8 @@ CLEAN, BIAS = 'rig_clean', 'rig_bias'
 CENTRED = 0.02          # [m] from the reference, at most, over the last seconds
 ESTIMATING = 'ilqr'     # whose estimator is asked
 DELAY, LAG = 'actuation_delay', 'motor_time_constant'
+CONFIDENCE = 1.96       # standard deviations to either side of 95 %
+DIFFERENCE = 1e-5       # of an unknown for derivatives
 
 
 class Rig(NamedTuple):
@@ -134,6 +138,17 @@ class Found(NamedTuple):
     found: float
 
 
+class Sure(NamedTuple):
+    """Whether the estimator's own interval of 95 % holds a number of a rig."""
+
+    scenario: str
+    seed: int
+    parameter: str
+    true: float
+    found: float
+    half: float   # of the interval
+
+
 Groups = Mapping[tuple[str, Rig], Sequence[Row]]
 
 
@@ -171,14 +186,59 @@ def estimated(case: Case, names: Iterable[str]) -> list[Found]:
             for name in names]
 
 
+def intervals(seeds: range = SEEDS) -> list[Sure]:
+    """Return how sure the estimator is of the rig of all faults, and of one that is as told."""
+    found = Parallel(n_jobs=-1)(delayed(sure_of)(case) for scenario in (CLEAN, 'rig_all')
+                                for case in Rig(scenario).cases(seeds))
+    return [one for episode in found for one in episode]
+
+
+def sure_of(case: Case) -> list[Sure]:
+    """
+    Play the first half of an episode; return what the estimator says of what motion tells.
+
+    Its unknowns are sure in common alone, so intervals are those of numbers that follow from them.
+    """
+    plant = plants.plant({**case.plant, 'seed': case.seed})
+    controller = controllers.controller({'solver': ESTIMATING, 'seed': case.seed})
+    with np.errstate(all='ignore'):
+        simulate(plant, controller, case.duration / 2)
+    nominal, ekf = controller.nominal.physical, controller.observer.estimator
+    size, about = ekf.size, ekf.unknowns
+    p, C = ekf.z[size:], ekf.P[size:, size:]
+
+    def numbers(p: Array) -> dict[str, float]:
+        values = about.values(p)
+        bodies = {name: value for name, value in values.items() if hasattr(nominal, name)}
+        gain = values['force_gain']
+        return told(nominal.estimated(bodies), Drive(
+            values[DELAY], values[LAG], gain, values['force_bias']))
+    found, true = numbers(p), told(plant.physical, Drive.of(plant.drive))
+    # one-sided, for a friction may be at its least
+    J = np.array([np.subtract(list(numbers(p + step).values()), list(found.values())) / DIFFERENCE
+                  for step in DIFFERENCE * np.eye(len(p))]).T
+    halves = CONFIDENCE * np.sqrt(np.einsum('ki,ij,kj->k', J, C, J))
+    return [Sure(case.scenario, case.seed, name, true[name], value, half)
+            for (name, value), half in zip(found.items(), halves.tolist())]
+
+
+def told(physical: PendulumParameters, drive: Drive) -> dict[str, float]:
+    """Return the numbers of a rig that motion tells, by name, per force gain."""
+    return {**{name: value for name, (value, _) in base_parameters(physical, drive.gain).items()},
+            **{f'dry friction, {joint}': dry / drive.gain for joint, dry in zip(
+                joints(physical.links), physical.dry_frictions)},
+            'delay and lag': drive.delay + drive.time_constant,
+            'lasting force': drive.bias / drive.gain}
+
+
 def picture(rows: Sequence[Row]) -> Figure:
     """Draw how many episodes the solvers held, those of all levels of a scenario together."""
     alone = [row for row in rows if row.key.contestant in METHODS]
     return successes(summarise(CAMPAIGN.description(), alone, len(alone)))
 
 
-def page(rows: Sequence[Row], found: Sequence[Found], made: str) -> str:
-    """Return the page from the rows of all runs, and from what the estimator found."""
+def page(rows: Sequence[Row], found: Sequence[Found], sure: Sequence[Sure], made: str) -> str:
+    """Return the page from the rows of all runs, and what the estimator found, and how surely."""
     groups = grouped(rows, lambda row: (row.key.contestant,
                                         Rig(row.key.scenario, row.key.level)))
     return '\n'.join([
@@ -230,8 +290,19 @@ def page(rows: Sequence[Row], found: Sequence[Found], made: str) -> str:
         'gain as masses that are all off by one factor.\n',
         compact([('rig', 'found', 'seeds', 'median error', 'aim'), *(
             of_estimates(one, found) for one in SOUGHT)]) + '\n',
+        f'How often its own intervals of 95 % hold the truth after {DURATION / 2:g} s, by Wilson; '
+        'masses, moments and forces are those per force gain, for motion tells no more.\n',
+        compact([('number', *(f'`{name}`' for name in by_rig(sure))), *(
+            (name, *(share(rate([abs(one.true - one.found) <= one.half for one in of_rig
+                                 if one.parameter == name])) for of_rig in by_rig(sure).values()))
+            for name in dict.fromkeys(one.parameter for one in sure))]) + '\n',
         '## What was not held, and why\n',
         failures([Failure(*row.key, why(row)) for row in rows if not row.metrics.success]), ''])
+
+
+def by_rig(sure: Sequence[Sure]) -> dict[str, list[Sure]]:
+    """Return them by scenario."""
+    return grouped(sure, lambda one: one.scenario)
 
 
 def settling(rows: Sequence[Row]) -> Median:

@@ -3,6 +3,7 @@
 """The page of the rigs: its aims, from rows that are made up; and one episode of each kind."""
 
 import dataclasses
+import math
 from pathlib import Path
 import re
 
@@ -59,7 +60,7 @@ def lines(page, heading, *words):
 
 
 def test_every_aim_is_met_where_all_is_held_at_once_and_found(rows, found):
-    page = rig.page(list(rows.values()), found, 'Made today.\n')
+    page = rig.page(list(rows.values()), found, [], 'Made today.\n')
     assert page.startswith('# Rigs of other make\n\nMade today.\n')
     assert '**missed**' not in page
     assert page.count(': met') == len(METHODS) * (
@@ -73,7 +74,7 @@ def test_an_aim_is_missed_by_the_figure_itself(rows, found):
     change(rows, 'ilqr', 'rig_all', settling_time=TWICE)
     change(rows, 'ddp', 'rig_all', settling_time=TWICE + 0.05)
     change(rows, 'mppi', 'rig_lag', 0.025, success=False)
-    page = rig.page(list(rows.values()), found, 'Made today.\n')
+    page = rig.page(list(rows.values()), found, [], 'Made today.\n')
     assert [lines(page, 0, '`rig_delay`', f'`{name}`')[0][-1] for name in ('ilqr', 'ddp')] == [
         'below 2.50: **missed**', 'below 2.50: met']
     assert [lines(page, 0, '`rig_all`', f'`{name}`')[0][-1] for name in ('ilqr', 'ddp')] == [
@@ -87,7 +88,7 @@ def test_an_aim_is_missed_by_the_figure_itself(rows, found):
 def test_centred_is_what_is_held_with_the_cart_in_place(rows, found):
     change(rows, 'ilqr', 'rig_bias', 5.0, rest_offset=0.021)
     change(rows, 'ddp', 'rig_bias', 5.0, success=False)
-    page = rig.page(list(rows.values()), found, 'Made today.\n')
+    page = rig.page(list(rows.values()), found, [], 'Made today.\n')
     cells = [lines(page, 1, '`rig_bias`, 5 N', f'`{name}`')[0] for name in METHODS]
     assert [each[2].split(' (')[0] for each in cells] == ['0 of 2', '0 of 2', '2 of 2']
     assert ['missed' in each[3] for each in cells] == [True, True, False]
@@ -97,7 +98,7 @@ def test_centred_is_what_is_held_with_the_cart_in_place(rows, found):
 def test_who_is_told_stands_beside_who_is_not_on_the_same_seeds(rows, found):
     change(rows, 'ilqr', 'rig_all', success=False)
     change(rows, 'ddp, told', 'rig_all', settling_time=CLEAN - 0.5)
-    page = rig.page(list(rows.values()), found, 'Made today.\n')
+    page = rig.page(list(rows.values()), found, [], 'Made today.\n')
     cells = {name: lines(page, 2, '`rig_all`', f'`{name}`', 'told')[0] for name in METHODS}
     assert [each[3:5] for each in cells.values()] == [
         ['2 of 2 (34.2-100.0 %)', '0 of 2 (0.0-65.8 %)'], *[['2 of 2 (34.2-100.0 %)'] * 2] * 2]
@@ -109,7 +110,7 @@ def test_who_is_told_stands_beside_who_is_not_on_the_same_seeds(rows, found):
 def test_errors_of_estimates_are_of_the_sum_and_without_their_sign(rows, found):
     off = {'actuation_delay': 0.02, 'motor_time_constant': -0.02, 'force_gain': -0.15}
     found = [one._replace(found=one.true + off.get(one.parameter, 0.0)) for one in found]
-    page = rig.page(list(rows.values()), found, 'Made today.\n')
+    page = rig.page(list(rows.values()), found, [], 'Made today.\n')
     delay, both = lines(page, 4, '`rig_delay`')
     gain, = lines(page, 4, '`rig_gain`')
     assert delay[1:] == ['`actuation_delay`', '2', '0.02 s (0.02 s to 0.02 s)',
@@ -161,15 +162,28 @@ def test_an_estimate_stands_beside_the_truth():
     assert 0.0 <= delay.found < 0.05
 
 
+def test_the_estimator_says_how_sure_it_is_of_what_motion_tells():
+    case, = rig.Rig('rig_all').cases(range(1))
+    found = {one.parameter: one for one in rig.sure_of(case)}
+    moment, plant = found['first moment about joint 2'], case.plant
+    assert moment.true == pytest.approx(
+        plant['link2_mass'] * plant['link2_length'] / 2 / plant['force_gain'])
+    assert abs(moment.found - moment.true) < 2 * moment.half < 0.4 * moment.true
+    assert all(0 < one.half < math.inf for one in found.values())
+
+
 def test_the_page_is_written_with_its_tables_and_its_picture(rows, found, tmp_path, monkeypatch):
     monkeypatch.setattr(seeded, 'played', lambda page, folder: list(rows.values()))
     monkeypatch.setattr(rig, 'estimates', lambda: found)
+    sure = [rig.Sure(rig.CLEAN, seed, 'lasting force', 0.0, 0.1 * seed, 0.15) for seed in range(3)]
+    monkeypatch.setattr(rig, 'intervals', lambda: sure)
     for folder in ('results', 'figures'):
         (tmp_path / folder).mkdir()
     published.PARTS['rig'].write(tmp_path, tmp_path)
     text = (tmp_path / 'results' / 'rig.md').read_text()
     assert 'Made by `make results PAGES=rig` on ' in text
     assert re.search(r'mujoco [\d.]+\.\n', text)
+    assert '| lasting force | 2 of 3 (' in text
     stored = pd.read_csv(tmp_path / 'results' / 'rig_estimates.csv.gz')
     assert len(stored) == len(found)
     assert (stored.true == stored.found).all()
