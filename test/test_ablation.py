@@ -75,9 +75,10 @@ def test_without_the_fallback_a_lost_state_is_answered_by_zero():
 
 
 def test_without_the_estimator_wrong_velocities_are_believed():
-    with_it, without = (play(*first(title, 'ilqr', ablation.NOISE))
-                        for title in (ablation.DEFAULTS, 'all around the solver'))
-    assert with_it.metrics.success and not without.metrics.success
+    with_it, without = ([play(*episode).metrics.success for episode in ablation.Cell(
+        ablation.BY_TITLE[title], 'ilqr', ablation.NOISE).episodes()[:4]]
+        for title in (ablation.DEFAULTS, 'all around the solver'))
+    assert sum(with_it) >= 3 and not any(without)
 
 
 @pytest.mark.parametrize('trial', dict.fromkeys((*ablation.TRIALS, *(

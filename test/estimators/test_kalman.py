@@ -502,7 +502,7 @@ def test_what_is_not_measured_corrects_nothing(rng):
     S = H @ P @ H.T + np.diag(R[[0, 2]])
     K, innovation = P @ H.T @ np.linalg.inv(S), measured[[0, 2]] - z[[0, 2]]
     mean, variance = z.copy(), P.copy()
-    distance = correct(measured, R, none, 0.0, mean, variance).sum()
+    distance = np.sum(correct(measured, R, none, 0.0, mean, variance) ** 2)
     assert distance == pytest.approx(innovation @ np.linalg.solve(S, innovation), rel=1e-10)
     np.testing.assert_allclose(mean, z + K @ innovation, rtol=1e-10)
     np.testing.assert_allclose(variance, (np.eye(5) - K @ H) @ P, rtol=1e-9)
