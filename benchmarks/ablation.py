@@ -15,6 +15,7 @@ import math
 from typing import Any, NamedTuple
 
 import campaigns
+from campaigns import CERTAIN
 import numpy as np
 
 from dp_swing_ros.control import message_filter, observer, starts
@@ -127,8 +128,6 @@ def nominal_bounds(drive: Any, problem: Any) -> Any:
 
 rejection = MessageFilter.rejection
 DEFAULTS, NOTHING = 'nothing, the defaults', 'nothing shown'
-NO_ERRORS = {f'ekf.{name}_error': 0.0 for name in (
-    'body', 'gain', 'friction', 'cart_dry_friction', 'joint_dry_friction', 'delay', 'lag')}
 PARTS = [
     Part(DEFAULTS),
     Part('all starts but the last plan', {'first_starts': 1, 'other_starts': 0}),
@@ -162,11 +161,13 @@ PARTS = [
     Part('message filter: velocities that are differences',
          code={(message_filter, 'EQUAL'): -1.0}),
     Part('estimator: all of it', {'estimator': 'none'}, meant=NOISE),
-    Part('estimator: all but the state', {**NO_ERRORS, 'ekf.force_bias': 0.0}),
+    Part('estimator: all but the state', CERTAIN),
     *(Part(f'estimator: {name}', {f'ekf.{parameter}': 0.0}, meant=meant)
       for name, parameter, meant in (
-          ('masses and lengths', 'body_error', None), ('force gain', 'gain_error',
-                                                       Trial('rig_gain')),
+          ('masses and lengths', 'body_error', None),
+          ('moments of inertia', 'inertia_error', None),
+          ('where links stand balanced', 'balance_error', None),
+          ('force gain', 'gain_error', Trial('rig_gain')),
           ('viscous frictions', 'friction_error', None),
           ('dry friction of the cart', 'cart_dry_friction_error', Trial('rig_cart', 4.0)),
           ('dry frictions of the joints', 'joint_dry_friction_error', Trial('rig_joints', 0.05)),

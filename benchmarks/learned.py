@@ -63,7 +63,8 @@ NOISES = {'position_noise': 1e-3, 'velocity_noise': 1e-2}
 PLANTS = {"PILCO's": SET_UP, 'our own': NOISES}
 # of bodies and frictions, as an estimator with a learned model: what is told is known
 CERTAIN = {f'ekf.{name}_error': 0.0
-           for name in ('body', 'friction', 'cart_dry_friction', 'joint_dry_friction')}
+           for name in ('body', 'inertia', 'friction', 'cart_dry_friction', 'joint_dry_friction',
+                        'balance')}
 HELD = {'hanging': 0.95, 'random': 0.9}
 SLOWEST = 0.025              # [s] p99 of the solves
 

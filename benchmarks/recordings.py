@@ -79,6 +79,13 @@ class Fitted(NamedTuple):
     seconds: float
 
 
+class Predictor(NamedTuple):
+    """Dynamics, and the angles (n,) [rad] at which their links stand balanced."""
+
+    dynamics: Dynamics
+    balance: Array | float = 0.0
+
+
 def main(argv: Sequence[str] | None = None) -> None:
     """Identify all, predict, and write page and picture."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[1])
@@ -95,7 +102,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     rows = pandas.DataFrame([row for name in AUTHORS for row in predicted(recorded[name], {
         PUBLISHED: pendulum(as_rods(name)),
         **{f'{FOUND} at {rate} Hz': pendulum(bodies(fitted[name, rate].found)) for rate in RATES},
-        LEARNED: models[name]}, name)])
+        LEARNED: Predictor(models[name])}, name)])
     picture(recorded['double'], {
         PUBLISHED: pendulum(as_rods('double')),
         FOUND: pendulum(bodies(fitted['double', 200].found))}).savefig(figures / 'recordings.png')
@@ -167,23 +174,24 @@ def as_rods(name: str) -> dict[str, Any]:
     return values
 
 
-def pendulum(values: Mapping[str, Any]) -> Pendulum:
+def pendulum(values: Mapping[str, Any]) -> Predictor:
     """Return the dynamics of parameters, with dry friction as `identify` has it."""
     physical = group(PendulumParameters, values)
-    return Pendulum.of(physical, FINE.creep, scale_of(physical))
+    return Predictor(Pendulum.of(physical, FINE.creep, scale_of(physical)), np.array(
+        [values.get(f'link{i}_balance', 0.0) for i in range(1, physical.links + 1)]))
 
 
-def predict(dynamics: Dynamics, X_0: Array, duration: float) -> Array:
+def predict(predictor: Predictor, X_0: Array, duration: float) -> Array:
     """Return the angles after each STEP (T + 1, n) from positions and speeds X_0 (2n,)."""
-    model = Model(dynamics, INTEGRATORS['rk4'], STEP)
+    model = Model(predictor.dynamics, INTEGRATORS['rk4'], STEP)
     theta, omega = np.split(X_0, 2)
-    X = rollout(model, np.concatenate(([0.0], theta, [0.0], omega)),
+    X = rollout(model, np.concatenate(([0.0], theta - predictor.balance, [0.0], omega)),
                 np.zeros(round(duration / STEP)))
-    angles: Array = X[:, 1:len(theta) + 1]
+    angles: Array = X[:, 1:len(theta) + 1] + predictor.balance
     return angles
 
 
-def errors(dynamics: Dynamics, X: Array, starts: Array, first: Sequence[int]) -> Array:
+def errors(predictor: Predictor, X: Array, starts: Array, first: Sequence[int]) -> Array:
     """
     Return RMS errors [rad] of predictions AHEAD (3, n).
 
@@ -191,7 +199,7 @@ def errors(dynamics: Dynamics, X: Array, starts: Array, first: Sequence[int]) ->
     """
     links, steps = X.shape[1] // 2, np.round(np.divide(AHEAD, STEP)).astype(int)
     rows = np.round(np.divide(AHEAD, PERIOD)).astype(int)
-    missed = [predict(dynamics, starts[row], AHEAD[-1])[steps] - X[row + rows, :links]
+    missed = [predict(predictor, starts[row], AHEAD[-1])[steps] - X[row + rows, :links]
               for row in first]
     rms: Array = np.sqrt(np.mean(np.square(missed), axis=0))
     return rms
@@ -205,15 +213,15 @@ def smoothed(X: Array) -> Array:
     return np.column_stack((X[:, :links], *speeds))
 
 
-def predicted(X: Array, which: Mapping[str, Dynamics], name: str) -> list[dict[str, Any]]:
+def predicted(X: Array, which: Mapping[str, Predictor], name: str) -> list[dict[str, Any]]:
     """Return the errors of predictions [mrad] of what was not seen of a recording, a row each."""
     first = range(round(SEEN * len(X)), len(X) - round(AHEAD[-1] / PERIOD) - AROUND, EVERY)
     return [{'recording': name, 'begin': begin, 'parameters': parameters,
              'predictions': len(first), 'ahead': ahead,
              **{f'theta{i}': 1e3 * rms for i, rms in enumerate(of_joints, 1)}}
             for begin, starts in (('as recorded', X), ('smoothed', smoothed(X)))
-            for parameters, dynamics in which.items()
-            for ahead, of_joints in zip(AHEAD, errors(dynamics, X, starts, first))]
+            for parameters, predictor in which.items()
+            for ahead, of_joints in zip(AHEAD, errors(predictor, X, starts, first))]
 
 
 def page(rows: pandas.DataFrame, fitted: Mapping[tuple[str, int], Fitted]) -> str:
@@ -296,8 +304,8 @@ def picture(X: Array, which: Mapping[str, Dynamics]) -> Figure:
     for i, axes in enumerate(panels):
         axes.plot((rows - start) * PERIOD, X[rows, i], color=FAINT, linewidth=4.0,
                   label='recorded')
-        for (label, dynamics), dashes in zip(which.items(), (':', '-')):
-            theta = predict(dynamics, X_0, SHOWN)[:, i]
+        for (label, predictor), dashes in zip(which.items(), (':', '-')):
+            theta = predict(predictor, X_0, SHOWN)[:, i]
             axes.plot(np.arange(len(theta)) * STEP, theta, dashes, color=LINKS[i], label=label)
         axes.set_ylabel(f'{formulas(links)[1 + i]} [rad]')
         axes.grid(True)

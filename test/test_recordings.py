@@ -13,6 +13,8 @@ from dp_swing_ros.pendulum.parameters import PendulumParameters
 
 pytest.importorskip('joblib')
 
+ZERO = 5e-3   # [rad] of an encoder
+
 
 @pytest.fixture(scope='module')
 def recordings():
@@ -54,11 +56,13 @@ def test_what_is_found_of_a_motion_without_noise_predicts_the_rest(recordings, t
     X_0 = np.array([2.6, 0.0])
     every = round(recordings.PERIOD / recordings.STEP)
     theta = recordings.predict(recordings.pendulum(recordings.as_rods('single')), X_0, 13.5)
-    X = np.hstack((theta, np.gradient(theta, recordings.STEP, axis=0)))[::every]
+    X = np.hstack((theta + ZERO, np.gradient(theta, recordings.STEP, axis=0)))[::every]
     found = recordings.fit(X, 50).found
+    learned = recordings.Predictor(recordings.trained(X, found))
     rows = pandas.DataFrame(recordings.predicted(X, {
         'found': recordings.pendulum(recordings.bodies(found)),
-        'learned': recordings.trained(X, found)}, 'single')).set_index('parameters')
+        'learned': learned}, 'single')).set_index('parameters')
+    assert found.values['link1_balance'] == pytest.approx(ZERO, abs=2e-4)
     assert rows.loc['found'].theta1.max() < 0.5
     assert rows.loc['learned'].theta1.max() < 5.0   # of single steps, which differ less
     theirs = base_parameters_of_links(group(PendulumParameters, recordings.as_rods('single')))

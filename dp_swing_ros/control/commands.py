@@ -94,16 +94,20 @@ class SentCommands:
         for t, acceleration in self.afterwards:
             if t < sent.t - RESOLUTION:
                 self.add(t, acceleration)
-        self.sent = sent
-        self.stops_at = math.inf if sent.velocity else min(self.stops_at, sent.t)
+        self.note(sent)
         self.add(sent.t, sent.acceleration)
 
     def replace_last(self, command: float) -> None:
         """Remember that another command was sent than the last one added [N], or [m/s]."""
         if self.sent is not None:
-            self.sent = self.sent._replace(velocity=command)
+            self.note(self.sent._replace(velocity=command))
             command = self.sent.acceleration
         self.forces[-1] = command
+
+    def note(self, sent: SentVelocity) -> None:
+        """Take the last velocity, and since when it is zero."""
+        self.sent = sent
+        self.stops_at = math.inf if sent.velocity else min(self.stops_at, sent.t)
 
     @property
     def afterwards(self) -> list[tuple[float, float]]:

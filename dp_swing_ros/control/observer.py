@@ -132,7 +132,8 @@ class Observer:
             self.belief = self.belief._replace(rejection=rejection)
             return self.belief
         if math.isfinite(self.belief.t):
-            x = to_turn_of(x, self.belief.x)   # where an encoder wraps, the angle goes on
+            # where an encoder wraps, the angle goes on
+            x = to_turn_of(x, turned(self.belief.x, self.belief.balance))
         measured = self.message_filter.with_velocities_measured(x)
         estimate = self.estimator.update(t, measured, commands, time_noise)
         if estimate is not None:

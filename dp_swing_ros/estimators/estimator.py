@@ -30,6 +30,7 @@ class Estimate(NamedTuple):
     """
     What is estimated at a measurement's time.
 
+    Angles of x count as they are measured; from balance they are less by those of `balance`.
     Shapes: x and innovation (2n + 2,). The innovation is what was measured less what was
     predicted; its distance is in standard deviations.
     """

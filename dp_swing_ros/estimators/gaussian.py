@@ -134,7 +134,8 @@ def correct(measured, R, rate, time_noise, z, P):
             row[a] = A[i, a] + rate[i] * A[k, a]
         innovation = measured[i] - mean[i] - rate[i] * mean[k]
         S = row[i] + rate[i] * row[k] + R[i]
-        whitened[i] = innovation / math.sqrt(S)
+        # rounding may leave P without its sign: then nothing is believed
+        whitened[i] = innovation / math.sqrt(S) if S > 0 else math.nan
         for a in range(k + 1):
             gain[a] = row[a] / S
             mean[a] += innovation * gain[a]

@@ -115,13 +115,17 @@ class ExtendedKalmanFilter:
         """Forget everything but the nominal parameters."""
         k = self.size + len(self.prior)
         self.t, self.z, self.P = -math.inf, np.zeros(k), np.zeros((k, k))
-        self.scales = np.ones(2)   # of the variances of positions and velocities, learned
         self.refused = self.in_a_row = 0
-        self.power = self.colour = 0.0   # of innovations in deviations: squares, and with the last
-        self.last_whitened = np.zeros(self.size // 2)
+        self.take_noises_as_given()
         self.seen = np.full(self.size, math.nan)   # the last measurement
         # the smallest changes of positions, and how often they were just those
         self.steps, self.times = np.full(self.size // 2, math.inf), np.zeros(self.size // 2)
+
+    def take_noises_as_given(self) -> None:
+        """Forget how large innovations were."""
+        self.scales = np.ones(2)   # of the variances of positions and velocities, learned
+        self.power = self.colour = 0.0   # of innovations in deviations: squares, and with the last
+        self.last_whitened = np.zeros(self.size // 2)
 
     def continue_from(self, before: 'ExtendedKalmanFilter') -> None:
         """Believe what another one did; see Estimator.continue_from."""
@@ -145,9 +149,10 @@ class ExtendedKalmanFilter:
             innovation, known, variance = x - z[:self.size], z.copy(), P.copy()
             whitened = self.corrected(x, rate, time_noise, known, variance)
             if push == 0:
-                scales = self.adapted(x, whitened)
-                self.judge(t, whitened)
-            # rounding may leave P without its sign: then nothing is believed
+                scales = self.scales
+                if np.all(np.isfinite(whitened)):
+                    scales = self.adapted(x, whitened)
+                    self.judge(t, whitened)
             distance = float(np.linalg.norm(whitened))
             if distance <= gate:
                 self.scales = scales
@@ -221,7 +226,8 @@ class ExtendedKalmanFilter:
 
     def begin(self, t: float, x: Array) -> Estimate:
         """Take a state as it is measured; the unknowns stay, as uncertain as at first."""
-        self.in_a_row, self.scales = 0, np.ones(2)
+        self.in_a_row = 0
+        self.take_noises_as_given()
         unmeasured = np.isnan(x)
         variances = np.where(unmeasured, self.unmeasured, self.R)
         return self.set_posterior(

@@ -171,7 +171,7 @@ def model_of(model, b, constants):
 @kernel
 def drive_of(b):
     """Return the drive of values b (m,)."""
-    m = len(b)   # 5n + 7
+    m = len(b)   # 6n + 7
     return Drive(b[m - 3], b[m - 2], b[(m - 7) // 2 + 1], b[m - 1])
 
 

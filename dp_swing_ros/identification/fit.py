@@ -243,8 +243,8 @@ class Fit:
         """
         scales, free = self.about.scales[self.searched], np.s_[:len(self.free)]
         H, G, inverse = np.zeros((3, len(scales), len(scales)))
-        if not len(self.free):
-            return inverse, inverse
+        if not len(self.free):   # then all are off by their scales
+            return np.diag(scales ** 2), np.diag(scales ** 2)
         for part in self.parts(self.searched):
             J = part.projected() * scales
             weighted = np.swapaxes(J * part.weights[..., None], 1, 2)

@@ -83,6 +83,8 @@ class Parametrisation:
                                         for i in range(1, n + 1))):
             i = self.names.index(name)
             self.lowest[i], self.highest[i] = lowest - self.nominal[i], highest - self.nominal[i]
+        # whose lowest value is a bound of the search, and none of their nature
+        self.has_lowest = self.is_factor | [name.endswith('_balance') for name in self.names]
         self.held = {name: f'{value:g} is given' for name, value in known.items()}
         for name, why in unidentifiable(n, known, is_given).items():
             self.held.setdefault(name, why)
@@ -99,7 +101,7 @@ class Parametrisation:
         That no friction and no time is below zero is none. Shapes: (m,), (m,) -> (m,).
         """
         near = np.maximum(halves, NEAR * self.scales)
-        found: Array = self.is_factor & (p - self.lowest < near) | (self.highest - p < near)
+        found: Array = self.has_lowest & (p - self.lowest < near) | (self.highest - p < near)
         return found
 
     def bodies(self, p: Array) -> PendulumParameters:

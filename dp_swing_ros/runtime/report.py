@@ -21,8 +21,8 @@ from dp_swing_ros.runtime.sent import Log
 
 HORIZONS = 3       # without a plan that comes to the goal
 IN_VAIN = 8        # horizons of plans that come there, and the pendulum does not
-UNEXPLAINED = ('the states are not those of a chain of rigid links, whatever its bodies and '
-               'drive; expected no spring or cable in a joint, no belt that slips, and each '
+UNEXPLAINED = ('the states are not those of a chain of rigid links, whatever is estimated of '
+               'it; expected no spring or cable in a joint, no belt that slips, and each '
                'encoder at the joint that is told')
 
 
@@ -55,7 +55,9 @@ class Reporter:
         if astray:
             self.log.say(WARN, astray, 'goal', 10.0)
         estimate = controller.belief.estimate
-        if unexplained := '' if estimate is None or estimate.explained else UNEXPLAINED:
+        unexplained = ''   # of what is disabled a hand may move the links
+        if controller.enabled and estimate is not None and not estimate.explained:
+            unexplained = UNEXPLAINED
             self.log.say(WARN, unexplained, 'model', 10.0)
         warning = '; '.join(filter(None, (
             warning, astray, unexplained,

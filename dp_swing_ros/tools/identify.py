@@ -20,7 +20,7 @@ from dp_swing_ros.identification.segments import resolution
 from dp_swing_ros.identification.unknowns import OF_CART
 from dp_swing_ros.parameters import checked, ParameterError, unknown
 from dp_swing_ros.pendulum.parameters import DRIVEN
-from dp_swing_ros.pendulum.sensors import SensorParameters
+from dp_swing_ros.pendulum.sensors import HANGING, SensorParameters
 from dp_swing_ros.pendulum.state import joints, LINKS
 from dp_swing_ros.simulation.plants import PLANT
 from dp_swing_ros.tables import aligned
@@ -178,7 +178,7 @@ def explained(found: Identified, motions: Sequence[Recorded]) -> list[str]:
 
 
 def parameter_file(found: Identified, sensors: SensorParameters, bags: Iterable[Path]) -> str:
-    """Return the text of a ROS parameter file with what mpc and plant have, or the mpc alone."""
+    """Return the text of a ROS parameter file with what mpc and plant both have."""
     links = len(sensors.joint_offsets) - 1
     both = shared(links)
     lines = [f'# Identified from {", ".join(path.name for path in bags)}; intervals of 95 %.',
@@ -191,9 +191,10 @@ def parameter_file(found: Identified, sensors: SensorParameters, bags: Iterable[
         if name in both:
             lines.append(f'    {name}: {number(value)}  # {why}')
     balances = np.array([found.values[f'link{i}_balance'] for i in range(1, links + 1)])
-    offsets = map(number, sensors.balanced_at(balances).joint_offsets)
-    lines += ['/**/mpc:', '  ros__parameters:',
-              f'    joint_offsets: [{", ".join(offsets)}]  # where links stand balanced']
+    if sensors.zero != HANGING:   # else it is found anew at each start
+        offsets = (f'{each:.9g}' for each in sensors.balanced_at(balances).joint_offsets)
+        lines.append('    # links of the rig, but not of a simulated twin, stand balanced where '
+                     f'the mpc has joint_offsets: [{", ".join(offsets)}]')
     return '\n'.join(lines) + '\n'
 
 

@@ -8,7 +8,6 @@ import re
 import numpy as np
 import plausible_rig
 import pytest
-import yaml
 
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.identification.base_parameters import (
@@ -215,13 +214,30 @@ def test_positions_on_no_grid_have_no_resolution(rng):
 
 @pytest.mark.parametrize('relative', [False, True])
 def test_angles_at_which_links_stand_balanced_are_zeros_of_the_sensors(relative):
-    balance, told = np.array([0.03, -0.05]), default_sensors(2) | {'relative_angles': relative}
-    motion = swung(rig(2))
+    """To the sensors that the file tells, the motion is one whose links balance upright."""
+    balance, motion = np.array([0.03, -0.05]), swung(rig(2))
     found = identify([motion._replace(Q=motion.Q + [0.0, *balance])], PendulumParameters())
-    file = yaml.safe_load(parameter_file(found, group(SensorParameters, told), []))
-    offsets = np.array(file['/**/mpc']['ros__parameters']['joint_offsets'])
-    assert (np.cumsum(offsets) if relative else offsets)[1:] == pytest.approx(balance, abs=2e-4)
     assert np.all(found.rms('after') < 1e-4)
+    told = group(SensorParameters, default_sensors(2) | {
+        'relative_angles': relative, 'joint_signs': (1.0, -1.0, 1.0),
+        'joint_offsets': (0.1, 3.0, -1000.0)})
+    file = parameter_file(found, told, [])
+    offsets = tuple(map(float, re.search(r'joint_offsets: \[(.*)\]', file).group(1).split(', ')))
+    measured = np.array([0.3, 1.0, 2.0, 0.0, 0.0, 0.0])
+    seen, as_found = (sensors.state_of(measured)
+                      for sensors in (told, replace(told, joint_offsets=offsets)))
+    assert (seen - as_found)[:3] == pytest.approx([0.0, *balance], abs=2e-4)
+    assert 'joint_offsets' not in parameter_file(found, replace(told, zero='hanging'), [])
+
+
+def test_an_angle_of_balance_at_either_bound_is_told():
+    about = Parametrisation(PendulumParameters(), DIRECT, {}, PendulumParameters())
+    i, none = about.names.index('link1_balance'), np.zeros(len(about.names))
+    for bound in (about.lowest[i], about.highest[i]):
+        p = about.first.copy()
+        p[i] = bound
+        assert [name for name, met in zip(about.names, about.at_bounds(p, none)) if met] == [
+            'link1_balance']
 
 
 def test_what_motions_do_not_tell_stays_nominal():
