@@ -36,8 +36,15 @@ class Links(Constant):
         super().__init__(f'links-{number}', Links)
         self.number = number
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return what makes the same one in another process."""
+        return links, (self.number,)
 
-links = functools.cache(Links)
+
+@functools.cache
+def links(number: int) -> Links:
+    """Return that there are so many, always the same."""
+    return Links(number)
 
 
 class Harmonic(NamedTuple):

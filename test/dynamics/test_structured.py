@@ -2,6 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Learned dynamics beside the equations; derivatives are in pendulum/test_models.py."""
 
+import pickle
+import subprocess
+import sys
+
 from learned_dynamics import bent, of_chain
 import numpy as np
 import pytest
@@ -84,3 +88,20 @@ def test_the_free_numbers_are_all_that_changes(rng):
         assert again.accelerations(x, u) == dynamics.accelerations(x, u)
         assert other.accelerations(x, u) != dynamics.accelerations(x, u)
     np.testing.assert_array_equal(other.free, dynamics.free + 0.1)
+
+
+def test_another_process_has_the_same_dynamics(tmp_path):
+    """One that has met none of so many links."""
+    dynamics, file = bent(), tmp_path / 'dynamics'
+    assert pickle.loads(pickle.dumps(dynamics)).size is dynamics.size
+    file.write_bytes(pickle.dumps(dynamics))
+    code = ('import pickle, sys, numpy; from dp_swing_ros.pendulum.model import Model, rollout;'
+            'from dp_swing_ros.pendulum.integrators import INTEGRATORS;'
+            'p = pickle.load(open(sys.argv[1], "rb")); n = 2 * p.links + 2;'
+            'X = rollout(Model(p, INTEGRATORS["rk4"], 0.01), numpy.ones(n), numpy.ones(2));'
+            'print(X[-1, 0])')
+    run = subprocess.run([sys.executable, '-c', code, str(file)], capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
+    here = rollout(Model(dynamics, INTEGRATORS['rk4'], 0.01), np.ones(2 * dynamics.links + 2),
+                   np.ones(2))
+    assert float(run.stdout) == here[-1, 0]
