@@ -133,7 +133,8 @@ DEFECTS = [
            '(X.shape[1] // 2 + 1, limits.cart_speed_limit', 'control'),
     # estimators
     defect('a new start keeps the noises learned before', 'estimators/kalman.py',
-           'self.in_a_row, self.scales = 0, np.ones(2)', 'self.in_a_row = 0', 'estimators'),
+           'self.in_a_row = 0\n        self.take_noises_as_given()\n        unm',
+           'self.in_a_row = 0\n        unm', 'estimators'),
     defect('refusals in a row are counted over accepted states', 'estimators/kalman.py',
            '                self.in_a_row = 0\n', '', 'estimators'),
     defect('the Jacobian of the filter is transposed', 'estimators/gaussian.py',
