@@ -31,6 +31,7 @@ from dp_swing_ros.pendulum.units import STATES
 from dp_swing_ros.problem.plan import Plan
 from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import Controller, simulate
+from dp_swing_ros.simulation.plant import Plant
 from dp_swing_ros.tables import compact
 
 COUNT = 72
@@ -141,7 +142,13 @@ def record(rig: Rig) -> Motion:
         every = round(scale.sized(APART, 's') * rate)
         pushes[every::every] = STRONGEST * u_max * np.random.default_rng(
             (PUSHED, rig.number)).uniform(-1, 1, len(pushes[every::every]))
-    recorder = Recorder(controller, u_max)
+    return watched(plant, controller, pushes)
+
+
+def watched(plant: Plant, controller: Controller, pushes: Array) -> Motion:
+    """Return what the sensors see of a plant under a controller, and pushes [N] in its periods."""
+    rate = plant.parameters.rate
+    recorder = Recorder(controller, plant.limits.force_limit)
     simulate(plant, recorder, len(pushes) / rate, pushes=pushes)
     t, Q = np.array(recorder.t), np.hsplit(np.array(recorder.X), 2)[0]
     Q[:, 1:] = np.unwrap(Q[:, 1:], axis=0)

@@ -4,14 +4,13 @@
 
 from pathlib import Path
 
+from intervals import watched
 import numpy as np
 
 from dp_swing_ros import declarations
 from dp_swing_ros.control import controllers
-from dp_swing_ros.identification.segments import Motion
 from dp_swing_ros.pendulum.state import hanging
 from dp_swing_ros.simulation import plants
-from dp_swing_ros.simulation.closed_loop import simulate
 
 RIG = Path(__file__).parents[1] / 'config' / 'rig.yaml'
 DURATION, APART = 30.0, 3.0   # [s], and between pushes
@@ -21,26 +20,6 @@ WITHIN = 0.03                 # of itself, to which a parameter is to be found
 DRY, LATE = 0.15, 0.003       # of a friction; [s] of a delay or time constant
 ZERO = 1e-3                   # [rad] of an encoder
 RUB = {'cart': 0.05, 'joint': 0.005}  # [N s/m, N m s/rad] viscous friction that none may pass for
-
-
-class Recorder:
-    """A controller and what it was given."""
-
-    def __init__(self, controller, limit):
-        self.controller, self.limit = controller, limit
-        self.t, self.X, self.U = [], [], []
-
-    def update(self, t, x, delay):
-        """Answer a state, and remember both."""
-        plan = self.controller.update(t, x, delay)
-        self.t.append(t)
-        self.X.append(x)
-        self.U.append(plan.first_force(self.limit))
-        return plan
-
-    def fallback(self, acts_at):
-        """Answer a state that is lost."""
-        return self.controller.fallback(acts_at)
 
 
 def plant():
@@ -53,16 +32,11 @@ def plant():
 def record():
     """Return a motion of the rig as its sensors see it, under an mpc that is told nothing."""
     rig = plant()
-    limits, rate = rig.limits, rig.parameters.rate
+    rate = rig.parameters.rate
     pushes, every = np.zeros(round(DURATION * rate)), round(APART * rate)
     pushes[every::every] = np.random.default_rng((2, 0)).uniform(
         -STRONGEST, STRONGEST, len(pushes[every::every]))
-    recorder = Recorder(controllers.controller({'seed': 0}), limits.force_limit)
-    simulate(rig, recorder, DURATION, pushes=pushes)
-    Q = np.hsplit(np.array(recorder.X), 2)[0]
-    Q[:, 1:] = np.unwrap(Q[:, 1:], axis=0)
-    t = np.array(recorder.t)
-    return Motion(t, Q, t, np.array(recorder.U), np.nonzero(pushes)[0] / rate, limits.track_limit)
+    return watched(rig, controllers.controller({'seed': 0}), pushes)
 
 
 def truth():

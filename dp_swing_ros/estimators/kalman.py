@@ -96,6 +96,8 @@ class ExtendedKalmanFilter:
         self.longest_gap, self.held, self.judged = (
             scale.sized(each, 's') for each in (LONGEST_GAP, HELD, JUDGED))
         self.unknowns = Unknowns(self.nominal, drive, parameters, scale)
+        self.of_pendulum = [name for name in self.unknowns.names if hasattr(self.nominal, name)]
+        self.balances = [name for name in self.unknowns.names if name.endswith('_balance')]
         self.prior = self.unknowns.deviations ** 2
         self.size = len(problem.cost.S)             # of the state; z goes on with p
         half = self.size // 2
@@ -241,8 +243,8 @@ class ExtendedKalmanFilter:
         found = self.unknowns.values(z[self.size:])
         drive = Drive(found['actuation_delay'], found['motor_time_constant'],
                       found['force_gain'], found['force_bias'])
-        physical = {name: value for name, value in found.items() if hasattr(self.nominal, name)}
-        balance = np.array([value for name, value in found.items() if name.endswith('_balance')])
+        physical = {name: found[name] for name in self.of_pendulum}
+        balance = np.array([found[name] for name in self.balances])
         return Estimate(z[:self.size].copy(), physical, drive, innovation, distance, self.refused,
                         accepted=True, balance=balance, explained=self.is_explained)
 

@@ -34,7 +34,6 @@ HANGING = hanging()
 KNOWN = dict.fromkeys((
     'body_error', 'inertia_error', 'gain_error', 'friction_error', 'cart_dry_friction_error',
     'joint_dry_friction_error', 'balance_error', 'delay_error', 'lag_error', 'force_bias'), 0.0)
-BODIES = {**KNOWN, 'body_error': 0.15}
 SLOW = Drive(delay=0.03, time_constant=0.02, gain=1.1, bias=0.5)
 STEP = 0.01   # [s] of the filter
 
