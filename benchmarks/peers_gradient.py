@@ -131,10 +131,10 @@ def on_the_cart(state: Any) -> Any:
         def calc(self, data: Any, x: Array, u: Array) -> None:
             data.tau[0] = u[0]
 
-        def calcDiff(self, data: Any, x: Array, u: Array) -> None:  # noqa: N802
+        def calcDiff(self, data: Any, x: Array, u: Array) -> None:
             pass   # constant, and set once
 
-        def createData(self) -> Any:  # noqa: N802
+        def createData(self) -> Any:
             data = crocoddyl.ActuationDataAbstract(self)
             data.dtau_du[0] = 1.0
             return data

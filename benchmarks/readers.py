@@ -37,7 +37,7 @@ def agrees(reader: Callable[[Path], Numbers], bag: Path, numbers: Numbers) -> bo
     """Return whether a reader finds these numbers; how it fails is for people to see."""
     try:
         return reader(bag) == numbers
-    except Exception as error:  # noqa: B902
+    except Exception as error:
         print(f'{bag}: {type(error).__name__}: {error}', file=sys.stderr)
         return False
 

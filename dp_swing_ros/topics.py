@@ -9,7 +9,7 @@ class Topic(NamedTuple):
     """A topic; a relative name lies in the node's namespace."""
 
     name: str
-    type: str   # noqa: A003
+    type: str
     latched: bool = False  # a subscriber that joins late still gets the last message
     watched: bool = False  # its publishers promise a deadline, and to be alive
 

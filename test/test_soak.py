@@ -31,7 +31,7 @@ def soaked(count: int, rise: float = 2.0) -> Soak:
         echo=np.full(count, 0.001), deviation=np.where(t < rise - PERIOD / 2, np.pi, 0.01),
         solve_time=np.full(count, 0.002), statuses=Counter(CONVERGED=count), late_total=0,
         skipped_ticks=0, forces=Forces(count + 1, 0, 0, 20.0), missed=0,
-        usage={name: usage for name in ('plant', 'mpc', 'echo', 'watcher')})
+        usage=dict.fromkeys(('plant', 'mpc', 'echo', 'watcher'), usage))
 
 
 def with_times(latency=(), echo=(), **others):

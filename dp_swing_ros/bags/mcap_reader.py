@@ -117,7 +117,7 @@ class ChannelInfo:
         try:
             with redirect_stderr(StringIO()):   # where its parser prints what is wrong, too
                 decoder: Any = DecoderFactory().decoder_for(self.encoding, self._schema)
-        except Exception as error:  # noqa: B902
+        except Exception as error:
             raise UnreadableType(one_line(error)) from None
         assert decoder is not None, 'a message of ROS has a decoder'
         return decoder
@@ -293,7 +293,7 @@ def read(data: Data, wanted: Wanted | None = None) -> list[Entry]:
         _read(data, messages)
     except MemoryError:
         raise
-    except Exception as error:  # noqa: B902  the library raises whatever damage leads to
+    except Exception as error:  # the library raises whatever damage leads to
         raise DamagedFile(f'after {len(messages.entries)} messages, then '
                           f'{one_line(error)}') from None
     return messages.entries

@@ -22,7 +22,7 @@ class Recorded(NamedTuple):
     """A topic as it is recorded: its type and the QoS profiles of its publishers."""
 
     name: str
-    type: str        # noqa: A003
+    type: str
     definition: str  # of the type and all that it is made of
     type_hash: str
     qos: list[dict[str, Any]]  # one profile per publisher, in rosbag2's words

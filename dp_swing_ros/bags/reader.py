@@ -153,7 +153,7 @@ class Bag:
             raise BagError(
                 f'{self} has a message on {entry.topic} that is no {entry.channel.type} as far as '
                 f'can be read: {one_line(error)}; record it anew') from None
-        except Exception as error:  # noqa: B902
+        except Exception as error:
             # A wrong body or definition fails in as many ways as there are kinds of fields.
             raise BagError(f'{self} has a message on {entry.topic}, received at {entry.received} '
                            f'ns, that is no {entry.channel.type}: {one_line(error)}; '

@@ -62,7 +62,7 @@ class Branches:
             try:
                 bag = await asyncio.to_thread(make_bag, Path(folder, 'bag'))
                 await _run(bag, (request['at'], request['duration'], origin), send)
-            except Exception as error:  # noqa: B902
+            except Exception as error:
                 send({'progress': 1.0, 'trajectories': None, 'text': one_line(error)})
 
 

@@ -67,7 +67,7 @@ class Client(Guarded, WebSocketHandler):
         """Return whether the page that calls is ours."""
         return self.access.is_own_origin(origin)
 
-    def open(self) -> None:   # noqa: A003
+    def open(self) -> None:
         """Send it what there is."""
         self.complained = False
         self._frame = ''         # that waits
@@ -109,7 +109,7 @@ class Client(Guarded, WebSocketHandler):
         except RequestError as error:
             self.complain(str(error))
             self.answer(request, False, str(error))
-        except Exception as error:  # noqa: B902
+        except Exception as error:
             text = f'{request["do"]} failed: {type(error).__name__}: {one_line(error)}'
             self.host.log(f'{self.request.remote_ip}: {text}')
             self.answer(request, False, text)

@@ -93,7 +93,7 @@ class Scene:
         """
         try:
             self._hear[topic.name](message)
-        except Exception as error:  # noqa: B902
+        except Exception as error:
             # what others send is wrong in as many ways as it has fields
             raise ValueError(f'a message on {topic.name} is none of this pendulum: '
                              f'{one_line(error)}') from None

@@ -63,7 +63,7 @@ def load(model: str, links: int) -> LearnedModel:
         found = from_text(model if model.startswith('{') else text_of(Path(model).expanduser()))
         if found.dynamics.links != links:
             raise ValueError(f'it is of {found.dynamics.links} links, and links is {links}')
-    except Exception as error:  # noqa: B902
+    except Exception as error:
         why = isinstance(error, OSError) and error.strerror or one_line(error)
         raise ParameterError(
             f"parameter 'model' is {model[:SHOWN]!r}: {why}; expected, with dynamics learned, a "

@@ -117,7 +117,7 @@ class ProcessNode(Node):
             spin()
         except UserError:
             raise
-        except Exception as error:  # noqa: B902
+        except Exception as error:
             self.on_failure(error)
 
     def on_failure(self, error: Exception) -> None:
@@ -146,7 +146,7 @@ class ProcessNode(Node):
         """Return success and message of what a service does, also where it fails."""
         try:
             return act()
-        except Exception as error:  # noqa: B902
+        except Exception as error:
             self.on_failure(error)
             return False, failure(error)
 
@@ -154,7 +154,7 @@ class ProcessNode(Node):
 def _fulfil(made: 'futures.Future[Made]', make: Callable[[], Made]) -> None:
     try:
         made.set_result(make())
-    except BaseException as error:  # noqa: B902
+    except BaseException as error:
         made.set_exception(error)
 
 

@@ -90,7 +90,7 @@ def allow_changes(node: Node, fields: Mapping[str, dataclasses.Field], values: M
                                      'is changed. Leave them out, or start the node anew')
         except ParameterError as error:
             raise _Refused(str(error)) from None
-        except Exception as error:  # noqa: B902
+        except Exception as error:
             raise _Refused(f'refused: {type(error).__name__}: {one_line(error)}') from None
         return kept or found
 
@@ -108,7 +108,7 @@ def allow_changes(node: Node, fields: Mapping[str, dataclasses.Field], values: M
                 change({**current, **asked})
         except ParameterError as error:
             return SetParametersResult(successful=False, reason=str(error))
-        except BaseException as error:  # noqa: B902
+        except BaseException as error:
             return SetParametersResult(successful=False, reason=(
                 f'refused: {type(error).__name__}: {one_line(error)}'))
         for name, value in asked.items():

@@ -58,7 +58,7 @@ def take(subscription: Subscription) -> tuple[Any, dict[str, Any]] | None:
         try:
             message = data if subscription.raw else deserialize_message(
                 data, subscription.msg_type)
-        except Exception:  # noqa: B902
+        except Exception:
             continue   # anybody may publish any bytes; rmw and rclpy raise errors of their own
         return message, {
             'source_timestamp': _info.source, 'received_timestamp': _info.received,

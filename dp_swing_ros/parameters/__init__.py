@@ -200,7 +200,7 @@ def registry(group: str, **own: Any) -> dict[str, Any]:
             continue
         try:
             found[entry.name] = entry.load()
-        except Exception as error:  # noqa: B902
+        except Exception as error:
             warnings.warn(f'{entry.value}, {entry.name!r} of {group}, cannot be imported: '
                           f'{type(error).__name__}: {error}')
     return found

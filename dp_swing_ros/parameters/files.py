@@ -78,7 +78,7 @@ def parse(text: str | bytes, loader: type[PlainLoader] = PlainLoader, nodes: int
         mark = error.problem_mark
         words = ' '.join(filter(None, (error.context, error.problem)))
         raise YamlError(f'line {mark.line + 1}: {words}' if mark else words) from None
-    except Exception as error:  # noqa: B902
+    except Exception as error:
         # A text such as '!!int ""' fails within the types that YAML knows.
         raise YamlError(one_line(error)) from None
 

@@ -227,7 +227,7 @@ def _fault(entry: Entry, trusted: bool) -> str:
             return ''
         except UnreadableType:
             pass
-        except Exception:  # noqa: B902  as many kinds as there are fields
+        except Exception:  # as many kinds as there are fields
             return 'that are not what their type says'
     return '' if trusted else 'that neither a checksum nor their type verifies'
 

@@ -83,7 +83,7 @@ class Loader:
                 loading, self.asked = self.asked, None
             try:
                 self.prepare(loading)
-            except BaseException as error:  # noqa: B902
+            except BaseException as error:
                 loading = loading._replace(error=one_line(error))
             with self.lock:
                 if self.asked is None:

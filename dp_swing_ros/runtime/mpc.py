@@ -141,7 +141,7 @@ class MpcCore:
         forces = self.forces
         try:
             tick()
-        except Exception as error:  # noqa: B902
+        except Exception as error:
             text = failure(error)
             self.log.say(ERROR, f'{text}; going on', 'failure', 1.0)
             if self.forces == forces:

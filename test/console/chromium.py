@@ -50,7 +50,7 @@ class Page:
             {'name': 'prefers-color-scheme', 'value': scheme},
             {'name': 'forced-colors', 'value': forced}]})
 
-    def open(self, address):   # noqa: A003
+    def open(self, address):
         """Load the page and wait until it shows the pendulum."""
         self.driver.get_log('browser')
         self.driver.get(address)
@@ -63,7 +63,7 @@ class Page:
     def find(self, selector):
         return self.driver.find_element('css selector', selector)
 
-    def all(self, selector):   # noqa: A003
+    def all(self, selector):
         return self.driver.find_elements('css selector', selector)
 
     def choose(self, selector, value):

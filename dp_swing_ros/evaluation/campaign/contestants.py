@@ -103,7 +103,7 @@ def play(contestant: Contestant, case: Case) -> Row:
         # what leaves the numbers shows in the outcome
         with np.errstate(all='ignore'):
             return measured(contestant, case, simulated(contestant, case))
-    except Exception as error:  # noqa: B902
+    except Exception as error:
         detail = ' '.join(f'{type(error).__name__}: {error}'.split())
         return Row(key(contestant, case), ERROR, detail, UNKNOWN, np.zeros(0))
 
