@@ -221,7 +221,7 @@ def services(target: Any) -> None:
                      1.0)
     for name, kind in SERVICES.items():
         target.call_many(kind, name, [kind.Request(**({'data': bool(n % 2)} if kind is SetBool
-                                                      else {})) for n in range(40)], 1.0)
+                                                      else {})) for n in range(40)], 0.3)
 
 
 def parameters(target: Any) -> None:

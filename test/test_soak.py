@@ -3,6 +3,7 @@
 """The figures of a soak, of samples that are made up, and a short one."""
 
 from collections import Counter
+from contextlib import nullcontext
 import dataclasses
 import json
 import math
@@ -186,11 +187,12 @@ def test_odd_soaks_are_drawn_without_a_warning(change, tmp_path):
     draw(dataclasses.replace(soaked(100), **change)).savefig(tmp_path / 'soak.png', dpi=30)
 
 
-def test_a_soak_counts_every_state_once_and_watches_each_process(tmp_path):
-    duration, rate = 2.0, 50.0
+def test_a_soak_counts_every_state_once_and_watches_each_process(tmp_path, monkeypatch):
+    duration, rate, busy = 2.0, 50.0, []   # what busy processes do, test_resources.py shows
+    monkeypatch.setattr(soak, 'burning', lambda count: busy.append(count) or nullcontext())
     with isolated():
         found = soak.soak(tmp_path / 'soak', 'ddp', duration, rate, seed=3, burn=1)
-    assert found.failure == ''
+    assert found.failure == '' and busy == [1]
     answers, times, ticks = soak.answers(found), soak.times(found), soak.ticks(found)
     for who, name in (('mpc', 'mpc, state to force'), ('echo', 'echo, state to answer')):
         row = answers[who]
