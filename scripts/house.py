@@ -13,6 +13,7 @@ of its own. Run by `make house`, which CI does after the tests, and by `make doc
 import argparse
 import ast
 from collections.abc import Iterable
+from functools import cache
 import json
 from pathlib import Path
 import re
@@ -124,6 +125,7 @@ def largest() -> tuple[tuple[int, str], tuple[int, str]]:
     return max(classes), max(modules)
 
 
+@cache
 def loaded(node: str) -> Loaded:
     """Return what a node's module loads."""
     printed = subprocess.run([sys.executable, '-c', LOADED.format(node)], check=True,

@@ -15,7 +15,8 @@ SOURCES = sorted([*(TOP / 'dp_swing_ros').rglob('*.py'), *(TOP / 'benchmarks').g
 
 def bars(file):
     """Return the calls in a file that make a progress bar."""
-    return [node for node in ast.walk(ast.parse(file.read_text()))
+    text = file.read_text()
+    return [node for node in ast.walk(ast.parse(text if 'tqdm(' in text else ''))
             if isinstance(node, ast.Call) and getattr(node.func, 'id', '') == 'tqdm']
 
 

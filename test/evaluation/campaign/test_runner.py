@@ -9,7 +9,6 @@ import re
 import struct
 import termios
 
-from distributed import LocalCluster
 import pytest
 
 from dp_swing_ros.evaluation.campaign import runner
@@ -43,6 +42,13 @@ def in_order(rows):
     return sorted(rows, key=lambda row: str(row.key))
 
 
+def cluster_of(workers, processes=True):
+    """Return a Dask cluster on this machine; only two tests wait for it to be loaded."""
+    from distributed import LocalCluster
+    return LocalCluster(n_workers=workers, threads_per_worker=1, processes=processes,
+                        host='tcp://127.0.0.1', dashboard_address=None)
+
+
 @pytest.fixture(scope='module')
 def alone(tmp_path_factory):
     """Return the rows of the campaign by one process."""
@@ -59,15 +65,13 @@ def test_two_processes_give_the_rows_of_one(alone, tmp_path):
 
 
 def test_a_dask_cluster_gives_the_same_rows(alone, tmp_path):
-    with LocalCluster(n_workers=2, threads_per_worker=1, host='tcp://127.0.0.1',
-                      dashboard_address=None) as cluster:
+    with cluster_of(workers=2) as cluster:
         rows = play(tmp_path, dask=cluster.scheduler_address)
     assert_identical(rows, alone)
 
 
 def test_a_cluster_without_workers_is_refused(tmp_path):
-    with LocalCluster(n_workers=0, host='tcp://127.0.0.1', dashboard_address=None,
-                      processes=False) as cluster:
+    with cluster_of(workers=0, processes=False) as cluster:
         with pytest.raises(CampaignError, match='no workers'):
             play(tmp_path, dask=cluster.scheduler_address)
 
