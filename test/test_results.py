@@ -8,6 +8,7 @@ to the bit; elsewhere in what another rounding cannot change.
 """
 
 import dataclasses
+from functools import cache
 from pathlib import Path
 import subprocess
 import sys
@@ -44,6 +45,15 @@ def differs(found, stored, exactly):
     moved = abs(found.metrics.settling_time - stored.metrics.settling_time) / PERIOD
     apart = found.key.scenario in seeded.SETTLES and moved > TICKS + 1e-6
     return f'{found.key} settled {moved:.1f} ticks apart' if apart else ''
+
+
+@pytest.fixture(autouse=True, scope='module')
+def once():
+    """Make the hundreds of episodes of each part once: digests and tests ask for them again."""
+    with pytest.MonkeyPatch.context() as patch:
+        for part, of in seeded.SEEDED.items():
+            patch.setitem(seeded.SEEDED, part, of._replace(episodes=cache(of.episodes)))
+        yield
 
 
 @pytest.mark.parametrize('part', SEEDED)
