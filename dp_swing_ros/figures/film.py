@@ -57,8 +57,11 @@ def snapshots(episode: Episode) -> Figure:
                              0.75 + math.ceil(len(times) / columns) * height),
                     layout='constrained')
     panels = panels_of(figure, len(times), columns, sharex=True, sharey=True)
-    for axes, t in zip(panels, times):
+    for n, (axes, t) in enumerate(zip(panels, times)):
         snapshot(axes, episode, t, half_width)
+        # shared axes show no numbers inside, but the layout would measure them
+        axes.xaxis.set_visible(n // columns == (len(times) - 1) // columns)
+        axes.yaxis.set_visible(n % columns == 0)
     figure.suptitle(f'{solver_name(episode.solver)}: after equal parts of the motion, and at the '
                     'end (bold: upright)')
     figure.supxlabel('x [m]')

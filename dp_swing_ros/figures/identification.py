@@ -2,12 +2,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """What predictions miss, before and after an identification."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 from matplotlib.figure import Figure
 import numpy as np
 
 from dp_swing_ros.figures.style import CART, FAINT, formulas, legend, LINKS, styled
-from dp_swing_ros.identification.identify import Identified
 from dp_swing_ros.pendulum.state import Array
+
+if TYPE_CHECKING:   # it loads half of scipy, which every picture would wait for
+    from dp_swing_ros.identification.identify import Identified
 
 GAP = 1.0          # [s] between motions
 HEIGHT = 2.0       # [inch] of a panel
