@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Plant, mpc and logger as real processes, started as the user starts them."""
 
+import json
 import os
 from pathlib import Path
 import signal
@@ -51,15 +52,19 @@ class Demo:
         return self.process.returncode
 
     def left_behind(self):
-        """Return what still runs of all that the demo started."""
-        left = []
-        for process in Path('/proc').glob('[0-9]*'):
-            try:
-                if f'{MARK}={self.mark}'.encode() in (process / 'environ').read_bytes():
-                    left.append((process / 'cmdline').read_bytes())
-            except OSError:
-                continue
-        return left
+        return left_behind(self.mark)
+
+
+def left_behind(mark):
+    """Return what still runs of all that was started with a mark in its environment."""
+    left = []
+    for process in Path('/proc').glob('[0-9]*'):
+        try:
+            if f'{MARK}={mark}'.encode() in (process / 'environ').read_bytes():
+                left.append((process / 'cmdline').read_bytes())
+        except OSError:
+            continue
+    return left
 
 
 def messages(bag, topic):
@@ -95,44 +100,38 @@ def test_solver_swings_up_in_lockstep_and_the_bag_tells_with_what(solver, tmp_pa
         assert each.packages['numpy'] == np.__version__
 
 
-def test_same_seed_gives_the_same_run_to_the_bit(tmp_path):
-    """Whether three processes do it or one."""
-    arguments = ('--solver', 'mppi', '--seed', '3', '--duration', '4', '--lockstep',
-                 '--no-figures')
-    run = Demo(tmp_path, *arguments)
+def test_processes_give_the_run_of_one_to_the_bit_and_a_plant_is_described_to_an_mpc(tmp_path):
+    """The bodies are told to the plant alone, which starts after the mpc."""
+    plant = 'links: 1, link1_length: 0.5, drive: acceleration'
+    file = tmp_path / 'rig.yaml'
+    file.write_text(f"""
+/**/plant: {{ros__parameters: {{{plant}}}}}
+/**/mpc: {{ros__parameters: {{bodies: description}}}}
+""")
+    assert demo.drive_in([file]) == 'acceleration'
+    arguments = ('--solver', 'mppi', '--seed', '3', '--duration', '3', '--lockstep')
+    run = Demo(tmp_path, *arguments, '--no-figures', '--params', str(file))
     assert run.finish() == 0, run.out + run.err
     assert run.left_behind() == []
     first = read_episode(run.folder / 'bag')
-    second = read_episode(record(tmp_path / 'again', *arguments))
+    believed = configurations_of(Bag(run.folder / 'bag'))['mpc'].parameters
+    assert (believed['link1_length'], believed['drive']) == (0.5, 'acceleration')
+    second = read_episode(record(
+        tmp_path / 'again', *arguments, plant=f'{{{plant}}}',
+        mpc=json.dumps({**believed, 'bodies': 'parameters'})))
     assert f'{measure(first).settling_time:.2f}' in run.out
     np.testing.assert_array_equal(first.X, second.X)
     np.testing.assert_array_equal(first.U, second.U)
     np.testing.assert_array_equal(first.ticks.cost, second.ticks.cost)
 
 
-def test_a_plant_is_described_to_an_mpc_that_waits_for_that(tmp_path):
-    """The bodies are told to the plant alone, which starts after the mpc."""
-    file = tmp_path / 'rig.yaml'
-    file.write_text("""
-/**/plant: {ros__parameters: {links: 1, link1_length: 0.5, drive: acceleration}}
-/**/mpc: {ros__parameters: {bodies: description}}
-""")
-    assert demo.drive_in([file]) == 'acceleration'
-    run = Demo(tmp_path, '--lockstep', '--duration', '4', '--no-figures', '--params', str(file))
-    assert run.finish() == 0, run.out + run.err
-    assert run.left_behind() == []
-    believed = configurations_of(Bag(run.folder / 'bag'))['mpc'].parameters
-    assert (believed['link1_length'], believed['drive']) == (0.5, 'acceleration')
-
-
-def test_several_runs_end_in_a_summary(here, monkeypatch, capsys):
-    def perform(folder, solver, seed, duration, links, lockstep, files):
-        assert (links, lockstep, files) == (None, True, [])
-        return record(folder / 'here', '--solver', solver, '--seed', str(seed),
-                      '--duration', str(duration), '--lockstep')
-    monkeypatch.setattr(demo, 'perform', perform)
+def test_several_runs_end_in_a_summary(here, lockstep_bag, monkeypatch, capsys):
+    asked = []
+    monkeypatch.setattr(demo, 'perform', lambda *given: asked.append(given) or lockstep_bag)
     assert demo.main(['--runs', '2', '--duration', '5', '--lockstep', '--no-figures',
                       '--output', 'run']) == 0
+    assert asked == [(Path('run', f'seed_{seed}'), 'ilqr', seed, 5.0, None, True, [])
+                     for seed in (0, 1)]
     assert 'upright in 2 of 2 runs (95 % interval 34-100 %)' in capsys.readouterr().out
     assert [path.name for path in sorted((here / 'run').iterdir())] == ['seed_0', 'seed_1']
 
@@ -156,18 +155,18 @@ class Watched:
 def test_a_lockstep_run_is_the_one_without_ros_to_the_bit(delay, tmp_path):
     faults = {'velocity_noise': 0.02, 'force_noise': 0.5, 'command_jitter': 0.02,
               'command_loss': 0.1, 'actuator_response': 0.5, 'delay': delay}
-    bag = record(tmp_path, '--duration', '3', '--lockstep', '--solver', 'mppi', '--seed', '4',
+    bag = record(tmp_path, '--duration', '2', '--lockstep', '--solver', 'mppi', '--seed', '4',
                  plant=''.join(f'    {name}: {value}\n' for name, value in faults.items()))
     recorded = read_episode(bag)
     plant = Watched(plants.plant({**faults, 'seed': 4}))
-    simulate(plant, controllers.controller({'solver': 'mppi', 'seed': 4}), 3.0)
+    simulate(plant, controllers.controller({'solver': 'mppi', 'seed': 4}), 2.0)
     X = np.array([measured.x for measured in plant.measured])
-    assert len(X) >= 58 and len(recorded.X) == len(X) + 1   # the last one is not answered
+    assert len(X) >= 38 and len(recorded.X) == len(X) + 1   # the last one is not answered
     np.testing.assert_array_equal(recorded.X[:-1], X)
 
 
 def test_real_time_run_leaves_a_whole_bag_and_pictures(tmp_path):
-    run = Demo(tmp_path, '--duration', '2')
+    run = Demo(tmp_path, '--duration', '1')
     code, bag = run.finish(), run.folder / 'bag'
     assert run.left_behind() == []
     states, forces = messages(bag, '/joint_states'), messages(bag, '/force_command')
@@ -187,7 +186,7 @@ def test_real_time_run_leaves_a_whole_bag_and_pictures(tmp_path):
     assert f'iLQR: {outcome(episode).value}' in report
     assert commit() in report and machine() in report
     assert len(report) < 3e6
-    assert episode.t[-1] > 1.8   # [s] of a clock that stops with the plant
+    assert episode.t[-1] > 0.8   # [s] of a clock that stops with the plant
 
 
 def states_so_far(bag):
@@ -198,7 +197,8 @@ def states_so_far(bag):
         return 0
 
 
-def test_demo_joins_no_other_and_an_interrupt_ends_everything_and_finishes_the_bag(tmp_path):
+def test_demo_joins_no_other_and_an_interrupt_ends_everything_and_finishes_the_bag(
+        tmp_path, monkeypatch, capsys):
     run = Demo(tmp_path / 'first', '--duration', '60')
     domain = run.process.stdout.readline().removeprefix('ROS_DOMAIN_ID=').strip()
 
@@ -207,9 +207,9 @@ def test_demo_joins_no_other_and_an_interrupt_ends_everything_and_finishes_the_b
         time.sleep(0.3)   # to read takes a while
         return states_so_far(run.folder / 'bag') >= 20
     assert wait_until(is_recording, LIMIT)
-    other = Demo(tmp_path / 'second', domain=domain)
-    assert other.finish() == 2, other.out + other.err
-    assert 'already in this ROS domain' in other.err
+    monkeypatch.setenv('ROS_DOMAIN_ID', domain)
+    assert demo.main(['--output', str(tmp_path / 'second')]) == 2
+    assert 'already in this ROS domain' in capsys.readouterr().err
     run.process.send_signal(signal.SIGINT)
     assert run.finish() == 130
     assert run.left_behind() == []
@@ -217,12 +217,14 @@ def test_demo_joins_no_other_and_an_interrupt_ends_everything_and_finishes_the_b
     assert len(read_episode(run.folder / 'bag').t) >= 20
 
 
-def test_node_that_fails_is_shown_and_ends_the_demo(tmp_path):
-    file = tmp_path / 'wrong.yaml'
-    file.write_text('mpc:\n  ros__parameters: {dynamics: learned, model: none.json}\n')
-    run = Demo(tmp_path, '--params', str(file))
-    assert run.finish() == 1
-    assert run.left_behind() == []
-    assert 'mpc ended early with exit code 2' in run.err
-    assert 'none.json' in run.err
-    assert 'Traceback' not in run.err
+def test_node_that_fails_is_shown_and_ends_the_demo(here, monkeypatch, capsys):
+    (here / 'wrong.yaml').write_text(
+        'mpc:\n  ros__parameters: {dynamics: learned, model: none.json}\n')
+    monkeypatch.setenv('ROS_DOMAIN_ID', '')
+    monkeypatch.setenv(MARK, uuid.uuid4().hex)
+    assert demo.main(['--params', 'wrong.yaml', '--output', 'run']) == 1
+    assert left_behind(os.environ[MARK]) == []
+    error = capsys.readouterr().err
+    assert 'mpc ended early with exit code 2' in error
+    assert 'none.json' in error
+    assert 'Traceback' not in error
