@@ -7,12 +7,10 @@ import os
 from pathlib import Path
 import re
 import shlex
-import shutil
 import subprocess
 import sys
 
 import pytest
-from real_bags import record
 
 from dp_swing_ros.__main__ import TOOLS
 from dp_swing_ros.declarations import DECLARATIONS
@@ -27,13 +25,20 @@ PAGE = (TOP / 'docs' / 'tutorial.md').read_text()
 COMMANDS = re.findall(r'^    ros2 run dp_swing_ros (.*)$', PAGE, re.M)
 SAID = {'verify': 'the recorded ones to the bit', 'compare': '| search '}
 # an episode takes as long as it lasts with most solvers, and longer with the tutorial's own
-SHORT = {'evaluate': ['--duration', '0.5', '--seeds', '2', '--jobs', '1', '--no-figures'],
+SHORT = {'evaluate': ['--duration', '0.5', '--seeds', '1', '--jobs', '1', '--no-figures'],
          'analyse': ['--no-animation']}
-# in one process, which loads all once: arguments in, and for each what came of it
+# in one process, which loads all once and has the solver: bags of the first steps, then arguments
+# in, and for each what came of it; the pictures of analyse are looked at in its own test
 RUN = """
 from contextlib import redirect_stdout
-import io, json, sys
+import io, json, pathlib, shutil, sys
+from one_process import record
 from dp_swing_ros.__main__ import main
+from dp_swing_ros.tools import analyse
+record(pathlib.Path('files'), '--lockstep', '--duration', '1', '--solver', 'search',
+       mpc='{estimator: blend, search: {iterations: 3}}').rename('my_run/bag')
+shutil.copytree('my_run', 'worse')
+analyse.PICTURES = {'hero': analyse.PICTURES['hero']}
 for words in json.load(sys.stdin):
     with redirect_stdout(io.StringIO()) as printed:
         code = main(words)
@@ -58,7 +63,7 @@ def module(name):
 
 @pytest.fixture(scope='module')
 def here(tmp_path_factory):
-    """Work where a reader would, with the bags of the first steps and the solver of the last."""
+    """Work where a reader would, with the solver of the last steps."""
     folder = tmp_path_factory.mktemp('tutorial')
     (folder / 'worse.yaml').write_text(*blocks('yaml'))
     (folder / 'my_solver').mkdir()
@@ -71,13 +76,6 @@ def here(tmp_path_factory):
                     '--no-build-isolation', '--target', folder / 'site', folder / 'my_solver'],
                    check=True)
     (folder / 'my_run').mkdir()
-    with pytest.MonkeyPatch.context() as patch:   # nodes know what another package has, too
-        path = f'{folder / "site"}{os.pathsep}{os.environ.get("PYTHONPATH", "")}'
-        patch.setenv('PYTHONPATH', path)
-        record(folder / 'files', '--lockstep', '--duration', '1.5', '--solver', 'search',
-               mpc='    estimator: blend\n    search: {iterations: 3}\n').rename(
-                   folder / 'my_run' / 'bag')
-    shutil.copytree(folder / 'my_run', folder / 'worse')
     return folder
 
 
@@ -91,7 +89,8 @@ def ran(here):
     several = [[*words, *SHORT.get(words[0], [])] for words in commands(TOOLS)]
     done = subprocess.run(
         [sys.executable, '-c', RUN], cwd=here, input=json.dumps(several), capture_output=True,
-        text=True, env={**os.environ, 'PYTHONPATH': f'{here / "site"}{os.pathsep}{TOP}'})
+        text=True, env={**os.environ, 'PYTHONPATH': os.pathsep.join(
+            [str(here / 'site'), *sys.path])})
     found = [json.loads(line) for line in done.stdout.splitlines()]
     assert len(found) == len(several), done.stderr
     return found, done.stderr
@@ -125,7 +124,7 @@ def test_a_node_has_its_parameters(words):
 
 @pytest.mark.parametrize('block', [each for each in blocks('python') if 'class ' not in each],
                          ids=lambda block: re.search(r'import (\w+)', block)[1])
-def test_a_snippet_runs(block, here, monkeypatch, capsys):
+def test_a_snippet_runs(block, here, ran, monkeypatch, capsys):   # on the bags that ran made
     monkeypatch.chdir(here)
     exec(block, {})
     assert capsys.readouterr().out
