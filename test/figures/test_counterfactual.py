@@ -28,18 +28,18 @@ def made_up(at=10, costs=(120.0, 100.0, 100.5, 1000.0), settled=2.0, scale=1.0, 
                           trajectory('ilqr', at, 80, costs[0], links=links), others)
 
 
-ODD = {'whole': made_up(), 'from the start': made_up(at=0), 'nobody held': made_up(
-    settled=math.nan), 'no regret': made_up(costs=(5.0, 5.0, 5.0, 5.0)),
-    'many turns': made_up(scale=9.0), 'one solver': made_up(costs=(5.0, 4.0)),
-    'unknown cost': made_up(costs=(math.nan, 4.0, 5.0, 6.0)), 'one link': made_up(links=1),
-    'three links': made_up(links=3)}
+ODD = {   # several oddities that do not meet are drawn in one
+    'whole': made_up(), 'one link, from the start, no regret': made_up(
+        at=0, costs=(5.0, 5.0, 5.0, 5.0), links=1),
+    'three links, many turns, nobody held': made_up(settled=math.nan, scale=9.0, links=3),
+    'one solver, unknown cost': made_up(costs=(math.nan, 4.0))}
 
 
 @pytest.mark.filterwarnings('error')
 @pytest.mark.parametrize('name', ODD)
 def test_pictures_are_not_blank_and_drawn_without_a_warning(name, tmp_path):
-    limits = LimitParameters(force_limit=math.inf if name == 'many turns' else 20.0)
-    times = (0.5,) if name == 'one solver' else (0.5, 3.0)
+    limits = LimitParameters(force_limit=math.inf if 'many turns' in name else 20.0)
+    times = (0.5,) if 'one solver' in name else (0.5, 3.0)
     for figure in (counterfactual(ODD[name], limits),
                    regret([ODD[name]._replace(at=at) for at in times])):
         figure.savefig(tmp_path / 'picture.png', dpi=50)
@@ -47,7 +47,7 @@ def test_pictures_are_not_blank_and_drawn_without_a_warning(name, tmp_path):
             assert np.asarray(image.convert('L')).std() > 5
 
 
-@pytest.mark.parametrize('count', [1, 5, 12])
+@pytest.mark.parametrize('count', [1, 12])
 def test_every_solver_is_drawn_however_many_there_are(count):
     names = ['ilqr', 'ddp', 'mppi', *(f'mine{n}' for n in range(9))][:count]
     one = made_up()._replace(others=[trajectory(name, 10, 80, 100.0) for name in names])
