@@ -48,7 +48,7 @@ def test_what_ros_obeys_is_left_to_it(monkeypatch, name, value):
 
 
 @pytest.mark.parametrize('program', ['executables', '__main__'])
-@pytest.mark.parametrize('name, ends', [('plant', True), ('demo', True), ('evaluate', False)])
+@pytest.mark.parametrize('name, ends', [('plant', True), ('demo', True), ('recover', False)])
 def test_what_talks_to_ros_ends_before_it_loads_it(monkeypatch, program, name, ends):
     """A tool that needs no ROS does its work."""
     monkeypatch.setenv('RMW_IMPLEMENTATION', 'rmw_nobodys_cpp')

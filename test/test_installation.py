@@ -118,9 +118,9 @@ def answers(installed, lockstep_bag):
     for n, code in enumerate(codes):
         (installed.here / f'snippet_{n}.py').write_text(code)
     return installed.answers([
-        *(f'{tool} --help' for tool in TOOLS), *IN_ROS, 'console nothing', CAMPAIGN,
-        *(f'python snippet_{n}.py' for n in range(len(codes))), f'python {WHERE}', ANALYSIS,
-        CLUSTER, *DEVICES.values()])
+        *(f'{tool} --help' for tool in TOOLS), *IN_ROS, 'parameters', 'console nothing',
+        CAMPAIGN, *(f'python snippet_{n}.py' for n in range(len(codes))), f'python {WHERE}',
+        ANALYSIS, CLUSTER, *DEVICES.values()])
 
 
 def test_pip_puts_one_name_on_the_path(installed):
@@ -150,9 +150,8 @@ def test_what_needs_ros_is_refused_in_one_line(name, answers):
                         'installed; source .*\n', answers[name].err)
 
 
-def test_parameters_of_all_nodes_are_printed_without_ros(installed):
-    done = installed.python('-m', 'dp_swing_ros', 'parameters')
-    assert done.stdout == (TOP / 'docs' / 'parameters.md').read_text()
+def test_parameters_of_all_nodes_are_printed_without_ros(answers):
+    assert answers['parameters'].out == (TOP / 'docs' / 'parameters.md').read_text()
 
 
 def test_the_console_brings_its_page_and_plays_bags_without_ros(installed, answers):

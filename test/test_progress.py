@@ -4,10 +4,10 @@
 
 import ast
 from pathlib import Path
-import subprocess
-import sys
 
 import pytest
+
+from dp_swing_ros.tools.evaluate import main
 
 TOP = Path(__file__).parents[1]
 SOURCES = sorted([*(TOP / 'dp_swing_ros').rglob('*.py'), *(TOP / 'benchmarks').glob('*.py')])
@@ -28,10 +28,9 @@ def test_a_progress_bar_is_for_terminals_alone(file):
         assert isinstance(disable, ast.Constant) and disable.value is None, f'line {bar.lineno}'
 
 
-def test_a_campaign_leaves_nothing_but_its_lines_in_a_pipe(tmp_path):
-    done = subprocess.run(
-        [sys.executable, '-m', 'dp_swing_ros', 'evaluate', '--contestants', 'nothing',
-         '--scenarios', 'hanging', '--seeds', '2', '--duration', '1', '--jobs', '1',
-         '--no-figures', '--output', tmp_path / 'campaign'], capture_output=True, text=True)
-    assert (done.returncode, done.stderr) == (0, '')
-    assert '\r' not in done.stdout
+def test_a_campaign_leaves_nothing_but_its_lines_in_a_file(tmp_path, capfd):
+    assert main(['--contestants', 'nothing', '--scenarios', 'hanging', '--seeds', '2',
+                 '--duration', '1', '--jobs', '1', '--no-figures', '--output',
+                 str(tmp_path / 'campaign')]) == 0
+    out, error = capfd.readouterr()
+    assert (error, '\r' in out) == ('', False) and out

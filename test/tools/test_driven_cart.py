@@ -35,7 +35,8 @@ def test_a_solver_takes_over_from_the_speeds_that_were_estimated(bag, tmp_path, 
     assert 'yes' in recorded[2] and 'yes' in again[2]
 
 
-def test_figures_pictures_and_player_are_of_accelerations(bag, tmp_path, capsys):
+def test_figures_pictures_and_player_are_of_accelerations(bag, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(analyse, 'PICTURES', {'hero': analyse.PICTURES['hero']})
     assert analyse.main([str(bag), '--no-animation', '--output', str(tmp_path)]) == 0
     units = {line.split('|')[1].strip(): line.split('|')[2].strip()
              for line in capsys.readouterr().out.splitlines() if line.startswith('|')}

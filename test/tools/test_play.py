@@ -79,12 +79,10 @@ def test_the_plant_starts_without_a_page_after_a_while(tmp_path, monkeypatch, ca
         'play: the plant starts once the page is open, or in 0.3 s\n')
 
 
-def test_a_process_that_fails_ends_all_with_its_own_words(start_node, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    file = tmp_path / 'wrong.yaml'
-    file.write_text('/**/mpc:\n  ros__parameters: {dynamics: learned, model: none.json}\n')
-    running = start_node('play', options=['--port', '0', '--no-browser', '--params', str(file)],
-                         environment={'ROS_DOMAIN_ID': ''})
-    assert running.wait() == 1
-    assert 'none.json' in running.output()
-    assert wait_until(lambda: not processes_of(tmp_path), 10)
+def test_a_process_that_fails_ends_all_with_its_own_words(here, monkeypatch, capsys):
+    monkeypatch.setenv('ROS_DOMAIN_ID', '')
+    (here / 'wrong.yaml').write_text(
+        '/**/mpc:\n  ros__parameters: {dynamics: learned, model: none.json}\n')
+    assert play.main(['--port', '0', '--no-browser', '--params', 'wrong.yaml']) == 1
+    assert 'none.json' in capsys.readouterr().err
+    assert wait_until(lambda: not processes_of(here), 10)
