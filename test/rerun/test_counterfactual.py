@@ -53,7 +53,7 @@ def same(a, b):
 @pytest.mark.parametrize('solver', sorted(SOLVERS))
 def test_a_solver_that_takes_over_its_own_run_repeats_it_to_the_bit(runs, solver):
     run = runs[solver]
-    for at in (0.0, 0.1, 0.5, 1.0, 1.7):
+    for at in (0.0, 0.1, 1.7):
         one = taken_over(run, at, [solver])
         assert one.at == pytest.approx(at, abs=1 / 30)
         assert len(one.recorded.t) > 20
@@ -159,7 +159,7 @@ def test_until_it_sends_one_the_force_before_acts(faulty):
 
 @pytest.mark.parametrize('mode', [0, 1])
 def test_with_all_faults_it_is_the_same_every_time(faulty, mode):
-    first, second = (taken_over(faulty[mode], 0.3) for _ in range(2))
+    first, second = (taken_over(faulty[mode], 0.3, ['ilqr', 'mppi']) for _ in range(2))
     for one, other in zip(first.others, second.others):
         assert same(one[1:], other[1:])
         assert np.all(np.isfinite(one.X))
