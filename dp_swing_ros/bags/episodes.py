@@ -4,6 +4,7 @@
 
 from collections.abc import Iterable
 from contextlib import suppress
+from functools import lru_cache
 import math
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -252,6 +253,9 @@ def _checked_links(links: Any) -> int:
     return int(links)
 
 
+_configuration = lru_cache(8)(from_text)   # who looks at a bag asks for the same ones often
+
+
 def configurations_of(bag: Bag) -> dict[str, Configuration]:
     """
     Return what the nodes of a bag ran with, by their roles: plant, mpc, logger.
@@ -269,7 +273,7 @@ def revisions_of(bag: Bag) -> dict[str, dict[int, Configuration]]:
     """
     found: dict[str, dict[str, dict[int, Configuration]]] = {}   # by role and name
     for message in bag.any_of(CONFIGURATION):
-        each = bag.parse(lambda message: from_text(message.data), message)
+        each = bag.parse(lambda message: _configuration(message.data), message)
         revisions = found.setdefault(role_of(each), {}).setdefault(each.node, {})
         if each.revision == 0:   # it was started again, or says it once more
             revisions.clear()
