@@ -13,7 +13,7 @@ from selenium.webdriver.support.wait import WebDriverWait
 
 CHROMIUM, DRIVER = shutil.which('chromium'), shutil.which('chromedriver')
 DESKTOP, PHONE = (1440, 900), (390, 844)   # [px]
-PATIENCE, POLL = 90.0, 0.05   # [s]
+PATIENCE, POLL = 90.0, 0.1   # [s]
 # draws seldom, as a machine does that is busy with something else
 SELDOM = """
   const draw = window.requestAnimationFrame.bind(window);
