@@ -540,17 +540,6 @@ def test_small_numbers_are_seen_and_ticks_are_round(any_page):
     assert found[1] == [decimals(2, size) for size in sizes]
 
 
-def test_a_recording_is_made(page, nodes):
-    page.find('#record').click()
-    page.await_text('#record', 'Stop')
-    page.until(lambda: page.find('#record').is_enabled() and int(
-        re.search(r'\((\d+) s\)', page.text('#record'))[1]) >= 1, 'a second of a recording')
-    page.find('#record').click()
-    page.until(lambda: page.all('#recordings a'), 'a recording')
-    link = page.find('#recordings li').text.split()[0]
-    assert any(link in str(path) for path in nodes.folder.rglob('metadata.yaml'))
-
-
 def look_back(page, at):
     """Look at an instant so many seconds ago."""
     page.find('#look').click()
@@ -771,3 +760,15 @@ def test_who_is_dead_is_named_and_faded_until_it_is_back(page, nodes, real_time)
                    f'a stale status of the {role}')
         nodes.begin(role)
         page.until(lambda: not page.find('#silence').is_displayed(), 'nobody silent')
+
+
+def test_a_recording_is_made(page, nodes):
+    """In the end, which ends also the report on it, of seconds."""
+    page.find('#record').click()
+    page.await_text('#record', 'Stop')
+    page.until(lambda: page.find('#record').is_enabled() and int(
+        re.search(r'\((\d+) s\)', page.text('#record'))[1]) >= 1, 'a second of a recording')
+    page.find('#record').click()
+    page.until(lambda: page.all('#recordings a'), 'a recording')
+    link = page.find('#recordings li').text.split()[0]
+    assert any(link in str(path) for path in nodes.folder.rglob('metadata.yaml'))

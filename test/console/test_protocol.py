@@ -17,10 +17,10 @@ ANY = {'port': 0}   # that is free
 
 
 @pytest.fixture
-def console(start_node):
+def console(start_here):
     """Return a function that starts a console with parameters and waits until it serves."""
     def start(**parameters):
-        node = start_node('console', {**ANY, **parameters})
+        node = start_here('console', {**ANY, **parameters})
         node.port = port_of(node)
         return node
     return start
@@ -136,9 +136,10 @@ def test_another_address_makes_a_token_of_its_own(console):
     assert get(node.port, f'/?token={token_of(node)}')[0].status == 200
 
 
-def test_a_port_that_is_taken_ends_it_with_one_line(console, start_node):
-    node = start_node('console', {'port': console().port})
-    assert node.wait() == 2
+def test_a_port_that_is_taken_ends_it_with_one_line(start_here):
+    with socket.create_server(('127.0.0.1', 0)) as other:
+        node = start_here('console', {'port': other.getsockname()[1]})
+        assert node.wait() == 2
     assert 'give another port' in node.complaint()
     assert len(node.complaint().splitlines()) == 1
 

@@ -14,6 +14,7 @@ from unittest.mock import patch
 
 from conftest import PATIENCE, wait_until
 from one_process import COMMIT
+import pytest
 from rclpy import utilities
 
 from dp_swing_ros.nodes import process, ros_parameters
@@ -68,10 +69,12 @@ class NodeHere:
         self.stack.enter_context(patch.object(ros_parameters, 'commit', COMMIT))
         # a context of its own, whatever a test before has left
         self.stack.enter_context(patch.object(utilities, 'g_default_context', None))
-        for what, instead in (('on_signals_to_node', self.handlers.append),
-                              # nobody else ends at the moment
-                              ('exit_after', lambda *_: nullcontext())):
-            self.stack.enter_context(patch.object(process, what, instead))
+        for whose, what, instead in ((process, 'on_signals_to_node', self.handlers.append),
+                                     # nobody else ends at the moment
+                                     (process, 'exit_after', lambda *_: nullcontext()),
+                                     # nor do tests give way to others, as a console does
+                                     (os, 'nice', lambda by: by)):
+            self.stack.enter_context(patch.object(whose, what, instead))
         self.stack.enter_context(patch.object(sys, 'argv', [name, *ros]))
         self.stack.callback(gc.unfreeze)   # what an mpc has frozen
         self.stack.enter_context(patch.object(sys, 'unraisablehook', sys.unraisablehook))
@@ -111,3 +114,19 @@ class NodeHere:
         """Do what a signal does, once it runs; return the exit code."""
         self.handlers[0]()
         return self.wait()
+
+
+@pytest.fixture
+def start_here():
+    """Return a function that starts a node in this process; in the end none is left."""
+    started = []
+
+    def start(name, parameters=(), arguments=()):
+        started.append(NodeHere(name, parameters, arguments))
+        return started[-1]
+    yield start
+    for node in reversed(started):
+        if node.ended():
+            node.wait()   # which puts back what it has replaced
+        else:
+            node.stop()

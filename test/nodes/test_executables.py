@@ -55,12 +55,11 @@ SHARED = """
 
 
 @pytest.mark.parametrize('name', NODES)
-def test_of_what_is_for_any_node_each_takes_its_own(start_node, start_here, tmp_path, name):
+def test_of_what_is_for_any_node_each_takes_its_own(start_here, tmp_path, name):
     file = tmp_path / 'shared.yaml'
     file.write_text(SHARED)
     own = {'logger': {'output': str(tmp_path / 'bag')}, 'console': {'port': 0}}
-    start = start_node if name == 'console' else start_here   # which gives way to others
-    node = start(name, own.get(name, {}), arguments=['--params-file', str(file)])
+    node = start_here(name, own.get(name, {}), arguments=['--params-file', str(file)])
     expected = {'plant': 'states a second', 'mpc': 'ready',
                 'relay': 'ready, for /force_controller/commands',
                 'logger': 'recording to', 'replay': "parameter 'bag' is empty",
