@@ -68,7 +68,7 @@ def test_a_run_with_a_plant_of_other_bodies_is_repeated_to_the_bit(
     logger.wait_for('recording to')
     mpc = start_node('mpc', {'bodies': 'description', **keeping(FORCE_COMMAND, DIAGNOSTICS)})
     mpc.wait_for('waiting for a robot description')
-    plant = start_node('plant', {**bodies, 'lockstep': True, 'duration': 4.0, 'start': 'down'})
+    plant = start_node('plant', {**bodies, 'lockstep': True, 'duration': 2.0, 'start': 'down'})
     assert plant.wait() == 0
     assert (mpc.stop(), logger.stop()) == (0, 0)
     believed = configurations_of(Bag(bag))['mpc'].parameters

@@ -231,7 +231,7 @@ def test_the_bag_of_a_foreign_rig_is_read_as_the_mpc_read_it(
     mpc.wait_for('ready')
     rig, plant = Rig(peer), plants.plant({})
     rig.meet()
-    states = rig.swing(plant, 60, now)
+    states = rig.swing(plant, 40, now)
     mpc.stop()
     peer.spin(0.5)
     assert logger.stop() == 0

@@ -31,7 +31,7 @@ def test_help_says_what_it_does_and_takes(monkeypatch, capsys, name, option):
 
 
 @pytest.mark.parametrize(('name', 'delay'), [
-    ('plant', 0.15), ('logger', 0.5), ('plant', 1.0), ('mpc', 2.0)])
+    ('plant', 0.15), ('logger', 0.5), ('plant', 1.0)])
 def test_an_early_signal_ends_it_without_a_word(start_node, tmp_path, name, delay):
     node = start_node(name, {'output': str(tmp_path / 'bag')} if name == 'logger' else {},
                       environment={'XDG_CACHE_HOME': str(tmp_path)})
@@ -41,11 +41,14 @@ def test_an_early_signal_ends_it_without_a_word(start_node, tmp_path, name, dela
     assert 'Traceback' not in node.output()
 
 
-def test_the_first_line_comes_before_anything_is_compiled(start_node, tmp_path):
+def test_the_first_line_comes_before_all_compiling_which_a_signal_ends(start_node, tmp_path):
     node = start_node('mpc', environment={'XDG_CACHE_HOME': str(tmp_path)})
     node.wait_for('loading')
     node.wait_for('preparing')
     assert not list(tmp_path.rglob('*.nbc'))
+    time.sleep(0.5)   # into it
+    assert node.stop(signal.SIGINT, timeout=60) == 0, node.output()
+    assert 'Traceback' not in node.output()
 
 
 SHARED = """

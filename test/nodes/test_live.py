@@ -164,7 +164,7 @@ def test_a_run_with_changes_is_repeated_to_the_bit(tmp_path, capsys):
         reports = peer.record(DIAGNOSTICS)
         for change in changes:
             before = len(reports)
-            assert peer.until(lambda: len(reports) > before + 25)
+            assert peer.until(lambda: len(reports) > before + 12)
             assert put(peer, **change) == ''
         before = len(reports)
         assert peer.until(lambda: len(reports) > before + 200)
@@ -193,12 +193,12 @@ def test_the_plant_s_changes_are_repeated_to_the_bit(tmp_path, capsys):
         peer.node.create_timer(0.1, lambda: clock.publish(Clock(clock=Time(sec=1))))
         for change in changes:
             before = len(reports)
-            assert peer.until(lambda: len(reports) > before + 15)
+            assert peer.until(lambda: len(reports) > before + 8)
             assert put(peer, 'plant', **change) == ''
         assert 'read-only' in put(peer, 'plant', lockstep=False)
         assert 'a list of 6 numbers' in put(peer, 'plant', initial_state=[0.0])
         before = len(reports)
-        assert peer.until(lambda: len(reports) > before + 50)
+        assert peer.until(lambda: len(reports) > before + 25)
     found = revisions_of(Bag(bag))['plant']
     # the logger may meet the plant when its first announcement is replaced already
     assert [*found][-len(changes) - 1:] == list(range(1, len(changes) + 2))

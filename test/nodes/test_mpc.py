@@ -162,12 +162,6 @@ def test_a_second_master_is_a_warning_in_the_diagnostics(peer, start_here):
     assert f'{rival}; ' in talk.node.output().splitlines()[-1]
 
 
-def test_a_signal_while_it_compiles_ends_it(start_node, tmp_path):
-    node = start_node('mpc', environment={'XDG_CACHE_HOME': str(tmp_path)})
-    node.wait_for('preparing the solver')
-    assert node.stop(timeout=60) == 0
-
-
 def test_the_first_force_answers_the_first_state(peer, start_node, start_here):
     """A start is over when each hears the other."""
     states, forces = peer.record(JOINT_STATES), peer.record(FORCE_COMMAND_STAMPED)
