@@ -159,12 +159,13 @@ class Structured(NamedTuple):
 
     def with_free(self, p: Array) -> 'Structured':
         """Return the same with other such numbers (P,)."""
-        n, count = self.links, len(self.potential)
-        inertia, potential, friction, dry = np.split(
-            p, np.cumsum([self.inertia.size, count - 1, n + 1]))
+        count, first = len(self.potential), self.inertia.size   # slices: np.split takes longer
+        second = first + count - 1
+        third = second + self.links + 1
         return self._replace(
-            inertia=inertia.reshape(-1, count).copy(), potential=np.append(0.0, potential),
-            friction=friction.copy(), dry=dry.copy())
+            inertia=p[:first].reshape(-1, count).copy(),
+            potential=np.append(0.0, p[first:second]), friction=p[second:third].copy(),
+            dry=p[third:].copy())
 
     def sized(self, scale: Units) -> 'Structured':
         """Return the same of a pendulum so many times larger."""

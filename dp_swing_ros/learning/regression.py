@@ -94,7 +94,7 @@ def followed(dynamics: Any, seen: Experience, steps: int = 1,
 
 def predicted(dynamics: Any, seen: Experience, step: float = LONGEST_STEP) -> Array:
     """Return the speeds after each transition (K, n + 1) as dynamics have them, in steps [s]."""
-    speeds: Array = np.hsplit(followed(dynamics, seen, step=step), 2)[1]
+    speeds: Array = followed(dynamics, seen, step=step)[:, seen.X.shape[1] // 2:]
     return speeds
 
 
