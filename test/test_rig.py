@@ -215,12 +215,14 @@ def test_the_voltage_drive_of_the_guide_is_that_of_its_motor(voltage):
 
 
 @pytest.mark.parametrize('solver', METHODS)
-@pytest.mark.parametrize('name', ['voltage', 'stepper', 'linear_motor'])
-def test_the_rigs_of_the_guide_are_held(name, solver):
+@pytest.mark.parametrize('name, duration', [
+    ('voltage', 3.0), ('stepper', 6.0), ('linear_motor', 4.0)])
+def test_the_rigs_of_the_guide_are_held(name, duration, solver):
     pytest.importorskip('mujoco')
     found = declarations.read([CONFIG / f'{name}.yaml'])
     plant = plants.plant(found['plant'])
-    episode = simulate(plant, controllers.controller({**found['mpc'], 'solver': solver}), 8.0)
+    controller = controllers.controller({**found['mpc'], 'solver': solver})
+    episode = simulate(plant, controller, duration)
     assert measure(episode).success
     # what acted is a force [N], or an acceleration; the limit bounds the command
     limit = plant.limits.input_limit(plant.physical.drive) * plant.drive.force_gain
@@ -236,5 +238,5 @@ def test_a_rig_of_laboratory_size_is_held_with_nothing_told_but_what_it_is(solve
     of_plant, of_mpc = (declarations.read([path])[node] for node in ('plant', 'mpc'))
     assert not set(of_mpc) & {'step', 'horizon', 'track_margin', 'state_weights'}
     episode = simulate(plants.plant({**of_plant, 'rate': rate}),
-                       controllers.controller({**of_mpc, 'solver': solver}), 6.0)
+                       controllers.controller({**of_mpc, 'solver': solver}), 3.5)
     assert measure(episode).success
