@@ -12,6 +12,7 @@ from dp_swing_ros.pendulum.state import hanging, upright
 
 def test_experience_in_trials_and_without_a_break(monkeypatch):
     monkeypatch.setattr(learned, 'TOTAL', 15.0)
+    monkeypatch.setattr(learned, 'LONG', 10.0)
     rows = learned.in_trials('ilqr', 1)
     assert [row['trial'] for row in rows] == list(range(1, len(rows) + 1))
     assert rows[0]['held'] == 0.0 and max(row['held'] for row in rows) >= learned.HOLD
@@ -20,7 +21,8 @@ def test_experience_in_trials_and_without_a_break(monkeypatch):
     assert learned.FIRST < one['since'] < learned.LONG
 
 
-def test_a_log_tells_enough_to_hold():
+def test_a_log_tells_enough_to_hold(monkeypatch):
+    monkeypatch.setattr(learned, 'LOG', 30.0)
     rows = learned.by_log(0, ('ilqr',))
     assert [row.key[:2] for row in rows] == [
         ('ilqr', 'hanging'), ('ilqr, learned', 'hanging'), ('ilqr', 'random'),

@@ -212,7 +212,7 @@ def test_it_is_the_textbook_s(links, drive, velocities, rng):
     e.update(0.0, x, NONE)
     z, P, forces, commands = e.z, e.P, SentCommands(), []
     real = other(1.05, nominal)
-    for n in range(1, 7):
+    for n in range(1, 5):
         time_noise = 2e-3 * (n % 2)
         # two commands a period, that end nowhere near a step
         for begins in (0.05 * n - 0.037, 0.05 * n - 0.011):
@@ -241,8 +241,8 @@ def test_the_innovations_are_as_large_as_it_says(unknown, time_noise, rng):
                   'balance_error': 0.02 * unknown, 'delay_error': 0.004 * unknown,
                   'lag_error': 0.003 * unknown, 'force_bias': 0.5 * unknown}
     nominal = PendulumParameters(cart_friction=0.1, joint1_friction=0.1, joint2_friction=0.1)
-    total, ticks, h = 0.0, 40, 0.01
-    for _ in range(20):
+    total, runs, ticks, h = 0.0, 10, 40, 0.01
+    for _ in range(runs):
         e = estimator(nominal, SLOW, adaptation=0.0, memory=math.inf, push_gate=math.inf,
                       **parameters)
         about, R, forces, commands = e.parameters, np.sqrt(e.R), SentCommands(), []
@@ -264,7 +264,7 @@ def test_the_innovations_are_as_large_as_it_says(unknown, time_noise, rng):
             seen = turned(x, balance) + late + rng.normal(0.0, R)
             total += e.update(0.05 * n, seen, forces, time_noise).distance ** 2
         assert e.refused == 0
-    low, high = chi2.ppf((0.0005, 0.9995), 6 * 20 * ticks)
+    low, high = chi2.ppf((0.0005, 0.9995), 6 * runs * ticks)
     assert low < total < high
 
 

@@ -10,7 +10,6 @@ import sys
 from learned_dynamics import bent
 import numpy as np
 import pytest
-import torch
 
 from dp_swing_ros.pendulum.derivatives import curvature, expand, identity, lanes, linearisation
 from dp_swing_ros.pendulum.equations import Pendulum
@@ -114,6 +113,8 @@ def test_curvature_meets_finite_differences(model, rng):
 
 
 def test_tensors_go_the_same_way_and_autograd_agrees(model, rng):
+    import torch   # here, for the kernels as Python need none of its seconds
+
     def f(z):
         return torch.stack(list(advance(model, z[:-1].unbind(), z[-1])))
 

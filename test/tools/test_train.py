@@ -13,6 +13,7 @@ from real_bags import rewritten
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.control import controllers
 from dp_swing_ros.dynamics.files import load
+from dp_swing_ros.learning import regression
 from dp_swing_ros.pendulum.state import deviation
 from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import simulate
@@ -29,6 +30,12 @@ def bag(tmp_path_factory):
     lines = ''.join(f'    {name}: {value}\n' for name, value in BODIES.items())
     return record(tmp_path_factory.mktemp('bag'), '--lockstep', '--duration', '15',
                   plant=f'{lines}    position_noise: 0.001\n    velocity_noise: 0.01\n')
+
+
+@pytest.fixture
+def briefly(monkeypatch):
+    """Let a model be of few rounds, where it is not tested how good it is."""
+    monkeypatch.setattr(regression, 'ROUNDS', 3)
 
 
 def test_the_process_leaves_a_model_that_holds_what_moved(bag, tmp_path):
@@ -50,13 +57,13 @@ def test_the_process_leaves_a_model_that_holds_what_moved(bag, tmp_path):
     assert np.all(deviation(episode.X[-40:], learned.nominal.x_r) < 0.1)
 
 
-def test_a_model_lies_beside_the_bag_where_nothing_else_is_said(bag, capsys):
+def test_a_model_lies_beside_the_bag_where_nothing_else_is_said(bag, briefly, capsys):
     assert main([str(bag), '--seed', '3']) == 0
     assert str(bag.with_name('bag_structured.json')) in capsys.readouterr().out.splitlines()
 
 
 def test_what_a_killed_logger_left_is_learned_from_and_what_is_missing_is_said(
-        bag, tmp_path, capsys):
+        bag, briefly, tmp_path, capsys):
     cut, whole = tmp_path / 'cut.mcap', (bag / 'bag_0.mcap').read_bytes()
     cut.write_bytes(whole[:len(whole) * 2 // 3])
     assert main([str(cut), '--partial', '-o', str(tmp_path / 'model.json')]) == 0
@@ -64,7 +71,7 @@ def test_what_a_killed_logger_left_is_learned_from_and_what_is_missing_is_said(
 
 
 def test_positions_alone_are_no_experience_unless_an_estimate_has_the_speeds(
-        bag, tmp_path, capsys):
+        bag, briefly, tmp_path, capsys):
     def still(message):
         message.velocity = []
         return message
