@@ -74,11 +74,11 @@ def real(name: str, drive: Mapping[str, Any], duration: float) -> Group:
 STEPPER = {'drive': 'acceleration', 'acceleration_limit': 20.0}
 GROUPS = [
     Group('default', STEPPER, {}, 'hanging', 50, 10.0),
-    Group('default', STEPPER, {}, 'random', 100, 10.0),
+    Group('default', STEPPER, {}, 'random', 1000, 10.0),
     real('single', follower(5.0, 1.0), 12.0),
     real('double', follower(5.0, 1.0), 20.0),
     real('triple', follower(40.0, 2.0), 12.0),
-    *(real(name, motor(), 6.0) for name in AUTHORS)]
+    *(real(name, motor(), 12.0 if name == 'triple' else 6.0) for name in AUTHORS)]
 
 
 def of_group(group: Group, solver: str) -> list[tuple[Contestant, Case]]:
