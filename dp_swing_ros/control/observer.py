@@ -16,6 +16,7 @@ from dp_swing_ros.parameters import parameter, ParameterError, Parameters
 from dp_swing_ros.pendulum.parameters import Drive
 from dp_swing_ros.pendulum.state import Array, is_state, to_turn_of, turned
 from dp_swing_ros.problem.parameters import PredictionParameters
+from dp_swing_ros.problem.plan import Plan
 from dp_swing_ros.problem.problem import Bounds, Problem
 
 OVERTAKEN = 0.5  # [s] a state older than the last by more than this is none that was overtaken
@@ -51,6 +52,10 @@ class Belief(NamedTuple):
     def balance(self) -> Array | float:
         """Return the angles (n,) [rad] at which the links stand balanced."""
         return 0.0 if self.estimate is None else self.estimate.balance
+
+    def as_measured(self, plan: Plan) -> Plan:
+        """Return a plan with its angles as the sensors would measure them."""
+        return replace(plan, X=turned(plan.X, self.balance))
 
 
 class Observer:

@@ -98,9 +98,9 @@ def to_turn_of(x: Array, reference: Array) -> Array:
 
 
 def turned(x: Array, by: Array | float) -> Array:
-    """Return a state (2n + 2,) whose angles are larger by others (n,) [rad]."""
+    """Return states (..., 2n + 2) whose angles are larger by others (n,) [rad]."""
     found = x.copy()
-    found[angles(x)] += by
+    found[..., angles(x)] += by
     return found
 
 

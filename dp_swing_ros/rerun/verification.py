@@ -89,7 +89,8 @@ def verify(bag: Bag, progress: Callable[[list[Tick]], Iterable[Tick]]) -> Verifi
         sent = pairing.others.get(tick.number, tick.force)
         text = differs(controller, plan, tick) \
             or changed(f'command on {topic.name}', unit, sent, tick.force) \
-            or (_of_plans(plans[tick.number], plan) if tick.number in plans else '')
+            or (_of_plans(plans[tick.number], controller.belief.as_measured(plan))
+                if tick.number in plans else '')
         if text:
             differences.append(Difference(
                 'ticks', f'tick {tick.number} at {tick.stamp} ns ({tick.stamp / BILLION:.3f} s), '

@@ -258,10 +258,10 @@ class MpcCore:
 
     def report(self, stamp: int, plan: Plan, complaint: str, warning: str, **figures: Any) -> None:
         """Send the plan and the figures of the tick, as TickReport names them."""
-        schedule, problem = self.schedule, self.controller.belief.problem
-        self.send(Planned(stamp, plan))
+        schedule, belief = self.schedule, self.controller.belief
+        self.send(Planned(stamp, belief.as_measured(plan)))
         if plan.tries is not None:
-            self.send(Tried(stamp, tip_paths(plan.X[0], plan.tries, problem), plan.tries.weights))
+            self.send(Tried(stamp, tip_paths(plan.X[0], plan.tries, belief), plan.tries.weights))
         self.send(self.reporter.report(
             stamp, plan, complaint, warning, missed_total=schedule.missed_total,
             time_noise=self.time_noise, carried=self.carried, resets=self.resets,

@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from dp_swing_ros.control.observer import Belief
 from dp_swing_ros.control.receding_horizon import RecedingHorizon
 from dp_swing_ros.estimators.estimator import Estimate
 from dp_swing_ros.messages.fields import ERROR, OK, Report, WARN
 from dp_swing_ros.messages.ticks import keys_of_state, TickReport
 from dp_swing_ros.pendulum.geometry import joint_positions
 from dp_swing_ros.pendulum.model import rollout
-from dp_swing_ros.pendulum.state import Array, links_of
+from dp_swing_ros.pendulum.state import Array, links_of, turned
 from dp_swing_ros.problem.cost import terms
 from dp_swing_ros.problem.plan import FALLBACK, Plan, Status, Tries
 from dp_swing_ros.problem.problem import Problem
@@ -134,12 +135,14 @@ def of_estimate(estimate: Estimate) -> dict[str, float]:
             **estimate.physical}
 
 
-def tip_paths(x_0: Array, tries: Tries, problem: Problem) -> Array:
+def tip_paths(x_0: Array, tries: Tries, belief: Belief) -> Array:
     """
-    Return where the tip [m] goes from a state under each of some tries, x and z.
+    Return where the tip [m] goes from a state of a plan under each of some tries, x and z.
 
     Shapes: x_0 (2n + 2,) -> (M, N + 1, 2).
     """
+    problem = belief.problem
     X = [rollout(problem.model, x_0, U) for U in tries.U]
-    return joint_positions(np.reshape(X, (len(X), problem.horizon + 1, len(x_0))),
-                           problem.physical.lengths)[..., -1, :]
+    return joint_positions(
+        turned(np.reshape(X, (len(X), problem.horizon + 1, len(x_0))), belief.balance),
+        problem.physical.lengths)[..., -1, :]

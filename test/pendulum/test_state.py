@@ -40,6 +40,7 @@ def test_angles_alone_turn(links, rng):
     np.testing.assert_array_equal(np.delete(found, np.r_[angles(x)]), np.delete(
         before, np.r_[angles(x)]))
     np.testing.assert_array_equal(x, before)
+    np.testing.assert_array_equal(turned(np.array([[x], [x]]), by), [[found], [found]])
 
 
 @of_links

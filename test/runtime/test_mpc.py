@@ -16,8 +16,9 @@ from dp_swing_ros.estimators import ESTIMATORS
 from dp_swing_ros.messages.fields import ERROR, OK, Report, to_state, WARN
 from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
 from dp_swing_ros.parameters import ParameterError
-from dp_swing_ros.pendulum.model import rollout
-from dp_swing_ros.pendulum.state import hanging, is_upright, joints, upright
+from dp_swing_ros.pendulum.geometry import joint_positions
+from dp_swing_ros.pendulum.model import hold, rollout
+from dp_swing_ros.pendulum.state import hanging, is_upright, joints, turned, upright
 from dp_swing_ros.problem.plan import Status
 from dp_swing_ros.runtime import live_parameters
 from dp_swing_ros.runtime.handshake import Peers
@@ -65,6 +66,21 @@ def test_a_plan_re_integrates_to_itself():
     model = controllers.problem({}).model
     np.testing.assert_array_equal(run.plan.X[0], LEANING)
     np.testing.assert_allclose(rollout(model, LEANING, run.plan.U), run.plan.X, atol=1e-12)
+
+
+def test_plans_and_tries_are_sent_as_sensors_would_measure_them():
+    """Where encoders have zero beside balance, plans lead there."""
+    run, x, balance = lockstep(shown_tries=3), LEANING, np.array([0.04, -0.06])
+    model = run.core.controller.nominal.model
+    for _ in range(100):
+        measured = turned(x, balance)
+        run.lockstep(measured)
+        x = hold(model, x, run.forces[-1], PERIOD)
+    X, paths = run.plan.X, run.of(Tried)[-1].paths
+    np.testing.assert_allclose(X[0], measured, atol=5e-3)
+    np.testing.assert_allclose(X[-1, 1:3], balance, atol=5e-3)
+    tip = joint_positions(X[0], run.core.controller.belief.problem.physical.lengths)[-1]
+    np.testing.assert_allclose(paths[:, 0], [tip] * len(paths), atol=1e-9)
 
 
 def test_the_stream_of_commands_ends_with_zero():
