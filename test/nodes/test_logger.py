@@ -39,6 +39,7 @@ PUBLISHER = """
 import sys
 
 import numpy as np
+from rclpy.duration import Duration
 from std_msgs.msg import Float64, String
 
 from dp_swing_ros.nodes.connections import publish
@@ -66,6 +67,8 @@ class PublisherNode(ProcessNode):
 
     def close(self):
         self.forces.publish(Float64(data=-1.0))
+        for topic in self.states, self.forces:   # what it keeps for others ends with it
+            topic.wait_for_all_acked(Duration(seconds=10.0))
         print(self.number, flush=True)
 
 
