@@ -101,11 +101,11 @@ def main(argv: Sequence[str] | None = None) -> None:
         for name in reversed(AUTHORS))[::-1]))
     rows = pandas.DataFrame([row for name in AUTHORS for row in predicted(recorded[name], {
         PUBLISHED: pendulum(as_rods(name)),
-        **{f'{FOUND} at {rate} Hz': pendulum(bodies(fitted[name, rate].found)) for rate in RATES},
+        **{f'{FOUND} at {rate} Hz': as_found(fitted[name, rate].found) for rate in RATES},
         LEARNED: Predictor(models[name])}, name)])
     picture(recorded['double'], {
         PUBLISHED: pendulum(as_rods('double')),
-        FOUND: pendulum(bodies(fitted['double', 200].found))}).savefig(figures / 'recordings.png')
+        FOUND: as_found(fitted['double', 200].found)}).savefig(figures / 'recordings.png')
     store_page('recordings', rows, page(rows, fitted), docs)
 
 
@@ -174,10 +174,15 @@ def as_rods(name: str) -> dict[str, Any]:
     return values
 
 
-def pendulum(values: Mapping[str, Any]) -> Predictor:
-    """Return the dynamics of parameters, with dry friction as `identify` has it."""
+def as_found(found: Identified) -> Predictor:
+    """Return the dynamics that were found of a recording."""
+    return pendulum(bodies(found), found.creep)
+
+
+def pendulum(values: Mapping[str, Any], creep: float = FINE.creep) -> Predictor:
+    """Return the dynamics of parameters, with dry friction that begins over a creep, scaled."""
     physical = group(PendulumParameters, values)
-    return Predictor(Pendulum.of(physical, FINE.creep, scale_of(physical)), np.array(
+    return Predictor(Pendulum.of(physical, creep, scale_of(physical)), np.array(
         [values.get(f'link{i}_balance', 0.0) for i in range(1, physical.links + 1)]))
 
 

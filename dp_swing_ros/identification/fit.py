@@ -53,6 +53,7 @@ class Precision(NamedTuple):
 
 
 ROUGH, FINE = Precision(2e-2, 1e-2), Precision(2e-3, 1e-3)
+CREEPS = FINE.creep, 6e-3, ROUGH.creep   # of dry friction, of which nobody knows how it begins
 
 
 class Part(NamedTuple):
@@ -74,6 +75,12 @@ class Part(NamedTuple):
         follow = solved(weighted @ self.of_states, weighted @ self.of_parameters)
         projected: Array = self.of_parameters - self.of_states @ follow
         return projected
+
+    def normal_equations(self, scales: Array) -> tuple[Array, Array]:
+        """Return H (free, free) and g (S, free) of each segment, of parameters in scales."""
+        J = self.projected() * scales
+        weighted = np.swapaxes(J * self.weights[..., None], 1, 2)
+        return (weighted @ J).sum(axis=0), (weighted @ self.residuals[..., None])[..., 0]
 
 
 class Fit:
@@ -189,6 +196,41 @@ class Fit:
             loss='soft_l1', f_scale=OUTLIER, xtol=1e-5, ftol=1e-7)
         self.take(found.x)
 
+    def normal_equations(self) -> tuple[Array, Array]:
+        """Return H (free, free) and g (free,) of the free parameters, in their scales."""
+        scales = self.about.scales[self.free]
+        H, g = zip(*(part.normal_equations(scales) for part in self.parts(self.free)))
+        return np.sum(H, axis=0), np.concatenate(g).sum(axis=0)
+
+    def choose_creep(self) -> float:
+        """Return which of CREEPS explains the motions best, a step on; go on with that."""
+        def loss(creep: float) -> float:
+            self.use(Precision(creep, FINE.step))
+            self.take(self.p[self.free])
+            H, g = self.normal_equations()
+            now = sum(losses(self.white(each)).sum() for each in self.differences())
+            return float(OUTLIER ** 2 * now - g @ step_of(H, g) / 2)
+
+        best = min(CREEPS, key=loss)
+        self.use(Precision(best, FINE.step))
+        return best
+
+    def off_by_friction(self) -> Array:
+        """
+        Return by how much what is searched (k,) changes, about, with the smoothest dry friction.
+
+        No bearing has quite the friction of the model: so much is taken for a standard deviation.
+        """
+        model, states = self.model, [each.copy() for each in self.states]
+        _, before = self.normal_equations()
+        self.use(Precision(CREEPS[-1], FINE.step))
+        self.take(self.p[self.free])
+        H, g = self.normal_equations()
+        self.model, self.states = model, states
+        off = np.zeros(len(self.searched))
+        off[:len(self.free)] = self.about.scales[self.free] * step_of(H, g - before)
+        return off
+
     def whiten(self) -> bool:
         """
         Let residuals count by what they are: independent, of a standard deviation of one.
@@ -231,9 +273,9 @@ class Fit:
         """Return how many segments there are."""
         return sum(map(len, self.states))
 
-    def covariances(self) -> tuple[Array, Array]:
+    def covariances(self) -> Array:
         """
-        Return two covariances of what is searched (k, k), for residuals of two kinds.
+        Return two covariances of what is searched (2, k, k), for residuals of two kinds.
 
         The one is H⁻¹, for residuals that are independent, the other
         H⁻¹ (Σ_s g_s g_sᵀ) H⁻¹ with the gradient g_s of each segment, for those that are not. What
@@ -244,12 +286,10 @@ class Fit:
         scales, free = self.about.scales[self.searched], np.s_[:len(self.free)]
         H, G, inverse = np.zeros((3, len(scales), len(scales)))
         if not len(self.free):   # then all are off by their scales
-            return np.diag(scales ** 2), np.diag(scales ** 2)
+            return np.array([np.diag(scales ** 2)] * 2)
         for part in self.parts(self.searched):
-            J = part.projected() * scales
-            weighted = np.swapaxes(J * part.weights[..., None], 1, 2)
-            g = (weighted @ part.residuals[..., None])[..., 0]
-            H, G = H + (weighted @ J).sum(axis=0), G + g.T @ g
+            of_part, g = part.normal_equations(scales)
+            H, G = H + of_part, G + g.T @ g
         of_directions, directions = np.linalg.eigh(H[free, free])
         inverse[free, free] = directions / np.maximum(
             of_directions, UNTOLD * of_directions[-1]) @ directions.T
@@ -257,9 +297,10 @@ class Fit:
             self.segments - len(self.free), 1)
         follow = (np.eye(len(scales)) - inverse @ H)[:, len(self.free):]
         sizes, of_untold = np.outer(scales, scales), follow @ follow.T
-        return sizes * (inverse + of_untold), sizes * (clustered + of_untold)
+        found: Array = sizes * (np.array([inverse, clustered]) + of_untold)
+        return found
 
-    def halves(self, J: Array | None = None) -> Array:
+    def halves(self, covariances: Array, J: Array | None = None) -> Array:
         """
         Return half the intervals of 95 % of what is searched, or of J (m, k) times that (m,).
 
@@ -270,7 +311,7 @@ class Fit:
         J = np.eye(len(self.searched)) if J is None else J
         found: Array = np.max([
             stdtrit(freedom, QUANTILE) * np.sqrt(np.einsum('ki,ij,kj->k', J, C, J))
-            for freedom, C in zip((np.inf, max(self.segments - 1, 1)), self.covariances())],
+            for freedom, C in zip((np.inf, max(self.segments - 1, 1)), covariances)],
             axis=0)
         return found
 
@@ -291,6 +332,11 @@ def losses(r: Array) -> Array:
         loss = (np.sqrt(1 + (r / OUTLIER) ** 2) - 1).sum(axis=1)
     found: Array = np.where(np.isfinite(loss), loss, np.inf)
     return found
+
+
+def step_of(H: Array, g: Array) -> Array:
+    """Return H⁻¹ g, where H may be singular; (k, k), (k,)."""
+    return solved(H[None], g[None, :, None])[0, :, 0] if len(g) else g
 
 
 def solved(H: Array, b: Array) -> Array:

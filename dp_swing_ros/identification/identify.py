@@ -58,6 +58,7 @@ class Identified:
     left_out: int                              # segments that nothing explains
     cart: str                                  # FREE, or GIVEN: then all this is of links alone
     base: dict[str, 'BaseParameter']           # what is told of the bodies, however they share it
+    creep: float                               # [m/s, rad/s] scaled, of dry friction; see CREEPS
 
     @property
     def joints(self) -> list[int]:
@@ -99,15 +100,19 @@ def identify(motions: Sequence[Motion], physical: PendulumParameters, drive: Dri
         if not fit.leave_out_odd() and white:
             break
     fit.use(FINE)
-    for _ in range(2):
-        fit.solve()
-        fit.whiten()
+    fit.solve()
+    fit.whiten()
+    creep = fit.choose_creep()
+    fit.solve()
+    fit.whiten()
     unidentified = hold_unidentifiable(fit)
     found, halves = fit.p.copy(), np.zeros(len(fit.p))
-    halves[fit.searched] = fit.halves()
+    off = fit.off_by_friction()
+    covariances = fit.covariances() + np.outer(off, off)
+    halves[fit.searched] = fit.halves(covariances)
     low, high = about.values(
         np.clip([found - halves, found + halves], about.lowest, about.highest))
-    at_bounds, base = about.at_bounds(found, halves), base_of(fit, cart)
+    at_bounds, base = about.at_bounds(found, halves), base_of(fit, covariances, cart)
     left_out = cut - sum(len(motion.t) for motion in fit.motions)
 
     values, held = about.named(about.values(found)), dict(about.held)
@@ -123,7 +128,7 @@ def identify(motions: Sequence[Motion], physical: PendulumParameters, drive: Dri
         of_rig(about.named(about.nominal)), of_rig(values),
         {about.names[i]: (float(low[i]), float(high[i])) for i in fit.free if not at_bounds[i]},
         [about.names[i] for i in fit.free if at_bounds[i]], of_rig(held), unidentified,
-        predictions(fit), left_out, cart, base)
+        predictions(fit), left_out, cart, base, creep)
 
 
 def hold_unidentifiable(fit: Fit) -> dict[str, float]:
@@ -137,7 +142,7 @@ def hold_unidentifiable(fit: Fit) -> dict[str, float]:
     unidentified: dict[str, float] = {}
     while len(fit.free):
         about, free = fit.about, fit.free
-        half = fit.halves()
+        half = fit.halves(fit.covariances())
         size = np.where(about.is_factor[free], 0.0, SHARE * np.abs(about.values(fit.p)[free]))
         width = half / np.maximum(size, about.scales[free])
         width[about.at_bounds(fit.p, np.zeros(len(fit.p)))[free]] = 0.0
@@ -152,8 +157,8 @@ def hold_unidentifiable(fit: Fit) -> dict[str, float]:
     return unidentified
 
 
-def base_of(fit: Fit, cart: str) -> dict[str, BaseParameter]:
-    """Return the base parameters of what a fit has found, with intervals."""
+def base_of(fit: Fit, covariances: Array, cart: str) -> dict[str, BaseParameter]:
+    """Return the base parameters of what a fit has found, with intervals, by covariances."""
     about, searched = fit.about, fit.searched
 
     def at(p: Array) -> dict[str, Quantity]:
@@ -170,7 +175,8 @@ def base_of(fit: Fit, cart: str) -> dict[str, BaseParameter]:
         step[i] = about.differences[i]
         J[:, column] = (numbers(fit.p + step) - numbers(fit.p)) / step[i]
     return {name: BaseParameter(value, value - half, value + half, unit)
-            for (name, (value, unit)), half in zip(found.items(), fit.halves(J).tolist())}
+            for (name, (value, unit)), half in zip(
+                found.items(), fit.halves(covariances, J).tolist())}
 
 
 def predictions(fit: Fit) -> list[Prediction]:

@@ -13,7 +13,7 @@ import pytest
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.identification.base_parameters import (
     base_parameters, base_parameters_of_links)
-from dp_swing_ros.identification.fit import FINE, Fit
+from dp_swing_ros.identification.fit import CREEPS, FINE, Fit
 from dp_swing_ros.identification.guess import guessed
 from dp_swing_ros.identification.identify import identify
 from dp_swing_ros.identification.recorded import Recorded
@@ -53,11 +53,10 @@ def of_size(physical, scale):
 
 
 def swung(physical, seed=0, duration=10.0, noise=0.0, drive=DRIVE, amplitude=12.0,
-          period=PERIOD, scale=SAME):
+          period=PERIOD, scale=SAME, creep=FINE.creep):
     """Return a motion under random commands, which a spring keeps from the ends of the track."""
     random = np.random.default_rng(seed)
-    model = Model(Pendulum.of(physical, FINE.creep), INTEGRATORS['rk4'],
-                  scale.sized(FINE.step, 's'))
+    model = Model(Pendulum.of(physical, creep), INTEGRATORS['rk4'], scale.sized(FINE.step, 's'))
     amplitude, spring, damping = (scale.sized(value, unit) for value, unit in (
         (amplitude, 'N'), (6.0, 'N/m'), (2.0, 'N s/m')))
     x = hanging(physical.links)
@@ -93,7 +92,7 @@ def exact():
     @cache
     def found(links):
         # of three, half the time tells as much
-        motion = swung(rig(links), duration=5.0 if links == 3 else 10.0)
+        motion = swung(rig(links), duration=5.0 if links == 3 else 10.0, creep=CREEPS[-links])
         return identify([motion._replace(Q=motion.Q + BALANCE[:links + 1])],
                         PendulumParameters(links=links))
     return found
@@ -102,7 +101,7 @@ def exact():
 @pytest.mark.parametrize('links', [1, 2, 3])
 def test_what_moved_it_is_found_exactly(links, exact):
     physical, found = rig(links), exact(links)
-    assert not found.unidentified
+    assert not found.unidentified and found.creep == CREEPS[-links]
     assert {'force_gain', 'gravity', f'link{links}_inertia_factor'} == set(found.held)
     for name in found.intervals:
         value = BALANCE[int(name[4])] if name.endswith('_balance') else true(
@@ -168,7 +167,8 @@ def test_a_clamped_cart_tells_the_links_from_positions_alone():
         assert times * found.values[name] == pytest.approx(
             true(physical, DRIVE, name), rel=0.03,
             abs=1e-3 if name.endswith(('friction', 'balance')) else 0.0), name
-        assert high - low < 0.2 * max(high, 0.01), name
+        # of frictions they allow for another form than that of the model
+        assert high - low < (0.6 if name.endswith('friction') else 0.2) * max(high, 0.01), name
     for name, (value, _) in base_parameters_of_links(physical).items():
         assert found.base[name].value == pytest.approx(
             value, rel=0.01, abs=1e-3 if 'friction' in name else 0.0), name
