@@ -310,8 +310,10 @@ def test_a_console_that_hangs_or_ends_is_noticed_until_it_is_back(browser, open_
     bag, going_on = write_bag(swing_up(), tmp_path / 'bag'), Event()
     server = open_bag(bag)
     server.call(going_on.wait)
-    browser.until(lost, 'that nobody answers')
-    going_on.set()
+    try:
+        browser.until(lost, 'that nobody answers')
+    finally:
+        going_on.set()   # else it could not be stopped
     browser.until(lambda: not lost(), 'the console again')
     browser.until(lambda: browser.text('#now-status'), 'a status')
     server.stop()

@@ -13,7 +13,7 @@ import virtual
 from dp_swing_ros import declarations
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.control import controllers
-from dp_swing_ros.identification import identify, recorded as times
+from dp_swing_ros.identification import fit, identify, recorded as times
 from dp_swing_ros.identification.fit import ROUGH
 from dp_swing_ros.identification.recorded import recorded
 from dp_swing_ros.nodes.mpc import MpcNode
@@ -47,7 +47,8 @@ def real_time(tmp_path_factory):
 @pytest.fixture
 def roughly(monkeypatch):
     """Let the fit be rough to the end, where the work is tested and not how exact it is."""
-    monkeypatch.setattr(identify, 'FINE', ROUGH)
+    for module in fit, identify:
+        monkeypatch.setattr(module, 'FINE', ROUGH)
 
 
 def stamped(change):
