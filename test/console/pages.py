@@ -12,6 +12,8 @@ import time
 from conftest import PATIENCE
 from websockets.sync.client import connect
 
+SHOWN = 400   # characters of a message, where a test fails
+
 
 def port_of(node):
     """Return the port that a console serves at, once it does."""
@@ -52,7 +54,8 @@ class Page:
         """Receive until a condition of the page holds; return what it came to."""
         end = time.monotonic() + timeout
         while not (found := condition(self)):
-            assert time.monotonic() < end, self.newest.keys()
+            assert time.monotonic() < end, {
+                name: str(message)[:SHOWN] for name, message in self.newest.items()}
             try:
                 self.receive(0.5)
             except TimeoutError:
