@@ -146,6 +146,3 @@ class Page:
     def errors(self):
         return [each['message'] for each in self.driver.get_log('browser')
                 if each['level'] == 'SEVERE']
-
-    def shot(self, path):
-        self.driver.save_screenshot(str(path))
