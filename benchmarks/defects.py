@@ -124,7 +124,7 @@ DEFECTS = [
     defect('the time that the drive delays is not predicted', 'control/commands.py',
            'acts_at + drive.delay)', 'acts_at)', 'control simulation'),
     defect('the state stays on its turn, the warm start does not', 'control/starts.py',
-           'solver.solve(x_0 - turns, replace', 'solver.solve(x_0, replace', 'control'),
+           'solver.solve(x_0 - back, replace', 'solver.solve(x_0, replace', 'control'),
     defect('the brake ignores how fast the force may change', 'control/supervisor.py',
            'max(bounds.low, u - change), min(bounds.high, u + change)',
            'bounds.low, bounds.high', 'control'),

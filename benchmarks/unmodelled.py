@@ -14,7 +14,7 @@ import math
 
 import numpy as np
 
-from dp_swing_ros.pendulum.equations import scale_of
+from dp_swing_ros.pendulum.equations import Pendulum, resting, scale_of
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.pendulum.state import angles, Array, DEFAULT_LINKS, hanging, to_joints, upright
 from dp_swing_ros.problem.plan import Plan
@@ -22,7 +22,6 @@ from dp_swing_ros.simulation.closed_loop import Controller
 from dp_swing_ros.simulation.engines import ENGINES, Motor, MuJoCo
 
 SPRING = 0.3         # [N m/rad] scaled, of each joint
-LEAN = (0.1408, -0.0196)   # [rad] where links stand with these, or the same to the other side
 CABLE = 5.0          # [N/m] scaled
 COGGING, PITCH = 1.0, 0.02   # [N, m] scaled
 STRIBECK = 0.1       # [rad/s] scaled, about which a bearing ceases to stick
@@ -199,10 +198,19 @@ def engines() -> Iterator[None]:
 
 
 def with_springs(x: Array) -> Array:
-    """Return where links with springs stand, on the turn of a state; shapes: (2n + 2,)."""
-    standing = upright(DEFAULT_LINKS)
-    standing[angles(x)] = math.copysign(1.0, x[1] - math.pi) * np.array(LEAN)
-    return standing
+    """
+    Return where links with springs stand on the turns of a state; shapes: (2n + 2,).
+
+    Upright, where springs are wound up so far that they do not. The unit is the default bodies'.
+    """
+    turns = upright(DEFAULT_LINKS)
+    turns[angles(x)] = 2 * math.pi * np.rint(x[angles(x)] / (2 * math.pi))
+    sprung = PendulumParameters(
+        joint1_stiffness=SPRING, joint2_stiffness=SPRING, joint1_preload=math.pi * SPRING)
+    try:
+        return resting(Pendulum.of(sprung), turns) - turns
+    except ValueError:
+        return upright(DEFAULT_LINKS)
 
 
 Encoders = Callable[[Array], Array]   # what they say of a state (2n + 2,)

@@ -27,7 +27,7 @@ from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.problem.plan import FALLBACK, Plan, stats_of_tick, Status
 from dp_swing_ros.problem.problem import plan_of, policy_rollout, Problem
 from dp_swing_ros.solvers import SOLVERS
-from dp_swing_ros.solvers.solver import ShowingSolver, Solver
+from dp_swing_ros.solvers.solver import Solver
 from dp_swing_ros.streams import Stream, stream
 
 ROUNDING = 1e-6   # [s] of times since 1970, as they are held
@@ -49,12 +49,10 @@ Search = Callable[['Planner', Array, Iterable[Plan], float], list[Plan]]
 
 def search(planner: 'Planner', x_0: Array, starts: Iterable[Plan], deadline: float) -> list[Plan]:
     """Return a plan from each start while there is time, from one at least."""
-    plans, solver, count = list[Plan](), planner.solver, planner.parameters.shown_tries
+    plans = list[Plan]()
     for start in starts:
-        plan = solved(solver, planner.problem, x_0, start, deadline)
-        if count and isinstance(solver, ShowingSolver):
-            plan = replace(plan, tries=solver.tries(count))
-        plans.append(plan)
+        plans.append(solved(planner.solver, planner.problem, x_0, start, deadline, planner.build,
+                            planner.parameters.shown_tries))
         if time.perf_counter() > deadline:
             break
     return plans
@@ -145,10 +143,11 @@ class Planner:
         now = len(self.last.U) - len(left.U)
         U, K = (np.concatenate((of_last[now:now + 1], rest[1:])) for of_last, rest in (
             (self.last.U, left.U), (self.last.K, left.K)))
-        turns = self.last.turns   # the goal is on this turn
-        _, X, U, K = policy_rollout(self.problem, x_0 - turns, left.X - turns, U, K)
-        plan = plan_of(self.problem, X, U, Status.FEEDBACK, K)
-        return replace(plan, X=plan.X + turns, turns=turns)
+        turns = self.last.turns   # the goal is on these
+        problem, back = self.problem.with_goal_on(turns)
+        _, X, U, K = policy_rollout(problem, x_0 - back, left.X - back, U, K)
+        plan = plan_of(problem, X, U, Status.FEEDBACK, K)
+        return replace(plan, X=plan.X + back, turns=turns)
 
     def warm_start(self, acts_at: float) -> Plan | None:
         """Return what is left of the last plan from a time on [s], if any."""

@@ -22,7 +22,7 @@ from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.problem.plan import Plan, Status
 from dp_swing_ros.problem.problem import (
     plan_of, policy_rollout, Problem, regulator_rollout, turns_of)
-from dp_swing_ros.solvers.solver import Solver
+from dp_swing_ros.solvers.solver import ShowingSolver, Solver
 from dp_swing_ros.streams import Stream, stream
 
 SHORT = 30  # steps; over more, a start that is not yet good diverges, and solves end anywhere
@@ -46,20 +46,35 @@ class StartParameters(Parameters):
         'paper', minimum=0, maximum=1000)
 
 
-def solved(solver: Solver, problem: Problem, x_0: Array, start: Plan, deadline: float) -> Plan:
-    """Solve from a named start, the goal on the turn where it ends; see Solver.solve."""
+Build = Callable[[Problem], Solver]
+
+
+def solved(solver: Solver, problem: Problem, x_0: Array, start: Plan, deadline: float,
+           build: Build, tries: int = 0) -> Plan:
+    """
+    Solve from a named start, the goal on the turn where it ends; see Solver.solve.
+
+    `build` makes the solver of another problem, which it may be there. The plan comes with about
+    so many tries, where the solver shows any.
+    """
     turns = turns_of(problem, start.X[-1])
     if not turns.any() or not np.all(np.isfinite(start.X)):   # what diverges ends on no turn
-        return replace(solver.solve(x_0, start, deadline), start=start.start)
-    plan = solver.solve(x_0 - turns, replace(start, X=start.X - turns), deadline)
-    return replace(plan, X=plan.X + turns, turns=turns, start=start.start)
+        plan = solver.solve(x_0, start, deadline)
+    else:
+        there, back = problem.with_goal_on(turns)
+        solver = solver if there is problem else build(there)
+        plan = solver.solve(x_0 - back, replace(start, X=start.X - back), deadline)
+        plan = replace(plan, X=plan.X + back, turns=turns)
+    if tries and isinstance(solver, ShowingSolver):
+        plan = replace(plan, tries=solver.tries(tries))
+    return replace(plan, start=start.start)
 
 
 class Starts:
     """The starts of every tick; holds the random generator, and whose turn it is."""
 
     def __init__(self, problem: Problem, parameters: StartParameters, seed: int,
-                 build: Callable[[Problem], Solver]) -> None:
+                 build: Build) -> None:
         """Take what is to be solved, and how to build its solver for a shorter horizon."""
         self.parameters, self.seed, self.build = parameters, seed, build
         self.set_problem(problem)
@@ -78,7 +93,8 @@ class Starts:
         self.problem = problem
         self.short = replace(problem, horizon=min(problem.horizon, SHORT))
         self.scout = self.build(self.short) if problem.horizon > SHORT else None
-        self.bounded: BoundedLQR | None = None   # made when needed: it takes a millisecond
+        # made when needed, for they take a millisecond: one for each turn with springs
+        self.bounded = dict[tuple[float, ...], BoundedLQR]()
 
     def of(self, x_0: Array, left: Plan | None) -> Iterator[Plan]:
         """
@@ -123,26 +139,29 @@ class Starts:
     def last(self, x_0: Array, left: Plan) -> Plan:
         """Return the cheaper of what is left of the last plan and the regulator."""
         problem = self.problem
-        turn = turns_of(problem, left.X[-1])
+        problem, back = problem.with_goal_on(turns_of(problem, left.X[-1]))
         if self.parameters.warm_start == 'forces':
             U = np.append(left.U, np.zeros(problem.horizon))[:problem.horizon]
             return replace(plan_of(problem, rollout(problem.model, x_0, U), U, Status.COMPLETE),
                            start='last_forces')
-        cost = policy_rollout(problem, x_0 - turn, left.X, left.U, left.K).J
-        regulator = regulator_rollout(problem, x_0 - turn)
+        cost = policy_rollout(problem, x_0 - back, left.X, left.U, left.K).J
+        regulator = regulator_rollout(problem, x_0 - back)
         return replace(left, start='last_plan') if cost <= regulator.J else replace(
-            left, X=regulator.X + turn, U=regulator.U, K=regulator.K, start='regulator')
+            left, X=regulator.X + back, U=regulator.U, K=regulator.K, start='regulator')
 
     def bounded_lqr(self, x_0: Array) -> Plan | None:
         """Follow the regulator for a bounded force; None out of its reach."""
-        self.bounded = self.bounded or BoundedLQR(self.short)
-        found = self.bounded.start(x_0)
+        problem, _ = self.short.with_goal_on(turns_of(self.short, x_0))
+        if problem.cost.x_r not in self.bounded:
+            self.bounded[problem.cost.x_r] = BoundedLQR(problem)
+        found = self.bounded[problem.cost.x_r].start(x_0)
         return None if found is None else plan_of(
             self.short, found.X, found.U, Status.COMPLETE, found.K)
 
     def regulator(self, x_0: Array) -> Plan:
         """Follow the regulator."""
-        return self.scouted(x_0, regulator_rollout(self.short, x_0).U)
+        problem, _ = self.short.with_goal_on(turns_of(self.short, x_0))
+        return self.scouted(x_0, regulator_rollout(problem, x_0).U)
 
     def rest(self, x_0: Array) -> Plan:
         """Send no force."""
@@ -164,4 +183,4 @@ class Starts:
         if self.scout is None or not np.all(np.isfinite(plan.X)):
             return plan
         # some milliseconds at most, so the deadline is looked at after it
-        return solved(self.scout, self.short, x_0, plan, math.inf)
+        return solved(self.scout, self.short, x_0, plan, math.inf, self.build)

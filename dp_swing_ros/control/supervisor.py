@@ -24,7 +24,7 @@ from dp_swing_ros.pendulum.model import size, step
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.problem.plan import IDLE, Plan, Status
 from dp_swing_ros.problem.problem import (
-    Bounds, plan_of, policy_rollout, Problem, regulator_rollout)
+    Bounds, plan_of, policy_rollout, Problem, regulator_rollout, turns_of)
 
 ROUNDING = 1e-9    # [m, m/s]
 HELD = 0.25        # [s] for which a driver obeys a last command, at most; see docs/rig.md
@@ -120,7 +120,7 @@ class Supervisor:
             _, X, U, _ = policy_rollout(problem, x_0, last.X, last.U, last.K)
             if is_finite(X):
                 return plan_of(problem, X, U, Status.LAST_POLICY)
-        _, X, U, _ = regulator_rollout(problem, x_0)
+        _, X, U, _ = regulator_rollout(problem.with_goal_on(turns_of(problem, x_0))[0], x_0)
         # Far from the reference the regulator would only drive the cart into the end stop.
         return plan_of(problem, X, U, Status.REGULATOR) if problem.is_reached(X[-1]) \
             else self.zero(problem, x_0)

@@ -76,9 +76,13 @@ def predict(model, constants, nominal, factors, ends, commands, duration, differ
     """
     n, k, shortly = size(model), len(z), min(differences[-1], duration)
     b, F, FP = np.empty(len(nominal)), np.empty((n, k)), np.empty((n, k))   # the rows of x alone
-    # from z moved by each of its numbers, then from z for a shorter time, and from z
+    # from z moved by each of its numbers, from z for a shorter time, and from z, the last first
     ends_of = np.empty((k + 2, k))
-    for j in range(k + 2):
+    for j in range(k + 1, -1, -1):
+        if n <= j < k - 1 and P[j, j] == 0.0:   # what is certain moves nothing
+            for i in range(k):
+                ends_of[j, i] = ends_of[k + 1, i]
+            continue
         for i in range(k):
             ends_of[j, i] = z[i] + (differences[j] if i == j else 0.0)
         move(model, constants, nominal, factors, ends, commands,

@@ -39,6 +39,7 @@ EXACT = 1e-6             # [m, rad] scaled, of a change of a position that is no
 SAME_STEP, OFTEN = 1e-4, 5   # of a step, within which another is the same; then it is one
 JUDGED = 1.0             # [s] scaled, over which it is seen whether the model explains the motion
 LARGE, COLOURED = 2.0, 0.5   # times the variance expected; of that, what goes on from one to next
+GROWN = 4.0              # times the variance of positions given, and coloured: springs, it may be
 REFUSALS = 3             # so many in a row, and the filter starts anew from the last
 
 
@@ -86,7 +87,7 @@ class ExtendedKalmanFilter:
         if problem.learned is not None:   # where experience has told all but the drive
             parameters = replace(parameters, body_error=0.0, inertia_error=0.0, friction_error=0.0,
                                  cart_dry_friction_error=0.0, joint_dry_friction_error=0.0,
-                                 balance_error=0.0)
+                                 balance_error=0.0, stiffness_error=0.0, preload_error=0.0)
         self.nominal, self.parameters = problem.physical, parameters
         scale = problem.scale
         self.model = problem.model._replace(h=scale.sized(LONGEST_STEP, 's'))
@@ -98,7 +99,6 @@ class ExtendedKalmanFilter:
         self.unknowns = Unknowns(self.nominal, drive, parameters, scale)
         self.of_pendulum = [name for name in self.unknowns.names if hasattr(self.nominal, name)]
         self.balances = [name for name in self.unknowns.names if name.endswith('_balance')]
-        self.prior = self.unknowns.deviations ** 2
         self.size = len(problem.cost.S)             # of the state; z goes on with p
         half = self.size // 2
         self.R = np.concatenate([scale.each_joint(noise, unit, half - 1) for noise, unit in (
@@ -115,6 +115,8 @@ class ExtendedKalmanFilter:
 
     def reset(self) -> None:
         """Forget everything but the nominal parameters."""
+        # springs only once something is missing: with what is not there the rest is told less well
+        self.with_springs = not self.unknowns.deviations[self.unknowns.of_springs].any()
         k = self.size + len(self.prior)
         self.t, self.z, self.P = -math.inf, np.zeros(k), np.zeros((k, k))
         self.refused = self.in_a_row = 0
@@ -132,6 +134,7 @@ class ExtendedKalmanFilter:
     def continue_from(self, before: 'ExtendedKalmanFilter') -> None:
         """Believe what another one did; see Estimator.continue_from."""
         self.t, self.z, self.P, self.scales = before.t, before.z, before.P, before.scales
+        self.with_springs = before.with_springs
         self.refused, self.in_a_row = before.refused, before.in_a_row
         self.seen, self.steps, self.times = before.seen, before.steps, before.times
         self.power, self.colour, self.last_whitened = (
@@ -160,6 +163,8 @@ class ExtendedKalmanFilter:
                 self.scales = scales
                 constrain(self.unknowns.lowest, self.unknowns.highest, known, variance)
                 self.in_a_row = 0
+                if self.lacks_something and not self.with_springs:
+                    self.widen(variance)
                 return self.set_posterior(t, known, variance, innovation, distance)
         self.refused, self.in_a_row = self.refused + 1, self.in_a_row + 1
         if self.in_a_row >= REFUSALS or not np.all(np.isfinite(z)):
@@ -180,6 +185,24 @@ class ExtendedKalmanFilter:
         self.power += share * (float(now @ now) / half - self.power)
         self.colour += share * (float(now @ self.last_whitened) / half - self.colour)
         self.last_whitened = now
+
+    @property
+    def prior(self) -> Array:
+        """Return the variances of the unknowns at first (m,)."""
+        found: Array = self.unknowns.deviations ** 2
+        return found if self.with_springs else np.where(self.unknowns.of_springs, 0.0, found)
+
+    @property
+    def lacks_something(self) -> bool:
+        """Return whether the noise has grown, by innovations that go on from one to the next."""
+        return bool(self.scales[0] > GROWN and self.colour > COLOURED * self.power)
+
+    def widen(self, P: Array) -> None:
+        """Take springs to be possible from now on, and all unknowns to be as at first."""
+        self.with_springs = True
+        P[self.size:] = P[:, self.size:] = 0.0
+        P[np.diag_indices(len(P))] += np.append(np.zeros(self.size), self.prior)
+        self.take_noises_as_given()
 
     @property
     def is_explained(self) -> bool:

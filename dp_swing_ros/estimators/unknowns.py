@@ -12,6 +12,7 @@ The chain is a general one. With mass beside the line of its joints, as of a ben
 encoder whose zero is elsewhere, a link stands balanced at another angle than zero. Counted from
 there it moves as one that has neither, but for the phase of its coupling with the next, which is
 off by the angle between the line of the joints and that to the centre of all that it carries.
+Cables and bushings are springs at its joints.
 """
 
 from collections.abc import Sequence
@@ -31,6 +32,7 @@ from dp_swing_ros.pendulum.units import SAME, Units
 LARGEST_FACTOR = 2.0   # of a mass, a length or the gain, either way
 LARGEST_BALANCE = 0.3  # [rad] either way
 LONGEST = 0.2          # [s] scaled, of a delay or a time constant
+SPRINGS = ('_stiffness', '_preload')
 FRICTIONS = 'N s/m, N m s/rad'
 
 
@@ -56,6 +58,12 @@ class UnknownsParameters(Parameters):
     balance_error: float = parameter(
         0.03, 'standard deviation of the angles at which links stand balanced: the zero of an '
         'encoder, or mass beside the line of the joints', unit='rad', minimum=0.0)
+    stiffness_error: float = parameter(
+        0.3, 'standard deviation of the stiffnesses of springs at the joints, as of cables, once '
+        'the motion shows that something is missing', unit='N m/rad', minimum=0.0, scaled=True)
+    preload_error: float = parameter(
+        1.0, 'standard deviation of the torques of these springs with all angles at zero',
+        unit='N m', minimum=0.0, scaled=True)
     delay_error: float = parameter(
         0.02, 'standard deviation of the actuation delay', unit='s', minimum=0.0,
         scaled=True)
@@ -71,7 +79,7 @@ class Unknowns:
     """
     Names, nominal values, standard deviations at first and bounds of the unknowns p.
 
-    Shapes: nominal, deviations, sizes, lowest and highest (m,) with m = 6n + 7. The first so many
+    Shapes: nominal, deviations, sizes, lowest and highest (m,) with m = 8n + 7. The first so many
     `factors` are logarithms of ratios; the last three belong to the drive, the very last is a
     force. `sizes` are how many times larger each is than with the default bodies, `counts` how
     many times larger each counts than its parameter says; see PendulumParameters.lightness.
@@ -88,23 +96,27 @@ class Unknowns:
             'cart_friction', *(f'joint{i}_friction' for i in count),
             'cart_dry_friction', *(f'joint{i}_dry_friction' for i in count),
             *(f'link{i}_balance' for i in count),
+            *(f'joint{i}_{each}' for each in ('stiffness', 'preload') for i in count),
             'actuation_delay', 'motor_time_constant', 'force_bias']
         self.factors = 3 * n + 2
+        self.of_springs = np.array([name.endswith(SPRINGS) for name in self.names])
         self.of_pendulum = np.array([hasattr(physical, name) for name in self.names])
         self.nominal = np.array([
             *physical.masses, *physical.lengths, *physical.inertia_factors, drive.gain,
             *physical.frictions, *physical.dry_frictions, *[0.0] * n,
+            *physical.stiffnesses, *physical.preloads,
             drive.delay, drive.time_constant, drive.bias])
         of_links = [physical.lightness] * n
         self.counts = np.array([
             physical.masses[0] / physical.cart_mass, *of_links, *[1.0] * (2 * n + 1),
-            1.0, *of_links, 1.0, *of_links, *[1.0] * (n + 3)])
+            1.0, *of_links, 1.0, *of_links, *[1.0] * n, *of_links * 2, *[1.0] * 3])
         is_factor = np.arange(len(self.names)) < self.factors
         self.deviations = np.where(is_factor, 1.0, self.counts) * [
             *[about.body_error] * (2 * n + 1), *[about.inertia_error] * n, about.gain_error,
             *scale.each_joint(about.friction_error, FRICTIONS, n),
             about.cart_dry_friction_error, *[about.joint_dry_friction_error] * n,
-            *[about.balance_error] * n, about.delay_error, about.lag_error, about.force_bias]
+            *[about.balance_error] * n, *[about.stiffness_error] * n,
+            *[about.preload_error] * n, about.delay_error, about.lag_error, about.force_bias]
         if physical.is_driven:   # no motion tells them
             self.deviations[[name.startswith('cart_') for name in self.names]] = 0.0
         self.sizes = np.where(is_factor, 1.0,
@@ -113,9 +125,10 @@ class Unknowns:
         frictions = slice(self.factors, self.factors + 2 * n + 2)
         self.highest = np.array([
             *[math.log(LARGEST_FACTOR)] * self.factors, *[math.inf] * (2 * n + 2),
-            *[LARGEST_BALANCE] * n, longest, longest, math.inf])
+            *[LARGEST_BALANCE] * n, *[math.inf] * 2 * n, longest, longest, math.inf])
         self.lowest = np.array([
             *-self.highest[:self.factors], *-self.nominal[frictions], *[-LARGEST_BALANCE] * n,
+            *np.negative(physical.stiffnesses), *[-math.inf] * n,
             *-self.nominal[-3:-1], -math.inf])
         self.constants = np.array([physical.gravity, *physical.centres])
 
@@ -160,19 +173,21 @@ def model_of(model, b, constants):
     if not isinstance(model.pendulum, Pendulum):
         return model
     n = model.pendulum.links
-    rest = 3 * n + 2
+    rest, springs = 3 * n + 2, 6 * n + 4
     return model._replace(pendulum=coefficients(
         [b[i] for i in range(n + 1)], [b[n + 1 + i] for i in range(n)],
         [constants[1 + i] for i in range(n)], [b[2 * n + 1 + i] for i in range(n)], constants[0],
         [b[rest + i] for i in range(n + 1)], [b[rest + n + 1 + i] for i in range(n + 1)],
-        model.pendulum.sharpness))
+        model.pendulum.sharpness, [b[springs + i] for i in range(n)],
+        [b[springs + n + i] for i in range(n)]))
 
 
 @kernel
 def drive_of(b):
     """Return the drive of values b (m,)."""
-    m = len(b)   # 6n + 7
-    return Drive(b[m - 3], b[m - 2], b[(m - 7) // 2 + 1], b[m - 1])
+    m = len(b)
+    n = (m - 7) // 8
+    return Drive(b[m - 3], b[m - 2], b[3 * n + 1], b[m - 1])
 
 
 @kernel
@@ -180,4 +195,4 @@ def turn(b, sign, x):
     """Count the angles of a state (2n + 2,) from where links are balanced, or back, in place."""
     n = len(x) // 2 - 1
     for i in range(n):
-        x[1 + i] += sign * b[len(b) - 3 - n + i]
+        x[1 + i] += sign * b[5 * n + 4 + i]

@@ -22,7 +22,7 @@ def shoot(model, segments, X_0, V, out):
 
     The first begins at X_0 (S, 2n + 2) with the first of the values V; each of the next 2n + 2
     begins a difference further along one number of the state; the rest with the other values.
-    Shapes: V (1 + m, 7n + 8), the values of Unknowns and its constants.
+    Shapes: V (1 + m, 9n + 8), the values of Unknowns and its constants.
     """
     count, size = out.shape[0], X_0.shape[1]
     half = size // 2

@@ -37,7 +37,7 @@ OF_CART = ('cart_mass', 'cart_friction', 'cart_dry_friction', 'force_gain', 'act
 
 class Parametrisation:
     """
-    All m = 6n + 8 values in the order of shooting.py, and which of them are free.
+    All m = 8n + 8 values in the order of shooting.py, and which of them are free.
 
     Shapes: nominal, first, scales, differences, lowest and highest (m,); `first` is the guess
     that a fit begins with, `scales` are what makes a difference: of values that may be zero
@@ -121,7 +121,9 @@ class Parametrisation:
 
 def unidentifiable(links: int, known: Mapping[str, float], is_given: bool) -> dict[str, str]:
     """Return what no motion tells beside what is known, and why, by name."""
-    found = {'gravity': 'it is that of the earth'}
+    found = {'gravity': 'it is that of the earth', **dict.fromkeys(
+        (f'joint{i}_{each}' for i in range(1, links + 1) for each in ('stiffness', 'preload')),
+        'springs are taken to be as they are told')}
     masses = [name for name in known if name.endswith('_mass') and not (
         is_given and name in OF_CART)]
     if is_given:

@@ -11,8 +11,9 @@ With r = H u - C q̇ - G - friction, the accelerations a solve D a = r. In absol
     r_0 = f + Σ a_i sin θi θ̇i²
     r_i = g a_i sin θi - Σ b_ij sin(θi - θj) θ̇j² - τ_i + τ_i+1
 
-where f is the force on the cart less its friction φ_0(ẋ), and τ_i = φ_i(θ̇i - θ̇i-1) the torque by
-which joint i holds link i back. Source: the paper, (4)-(15), with the errata of docs/model.md.
+where f is the force on the cart less its friction φ_0(ẋ), and τ_i the torque by which joint i
+holds link i back: φ_i(θ̇i - θ̇i-1), and that of a spring, stiffness_i (θi - θi-1) - preload_i, which
+winds up with every turn. Source: the paper, (4)-(15), with the errata of docs/model.md.
 Friction is viscous and dry, the latter made smooth, with two derivatives, over a creep:
 
     φ_i(v) = friction_i v + dry_i s(v / creep_i),    s(y) = y (15 - 10 y² + 3 y⁴) / 8, |y| ≤ 1
@@ -21,17 +22,21 @@ All of it is plain Python over numbers, symbols, arrays or tensors; see kernels/
 """
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from dp_swing_ros.kernels.symbols import clamp, cos, dot, sin, total
 from dp_swing_ros.pendulum.parameters import PendulumParameters
+from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.pendulum.units import scaled_speeds, Units
 
 Numbers = Sequence[Any]
 Matrix = list[list[Any]]
 STANDARD_GRAVITY = 9.81   # [m/s²] of what has none, and with it no time of its own
+STEPS_TO_REST, AT_REST = 20, 1e-9   # of Newton's method; share of the weight's torque that is none
+FARTHEST = 0.5      # [rad] by which springs may hold links from where they would rest without
 CREEP = 0.2  # [m/s, rad/s] scaled, for steps as long as a plan's: with less they were not stable
 
 
@@ -45,6 +50,8 @@ class Pendulum(NamedTuple):
     friction: tuple[float, ...]       # of the cart [N s/m], and of the joints [N m s/rad]
     dry: tuple[float, ...]            # [N] and [N m]
     sharpness: tuple[float, ...]      # [s/m] and [s/rad] 1 / creep
+    stiffness: tuple[float, ...]      # [N m/rad] of the springs of the joints
+    preload: tuple[float, ...]        # [N m] their torques with all angles at zero
 
     @classmethod
     def of(cls, physical: PendulumParameters, creep: float = CREEP,
@@ -58,7 +65,8 @@ class Pendulum(NamedTuple):
         return coefficients(physical.masses, physical.lengths, physical.centres,
                             physical.inertia_factors, physical.gravity, physical.frictions,
                             physical.dry_frictions, [1 / speed for speed in scaled_speeds(
-                                creep, scale or scale_of(physical), physical.links)])
+                                creep, scale or scale_of(physical), physical.links)],
+                            physical.stiffnesses, physical.preloads)
 
     @property
     def links(self) -> int:
@@ -81,13 +89,13 @@ class Pendulum(NamedTuple):
 
 
 def coefficients(masses: Numbers, lengths: Numbers, centres: Numbers, inertia_factors: Numbers,
-                 g: Any, friction: Numbers, dry: Numbers, sharpness: Numbers) -> Pendulum:
+                 g: Any, friction: Numbers, dry: Numbers, sharpness: Numbers, stiffness: Numbers,
+                 preload: Numbers) -> Pendulum:
     """
     Return the coefficients; b_ii is (m_i/3 + Σ_{k>i} m_k) l_i², if link i is a uniform rod.
 
     A centre c_i is how far along link i its mass is, as a share of its length. Shapes: masses,
-    friction, dry and sharpness (n + 1,), of the cart first; lengths, centres and inertia_factors
-    (n,).
+    friction, dry and sharpness (n + 1,), of the cart first; all others (n,).
     Source: the paper, (8)-(10) and (14), corrected.
     """
     n, m, l = len(lengths), masses[1:], lengths  # noqa: E741
@@ -99,8 +107,8 @@ def coefficients(masses: Numbers, lengths: Numbers, centres: Numbers, inertia_fa
     return Pendulum(
         total(masses), tuple(at_tip[i] * l[i] for i in range(n)),
         tuple((own[i] * (l[i] * l[i]), *(at_tip[j] * l[i] * l[j] for j in range(i + 1, n)))
-              for i in range(n)), g, tuple(friction), tuple(dry),
-        tuple(sharpness))
+              for i in range(n)), g, tuple(friction), tuple(dry), tuple(sharpness),
+        tuple(stiffness), tuple(preload))
 
 
 def own_units(physical: PendulumParameters) -> Units:
@@ -116,7 +124,7 @@ def own_units(physical: PendulumParameters) -> Units:
     n, g = physical.links, physical.gravity or STANDARD_GRAVITY
     none = (0.0,) * (n + 1)
     p = coefficients(physical.masses, physical.lengths, physical.centres,
-                     physical.inertia_factors, g, none, none, none)
+                     physical.inertia_factors, g, none, none, none, none[1:], none[1:])
     D: Any = np.array(mass_matrix(p, [0.0] * n, [1.0] * n))
     square = float(np.linalg.eigvals(np.linalg.solve(D, np.diag([0.0, *p.a]) * g)).real.max())
     return Units(g / square, square ** -0.5, p.m,
@@ -157,8 +165,15 @@ def add_joint_friction(p: Any, i: int, w: Numbers, r: list[Any]) -> None:
         r[i] = r[i] + torque
 
 
+def spring_torques(p: Pendulum, th: Numbers | Array) -> list[Any]:
+    """Return what the springs of the joints do to the links [N m]."""
+    of_joints = [p.preload[i] - p.stiffness[i] * (th[i] - th[i - 1] if i > 0 else th[i])
+                 for i in range(len(p.a))]
+    return [*(one - following for one, following in pairwise(of_joints)), of_joints[-1]]
+
+
 def generalised_force(p: Pendulum, s: Numbers, c: Numbers, w: Numbers, f: Any) -> list[Any]:
-    """Return r = H f - C q̇ - G - joint friction for the speeds w of the links, (11)-(15)."""
+    """Return r = H f - C q̇ - G - friction, of links at speeds w without springs, (11)-(15)."""
     n, squares = len(p.a), [w_i * w_i for w_i in w]
     r = [f + total([p.a[i] * s[i] * squares[i] for i in range(n)]),
          *(p.g * (p.a[i] * s[i]) for i in range(n))]
@@ -168,6 +183,11 @@ def generalised_force(p: Pendulum, s: Numbers, c: Numbers, w: Numbers, f: Any) -
             h = p.b[i][j - i] * (s[i] * c[j] - c[i] * s[j])
             r[i + 1], r[j + 1] = r[i + 1] - h * squares[j], r[j + 1] + h * squares[i]
     return r
+
+
+def with_springs(p: Pendulum, th: Numbers, r: Numbers) -> list[Any]:
+    """Return r with what springs add to it."""
+    return [r[0], *(r_i + torque for r_i, torque in zip(r[1:], spring_torques(p, th)))]
 
 
 def determinant(A: Matrix) -> Any:
@@ -221,7 +241,7 @@ def inverse_inertia(D: Matrix) -> Matrix:
 def accelerations(p: Pendulum, th: Numbers, w: Numbers, f: Any) -> list[Any]:
     """Return the accelerations of cart and links, a = D⁻¹ r [m/s², rad/s²]."""
     s, c = [sin(th_i) for th_i in th], [cos(th_i) for th_i in th]
-    return solve(mass_matrix(p, s, c), generalised_force(p, s, c, w, f))
+    return solve(mass_matrix(p, s, c), with_springs(p, th, generalised_force(p, s, c, w, f)))
 
 
 class Parts(NamedTuple):
@@ -249,7 +269,32 @@ def energy(p: Pendulum, x: Numbers) -> Any:
     _, th, v, w = Parts.of(p, x)
     D = mass_matrix(p, [sin(th_i) for th_i in th], [cos(th_i) for th_i in th])
     momenta = [dot(row, [v, *w]) for row in D]
-    return 0.5 * dot(momenta, [v, *w]) + p.g * dot(p.a, [cos(th_i) for th_i in th])
+    joints = [th[0], *(after - before for before, after in pairwise(th))]
+    return (0.5 * dot(momenta, [v, *w]) + p.g * dot(p.a, [cos(th_i) for th_i in th])
+            + total([(0.5 * p.stiffness[i] * joint - p.preload[i]) * joint
+                     for i, joint in enumerate(joints)]))
+
+
+def resting(p: Pendulum, x: Array) -> Array:
+    """
+    Return where the links rest by their springs, near where they would without; (2n + 2,).
+
+    By Newton's method on the torques of weight and springs. Raises ValueError where they do not
+    rest nearby.
+    """
+    if not any((*p.stiffness, *p.preload)):
+        return x
+    n, found = p.links, x.copy()
+    th, weight = found[1:n + 1], p.g * np.array(p.a)
+    stiffness = -np.transpose([spring_torques(p._replace(preload=(0.0,) * n), row)
+                               for row in np.eye(n)])
+    for _ in range(STEPS_TO_REST):
+        slope = np.diag(weight * np.cos(th)) - stiffness
+        th -= np.linalg.solve(slope, weight * np.sin(th) + spring_torques(p, th))
+    left = weight * np.sin(th) + spring_torques(p, th)
+    if not (np.abs(th - x[1:n + 1]).max() < FARTHEST and np.abs(left).max() < AT_REST * weight[0]):
+        raise ValueError(f'springs leave no rest within {FARTHEST:g} rad of {x.tolist()}')
+    return found
 
 
 def after_impact(p: Pendulum, x: Numbers) -> list[Any]:

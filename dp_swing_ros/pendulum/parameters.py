@@ -114,6 +114,24 @@ class PendulumParameters(Parameters):
         0.0, 'dry friction between link 1 and link 2', unit='N m', minimum=0.0, links=2)
     joint3_dry_friction: float = parameter(
         0.0, 'dry friction between link 2 and link 3', unit='N m', minimum=0.0, links=3)
+    joint1_stiffness: float = parameter(
+        0.0, 'stiffness of a spring, as of a cable, between cart and link 1', unit='N m/rad',
+        minimum=0.0)
+    joint2_stiffness: float = parameter(
+        0.0, 'stiffness of a spring, as of a cable, between link 1 and link 2', unit='N m/rad',
+        minimum=0.0, links=2)
+    joint3_stiffness: float = parameter(
+        0.0, 'stiffness of a spring, as of a cable, between link 2 and link 3', unit='N m/rad',
+        minimum=0.0, links=3)
+    joint1_preload: float = parameter(
+        0.0, 'torque of that spring on link 1 that is upright; it winds up from turn to turn',
+        unit='N m')
+    joint2_preload: float = parameter(
+        0.0, 'torque of that spring on link 2 in line with the one before; it winds up from turn '
+        'to turn', unit='N m', links=2)
+    joint3_preload: float = parameter(
+        0.0, 'torque of that spring on link 3 in line with the one before; it winds up from turn '
+        'to turn', unit='N m', links=3)
 
     def __post_init__(self) -> None:
         """Check every value, and that none is given twice; raises ParameterError."""
@@ -174,6 +192,16 @@ class PendulumParameters(Parameters):
         """Return the dry frictions of the cart [N] and the joints [N m], as they count."""
         return self._counting(0.0 if self.is_driven else self.cart_dry_friction,
                               'joint{}_dry_friction')
+
+    @property
+    def stiffnesses(self) -> tuple[float, ...]:
+        """Return the stiffnesses of the springs of the joints [N m/rad], as they count."""
+        return self._counting(0.0, 'joint{}_stiffness')[1:]
+
+    @property
+    def preloads(self) -> tuple[float, ...]:
+        """Return their torques with all angles at zero [N m], as they count."""
+        return self._counting(0.0, 'joint{}_preload')[1:]
 
     def estimated(self, values: Mapping[str, float]) -> 'PendulumParameters':
         """

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 from dp_swing_ros.kernels.symbols import cos, dot, fixed, gradient, sin
 from dp_swing_ros.pendulum.equations import (
     friction, generalised_force, inverse_inertia, mass_matrix, Matrix, Numbers, Parts, Pendulum,
-    solve)
+    solve, spring_torques, with_springs)
 
 
 @singledispatch
@@ -41,13 +41,16 @@ class Point(NamedTuple):
     @classmethod
     def of(cls, p: Pendulum, x: Numbers, u: Any) -> 'Point':
         """Evaluate all at a state x under a force u."""
-        _, th, v, w = Parts.of(p, x)
+        n, (_, th, v, w) = p.links, Parts.of(p, x)
         s, c = [sin(th_i) for th_i in th], [cos(th_i) for th_i in th]
         held_back, D = friction(p, 0, v), mass_matrix(p, s, c)
         (slope,), f = gradient(held_back, [v]), u - held_back
-        a, D_inverse = solve(D, generalised_force(p, s, c, w, f)), inverse_inertia(D)
+        r = with_springs(p, th, generalised_force(p, s, c, w, f))
+        a, D_inverse = solve(D, r), inverse_inertia(D)
         residual = residuals(p, s, c, w, f, [fixed(a_i) for a_i in a])
         by_z = [by_variables(each, s, c, w) for each in residual]
+        for row, torque in zip(by_z[1:], spring_torques(p, th)):   # linear, so in no M
+            row[:n] = [slope + more for slope, more in zip(row, gradient(torque, th))]
         J = [[*(dot(row, column) for column in zip(*by_z)), row[0]] for row in D_inverse]
         return cls(s, c, w, a, J, [D_inverse[i][i:] for i in range(1, len(a))],
                    [slope, *gradient(slope, [v])])

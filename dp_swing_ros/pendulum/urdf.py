@@ -6,9 +6,9 @@ The pendulum as a robot description (URDF), and back.
 z is up and every joint turns about y, so a positive angle leans towards +x. All angles are
 absolute, so each link but the first hangs on a massless `elbow` that turns back by the angle of
 the link before (a mimic joint) at its tip: joint1, joint2 … are θ1, θ2 … as they are. What URDF
-has no word for: gravity, and a drive that is none by forces, in elements of our own, which other
-readers skip; infinity, written as UNLIMITED; and that the damping of a joint acts between two
-links.
+has no word for: gravity, springs of joints, and a drive that is none by forces, in elements of
+our own, which other readers skip; infinity, written as UNLIMITED; and that the damping of a joint
+acts between two links.
 """
 
 from collections.abc import Sequence
@@ -38,8 +38,11 @@ def urdf(physical: PendulumParameters, limits: LimitParameters) -> str:
     drive = [] if physical.drive == FORCE else [f'<drive value="{physical.drive}"/>']
     bodies = replace(physical, drive=FORCE)   # as they are, not as they count
     links = [element for i in range(1, physical.links + 1) for element in _link(bodies, i)]
+    springs = [f'<spring joint="joint{i}" stiffness="{k!r}" preload="{preload!r}"/>'
+               for i, (k, preload) in enumerate(zip(bodies.stiffnesses, bodies.preloads), 1)
+               if k or preload]
     robot = _element('robot name="dp_swing"', f'<gravity value="{physical.gravity!r}"/>', *drive,
-                     *materials, *_track(physical, limits), *links)
+                     *springs, *materials, *_track(physical, limits), *links)
     return f'<?xml version="1.0"?>\n{robot}\n'
 
 
@@ -86,6 +89,10 @@ def from_urdf(text: str, drive: str = FORCE) -> tuple[PendulumParameters, LimitP
                                                     'damping'),
                        f'joint{i}_dry_friction': number(f'joint[@name="joint{i}"]/dynamics',
                                                         'friction', '0')})
+        spring = robot.find(f'spring[@joint="joint{i}"]')
+        if spring is not None:
+            values |= {f'joint{i}_{name}': float(spring.get(name, '0'))
+                       for name in ('stiffness', 'preload')}
     drive = drive if named is None else named.get('value', '')
     return PendulumParameters(links=links, drive=drive, **values), LimitParameters(
         force_limit=number(limit, 'effort'), track_limit=number(limit, 'upper'),

@@ -6,7 +6,8 @@ The optimal control problem that every solver solves.
     min Σ ℓ(x_t, u_t) + ℓ_f(x_N)   s.t.   x_{t+1} = f(x_t, u_t),   u_min ≤ u_t ≤ u_max
 """
 
-from dataclasses import dataclass, replace
+import contextlib
+from dataclasses import dataclass, field, replace
 import math
 from typing import NamedTuple
 
@@ -17,7 +18,7 @@ from dp_swing_ros.dynamics.files import LearnedModel
 from dp_swing_ros.kernels import kernel
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.pendulum.derivatives import linearisation
-from dp_swing_ros.pendulum.equations import Pendulum, scale_of
+from dp_swing_ros.pendulum.equations import Pendulum, resting, scale_of
 from dp_swing_ros.pendulum.model import Model, size, step
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.pendulum.state import angles, Array, hanging, is_at_rest, is_upright, SIZES
@@ -66,6 +67,9 @@ class Problem:
     parameters: ProblemParameters
     scale: Units                          # of the bodies that were given
     learned: LearnedModel | None = None   # instead of the equations of the pendulum
+    # with the goal on other turns, as far as they were asked for
+    others: dict[tuple[float, ...], 'Problem'] = field(
+        default_factory=dict, init=False, repr=False, compare=False)
 
     @classmethod
     def of(cls, physical: PendulumParameters, limits: LimitParameters, cost: CostParameters,
@@ -91,7 +95,6 @@ class Problem:
         scale = scale or scale_of(physical)
         dynamics = Pendulum.of(physical, scale=scale) if learned is None else learned.dynamics
         model = Model(dynamics, prediction.integrator, prediction.step)
-        lqr = regulator(model, cost)
         x = float(cost.x_r[0])
         if abs(x) > limits.track_limit or not math.isfinite(x * x):
             raise ParameterError(f'parameter reference has the cart at {x:g} m; expected a place '
@@ -100,11 +103,11 @@ class Problem:
             raise ParameterError(
                 f'parameter reference is {tuple(cost.x_r.tolist())}; expected an equilibrium: '
                 'each link up or down (an angle of 0 or π), speeds of 0')
-        P = lqr.P if cost.terminal_cost == 'lqr' else (
-            cost.terminal_scale * np.diag(cost.state_weights))
+        x_r = goal_of(model, cost.x_r)
+        lqr = regulator(model, cost, x_r)
         return cls(model, Cost(
-            S=cost.state_weights, R=cost.force_weight, P=np.ascontiguousarray(P),
-            x_r=tuple(cost.x_r.tolist()), angle_error=ANGLE_ERRORS[cost.angle_error],
+            S=cost.state_weights, R=cost.force_weight, P=terminal_weights(cost, lqr),
+            x_r=tuple(x_r.tolist()), angle_error=ANGLE_ERRORS[cost.angle_error],
             x_soft=limits.track_limit - cost.track_margin, w=cost.track_weight,
             v_soft=FAST * limits.cart_speed_limit, w_v=cost.speed_weight),
             prediction.horizon, Bounds(-u_max, u_max), lqr, physical,
@@ -136,7 +139,29 @@ class Problem:
 
     def is_reached(self, x: Array) -> bool:
         """Return whether a state (2n + 2,) is that of the goal, or nearly, on any turn."""
-        return bool(is_upright(x - self.x_r, self.scale))
+        problem, _ = self.with_goal_on(turns_of(self, x))
+        return bool(is_upright(x - problem.x_r, self.scale))
+
+    def with_goal_on(self, turns: Array | float) -> tuple['Problem', Array | float]:
+        """
+        Return what to solve for a goal on other turns, and by what states are turned back for it.
+
+        Without springs that is the same problem for states turned back by as much. With them
+        states stay as they are and the goal moves: springs wind up from turn to turn, and links
+        rest elsewhere. Shapes: turns and the angles to turn back by (2n + 2,), or 0.
+        """
+        if self.learned is not None or not any(self.physical.stiffnesses) or not np.any(turns):
+            return self, turns
+        key = tuple(np.asarray(turns).tolist())
+        if key not in self.others:
+            self.others[key] = self
+            cost = self.parameters.cost
+            with contextlib.suppress(ParameterError):   # where no regulator holds them there
+                x_r = goal_of(self.model, cost.x_r + turns)
+                lqr = regulator(self.model, cost, x_r)
+                self.others[key] = replace(self, lqr=lqr, cost=self.cost._replace(
+                    x_r=tuple(x_r.tolist()), P=terminal_weights(cost, lqr)))
+        return self.others[key], 0.0
 
     def with_physical(self, physical: PendulumParameters) -> 'Problem':
         """
@@ -177,13 +202,34 @@ def without_dry_friction(model: Model) -> Model:
     return model._replace(pendulum=model.pendulum.without_dry_friction())
 
 
-def regulator(model: Model, cost: CostParameters) -> LQR:
+def goal_of(model: Model, x: Array) -> Array:
     """
-    Solve the discrete algebraic Riccati equation of the model at the reference state.
+    Return where links rest that would in a state (2n + 2,) if they had no springs.
+
+    Raises ParameterError where they do not, nearby.
+    """
+    if not isinstance(model.pendulum, Pendulum):
+        return x
+    try:
+        return resting(model.pendulum, x)
+    except ValueError as error:
+        raise ParameterError(f'parameters joint1_stiffness, joint1_preload …: {error}; expected '
+                             'weaker ones') from None
+
+
+def terminal_weights(cost: CostParameters, lqr: LQR) -> Array:
+    """Return P of the cost, (2n + 2, 2n + 2)."""
+    return np.ascontiguousarray(lqr.P if cost.terminal_cost == 'lqr' else (
+        cost.terminal_scale * np.diag(cost.state_weights)))
+
+
+def regulator(model: Model, cost: CostParameters, x_r: Array) -> LQR:
+    """
+    Solve the discrete algebraic Riccati equation of the model at a reference state (2n + 2,).
 
     Raises ParameterError where it has no stabilising solution.
     """
-    x_r, S = cost.x_r, np.diag(cost.state_weights)
+    S = np.diag(cost.state_weights)
     A, B = linearisation(without_dry_friction(model), x_r, 0.0)
     B = B[:, None]
     try:

@@ -4,6 +4,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from functools import partial
 import math
 from typing import Any, NamedTuple
 
@@ -70,11 +71,11 @@ def repeated(solves: Sequence[int]) -> Search:
                deadline: float) -> list[Plan]:
         plans = []
         for iterations, start in zip(solves, starts):
-            limited = replace(planner.solver_parameters,
-                              **({'iterations': iterations} if iterations else {}))
-            plans.append(solved(planner.build(planner.problem, limited),
-                                planner.problem, x_0, start,
-                                math.inf if iterations else -math.inf))
+            build = partial(planner.build, parameters=replace(
+                planner.solver_parameters,
+                **({'iterations': iterations} if iterations else {})))
+            plans.append(solved(build(planner.problem), planner.problem, x_0, start,
+                                math.inf if iterations else -math.inf, build))
         return plans
     return search
 

@@ -107,11 +107,11 @@ class GoalWatch:
 def tick_report(plan: Plan, problem: Problem, estimate: Estimate | None,
                 **others: Any) -> TickReport:
     """Return the report of a plan for a problem, by an estimate, and of all that is beside."""
-    stats = plan.stats
+    stats, (there, back) = plan.stats, problem.with_goal_on(plan.turns)
     costs = sorted(each.cost for each in stats.candidates if math.isfinite(each.cost))
     return TickReport(
         status=stats.status.name, cost=stats.cost, step=plan.dt,
-        cost_terms=terms(problem.cost, plan.X - plan.turns, plan.U)._asdict(),
+        cost_terms=terms(there.cost, plan.X - back, plan.U)._asdict(),
         iterations=stats.iterations, solve_time=stats.solve_time, phases=stats.phases,
         start=plan.start, lead=costs[1] - costs[0] if len(costs) > 1 else math.inf,
         starts=' '.join(candidate.start for candidate in stats.candidates),

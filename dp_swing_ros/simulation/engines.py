@@ -148,6 +148,7 @@ class MuJoCo:
         self.longest_step = scale_of(physical).sized(MUJOCO_STEP, 's')
         self.model = mujoco.MjModel.from_xml_string(mjcf(physical, limits))
         self.data = mujoco.MjData(self.model)
+        self.data.qfrc_applied[1:] = physical.preloads
 
     def advance(self, x: Array, motor: Motor, force: float, target: float, push: float, h: float,
                 steps: int) -> tuple[float, float]:
@@ -179,7 +180,7 @@ def mjcf(physical: PendulumParameters, limits: LimitParameters) -> str:
         m, length = physical.masses[i + 1], physical.lengths[i]
         inertia = physical.inertia_factors[i] * m * length ** 2 / 12
         text += (f'<body pos="{at}"><joint type="hinge" axis="0 1 0" damping="{damping[i + 1]}" '
-                 f'frictionloss="{dry[i + 1]}" {firm}/>'
+                 f'frictionloss="{dry[i + 1]}" stiffness="{physical.stiffnesses[i]}" {firm}/>'
                  f'<inertial pos="0 0 {physical.centres[i] * length}" mass="{m}" '
                  f'diaginertia="{inertia} {inertia} {inertia * THIN}"/>')
         at = f'0 0 {length}'

@@ -19,7 +19,7 @@ from dp_swing_ros.control import controllers
 from dp_swing_ros.control.commands import SentCommands
 from dp_swing_ros.evaluation.metrics import measure
 from dp_swing_ros.pendulum.drive import lagged
-from dp_swing_ros.pendulum.equations import Pendulum
+from dp_swing_ros.pendulum.equations import Pendulum, spring_torques
 from dp_swing_ros.pendulum.integrators import INTEGRATORS
 from dp_swing_ros.pendulum.model import hold, Model
 from dp_swing_ros.pendulum.parameters import DIRECT, Drive, DriveParameters, PendulumParameters
@@ -403,6 +403,21 @@ def test_links_stand_where_they_are_balanced():
     for n in range(120, 125):
         c.update(0.05 * n, turned(np.zeros(6), balance))
         assert 'stood still' not in c.belief.rejection
+
+
+def test_springs_that_nobody_told_of_are_found_and_their_links_held_where_they_rest():
+    c, x = controller(), hanging() + (0.0, 0.001, -0.001, 0.0, 0.0, 0.0)
+    springs = {'joint1_stiffness': 0.3, 'joint2_stiffness': 0.2, 'joint1_preload': 0.9}
+    model = Model(Pendulum.of(replace(c.nominal.physical, **springs)), INTEGRATORS['rk4'], 0.005)
+    for n in range(240):
+        plan = c.update(0.05 * n, x)
+        x = hold(model, x, plan.first_force(20.0), 0.05)
+    # what they are to one another shows where they have been wound up
+    found, true = (spring_torques(each.pendulum, x[1:3]) for each in (
+        c.belief.problem.model, model))
+    assert found == pytest.approx(true, abs=0.05)
+    assert c.belief.problem.physical.joint1_stiffness == pytest.approx(0.3, abs=0.1)
+    assert c.belief.problem.is_reached(x) and not is_upright(x)
 
 
 def test_a_pendulum_that_differs_is_solved_for():

@@ -114,10 +114,11 @@ def test_on_another_turn_a_solve_is_the_same():
     problem, solver = c.belief.problem, c.planner.solver
     goal = turns_of(problem, start.X[-1])
     assert goal.any()   # the goal is on another turn already
-    plan = solved(solver, problem, x, start, math.inf)
+    plan = solved(solver, problem, x, start, math.inf, c.planner.build)
     assert plan.stats.cost <= policy_rollout(
         problem, x - goal, start.X - goal, start.U, start.K).J
-    turned = solved(solver, problem, x + turn, replace(start, X=start.X + turn), math.inf)
+    turned = solved(solver, problem, x + turn, replace(start, X=start.X + turn), math.inf,
+                    c.planner.build)
     np.testing.assert_allclose(turned.X, plan.X + turn, atol=1e-6)
     np.testing.assert_allclose(turned.U, plan.U, atol=1e-6)
 

@@ -92,6 +92,8 @@ def with_values(nominal, drive, p):
                  *(f'joint{i}_dry_friction' for i in count)):
         values[name] = getattr(nominal, name) + next(rest)
     balance = np.array([next(rest) for _ in count])
+    for name in (f'joint{i}_{each}' for each in ('stiffness', 'preload') for i in count):
+        values[name] = getattr(nominal, name) + next(rest)
     delay, time_constant, bias = rest
     # finite differences may go below zero, which parameters may not
     found = replace(nominal)
@@ -208,6 +210,7 @@ DRY = {'cart_dry_friction': 1.0, 'joint1_dry_friction': 0.02, 'joint2_dry_fricti
 def test_it_is_the_textbook_s(links, drive, velocities, rng):
     nominal = replace(PHYSICAL, links=links, **DRY)
     e = estimator(nominal, drive, memory=math.inf, adaptation=0.0, push_gate=math.inf)
+    e.with_springs = drive is SLOW
     x = swinging(links)
     e.update(0.0, x, NONE)
     z, P, forces, commands = e.z, e.P, SentCommands(), []
@@ -229,7 +232,7 @@ def test_it_is_the_textbook_s(links, drive, velocities, rng):
         np.testing.assert_allclose(estimate.innovation, innovation, atol=1e-6)
         assert estimate.distance == pytest.approx(distance, rel=1e-5)
         np.testing.assert_allclose(e.z, z, atol=1e-6)
-        sizes = np.sqrt(np.outer(np.diag(P), np.diag(P)))
+        sizes = np.sqrt(np.outer(np.diag(P), np.diag(P))) + (P == 0)
         np.testing.assert_allclose(e.P / sizes, P / sizes, atol=1e-6)
 
 
@@ -247,7 +250,7 @@ def test_the_innovations_are_as_large_as_it_says(unknown, time_noise, rng):
                       **parameters)
         about, R, forces, commands = e.parameters, np.sqrt(e.R), SentCommands(), []
         physical, drive, balance = with_values(
-            nominal, SLOW, rng.normal(0.0, e.unknowns.deviations))
+            nominal, SLOW, rng.normal(0.0, np.sqrt(e.prior)))
         x = SWINGING + rng.normal(0.0, 0.1, 6)
         e.update(0.0, turned(x, balance) + rng.normal(0.0, R), forces)
         for n in range(1, ticks + 1):
@@ -370,16 +373,21 @@ def test_a_push_is_no_outlier(push):
                for name in SCALED) < 0.05
 
 
-@pytest.mark.parametrize('spring, noise, explained', [
-    (0.0, 1e-3, True), (0.0, 0.03, True), (0.3, 1e-3, False)], ids=['exact', 'noisy', 'sprung'])
-def test_what_no_pendulum_does_is_not_explained(spring, noise, explained, rng):
-    """A spring [N m/rad] in a joint; noise is none, however large: it does not go on."""
+@pytest.mark.parametrize('added, noise, explained', [
+    (None, 1e-3, True), (None, 0.03, True), (lambda joint: 3.0 * math.sin(3 * joint), 1e-3, False),
+    (lambda joint: 0.3 * joint - 0.5, 1e-3, True)], ids=['exact', 'noisy', 'magnet', 'sprung'])
+def test_what_no_pendulum_does_is_not_explained(added, noise, explained, rng):
+    """
+    A torque [N m] in joint 2; noise is none, however large: it does not go on.
+
+    Springs are looked for where something is missing, and found where they are what it is.
+    """
     e, x, forces, seen, h = estimator(), SWINGING, SentCommands(), [], 0.005
     p = Pendulum.of(PHYSICAL)
 
-    def sprung(x, u):
+    def moving(x, u):
         D = np.array(mass_matrix(p, np.sin(x[1:3]), np.cos(x[1:3])))
-        torque = spring * (x[2] - x[1])
+        torque = added(x[2] - x[1]) if added else 0.0
         return np.array(derivative(p, x, u)) + np.append(
             np.zeros(3), np.linalg.solve(D, [0.0, torque, -torque]))
     for n in range(120):
@@ -388,10 +396,15 @@ def test_what_no_pendulum_does_is_not_explained(spring, noise, explained, rng):
         u = rng.uniform(-10, 10)
         forces.add(0.05 * n, u)
         for _ in range(10):
-            x = np.array(rk4(lambda x, u: list(sprung(np.array(x), u)), x, u, h))
+            x = np.array(rk4(lambda x, u: list(moving(np.array(x), u)), x, u, h))
     assert all(seen) is explained
-    if not explained:
-        assert all(seen[:10])   # it takes a while to tell
+    assert all(seen[:10])   # it takes a while to tell
+    assert e.with_springs is (added is not None)
+    spring = [estimate.physical[f'joint2_{each}'] for each in ('stiffness', 'preload')]
+    if added is None:
+        assert not any(spring)
+    elif explained:
+        np.testing.assert_allclose(spring, [0.3, 0.5], atol=0.05)
 
 
 @pytest.mark.parametrize('push_gate, falls', [(3.0, False), (math.inf, True)])
@@ -466,7 +479,8 @@ def test_the_covariance_stays_one():
                 seen[3:] = np.nan
             e.update(t, seen, NONE)
             np.testing.assert_array_equal(e.P, e.P.T)
-            assert np.linalg.eigvalsh(e.P).min() > 0
+            uncertain = np.diag(e.P) > 0
+            assert np.linalg.eigvalsh(e.P[np.ix_(uncertain, uncertain)]).min() > 0
         return e
     first, second = run(), run()
     assert first.refused >= 1

@@ -20,7 +20,8 @@ from dp_swing_ros.pendulum.state import LINKS
 VALUES = {'cart_mass': 1.3, 'link1_mass': 0.4, 'link2_length': 1.1, 'link1_inertia_factor': 1.25,
           'link1_centre': 0.35, 'link2_inertia': 0.05,
           'gravity': 9.7, 'cart_friction': 0.3, 'joint1_friction': 0.1, 'joint3_friction': 0.02,
-          'cart_dry_friction': 2.0, 'joint2_dry_friction': 0.03}
+          'cart_dry_friction': 2.0, 'joint2_dry_friction': 0.03, 'joint1_stiffness': 0.2,
+          'joint1_preload': -0.5, 'joint2_stiffness': 0.1}
 DRIVE = Drive(0.03, 0.02, 0.8, -1.5)
 
 of_links = pytest.mark.parametrize('links', LINKS)
@@ -46,7 +47,7 @@ def flat(numbers):
 @of_links
 def test_names_are_those_of_the_parameters_of_so_many_links(links):
     names = unknowns(links).names
-    assert len(names) == len(set(names)) == 6 * links + 7
+    assert len(names) == len(set(names)) == 8 * links + 7
     of_pendulum = {field.name for field in fields(PendulumParameters)}
     of_drive = {field.name for field in fields(DriveParameters)}
     balances = {f'link{i}_balance' for i in range(1, links + 1)}
@@ -107,6 +108,7 @@ def test_masses_lengths_and_the_gain_are_factors_all_else_is_added(rng):
     ('friction_error', 0.13, ['t_friction', '1_friction', '2_friction']),
     ('cart_dry_friction_error', 0.14, ['cart_dry_friction']),
     ('joint_dry_friction_error', 0.15, ['1_dry_friction', '2_dry_friction']),
+    ('stiffness_error', 0.22, ['_stiffness']), ('preload_error', 0.23, ['_preload']),
     ('delay_error', 0.16, ['actuation_delay']), ('lag_error', 0.17, ['motor_time_constant']),
     ('force_bias', 0.18, ['force_bias'])])
 def test_each_parameter_is_the_deviation_of_its_own(name, value, kinds):
@@ -128,7 +130,7 @@ def test_within_its_bounds_nothing_is_impossible(links):
             assert highest[name] == pytest.approx(nominal * LARGEST_FACTOR)
         elif name.endswith('_balance'):
             assert -lowest[name] == highest[name] == LARGEST_BALANCE
-        elif name == 'force_bias':
+        elif name == 'force_bias' or name.endswith('_preload'):
             assert (lowest[name], highest[name]) == (-math.inf, math.inf)
         else:
             assert lowest[name] == 0.0, name

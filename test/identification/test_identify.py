@@ -98,11 +98,16 @@ def exact():
     return found
 
 
+def springs(links):
+    return {f'joint{i}_{each}' for i in range(1, links + 1) for each in ('stiffness', 'preload')}
+
+
 @pytest.mark.parametrize('links', [1, 2, 3])
 def test_what_moved_it_is_found_exactly(links, exact):
     physical, found = rig(links), exact(links)
     assert not (found.unidentified or found.at_bound) and found.creep == CREEPS[-links]
-    assert {'force_gain', 'gravity', f'link{links}_inertia_factor'} == set(found.held)
+    assert {'force_gain', 'gravity', f'link{links}_inertia_factor', *springs(links)} == set(
+        found.held)
     for name in found.intervals:
         value = BALANCE[int(name[4])] if name.endswith('_balance') else true(
             physical, DRIVE, name)
@@ -145,7 +150,8 @@ def test_where_the_motion_of_the_cart_is_given_no_force_is_needed(links):
         sent=np.zeros(0), commands=np.zeros(0))
     found = identify([motion], PendulumParameters(links=links), cart='given',
                      known={'link1_mass': physical.link1_mass})
-    assert set(found.held) == {'gravity', 'link1_mass', f'link{links}_inertia_factor'}
+    assert set(found.held) == {'gravity', 'link1_mass', f'link{links}_inertia_factor',
+                               *springs(links)}
     assert not set(found.values) & set(OF_CART)
     for name in found.intervals:
         assert found.values[name] == pytest.approx(

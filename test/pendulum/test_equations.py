@@ -20,6 +20,8 @@ UNEVEN = {'cart_mass': 1.3, 'link1_mass': 0.4, 'link2_mass': 0.7, 'link3_mass': 
           'link1_centre': 0.5, 'link2_centre': 0.3, 'link3_centre': 0.7,
           'cart_friction': 0.3, 'joint1_friction': 0.1, 'joint2_friction': 0.05,
           'joint3_friction': 0.02}
+SPRINGS = {'joint1_stiffness': 0.8, 'joint2_stiffness': 0.3, 'joint3_stiffness': 0.5,
+           'joint1_preload': 2.0, 'joint2_preload': -0.4, 'joint3_preload': 0.1}
 
 of_links = pytest.mark.parametrize('links', LINKS)
 
@@ -32,16 +34,19 @@ def mujoco_model(physical):
         centre, about_centre, factor = (getattr(physical, f'link{i + 1}_{name}') for name in (
             'centre', 'inertia', 'inertia_factor'))
         about_centre = about_centre or factor * mass * length ** 2 / 12
+        stiffness, preload = physical.stiffnesses[i], physical.preloads[i]
         base = physical.lengths[i - 1] if i > 0 else 0
         inside = f"""
             <body pos="0 0 {base}">
               <joint type="hinge" axis="0 1 0" damping="{physical.frictions[i + 1]}"
-                     frictionloss="{physical.dry_frictions[i + 1]}"/>
+                     frictionloss="{physical.dry_frictions[i + 1]}"
+                     stiffness="{stiffness}" springref="{preload / (stiffness or 1.0)}"/>
               <inertial pos="0 0 {centre or length / 2}" mass="{mass}"
                         diaginertia="{about_centre} {about_centre} {about_centre}"/>{inside}
             </body>"""
     return mujoco.MjModel.from_xml_string(f"""
         <mujoco>
+          <compiler angle="radian"/>
           <option gravity="0 0 {-physical.gravity}"/>
           <worldbody><body>
             <joint type="slide" axis="1 0 0" damping="{physical.cart_friction}"
@@ -65,7 +70,8 @@ def mass_matrix_at(p, x):
     return np.array(mass_matrix(p, np.sin(th), np.cos(th)))
 
 
-@pytest.mark.parametrize('values', [{}, UNEVEN], ids=['default', 'uneven'])
+@pytest.mark.parametrize('values', [{}, UNEVEN, {**UNEVEN, **SPRINGS}],
+                         ids=['default', 'uneven', 'springs'])
 @of_links
 def test_accelerations_agree_with_mujoco(links, values, rng):
     physical = PendulumParameters(links=links, **values)
@@ -201,8 +207,9 @@ def energies_of(p, h, steps):
 
 @of_links
 def test_an_unforced_pendulum_keeps_its_energy(links):
-    energies = energies_of(Pendulum.of(PendulumParameters(links=links)), 1e-3, 2000)
-    assert np.abs(energies - energies[0]).max() < 1e-7
+    for values in ({}, SPRINGS):
+        energies = energies_of(Pendulum.of(PendulumParameters(links=links, **values)), 5e-4, 4000)
+        assert np.abs(energies - energies[0]).max() < 1e-7
 
 
 @of_links

@@ -25,7 +25,9 @@ PHYSICAL = ({}, {'cart_mass': 1.3, 'link1_mass': 0.4, 'link1_length': 1.1, 'cart
                  'link1_inertia_factor': 1.25, 'link2_inertia_factor': 0.6},
             {'cart_friction': 0.3, 'joint1_friction': 0.1, 'cart_dry_friction': 3.0,
              'joint1_dry_friction': 0.05, 'joint2_dry_friction': 0.03,
-             'joint3_dry_friction': 0.02})
+             'joint3_dry_friction': 0.02},
+            {'joint1_stiffness': 0.8, 'joint2_stiffness': 0.3, 'joint3_stiffness': 0.5,
+             'joint1_preload': 2.0, 'joint2_preload': -0.4})
 # every integrator with two links, one of them with all: each other pair compiles for seconds
 ADDRESSES = [*((name, 2) for name in sorted(INTEGRATORS)),
              *(('rk4', links) for links in LINKS if links != 2)]
@@ -43,7 +45,7 @@ def analytic(name, links, physical):
 MODELS = {
     **{f'{name}-{links}-{about}': functools.partial(analytic, name, links, physical)
        for name, links in ADDRESSES
-       for about, physical in zip(('default', 'friction', 'dry'), PHYSICAL)},
+       for about, physical in zip(('default', 'friction', 'dry', 'springs'), PHYSICAL)},
     'rk4-learned': lambda: Model(bent(), INTEGRATORS['rk4'], H)}
 
 

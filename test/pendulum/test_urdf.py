@@ -19,7 +19,8 @@ VALUES = {'cart_mass': 1.1, 'link1_mass': 0.3, 'link2_mass': 0.7, 'link3_mass': 
           'link1_inertia_factor': 1.1, 'link2_inertia_factor': 0.7, 'link3_inertia_factor': 1.3,
           'link1_centre': 0.3, 'link3_centre': 0.5,
           'gravity': 1.62, 'cart_friction': 0.1, 'joint1_friction': 0.02,
-          'joint2_friction': 0.03, 'joint3_friction': 0.04}
+          'joint2_friction': 0.03, 'joint3_friction': 0.04, 'joint1_stiffness': 0.3,
+          'joint1_preload': 0.9, 'joint3_preload': -0.2}
 ELBOWS = ('elbow', 'elbow2')
 COUNTERS = ('counter', 'counter2')
 

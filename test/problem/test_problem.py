@@ -189,6 +189,45 @@ def test_dry_friction_does_not_change_the_regulator(links):
     assert found.model.pendulum.dry[:2] == (4.0, 0.05)
 
 
+SPRINGS = {'joint1_stiffness': 0.3, 'joint2_stiffness': 0.2, 'joint1_preload': 0.9}
+
+
+def sprung(**more):
+    return default(2).with_physical(PendulumParameters(**{**SPRINGS, **more}))
+
+
+@pytest.mark.parametrize('turns', [(0, 0), (1, 1), (-1, -1)])
+def test_with_springs_the_goal_is_where_links_rest_on_a_turn(turns):
+    """And states stay as they are, which springs do not know turns of."""
+    problem, where = sprung(), np.zeros(6)
+    where[1:3] = TURN * np.array(turns)
+    there, back = problem.with_goal_on(where)
+    assert not np.any(back)
+    rest = there.x_r
+    assert 0.1 < np.abs(rest - where).max() < 0.5
+    np.testing.assert_allclose(rollout(there.model, rest, np.zeros(20)), np.tile(rest, (21, 1)),
+                               atol=1e-6)
+    X = regulator_rollout(there, near(rest)).X
+    np.testing.assert_allclose(X[-1], rest, atol=5e-3)
+    assert problem.is_reached(rest)
+    assert problem.with_goal_on(where)[0] is there
+
+
+def test_without_springs_every_turn_is_the_same():
+    problem, where = default(2), np.array([0.0, TURN, -TURN, 0.0, 0.0, 0.0])
+    there, back = problem.with_goal_on(where)
+    assert there is problem and back is where
+    preloaded = sprung(joint1_stiffness=0.0, joint2_stiffness=0.0)
+    assert preloaded.with_goal_on(where)[0] is preloaded and preloaded.x_r[1] != 0.0
+
+
+def test_springs_that_let_no_link_stand_are_refused():
+    with pytest.raises(ParameterError, match=r'joint1_preload.*no rest within.*weaker'):
+        sprung(joint1_preload=20.0)
+    problem = sprung(joint2_stiffness=0.5)
+    assert problem.with_goal_on(np.array([0.0, 0.0, 3 * TURN, 0.0, 0.0, 0.0]))[0] is problem
+
+
 @of_links
 def test_the_forces_of_a_policy_stay_between_two_bounds(links, rng):
     bounded = replace(default(links), bounds=Bounds(-2.0, 9.0))

@@ -20,7 +20,8 @@ from dp_swing_ros.simulation.plant import Plant, PlantParameters
 
 UNEVEN = {'cart_mass': 1.3, 'link1_mass': 0.4, 'link1_length': 0.8, 'link1_inertia_factor': 1.25,
           'link1_centre': 0.5, 'link2_inertia': 0.05,
-          'cart_friction': 0.3, 'joint1_friction': 0.05, 'joint2_friction': 0.02}
+          'cart_friction': 0.3, 'joint1_friction': 0.05, 'joint2_friction': 0.02,
+          'joint1_stiffness': 0.4, 'joint1_preload': 0.6, 'joint2_stiffness': 0.2}
 WHOLE = {'link2_mass': 0.5, 'link2_length': 1.0}
 DRY = {'cart_dry_friction': 1.0, 'joint1_dry_friction': 0.05, 'joint2_dry_friction': 0.02}
 # what hangs on the cart weighs next to nothing
