@@ -1,7 +1,8 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The example of a package with a solver: what it solves, and that tools find it."""
+"""The examples of packages with a solver: that tools find them; what sampled iLQR solves."""
 
+from importlib.util import find_spec
 import math
 import os
 from pathlib import Path
@@ -21,6 +22,7 @@ from dp_swing_ros.problem.plan import Status
 from dp_swing_ros.solvers import SOLVERS
 
 TOP = Path(__file__).parents[1]
+HAS_ACADOS = bool(find_spec('acados') and find_spec('casadi'))
 PROBLEM = controllers.problem({})
 
 
@@ -30,12 +32,13 @@ def solver(**parameters):
 
 @pytest.fixture(scope='module')
 def tool(tmp_path_factory):
-    """Return what runs commands where the package is installed, and prints their exit codes."""
+    """Return what runs commands where the packages are installed, and prints their exit codes."""
     folder = tmp_path_factory.mktemp('plugin')
-    shutil.copytree(TOP / 'examples' / 'sampled_ilqr', folder / 'source')
-    subprocess.run([sys.executable, '-m', 'pip', 'install', '--quiet', '--no-deps',
-                    '--no-build-isolation', '--target', folder / 'site', folder / 'source'],
-                   check=True)
+    for name in ('sampled_ilqr', *['acados_rti'] * HAS_ACADOS):
+        shutil.copytree(TOP / 'examples' / name, folder / name)
+        subprocess.run([sys.executable, '-m', 'pip', 'install', '--quiet', '--no-deps',
+                        '--no-build-isolation', '--target', folder / 'site', folder / name],
+                       check=True)
 
     def run(*commands):
         return subprocess.run(
@@ -53,6 +56,15 @@ def test_tools_know_it_and_its_parameters(tool):
     assert done.stdout.endswith('[0, 2]\n'), done.stdout + done.stderr
     assert 'sampled_ilqr: held' in done.stdout and 'few: held' in done.stdout
     assert "'sampled_ilqr.scouts'" in done.stderr
+
+
+@pytest.mark.skipif(not HAS_ACADOS, reason='there is no acados; see examples/acados_rti')
+def test_tools_know_acados(tool):
+    done = tool(['evaluate', '--contestants', 'acados_rti',
+                 'more=acados_rti:acados_rti.iterations=3', '--scenarios', 'hanging', '--seeds',
+                 '1', '--duration', '0.5', '--jobs', '1', '--no-figures', '--output', 'acados'])
+    assert done.stdout.endswith('[0]\n'), done.stdout + done.stderr
+    assert 'acados_rti: held' in done.stdout and 'more: held' in done.stdout
 
 
 def test_samples_beyond_the_memory_are_refused_under_its_name():

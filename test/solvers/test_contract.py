@@ -7,6 +7,7 @@ It asks for what README and Solver promise, and no more: a solver that is writte
 """
 
 from dataclasses import fields, replace
+from importlib.util import find_spec
 import math
 import time
 
@@ -46,6 +47,10 @@ CHOICES = {**{name: (SOLVERS[name], {}) for name in sorted(SOLVERS)},
            'mppi by torch': (
               SOLVERS['mppi'], {'device': 'torch', 'samples': 64, 'iterations': 2}),
            'cross-entropy': (CrossEntropy, {}), 'sampled iLQR': (SampledILQR, {})}
+if find_spec('acados') and find_spec('casadi'):
+    from acados_rti.solver import AcadosRTI
+
+    CHOICES['acados RTI'] = AcadosRTI, {}
 
 
 @pytest.fixture(params=CHOICES)
