@@ -93,8 +93,13 @@ $(VENV)/.installed-test: $(VENV)/.installed
 	@$(call INSTALL,test)
 	@touch $@
 
+# acados's wheel has a CasADi of its own, which must come after the real one
 $(VENV)/.peers: $(VENV)/.installed
 	@$(call INSTALL,peers)
+	@$(BIN)/python -m pip install --quiet --no-input --no-deps -c constraints.txt --upgrade \
+	  --target $(VENV)/acados comma-deps-acados || $(call FAIL,pip could not install acados)
+	@echo $(CURDIR)/$(VENV)/acados > $(VENV)/acados.pth && mv $(VENV)/acados.pth \
+	  $$($(BIN)/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')
 	@touch $@
 
 # A module that is gone from the sources must not live on in what was built from them.

@@ -8,9 +8,14 @@ a picture. What is not installed is left out, and the page says so.
 """
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+import ctypes
+from importlib.util import find_spec
 import json
+import os
 from pathlib import Path
+import sys
 from typing import Any
 
 import benchmark_figures
@@ -23,7 +28,8 @@ from dp_swing_ros import provenance
 from dp_swing_ros.control import controllers
 from dp_swing_ros.pendulum.state import Array
 
-PEERS = {'crocoddyl': 'crocoddyl', 'pin': 'pinocchio', 'casadi': 'casadi', 'torch': 'torch',
+PEERS = {'crocoddyl': 'crocoddyl', 'pin': 'pinocchio', 'mim-solvers': 'mim_solvers',
+         'casadi': 'casadi', 'comma-deps-acados': 'acados', 'torch': 'torch',
          'pytorch_mppi': 'pytorch_mppi'}   # distribution: module
 SAMPLES = (256, 1024, 8192, 65536)
 KINDS = 'compiled', 'closed'
@@ -43,13 +49,21 @@ def ratios_of(name: str, times: dict[str, Array]) -> dict[str, dict[str, float]]
 
 
 def gradient(rounds: int) -> dict[str, Any]:
-    """Compare iterations with crocoddyl."""
+    """Compare iterations with crocoddyl and mim-solvers, and with acados."""
     from peers_gradient import STARTS, descents
-    return {start: compared(descents(start), rounds) for start in STARTS}
+    return {start: compared({**descents(start), **acados(start)}, rounds) for start in STARTS}
+
+
+def acados(start: str) -> dict[str, Work]:
+    """Return descents of acados, where it is installed."""
+    if not find_spec('acados'):
+        return {}
+    from peers_acados import descents
+    return descents(start)
 
 
 def whole_solves(rounds: int) -> dict[str, Any]:
-    """Compare solves to the same cost with CasADi and crocoddyl."""
+    """Compare solves to the same cost with CasADi, acados and crocoddyl."""
     from peers_solvers import solves
     return solves(max(rounds // 4, 3))
 
@@ -89,6 +103,20 @@ FAMILIES: dict[str, Callable[[int], dict[str, Any]]] = {
     'startup': starting}
 
 
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Drop what C prints: acados has a line for every solve that ends at its last iteration."""
+    flush, shown = ctypes.CDLL(None).fflush, os.dup(1)
+    with open(os.devnull, 'wb') as nowhere:
+        os.dup2(nowhere.fileno(), 1)
+    try:
+        yield
+    finally:
+        flush(None)   # what is still in its buffer
+        os.dup2(shown, 1)
+        os.close(shown)
+
+
 def main() -> None:
     """Measure, and write."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -96,13 +124,16 @@ def main() -> None:
     parser.add_argument('--only', nargs='+', choices=FAMILIES, default=list(FAMILIES))
     parser.add_argument('--docs', type=Path, default=TOP / 'results')
     arguments = parser.parse_args()
+    sys.path.append(str(TOP / 'examples' / 'acados_rti'))   # which need not be installed
     results: dict[str, Any] = {
         'made': made('benchmark', sources('benchmark'), [*provenance.COMPUTING, *installed()]),
-        'rounds': arguments.rounds, 'missing': {}}
+        'rounds': arguments.rounds,
+        'missing': {name: 'it is not installed' for name in PEERS if name not in installed()}}
     for name in arguments.only:
         print(name, flush=True)
         try:
-            results[name] = FAMILIES[name](arguments.rounds)
+            with quiet():
+                results[name] = FAMILIES[name](arguments.rounds)
         except ImportError as error:
             results['missing'][name] = f'{error.name} is not installed'
         except Missing as error:
@@ -119,7 +150,6 @@ def main() -> None:
 
 def installed() -> list[str]:
     """Return the distributions of the peers that are installed."""
-    from importlib.util import find_spec
     return [name for name, module in PEERS.items() if find_spec(module)]
 
 

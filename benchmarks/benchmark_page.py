@@ -17,6 +17,7 @@ GPU_PEER = (
     'MPPI-Generic publishes 0.146 ms for an update of 2,048 samples over 100 steps on an RTX 4090 '
     '(Vlahov, Gibson, Gandhi and Theodorou, "MPPI-Generic: A CUDA Library for Stochastic '
     'Trajectory Optimization", 2024), of a model of its own.')
+MODELS = {'rk4', 'euler'}
 KINDS = {'unbounded': (' DDP', ' FDDP'), '20 N': ('BoxDDP', 'BoxFDDP')}   # ours: crocoddyl's
 
 
@@ -77,6 +78,30 @@ def targets(results: dict[str, Any]) -> list[Target]:
     return found
 
 
+def ahead(results: dict[str, Any]) -> list[str]:
+    """Return where a peer is ahead of all of ours, by its time or by how often it gets there."""
+    found = []
+    for family in ('gradient', 'sampling'):
+        for where, race in results.get(family, {}).items():
+            for name, ratios in race['ratios'].items():
+                model = MODELS & {*name.split()}
+                most = max(ratio['value'] for our, ratio in ratios.items()
+                           if model <= {*our.split()})
+                if name not in ratios and most < 1:
+                    found.append(f'{name} takes {most:.3g} times as long as ours ({where})')
+    for contest, rows in results.get('solves', {}).items():
+        there = {name: row['reached']['successes'] for name, row in rows.items()}
+        for name in set(rows) - {*OURS}:
+            most = max((ratio['value'] for ratio in rows[name]['ratios'].values()), default=1)
+            if most < 1:
+                found.append(f'{name} takes {most:.3g} times as long as ours ({contest})')
+            if there[name] > max(there[our] for our in OURS):
+                found.append(f'{name} gets to the least cost from {there[name]} of '
+                             f'{rows[name]["reached"]["runs"]} starts, of ours the best from '
+                             f'{max(there[our] for our in OURS)} ({contest})')
+    return sorted(found)
+
+
 def times(race: dict[str, Any]) -> str:
     """Return the rows of a comparison; the ratio is to the fastest of ours."""
     ours = fastest({'seconds': {name: race['seconds'][name] for name in
@@ -99,7 +124,7 @@ def solves(contests: dict[str, Any]) -> str:
         'disturbed, with the last plan. With CasADi it is the default problem, by multiple '
         "shooting and exact Hessians, its functions compiled from CasADi's C code where there is "
         'a C compiler; with crocoddyl one of its own step (semi-implicit Euler) and cost, which '
-        'we then take. acados was not run: neither pip nor apt has it, it is built from sources.']
+        'we then take. acados solves both, in C code of our own step and cost.']
     for contest, rows in contests.items():
         parts += [f'{contest}:', compact([
             ['contender', 'gets there', 'iterations', 'median [ms]',
@@ -128,9 +153,9 @@ def page(results: dict[str, Any]) -> str:
         '# Against peers', results['made'].strip(),
         f'Contenders take turns in one process; medians of up to {results["rounds"]} rounds, in '
         'brackets the 95 % interval (bootstrap over rounds). Ours solve in one thread where '
-        'nothing else is said; so do crocoddyl and CasADi. Of MPPI the faster of one and two '
-        'threads is compared, ours and '
-        'theirs.',
+        'nothing else is said; so do crocoddyl, mim-solvers, CasADi and acados. Of MPPI the '
+        'faster of one and two threads is compared, ours and theirs.',
+        '**Where a peer is ahead:** ' + ('; '.join(ahead(results)) or 'nowhere') + '.',
         '## Targets', compact([['target', 'aim', 'measured', ''], *(
             [one.what, f'{"at least" if one.more else "at most"} {one.aim:g}',
              f'{one.found:.3g}', 'met' if one.met else '**missed**']

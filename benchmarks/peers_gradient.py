@@ -12,10 +12,16 @@ no actuation of the first joint alone: `python` is one written in Python, as in 
 step is semi-implicit, and with RK4 it integrates the cost by the same rule, so that there the cost
 differs a little from ours, which is a sum; dynamics and the cost of Euler's method agree. With
 `same_problem` we take that step too, and all of the problem is the same.
+
+mim-solvers takes crocoddyl's models, with its own settings: SQP without bounds, CSQP with the
+bound as a constraint. CSQP is in no swing-up and no whole solve: where one of its steps diverges,
+as from one cold start in five, an exception that it does not catch ends the process.
 """
 
 from collections.abc import Callable
 from dataclasses import replace
+from importlib import import_module
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -43,7 +49,9 @@ AGREED = 1e-9                                            # [m, rad, m/s, rad/s]
 # expansion, one Riccati pass and one rollout, while a swing-up also has line searches
 STARTS = {'near the goal': ((0.2, 0.05, -0.03, 0.0, 0.0, 0.0), 3),
           'swing-up': ((0.0, np.pi, np.pi, 0.0, 0.0, 0.0), 10)}
-SOLVED = {'DDP': False, 'FDDP': False, 'BoxDDP': True, 'BoxFDDP': True}   # with bounds?
+SOLVED = {'crocoddyl': {'DDP': False, 'FDDP': False, 'BoxDDP': True, 'BoxFDDP': True},
+          'mim_solvers': {'SQP': False, 'CSQP': True}}   # with bounds?
+STOPS = {'crocoddyl': 'th_stop', 'mim_solvers': 'termination_tolerance'}
 
 
 def semi_implicit(f: Callable[[Numbers, Any], Numbers], x: Numbers, u: Any, h: Any) -> Numbers:
@@ -145,8 +153,12 @@ class Crocoddyl:
     """The problem in crocoddyl, by one of its integrators and one way to actuate the cart."""
 
     def __init__(self, integrator: str, actuation: str, bounded: bool, start: str,
-                 horizon: int = 30) -> None:
-        """Build the shooting problem; its cost is the same number as ours for Euler's method."""
+                 horizon: int = 30, constrained: bool = False) -> None:
+        """
+        Build the shooting problem; its cost is the same number as ours for Euler's method.
+
+        Where it is `constrained` the bounds are constraints, too, which crocoddyl itself ignores.
+        """
         import crocoddyl
 
         ours = problem('rk4', bounded, horizon)
@@ -168,11 +180,15 @@ class Crocoddyl:
                 costs.addCost(name, crocoddyl.CostModelResidual(
                     state, crocoddyl.ActivationModelWeightedQuad(2 * np.array(weight)), residual),
                     1 / step if step else 1.0)
-            model = over(crocoddyl.DifferentialActionModelFreeFwdDynamics(state, actuated, costs),
-                         step)
+            bound, constraints = self.actuate(BOUND), []
+            if constrained and step:
+                constraints.append(crocoddyl.ConstraintModelManager(state, self.nu))
+                constraints[0].addConstraint('u', crocoddyl.ConstraintModelResidual(
+                    state, crocoddyl.ResidualModelControl(state, self.nu), -bound, bound))
+            model = over(crocoddyl.DifferentialActionModelFreeFwdDynamics(
+                state, actuated, costs, *constraints), step)
             if bounded and step:
-                model.u_lb = np.array([-BOUND] + [0.0] * (self.nu - 1))
-                model.u_ub = -model.u_lb
+                model.u_lb, model.u_ub = -bound, bound
             return model
         running = node(RUNNING, ours.cost.R, ours.dt)
         self.problem = crocoddyl.ShootingProblem(
@@ -195,12 +211,11 @@ class Crocoddyl:
         node.calc(data, RELATIVE @ x, self.actuate(u))
         return np.linalg.solve(RELATIVE, data.xnext)
 
-    def descent(self, solver: str) -> Work:
-        """Return a descent of one of its solvers; its units are iterations."""
-        import crocoddyl
-
-        solves = getattr(crocoddyl, f'Solver{solver}')(self.problem)
-        solves.th_stop = 1e-300   # which nothing reaches: as many iterations as were asked for
+    def descent(self, package: str, solver: str) -> Work:
+        """Return a descent of a solver that takes it; its units are iterations."""
+        solves = getattr(import_module(package), f'Solver{solver}')(self.problem)
+        # which nothing reaches: as many iterations as were asked for
+        setattr(solves, STOPS[package], 1e-300)
         self.solver = solves
 
         def run() -> int:
@@ -230,9 +245,14 @@ def descents(start: str, models: tuple[str, ...] = ('rk4', 'euler')) -> dict[str
         f'{name} {model} {"20 N" if bounded else "unbounded"}': our_descent(
             name, problem(model, bounded), start)
         for name in ('ilqr', 'ddp') for model in models for bounded in (False, True)}
-    for model in models:
-        for solver, bounded in SOLVED.items():
-            for actuation in ('python', 'C++'):
-                name = f'crocoddyl {solver} {model} {actuation}'
-                contenders[name] = Crocoddyl(model, actuation, bounded, start).descent(solver)
+    for package in filter(find_spec, SOLVED):
+        for solver, bounded in SOLVED[package].items():
+            constrained = solver == 'CSQP'
+            if constrained and start == 'swing-up':
+                continue
+            for model in models:
+                for actuation in ('python', 'C++'):
+                    theirs = Crocoddyl(model, actuation, bounded, start, constrained=constrained)
+                    contenders[f'{package} {solver} {model} {actuation}'] = theirs.descent(
+                        package, solver)
     return contenders

@@ -76,9 +76,9 @@ def test_learned_dynamics_are_taken_as_they_are(rng):
 def test_acados_counts_a_trajectory_as_we_do(links, rng):
     of = problem(links=links)
     X, U = wild_trajectory(of, rng)
-    one = solver(of)
-    one.code.iterate(one.acados, len(U), X.ctypes.data, U.ctypes.data)   # which leaves it there
-    assert one.code.cost(one.acados) == pytest.approx(trajectory_cost(of.cost, X, U), rel=1e-12)
+    acados = solver(of).acados
+    acados.iterate(X, U)   # which leaves it there
+    assert acados.cost() == pytest.approx(trajectory_cost(of.cost, X, U), rel=1e-12)
 
 
 @pytest.mark.parametrize('force_limit', [20.0, 2.0, math.inf])

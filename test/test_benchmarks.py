@@ -109,6 +109,48 @@ def test_crocoddyl_s_problem_is_the_same_number_for_number():
         trajectory_cost(ours.cost, X, U), rel=1e-12)
 
 
+@pytest.mark.parametrize('name', ['default', 'crocoddyl', 'rk4', 'euler'])
+def test_acados_s_problem_is_the_same_number_for_number(name, problem):
+    pytest.importorskip('acados', reason='acados is not installed; see make results')
+    peers = pytest.importorskip('peers_acados')
+    import peers_gradient
+    ours = {'default': lambda: problem, 'crocoddyl': peers_gradient.same_problem}.get(
+        name, lambda: peers_gradient.problem(name, True))()
+    plan, sqp = peers_gradient.first_plan(ours, 'near the goal'), peers.Descent(ours)
+    X, U = plan.X.copy(), plan.U.copy()
+    sqp.limit(100)
+    assert 0 < sqp.solve(X, U) < 100
+    # where it has converged, its states are the rollout of its forces, within its tolerance
+    assert sqp.acados.cost() == pytest.approx(trajectory_cost(ours.cost, X, U), rel=1e-12)
+    assert sqp.acados.cost() == pytest.approx(
+        trajectory_cost(ours.cost, rollout(ours.model, plan.X[0], U), U), rel=1e-6)
+
+
+def test_acados_takes_as_many_iterations_as_were_asked_for():
+    pytest.importorskip('acados', reason='acados is not installed; see make results')
+    peers = pytest.importorskip('peers_acados')
+    import peers_gradient
+    for start, (_, count) in peers_gradient.STARTS.items():
+        works = peers.descents(start, ('euler',))
+        assert list(works) == [f'acados {kind} euler 20 N' for kind in (
+            ['SQP', 'RTI'] if start == 'near the goal' else ['SQP'])]
+        assert [work() for work in (*works.values(), *works.values())] == [count] * 2 * len(works)
+
+
+def test_mim_solvers_takes_crocoddyl_s_problem():
+    pytest.importorskip('crocoddyl', reason='crocoddyl is not installed; see make results')
+    pytest.importorskip('mim_solvers', reason='mim-solvers is not installed; see make results')
+    import peers_gradient as peers
+    ends = []
+    for package, solver in (('crocoddyl', 'BoxDDP'), ('mim_solvers', 'CSQP')):
+        theirs = peers.Crocoddyl('euler', 'C++', True, 'near the goal',
+                                 constrained=solver == 'CSQP')
+        assert theirs.descent(package, solver)() == 3
+        assert theirs.problem.calc(theirs.xs, theirs.us) > theirs.solver.cost
+        ends.append(theirs.solver.cost)
+    assert ends[0] == pytest.approx(ends[1], rel=1e-3)
+
+
 def test_the_fewest_that_reach_a_goal_are_found():
     import peers_solvers as peers
     assert [peers.fewest(lambda count, of=of: count >= of) for of in (1, 2, 77, 500)] == [
@@ -173,6 +215,25 @@ def test_the_page_says_met_missed_and_what_is_missing():
     assert '1024 samples | at least 100 | 300 | met |' in page
     assert '8192 samples | at least 40 | 30 | **missed** |' in page
     assert 'solves, for casadi is not installed' in page
+
+
+def test_the_page_begins_with_where_a_peer_is_ahead():
+    def row(there, **ratios):
+        return {'reached': {'successes': there, 'runs': 20},
+                'ratios': {our: {'value': value} for our, value in ratios.items()}}
+    results = {
+        'gradient': {'near the goal': {'ratios': {
+            'ilqr rk4 20 N': {'ilqr rk4 20 N': {'value': 1}, 'ilqr euler 20 N': {'value': 2}},
+            'ilqr euler 20 N': {'ilqr rk4 20 N': {'value': 0.5}, 'ilqr euler 20 N': {'value': 1}},
+            'fast rk4': {'ilqr rk4 20 N': {'value': 0.8}, 'ilqr euler 20 N': {'value': 1.6}},
+            'slow euler': {'ilqr rk4 20 N': {'value': 0.9}, 'ilqr euler 20 N': {'value': 1.8}}}}},
+        'solves': {'cold': {'ilqr': row(17, ilqr=1, ddp=1.5), 'ddp': row(16, ilqr=0.7, ddp=1),
+                            'often': row(18, ilqr=3, ddp=4), 'quick': row(17, ilqr=0.4, ddp=0.6),
+                            'never': row(0)}}}
+    assert benchmark_page.ahead(results) == [
+        'fast rk4 takes 0.8 times as long as ours (near the goal)',
+        'often gets to the least cost from 18 of 20 starts, of ours the best from 17 (cold)',
+        'quick takes 0.6 times as long as ours (cold)']
 
 
 def test_where_there_is_no_gpu_the_page_says_so(tmp_path, monkeypatch):

@@ -22,21 +22,51 @@ import shutil
 import subprocess
 import tempfile
 from typing import Any
+import weakref
 
-from acados_rti.expressions import Expressions
+from acados_rti.expressions import Expressions, numbers_of
 import casadi as ca
 import numba
 import numpy as np
 
 from dp_swing_ros.kernels.compilation import processor
 from dp_swing_ros.parameters import ParameterError
+from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.problem.problem import Problem
 
 ITERATION = Path(__file__).with_name('iteration.c')
 FLAGS = '-O2', '-march=native', '-fPIC', '-shared'
 RTI = {'nlp_solver_type': 'SQP_RTI'}
 
+UNBOUNDED = 1e10   # from where on acados takes a bound for none
+
 _loaded: dict[Hashable, ctypes.CDLL] = {}
+
+
+class Acados:
+    """A solver of acados for a problem, in memory of its own."""
+
+    def __init__(self, problem: Problem, blocks: int, options: Mapping[str, Any] = RTI) -> None:
+        """
+        Make it, its horizon condensed to so many blocks; the first of a structure is compiled.
+
+        Raises ParameterError where acados or a C compiler is missing.
+        """
+        self.code, p = library(problem, options), numbers_of(problem.model, problem.cost)
+        self.memory = self.code.create(
+            problem.horizon, min(blocks, problem.horizon), p.ctypes.data,
+            *np.clip(problem.bounds, -UNBOUNDED, UNBOUNDED))
+        if self.memory is None:
+            raise MemoryError(f'acados makes no solver over a horizon of {problem.horizon} steps')
+        weakref.finalize(self, self.code.destroy, self.memory)
+
+    def iterate(self, X: Array, U: Array) -> int:
+        """Replace a trajectory, X (N + 1, 2n + 2) and U (N,), and return acados's status."""
+        return int(self.code.iterate(self.memory, len(U), X.ctypes.data, U.ctypes.data))
+
+    def cost(self) -> float:
+        """Return what the last trajectory costs, as acados counts."""
+        return float(self.code.cost(self.memory))
 
 
 def library(problem: Problem, options: Mapping[str, Any] = RTI) -> ctypes.CDLL:

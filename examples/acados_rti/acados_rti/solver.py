@@ -15,10 +15,8 @@ optimal feedback control", SIAM Journal on Control and Optimization 43, 2005.
 from dataclasses import dataclass
 import math
 import time
-import weakref
 
-from acados_rti.expressions import numbers_of
-from acados_rti.library import library
+from acados_rti.library import Acados
 import numpy as np
 
 from dp_swing_ros.parameters import parameter, Parameters
@@ -28,8 +26,6 @@ from dp_swing_ros.problem.plan import Plan, SolverStats, Status
 from dp_swing_ros.problem.problem import policy_rollout, Problem, Rollout
 from dp_swing_ros.solvers.riccati import backward
 from dp_swing_ros.solvers.solver import policy_of, Seed
-
-UNBOUNDED = 1e10   # from where on acados takes a bound for none
 
 
 @dataclass(frozen=True)
@@ -58,14 +54,8 @@ class AcadosRTI:
 
         Raises ParameterError where acados or a C compiler is missing.
         """
-        self.problem, self.parameters, self.code = problem, parameters, library(problem)
-        p = numbers_of(problem.model, problem.cost)
-        self.acados = self.code.create(
-            problem.horizon, min(parameters.blocks, problem.horizon), p.ctypes.data,
-            *np.clip(problem.bounds, -UNBOUNDED, UNBOUNDED))
-        if self.acados is None:
-            raise MemoryError(f'acados makes no solver over a horizon of {problem.horizon} steps')
-        weakref.finalize(self, self.code.destroy, self.acados)
+        self.problem, self.parameters = problem, parameters
+        self.acados = Acados(problem, parameters.blocks)
 
     def solve(self, x_0: Array, warm_start: Plan | None, deadline: float) -> Plan:
         """Return the warm start, or what iterations make of it; see Solver.solve."""
@@ -87,7 +77,7 @@ class AcadosRTI:
         """Return a cheaper trajectory if a step leads to one, and the status after it."""
         problem, parameters = self.problem, self.parameters
         X, U = best.X.copy(), best.U.copy()
-        self.code.iterate(self.acados, len(U), X.ctypes.data, U.ctypes.data)
+        self.acados.iterate(X, U)
         dX, dU, K = X - best.X, U - best.U, gains(problem, best)
         for halving in range(parameters.halvings + 1):
             alpha = 0.5 ** halving

@@ -1,0 +1,111 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+acados on the same problems, number for number: its SQP, and an iteration of it alone.
+
+The code is that of examples/acados_rti: our own step, cost and bounds, written in C by CasADi,
+with Gauss-Newton's Hessian. What an iteration costs in Python, the copies of a trajectory, is
+some microseconds. Settings, each tried for the fastest that ends at the same cost to 1e-12:
+
+* HPIPM, the horizon condensed to BLOCKS stages, in its mode for speed; a real-time iteration in
+  the faster one that computes no residuals, which SQP does not converge with.
+* SQP with a merit function, the steps of the multipliers whole and those of the trajectory halved
+  to a hundredth at most: acados's examples/acados_python/linear_mass_model/
+  linear_mass_test_problem.py.
+
+A real-time iteration takes whole steps; from hanging these lead nowhere, so there SQP is alone.
+
+Sources: Verschueren et al., "acados: a modular open-source framework for fast embedded optimal
+control", Mathematical Programming Computation 14, 2022; Frison and Diehl, "HPIPM: a
+high-performance quadratic programming framework for model predictive control", IFAC World
+Congress 2020.
+"""
+
+from collections.abc import Callable
+import ctypes
+from typing import Any
+
+from acados_rti.library import Acados, acados
+from peers_casadi import Guess, TOLERANCE
+from peers_gradient import first_plan, problem, STARTS
+from timing import Work
+
+from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.problem.problem import Problem
+
+BLOCKS = 5
+MOST = 500   # iterations, for which it has memory
+RTI = {'nlp_solver_type': 'SQP_RTI', 'hpipm_mode': 'SPEED_ABS', 'qp_solver_ric_alg': 0}
+SQP = {'nlp_solver_type': 'SQP', 'hpipm_mode': 'SPEED', 'globalization': 'MERIT_BACKTRACKING',
+       'alpha_min': 0.01, 'full_step_dual': 1, 'nlp_solver_max_iter': MOST,
+       **{f'nlp_solver_tol_{of}': TOLERANCE for of in ('stat', 'eq', 'ineq', 'comp')}}
+
+
+class Descent:
+    """acados's SQP for a problem."""
+
+    def __init__(self, ours: Problem) -> None:
+        """Take the problem; the first of its structure is compiled."""
+        self.acados = Acados(ours, BLOCKS, SQP)
+        self.of_acados = ctypes.CDLL(f'{acados().LIB_DIR}/libacados.so')
+
+    def part(self, name: str) -> Any:
+        """Return one of the structures that acados's own functions take."""
+        get = getattr(self.acados.code, f'pendulum_acados_get_nlp_{name}')
+        get.restype, get.argtypes = ctypes.c_void_p, (ctypes.c_void_p,)
+        return ctypes.c_void_p(get(self.acados.memory))
+
+    def limit(self, iterations: int) -> None:
+        """Stop after so many iterations."""
+        self.of_acados.ocp_nlp_solver_opts_set(
+            self.part('config'), self.part('opts'), b'max_iter',
+            ctypes.byref(ctypes.c_int(iterations)))
+
+    def solve(self, X: Array, U: Array) -> int:
+        """Replace a trajectory, and return the number of iterations."""
+        self.acados.code.pendulum_acados_reset(ctypes.c_void_p(self.acados.memory), 1)
+        self.acados.iterate(X, U)
+        done = ctypes.c_int()
+        self.of_acados.ocp_nlp_get(self.part('config'), self.part('solver'), b'sqp_iter',
+                                   ctypes.byref(done))
+        return done.value
+
+
+def iterations(ours: Problem, start: str) -> Work:
+    """Return real-time iterations, as many as there are of ours; its units are iterations."""
+    one, plan, count = Acados(ours, BLOCKS, RTI), first_plan(ours, start), STARTS[start][1]
+
+    def run() -> int:
+        X, U = plan.X.copy(), plan.U.copy()
+        for _ in range(count):
+            one.iterate(X, U)
+        return count
+    return run
+
+
+def descent(ours: Problem, start: str) -> Work:
+    """Return SQP in as many iterations; its units are iterations."""
+    sqp, plan = Descent(ours), first_plan(ours, start)
+    sqp.limit(STARTS[start][1])
+    return lambda: sqp.solve(plan.X.copy(), plan.U.copy())
+
+
+def descents(start: str, models: tuple[str, ...] = ('rk4', 'euler')) -> dict[str, Work]:
+    """Return the contenders from a start."""
+    kinds = {'SQP': descent, **({'RTI': iterations} if start != 'swing-up' else {})}
+    return {f'acados {kind} {model} 20 N': make(problem(model, True), start)
+            for model in models for kind, make in kinds.items()}
+
+
+def solves(ours: Problem) -> Callable[[Guess, bool, int], Callable[[], Array]]:
+    """Return whole solves of SQP; see `peers_solvers`."""
+    sqp = Descent(ours)
+
+    def make(guess: Guess, warm: bool, count: int) -> Callable[[], Array]:
+        def solve() -> Array:
+            X, U = guess.X.copy(), guess.U.copy()
+            sqp.limit(count)
+            sqp.solve(X, U)
+            return U
+        return solve
+    return make
