@@ -11,7 +11,6 @@ import argparse
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 import ctypes
-from importlib.util import find_spec
 import json
 import os
 from pathlib import Path
@@ -22,15 +21,14 @@ import benchmark_figures
 import benchmark_page
 from campaigns import METHODS
 from stamp import made, sources, TOP
-from timing import median, Missing, race, ratio, Work
+from timing import has, median, Missing, race, ratio, Work
 
 from dp_swing_ros import provenance
 from dp_swing_ros.control import controllers
 from dp_swing_ros.pendulum.state import Array
 
-PEERS = {'crocoddyl': 'crocoddyl', 'pin': 'pinocchio', 'mim-solvers': 'mim_solvers',
-         'casadi': 'casadi', 'comma-deps-acados': 'acados', 'torch': 'torch',
-         'pytorch_mppi': 'pytorch_mppi'}   # distribution: module
+PEERS = ('crocoddyl', 'pin', 'mim-solvers', 'casadi', 'comma-deps-acados', 'libaligator', 'torch',
+         'pytorch_mppi')   # by what pip calls them
 SAMPLES = (256, 1024, 8192, 65536)
 KINDS = 'compiled', 'closed'
 
@@ -49,21 +47,22 @@ def ratios_of(name: str, times: dict[str, Array]) -> dict[str, dict[str, float]]
 
 
 def gradient(rounds: int) -> dict[str, Any]:
-    """Compare iterations with crocoddyl and mim-solvers, and with acados."""
-    from peers_gradient import STARTS, descents
-    return {start: compared({**descents(start), **acados(start)}, rounds) for start in STARTS}
-
-
-def acados(start: str) -> dict[str, Work]:
-    """Return descents of acados, where it is installed."""
-    if not find_spec('acados'):
-        return {}
-    from peers_acados import descents
-    return descents(start)
+    """Compare iterations with crocoddyl and mim-solvers, with acados, and with aligator."""
+    import peers_gradient
+    peers = [peers_gradient]
+    if has('comma-deps-acados'):
+        import peers_acados
+        peers.append(peers_acados)
+    if has('libaligator'):
+        import peers_aligator
+        peers.append(peers_aligator)
+    return {start: compared({name: work for peer in peers
+                             for name, work in peer.descents(start).items()}, rounds)
+            for start in peers_gradient.STARTS}
 
 
 def whole_solves(rounds: int) -> dict[str, Any]:
-    """Compare solves to the same cost with CasADi, acados and crocoddyl."""
+    """Compare solves to the same cost with CasADi, acados, aligator and crocoddyl."""
     from peers_solvers import solves
     return solves(max(rounds // 4, 3))
 
@@ -126,9 +125,10 @@ def main() -> None:
     arguments = parser.parse_args()
     sys.path.append(str(TOP / 'examples' / 'acados_rti'))   # which need not be installed
     results: dict[str, Any] = {
-        'made': made('benchmark', sources('benchmark'), [*provenance.COMPUTING, *installed()]),
+        'made': made('benchmark', sources('benchmark'),
+                     [*provenance.COMPUTING, *filter(has, PEERS)]),
         'rounds': arguments.rounds,
-        'missing': {name: 'it is not installed' for name in PEERS if name not in installed()}}
+        'missing': {name: 'it is not installed' for name in PEERS if not has(name)}}
     for name in arguments.only:
         print(name, flush=True)
         try:
@@ -146,11 +146,6 @@ def main() -> None:
     if 'sampling' in results:
         benchmark_figures.samples(results['sampling']).savefig(
             arguments.docs / 'figures' / 'benchmark_samples.png')
-
-
-def installed() -> list[str]:
-    """Return the distributions of the peers that are installed."""
-    return [name for name, module in PEERS.items() if find_spec(module)]
 
 
 if __name__ == '__main__':

@@ -124,7 +124,7 @@ def solves(contests: dict[str, Any]) -> str:
         'disturbed, with the last plan. With CasADi it is the default problem, by multiple '
         "shooting and exact Hessians, its functions compiled from CasADi's C code where there is "
         'a C compiler; with crocoddyl one of its own step (semi-implicit Euler) and cost, which '
-        'we then take. acados solves both, in C code of our own step and cost.']
+        'we then take. acados and aligator solve both, by C code of our own step and cost.']
     for contest, rows in contests.items():
         parts += [f'{contest}:', compact([
             ['contender', 'gets there', 'iterations', 'median [ms]',
@@ -153,8 +153,8 @@ def page(results: dict[str, Any]) -> str:
         '# Against peers', results['made'].strip(),
         f'Contenders take turns in one process; medians of up to {results["rounds"]} rounds, in '
         'brackets the 95 % interval (bootstrap over rounds). Ours solve in one thread where '
-        'nothing else is said; so do crocoddyl, mim-solvers, CasADi and acados. Of MPPI the '
-        'faster of one and two threads is compared, ours and theirs.',
+        'nothing else is said; so do all peers. Of MPPI the faster of one and two threads is '
+        'compared, ours and theirs.',
         '**Where a peer is ahead:** ' + ('; '.join(ahead(results)) or 'nowhere') + '.',
         '## Targets', compact([['target', 'aim', 'measured', ''], *(
             [one.what, f'{"at least" if one.more else "at most"} {one.aim:g}',

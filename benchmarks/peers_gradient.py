@@ -21,11 +21,10 @@ as from one cold start in five, an exception that it does not catch ends the pro
 from collections.abc import Callable
 from dataclasses import replace
 from importlib import import_module
-from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
-from timing import Work
+from timing import has, Work
 
 from dp_swing_ros.control import controllers
 from dp_swing_ros.pendulum.integrators import Integrator, Numbers
@@ -245,7 +244,7 @@ def descents(start: str, models: tuple[str, ...] = ('rk4', 'euler')) -> dict[str
         f'{name} {model} {"20 N" if bounded else "unbounded"}': our_descent(
             name, problem(model, bounded), start)
         for name in ('ilqr', 'ddp') for model in models for bounded in (False, True)}
-    for package in filter(find_spec, SOLVED):
+    for package in filter(has, SOLVED):
         for solver, bounded in SOLVED[package].items():
             constrained = solver == 'CSQP'
             if constrained and start == 'swing-up':

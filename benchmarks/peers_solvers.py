@@ -1,27 +1,26 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Whole solves to the same cost: ours against CasADi's IPOPT and Fatrop, acados, and crocoddyl.
+Whole solves to the same cost: ours, CasADi's IPOPT and Fatrop, acados, aligator, and crocoddyl.
 
     the time until J(U) ≤ (1 + CLOSE) · (the least J that any contender ends at)
 
 Every contender starts from the same state and trajectory, and stops after the fewest iterations
 that bring it there; J is the cost of its forces, followed by the model. With CasADi that is the
 default problem; with crocoddyl one that its own C++ can pose, by its step and its cost
-(`peers_gradient.same_problem`); acados solves both. Cold starts are states of the scenario
-`random`, and hanging, with random forces; warm ones lie along a closed loop from hanging, each
-disturbed, with the last plan.
+(`peers_gradient.same_problem`); acados and aligator solve both. Cold starts are states of the
+scenario `random`, and hanging, with random forces; warm ones lie along a closed loop from hanging,
+each disturbed, with the last plan.
 """
 
 from collections.abc import Callable, Iterable
 from functools import partial
-from importlib.util import find_spec
 from typing import Any, NamedTuple
 
 import numpy as np
 from peers_casadi import Guess, OPTIONS, Program, TOLERANCE
 from peers_gradient import Crocoddyl, RELATIVE, same_problem
-from timing import median, race, Work
+from timing import has, median, race, Work
 
 from dp_swing_ros.control import controllers
 from dp_swing_ros.evaluation.comparison import rate
@@ -105,23 +104,27 @@ def crocoddyl(name: str) -> Make:
     return make
 
 
-def acados(problem: Problem) -> dict[str, Make]:
-    """Return solves of acados, where it is installed."""
-    if not find_spec('acados'):
-        return {}
-    from peers_acados import solves
-    return {'acados SQP': solves(problem)}
+def compiled(problem: Problem) -> dict[str, Make]:
+    """Return solves of those that take any problem as C code, where they are installed."""
+    makes: dict[str, Make] = {}
+    if has('comma-deps-acados'):
+        from peers_acados import solves as of_acados
+        makes['acados SQP'] = of_acados(problem)
+    if has('libaligator'):
+        from peers_aligator import solves as of_aligator
+        makes['aligator ProxDDP'] = of_aligator(problem)
+    return makes
 
 
 def contests() -> dict[str, tuple[Problem, dict[str, Make]]]:
     """Return the problems, by who else solves them, and their contenders."""
     default, same = controllers.problem({}), same_problem()
     return {
-        'CasADi and acados': (default, {
-            **{name: ours(default, name) for name in OURS}, **acados(default),
+        'CasADi, acados, aligator': (default, {
+            **{name: ours(default, name) for name in OURS}, **compiled(default),
             **{f'casadi {name}': casadi(default, name) for name in OPTIONS}}),
-        'crocoddyl and acados': (same, {
-            **{name: ours(same, name) for name in OURS}, **acados(same),
+        'crocoddyl, acados, aligator': (same, {
+            **{name: ours(same, name) for name in OURS}, **compiled(same),
             **{f'crocoddyl {name}': crocoddyl(name) for name in ('BoxDDP', 'BoxFDDP')}})}
 
 

@@ -70,8 +70,8 @@ MEASURED = {
     'damaged_bags': Measured('mutated_bags mutations', (
         *BAGS, 'identification/recorded.py', 'learning/recorded.py', 'nodes/replay.py',
         'recovery/', 'report/', 'rerun/', 'tools/'), episodes=False),
-    'benchmark': Measured('benchmark peers_acados peers_casadi peers_gradient peers_sampling '
-                          'peers_solvers startup timing', (DEVICE,))}
+    'benchmark': Measured('benchmark peers_acados peers_aligator peers_casadi peers_gradient '
+                          'peers_sampling peers_solvers startup timing', (DEVICE,))}
 
 
 class Stamp(NamedTuple):

@@ -11,6 +11,7 @@ what is not long is called once before it is timed: the one before took its plac
 
 from collections.abc import Callable, Mapping
 import gc
+from importlib.metadata import distributions
 import time
 from typing import NamedTuple
 
@@ -37,6 +38,11 @@ class Interval(NamedTuple):
     value: float
     low: float
     high: float
+
+
+def has(distribution: str) -> bool:
+    """Return whether a peer is installed."""
+    return any(distributions(name=distribution))
 
 
 def race(contenders: Mapping[str, Work], rounds: int) -> dict[str, Array]:

@@ -3,6 +3,7 @@
 """The benchmark times the same problem for everyone; peers that are not installed are skipped."""
 
 import json
+import shutil
 import sys
 
 import benchmark
@@ -135,6 +136,40 @@ def test_acados_takes_as_many_iterations_as_were_asked_for():
         assert list(works) == [f'acados {kind} euler 20 N' for kind in (
             ['SQP', 'RTI'] if start == 'near the goal' else ['SQP'])]
         assert [work() for work in (*works.values(), *works.values())] == [count] * 2 * len(works)
+
+
+@pytest.fixture(scope='module')
+def aligator():
+    pytest.importorskip('casadi', reason='casadi is not installed; see make results')
+    if not timing.has('libaligator'):
+        pytest.skip('aligator is not installed; see make results')
+    import peers_aligator
+    if not (peers_aligator.COMPILER and shutil.which('c++')):
+        pytest.skip('there is no C++ compiler')
+    return peers_aligator
+
+
+def test_aligator_s_problem_is_the_same_number_for_number(aligator):
+    import peers_gradient
+    ours = peers_gradient.problem('rk4', True)
+    plan = peers_gradient.first_plan(ours, 'near the goal')
+    X, U = plan.X.copy(), plan.U.copy()
+    solver = aligator.ProxDDP(ours, aligator.PENALTY)
+    assert solver.solve(X, U, 10) > 0
+    assert solver.cost[0] == pytest.approx(trajectory_cost(ours.cost, X, U), rel=1e-12)
+    assert solver.cost[0] == pytest.approx(
+        trajectory_cost(ours.cost, rollout(ours.model, plan.X[0], U), U), rel=1e-9)
+
+
+def test_what_aligator_cannot_solve_leaves_the_next_solve_as_it_was(aligator):
+    import peers_gradient
+    ours = peers_gradient.problem('rk4', True)
+    plan, make = peers_gradient.first_plan(ours, 'near the goal'), aligator.solves(ours)
+    guess = aligator.Guess(plan.X[0], plan.X, plan.U)
+    before = make(guess, True, 20)()
+    beyond = guess._replace(X=np.full_like(guess.X, np.nan))
+    np.testing.assert_array_equal(make(beyond, True, 20)(), guess.U)
+    np.testing.assert_allclose(make(guess, True, 20)(), before, rtol=1e-9)
 
 
 def test_mim_solvers_takes_crocoddyl_s_problem():
