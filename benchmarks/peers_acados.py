@@ -14,6 +14,7 @@ some microseconds. Settings, each tried for the fastest that ends at the same co
   linear_mass_test_problem.py.
 
 A real-time iteration takes whole steps; from hanging these lead nowhere, so there SQP is alone.
+The DDP of newer releases of acados is not in the wheel that pip has.
 
 Sources: Verschueren et al., "acados: a modular open-source framework for fast embedded optimal
 control", Mathematical Programming Computation 14, 2022; Frison and Diehl, "HPIPM: a

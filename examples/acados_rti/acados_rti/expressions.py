@@ -12,7 +12,8 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from dp_swing_ros.kernels.compilation import mapped
+from dp_swing_ros.kernels.compilation import Constant, mapped
+from dp_swing_ros.kernels.symbols import flat
 from dp_swing_ros.pendulum.model import advance, Model
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.problem.cost import Cost, errors, excess
@@ -70,5 +71,9 @@ class Expressions(NamedTuple):
 def numbers_of(model: Model, cost: Cost) -> Array:
     """Return the values of p."""
     found: list[float] = []
-    mapped(lambda number: found.extend(np.ravel(number)), (model, cost))
+    for each in flat((model, cost)):
+        if isinstance(each, np.ndarray):
+            found += each.ravel().tolist()
+        elif not isinstance(each, Constant):
+            found.append(each)
     return np.array(found)

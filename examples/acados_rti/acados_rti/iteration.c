@@ -8,9 +8,8 @@
 #include "acados_c/ocp_nlp_interface.h"
 #include "acados_solver_pendulum.h"
 
-// Make a solver over N steps, condensed to so many blocks, of parameters p and low <= u <= high;
-// NULL where acados cannot.
-void *create(int N, int blocks, double *p, double low, double high)
+// Make a solver over N steps, condensed to so many blocks; NULL where acados cannot.
+void *create(int N, int blocks)
 {
     pendulum_solver_capsule *solver = pendulum_acados_create_capsule();
     double *scaling = malloc(N * sizeof(double));   // acados weighs the cost of a step by its time
@@ -21,18 +20,21 @@ void *create(int N, int blocks, double *p, double low, double high)
     int failed = pendulum_acados_create_with_discretization(solver, N, scaling)
         || (blocks < N && pendulum_acados_update_qp_solver_cond_N(solver, blocks));
     free(scaling);
-    if (failed)
-        return NULL;
-    for (int t = 0; t <= N; t++) {
+    return failed ? NULL : solver;
+}
+
+// Solve a problem over N steps of parameters p and low <= u <= high from now on.
+void set_problem(void *of, int N, double *p, double low, double high)
+{
+    pendulum_solver_capsule *solver = of;
+    for (int t = 0; t <= N; t++)
         pendulum_acados_update_params(solver, t, p, PENDULUM_NP);
-        if (t < N) {
-            ocp_nlp_constraints_model_set(
-                solver->nlp_config, solver->nlp_dims, solver->nlp_in, t, "lbu", &low);
-            ocp_nlp_constraints_model_set(
-                solver->nlp_config, solver->nlp_dims, solver->nlp_in, t, "ubu", &high);
-        }
+    for (int t = 0; t < N; t++) {
+        ocp_nlp_constraints_model_set(
+            solver->nlp_config, solver->nlp_dims, solver->nlp_in, t, "lbu", &low);
+        ocp_nlp_constraints_model_set(
+            solver->nlp_config, solver->nlp_dims, solver->nlp_in, t, "ubu", &high);
     }
-    return solver;
 }
 
 // Replace a trajectory, X (N + 1, PENDULUM_NX) and U (N,), by what an iteration makes of it;
@@ -66,10 +68,4 @@ double cost(void *of)
     ocp_nlp_eval_cost(solver->nlp_solver, solver->nlp_in, solver->nlp_out);
     ocp_nlp_get(solver->nlp_config, solver->nlp_solver, "cost_value", &cost);
     return cost;
-}
-
-void destroy(void *solver)
-{
-    pendulum_acados_free(solver);
-    pendulum_acados_free_capsule(solver);
 }

@@ -41,10 +41,11 @@ RTI = {'nlp_solver_type': 'SQP_RTI'}
 UNBOUNDED = 1e10   # from where on acados takes a bound for none
 
 _loaded: dict[Hashable, ctypes.CDLL] = {}
+_unused: dict[Hashable, list[int]] = {}   # memory of solvers
 
 
 class Acados:
-    """A solver of acados for a problem, in memory of its own."""
+    """A solver of acados for a problem, in memory that the next one of its size takes over."""
 
     def __init__(self, problem: Problem, blocks: int, options: Mapping[str, Any] = RTI) -> None:
         """
@@ -52,13 +53,16 @@ class Acados:
 
         Raises ParameterError where acados or a C compiler is missing.
         """
-        self.code, p = library(problem, options), numbers_of(problem.model, problem.cost)
-        self.memory = self.code.create(
-            problem.horizon, min(blocks, problem.horizon), p.ctypes.data,
-            *np.clip(problem.bounds, -UNBOUNDED, UNBOUNDED))
+        N, p = problem.horizon, numbers_of(problem.model, problem.cost)
+        self.code = library(problem, options)
+        # to make one takes as long as to solve, and with other masses there is a new one each tick
+        unused = _unused.setdefault((self.code._handle, N, blocks), [])
+        self.memory = unused.pop() if unused else self.code.create(N, min(blocks, N))
         if self.memory is None:
-            raise MemoryError(f'acados makes no solver over a horizon of {problem.horizon} steps')
-        weakref.finalize(self, self.code.destroy, self.memory)
+            raise MemoryError(f'acados makes no solver over a horizon of {N} steps')
+        weakref.finalize(self, unused.append, self.memory)
+        self.code.set_problem(self.memory, N, p.ctypes.data,
+                              *np.clip(problem.bounds, -UNBOUNDED, UNBOUNDED))
 
     def iterate(self, X: Array, U: Array) -> int:
         """Replace a trajectory, X (N + 1, 2n + 2) and U (N,), and return acados's status."""
@@ -94,9 +98,10 @@ def load(file: Path) -> ctypes.CDLL:
     code = ctypes.CDLL(str(file))
     number, pointer, real = ctypes.c_int, ctypes.c_void_p, ctypes.c_double
     for function, result, arguments in (
-            (code.create, pointer, (number, number, pointer, real, real)),
+            (code.create, pointer, (number, number)),
+            (code.set_problem, None, (pointer, number, pointer, real, real)),
             (code.iterate, number, (pointer, number, pointer, pointer)),
-            (code.cost, real, (pointer,)), (code.destroy, None, (pointer,))):
+            (code.cost, real, (pointer,))):
         function.restype, function.argtypes = result, arguments
     return code
 
