@@ -116,6 +116,20 @@ def test_a_solve_leaves_nothing_behind():
     np.testing.assert_array_equal(again.K, first.K)
 
 
+def test_a_solver_takes_over_the_memory_of_one_that_is_gone_and_of_no_other():
+    x_0, usual, heavy = hanging() + 0.3, problem(), problem(link2_mass=0.8)
+    one, other = solver(usual), solver(heavy)
+    assert one.acados.memory != other.acados.memory
+    plans = [each.solve(x_0, None, math.inf) for each in (one, other, one)]
+    np.testing.assert_array_equal(plans[2].U, plans[0].U)
+    assert np.any(plans[1].U != plans[0].U)
+    memory = one.acados.memory
+    del one
+    heir = solver(heavy)
+    assert heir.acados.memory == memory
+    np.testing.assert_array_equal(heir.solve(x_0, None, math.inf).U, plans[1].U)
+
+
 @pytest.fixture
 def new_cache(tmp_path, monkeypatch):
     """Return an empty cache, with nothing loaded, and another folder to work in."""

@@ -37,7 +37,6 @@ from dp_swing_ros.problem.problem import Problem
 ITERATION = Path(__file__).with_name('iteration.c')
 FLAGS = '-O2', '-march=native', '-fPIC', '-shared'
 RTI = {'nlp_solver_type': 'SQP_RTI'}
-
 UNBOUNDED = 1e10   # from where on acados takes a bound for none
 
 _loaded: dict[Hashable, ctypes.CDLL] = {}
@@ -56,7 +55,7 @@ class Acados:
         N, p = problem.horizon, numbers_of(problem.model, problem.cost)
         self.code = library(problem, options)
         # to make one takes as long as to solve, and with other masses there is a new one each tick
-        unused = _unused.setdefault((self.code._handle, N, blocks), [])
+        unused = _unused.setdefault((self.code, N, blocks), [])
         self.memory = unused.pop() if unused else self.code.create(N, min(blocks, N))
         if self.memory is None:
             raise MemoryError(f'acados makes no solver over a horizon of {N} steps')
