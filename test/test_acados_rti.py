@@ -46,7 +46,8 @@ def wild_trajectory(of, rng):
 @pytest.mark.parametrize('values', [
     {}, {'links': 1}, {'links': 3}, {'model': 'euler', 'angle_error': 'angle'},
     {'goal': 'down_up', 'cart_dry_friction': 1.0, 'joint2_dry_friction': 0.1},
-    {'cart_speed_limit': 2.0}, {'drive': 'acceleration'}], ids=str)
+    {'cart_speed_limit': 2.0}, {'drive': 'acceleration'},
+    {'joint1_stiffness': 0.3, 'joint2_preload': 0.2}], ids=str)
 def test_step_and_cost_are_ours(values, rng):
     of = problem(**values)
     model, cost = of.model, of.cost
