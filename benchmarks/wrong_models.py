@@ -49,10 +49,11 @@ SIZES = {1.0: 20.0, 0.2: 200.0}   # [m] of each link: [Hz]
 DEFAULT = 'default'
 CONTESTANTS: dict[str, dict[str, Any]] = {
     DEFAULT: {}, 'no_adaptation': {'ekf.adaptation': 0.0}, 'state_alone': CERTAIN,
-    'no_estimator': {'estimator': 'none'}}
+    'no_estimator': {'estimator': 'none'}, 'adaptive': {'dynamics': 'adaptive'}}
 CELLS = [cell for cell in product(SIZES, METHODS, CONTESTANTS)   # of the page
          if cell[2] == DEFAULT or cell[:2] == (1.0, 'ilqr')]
-LOOKS = dict(zip(CONTESTANTS, ((INK, 'o'), (PALETTE[0], 's'), (PALETTE[2], '^'), (FAINT, 'D'))))
+LOOKS = dict(zip(CONTESTANTS, (
+    (INK, 'o'), (PALETTE[0], 's'), (PALETTE[2], '^'), (FAINT, 'D'), (PALETTE[1], 'v'))))
 AGAIN = 3.0            # [s] scaled, in which a link that was changed is to be held again
 KNOCK, KNOCKED = 20.0, 0.1   # [N, s] scaled, of the cart by who changes a link
 TWICE, LENGTHS = (0.5, 2.0), (0.8, 1.2)   # factors of what is told
@@ -251,7 +252,9 @@ def page(rows: Sequence[Row], made: str) -> str:
         compact([('rig', 'what is wrong'), *(
             (f'`{name}`', model.about) for name, model in RIGS.items())]) + '\n',
         'The mpc is the default one; or its filter takes its noises as given (`no_adaptation`) or '
-        'estimates the state alone (`state_alone`), or it has none (`no_estimator`).\n',
+        'estimates the state alone (`state_alone`), or it has none (`no_estimator`); or it '
+        '[learns dynamics](../learned_dynamics.md#beside-the-equations) beside the equations, and '
+        'plans with these while they predict better (`adaptive`).\n',
         'Held is what [evaluate](../evaluation.md#measures) calls so; of `springs`, whose links '
         'cannot rest upright, about where they can. As asked is, of `zeros`, with the cart within '
         f'{100 * CENTRED:g} cm of its goal at the end; of `changed` and `knocked`, settled within '

@@ -214,7 +214,7 @@ def test_the_page_is_of_its_cells(tmp_path, monkeypatch):
 
 
 def test_others_than_the_default_are_on_the_page_once():
-    assert len(wrong_models.CELLS) == len(set(wrong_models.CELLS)) == 9
+    assert len(wrong_models.CELLS) == len(set(wrong_models.CELLS)) == 10
     assert {cell[:2] for cell in wrong_models.CELLS if cell[2] != 'default'} == {(1.0, 'ilqr')}
 
 

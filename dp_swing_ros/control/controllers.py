@@ -15,7 +15,7 @@ from dp_swing_ros.pendulum.parameters import (
     Drive, DRIVEN, DriveParameters, LimitParameters, PendulumParameters, VELOCITY)
 from dp_swing_ros.pendulum.sensors import default_sensors, SensorParameters
 from dp_swing_ros.pendulum.state import LINKS, upright
-from dp_swing_ros.problem.parameters import CostParameters, LEARNED, PredictionParameters
+from dp_swing_ros.problem.parameters import ADAPTIVE, CostParameters, LEARNED, PredictionParameters
 from dp_swing_ros.problem.problem import growth, Problem
 from dp_swing_ros.solvers import SOLVERS
 
@@ -63,6 +63,10 @@ def controller(values: Values) -> RecedingHorizon:
         raise ParameterError(
             f"parameter 'force_bias' is {drive.bias:g} with the drive {VELOCITY!r}; expected 0: "
             'the cart comes to the velocity that it is told, whatever pushes it')
+    if values['dynamics'] == ADAPTIVE and problem.physical.is_driven:
+        raise ParameterError(
+            f"parameter 'dynamics' is {ADAPTIVE!r} with the drive {problem.physical.drive!r}; "
+            'expected analytic: what is learned beside the equations are forces')
     return RecedingHorizon(problem, parameters,
                            group(SOLVERS[solver].Parameters, values, f'{solver}.'),
                            group(ESTIMATORS[estimator].Parameters, values, f'{estimator}.'),

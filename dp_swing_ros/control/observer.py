@@ -9,13 +9,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dp_swing_ros.control.adaptive_dynamics import AdaptiveDynamics
 from dp_swing_ros.control.message_filter import MessageFilter, Predict
 from dp_swing_ros.estimators import ESTIMATORS
 from dp_swing_ros.estimators.estimator import Commands, Estimate, Estimator
 from dp_swing_ros.parameters import parameter, ParameterError, Parameters
 from dp_swing_ros.pendulum.parameters import Drive
 from dp_swing_ros.pendulum.state import Array, is_state, to_turn_of, turned
-from dp_swing_ros.problem.parameters import PredictionParameters
+from dp_swing_ros.problem.parameters import ADAPTIVE, PredictionParameters
 from dp_swing_ros.problem.plan import Plan
 from dp_swing_ros.problem.problem import Bounds, Problem
 
@@ -59,7 +60,11 @@ class Belief(NamedTuple):
 
 
 class Observer:
-    """Holds the estimator, the belief, and the states before, which tell dead sensors."""
+    """
+    Holds the estimator, the belief, and the states before, which tell dead sensors.
+
+    Where asked to, also dynamics that it learns beside the equations; see adaptive_dynamics.py.
+    """
 
     def __init__(self, problem: Problem, parameters: ObserverParameters, estimator: Parameters,
                  drive: Drive) -> None:
@@ -69,20 +74,28 @@ class Observer:
         self.estimator: Estimator = ESTIMATORS[parameters.estimator](problem, drive, estimator)
         self.message_filter = MessageFilter(
             problem.physical.links, problem.parameters.limits.track_limit, problem.scale)
+        is_adaptive = problem.parameters.prediction.dynamics == ADAPTIVE
+        self.adaptive = AdaptiveDynamics(problem, drive) \
+            if is_adaptive and problem.learned is None else None
         self.reset()
 
     def reset(self) -> None:
         """Forget all measurements."""
         self.estimator.reset()
         self.message_filter.reset()
+        if self.adaptive is not None:
+            self.adaptive.reset()
         self.first, self.latest = math.inf, -math.inf   # [s] times of measurements
         nothing = np.full(len(self.nominal.cost.S), np.nan)
         self.belief = Belief(-math.inf, nothing, driven_by(self.nominal_drive, self.nominal),
                              self.nominal_drive, '', None)
+        self.estimated = self.belief.problem   # by the estimator, whatever drives
 
     def reconfigure(self, other: 'Observer') -> None:
         """Go on with the parameters of another one; the anew if it is told otherwise."""
         belief, problem = self.belief, other.nominal
+        if other.inputs != self.inputs or None in (self.adaptive, other.adaptive):
+            self.adaptive = other.adaptive
         if other.inputs != self.inputs:
             self.estimator, self.message_filter = other.estimator, other.message_filter
             belief = belief._replace(drive=other.nominal_drive, estimate=None)
@@ -90,10 +103,11 @@ class Observer:
             other.estimator.continue_from(self.estimator)
             self.estimator = other.estimator
         else:
-            problem = problem.with_physical(belief.problem.physical)
+            problem = problem.with_physical(self.estimated.physical)
         self.nominal, self.nominal_drive = other.nominal, other.nominal_drive
         self.parameters, self.estimator_parameters = other.parameters, other.estimator_parameters
-        self.belief = belief._replace(problem=driven_by(belief.drive, problem))
+        self.estimated = driven_by(belief.drive, problem)
+        self.belief = belief._replace(problem=self.estimated)
 
     def predict_as(self, prediction: PredictionParameters) -> None:
         """
@@ -102,8 +116,11 @@ class Observer:
         Raises ParameterError, and changes nothing, where no regulator holds the reference state.
         """
         nominal, estimated = (problem.with_prediction(prediction) for problem in (
-            self.nominal, self.belief.problem))
-        self.nominal, self.belief = nominal, self.belief._replace(problem=estimated)
+            self.nominal, self.estimated))
+        drives = estimated if self.belief.problem is self.estimated else (
+            self.belief.problem.with_prediction(prediction))
+        self.nominal, self.estimated = nominal, estimated
+        self.belief = self.belief._replace(problem=drives)
 
     @property
     def inputs(self) -> tuple[object, ...]:
@@ -144,22 +161,41 @@ class Observer:
         if estimate is not None:
             self.belief = self.belief_of(t, estimate)
         elif np.all(np.isfinite(x)):
-            self.belief = self.belief._replace(t=t, x=x, rejection='', estimate=None)
+            self.belief = Belief(t, x, self.estimated, self.nominal_drive, '', None)
         else:
             self.belief = self.belief._replace(rejection='')
             raise ValueError(f'the state is {x}, without velocities; estimator ekf does without')
         self.message_filter.accept(measured, turned(self.belief.x, self.belief.balance))
+        self.adapt(measured, commands)
         return self.belief
+
+    def adapt(self, measured: Array, commands: Commands) -> None:
+        """
+        Learn from a state, and believe what was learned where it predicts better.
+
+        That has no balance, and takes the state as it is measured. Shapes: measured (2n + 2,).
+        """
+        belief, adaptive = self.belief, self.adaptive
+        if adaptive is None or belief.rejection:
+            return
+        x = np.where(np.isnan(measured), turned(belief.x, belief.balance), measured)
+        adaptive.update(belief.t, x, prediction(commands, self.estimated, belief.drive,
+                                                belief.balance), commands)
+        problem, estimate = adaptive.problem_of(self.nominal), belief.estimate
+        if problem is not None:
+            self.belief = belief._replace(
+                x=x, problem=problem, drive=adaptive.drive,
+                estimate=None if estimate is None else estimate._replace(balance=0.0))
 
     def belief_of(self, t: float, estimate: Estimate) -> Belief:
         """Return what an estimate says of state, pendulum and drive."""
-        problem = self.belief.problem
+        problem = self.estimated
         if self.estimator.has_moved(problem.physical):
             with contextlib.suppress(ParameterError):   # of what no pendulum can be held with
                 problem = self.nominal.with_physical(
                     self.nominal.physical.estimated(estimate.physical))
-        return Belief(t, turned(estimate.x, -estimate.balance),
-                      driven_by(estimate.drive, problem), estimate.drive,
+        self.estimated = driven_by(estimate.drive, problem)
+        return Belief(t, turned(estimate.x, -estimate.balance), self.estimated, estimate.drive,
                       '' if estimate.accepted else
                       f'the state is {estimate.distance:.3g} deviations from its prediction; the '
                       'estimator refuses it', estimate)

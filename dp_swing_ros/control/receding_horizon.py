@@ -42,6 +42,9 @@ class MpcParameters(PlannerParameters, SupervisorParameters, ObserverParameters)
         'are from: parameters; description, the first robot description on the topic '
         'robot_description (nothing is sent before)',
         choices=lambda: [PARAMETERS, DESCRIPTION], live=False)
+    learned_file: str = parameter(
+        '', 'with dynamics adaptive, the file into which what was learned is written when the '
+        'mpc ends, to plan with (dynamics learned); empty: none')
     time_noise: float = parameter(
         1e-3, 'standard deviation of the time at which a state was measured, by its stamp (real '
         'time only)', unit='s', minimum=0.0)
@@ -226,7 +229,15 @@ class RecedingHorizon:
         twin.fallback(len(taken) * problem.dt)
         braked(problem, problem.x_r, 0.0, math.inf)
         terms(problem.cost, plan.X - plan.turns, plan.U)
-        return min(taken[-1], taken[-7])
+        usual = min(taken[-1], taken[-7])
+        if self.observer.adaptive is None:
+            return usual
+        self.observer.adaptive.warm_up()
+        learned = Problem.of(problem.physical, *problem.parameters, self.observer.adaptive.model,
+                             problem.scale)
+        return max(usual, RecedingHorizon(
+            learned, replace(self.parameters, estimator='none'), self.planner.solver_parameters,
+            Parameters()).warm_up(most))
 
 
 def starts_to_warm_up(links: int) -> tuple[Array, Array]:

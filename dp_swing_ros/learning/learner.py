@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 
 from dp_swing_ros.control import controllers
+from dp_swing_ros.control.adaptive_dynamics import END, TRANSITION
 from dp_swing_ros.control.receding_horizon import RecedingHorizon
 from dp_swing_ros.dynamics.files import LearnedModel
 from dp_swing_ros.learning.experience import Experience
 from dp_swing_ros.learning.models import Online
-from dp_swing_ros.learning.recorded import TRANSITION
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.pendulum.model import ROUNDING
 from dp_swing_ros.pendulum.state import Array, to_turn_of
@@ -33,7 +33,6 @@ LOUD = 0.6           # of the largest force, standard deviation of the random on
 CORRELATION = 0.6    # of a random force with that a TRANSITION before
 HOME = 0.5           # [1/m] scaled, of the largest force, off the middle
 BRAKE = 0.15         # [s/m] scaled, of it, against the speed
-END = 0.1            # [m] scaled, from that of the track: there it is no motion of a pendulum
 GAP = 1.5            # periods without a state: beyond, it is not known what happened
 
 

@@ -13,13 +13,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dp_swing_ros.dynamics import priors
 from dp_swing_ros.dynamics.files import LearnedModel
+from dp_swing_ros.dynamics.priors import Prior
 from dp_swing_ros.dynamics.structured import Structured
 from dp_swing_ros.errors import UserError
-from dp_swing_ros.learning import priors
 from dp_swing_ros.learning.experience import Experience
 from dp_swing_ros.learning.quality import misses, rms
-from dp_swing_ros.learning.regression import FINE, fitted, Prior, spread
+from dp_swing_ros.learning.regression import FINE, fitted, spread
 from dp_swing_ros.pendulum.equations import Pendulum
 from dp_swing_ros.pendulum.parameters import DIRECT, Drive
 from dp_swing_ros.pendulum.units import SAME, SPEEDS, Units

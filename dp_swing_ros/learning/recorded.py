@@ -4,6 +4,7 @@
 
 import numpy as np
 
+from dp_swing_ros.control.adaptive_dynamics import TRANSITION
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.identification.segments import is_usable, Motion, period_of
 from dp_swing_ros.learning.experience import Experience
@@ -12,7 +13,6 @@ from dp_swing_ros.pendulum.parameters import DIRECT, Drive
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.pendulum.units import POSITIONS, SAME, Units
 
-TRANSITION = 0.05   # [s] scaled, about; of states that come faster some are left out
 JUMP = 0.2          # [m, rad] scaled, off what the speeds say: a reset, not a motion
 
 

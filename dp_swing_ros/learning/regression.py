@@ -18,6 +18,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.optimize import lsq_linear
 
+from dp_swing_ros.dynamics.priors import Prior
 from dp_swing_ros.kernels import kernel
 from dp_swing_ros.learning.experience import Experience
 from dp_swing_ros.pendulum.drive import follow_commands
@@ -45,14 +46,6 @@ class Precision(NamedTuple):
 
 # where things stick and slip, what is smooth would pass for inertia and gravity
 FINE = Precision(0.02, 0.005)   # [m/s, rad/s] scaled, [s] likewise
-
-
-class Prior(NamedTuple):
-    """The prior, before any experience; shapes: mean, deviations and lowest (P,)."""
-
-    mean: Array
-    deviations: Array
-    lowest: Array      # bounds: what is negative would make energy
 
 
 def spread(e: Array) -> Array:

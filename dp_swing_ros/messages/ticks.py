@@ -22,6 +22,9 @@ class TickReport:
 
     solver: str = diagnostic('who solved', default='')
     status: str = diagnostic('how the solve ended, or what stands for one: a name of `Status`')
+    dynamics: str = diagnostic(
+        'which drive: `analytic` or `learned`, see [learned dynamics](learned_dynamics.md)',
+        default='')
     cost: float = diagnostic('what the plan costs')
     cost_terms: Figures = diagnostic(
         'its terms, whose sum it is: `position`, `angles`, `velocities`, `force`, `limits` (what '

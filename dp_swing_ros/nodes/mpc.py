@@ -232,9 +232,11 @@ class MpcNode(ProcessNode):
         return not self.configured or self.core.may_end()
 
     def close(self) -> None:
-        """End the stream of commands with zero."""
+        """End the stream of commands with zero, and keep what was learned."""
         if self.configured:
             self.core.close()
+            if self.core.forces:   # else it may not even be prepared
+                self.core.live.end()
 
 
 main = partial(run, MpcNode)

@@ -9,7 +9,7 @@ from dp_swing_ros.pendulum.integrators import Integrator, INTEGRATORS
 from dp_swing_ros.pendulum.parameters import at_equilibrium, EQUILIBRIA, GIVEN
 from dp_swing_ros.pendulum.state import Array, SIZES, upright
 
-ANALYTIC, LEARNED = 'analytic', 'learned'   # dynamics
+ANALYTIC, LEARNED, ADAPTIVE = 'analytic', 'learned', 'adaptive'   # dynamics
 
 
 @dataclasses.dataclass(frozen=True)
@@ -71,7 +71,9 @@ class PredictionParameters(Parameters):
         scaled=True)
     dynamics: str = parameter(
         ANALYTIC, 'what accelerates cart and links: analytic, the equations of a chain of rigid '
-        'links; learned, what was learned from experience', choices=lambda: [ANALYTIC, LEARNED])
+        'links; learned, what was learned from experience; adaptive, the equations, and what is '
+        'learned beside them while it predicts better',
+        choices=lambda: [ANALYTIC, LEARNED, ADAPTIVE])
     model: str = parameter(
         'rk4', 'how one step is predicted: the integrator, rk4 or euler; with dynamics learned, '
         'the file of the learned model, which rk4 integrates')
@@ -79,7 +81,7 @@ class PredictionParameters(Parameters):
     def __post_init__(self) -> None:
         """Check also what concerns two at once; raises ParameterError."""
         super().__post_init__()
-        if self.dynamics == ANALYTIC and self.model not in INTEGRATORS:
+        if self.dynamics != LEARNED and self.model not in INTEGRATORS:
             raise ParameterError(
                 f"parameter 'model' is {self.model!r}; expected one of "
                 f'{", ".join(INTEGRATORS)}, or the file of a learned model with dynamics learned')
@@ -87,4 +89,4 @@ class PredictionParameters(Parameters):
     @property
     def integrator(self) -> Integrator:
         """Return what steps the dynamics."""
-        return INTEGRATORS[self.model if self.dynamics == ANALYTIC else 'rk4']
+        return INTEGRATORS['rk4' if self.dynamics == LEARNED else self.model]

@@ -4,10 +4,11 @@
 
 from collections.abc import Callable, Mapping
 import math
+from pathlib import Path
 from typing import Any
 
 from dp_swing_ros.control.receding_horizon import RecedingHorizon
-from dp_swing_ros.messages.fields import ERROR, Report, WARN
+from dp_swing_ros.messages.fields import ERROR, OK, Report, WARN
 from dp_swing_ros.pendulum.parameters import DRIVEN, FORCE, VELOCITY
 from dp_swing_ros.runtime.loading import Loader
 from dp_swing_ros.runtime.sent import Announcement, Log, PutBack, Sent
@@ -80,6 +81,18 @@ class LiveParameters:
                 self.log.say(
                     WARN, f'{name} is {own:g}, and that of the plant {theirs:g}; expected the '
                     'same for both: it goes with the bodies, unless it is given', name, math.inf)
+
+    def end(self) -> None:
+        """Write what was learned beside the equations where `learned_file` says."""
+        adaptive, file = self.controller.observer.adaptive, self.values['learned_file']
+        if adaptive is None or not file:
+            return
+        try:
+            Path(file).expanduser().write_text(adaptive.model.to_text(), encoding='utf-8')
+            self.log.say(OK, f'what was learned is in {file}')
+        except OSError as error:
+            self.log.say(ERROR, f"parameter 'learned_file' is {file!r}: {error.strerror}; what "
+                         'was learned is lost, expected a file in a folder that is there')
 
     def _look(self) -> None:
         """Warn of what is possible, but hardly meant; find a learned model, not just its file."""

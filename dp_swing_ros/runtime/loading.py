@@ -106,10 +106,10 @@ class Loader:
 
 def kind_of(controller: RecedingHorizon) -> tuple[Any, ...]:
     """Return what decides which kernels a controller needs."""
-    parameters, (_, cost, _) = controller.parameters, controller.nominal.parameters
+    parameters, (_, cost, prediction) = controller.parameters, controller.nominal.parameters
     model = controller.nominal.model
     switches = {name: value for name, value in vars(controller.planner.solver_parameters).items()
                 if isinstance(value, (bool, str))}
     return (parameters.solver, *switches.items(), parameters.estimator, cost.angle_error,
             parameters.shown_tries > 0,
-            model.integrator, model.pendulum.kind)
+            model.integrator, model.pendulum.kind, prediction.dynamics)

@@ -16,6 +16,7 @@ from dp_swing_ros.pendulum.geometry import joint_positions
 from dp_swing_ros.pendulum.model import rollout
 from dp_swing_ros.pendulum.state import Array, links_of, turned
 from dp_swing_ros.problem.cost import terms
+from dp_swing_ros.problem.parameters import ANALYTIC, LEARNED
 from dp_swing_ros.problem.plan import FALLBACK, Plan, Status, Tries
 from dp_swing_ros.problem.problem import Problem
 from dp_swing_ros.runtime.sent import Log
@@ -63,6 +64,10 @@ class Reporter:
         warning = '; '.join(filter(None, (
             warning, astray, unexplained,
             'the solve failed' if stats.candidates and stats.status in FALLBACK else '')))
+        adaptive = controller.observer.adaptive
+        drives = '' if adaptive is None else adaptive.words(time)
+        if drives:
+            self.log.say(OK, drives, 'dynamics', 10.0)
         self.late_total += late
         level = OK
         if complaint or stopping or stats.status is Status.ZERO:
@@ -73,7 +78,7 @@ class Reporter:
             plan, problem, estimate, solver=controller.parameters.solver,
             time=time, late=late, late_total=self.late_total, enabled=controller.enabled,
             stopping=bool(stopping), **figures)
-        words = filter(None, (complaint, stopping, warning, stats.status.value))
+        words = filter(None, (complaint, stopping, warning, drives, stats.status.value))
         return Report(stamp, level, '; '.join(words), tick.values())
 
 
@@ -110,6 +115,7 @@ def tick_report(plan: Plan, problem: Problem, estimate: Estimate | None,
     stats, (there, back) = plan.stats, problem.with_goal_on(plan.turns)
     costs = sorted(each.cost for each in stats.candidates if math.isfinite(each.cost))
     return TickReport(
+        dynamics=ANALYTIC if problem.learned is None else LEARNED,
         status=stats.status.name, cost=stats.cost, step=plan.dt,
         cost_terms=terms(there.cost, plan.X - back, plan.U)._asdict(),
         iterations=stats.iterations, solve_time=stats.solve_time, phases=stats.phases,

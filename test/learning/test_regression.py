@@ -6,8 +6,8 @@ from learned_dynamics import BODIES, experience, of_chain, rms
 import numpy as np
 import pytest
 
+from dp_swing_ros.dynamics.priors import structured
 from dp_swing_ros.learning.experience import Experience
-from dp_swing_ros.learning.priors import structured
 from dp_swing_ros.learning.regression import fitted, followed, predicted, spread
 from dp_swing_ros.pendulum.equations import Pendulum
 from dp_swing_ros.pendulum.parameters import PendulumParameters

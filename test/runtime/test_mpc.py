@@ -12,6 +12,7 @@ from virtual import (
 
 from dp_swing_ros.control import controllers
 from dp_swing_ros.control.planner import Planner
+from dp_swing_ros.dynamics.files import load
 from dp_swing_ros.estimators import ESTIMATORS
 from dp_swing_ros.messages.fields import ERROR, OK, Report, to_state, WARN
 from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
@@ -91,6 +92,17 @@ def test_the_stream_of_commands_ends_with_zero():
     assert run.forces[-1] != 0.0
     run.core.close()
     assert run.of(Force)[-1] == Force(0, 0.0)
+
+
+def test_what_was_learned_is_kept_where_asked_to(tmp_path):
+    run = lockstep(dynamics='adaptive', learned_file=str(tmp_path / 'model.json'))
+    run.lockstep(hanging())
+    run.core.live.end()
+    assert load(str(tmp_path / 'model.json'), 2).about == {'seconds': 0.0}
+    assert f'what was learned is in {tmp_path}' in run.log(OK)[-1]
+    run = lockstep(dynamics='adaptive', learned_file=str(tmp_path / 'none' / 'model.json'))
+    run.core.live.end()
+    assert 'No such file or directory; what was learned is lost' in run.log(ERROR)[-1]
 
 
 def test_a_state_that_is_not_finite_is_answered_from_the_last_plan():

@@ -382,6 +382,16 @@ def test_a_bag_holds_the_learned_model_that_it_was_planned_with(tmp_path, capsys
     assert verified(rewritten(bag, tmp_path / 'other', CONFIGURATION, heavier), capsys)[0] == 1
 
 
+def test_a_bag_in_which_what_was_learned_beside_the_equations_drives_is_verified(
+        tmp_path, capsys):
+    told = ('dynamics: adaptive\nestimator: none\ncart_mass: 1.2\nlink1_mass: 0.6\n'
+            'link2_mass: 0.4\n')
+    bag = record(tmp_path, '--duration', '4', '--lockstep', mpc=told)
+    drove = {value_of(message, 'dynamics') for message in Bag(bag).of(DIAGNOSTICS)}
+    assert {'analytic', 'learned'} <= drove
+    assert verified(bag, capsys)[:2] == (0, whole(81, 'ilqr'))
+
+
 def test_a_bag_from_before_is_told(bags, tmp_path, capsys):
     def change(message):
         message.status[0].values = [pair for pair in message.status[0].values

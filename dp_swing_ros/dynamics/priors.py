@@ -9,10 +9,13 @@ that they are about its own, with frictions of any size. Numbers are those of th
 to whose size experience of others is brought; see `Experience.sized`.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from dp_swing_ros.dynamics.structured import harmonics, links, pairs, Structured
-from dp_swing_ros.learning.regression import Prior
+from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.pendulum.units import Units
 
 MASS = 1.0         # [kg] scaled, of all, and its deviation
 INERTIA = 0.1      # [kg m²] scaled, of a link
@@ -26,12 +29,27 @@ ABOUT = 0.1        # of a number that is known, its deviation
 REST = 0.03        # of the deviations above, those of what a chain of rigid links has not
 
 
+class Prior(NamedTuple):
+    """The prior, before any experience; shapes: mean, deviations and lowest (P,)."""
+
+    mean: Array
+    deviations: Array
+    lowest: Array      # bounds: what is negative would make energy
+
+
 def known(dynamics: Structured) -> Prior:
     """Return the prior of dynamics that are known, about."""
     n, (_, vague, lowest) = dynamics.links, structured(dynamics.links)[1]
     mean, bodies = dynamics.free, np.arange(len(vague)) < len(vague) - 2 * (n + 1)
     deviations = np.where(bodies, np.maximum(ABOUT * np.abs(mean), REST * vague), vague)
     return Prior(mean, deviations, lowest)
+
+
+def sizes(n: int, scale: Units) -> Array:
+    """Return by what the free numbers (P,) of n links so many times larger are larger."""
+    untold, _ = structured(n)
+    ones = untold.with_free(np.ones_like(untold.free))
+    return ones.sized(scale).free
 
 
 def structured(n: int) -> tuple[Structured, Prior]:
