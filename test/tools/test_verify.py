@@ -12,6 +12,7 @@ from std_msgs.msg import String
 
 from dp_swing_ros.bags import read_episode
 from dp_swing_ros.bags.reader import Bag
+from dp_swing_ros.dynamics.files import load
 from dp_swing_ros.messages.configuration import from_text
 from dp_swing_ros.pendulum.parameters import PendulumParameters
 from dp_swing_ros.rerun.ticks import record_of
@@ -385,10 +386,11 @@ def test_a_bag_holds_the_learned_model_that_it_was_planned_with(tmp_path, capsys
 def test_a_bag_in_which_what_was_learned_beside_the_equations_drives_is_verified(
         tmp_path, capsys):
     told = ('dynamics: adaptive\nestimator: none\ncart_mass: 1.2\nlink1_mass: 0.6\n'
-            'link2_mass: 0.4\n')
+            f'link2_mass: 0.4\nlearned_file: {tmp_path}/model.json\n')
     bag = record(tmp_path, '--duration', '4', '--lockstep', mpc=told)
     drove = {value_of(message, 'dynamics') for message in Bag(bag).of(DIAGNOSTICS)}
     assert {'analytic', 'learned'} <= drove
+    assert load(f'{tmp_path}/model.json', 2).about['seconds'] == pytest.approx(4.0, abs=0.2)
     assert verified(bag, capsys)[:2] == (0, whole(81, 'ilqr'))
 
 
