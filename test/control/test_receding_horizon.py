@@ -19,12 +19,13 @@ from dp_swing_ros.control import controllers
 from dp_swing_ros.control.commands import SentCommands
 from dp_swing_ros.evaluation.metrics import measure
 from dp_swing_ros.pendulum.drive import lagged
-from dp_swing_ros.pendulum.equations import Pendulum, spring_torques
+from dp_swing_ros.pendulum.equations import Pendulum
 from dp_swing_ros.pendulum.integrators import INTEGRATORS
 from dp_swing_ros.pendulum.model import hold, Model
 from dp_swing_ros.pendulum.parameters import DIRECT, Drive, DriveParameters, PendulumParameters
 from dp_swing_ros.pendulum.state import angles, hanging, is_upright, to_turn_of, turned, wrapped
 from dp_swing_ros.problem.plan import Status
+from dp_swing_ros.problem.problem import turns_of
 from dp_swing_ros.rerun.answers import repeated
 from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import simulate
@@ -405,19 +406,18 @@ def test_links_stand_where_they_are_balanced():
         assert 'stood still' not in c.belief.rejection
 
 
-def test_springs_that_nobody_told_of_are_found_and_their_links_held_where_they_rest():
-    c, x = controller(), hanging() + (0.0, 0.001, -0.001, 0.0, 0.0, 0.0)
-    springs = {'joint1_stiffness': 0.3, 'joint2_stiffness': 0.2, 'joint1_preload': 0.9}
-    model = Model(Pendulum.of(replace(c.nominal.physical, **springs)), INTEGRATORS['rk4'], 0.005)
-    for n in range(240):
+@pytest.mark.parametrize('turn', [0.0, 2 * math.pi])
+def test_links_with_springs_are_held_where_they_can_rest_on_their_turn(turn):
+    c = controllers.controller({
+        'joint1_stiffness': 0.3, 'joint2_stiffness': 0.1, 'joint1_preload': 0.9})
+    problem, x = c.nominal, np.array([0.2, turn, turn, 0.0, 0.0, 0.0])
+    for n in range(100):
         plan = c.update(0.05 * n, x)
-        x = hold(model, x, plan.first_force(20.0), 0.05)
-    # what they are to one another shows where they have been wound up
-    found, true = (spring_torques(each.pendulum, x[1:3]) for each in (
-        c.belief.problem.model, model))
-    assert found == pytest.approx(true, abs=0.05)
-    assert c.belief.problem.physical.joint1_stiffness == pytest.approx(0.3, abs=0.1)
-    assert c.belief.problem.is_reached(x) and not is_upright(x)
+        x = hold(problem.model._replace(h=0.005), x, plan.first_force(20.0), 0.05)
+    assert problem.is_reached(x) and np.abs(x[1] - turn) > 0.1
+    rest = problem.with_goal_on(turns_of(problem, x))[0].x_r
+    np.testing.assert_allclose(x, rest, atol=0.02)
+    assert abs(plan.U[0]) < 0.1
 
 
 def test_a_pendulum_that_differs_is_solved_for():
