@@ -25,14 +25,14 @@ from dp_swing_ros.kernels import kernel
 from dp_swing_ros.kernels.unrolling import unrolled
 from dp_swing_ros.parameters import fields_of, parameter, Parameters
 from dp_swing_ros.pendulum.equations import coefficients, Pendulum
-from dp_swing_ros.pendulum.parameters import Drive, DriveParameters, PendulumParameters
+from dp_swing_ros.pendulum.parameters import (
+    Drive, DriveParameters, PendulumParameters, SPRINGS)
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.pendulum.units import SAME, Units
 
 LARGEST_FACTOR = 2.0   # of a mass, a length or the gain, either way
 LARGEST_BALANCE = 0.3  # [rad] either way
 LONGEST = 0.2          # [s] scaled, of a delay or a time constant
-SPRINGS = ('_stiffness', '_preload')
 FRICTIONS = 'N s/m, N m s/rad'
 
 
@@ -96,10 +96,10 @@ class Unknowns:
             'cart_friction', *(f'joint{i}_friction' for i in count),
             'cart_dry_friction', *(f'joint{i}_dry_friction' for i in count),
             *(f'link{i}_balance' for i in count),
-            *(f'joint{i}_{each}' for each in ('stiffness', 'preload') for i in count),
+            *(f'joint{i}_{each}' for each in SPRINGS for i in count),
             'actuation_delay', 'motor_time_constant', 'force_bias']
         self.factors = 3 * n + 2
-        self.of_springs = np.array([name.endswith(SPRINGS) for name in self.names])
+        self.of_springs = np.array([name.rpartition('_')[2] in SPRINGS for name in self.names])
         self.of_pendulum = np.array([hasattr(physical, name) for name in self.names])
         self.nominal = np.array([
             *physical.masses, *physical.lengths, *physical.inertia_factors, drive.gain,

@@ -23,9 +23,9 @@ from dp_swing_ros.figures.pendulum import (
 from dp_swing_ros.figures.style import (
     FAINT, FORCE, INK, input_name, limit_lines, LINKS, mark, panels_of, PAPER, solver_name,
     styled, tint, unit_of_input, WARNING)
-from dp_swing_ros.pendulum.equations import scale_of
+from dp_swing_ros.pendulum.equations import errors_from_rest, Pendulum, scale_of
 from dp_swing_ros.pendulum.geometry import drawn_scale, joint_positions
-from dp_swing_ros.pendulum.state import Array, errors, is_upright
+from dp_swing_ros.pendulum.state import Array, is_upright
 from dp_swing_ros.pendulum.units import decimals, rounded, Units
 from dp_swing_ros.simulation.episode import Episode
 
@@ -95,7 +95,8 @@ def snapshot(axes: Axes, episode: Episode, t: float, half_width: float) -> None:
     axes.xaxis.set_major_locator(MultipleLocator(metre))
     axes.yaxis.set_major_locator(MultipleLocator(metre))
     digits = 1 if abs(t - round(t, 1)) < 1e-6 else 2
-    up = is_upright(errors(x, episode.x_r), scale_of(episode.physical))
+    up = is_upright(errors_from_rest(Pendulum.of(episode.physical), x, episode.x_r),
+                    scale_of(episode.physical))
     axes.set_title(f'{t:.{digits}f} s', fontsize='small', pad=2,
                    weight='bold' if up else 'normal')
 

@@ -23,7 +23,7 @@ from dp_swing_ros.estimators.unknowns import (
     LARGEST_BALANCE, LONGEST, sizes_of, Unknowns, UnknownsParameters)
 from dp_swing_ros.parameters import fields_of, unknown
 from dp_swing_ros.pendulum.equations import scale_of
-from dp_swing_ros.pendulum.parameters import Drive, PendulumParameters
+from dp_swing_ros.pendulum.parameters import Drive, PendulumParameters, SPRINGS
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.pendulum.units import SAME
 
@@ -122,7 +122,7 @@ class Parametrisation:
 def unidentifiable(links: int, known: Mapping[str, float], is_given: bool) -> dict[str, str]:
     """Return what no motion tells beside what is known, and why, by name."""
     found = {'gravity': 'it is that of the earth', **dict.fromkeys(
-        (f'joint{i}_{each}' for i in range(1, links + 1) for each in ('stiffness', 'preload')),
+        (f'joint{i}_{each}' for i in range(1, links + 1) for each in SPRINGS),
         'springs are taken to be as they are told')}
     masses = [name for name in known if name.endswith('_mass') and not (
         is_given and name in OF_CART)]

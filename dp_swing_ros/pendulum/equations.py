@@ -22,6 +22,7 @@ All of it is plain Python over numbers, symbols, arrays or tensors; see kernels/
 """
 
 from collections.abc import Sequence
+import contextlib
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -29,13 +30,14 @@ import numpy as np
 
 from dp_swing_ros.kernels.symbols import clamp, cos, dot, sin, total
 from dp_swing_ros.pendulum.parameters import PendulumParameters
-from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.pendulum.state import Array, errors
 from dp_swing_ros.pendulum.units import scaled_speeds, Units
 
 Numbers = Sequence[Any]
 Matrix = list[list[Any]]
 STANDARD_GRAVITY = 9.81   # [m/s²] of what has none, and with it no time of its own
 STEPS_TO_REST, AT_REST = 20, 1e-9   # of Newton's method; share of the weight's torque that is none
+DIGITS = 6          # [m, rad] of places that are the same
 FARTHEST = 0.5      # [rad] by which springs may hold links from where they would rest without
 CREEP = 0.2  # [m/s, rad/s] scaled, for steps as long as a plan's: with less they were not stable
 
@@ -292,9 +294,28 @@ def resting(p: Pendulum, x: Array) -> Array:
         slope = np.diag(weight * np.cos(th)) - stiffness
         th -= np.linalg.solve(slope, weight * np.sin(th) + spring_torques(p, th))
     left = weight * np.sin(th) + spring_torques(p, th)
-    if not (np.abs(th - x[1:n + 1]).max() < FARTHEST and np.abs(left).max() < AT_REST * weight[0]):
+    if not (np.abs(th - x[1:n + 1]).max() < FARTHEST
+            and np.abs(left).max() < AT_REST * (weight[0] + max(p.stiffness))):
         raise ValueError(f'springs leave no rest within {FARTHEST:g} rad of {x.tolist()}')
     return found
+
+
+def errors_from_rest(p: Pendulum, X: Array, x_r: Array) -> Array:
+    """
+    Return by how much states are off from a reference, on its nearest turn, as `errors` does.
+
+    With springs that is from where the links rest near it, on that turn, if they do. Shapes: X
+    (..., 2n + 2), x_r (2n + 2,).
+    """
+    found = errors(X, x_r)
+    if not any((*p.stiffness, *p.preload)):
+        return found
+    references, turn = np.unique(np.round(X - found, DIGITS).reshape(-1, len(x_r)), axis=0,
+                                 return_inverse=True)
+    for rest in references:
+        with contextlib.suppress(ValueError):
+            rest[:] = resting(p, rest)
+    return X - references[turn].reshape(X.shape)
 
 
 def after_impact(p: Pendulum, x: Numbers) -> list[Any]:

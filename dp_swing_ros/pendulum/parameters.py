@@ -15,6 +15,7 @@ from dp_swing_ros.pendulum.state import angles, Array, DEFAULT_LINKS, equilibria
 FORCE, VOLTAGE, ACCELERATION, VELOCITY = 'force', 'voltage', 'acceleration', 'velocity'
 # what takes commands, and their units
 DRIVES = {FORCE: 'N', VOLTAGE: 'V', ACCELERATION: 'm/s^2', VELOCITY: 'm/s'}
+SPRINGS = 'stiffness', 'preload'   # of the spring of a joint
 DRIVEN = (ACCELERATION, VELOCITY)   # the cart, whatever the links do
 LIGHT = 1e-6      # of a cart that is driven, what all links together weigh
 GIVEN = 'given'   # no equilibrium by its name, but the state as it is

@@ -19,7 +19,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 from dp_swing_ros.pendulum.geometry import drawn_scale
-from dp_swing_ros.pendulum.parameters import FORCE, LimitParameters, PendulumParameters
+from dp_swing_ros.pendulum.parameters import FORCE, LimitParameters, PendulumParameters, SPRINGS
 from dp_swing_ros.pendulum.state import LINKS
 
 ROOT = 'track'   # the link that stands still
@@ -92,7 +92,7 @@ def from_urdf(text: str, drive: str = FORCE) -> tuple[PendulumParameters, LimitP
         spring = robot.find(f'spring[@joint="joint{i}"]')
         if spring is not None:
             values |= {f'joint{i}_{name}': float(spring.get(name, '0'))
-                       for name in ('stiffness', 'preload')}
+                       for name in SPRINGS}
     drive = drive if named is None else named.get('value', '')
     return PendulumParameters(links=links, drive=drive, **values), LimitParameters(
         force_limit=number(limit, 'effort'), track_limit=number(limit, 'upper'),

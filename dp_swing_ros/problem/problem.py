@@ -139,6 +139,8 @@ class Problem:
 
     def is_reached(self, x: Array) -> bool:
         """Return whether a state (2n + 2,) is that of the goal, or nearly, on any turn."""
+        if not np.all(np.isfinite(x)):
+            return False
         problem, _ = self.with_goal_on(turns_of(self, x))
         return bool(is_upright(x - problem.x_r, self.scale))
 

@@ -26,7 +26,8 @@ from dp_swing_ros.errors import UserError
 from dp_swing_ros.evaluation.metrics import settling_time
 from dp_swing_ros.messages.configuration import CONTROLLER, from_text, PLANT
 from dp_swing_ros.messages.fields import BILLION, nanoseconds
-from dp_swing_ros.pendulum.state import Array, errors
+from dp_swing_ros.pendulum.equations import errors_from_rest, Pendulum
+from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.problem.cost import running
 from dp_swing_ros.problem.plan import Plan
 from dp_swing_ros.rerun.answers import answer, respond, Tick
@@ -168,8 +169,10 @@ class Run:
         steps = np.diff(stamps) / BILLION / self.problem.dt
         cost = math.fsum(share * running(self.problem.cost, x, u)
                          for share, x, u in zip(steps, X, U))
+        off = errors_from_rest(Pendulum.of(self.problem.physical), X,
+                               self.problem.parameters.cost.x_r)
         return ScoredTrajectory(solver, t, X, U, cost,
-                                settling_time(t, errors(X, self.problem.x_r), self.problem.scale))
+                                settling_time(t, off, self.problem.scale))
 
     def between(self, begin: int, end: int) -> ScoredTrajectory:
         """Return what was recorded between two stamps [ns], both included."""

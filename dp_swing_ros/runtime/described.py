@@ -9,7 +9,7 @@ from dp_swing_ros.control import controllers
 from dp_swing_ros.messages.fields import ERROR, OK, WARN
 from dp_swing_ros.parameters import checked, fields_of, ParameterError, Values
 from dp_swing_ros.pendulum.description import parameters_of
-from dp_swing_ros.pendulum.parameters import DriveParameters, LimitParameters
+from dp_swing_ros.pendulum.parameters import DriveParameters, LimitParameters, SPRINGS
 from dp_swing_ros.runtime.sent import Said
 
 Fields = dict[str, dataclasses.Field]
@@ -46,7 +46,8 @@ class DescribedPendulum:
         # a centre, an inertia or a friction of 0 is one that is not there
         taken = ', '.join(f'{name} {_shown(value)}' for name, value in values.items() if value)
         unsaid = [name for name in ('gravity', 'drive', *(
-            field.name for field in fields_of(DriveParameters, values['links'])))
+            field.name for field in fields_of(DriveParameters, values['links'])),
+            *(f'joint{i}_{each}' for each in SPRINGS for i in range(1, values['links'] + 1)))
             if name not in values]
         return Said(OK, '; '.join([
             f'the robot description gives {taken}',

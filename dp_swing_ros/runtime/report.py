@@ -24,8 +24,8 @@ from dp_swing_ros.runtime.sent import Log
 HORIZONS = 3       # without a plan that comes to the goal
 IN_VAIN = 8        # horizons of plans that come there, and the pendulum does not
 UNEXPLAINED = ('the states are not those of a chain of rigid links, whatever is estimated of '
-               'it; expected no spring or cable in a joint, no belt that slips, and each '
-               'encoder at the joint that is told')
+               'it; expected no stop, magnet or cable that is no spring in a joint, no belt that '
+               'slips, and each encoder at the joint that is told')
 
 
 class Reporter:

@@ -9,8 +9,9 @@ from typing import NamedTuple, TYPE_CHECKING
 
 import numpy as np
 
+from dp_swing_ros.pendulum.equations import errors_from_rest, Pendulum
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
-from dp_swing_ros.pendulum.state import Array, columns, errors, links_of, upright, wrapped
+from dp_swing_ros.pendulum.state import Array, columns, links_of, upright, wrapped
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -65,8 +66,12 @@ class Episode:
 
     @property
     def errors(self) -> Array:
-        """Return by how much the states are off from the goal, on its nearest turn; like X."""
-        return errors(self.X, self.x_r)
+        """
+        Return by how much the states are off from the goal, on its nearest turn; like X.
+
+        Where joints have springs, that is where the links can rest near it.
+        """
+        return errors_from_rest(Pendulum.of(self.physical), self.X, self.x_r)
 
     def to_frame(self, whole_turns: bool = False) -> DataFrame:
         """

@@ -49,6 +49,7 @@ def test_it_is_said_in_one_line_what_is_taken_and_what_cannot_be():
     assert '\n' not in text and 'links 2' in text and 'link1_mass 0.15' in text
     assert 'joint2_dry_friction' not in text   # it has none
     assert 'no word for gravity, drive, actuation_delay' in text and 'elbow has ends' in text
+    assert 'joint1_stiffness' in text.partition('no word for ')[2]
     assert 'gravity 9.81' in DescribedPendulum({}).hear(ours()).text   # in an element of its own
 
 

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from synthetic import first, swing_up, without_ticks
 
+from dp_swing_ros.pendulum.equations import Pendulum, resting
+from dp_swing_ros.pendulum.parameters import PendulumParameters
 from dp_swing_ros.pendulum.state import wrapped
 from dp_swing_ros.simulation.episode import Ticks
 
@@ -42,6 +44,15 @@ def test_zero_is_upright_in_a_frame_whatever_the_turn():
     last = episode.to_frame().iloc[-1]
     assert (last['theta1'], last['theta2']) == pytest.approx((0.0, 0.0), abs=1e-12)
     assert episode.to_frame(whole_turns=True).iloc[-1]['theta2'] == episode.X[-1, 2]
+
+
+@pytest.mark.parametrize('turn', [0.0, 2 * np.pi])
+def test_errors_with_springs_are_from_where_the_links_can_rest(turn):
+    physical = PendulumParameters(joint1_stiffness=0.3, joint1_preload=0.9, joint2_stiffness=0.1)
+    rest = resting(Pendulum.of(physical), np.array([0.0, turn, turn, 0.0, 0.0, 0.0]))
+    episode = dataclasses.replace(swing_up(), physical=physical, X=np.tile(rest, (3, 1)))
+    np.testing.assert_allclose(episode.errors, 0.0, atol=1e-5)
+    assert np.abs(dataclasses.replace(episode, physical=PendulumParameters()).errors).max() > 0.1
 
 
 def test_ticks_of_a_frame_stand_by_their_states():

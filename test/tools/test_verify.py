@@ -52,6 +52,13 @@ def whole(count, solver):
             'so the whole run, simulated again from its parameters alone, is the recorded one']
 
 
+def test_with_springs_on_another_turn_it_comes_out_again(tmp_path, capsys):
+    springs = '    joint1_stiffness: 0.3\n    joint1_preload: 0.9\n'
+    bag = record(tmp_path, '--duration', '1.5', '--lockstep', mpc=springs, plant=springs + (
+        '    initial_state: [0.0, 6.5, 6.3, 0.0, 0.0, 0.0]\n'))
+    assert verified(bag, capsys)[:2] == (0, whole(31, 'ilqr'))
+
+
 @pytest.mark.parametrize('solver', sorted(SOLVERS))
 def test_lockstep_comes_out_again(bags, solver, capsys):
     assert verified(bags[solver], capsys)[:2] == (0, whole(21, solver))
