@@ -4,8 +4,8 @@
 Rigs that no masses, lengths, frictions and delays describe.
 
 The mass of a link lies beside the line of the joints, as with a bracket or a bent link, or further
-along it, as with a weight at the end, or is changed in the middle of a run; joints and cart have
-springs, as of cables; a motor cogs, a bearing sticks, the rail is tilted, encoders are off.
+along it, as with a weight at the end, or is changed in the middle of a run; a cable pulls the
+cart; a motor cogs, a bearing sticks, the rail is tilted, encoders are off.
 """
 
 from collections.abc import Callable, Iterator
@@ -14,14 +14,13 @@ import math
 
 import numpy as np
 
-from dp_swing_ros.pendulum.equations import Pendulum, resting, scale_of
+from dp_swing_ros.pendulum.equations import scale_of
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
-from dp_swing_ros.pendulum.state import angles, Array, DEFAULT_LINKS, hanging, to_joints, upright
+from dp_swing_ros.pendulum.state import angles, Array, DEFAULT_LINKS, to_joints, upright
 from dp_swing_ros.problem.plan import Plan
 from dp_swing_ros.simulation.closed_loop import Controller
 from dp_swing_ros.simulation.engines import ENGINES, Motor, MuJoCo
 
-SPRING = 0.3         # [N m/rad] scaled, of each joint
 CABLE = 5.0          # [N/m] scaled
 COGGING, PITCH = 1.0, 0.02   # [N, m] scaled
 STRIBECK = 0.1       # [rad/s] scaled, about which a bearing ceases to stick
@@ -57,17 +56,6 @@ class Along(Uneven):
     """Links of which the mass lies beyond the middle."""
 
     along = 0.65
-
-
-class Sprung(MuJoCo):
-    """Joints with springs as of cables, at ease where these were laid: hanging in a line."""
-
-    def __init__(self, physical: PendulumParameters, limits: LimitParameters,
-                 integrator: str) -> None:
-        """Take what any engine takes, and add the springs."""
-        super().__init__(physical, limits, integrator)
-        self.model.jnt_stiffness[1:] = scale_of(physical).sized(SPRING, 'N m/rad')
-        self.model.qpos_spring[:] = to_joints(np.split(hanging(physical.links), 2)[0])
 
 
 class Pulled(MuJoCo):
@@ -182,8 +170,8 @@ class Sticking(Varying):
 
 
 ADDED: dict[str, type[MuJoCo]] = {
-    'beside': Beside, 'along': Along, 'springs': Sprung, 'cable': Pulled, 'cogging': Cogging,
-    'sticking': Sticking, 'tilted': Tilted, 'changed': Changed}
+    'beside': Beside, 'along': Along, 'cable': Pulled, 'cogging': Cogging, 'sticking': Sticking,
+    'tilted': Tilted, 'changed': Changed}
 
 
 @contextmanager
@@ -195,22 +183,6 @@ def engines() -> Iterator[None]:
     finally:
         for name in ADDED:
             del ENGINES[name]
-
-
-def with_springs(x: Array) -> Array:
-    """
-    Return where links with springs stand on the turns of a state; shapes: (2n + 2,).
-
-    Upright, where springs are wound up so far that they do not. The unit is the default bodies'.
-    """
-    turns = upright(DEFAULT_LINKS)
-    turns[angles(x)] = 2 * math.pi * np.rint(x[angles(x)] / (2 * math.pi))
-    sprung = PendulumParameters(
-        joint1_stiffness=SPRING, joint2_stiffness=SPRING, joint1_preload=math.pi * SPRING)
-    try:
-        return resting(Pendulum.of(sprung), turns) - turns
-    except ValueError:
-        return upright(DEFAULT_LINKS)
 
 
 Encoders = Callable[[Array], Array]   # what they say of a state (2n + 2,)
