@@ -9,7 +9,6 @@ from typing import NamedTuple, TYPE_CHECKING
 
 import numpy as np
 
-from dp_swing_ros.pendulum.equations import errors_from_rest, Pendulum
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.pendulum.state import Array, columns, links_of, upright, wrapped
 
@@ -71,6 +70,8 @@ class Episode:
 
         Where joints have springs, that is where the links can rest near it.
         """
+        from dp_swing_ros.pendulum.equations import (   # here: a logger does without
+            errors_from_rest, Pendulum)
         return errors_from_rest(Pendulum.of(self.physical), self.X, self.x_r)
 
     def to_frame(self, whole_turns: bool = False) -> DataFrame:
