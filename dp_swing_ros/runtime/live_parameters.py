@@ -3,13 +3,17 @@
 """The parameters that a controller runs with, which may change between two ticks."""
 
 from collections.abc import Callable, Mapping
+import contextlib
 import math
+import os
 from pathlib import Path
 from typing import Any
 
 from dp_swing_ros.control.receding_horizon import RecedingHorizon
 from dp_swing_ros.messages.fields import ERROR, OK, Report, WARN
+from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.pendulum.parameters import DRIVEN, FORCE, VELOCITY
+from dp_swing_ros.problem.parameters import ADAPTIVE
 from dp_swing_ros.runtime.loading import Loader
 from dp_swing_ros.runtime.sent import Announcement, Log, PutBack, Sent
 
@@ -20,7 +24,8 @@ class LiveParameters:
     """Loads others beside those in force, takes them over or puts these back, and announces."""
 
     def __init__(self, values: Mapping[str, Any], send: Callable[[Sent], None], log: Log) -> None:
-        """Take all parameters, what sends, and a log."""
+        """Take all parameters, what sends, and a log; raises ParameterError."""
+        check_file(values['learned_file'])
         self.values = dict(values)
         self.send, self.log = send, log
         self.revision = 0                 # how often they have changed
@@ -40,6 +45,7 @@ class LiveParameters:
         Where time `waits` it is done at once, however slow its ticks are. Raises ParameterError
         where it cannot be used.
         """
+        check_file(values['learned_file'])
         self.loader.load(controller, values, math.inf if waits else SLOWEST)
         if waits:
             self.loader.wait()
@@ -84,21 +90,41 @@ class LiveParameters:
 
     def end(self) -> None:
         """Write what was learned beside the equations where `learned_file` says."""
-        adaptive, file = self.controller.observer.adaptive, self.values['learned_file']
-        if adaptive is None or not file:
+        adaptive, given = self.controller.observer.adaptive, self.values['learned_file']
+        if adaptive is None or not given:
             return
+        if adaptive.seconds == 0:
+            self.log.say(WARN, f'nothing was learned, so {given} is not written')
+            return
+        file = Path(given).expanduser()
+        beside = file.with_name(f'{file.name}.part')   # so that it is never half a file
         try:
-            Path(file).expanduser().write_text(adaptive.model.to_text(), encoding='utf-8')
+            beside.write_text(adaptive.model.to_text(), encoding='utf-8')
+            beside.replace(file)
             self.log.say(OK, f'what was learned is in {file}')
         except OSError as error:
-            self.log.say(ERROR, f"parameter 'learned_file' is {file!r}: {error.strerror}; what "
-                         'was learned is lost, expected a file in a folder that is there')
+            self.log.say(ERROR, f"parameter 'learned_file' is {given!r}: {error.strerror}; "
+                         'what was learned is lost, expected a file that may be written')
 
     def _look(self) -> None:
         """Warn of what is possible, but hardly meant; find a learned model, not just its file."""
         nominal = self.controller.nominal
         if nominal.warning:
             self.log.say(WARN, nominal.warning)
+        if self.values['learned_file'] and self.controller.observer.adaptive is None:
+            self.log.say(WARN, "parameter 'learned_file' is given, but nothing is learned; "
+                         f'expected dynamics {ADAPTIVE}')
         self.found.pop('model', None)
         if nominal.learned is not None:
             self.found['model'] = nominal.learned.to_text()
+
+
+def check_file(given: str) -> None:
+    """Raise ParameterError where what was learned cannot be written into a file that is given."""
+    with contextlib.suppress(RuntimeError):   # of the home of nobody
+        file = Path(given).expanduser()
+        if not given or (not file.is_dir() and file.parent.is_dir()
+                         and os.access(file.parent, os.W_OK)):
+            return
+    raise ParameterError(f"parameter 'learned_file' is {given!r}; expected a file in a folder "
+                         'that is there and may be written to')

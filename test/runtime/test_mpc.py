@@ -3,6 +3,7 @@
 """What the mpc does with what comes and when, in virtual time."""
 
 import math
+import shutil
 
 import numpy as np
 import pytest
@@ -95,14 +96,32 @@ def test_the_stream_of_commands_ends_with_zero():
 
 
 def test_what_was_learned_is_kept_where_asked_to(tmp_path):
-    run = lockstep(dynamics='adaptive', learned_file=str(tmp_path / 'model.json'))
-    run.lockstep(hanging())
+    file = tmp_path / 'of' / 'model.json'
+    file.parent.mkdir()
+    file.write_text('of before')
+    run = lockstep(dynamics='adaptive', learned_file=str(file))
     run.core.live.end()
-    assert load(str(tmp_path / 'model.json'), 2).about == {'seconds': 0.0}
+    assert 'nothing was learned' in run.log(WARN)[-1] and file.read_text() == 'of before'
+    run.lockstep(LEANING, LEANING + 1e-3)
+    run.core.live.end()
+    assert load(str(file), 2).about == {'seconds': pytest.approx(0.05)}
+    assert list(file.parent.iterdir()) == [file]
     assert f'what was learned is in {tmp_path}' in run.log(OK)[-1]
-    run = lockstep(dynamics='adaptive', learned_file=str(tmp_path / 'none' / 'model.json'))
+    shutil.rmtree(file.parent)
     run.core.live.end()
     assert 'No such file or directory; what was learned is lost' in run.log(ERROR)[-1]
+
+
+def test_a_file_that_cannot_hold_what_is_learned_is_refused(tmp_path):
+    for file in tmp_path, tmp_path / 'none' / 'model.json', '~of_nobody/model.json':
+        with pytest.raises(ParameterError, match="'learned_file' is .* expected a file in a fold"):
+            lockstep(dynamics='adaptive', learned_file=str(file))
+    run = lockstep()
+    with pytest.raises(ParameterError, match="'learned_file' is "):
+        run.change(learned_file=str(tmp_path))
+    run.change(learned_file=str(tmp_path / 'model.json'))
+    run.lockstep(LEANING)
+    assert 'but nothing is learned; expected dynamics adaptive' in run.log(WARN)[-1]
 
 
 def test_a_state_that_is_not_finite_is_answered_from_the_last_plan():
