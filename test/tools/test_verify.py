@@ -5,8 +5,9 @@
 import re
 
 from learned_dynamics import model_of, of_chain
-from one_process import record
+from one_process import record, recording
 import pytest
+from rclpy.parameter import Parameter
 from real_bags import converted, repeated, rewritten, tick, value_of, with_value
 from std_msgs.msg import String
 
@@ -399,6 +400,26 @@ def test_a_bag_in_which_what_was_learned_beside_the_equations_drives_is_verified
     assert {'analytic', 'learned'} <= drove
     assert load(f'{tmp_path}/model.json', 2).about['seconds'] == pytest.approx(4.0, abs=0.2)
     assert verified(bag, capsys)[:2] == (0, whole(81, 'ilqr'))
+
+
+def test_a_bag_in_which_it_is_learned_anew_is_verified(tmp_path, capsys):
+    """After other dynamics, and after a reset; another goal leaves what was learned."""
+    told = {'estimator': 'none', 'cart_mass': 1.2, 'link1_mass': 0.6, 'link2_mass': 0.4}
+    with recording(tmp_path / 'bag', {
+            'mpc': told, 'plant': {'duration': 6.0, 'lockstep': True, 'pace': 4.0}}) as (
+                crew, mpc, plant):
+        for forces, change in (
+                (10, ('dynamics', 'adaptive')), (50, ('goal', 'down_up')), (60, None),
+                (95, ('dynamics', 'analytic')), (105, ('dynamics', 'adaptive'))):
+            assert crew.until(lambda: mpc.core.forces >= forces)
+            if change is None:
+                mpc.core.reset()
+            else:
+                mpc.set_parameters([Parameter(change[0], value=change[1])])
+        assert crew.until(lambda: plant.done)
+    assert 'learned' in {value_of(message, 'dynamics')
+                         for message in Bag(tmp_path / 'bag').of(DIAGNOSTICS)}
+    assert verified(tmp_path / 'bag', capsys)[:2] == (0, whole(121, 'ilqr'))
 
 
 def test_a_bag_from_before_is_told(bags, tmp_path, capsys):
