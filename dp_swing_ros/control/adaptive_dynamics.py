@@ -56,6 +56,7 @@ class AdaptiveDynamics:
 
     def __init__(self, problem: Problem, drive: Drive) -> None:
         """Take the nominal problem, of the equations, and the nominal drive."""
+        self.inputs = problem.physical, drive, problem.parameters.limits.track_limit
         scale, links = problem.scale, problem.physical.links
         # learned dynamics make up for the gain, and know no bias
         self.drive = Drive(drive.delay, drive.time_constant)
@@ -101,10 +102,11 @@ class AdaptiveDynamics:
             return
         after, half = to_turn_of(x, before), len(x) // 2
         by_equations = (after - predict(before, begin, t))[half:]
-        by_learned = self.learner.update(self.drive, *commands.since(begin, HISTORY), before,
-                                         after, passed)
+        by_learned, is_learned = self.learner.update(
+            self.drive, *commands.since(begin, HISTORY), before, after, passed)
         if not np.all(np.isfinite(by_learned)):   # wild
             self.reset()
+        if not is_learned:   # what pushed says nothing of either
             return
         self.seconds, self.count = self.seconds + passed, self.count + 1
         share = 1 / min(self.count, JUDGED)
@@ -135,6 +137,7 @@ class AdaptiveDynamics:
         if not self.drives:
             return None
         if self.problem is None or self.problem.parameters != nominal.parameters:
+            self.problem = None
             with contextlib.suppress(ParameterError):   # of what no regulator holds
                 self.problem = Problem.of(nominal.physical, *nominal.parameters, self.model,
                                           nominal.scale)

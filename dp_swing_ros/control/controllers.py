@@ -67,6 +67,11 @@ def controller(values: Values) -> RecedingHorizon:
         raise ParameterError(
             f"parameter 'dynamics' is {ADAPTIVE!r} with the drive {problem.physical.drive!r}; "
             'expected analytic: what is learned beside the equations are forces')
+    if values['dynamics'] == ADAPTIVE and any(
+            problem.physical.stiffnesses + problem.physical.preloads):
+        raise ParameterError(
+            f"parameter 'dynamics' is {ADAPTIVE!r} with joint*_stiffness or joint*_preload; "
+            'expected analytic: what is learned beside the equations has no springs')
     return RecedingHorizon(problem, parameters,
                            group(SOLVERS[solver].Parameters, values, f'{solver}.'),
                            group(ESTIMATORS[estimator].Parameters, values, f'{estimator}.'),

@@ -89,25 +89,28 @@ class Observer:
         nothing = np.full(len(self.nominal.cost.S), np.nan)
         self.belief = Belief(-math.inf, nothing, driven_by(self.nominal_drive, self.nominal),
                              self.nominal_drive, '', None)
-        self.estimated = self.belief.problem   # by the estimator, whatever drives
+        self.estimated = self.belief   # by the estimator, whatever drives
 
     def reconfigure(self, other: 'Observer') -> None:
         """Go on with the parameters of another one; the anew if it is told otherwise."""
-        belief, problem = self.belief, other.nominal
-        if other.inputs != self.inputs or None in (self.adaptive, other.adaptive):
+        estimated, problem = self.estimated, other.nominal
+        if self.adaptive is None or other.adaptive is None or (
+                other.adaptive.inputs != self.adaptive.inputs):
             self.adaptive = other.adaptive
         if other.inputs != self.inputs:
             self.estimator, self.message_filter = other.estimator, other.message_filter
-            belief = belief._replace(drive=other.nominal_drive, estimate=None)
+            estimated = estimated._replace(drive=other.nominal_drive, estimate=None)
         elif problem.learned is not None:
             other.estimator.continue_from(self.estimator)
             self.estimator = other.estimator
         else:
-            problem = problem.with_physical(self.estimated.physical)
+            problem = problem.with_physical(estimated.problem.physical)
         self.nominal, self.nominal_drive = other.nominal, other.nominal_drive
         self.parameters, self.estimator_parameters = other.parameters, other.estimator_parameters
-        self.estimated = driven_by(belief.drive, problem)
-        self.belief = belief._replace(problem=self.estimated)
+        self.estimated = estimated._replace(problem=driven_by(estimated.drive, problem))
+        belief = self.belief
+        self.belief = self.believed(turned(belief.x, belief.balance))._replace(
+            rejection=belief.rejection)
 
     def predict_as(self, prediction: PredictionParameters) -> None:
         """
@@ -116,10 +119,10 @@ class Observer:
         Raises ParameterError, and changes nothing, where no regulator holds the reference state.
         """
         nominal, estimated = (problem.with_prediction(prediction) for problem in (
-            self.nominal, self.estimated))
-        drives = estimated if self.belief.problem is self.estimated else (
+            self.nominal, self.estimated.problem))
+        drives = estimated if self.belief.problem is self.estimated.problem else (
             self.belief.problem.with_prediction(prediction))
-        self.nominal, self.estimated = nominal, estimated
+        self.nominal, self.estimated = nominal, self.estimated._replace(problem=estimated)
         self.belief = self.belief._replace(problem=drives)
 
     @property
@@ -159,43 +162,59 @@ class Observer:
         measured = self.message_filter.with_velocities_measured(x)
         estimate = self.estimator.update(t, measured, commands, time_noise)
         if estimate is not None:
-            self.belief = self.belief_of(t, estimate)
+            self.estimated = self.belief_of(t, estimate)
         elif np.all(np.isfinite(x)):
-            self.belief = Belief(t, x, self.estimated, self.nominal_drive, '', None)
+            self.estimated = Belief(t, x, self.estimated.problem, self.nominal_drive, '', None)
         else:
             self.belief = self.belief._replace(rejection='')
             raise ValueError(f'the state is {x}, without velocities; estimator ekf does without')
-        self.message_filter.accept(measured, turned(self.belief.x, self.belief.balance))
-        self.adapt(measured, commands)
+        self.message_filter.accept(measured, turned(self.estimated.x, self.estimated.balance))
+        self.belief = self.adapted(measured, commands)
         return self.belief
 
-    def adapt(self, measured: Array, commands: Commands) -> None:
+    def adapted(self, measured: Array, commands: Commands) -> Belief:
         """
-        Learn from a state, and believe what was learned where it predicts better.
+        Learn from a state (2n + 2,), and return what is believed of it.
 
-        That has no balance, and takes the state as it is measured. Shapes: measured (2n + 2,).
+        Of one that the estimator refuses nothing is learned; what drives predicts it.
         """
-        belief, adaptive = self.belief, self.adaptive
-        if adaptive is None or belief.rejection:
-            return
-        x = np.where(np.isnan(measured), turned(belief.x, belief.balance), measured)
-        adaptive.update(belief.t, x, prediction(commands, self.estimated, belief.drive,
-                                                belief.balance), commands)
-        problem, estimate = adaptive.problem_of(self.nominal), belief.estimate
-        if problem is not None:
-            self.belief = belief._replace(
-                x=x, problem=problem, drive=adaptive.drive,
-                estimate=None if estimate is None else estimate._replace(balance=0.0))
+        before, estimated, adaptive = self.belief, self.estimated, self.adaptive
+        if adaptive is None:
+            return estimated
+        t, x = estimated.t, turned(estimated.x, estimated.balance)
+        if not estimated.rejection:
+            x = np.where(np.isnan(measured), x, measured)
+            adaptive.update(t, x, prediction(commands, estimated.problem, estimated.drive,
+                                             estimated.balance), commands)
+        elif adaptive.drives:
+            x = prediction(commands, before.problem, before.drive, before.balance)(
+                turned(before.x, before.balance), before.t, t)
+        return self.believed(x)
+
+    def believed(self, x: Array) -> Belief:
+        """
+        Return what is estimated, or what was learned where that predicts better.
+
+        That has no balance, and takes the state x (2n + 2,) as it is measured.
+        """
+        estimated, adaptive = self.estimated, self.adaptive
+        problem = None if adaptive is None else adaptive.problem_of(self.nominal)
+        if adaptive is None or problem is None:
+            return estimated
+        estimate = estimated.estimate
+        return estimated._replace(
+            x=x, problem=problem, drive=adaptive.drive,
+            estimate=None if estimate is None else estimate._replace(balance=0.0))
 
     def belief_of(self, t: float, estimate: Estimate) -> Belief:
         """Return what an estimate says of state, pendulum and drive."""
-        problem = self.estimated
+        problem = self.estimated.problem
         if self.estimator.has_moved(problem.physical):
             with contextlib.suppress(ParameterError):   # of what no pendulum can be held with
                 problem = self.nominal.with_physical(
                     self.nominal.physical.estimated(estimate.physical))
-        self.estimated = driven_by(estimate.drive, problem)
-        return Belief(t, turned(estimate.x, -estimate.balance), self.estimated, estimate.drive,
+        problem = driven_by(estimate.drive, problem)
+        return Belief(t, turned(estimate.x, -estimate.balance), problem, estimate.drive,
                       '' if estimate.accepted else
                       f'the state is {estimate.distance:.3g} deviations from its prediction; the '
                       'estimator refuses it', estimate)

@@ -72,6 +72,8 @@ def learn(e, H, R, gate, p, P):
     """
     Correct p and P in place by residuals, one after the other, unless one is beyond the gate.
 
+    Return whether none is.
+
     Shapes: e and R (n + 1,), the variances; H (n + 1, P), p (P,), P (P, P).
     """
     m, left = len(p), e.copy()
@@ -82,7 +84,7 @@ def learn(e, H, R, gate, p, P):
             for b in range(m):
                 S += H[j, a] * P[a, b] * H[j, b]
         if not e[j] ** 2 <= gate ** 2 * S:
-            return
+            return False
     for j in range(len(e)):
         S = R[j]
         for a in range(m):
@@ -99,6 +101,7 @@ def learn(e, H, R, gate, p, P):
         for k in range(j + 1, len(e)):   # what this change leaves of the others
             for a in range(m):
                 left[k] -= H[k, a] * gain[a] * left[j]
+    return True
 
 
 class RecursiveLeastSquares:
@@ -130,9 +133,9 @@ class RecursiveLeastSquares:
         return found
 
     def update(self, drive: Drive, ends: Array, commands: Array, x: Array, after: Array,
-               duration: float) -> Array:
+               duration: float) -> tuple[Array, bool]:
         """
-        Learn from a transition; return by how much its speeds were off before (n + 1,).
+        Learn from a transition; return by how much speeds were off before (n + 1,), and if it did.
 
         Nothing is learned of what is wild or was pushed. Shapes: x and after (2n + 2,) on one
         turn, ends [s] and commands [N] as of follow_commands.
@@ -142,9 +145,12 @@ class RecursiveLeastSquares:
         predicted = sensitivities(self.model._replace(pendulum=self.dynamics), drive, ends,
                                   commands, x, duration, self.differences, H)
         e: Array = (after - predicted)[half:]
-        if np.all(np.isfinite(e)) and np.all(np.isfinite(H)):
-            forget(self.variances, min(duration / self.memory, 1.0), self.P)
-            learn(e, H, self.R, GATE, self.p, self.P)
-            constrain(self.prior.lowest, self.highest, self.p, self.P)
-            self.R = np.maximum(self.R + NEWEST * (e ** 2 - self.R), self.floor ** 2)
-        return e
+        if not (np.all(np.isfinite(e)) and np.all(np.isfinite(H))):
+            return e, False
+        # where all is refused, because what moves is another, it becomes uncertain too
+        forget(self.variances, min(duration / self.memory, 1.0), self.P)
+        if not learn(e, H, self.R, GATE, self.p, self.P):
+            return e, False
+        constrain(self.prior.lowest, self.highest, self.p, self.P)
+        self.R = np.maximum(self.R + NEWEST * (e ** 2 - self.R), self.floor ** 2)
+        return e, True

@@ -71,8 +71,8 @@ class PredictionParameters(Parameters):
         scaled=True)
     dynamics: str = parameter(
         ANALYTIC, 'what accelerates cart and links: analytic, the equations of a chain of rigid '
-        'links; learned, what was learned from experience; adaptive, the equations, and what is '
-        'learned beside them while it predicts better',
+        'links; learned, what was learned from experience; adaptive, the equations, and, where '
+        'speeds are measured, what is learned beside them while it predicts better',
         choices=lambda: [ANALYTIC, LEARNED, ADAPTIVE])
     model: str = parameter(
         'rk4', 'how one step is predicted: the integrator, rk4 or euler; with dynamics learned, '

@@ -62,11 +62,56 @@ def test_where_the_equations_are_right_they_drive():
 
 def test_it_goes_back_to_the_equations_where_these_predict_better():
     plant, c = plants.plant({}), controllers.controller(WRONG)
-    simulate(plant, c, 4.0)
+    simulate(plant, c, 8.0)
     assert drives(c)
     plant.reconfigure(plants.plant(TOLD))
-    simulate(plant, c, 4.0, pushes=np.where(np.arange(80) % 20 == 0, 15.0, 0.0))
-    assert not drives(c) and c.observer.adaptive.count > 100
+    c.reconfigure(controllers.controller({**WRONG, 'goal': 'down_down'}))   # so that much moves
+    simulate(plant, c, 4.0)
+    assert not drives(c) and c.observer.adaptive.count > 200
+
+
+def test_pushes_are_left_out_of_what_decides():
+    plant, c = plants.plant({}), controllers.controller(WRONG)
+    simulate(plant, c, 6.0)
+    adaptive = c.observer.adaptive
+    count, errors, R = adaptive.count, adaptive.errors, adaptive.learner.R.copy()
+    simulate(plant, c, 2.0, pushes=np.where(np.arange(40) % 20 == 0, 15.0, 0.0))
+    assert adaptive.count == count + 40 - 2 and drives(c)
+    assert adaptive.errors.equations < 2 * errors.equations   # that of a push is 1000 times it
+    assert np.all(adaptive.learner.R < 10 * R)
+
+
+def refusing(duration=4.0):
+    """Return a controller by which what was learned drives, and a state that it refuses."""
+    told = {'dynamics': 'adaptive', **TOLD, **dict.fromkeys(
+        ('ekf.body_error', 'ekf.inertia_error', 'ekf.gain_error', 'ekf.balance_error'), 0.0)}
+    plant, c = plants.plant({}), controllers.controller(told)
+    simulate(plant, c, duration)
+    assert drives(c)
+    return c, told, c.belief.x + np.array([0.0, 0.5, -0.5, 0.0, 0.0, 0.0])
+
+
+def test_a_state_that_the_estimator_refuses_leaves_the_plan_to_what_was_learned():
+    c, _, x = refusing()
+    before, adaptive = c.belief, c.observer.adaptive
+    count, t = adaptive.count, before.t + 0.05
+    predicted = prediction(c.commands, before.problem, before.drive)(before.x, before.t, t)
+    c.update(t, x)
+    assert 'the estimator refuses it' in c.belief.rejection and adaptive.count == count
+    assert drives(c) and c.belief.problem is before.problem and c.belief.drive == adaptive.drive
+    np.testing.assert_array_equal(c.belief.x, predicted)
+    assert c.belief.t == t
+
+
+def test_a_live_change_leaves_the_plan_to_what_was_learned():
+    c, told, x = refusing()
+    before = c.belief
+    c.reconfigure(controllers.controller({**told, 'force_weight': 0.002}))
+    assert drives(c) and c.belief.problem.parameters.cost.force_weight == 0.002
+    assert c.belief.drive == before.drive and np.all(c.belief.balance == 0.0)
+    np.testing.assert_array_equal(c.belief.x, before.x)
+    c.reconfigure(controllers.controller({**told, 'dynamics': 'analytic'}))
+    assert not drives(c) and c.belief == c.observer.estimated
 
 
 def test_a_reset_forgets_it():
@@ -80,9 +125,12 @@ def test_a_reset_forgets_it():
 def test_other_parameters_leave_what_was_learned():
     c, _, _ = watched(plants.plant({}), WRONG, 4.0)
     learned = c.observer.adaptive
-    c.reconfigure(controllers.controller({**WRONG, 'horizon': 40}))
-    simulate(plants.plant({}), c, 0.05)
-    assert c.observer.adaptive is learned
+    for other in {'horizon': 40}, {'estimator': 'ekf'}, {'estimator': 'ekf', 'ekf.gate': 50.0}:
+        c.reconfigure(controllers.controller({**WRONG, **other}))
+        simulate(plants.plant({}), c, 0.05)
+        assert c.observer.adaptive is learned
+    c.reconfigure(controllers.controller({**WRONG, 'link1_mass': 0.55}))
+    assert c.observer.adaptive is not learned and not drives(c)
     c.reconfigure(controllers.controller({**WRONG, 'dynamics': 'analytic'}))
     assert c.observer.adaptive is None and not drives(c)
 
@@ -128,3 +176,9 @@ def test_a_smaller_pendulum_is_learned_as_the_same_in_its_own_units():
 def test_of_a_cart_that_is_driven_nothing_is_learned():
     with pytest.raises(ParameterError, match="'dynamics' is 'adaptive' with the drive 'velocity'"):
         controllers.controller({'dynamics': 'adaptive', 'drive': 'velocity'})
+
+
+@pytest.mark.parametrize('spring', ['joint1_stiffness', 'joint2_preload'])
+def test_beside_springs_nothing_is_learned(spring):
+    with pytest.raises(ParameterError, match="'dynamics' is 'adaptive' with joint.* no springs"):
+        controllers.controller({'dynamics': 'adaptive', spring: 0.1})

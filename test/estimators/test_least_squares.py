@@ -44,7 +44,7 @@ def test_from_one_transition_after_the_other_it_learns_what_moves():
     about = of_chain(PendulumParameters(cart_mass=0.55, link1_mass=0.45, link2_mass=0.52,
                                         link1_length=0.62, link2_length=0.58))
     one, seen, other = learner(about), experience(30.0), experience(5.0, seed=9)
-    off = [one.update(DIRECT, NEVER, np.array([u]), x, y, h) for x, y, u, h in zip(*seen)]
+    off = [one.update(DIRECT, NEVER, np.array([u]), x, y, h)[0] for x, y, u, h in zip(*seen)]
     assert np.abs(off[-100:]).max() < 0.2 * np.abs(off[:100]).max()
     assert np.all(rms(one.dynamics, other) < 0.3 * rms(about, other))
     assert np.all(one.dynamics.friction >= 0) and np.all(one.dynamics.dry >= 0)
@@ -57,9 +57,12 @@ def test_of_a_push_nothing_is_learned():
     one, x = learner(about), np.array([0.0, np.pi, np.pi, 0.0, 0.0, 0.0])
     for _ in range(50):   # hangs still, so that residuals are small
         one.update(DIRECT, NEVER, np.zeros(1), x, x, 0.05)
-    p = one.p.copy()
+    p, R = one.p.copy(), one.R.copy()
     pushed = x + np.array([0.05, 0.0, 0.0, 2.0, 0.0, 0.0])
-    assert one.update(DIRECT, NEVER, np.zeros(1), x, pushed, 0.05)[0] == pytest.approx(2.0)
+    off, is_learned = one.update(DIRECT, NEVER, np.zeros(1), x, pushed, 0.05)
+    assert off[0] == pytest.approx(2.0) and not is_learned
+    # nor of what is wild
+    assert not one.update(DIRECT, NEVER, np.zeros(1), x, np.full(6, np.nan), 0.05)[1]
     np.testing.assert_array_equal(one.p, p)
-    one.update(DIRECT, NEVER, np.zeros(1), x, np.full(6, np.nan), 0.05)   # nor of what is wild
-    np.testing.assert_array_equal(one.p, p)
+    np.testing.assert_array_equal(one.R, R)
+    assert one.update(DIRECT, NEVER, np.zeros(1), x, x, 0.05)[1]
