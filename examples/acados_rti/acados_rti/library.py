@@ -36,6 +36,7 @@ from dp_swing_ros.problem.problem import Problem
 
 ITERATION = Path(__file__).with_name('iteration.c')
 FLAGS = '-O2', '-march=native', '-fPIC', '-shared'
+LIBRARIES = 'acados', 'hpipm', 'blasfeo', 'qpOASES_e'   # each needs those after it
 RTI = {'nlp_solver_type': 'SQP_RTI'}
 UNBOUNDED = 1e10   # from where on acados takes a bound for none
 
@@ -91,9 +92,7 @@ def library(problem: Problem, options: Mapping[str, Any] = RTI) -> ctypes.CDLL:
 
 
 def load(file: Path) -> ctypes.CDLL:
-    """Load compiled code, with what it needs of acados."""
-    for name in ('qpOASES_e', 'blasfeo', 'hpipm', 'acados'):   # each needs those before it
-        ctypes.CDLL(f'{acados().LIB_DIR}/lib{name}.so', ctypes.RTLD_GLOBAL)
+    """Load compiled code, with what it needs of acados, which nobody else is to find."""
     code = ctypes.CDLL(str(file))
     number, pointer, real = ctypes.c_int, ctypes.c_void_p, ctypes.c_double
     for function, result, arguments in (
@@ -120,7 +119,7 @@ def compiled(expressions: Expressions, options: Mapping[str, Any]) -> Path:
     made_of = (ca.Function('all', [expressions.x, expressions.u, expressions.p],
                            [expressions.step, *expressions.running, *expressions.terminal]
                            ).serialize(), dict(options), FLAGS, ITERATION.read_text(), processor(),
-               version('comma-deps-acados'), version('casadi'))
+               acados().LIB_DIR, version('comma-deps-acados'), version('casadi'))
     digest = hashlib.sha256(repr(made_of).encode()).hexdigest()[:16]
     file = Path(numba.config.CACHE_DIR) / 'acados_rti' / f'{digest}.so'
     if not file.exists():
@@ -166,11 +165,14 @@ def compile_in(folder: Path) -> Path:
                              'install one, as by apt-get install gcc')
     sources = [*folder.glob('acados_solver_*.c'), *folder.glob('*_cost/*.c'),
                *folder.glob('*_model/*_fun.c'), *folder.glob('*_model/*_jac.c')]
-    include = Path(acados().INCLUDE_DIR)
+    include, libraries = Path(acados().INCLUDE_DIR), acados().LIB_DIR
     done = subprocess.run(
         [compiler, *FLAGS, *map(str, sources), str(ITERATION), f'-I{folder}', *(
             f'-I{each}' for each in (include, include / 'acados', include / 'blasfeo/include',
-                                     include / 'hpipm/include')), '-o', 'solver.so'],
+                                     include / 'hpipm/include')),
+         # found by their path, also by each other; loaded for all, torch takes them for its own
+         f'-L{libraries}', f'-Wl,--disable-new-dtags,-rpath,{libraries},--no-as-needed',
+         *(f'-l{name}' for name in LIBRARIES), '-o', 'solver.so'],
         cwd=folder, capture_output=True, text=True)
     if done.returncode:
         raise ParameterError(f'the C code of acados_rti does not compile: {done.stderr[-2000:]}')
