@@ -162,7 +162,7 @@ class PendulumParameters(Parameters):
     @property
     def masses(self) -> tuple[float, ...]:
         """Return the masses of the cart and the links [kg], as they count."""
-        return self._counting(1.0 if self.is_driven else self.cart_mass, 'link{}_mass')
+        return (1.0 if self.is_driven else self.cart_mass, *self._counting('link{}_mass'))
 
     @property
     def lengths(self) -> tuple[float, ...]:
@@ -186,23 +186,24 @@ class PendulumParameters(Parameters):
     @property
     def frictions(self) -> tuple[float, ...]:
         """Return the viscous frictions of cart [N s/m] and joints [N m s/rad], as they count."""
-        return self._counting(0.0 if self.is_driven else self.cart_friction, 'joint{}_friction')
+        return (0.0 if self.is_driven else self.cart_friction,
+                *self._counting('joint{}_friction'))
 
     @property
     def dry_frictions(self) -> tuple[float, ...]:
         """Return the dry frictions of the cart [N] and the joints [N m], as they count."""
-        return self._counting(0.0 if self.is_driven else self.cart_dry_friction,
-                              'joint{}_dry_friction')
+        return (0.0 if self.is_driven else self.cart_dry_friction,
+                *self._counting('joint{}_dry_friction'))
 
     @property
     def stiffnesses(self) -> tuple[float, ...]:
         """Return the stiffnesses of the springs of the joints [N m/rad], as they count."""
-        return self._counting(0.0, 'joint{}_stiffness')[1:]
+        return self._counting('joint{}_stiffness')
 
     @property
     def preloads(self) -> tuple[float, ...]:
         """Return their torques with all angles at zero [N m], as they count."""
-        return self._counting(0.0, 'joint{}_preload')[1:]
+        return self._counting('joint{}_preload')
 
     def estimated(self, values: Mapping[str, float]) -> 'PendulumParameters':
         """
@@ -228,8 +229,8 @@ class PendulumParameters(Parameters):
         return {field.name: getattr(self, field.name)
                 for field in fields_of(type(self), self.links)}
 
-    def _counting(self, of_cart: float, name: str) -> tuple[float, ...]:
-        return (of_cart, *(self.lightness * each for each in self._of_links(name)))
+    def _counting(self, name: str) -> tuple[float, ...]:
+        return tuple(self.lightness * each for each in self._of_links(name))
 
     def _of_links(self, name: str) -> tuple[float, ...]:
         return tuple(getattr(self, name.format(i)) for i in range(1, self.links + 1))

@@ -8,6 +8,7 @@ The optimal control problem that every solver solves.
 
 import contextlib
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 import math
 from typing import NamedTuple
 
@@ -139,10 +140,15 @@ class Problem:
 
     def is_reached(self, x: Array) -> bool:
         """Return whether a state (2n + 2,) is that of the goal, or nearly, on any turn."""
-        if not np.all(np.isfinite(x)):
-            return False
-        problem, _ = self.with_goal_on(turns_of(self, x))
-        return bool(is_upright(x - problem.x_r, self.scale))
+        there = self
+        if self.winds_up and np.all(np.isfinite(x)):
+            there, _ = self.with_goal_on(turns_of(self, x))
+        return bool(is_upright(x - there.x_r, self.scale))
+
+    @cached_property
+    def winds_up(self) -> bool:
+        """Return whether springs tell one turn from another."""
+        return isinstance(self.model.pendulum, Pendulum) and any(self.model.pendulum.stiffness)
 
     def with_goal_on(self, turns: Array | float) -> tuple['Problem', Array | float]:
         """
@@ -152,7 +158,7 @@ class Problem:
         states stay as they are and the goal moves: springs wind up from turn to turn, and links
         rest elsewhere. Shapes: turns and the angles to turn back by (2n + 2,), or 0.
         """
-        if self.learned is not None or not any(self.physical.stiffnesses) or not np.any(turns):
+        if not self.winds_up or not np.any(turns):
             return self, turns
         key = tuple(np.asarray(turns).tolist())
         if key not in self.others:
