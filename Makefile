@@ -26,6 +26,8 @@ FAIL = { echo "make: $(1)" >&2; exit 1; }
 # alone. What else the environment tells ROS, as ROS_DOMAIN_ID, is respected.
 unexport AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH PYTHONPATH \
 	RMW_IMPLEMENTATION RCL_ASSERT_RMW_ID_MATCHES _ROS_WHEELS_BOOTSTRAP_COMPLETE
+# Else each start of a process would compile all modules that it loads.
+unexport PYTHONDONTWRITEBYTECODE
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
