@@ -58,9 +58,14 @@ def search(planner: 'Planner', x_0: Array, starts: Iterable[Plan], deadline: flo
     return plans
 
 
-def cheapest(plans: Iterable[Plan]) -> Plan:
-    """Return the plan that costs least, a usable one if there is any."""
-    return min(plans, key=lambda plan: plan.stats.cost if plan.usable else math.inf)
+def best_of(problem: Problem, plans: Iterable[Plan]) -> Plan:
+    """
+    Return the plan that costs least, a usable one if there is any.
+
+    One that ends with springs wound up, where no goal is, comes after all that do not.
+    """
+    return min(plans, key=lambda plan: (
+        not plan.usable, problem.is_wound_up(plan.X[-1]), plan.stats.cost))
 
 
 class Planner:
@@ -121,11 +126,11 @@ class Planner:
                 return plan
             plans = self.search(self, x_0, self.starts.others(x_0, 1), deadline)
             self.skipped -= 1
-            best = cheapest([plan, *plans])
+            best = best_of(problem, [plan, *plans])
         else:
             plans = self.search(self, x_0, self.starts.of(x_0, left), deadline)
             self.skipped = self.starts.count(x_0, left) - len(plans)
-            best = cheapest(plans)
+            best = best_of(problem, plans)
         return replace(best, stats=stats_of_tick(best, plans, time.perf_counter() - began))
 
     def is_due(self, acts_at: float, passed: float) -> bool:

@@ -117,7 +117,9 @@ class Starts:
         return 1 if self.problem.is_reached(x_0) else 1 + self.parameters.other_starts
 
     def others(self, x_0: Array, count: int) -> Iterator[Plan]:
-        """Yield so many starts beside the last plan, in turn."""
+        """Yield so many starts beside the last plan, in turn; springs wound up are let go."""
+        if self.problem.is_wound_up(x_0):
+            return self.plans(chain((self.rest,), repeat(self.random)), x_0, count)
         return self.plans(self.later_kinds, x_0, count)
 
     def plans(self, kinds: Iterable[Callable[[Array], Plan | None]], x_0: Array,

@@ -11,8 +11,10 @@ the filter expects. Source: Simon, Optimal State Estimation, 2006, 13.2; Mehra, 
 identification of variances and adaptive Kalman filtering", IEEE TAC 15(2), 1970.
 """
 
+from collections import deque
 from dataclasses import dataclass, replace
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -36,10 +38,12 @@ MOVED = 0.1              # of their deviation at first: parameters further off a
 SCALES = (0.1, 5.0)      # of a noise's standard deviation, smallest and largest
 SMALL = 1e-4             # difference of x, p and time for derivatives, in own units
 EXACT = 1e-6             # [m, rad] scaled, of a change of a position that is no step
+NEARLY = 0.9             # of HELD, after which another measurement is remembered
 SAME_STEP, OFTEN = 1e-4, 5   # of a step, within which another is the same; then it is one
 JUDGED = 1.0             # [s] scaled, over which it is seen whether the model explains the motion
 LARGE, COLOURED = 2.0, 0.5   # times the variance expected; of that, what goes on from one to next
 GROWN = 4.0              # times the variance of positions given, and coloured: springs, it may be
+REMEMBERED = 64          # measurements, HELD apart, that are taken anew then
 REFUSALS = 3             # so many in a row, and the filter starts anew from the last
 
 
@@ -75,6 +79,15 @@ class KalmanParameters(UnknownsParameters):
     gate: float = parameter(
         10.0, 'a state that with such a push is further than this from its prediction is refused',
         unit='deviations', minimum=0.0, finite=False)
+
+
+class Taken(NamedTuple):
+    """A measurement, and what was sent since the one before."""
+
+    t: float                     # [s]
+    x: Array                     # (2n + 2,)
+    sent: tuple[Array, Array]    # see Commands.since
+    time_noise: float            # [s]
 
 
 class ExtendedKalmanFilter:
@@ -120,6 +133,7 @@ class ExtendedKalmanFilter:
         k = self.size + len(self.prior)
         self.t, self.z, self.P = -math.inf, np.zeros(k), np.zeros((k, k))
         self.refused = self.in_a_row = 0
+        self.remembered = deque[Taken](maxlen=REMEMBERED)
         self.take_noises_as_given()
         self.seen = np.full(self.size, math.nan)   # the last measurement
         # the smallest changes of positions, and how often they were just those
@@ -134,7 +148,7 @@ class ExtendedKalmanFilter:
     def continue_from(self, before: 'ExtendedKalmanFilter') -> None:
         """Believe what another one did; see Estimator.continue_from."""
         self.t, self.z, self.P, self.scales = before.t, before.z, before.P, before.scales
-        self.with_springs = before.with_springs
+        self.with_springs, self.remembered = before.with_springs, before.remembered
         self.refused, self.in_a_row = before.refused, before.in_a_row
         self.seen, self.steps, self.times = before.seen, before.steps, before.times
         self.power, self.colour, self.last_whitened = (
@@ -143,14 +157,23 @@ class ExtendedKalmanFilter:
     def update(self, t: float, x: Array, commands: Commands,
                time_noise: float = 0.0) -> Estimate:
         """Take a measured state; see Estimator.update."""
-        about = self.parameters
         self.note_steps(x)
         if t - self.t > self.longest_gap:
             return self.begin(t, x)
+        if not self.with_springs:
+            self.remember(t, x, commands, time_noise)
+        estimate = self.take(Taken(t, x, commands.since(self.t, HISTORY), time_noise))
+        if estimate.accepted and self.lacks_something and not self.with_springs:
+            return self.take_anew()
+        return estimate
+
+    def take(self, measured: Taken) -> Estimate:
+        """Take a state that was measured soon after the last."""
+        about, (t, x, sent, time_noise) = self.parameters, measured
         # one that is not told would pass for a delay or a gain; it differs from an outlier by what
         # it does to all numbers of the state
         for push, gate in ((0.0, about.push_gate), (about.push, about.gate)):
-            z, P, rate = self.predicted(t, commands, push)
+            z, P, rate = self.predicted(t, sent, push)
             innovation, known, variance = x - z[:self.size], z.copy(), P.copy()
             whitened = self.corrected(x, rate, time_noise, known, variance)
             if push == 0:
@@ -163,14 +186,32 @@ class ExtendedKalmanFilter:
                 self.scales = scales
                 constrain(self.unknowns.lowest, self.unknowns.highest, known, variance)
                 self.in_a_row = 0
-                if self.lacks_something and not self.with_springs:
-                    self.widen(variance)
                 return self.set_posterior(t, known, variance, innovation, distance)
         self.refused, self.in_a_row = self.refused + 1, self.in_a_row + 1
         if self.in_a_row >= REFUSALS or not np.all(np.isfinite(z)):
             return self.begin(t, x)._replace(innovation=innovation, distance=distance,
                                              accepted=False)
         return self.set_posterior(t, z, P, innovation, distance)._replace(accepted=False)
+
+    def remember(self, t: float, x: Array, commands: Commands, time_noise: float) -> None:
+        """Keep a measurement, unless it comes soon after another that is kept."""
+        before = self.remembered[-1].t
+        if t - before > self.held * NEARLY:
+            self.remembered.append(Taken(t, x, commands.since(before, HISTORY), time_noise))
+
+    def take_anew(self) -> Estimate:
+        """
+        Take springs to be possible from now on, and the last measurements anew.
+
+        What a model without has made of them is forgotten.
+        """
+        (first, *later), refused, self.with_springs = self.remembered, self.refused, True
+        self.z[self.size:] = 0.0
+        estimate = self.begin(first.t, first.x)
+        for measured in later:
+            estimate = self.take(measured)
+        self.refused = refused
+        return estimate
 
     def corrected(self, x: Array, rate: Array, time_noise: float, z: Array, P: Array) -> Array:
         """Correct in place; return the innovations in standard deviations (2n + 2,)."""
@@ -196,13 +237,6 @@ class ExtendedKalmanFilter:
     def lacks_something(self) -> bool:
         """Return whether the noise has grown, by innovations that go on from one to the next."""
         return bool(self.scales[0] > GROWN and self.colour > COLOURED * self.power)
-
-    def widen(self, P: Array) -> None:
-        """Take springs to be possible from now on, and all unknowns to be as at first."""
-        self.with_springs = True
-        P[self.size:] = P[:, self.size:] = 0.0
-        P[np.diag_indices(len(P))] += np.append(np.zeros(self.size), self.prior)
-        self.take_noises_as_given()
 
     @property
     def is_explained(self) -> bool:
@@ -253,6 +287,9 @@ class ExtendedKalmanFilter:
         """Take a state as it is measured; the unknowns stay, as uncertain as at first."""
         self.in_a_row = 0
         self.take_noises_as_given()
+        if not self.with_springs:
+            self.remembered.clear()
+            self.remembered.append(Taken(t, x, (np.empty(0), np.empty(0)), 0.0))
         unmeasured = np.isnan(x)
         variances = np.where(unmeasured, self.unmeasured, self.R)
         return self.set_posterior(
@@ -271,14 +308,14 @@ class ExtendedKalmanFilter:
         return Estimate(z[:self.size].copy(), physical, drive, innovation, distance, self.refused,
                         accepted=True, balance=balance, explained=self.is_explained)
 
-    def predicted(self, t: float, commands: Commands,
+    def predicted(self, t: float, sent: tuple[Array, Array],
                   push: float) -> tuple[Array, Array, Array]:
         """Return mean and covariance after the commands and a push [N] of unknown size, and ẋ."""
         z, P, about, unknowns = self.z.copy(), self.P.copy(), self.parameters, self.unknowns
         passed = t - self.t
         forget(self.prior, min(passed / about.memory, 1.0), P)
         rate = predict(self.model, unknowns.constants, unknowns.nominal, unknowns.factors,
-                       *commands.since(self.t, HISTORY), passed, self.differences,
+                       *sent, passed, self.differences,
                        self.held * (about.force_noise ** 2 * self.scales[0] + push ** 2),
                        self.disturbed * self.scales[0], z, P)
         return z, P, rate

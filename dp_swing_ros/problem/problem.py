@@ -142,6 +142,8 @@ class Problem:
         """Return whether a state (2n + 2,) is that of the goal, or nearly, on any turn."""
         there = self
         if self.winds_up and np.all(np.isfinite(x)):
+            if self.is_wound_up(x):
+                return False
             there, _ = self.with_goal_on(turns_of(self, x))
         return bool(is_upright(x - there.x_r, self.scale))
 
@@ -170,6 +172,13 @@ class Problem:
                 self.others[key] = replace(self, lqr=lqr, cost=self.cost._replace(
                     x_r=tuple(x_r.tolist()), P=terminal_weights(cost, lqr)))
         return self.others[key], 0.0
+
+    def is_wound_up(self, x: Array) -> bool:
+        """Return whether springs leave no goal on the turn of a state (2n + 2,)."""
+        if not self.winds_up or not np.all(np.isfinite(x)):
+            return False
+        turns = turns_of(self, x)
+        return bool(turns.any()) and self.with_goal_on(turns)[0] is self
 
     def with_physical(self, physical: PendulumParameters) -> 'Problem':
         """

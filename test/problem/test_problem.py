@@ -225,7 +225,11 @@ def test_springs_that_let_no_link_stand_are_refused():
     with pytest.raises(ParameterError, match=r'joint1_preload.*no rest within.*weaker'):
         sprung(joint1_preload=20.0)
     problem = sprung(joint2_stiffness=0.5)
-    assert problem.with_goal_on(np.array([0.0, 0.0, 3 * TURN, 0.0, 0.0, 0.0]))[0] is problem
+    wound = np.array([0.0, 0.0, 3 * TURN, 0.0, 0.0, 0.0])
+    assert problem.with_goal_on(wound)[0] is problem
+    assert problem.is_wound_up(wound) and not problem.is_reached(wound)
+    assert not problem.is_wound_up(problem.x_r) and not default(2).is_wound_up(wound)
+    assert not problem.is_wound_up(np.full(6, np.nan))
 
 
 @of_links
