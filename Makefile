@@ -53,7 +53,7 @@ docs: setup  ## the references of parameters, constants, diagnostics and the Pyt
 evaluate: setup  ## run a campaign of episodes without ROS (EVALUATE='...' for its arguments)
 	@$(WITH_ROS) && ros2 run dp_swing_ros evaluate $(EVALUATE)
 
-results: setup $(if $(filter benchmark,$(or $(PAGES),benchmark)),$(VENV)/.peers)
+results: setup $(if $(filter benchmark closed_loops,$(or $(PAGES),benchmark)),$(VENV)/.peers)
 results: $(if $(filter rigs rig intervals drives wrong_models methods ablation,$(PAGES)),$(VENV)/.installed-rig)
 results: $(if $(filter bags durability,$(or $(PAGES),bags)),$(VENV)/.installed-test)
 results:  ## every published figure anew, in about three hours (PAGES='reliability live' for some)

@@ -127,7 +127,8 @@ PARTS = {
     'rig': of_rigs(5),
     'wrong_models': of_script('wrong_models', 8),
     'sizes': of_rows('sizes', 18),
-    'benchmark': of_script('benchmark', 14),
+    'benchmark': of_script('benchmark', 7),
+    'closed_loops': of_script('closed_loops', 8),
     'methods': of_others('methods', methods.NEEDED, methods.write),
     'ablation': of_rows('ablation', 10),
     'paper': of_script('paper', 7, sources=lambda: seeded.sources('paper')),
@@ -167,7 +168,7 @@ PAGES = {
         ('sizes',)),
     'benchmark': Page(
         'How fast is it?', 'How long it takes beside its peers, on the same problems.',
-        ('benchmark',)),
+        ('benchmark', 'closed_loops')),
     'methods': Page(
         'Which method, when?',
         'What each solver holds and costs on the same cases, and what each part around them is '

@@ -39,15 +39,27 @@ SOAK = (*LIVE, 'tools/demo.py', 'tools/tool_node.py')
 SOAKING = 'soak watcher resources echo'
 OPERATED = (*LIVE, 'tools/tool_node.py')
 LEARNED = ('learning/',)
+IN_C = ('peers_acados peers_aligator peers_aligator.cpp peers_casadi '   # what peers are given
+        + ' '.join(f'../examples/acados_rti/acados_rti/{name}' for name in (
+            'expressions.py', 'iteration.c', 'library.py', 'solver.py')))
 DEVICE = 'solvers/device.py'   # loaded for samples on a device, and no episode has such
 
 
 class Measured(NamedTuple):
-    """What a page measures: by scripts of this folder, parts of the package, and episodes."""
+    """
+    What a page measures: by scripts of this folder, parts of the package, and episodes.
+
+    A script with a dot in its name is a file that is none of Python, or from another folder.
+    """
 
     scripts: str = ''
     parts: tuple[str, ...] = ()
     episodes: bool = True
+
+    @property
+    def files(self) -> list[str]:
+        """Return the files of the scripts."""
+        return [name if '.' in name else f'{name}.py' for name in self.scripts.split()]
 
 
 # what is not named is a part of episodes alone (seeded.py)
@@ -70,8 +82,9 @@ MEASURED = {
     'damaged_bags': Measured('mutated_bags mutations', (
         *BAGS, 'identification/recorded.py', 'learning/recorded.py', 'nodes/replay.py',
         'recovery/', 'report/', 'rerun/', 'tools/'), episodes=False),
-    'benchmark': Measured('benchmark peers_acados peers_aligator peers_casadi peers_gradient '
-                          'peers_sampling peers_solvers startup timing', (DEVICE,))}
+    'benchmark': Measured(f'benchmark peers_gradient peers_sampling peers_solvers startup timing '
+                          f'{IN_C}', (DEVICE,)),
+    'closed_loops': Measured(f'closed_loops campaigns peers_gradient peers_solvers timing {IN_C}')}
 
 
 class Stamp(NamedTuple):
@@ -105,7 +118,7 @@ def read(text: str) -> dict[str, Stamp]:
 def sources(page: str) -> str:
     """Return a digest of the code that a page measures, and of the scripts that measure it."""
     of = MEASURED.get(page, Measured())
-    files = [Path(__file__).with_name(f'{script}.py') for script in of.scripts.split()]
+    files = [Path(__file__).parent / file for file in of.files]
     for path in sorted(provenance.PACKAGE.rglob('*')):
         place = path.relative_to(provenance.PACKAGE).as_posix()
         if (path.suffix in ('.py', '.js', '.html', '.css') and place.startswith(of.parts)

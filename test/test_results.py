@@ -233,8 +233,8 @@ def test_generated_files_do_not_make_a_tree_dirty(tmp_path, monkeypatch):
 def test_what_a_page_measures_exists():
     assert set(stamp.MEASURED) <= set(published.PARTS)
     for of in stamp.MEASURED.values():
-        for script in of.scripts.split():
-            assert (TOP / 'benchmarks' / f'{script}.py').exists(), script
+        for file in of.files:
+            assert (TOP / 'benchmarks' / file).exists(), file
         for place in of.parts:
             assert (provenance.PACKAGE / place).exists(), place
 

@@ -1,0 +1,258 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Closed loops with the solvers of peers: who holds the pendulum from random states, and how fast.
+
+Each solver goes through the scenario `random` twice. Alone it solves once a tick, from the last
+forces, shifted by a step. With ours around it the last plan is followed with feedback, and there
+are the other starts of a tick. All else is alike: the default problem, exact states, no estimator,
+no deadline, one thread, one run after another in one process.
+
+A whole solve of a peer ends where it has converged, or after ITERATIONS. Its forces are followed
+by the model; where they cost more than those that it began from, these are kept.
+"""
+
+import argparse
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+import sys
+import time
+from typing import Any, ClassVar, NamedTuple
+
+from benchmark import quiet
+from campaigns import DURATION, METHODS
+from matplotlib.figure import Figure
+import numpy as np
+from peers_casadi import Guess, OPTIONS
+from peers_solvers import casadi, compiled, Make
+from stamp import folders, made, sources, TOP
+from timing import has
+
+from dp_swing_ros import provenance
+from dp_swing_ros.evaluation.campaign.contestants import Contestant, measured, simulated
+from dp_swing_ros.evaluation.campaign.report import share
+from dp_swing_ros.evaluation.campaign.rows import Row, solves
+from dp_swing_ros.evaluation.comparison import paired_ratio, Rate, rate, Ratio
+from dp_swing_ros.evaluation.scenarios import Case, SCENARIOS
+from dp_swing_ros.figures.style import (
+    as_share, in_numbers, INK, PALETTE, PAPER, solver_name, styled)
+from dp_swing_ros.parameters import parameter, Parameters
+from dp_swing_ros.pendulum.derivatives import expand
+from dp_swing_ros.pendulum.model import rollout
+from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.problem.cost import trajectory_cost
+from dp_swing_ros.problem.plan import Plan, SolverStats, Status
+from dp_swing_ros.problem.problem import policy_rollout, Problem
+from dp_swing_ros.solvers import SOLVERS
+from dp_swing_ros.solvers.riccati import backward
+from dp_swing_ros.solvers.solver import policy_of, Seed
+from dp_swing_ros.tables import compact
+
+CASES, FEW = 200, 30
+ITERATIONS = 50
+SLOW = ('aligator', 'casadi')   # who go through few cases
+PEERS = ('comma-deps-acados', 'libaligator', 'casadi')
+EXACT = {'estimator': 'none'}
+ALONE, AROUND = 'alone', 'with ours around it'
+KINDS: dict[str, dict[str, Any]] = {
+    ALONE: {**EXACT, 'first_starts': 1, 'other_starts': 0, 'warm_start': 'forces'}, AROUND: EXACT}
+
+
+@dataclass(frozen=True)
+class WholeParameters(Parameters):
+    """How long a solve goes on."""
+
+    iterations: int = parameter(ITERATIONS, 'most iterations in one solve', minimum=1)
+
+
+class Whole:
+    """Whole solves of a peer, as a solver of ours."""
+
+    Parameters = WholeParameters
+    of: ClassVar[Callable[[Problem], Make]]
+    made: ClassVar[dict[int, tuple[Problem, Make]]]   # for a problem, which takes seconds
+
+    def __init__(self, problem: Problem, parameters: WholeParameters, seed: Seed = 0) -> None:
+        """Take the problem; it has no use for a seed."""
+        self.problem, self.parameters = problem, parameters
+        if id(problem) not in self.made:
+            self.made[id(problem)] = problem, type(self).of(problem)
+        self.make = self.made[id(problem)][1]
+
+    def solve(self, x_0: Array, warm_start: Plan | None, deadline: float) -> Plan:
+        """Return the cheaper of the warm start and what the peer makes of it; see Solver.solve."""
+        began, problem = time.perf_counter(), self.problem
+        start = policy_rollout(problem, *policy_of(problem, x_0, warm_start))
+        solve = self.make(Guess(x_0, start.X, start.U), True, self.parameters.iterations)
+        U = np.clip(solve(), *problem.bounds)
+        X = rollout(problem.model, x_0, U)
+        J, status = trajectory_cost(problem.cost, X, U), Status.COMPLETE
+        if not J < start.J:
+            J, X, U = start[:3]
+            status = Status.STALLED if np.isfinite(J) else Status.FAILED
+        K = gains(problem, X, U)
+        return Plan(X, U, K, problem.dt, SolverStats(
+            status, J, 1, time.perf_counter() - began))
+
+
+def gains(problem: Problem, X: Array, U: Array) -> Array:
+    """Return the gains (N, 2n + 2) of the regulator about a trajectory; no peer hands out any."""
+    K = np.empty((len(U), X.shape[1]))
+    backward(problem.model, problem.cost, expand(problem.model, X, U), X, U, X[:0],
+             problem.bounds, 0.0, None, U[:0].copy(), K)
+    return K
+
+
+def whole(name: str, of: Callable[[Problem], Make]) -> type[Whole]:
+    """Return whole solves of a peer as a class of solvers; `of` makes what solves a problem."""
+    return type(name, (Whole,), {'of': staticmethod(of), 'made': {}})
+
+
+def peers() -> dict[str, Any]:
+    """Return the solvers of peers that are installed, by a name that a parameter may have."""
+    found: dict[str, Any] = {}
+    if has('comma-deps-acados'):
+        from acados_rti.solver import AcadosRTI
+        found['acados_rti'] = AcadosRTI
+        found['acados_sqp'] = whole('acados_sqp', lambda problem: compiled(problem)['acados SQP'])
+    if has('libaligator'):
+        found['aligator'] = whole(
+            'aligator', lambda problem: compiled(problem)['aligator ProxDDP'])
+    if has('casadi'):
+        found |= {f'casadi_{name}': whole(f'casadi_{name}', partial(casadi, name=name))
+                  for name in OPTIONS}
+    return found
+
+
+def contestants(cases: int) -> dict[tuple[str, str], tuple[Contestant, list[Case]]]:
+    """Return who goes through which cases, by solver and kind."""
+    few = min(FEW, cases)
+    all_of = list(SCENARIOS['random'].cases('random', range(cases), None, DURATION))
+    return {(name, kind): (Contestant(f'{name} {kind}', name, {}, parameters),
+                           all_of[:few if name.startswith(SLOW) else cases])
+            for name in [*METHODS, *sorted(set(SOLVERS) - {*METHODS})]
+            for kind, parameters in KINDS.items()}
+
+
+def played(cases: int) -> dict[tuple[str, str], list[Row]]:
+    """Return the rows of all, who take turns case by case."""
+    of = contestants(cases)
+    rows: dict[tuple[str, str], list[Row]] = {key: [] for key in of}
+    for n in range(cases):
+        for key, (contestant, theirs) in of.items():
+            if n < len(theirs):
+                rows[key].append(measured(contestant, theirs[n], simulated(contestant, theirs[n])))
+        print(f'\r{n + 1} of {cases}', end='', file=sys.stderr, flush=True)
+    print(file=sys.stderr)
+    return rows
+
+
+class Loop(NamedTuple):
+    """How a solver fared: of how many runs it held, at what cost, and its ticks [ms]."""
+
+    held: Rate
+    cost: Ratio     # over that of ilqr with ours around it, where both hold
+    p50: float
+    p99: float
+
+
+def loops(rows: Mapping[tuple[str, str], Sequence[Row]]) -> dict[tuple[str, str], Loop]:
+    """Return how all fared."""
+    best, found = costs(rows[METHODS[0], AROUND]), {}
+    for key, of in rows.items():
+        p50, p99 = (1e3 * float(np.quantile(solves(of), q)) for q in (0.5, 0.99))
+        found[key] = Loop(rate([row.metrics.success for row in of]),
+                          paired_ratio(costs(of), best[:len(of)]), p50, p99)
+    return found
+
+
+def costs(rows: Sequence[Row]) -> Array:
+    """Return the costs of closed loops, NaN where it was not held."""
+    return np.array([row.metrics.closed_loop_cost if row.metrics.success else np.nan
+                     for row in rows])
+
+
+def ahead(found: Mapping[tuple[str, str], Loop]) -> list[str]:
+    """Return where a peer is ahead of all of ours of its kind."""
+    words = []
+    for (name, kind), loop in found.items():
+        ours = [found[our, kind] for our in METHODS]
+        if name in METHODS:
+            continue
+        if loop.held.low > max(our.held.high for our in ours):
+            words.append(f'`{name}` {kind} holds more')
+        if loop.cost.high < min(our.cost.low for our in ours):
+            words.append(f'`{name}` {kind} costs less')
+        for q in ('p50', 'p99'):
+            if getattr(loop, q) < min(getattr(our, q) for our in ours):
+                words.append(f'the {q} of a tick of `{name}` {kind} is shorter')
+    return words
+
+
+def page(found: Mapping[tuple[str, str], Loop], made: str) -> str:
+    """Return the part of the page as Markdown."""
+    return '\n\n'.join((
+        '# Closed loops with the solvers of peers', made.strip(),
+        f'{max(loop.held.runs for loop in found.values())} random starts, 10 s each, of slow '
+        f'solvers the first {FEW}; exact states, no estimator, the default problem. *Alone*: one '
+        'solve a tick from the last forces, shifted. *With ours around it*: the other starts of '
+        'a tick, and the last plan followed with feedback. `acados_rti` takes one quadratic '
+        'program a solve, whose step is halved until the cost falls; the other peers go on until '
+        f'they have converged, {ITERATIONS} iterations at most. Costs are of the closed loop, '
+        'over those of '
+        f'`{METHODS[0]}` with ours around it on the same starts where both hold (geometric mean, '
+        '95 % interval).',
+        '**Where a peer is ahead:** ' + ('; '.join(ahead(found)) or 'nowhere') + '.',
+        compact([('solver', 'around it', 'held', 'times the cost', 'a tick, p50 [ms]', 'p99 [ms]'),
+                 *((f'`{name}`', kind, share(loop.held),
+                    f'{loop.cost.value:.3g} ({loop.cost.low:.3g}-{loop.cost.high:.3g})',
+                    f'{loop.p50:.3g}', f'{loop.p99:.3g}')
+                   for (name, kind), loop in found.items())]),
+        '![held against the time of a tick](../figures/closed_loops.png)')) + '\n'
+
+
+@styled
+def picture(found: Mapping[tuple[str, str], Loop]) -> Figure:
+    """Draw what is held against the time of a tick: hollow alone, filled with ours around it."""
+    figure = Figure(figsize=(7.0, 4.2), layout='constrained')
+    axes = figure.subplots()
+    names = list(dict.fromkeys(name for name, _ in found))
+    for place, name in enumerate(names):
+        colour = INK if name in METHODS else PALETTE[place % len(PALETTE)]
+        for kind in KINDS:
+            loop = found[name, kind]
+            share_of = loop.held.successes / loop.held.runs
+            axes.errorbar(loop.p99, share_of, [[share_of - loop.held.low], [
+                loop.held.high - share_of]], fmt='o', color=colour,
+                markerfacecolor=PAPER if kind == ALONE else colour)
+        axes.annotate(solver_name(name), (loop.p99, share_of), xytext=(6, -10),
+                      textcoords='offset points', color=colour, fontsize='small')
+    axes.set(xscale='log', xlabel='p99 of a tick [ms]', ylabel='held')
+    in_numbers(axes.xaxis)
+    as_share(axes, 'y')
+    axes.grid(True)
+    figure.suptitle('Hollow: the solver alone; filled: with ours around it')
+    return figure
+
+
+def main() -> None:
+    """Run all, and write the part."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('--cases', type=int, default=CASES)
+    parser.add_argument('--docs', type=Path, default=TOP / 'results')
+    arguments = parser.parse_args()
+    sys.path.append(str(TOP / 'examples' / 'acados_rti'))   # which need not be installed
+    SOLVERS.update(peers())
+    with quiet():
+        found = loops(played(arguments.cases))
+    results, figures = folders(arguments.docs)
+    (results / 'closed_loops.md').write_text(page(found, made(
+        'closed_loops', sources('closed_loops'),
+        [*provenance.COMPUTING, *filter(has, PEERS)])), encoding='utf-8')
+    picture(found).savefig(figures / 'closed_loops.png')
+
+
+if __name__ == '__main__':
+    main()
