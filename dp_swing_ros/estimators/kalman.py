@@ -12,6 +12,7 @@ identification of variances and adaptive Kalman filtering", IEEE TAC 15(2), 1970
 """
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 import math
 from typing import NamedTuple
@@ -43,7 +44,8 @@ SAME_STEP, OFTEN = 1e-4, 5   # of a step, within which another is the same; then
 JUDGED = 1.0             # [s] scaled, over which it is seen whether the model explains the motion
 LARGE, COLOURED = 2.0, 0.5   # times the variance expected; of that, what goes on from one to next
 GROWN = 4.0              # times the variance of positions given, and coloured: springs, it may be
-REMEMBERED = 64          # measurements, HELD apart, that are taken anew then
+REMEMBERED, ENOUGH = 64, 20   # measurements, HELD apart, that are taken anew then: most, least
+BETTER = 0.4             # of the squared errors without springs, below which there are some
 REFUSALS = 3             # so many in a row, and the filter starts anew from the last
 
 
@@ -79,6 +81,9 @@ class KalmanParameters(UnknownsParameters):
     gate: float = parameter(
         10.0, 'a state that with such a push is further than this from its prediction is refused',
         unit='deviations', minimum=0.0, finite=False)
+
+
+NOTHING = np.empty(0), np.empty(0)
 
 
 class Taken(NamedTuple):
@@ -134,6 +139,7 @@ class ExtendedKalmanFilter:
         self.t, self.z, self.P = -math.inf, np.zeros(k), np.zeros((k, k))
         self.refused = self.in_a_row = 0
         self.remembered = deque[Taken](maxlen=REMEMBERED)
+        self.looks_at, self.patience = -math.inf, REMEMBERED * self.held   # [s] for springs
         self.take_noises_as_given()
         self.seen = np.full(self.size, math.nan)   # the last measurement
         # the smallest changes of positions, and how often they were just those
@@ -149,6 +155,7 @@ class ExtendedKalmanFilter:
         """Believe what another one did; see Estimator.continue_from."""
         self.t, self.z, self.P, self.scales = before.t, before.z, before.P, before.scales
         self.with_springs, self.remembered = before.with_springs, before.remembered
+        self.looks_at, self.patience = before.looks_at, before.patience
         self.refused, self.in_a_row = before.refused, before.in_a_row
         self.seen, self.steps, self.times = before.seen, before.steps, before.times
         self.power, self.colour, self.last_whitened = (
@@ -159,12 +166,14 @@ class ExtendedKalmanFilter:
         """Take a measured state; see Estimator.update."""
         self.note_steps(x)
         if t - self.t > self.longest_gap:
+            self.remembered = deque([Taken(t, x, NOTHING, 0.0)], maxlen=REMEMBERED)
             return self.begin(t, x)
         if not self.with_springs:
             self.remember(t, x, commands, time_noise)
         estimate = self.take(Taken(t, x, commands.since(self.t, HISTORY), time_noise))
-        if estimate.accepted and self.lacks_something and not self.with_springs:
-            return self.take_anew()
+        if (estimate.accepted and self.lacks_something and t >= self.looks_at
+                and len(self.remembered) >= ENOUGH):
+            return self.look_for_springs(estimate)
         return estimate
 
     def take(self, measured: Taken) -> Estimate:
@@ -199,19 +208,33 @@ class ExtendedKalmanFilter:
         if t - before > self.held * NEARLY:
             self.remembered.append(Taken(t, x, commands.since(before, HISTORY), time_noise))
 
-    def take_anew(self) -> Estimate:
+    def look_for_springs(self, estimate: Estimate) -> Estimate:
         """
-        Take springs to be possible from now on, and the last measurements anew.
+        Take what is remembered anew, without springs and with; go on with what predicts better.
 
-        What a model without has made of them is forgotten.
+        What a model without has made of it is forgotten. If it is something else that is missing,
+        all stays as it is estimated, and it takes ever longer until it is looked for again.
         """
-        (first, *later), refused, self.with_springs = self.remembered, self.refused, True
-        self.z[self.size:] = 0.0
-        estimate = self.begin(first.t, first.x)
-        for measured in later:
-            estimate = self.take(measured)
-        self.refused = refused
+        before, remembered = vars(self).copy(), self.remembered
+        without, _ = self.taken_anew(remembered, with_springs=False)
+        errors, found = self.taken_anew(remembered, with_springs=True)
+        if errors < BETTER * without:
+            self.refused = before['refused']
+            return found
+        vars(self).update(before)
+        self.looks_at, self.patience = self.t + self.patience, 2 * self.patience
         return estimate
+
+    def taken_anew(self, measurements: Sequence[Taken],
+                   with_springs: bool) -> tuple[float, Estimate]:
+        """Begin with these; return the squared errors of the later half, and the last estimate."""
+        (first, *later), half, squares = measurements, self.size // 2, list[float]()
+        self.with_springs, self.z = with_springs, np.zeros(self.size + len(self.prior))
+        found = self.begin(first.t, first.x)
+        for measured in later:
+            found = self.take(measured)
+            squares.append(float(np.sum(found.innovation[:half] ** 2 / self.R[:half])))
+        return sum(squares[len(squares) // 2:]), found
 
     def corrected(self, x: Array, rate: Array, time_noise: float, z: Array, P: Array) -> Array:
         """Correct in place; return the innovations in standard deviations (2n + 2,)."""
@@ -236,7 +259,8 @@ class ExtendedKalmanFilter:
     @property
     def lacks_something(self) -> bool:
         """Return whether the noise has grown, by innovations that go on from one to the next."""
-        return bool(self.scales[0] > GROWN and self.colour > COLOURED * self.power)
+        return bool(not self.with_springs and self.scales[0] > GROWN
+                    and self.colour > COLOURED * self.power)
 
     @property
     def is_explained(self) -> bool:
@@ -287,9 +311,6 @@ class ExtendedKalmanFilter:
         """Take a state as it is measured; the unknowns stay, as uncertain as at first."""
         self.in_a_row = 0
         self.take_noises_as_given()
-        if not self.with_springs:
-            self.remembered.clear()
-            self.remembered.append(Taken(t, x, (np.empty(0), np.empty(0)), 0.0))
         unmeasured = np.isnan(x)
         variances = np.where(unmeasured, self.unmeasured, self.R)
         return self.set_posterior(
