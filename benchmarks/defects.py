@@ -136,7 +136,7 @@ DEFECTS = [
            'self.in_a_row = 0\n        self.take_noises_as_given()\n        unm',
            'self.in_a_row = 0\n        unm', 'estimators'),
     defect('springs are looked for in what comes alone', 'estimators/kalman.py',
-           'self.begin(first.t, first.x)', 'self.begin(*later[-1][:2])', 'estimators'),
+           'for measured in later:', 'for measured in later[-1:]:', 'estimators'),
     defect('whatever is missing is taken for springs', 'estimators/kalman.py',
            'errors < BETTER * without', 'errors < math.inf', 'estimators'),
     defect('a plan may leave springs wound up', 'control/planner.py',
