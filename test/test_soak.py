@@ -190,6 +190,7 @@ def test_odd_soaks_are_drawn_without_a_warning(change, tmp_path):
 def test_a_soak_counts_every_state_once_and_watches_each_process(tmp_path, monkeypatch):
     duration, rate, busy = 2.0, 50.0, []   # what busy processes do, test_resources.py shows
     monkeypatch.setattr(soak, 'burning', lambda count: busy.append(count) or nullcontext())
+    monkeypatch.setattr(soak, 'SAMPLE', 0.1)   # so that each is looked at twice, if late
     with isolated():
         found = soak.soak(tmp_path / 'soak', 'ddp', duration, rate, seed=3, burn=1)
     assert found.failure == '' and busy == [1]
