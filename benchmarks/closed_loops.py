@@ -50,7 +50,7 @@ from dp_swing_ros.solvers.riccati import backward
 from dp_swing_ros.solvers.solver import policy_of, Seed
 from dp_swing_ros.tables import compact
 
-CASES, FEW = 200, 30
+CASES, FEW = 100, 10
 ITERATIONS = 50
 SLOW = ('aligator', 'casadi')   # who go through few cases
 PEERS = ('comma-deps-acados', 'libaligator', 'casadi')
