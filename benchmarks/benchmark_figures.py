@@ -1,12 +1,14 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The figure of the benchmark, from its results: time against samples, on logarithmic axes."""
+"""The figures of the benchmark, from its results; times are on logarithmic axes."""
 
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from matplotlib.figure import Figure
 
-from dp_swing_ros.figures.style import FORCE, in_numbers, PALETTE, styled
+from dp_swing_ros.figures.style import (
+    as_share, FORCE, in_numbers, INK, PALETTE, PAPER, solver_name, styled)
 
 # what is measured of whom: its name in the results, its colour and its name here
 UPDATES = {'mppi': (FORCE, 'MPPI here'),
@@ -32,4 +34,35 @@ def samples(sampling: dict[str, Any]) -> Figure:
     axes.grid(True)
     axes.legend(loc='lower left', bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
     figure.suptitle("One update's time against the samples")
+    return figure
+
+
+@styled
+def loops(found: Mapping[tuple[str, str], Any], kinds: Iterable[str]) -> Figure:
+    """
+    Draw what each solver holds, with 95 % intervals, and the p99 of its ticks, of each kind.
+
+    found are the Loops of closed_loops.py, by solver and kind.
+    """
+    names = list(dict.fromkeys(name for name, _ in found))
+    figure = Figure(figsize=(8.0, 0.5 * len(names) + 1.2), layout='constrained')
+    held, ticks = figure.subplots(1, 2, sharey=True)
+    for kind, colour, fill, above in zip(kinds, (PALETTE[1], INK), (PAPER, INK), (-0.14, 0.14)):
+        places = [place + above for place in range(len(names))]
+        of = [found[name, kind] for name in names]
+        shares = [one.held.successes / one.held.runs for one in of]
+        held.errorbar(shares, places, xerr=[[share - one.held.low for share, one in zip(
+            shares, of)], [one.held.high - share for share, one in zip(shares, of)]], fmt='o',
+            color=colour, markerfacecolor=fill, label=kind)
+        ticks.plot([one.p99 for one in of], places, 'o', color=colour, markerfacecolor=fill)
+    held.set_yticks(range(len(names)), [solver_name(name) for name in names])
+    held.invert_yaxis()
+    held.set(xlabel='held')
+    as_share(held, 'x')
+    ticks.set(xscale='log', xlabel='p99 of a tick [ms]')
+    ticks.minorticks_off()
+    in_numbers(ticks.xaxis)
+    for axes in (held, ticks):
+        axes.grid(True, axis='x')
+    figure.legend(loc='outside lower center', ncols=2)
     return figure

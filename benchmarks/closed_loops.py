@@ -22,8 +22,8 @@ import time
 from typing import Any, ClassVar, NamedTuple
 
 from benchmark import quiet
+import benchmark_figures
 from campaigns import DURATION, METHODS
-from matplotlib.figure import Figure
 import numpy as np
 from peers_casadi import Guess, OPTIONS
 from peers_solvers import casadi, compiled, Make
@@ -36,8 +36,6 @@ from dp_swing_ros.evaluation.campaign.report import share
 from dp_swing_ros.evaluation.campaign.rows import Row, solves
 from dp_swing_ros.evaluation.comparison import paired_ratio, Rate, rate, Ratio
 from dp_swing_ros.evaluation.scenarios import Case, SCENARIOS
-from dp_swing_ros.figures.style import (
-    as_share, in_numbers, INK, PALETTE, PAPER, solver_name, styled)
 from dp_swing_ros.parameters import parameter, Parameters
 from dp_swing_ros.pendulum.derivatives import expand
 from dp_swing_ros.pendulum.model import rollout
@@ -210,31 +208,7 @@ def page(found: Mapping[tuple[str, str], Loop], made: str) -> str:
                     f'{loop.cost.value:.3g} ({loop.cost.low:.3g}-{loop.cost.high:.3g})',
                     f'{loop.p50:.3g}', f'{loop.p99:.3g}')
                    for (name, kind), loop in found.items())]),
-        '![held against the time of a tick](../figures/closed_loops.png)')) + '\n'
-
-
-@styled
-def picture(found: Mapping[tuple[str, str], Loop]) -> Figure:
-    """Draw what is held against the time of a tick: hollow alone, filled with ours around it."""
-    figure = Figure(figsize=(7.0, 4.2), layout='constrained')
-    axes = figure.subplots()
-    names = list(dict.fromkeys(name for name, _ in found))
-    for place, name in enumerate(names):
-        colour = INK if name in METHODS else PALETTE[place % len(PALETTE)]
-        for kind in KINDS:
-            loop = found[name, kind]
-            share_of = loop.held.successes / loop.held.runs
-            axes.errorbar(loop.p99, share_of, [[share_of - loop.held.low], [
-                loop.held.high - share_of]], fmt='o', color=colour,
-                markerfacecolor=PAPER if kind == ALONE else colour)
-        axes.annotate(solver_name(name), (loop.p99, share_of), xytext=(6, -10),
-                      textcoords='offset points', color=colour, fontsize='small')
-    axes.set(xscale='log', xlabel='p99 of a tick [ms]', ylabel='held')
-    in_numbers(axes.xaxis)
-    as_share(axes, 'y')
-    axes.grid(True)
-    figure.suptitle('Hollow: the solver alone; filled: with ours around it')
-    return figure
+        '![what is held, and the time of a tick](../figures/closed_loops.png)')) + '\n'
 
 
 def main() -> None:
@@ -251,7 +225,7 @@ def main() -> None:
     (results / 'closed_loops.md').write_text(page(found, made(
         'closed_loops', sources('closed_loops'),
         [*provenance.COMPUTING, *filter(has, PEERS)])), encoding='utf-8')
-    picture(found).savefig(figures / 'closed_loops.png')
+    benchmark_figures.loops(found, KINDS).savefig(figures / 'closed_loops.png')
 
 
 if __name__ == '__main__':

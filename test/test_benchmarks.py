@@ -7,6 +7,7 @@ import shutil
 import sys
 
 import benchmark
+import benchmark_figures
 import benchmark_page
 import numpy as np
 import pytest
@@ -292,7 +293,7 @@ def test_a_solver_of_others_goes_through_closed_loops_alone_and_with_ours_around
     page = closed_loops.page({**found, **others, ('stranger', closed_loops.AROUND): quick}, 'Made')
     assert 'ahead:** the p50 of a tick of `stranger` with ours around it is shorter.' in page
     assert '| `stranger` | alone |' in page
-    closed_loops.picture(found)
+    benchmark_figures.loops(found, closed_loops.KINDS)
 
 
 def test_where_there_is_no_gpu_the_page_says_so(tmp_path, monkeypatch):
