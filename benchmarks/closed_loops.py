@@ -26,7 +26,7 @@ import benchmark_figures
 from campaigns import DURATION, METHODS
 import numpy as np
 from peers_casadi import Guess, OPTIONS
-from peers_solvers import casadi, compiled, Make
+from peers_solvers import casadi, Make
 from stamp import folders, made, sources, TOP
 from timing import has
 
@@ -113,11 +113,11 @@ def peers() -> dict[str, Any]:
     found: dict[str, Any] = {}
     if has('comma-deps-acados'):
         from acados_rti.solver import AcadosRTI
-        found['acados_rti'] = AcadosRTI
-        found['acados_sqp'] = whole('acados_sqp', lambda problem: compiled(problem)['acados SQP'])
+        import peers_acados
+        found |= {'acados_rti': AcadosRTI, 'acados_sqp': whole('acados_sqp', peers_acados.solves)}
     if has('libaligator'):
-        found['aligator'] = whole(
-            'aligator', lambda problem: compiled(problem)['aligator ProxDDP'])
+        import peers_aligator
+        found['aligator'] = whole('aligator', peers_aligator.solves)
     if has('casadi'):
         found |= {f'casadi_{name}': whole(f'casadi_{name}', partial(casadi, name=name))
                   for name in OPTIONS}
