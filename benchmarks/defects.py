@@ -140,7 +140,7 @@ DEFECTS = [
     defect('whatever is missing is taken for springs', 'estimators/kalman.py',
            'errors < BETTER * without', 'errors < math.inf', 'estimators'),
     defect('a plan may leave springs wound up', 'control/planner.py',
-           'problem.is_wound_up(plan.X[-1]), ', '', 'control'),
+           'problem.on_turn_of(plan.X[-1]) is None, ', '', 'control'),
     defect('refusals in a row are counted over accepted states', 'estimators/kalman.py',
            '                self.in_a_row = 0\n', '', 'estimators'),
     defect('the Jacobian of the filter is transposed', 'estimators/gaussian.py',

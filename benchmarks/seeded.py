@@ -48,9 +48,10 @@ SEEDED = {
     'sizes': Seeded(sizes.episodes, lambda case: False),
     'rig': Seeded(rig.episodes, lambda case: False, (*provenance.COMPUTING, 'mujoco')),
     'paper': Seeded(paper_experiments.episodes, lambda case: False)}
-# whatever the rounding, the solvers with their defaults hold these, and settle where they do
-SETTLES = {'hanging', 'near_goal', 'swing-up', 'near the goal'}
-HOLDS = {*SETTLES, 'random'}
+# whatever the rounding, the solvers with their defaults hold these, and settle when they do; from
+# near the goal, some 17 degrees off, it may decide whether the links turn over once more
+SETTLES = {'hanging', 'swing-up'}
+HOLDS = {*SETTLES, 'near_goal', 'near the goal', 'random'}
 DEFAULTS = {f'{name}{setup}' for name in campaigns.METHODS for setup in (
     '', ', defaults', f', without {ablation.DEFAULTS}', ', one link, 20 N')}
 SAMPLE = 3   # rows of each kind that stay in the repository

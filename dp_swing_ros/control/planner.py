@@ -65,7 +65,7 @@ def best_of(problem: Problem, plans: Iterable[Plan]) -> Plan:
     One that ends with springs wound up, where no goal is, comes after all that do not.
     """
     return min(plans, key=lambda plan: (
-        not plan.usable, problem.is_wound_up(plan.X[-1]), plan.stats.cost))
+        not plan.usable, problem.on_turn_of(plan.X[-1]) is None, plan.stats.cost))
 
 
 class Planner:

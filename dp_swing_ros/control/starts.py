@@ -118,7 +118,7 @@ class Starts:
 
     def others(self, x_0: Array, count: int) -> Iterator[Plan]:
         """Yield so many starts beside the last plan, in turn; springs wound up are let go."""
-        if self.problem.is_wound_up(x_0):
+        if self.problem.on_turn_of(x_0) is None:
             return self.plans(chain((self.rest,), repeat(self.random)), x_0, count)
         return self.plans(self.later_kinds, x_0, count)
 

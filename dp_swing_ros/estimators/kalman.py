@@ -173,7 +173,9 @@ class ExtendedKalmanFilter:
         estimate = self.take(Taken(t, x, commands.since(self.t, HISTORY), time_noise))
         if (estimate.accepted and self.lacks_something and t >= self.looks_at
                 and len(self.remembered) >= ENOUGH):
-            return self.look_for_springs(estimate)
+            last = self.remembered[-1].t
+            newest = [Taken(t, x, commands.since(last, HISTORY), time_noise)] if last < t else []
+            return self.look_for_springs([*self.remembered, *newest], estimate)
         return estimate
 
     def take(self, measured: Taken) -> Estimate:
@@ -208,16 +210,16 @@ class ExtendedKalmanFilter:
         if t - before > self.held * NEARLY:
             self.remembered.append(Taken(t, x, commands.since(before, HISTORY), time_noise))
 
-    def look_for_springs(self, estimate: Estimate) -> Estimate:
+    def look_for_springs(self, measurements: Sequence[Taken], estimate: Estimate) -> Estimate:
         """
-        Take what is remembered anew, without springs and with; go on with what predicts better.
+        Take measurements anew, without springs and with; go on with what predicts better.
 
         What a model without has made of it is forgotten. If it is something else that is missing,
         all stays as it is estimated, and it takes ever longer until it is looked for again.
         """
-        before, remembered = vars(self).copy(), self.remembered
-        without, _ = self.taken_anew(remembered, with_springs=False)
-        errors, found = self.taken_anew(remembered, with_springs=True)
+        before = vars(self).copy()
+        without, _ = self.taken_anew(measurements, with_springs=False)
+        errors, found = self.taken_anew(measurements, with_springs=True)
         if errors < BETTER * without:
             self.refused = before['refused']
             return found

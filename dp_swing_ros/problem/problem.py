@@ -140,12 +140,8 @@ class Problem:
 
     def is_reached(self, x: Array) -> bool:
         """Return whether a state (2n + 2,) is that of the goal, or nearly, on any turn."""
-        there = self
-        if self.winds_up and np.all(np.isfinite(x)):
-            if self.is_wound_up(x):
-                return False
-            there, _ = self.with_goal_on(turns_of(self, x))
-        return bool(is_upright(x - there.x_r, self.scale))
+        there = self.on_turn_of(x)
+        return there is not None and bool(is_upright(x - there.x_r, self.scale))
 
     @cached_property
     def winds_up(self) -> bool:
@@ -173,12 +169,13 @@ class Problem:
                     x_r=tuple(x_r.tolist()), P=terminal_weights(cost, lqr)))
         return self.others[key], 0.0
 
-    def is_wound_up(self, x: Array) -> bool:
-        """Return whether springs leave no goal on the turn of a state (2n + 2,)."""
+    def on_turn_of(self, x: Array) -> 'Problem | None':
+        """Return the problem on the turn of a state (2n + 2,), or None if springs leave none."""
         if not self.winds_up or not np.all(np.isfinite(x)):
-            return False
+            return self
         turns = turns_of(self, x)
-        return bool(turns.any()) and self.with_goal_on(turns)[0] is self
+        found, _ = self.with_goal_on(turns)
+        return None if found is self and turns.any() else found
 
     def with_physical(self, physical: PendulumParameters) -> 'Problem':
         """

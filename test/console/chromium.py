@@ -113,6 +113,19 @@ class Page:
             actions.move_by_offset(way * distance // 4, 0)
         actions.perform()
 
+    def holds(self):
+        """Return whether the hand holds a body."""
+        return 'held' in (self.find('#picture').get_attribute('class') or '')
+
+    def drag(self, body, way, distance, condition, what):
+        """Grip a body until something has come; raises as `until`. The hand still holds it."""
+        def is_there():
+            if not self.holds():   # on a busy machine it misses, or a lost connection lets go
+                self.let_go()
+                self.grip(body, way, distance)
+            return condition()
+        self.until(is_there, what)
+
     def touch(self, kind, right):
         """Touch the cart, or so far right of it [px], with a finger."""
         if kind == 'touchStart':

@@ -344,8 +344,7 @@ def test_it_is_dark_where_that_is_preferred(any_page):
 def test_the_picture_moves(page, ears):
     assert stands(ears)
     before = page.places(), page.picture()
-    page.grip(0, 1, 40)
-    page.until(lambda: page.places()[0][0] > before[0][0][0] + 3, 'a cart that moved')
+    page.drag(0, 1, 40, lambda: page.places()[0][0] > before[0][0][0] + 3, 'a cart that moved')
     assert page.picture() != before[1]
     page.let_go()
 
@@ -354,9 +353,9 @@ def test_the_picture_moves(page, ears):
 def test_a_drag_pulls_where_it_goes(page, ears, body, way):
     assert stands(ears)
     ears.pushes.clear()
-    page.grip(body, way, 30 if body else 60)
-    ears.until(lambda: len(ears.pushes) > 3)
-    page.until(page.drags, 'a drag')   # how long it took until it was seen
+    # how long it took until it was seen
+    page.drag(body, way, 30 if body else 60, page.drags, 'a drag')
+    assert ears.until(lambda: len(ears.pushes) > 3)
     page.let_go()
     assert first_pull(ears) * way > 0
     assert max(map(abs, ears.pushes)) <= 30.0 + 1e-9
@@ -440,7 +439,8 @@ def test_a_notice_goes_away(page):
 
 def test_one_drawing_has_one_force_and_all_pages_one_time(page, nodes, ears):
     assert stands(ears)
-    page.grip(0, 1, 40)   # so that the forces are large, and change
+    # so that the forces are large, and change
+    page.drag(0, 1, 40, page.holds, 'a hand that holds')
     drawings = page.driver.execute_async_script(FORCES)
     page.let_go()
     assert len(drawings) >= 30 and len({arrow for arrow, _, _ in drawings}) > 5

