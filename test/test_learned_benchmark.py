@@ -11,8 +11,8 @@ from dp_swing_ros.pendulum.state import hanging, upright
 
 
 def test_experience_in_trials_and_without_a_break(monkeypatch):
-    monkeypatch.setattr(learned, 'TOTAL', 15.0)
-    monkeypatch.setattr(learned, 'LONG', 10.0)
+    monkeypatch.setattr(learned, 'TOTAL', 60.0)
+    monkeypatch.setattr(learned, 'LONG', 20.0)
     rows = learned.in_trials('ilqr', 1)
     assert [row['trial'] for row in rows] == list(range(1, len(rows) + 1))
     assert rows[0]['held'] == 0.0 and max(row['held'] for row in rows) >= learned.HOLD

@@ -19,7 +19,7 @@ from dp_swing_ros.pendulum.units import SAME, STATES
 from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import simulate
 
-TOLD = {'cart_mass': 1.2, 'link1_mass': 0.6, 'link2_mass': 0.4}   # of 1, 0.5 and 0.5 kg
+TOLD = {'link2_length': 1.3}   # of 1 m
 WRONG = {'dynamics': 'adaptive', 'estimator': 'none', **TOLD}   # nobody estimates what is
 
 

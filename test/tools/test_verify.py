@@ -401,8 +401,8 @@ def test_a_bag_holds_the_learned_model_that_it_was_planned_with(tmp_path, capsys
 
 def test_a_bag_in_which_what_was_learned_beside_the_equations_drives_is_verified(
         tmp_path, capsys):
-    told = ('dynamics: adaptive\nestimator: none\ncart_mass: 1.2\nlink1_mass: 0.6\n'
-            f'link2_mass: 0.4\nlearned_file: {tmp_path}/model.json\n')
+    told = ('dynamics: adaptive\nestimator: none\nlink2_length: 1.3\n'
+            f'learned_file: {tmp_path}/model.json\n')
     bag = record(tmp_path, '--duration', '4', '--lockstep', mpc=told)
     drove = {value_of(message, 'dynamics') for message in Bag(bag).of(DIAGNOSTICS)}
     assert {'analytic', 'learned'} <= drove
@@ -412,7 +412,7 @@ def test_a_bag_in_which_what_was_learned_beside_the_equations_drives_is_verified
 
 def test_a_bag_in_which_it_is_learned_anew_is_verified(tmp_path, capsys):
     """After other dynamics, and after a reset; another goal leaves what was learned."""
-    told = {'estimator': 'none', 'cart_mass': 1.2, 'link1_mass': 0.6, 'link2_mass': 0.4}
+    told = {'estimator': 'none', 'link2_length': 1.3}
     with recording(tmp_path / 'bag', {
             'mpc': told, 'plant': {'duration': 6.0, 'lockstep': True, 'pace': 4.0}}) as (
                 crew, mpc, plant):
