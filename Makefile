@@ -17,7 +17,7 @@ INSTALL = $(BIN)/python -m pip install --no-input -c constraints.txt $(addprefix
 	$(DOWNLOADS) || $(call FAIL,pip could not install the groups $(1); what it said stands above)
 IN_PARALLEL := pytest -n auto --dist loadfile --no-loadscope-reorder
 # so that on a new machine not each test process compiles, while nodes of others want to be in time
-COMPILE := echo 2 1 3 | xargs -n 1 -P 2 python -c 'import sys, dp_swing_ros as dp; n = int(sys.argv[1]); \
+COMPILE := echo 3 1 2 | xargs -n 1 -P 2 python -c 'import sys, dp_swing_ros as dp; n = int(sys.argv[1]); \
   [dp.controller({"solver": s, "links": n}).warm_up() for s in dp.SOLVERS]; \
   dp.plant({"links": n}).advance(0.05)'
 FAIL = { echo "make: $(1)" >&2; exit 1; }

@@ -123,11 +123,13 @@ def test_a_file_is_loaded_as_a_whole_or_not_at_all(peer, start_here, tmp_path):
     Conversation(peer, start_here)
     param = partial(ros2_param, str(CHECKOUT / 'scripts' / 'ros2'))
     assert param('set', '/mpc', 'force_weight', '1.e-2') == (0, 'Set parameter successful\n')
-    code, text = param('load', '/mpc', str(CHECKOUT / 'config' / 'paper.yaml'))
+    file = tmp_path / 'both.yaml'
+    file.write_text('/**/plant:\n  ros__parameters: {rate: 50.0}\n/**/mpc:\n  ros__parameters: '
+                    '{force_limit: .inf, track_limit: .inf, mppi.largest_noise: 5.0}\n')
+    code, text = param('load', '/mpc', str(file))
     assert code == 0, text
     assert (value(peer, 'force_limit'), value(peer, 'track_limit')) == (math.inf, math.inf)
     assert (value(peer, 'force_weight'), value(peer, 'mppi.largest_noise')) == (0.01, 5.0)
-    file = tmp_path / 'both.yaml'
     file.write_text('plant:\n  ros__parameters: {rate: 50.0}\n'
                     '/**/mpc:\n  ros__parameters: {horizon: 20, links: 3, seed: 7}\n')
     code, text = param('load', '/mpc', str(file))
