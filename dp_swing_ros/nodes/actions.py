@@ -33,7 +33,8 @@ from dp_swing_ros.topics import DISTURBANCE, TOPICS
 SERVICES = {'plant/reset': Trigger, 'mpc/reset': Trigger, 'mpc/enable': SetBool,
             'plant/pause': SetBool, 'plant/step': Trigger}
 DEFAULTS = 'defaults'   # the preset that every pendulum has
-PATIENCE = 10.0         # [s] for nodes to answer, and for a logger to hear everything
+ANSWERED = 60.0         # [s] for nodes to answer: in lockstep an mpc compiles first what is new
+PATIENCE = 10.0         # [s] for a logger to hear everything
 MEETING = 1.5           # [s] for publishers to find a logger that is seen here
 
 
@@ -176,7 +177,7 @@ class Actions:
                 self.waiting.remove(waiting)
                 client.answer(request, ok, text)
 
-        waiting = time.monotonic() + PATIENCE, finish, whose
+        waiting = time.monotonic() + ANSWERED, finish, whose
         self.waiting.append(waiting)
         return finish
 
@@ -267,7 +268,7 @@ class Actions:
         """Go on with recordings, and answer for those who are silent."""
         for until, finish, whose in list(self.waiting):
             if time.monotonic() > until:
-                finish(False, f'{whose} has not answered in {PATIENCE:g} s')
+                finish(False, f'{whose} has not answered in {ANSWERED:g} s')
         failure = self.recorder.poll()
         if failure:
             log(failure)

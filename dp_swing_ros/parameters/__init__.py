@@ -6,8 +6,10 @@ Parameters: each declared once, with default, unit, range and description; regis
 The ROS parameters, their descriptors and the table in docs/parameters.md come from these classes.
 """
 
+from collections import UserDict
 import dataclasses
 import difflib
+from functools import cached_property
 from importlib.metadata import entry_points
 import math
 import numbers
@@ -186,21 +188,31 @@ def complete(fields: Mapping[str, dataclasses.Field], values: Mapping[str, Any],
             for name, field in fields.items()}
 
 
-def registry(group: str, **own: Any) -> dict[str, Any]:
+class Registry(UserDict[str, Any]):
     """
-    Return what this package has by name, and what others offer as entry points of a group.
+    What this package has by name, and what others offer as entry points of a group.
 
     Another package cannot replace what this one has; one that cannot be imported is left out, with
-    a warning that says why.
+    a warning that says why. Others are imported when it is first looked at: they import this
+    package themselves, and may be first.
     """
-    found = dict(own)
-    for entry in entry_points(group=group):
-        if entry.name in found:
-            warnings.warn(f'{entry.value} is left out: {group} has {entry.name!r} already')
-            continue
-        try:
-            found[entry.name] = entry.load()
-        except Exception as error:
-            warnings.warn(f'{entry.value}, {entry.name!r} of {group}, cannot be imported: '
-                          f'{type(error).__name__}: {error}')
-    return found
+
+    def __init__(self, group: str, **own: Any) -> None:
+        """Take the group, and what this package has."""
+        self.group, self.own = group, own
+
+    @cached_property
+    def data(self) -> dict[str, Any]:   # type: ignore[override]
+        """Return all by name."""
+        found = dict(self.own)
+        for entry in entry_points(group=self.group):
+            name, value = entry.name, entry.value
+            if name in found:
+                warnings.warn(f'{value} is left out: {self.group} has {name!r} already')
+                continue
+            try:
+                found[name] = entry.load()
+            except Exception as error:
+                warnings.warn(f'{value}, {name!r} of {self.group}, cannot be imported: '
+                              f'{type(error).__name__}: {error}')
+        return found

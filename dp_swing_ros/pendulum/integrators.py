@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias
 
 from dp_swing_ros.kernels.compilation import Constant
-from dp_swing_ros.parameters import registry
+from dp_swing_ros.parameters import Registry
 
 Numbers: TypeAlias = Sequence[Any]
 Step: TypeAlias = Callable[[Callable[[Numbers, Any], Numbers], Numbers, Any, Any], Numbers]
@@ -55,5 +55,5 @@ class Integrator(Constant):
         step(count, [0.0], 0.0, 1.0)
 
 
-INTEGRATORS: dict[str, Integrator] = registry(
+INTEGRATORS = Registry(
     'dp_swing_ros.models', rk4=Integrator('rk4', rk4), euler=Integrator('euler', euler))
