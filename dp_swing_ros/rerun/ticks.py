@@ -115,12 +115,20 @@ def _from_a_beginning(reports: list[Reported]) -> list[Reported]:
     return reports[next(first, len(reports)):]
 
 
+def _of_the_last_run(reports: list[Reported]) -> list[Reported]:
+    """Return the reports since states last went back in time, as in a plant that began anew."""
+    answers = [each for each in reports if not each.tick.carried]
+    first = [after.tick.number for before, after in pairwise(answers)
+             if after.stamp < before.stamp]
+    return [each for each in reports if each.tick.number >= first[-1]] if first else reports
+
+
 def _record(bag: Bag, reports: list[Report], anywhere: bool) -> Record:
     reported = sorted((Reported(report.stamp, TickReport.read(report.values))
                        for report in reports), key=lambda each: each.tick.number)
     states = {sample.stamp: sample.x for sample in samples_of(bag)}
-    found = list(dropwhile(lambda each: each.stamp not in states, reported)) if anywhere \
-        else _from_a_beginning(reported)
+    found = list(dropwhile(lambda each: each.stamp not in states, _of_the_last_run(reported))) \
+        if anywhere else _from_a_beginning(reported)
     if not found:
         return Record([], f'tick 1 is missing (the next is {reported[0].tick.number}), and '
                       'there is none after a reset')

@@ -15,6 +15,7 @@ from std_srvs.srv import Trigger
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.messages.fields import nanoseconds
 from dp_swing_ros.nodes.connections import publish, subscribe
+from dp_swing_ros.nodes.messages import to_stamp
 from dp_swing_ros.rerun.counterfactual import (
     controller_at, counterfactual, plant_at, Run)
 from dp_swing_ros.rerun.verification import verify
@@ -207,6 +208,21 @@ def test_after_a_gap_a_solver_does_nearly_the_same(runs, tmp_path, topic, first,
     np.testing.assert_allclose(one.others[0].X, one.recorded.X, atol=0.05)
     before = run.tick_at(0.2, None)
     assert before.number < 10
+
+
+def test_a_tick_of_the_run_before_that_is_heard_late_is_none_of_this_run(runs, tmp_path):
+    """As where a plant in lockstep began anew, whose stamps come again, on a busy machine."""
+    run = runs['ilqr']
+    late = run.record.ticks[50].stamp
+
+    def of_before(message):
+        if value_of(message, 'number') == '1':
+            message.header.stamp = to_stamp(late)
+        return message
+    again = Run(Bag(rewritten(run.bag.path, tmp_path / 'bag', DIAGNOSTICS, of_before)))
+    assert [tick.number for tick in again.record.ticks] == [
+        tick.number for tick in run.record.ticks[1:]]
+    assert again.tick_at(run.time(late), None).number == 51
 
 
 def test_parameters_are_those_that_counted_at_the_tick(runs):
