@@ -16,7 +16,8 @@ DOWNLOADS := sed -u -n 's/^ *Downloading \([^-]*-[^-]*\)-.* (\(.* MB\))$$/  \1 (
 INSTALL = $(BIN)/python -m pip install --no-input -c constraints.txt $(addprefix --group ,$(1)) | \
 	$(DOWNLOADS) || $(call FAIL,pip could not install the groups $(1); what it said stands above)
 IN_PARALLEL := pytest -n auto --dist loadfile --no-loadscope-reorder
-# so that on a new machine not each test process compiles, while nodes of others want to be in time
+# so that on a new machine not each test process compiles, while nodes of others want to be in time;
+# the longest first, beside which there is time for the others
 COMPILE := echo 3 1 2 | xargs -n 1 -P 2 python -c 'import sys, dp_swing_ros as dp; n = int(sys.argv[1]); \
   [dp.controller({"solver": s, "links": n}).warm_up() for s in dp.SOLVERS]; \
   dp.plant({"links": n}).advance(0.05)'
