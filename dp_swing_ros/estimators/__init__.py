@@ -2,8 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Estimators: one file each, and the registry that nodes and tools choose from."""
 
+from typing import Any
+
 from dp_swing_ros.estimators.estimator import Direct
 from dp_swing_ros.estimators.kalman import ExtendedKalmanFilter
 from dp_swing_ros.parameters import Registry
 
-ESTIMATORS = Registry('dp_swing_ros.estimators', none=Direct, ekf=ExtendedKalmanFilter)
+ESTIMATORS: Registry[Any] = Registry(
+    'dp_swing_ros.estimators', none=Direct, ekf=ExtendedKalmanFilter)

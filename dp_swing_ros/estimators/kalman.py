@@ -168,13 +168,18 @@ class ExtendedKalmanFilter:
         if t - self.t > self.longest_gap:
             self.remembered = deque([Taken(t, x, NOTHING, 0.0)], maxlen=REMEMBERED)
             return self.begin(t, x)
-        if not self.with_springs:
-            self.remember(t, x, commands, time_noise)
-        estimate = self.take(Taken(t, x, commands.since(self.t, HISTORY), time_noise))
+
+        def taken(since: float) -> Taken:
+            return Taken(t, x, commands.since(since, HISTORY), time_noise)
+
+        # not one that comes soon after another that is kept
+        if not self.with_springs and t - self.remembered[-1].t > self.held * NEARLY:
+            self.remembered.append(taken(self.remembered[-1].t))
+        estimate = self.take(taken(self.t))
         if (estimate.accepted and self.lacks_something and t >= self.looks_at
                 and len(self.remembered) >= ENOUGH):
             last = self.remembered[-1].t
-            newest = [Taken(t, x, commands.since(last, HISTORY), time_noise)] if last < t else []
+            newest = [taken(last)] if last < t else []
             return self.look_for_springs([*self.remembered, *newest], estimate)
         return estimate
 
@@ -203,12 +208,6 @@ class ExtendedKalmanFilter:
             return self.begin(t, x)._replace(innovation=innovation, distance=distance,
                                              accepted=False)
         return self.set_posterior(t, z, P, innovation, distance)._replace(accepted=False)
-
-    def remember(self, t: float, x: Array, commands: Commands, time_noise: float) -> None:
-        """Keep a measurement, unless it comes soon after another that is kept."""
-        before = self.remembered[-1].t
-        if t - before > self.held * NEARLY:
-            self.remembered.append(Taken(t, x, commands.since(before, HISTORY), time_noise))
 
     def look_for_springs(self, measurements: Sequence[Taken], estimate: Estimate) -> Estimate:
         """

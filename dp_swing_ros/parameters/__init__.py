@@ -25,6 +25,7 @@ WORDS = {bool: 'true or false', int: 'a whole number', float: 'a number', str: '
 Values = Mapping[str, Any]   # by the full name of the parameter
 
 Group = TypeVar('Group', bound='Parameters')
+Offered = TypeVar('Offered')
 
 
 def parameter(default: Any, description: str, *, unit: str = '', minimum: float | None = None,
@@ -188,7 +189,7 @@ def complete(fields: Mapping[str, dataclasses.Field], values: Mapping[str, Any],
             for name, field in fields.items()}
 
 
-class Registry(UserDict[str, Any]):
+class Registry(UserDict[str, Offered]):
     """
     What this package has by name, and what others offer as entry points of a group.
 
@@ -197,12 +198,12 @@ class Registry(UserDict[str, Any]):
     package themselves, and may be first.
     """
 
-    def __init__(self, group: str, **own: Any) -> None:
+    def __init__(self, group: str, **own: Offered) -> None:
         """Take the group, and what this package has."""
         self.group, self.own = group, own
 
     @cached_property
-    def data(self) -> dict[str, Any]:   # type: ignore[override]
+    def data(self) -> dict[str, Offered]:   # type: ignore[override]
         """Return all by name."""
         found = dict(self.own)
         for entry in entry_points(group=self.group):
