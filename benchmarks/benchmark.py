@@ -27,7 +27,7 @@ from dp_swing_ros import provenance
 from dp_swing_ros.control import controllers
 from dp_swing_ros.pendulum.state import Array
 
-PEERS = ('crocoddyl', 'pin', 'mim-solvers', 'casadi', 'comma-deps-acados', 'libaligator', 'torch',
+PEERS = ('libcrocoddyl', 'libmim-solvers', 'casadi', 'comma-deps-acados', 'libaligator', 'torch',
          'pytorch_mppi')   # by what pip calls them
 SAMPLES = (256, 1024, 8192, 65536)
 KINDS = 'compiled', 'closed'
@@ -47,24 +47,25 @@ def ratios_of(name: str, times: dict[str, Array]) -> dict[str, dict[str, float]]
 
 
 def gradient(rounds: int) -> dict[str, Any]:
-    """Compare iterations with crocoddyl and mim-solvers, with acados, and with aligator."""
+    """Compare iterations with crocoddyl, mim-solvers, acados and aligator."""
     import peers_gradient
-    peers = [peers_gradient]
-    if has('comma-deps-acados'):
-        import peers_acados
-        peers.append(peers_acados)
-    if has('libaligator'):
-        import peers_aligator
-        peers.append(peers_aligator)
-    return {start: compared({name: work for peer in peers
-                             for name, work in peer.descents(start).items()}, rounds)
+    return {start: compared(peers_gradient.contenders(start), rounds)
             for start in peers_gradient.STARTS}
 
 
+def growth(rounds: int) -> dict[str, Any]:
+    """Compare iterations over longer horizons, and with more links."""
+    import peers_gradient
+    found: dict[str, Any] = {}
+    for by, count, works in peers_gradient.growing():
+        found.setdefault(by, {})[str(count)] = compared(works, max(rounds // 2, 3))
+    return found
+
+
 def whole_solves(rounds: int) -> dict[str, Any]:
-    """Compare solves to the same cost with CasADi, acados, aligator and crocoddyl."""
+    """Compare solves to the same cost."""
     from peers_solvers import solves
-    return solves(max(rounds // 4, 3))
+    return solves(controllers.problem({}), max(rounds // 8, 3))
 
 
 def sampling(rounds: int) -> dict[str, Any]:
@@ -98,8 +99,8 @@ def starting(rounds: int) -> dict[str, Any]:
 
 
 FAMILIES: dict[str, Callable[[int], dict[str, Any]]] = {
-    'gradient': gradient, 'solves': whole_solves, 'sampling': sampling, 'gpu': gpu,
-    'startup': starting}
+    'gradient': gradient, 'growth': growth, 'solves': whole_solves, 'sampling': sampling,
+    'gpu': gpu, 'startup': starting}
 
 
 @contextmanager
@@ -146,6 +147,9 @@ def main() -> None:
     if 'sampling' in results:
         benchmark_figures.samples(results['sampling']).savefig(
             arguments.docs / 'figures' / 'benchmark_samples.png')
+    if 'growth' in results:
+        benchmark_figures.growth(results['growth']).savefig(
+            arguments.docs / 'figures' / 'benchmark_growth.png')
 
 
 if __name__ == '__main__':

@@ -38,6 +38,30 @@ def samples(sampling: dict[str, Any]) -> Figure:
 
 
 @styled
+def growth(races: Mapping[str, Mapping[str, Any]]) -> Figure:
+    """Draw an iteration's time over horizon and links, for us and the peers."""
+    figure = Figure(figsize=(8.0, 4.4), layout='constrained')
+    panels = figure.subplots(1, 2, sharey=True)
+    for axes, (by, of) in zip(panels, races.items()):
+        counts = [int(count) for count in of]
+        for name in next(iter(of.values()))['seconds']:
+            is_ours = name in ('ilqr', 'ddp')
+            axes.plot(counts, [1e3 * race['seconds'][name]['value'] for race in of.values()],
+                      marker='o', markersize=4, label=solver_name(name),
+                      linewidth=2.0 if is_ours else 1.0)
+        axes.set(xscale='log' if by == 'horizon' else 'linear', yscale='log',
+                 xlabel={'horizon': 'horizon [steps]'}.get(by, by))
+        axes.set_xticks(counts, [f'{count:,}' for count in counts])
+        axes.minorticks_off()
+        in_numbers(axes.yaxis)
+        axes.grid(True)
+    panels[0].set_ylabel('one iteration [ms]')
+    figure.legend(*panels[0].get_legend_handles_labels(), loc='outside lower center', ncols=3)
+    figure.suptitle("One iteration's time over horizon and links, near the goal")
+    return figure
+
+
+@styled
 def loops(found: Mapping[tuple[str, str], Any], kinds: Iterable[str]) -> Figure:
     """
     Draw what each solver holds, with 95 % intervals, and the p99 of its ticks, of each kind.

@@ -5,20 +5,18 @@
 import statistics
 from typing import Any, NamedTuple
 
+from peers_gradient import BOUND, HORIZON
 from peers_solvers import CLOSE, OURS
 
 from dp_swing_ros.evaluation.campaign.report import share
 from dp_swing_ros.evaluation.comparison import Rate
 from dp_swing_ros.tables import compact
 
-# by the results of `benchmark.py`
-NEAR = 'near the goal'
 GPU_PEER = (
     'MPPI-Generic publishes 0.146 ms for an update of 2,048 samples over 100 steps on an RTX 4090 '
     '(Vlahov, Gibson, Gandhi and Theodorou, "MPPI-Generic: A CUDA Library for Stochastic '
     'Trajectory Optimization", 2024), of a model of its own.')
 MODELS = {'rk4', 'euler'}
-KINDS = {'unbounded': (' DDP', ' FDDP'), '20 N': ('BoxDDP', 'BoxFDDP')}   # ours: crocoddyl's
 
 
 class Target(NamedTuple):
@@ -46,24 +44,9 @@ def over(race: dict[str, Any], ours: str, *words: str) -> float:
     return float(race['ratios'][fastest(race, *words)][ours]['value'])
 
 
-def over_crocoddyl(race: dict[str, Any], ours: str, *words: str) -> float:
-    """Return how many times faster we are, with a bound or without it, where that is less."""
-    return min(over(race, f'{ours} rk4 {kind}', 'crocoddyl', *words, solver)
-               for kind, solvers in KINDS.items() for solver in solvers)
-
-
 def targets(results: dict[str, Any]) -> list[Target]:
     """Return the targets of what was measured."""
     found = []
-    if 'gradient' in results:
-        near = results['gradient'][NEAR]
-        for name, aims in (('ddp', (30, 8)), ('ilqr', (45, 12))):
-            for (model, theirs), aim in zip((('rk4', 'RK4'), ('euler', 'Euler')), aims):
-                for actuation in ('python', 'C++'):
-                    found.append(Target(
-                        f"{name} with RK4 per iteration against crocoddyl's with {theirs}, "
-                        f'actuation in {actuation}', aim,
-                        over_crocoddyl(near, name, model, actuation), True))
     if 'sampling' in results:
         for samples, aim in (('1024', 100), ('8192', 40)):
             for kind in ('closed', 'compiled'):
@@ -81,24 +64,26 @@ def targets(results: dict[str, Any]) -> list[Target]:
 def ahead(results: dict[str, Any]) -> list[str]:
     """Return where a peer is ahead of all of ours, by its time or by how often it gets there."""
     found = []
-    for family in ('gradient', 'sampling'):
-        for where, race in results.get(family, {}).items():
-            for name, ratios in race['ratios'].items():
-                model = MODELS & {*name.split()}
-                most = max(ratio['value'] for our, ratio in ratios.items()
-                           if model <= {*our.split()})
-                if name not in ratios and most < 1:
-                    found.append(f'{name} takes {most:.3g} times as long as ours ({where})')
-    for contest, rows in results.get('solves', {}).items():
+    races = {**results.get('gradient', {}), **results.get('sampling', {}), **{
+        f'{by} {count}': race for by, of in results.get('growth', {}).items()
+        for count, race in of.items()}}
+    for where, race in races.items():
+        for name, ratios in race['ratios'].items():
+            model = MODELS & {*name.split()}
+            most = max(ratio['value'] for our, ratio in ratios.items()
+                       if model <= {*our.split()})
+            if name not in ratios and most < 1:
+                found.append(f'{name} takes {most:.3g} times as long as ours ({where})')
+    for kind, rows in results.get('solves', {}).items():
         there = {name: row['reached']['successes'] for name, row in rows.items()}
         for name in set(rows) - {*OURS}:
             most = max((ratio['value'] for ratio in rows[name]['ratios'].values()), default=1)
             if most < 1:
-                found.append(f'{name} takes {most:.3g} times as long as ours ({contest})')
+                found.append(f'{name} takes {most:.3g} times as long as ours ({kind})')
             if there[name] > max(there[our] for our in OURS):
                 found.append(f'{name} gets to the least cost from {there[name]} of '
                              f'{rows[name]["reached"]["runs"]} starts, of ours the best from '
-                             f'{max(there[our] for our in OURS)} ({contest})')
+                             f'{max(there[our] for our in OURS)} ({kind})')
     return sorted(found)
 
 
@@ -112,21 +97,36 @@ def times(race: dict[str, Any]) -> str:
         for name, t in race['seconds'].items())])
 
 
-def solves(contests: dict[str, Any]) -> str:
+def growth(races: dict[str, dict[str, Any]]) -> str:
+    """Return the section about longer horizons and more links."""
+    parts = [
+        '## How an iteration grows',
+        f'Near the goal, RK4, {BOUND:g} N: microseconds of an iteration, in brackets how many '
+        f'times that of `ilqr` it is; with two links over the horizons, over {HORIZON} steps with '
+        'the links.']
+    for by, of in races.items():
+        names = {name: None for race in of.values() for name in race['seconds']}
+        parts.append(compact([[by, *of], *(
+            [name, *(f'{1e6 * race["seconds"][name]["value"]:.3g} '
+                     f'({race["ratios"][name][OURS[0]]["value"]:.3g})' for race in of.values())]
+            for name in names)]))
+    return '\n\n'.join([*parts, '![an iteration over horizon and links]'
+                        '(../figures/benchmark_growth.png)'])
+
+
+def solves(kinds: dict[str, Any]) -> str:
     """Return the section about whole solves."""
     parts = [
         '## Whole solves to the same cost',
-        'From the same state and trajectory, each is timed until it is within '
-        f'{100 * CLOSE:g} % of the least cost that any of them ends at, or counts as one that '
-        'ends elsewhere. Ratios are medians over the starts from which both get there, in '
-        'brackets the 95 % interval (bootstrap over starts) and how many these are. Cold starts '
-        'are hanging and random states, with random forces; warm ones lie along a closed loop, '
-        'disturbed, with the last plan. With CasADi it is the default problem, by multiple '
-        "shooting and exact Hessians, its functions compiled from CasADi's C code where there is "
-        'a C compiler; with crocoddyl one of its own step (semi-implicit Euler) and cost, which '
-        'we then take. acados and aligator solve both, by C code of our own step and cost.']
-    for contest, rows in contests.items():
-        parts += [f'{contest}:', compact([
+        'The default problem. From the same state and trajectory, each is timed until it is '
+        f'within a share of {CLOSE:g} of the least cost that any of them ends at, or counts as '
+        'one that ends elsewhere. Ratios are medians over the starts from which both get there, '
+        'in brackets the 95 % interval (bootstrap over starts) and how many these are. Cold '
+        'starts are hanging and random states, with random forces; warm ones lie along closed '
+        'loops, disturbed, with the last plan. CasADi has multiple shooting and exact Hessians, '
+        'its functions compiled from its own C code where there is a C compiler.']
+    for kind, rows in kinds.items():
+        parts += [f'From {kind} starts:', compact([
             ['contender', 'gets there', 'iterations', 'median [ms]',
              *(f'times {our}' for our in OURS)],
             *([name, share(Rate(**row['reached']), 0), *typical(row),
@@ -167,9 +167,14 @@ def page(results: dict[str, Any]) -> str:
         parts.append('pytorch_mppi runs on our equations (`closed`), and on these through '
                      'torch.compile (`compiled`).')
     if 'gradient' in results:
-        parts += ['## One iteration, N = 30, 50 ms, double precision']
+        parts += [f'## One iteration, N = {HORIZON}, 50 ms, double precision',
+                  'All solve the same problem, number for number: the default one, whose step, '
+                  'cost and derivatives the peers get as C code that CasADi has written. Near the '
+                  'goal every step is taken whole; a swing-up has line searches.']
         for start, race in results['gradient'].items():
             parts += [f'From {start}:', times(race)]
+    if 'growth' in results:
+        parts.append(growth(results['growth']))
     if 'solves' in results:
         parts.append(solves(results['solves']))
     for samples, found in results.get('sampling', {}).items():

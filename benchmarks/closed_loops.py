@@ -15,7 +15,6 @@ by the model; where they cost more than those that it began from, these are kept
 import argparse
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 import sys
 import time
@@ -25,8 +24,8 @@ from benchmark import quiet
 import benchmark_figures
 from campaigns import DURATION, METHODS
 import numpy as np
-from peers_casadi import Guess, OPTIONS
-from peers_solvers import casadi, Make
+from peers_casadi import Guess
+from peers_solvers import Make, others
 from stamp import folders, made, sources, TOP
 from timing import has
 
@@ -51,7 +50,7 @@ from dp_swing_ros.tables import compact
 CASES, FEW = 100, 10
 ITERATIONS = 50
 SLOW = ('aligator', 'casadi')   # who go through few cases
-PEERS = ('comma-deps-acados', 'libaligator', 'casadi')
+PEERS = ('comma-deps-acados', 'libaligator', 'libcrocoddyl', 'libmim-solvers', 'casadi')
 EXACT = {'estimator': 'none'}
 ALONE, AROUND = 'alone', 'with ours around it'
 KINDS: dict[str, dict[str, Any]] = {
@@ -110,17 +109,12 @@ def whole(name: str, of: Callable[[Problem], Make]) -> type[Whole]:
 
 def peers() -> dict[str, Any]:
     """Return the solvers of peers that are installed, by a name that a parameter may have."""
-    found: dict[str, Any] = {}
+    found: dict[str, Any] = {
+        name: whole(name, of) for name, of in (
+            (name.lower().replace(' ', '_'), of) for name, of in others().items())}
     if has('comma-deps-acados'):
         from acados_rti.solver import AcadosRTI
-        import peers_acados
-        found |= {'acados_rti': AcadosRTI, 'acados_sqp': whole('acados_sqp', peers_acados.solves)}
-    if has('libaligator'):
-        import peers_aligator
-        found['aligator'] = whole('aligator', peers_aligator.solves)
-    if has('casadi'):
-        found |= {f'casadi_{name}': whole(f'casadi_{name}', partial(casadi, name=name))
-                  for name in OPTIONS}
+        found['acados_rti'] = AcadosRTI
     return found
 
 

@@ -7,7 +7,7 @@ The code is that of examples/acados_rti: our own step, cost and bounds, written 
 with Gauss-Newton's Hessian. What an iteration costs in Python, the copies of a trajectory, is
 some microseconds. Settings, each tried for the fastest that ends at the same cost to 1e-12:
 
-* HPIPM, the horizon condensed to BLOCKS stages, in its mode for speed; a real-time iteration in
+* HPIPM, STEPS of the horizon condensed to a stage, in its mode for speed; a real-time iteration in
   the faster one that computes no residuals, which SQP does not converge with.
 * SQP with a merit function, the steps of the multipliers whole and those of the trajectory halved
   to a hundredth at most: acados's examples/acados_python/linear_mass_model/
@@ -24,17 +24,18 @@ Congress 2020.
 
 from collections.abc import Callable
 import ctypes
+import math
 from typing import Any
 
 from acados_rti.library import Acados, acados
 from peers_casadi import Guess, TOLERANCE
-from peers_gradient import first_plan, problem, STARTS
+from peers_gradient import first_plan, NEAR, STARTS
 from timing import Work
 
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.problem.problem import Problem
 
-BLOCKS = 5
+STEPS = 6    # that are condensed to a stage
 MOST = 500   # iterations, for which it has memory
 RTI = {'nlp_solver_type': 'SQP_RTI', 'hpipm_mode': 'SPEED_ABS', 'qp_solver_ric_alg': 0}
 SQP = {'nlp_solver_type': 'SQP', 'hpipm_mode': 'SPEED', 'globalization': 'MERIT_BACKTRACKING',
@@ -42,12 +43,17 @@ SQP = {'nlp_solver_type': 'SQP', 'hpipm_mode': 'SPEED', 'globalization': 'MERIT_
        **{f'nlp_solver_tol_{of}': TOLERANCE for of in ('stat', 'eq', 'ineq', 'comp')}}
 
 
+def blocks(ours: Problem) -> int:
+    """Return how many stages HPIPM has."""
+    return ours.horizon // STEPS
+
+
 class Descent:
     """acados's SQP for a problem."""
 
     def __init__(self, ours: Problem) -> None:
         """Take the problem; the first of its structure is compiled."""
-        self.acados = Acados(ours, BLOCKS, SQP)
+        self.acados = Acados(ours, blocks(ours), SQP)
         self.of_acados = ctypes.CDLL(f'{acados().LIB_DIR}/libacados.so')
 
     def part(self, name: str) -> Any:
@@ -74,28 +80,29 @@ class Descent:
 
 def iterations(ours: Problem, start: str) -> Work:
     """Return real-time iterations, as many as there are of ours; its units are iterations."""
-    one, plan, count = Acados(ours, BLOCKS, RTI), first_plan(ours, start), STARTS[start][1]
+    one, plan = Acados(ours, blocks(ours), RTI), first_plan(ours, start)
 
     def run() -> int:
         X, U = plan.X.copy(), plan.U.copy()
-        for _ in range(count):
+        for _ in range(STARTS[start]):
             one.iterate(X, U)
-        return count
+        return STARTS[start]
     return run
 
 
 def descent(ours: Problem, start: str) -> Work:
     """Return SQP in as many iterations; its units are iterations."""
     sqp, plan = Descent(ours), first_plan(ours, start)
-    sqp.limit(STARTS[start][1])
+    sqp.limit(STARTS[start])
     return lambda: sqp.solve(plan.X.copy(), plan.U.copy())
 
 
-def descents(start: str, models: tuple[str, ...] = ('rk4', 'euler')) -> dict[str, Work]:
-    """Return the contenders from a start."""
-    kinds = {'SQP': descent, **({'RTI': iterations} if start != 'swing-up' else {})}
-    return {f'acados {kind} {model} 20 N': make(problem(model, True), start)
-            for model in models for kind, make in kinds.items()}
+def descents(ours: Problem, start: str) -> dict[str, Work]:
+    """Return what is timed from a start, with a bound; their units are iterations."""
+    if not math.isfinite(ours.u_max):
+        return {}
+    kinds = {'SQP': descent, **({'RTI': iterations} if start == NEAR else {})}
+    return {f'acados {kind}': make(ours, start) for kind, make in kinds.items()}
 
 
 def solves(ours: Problem) -> Callable[[Guess, bool, int], Callable[[], Array]]:
@@ -110,3 +117,6 @@ def solves(ours: Problem) -> Callable[[Guess, bool, int], Callable[[], Array]]:
             return U
         return solve
     return make
+
+
+SOLVES = {'acados SQP': solves}

@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The problem for aligator, of functions that CasADi has written; see peers_aligator.py.
 
+#include "peers_problem.hpp"
+
 #include <aligator/core/cost-abstract.hpp>
 #include <aligator/core/explicit-dynamics.hpp>
 #include <aligator/core/traj-opt-problem.hpp>
@@ -12,49 +14,13 @@
 
 using namespace aligator;
 using aligator::context::ConstVectorRef;
-using Eigen::VectorXd;
 using Space = VectorSpaceTpl<double, Eigen::Dynamic>;
-using Function = int (*)(const double **, double **, int *, double *, int);
 
-// of (x, u, p), where p are the numbers of model and cost; results are dense, matrices by columns
-extern "C" {
-#define WRITTEN(name) \
-    int name(const double **, double **, int *, double *, int); \
-    int name##_work(int *, int *, int *, int *);
 WRITTEN(pendulum_step) WRITTEN(pendulum_step_jac)
 WRITTEN(pendulum_running) WRITTEN(pendulum_running_jac) WRITTEN(pendulum_running_hess)
 WRITTEN(pendulum_terminal) WRITTEN(pendulum_terminal_jac) WRITTEN(pendulum_terminal_hess)
-}
 
 namespace {
-
-// room for what CasADi's functions are called with
-std::vector<const double *> arg;
-std::vector<double *> res;
-std::vector<int> iw;
-std::vector<double> w;
-
-void make_room()
-{
-    for (auto work : {pendulum_step_work, pendulum_step_jac_work, pendulum_running_work,
-                      pendulum_running_jac_work, pendulum_running_hess_work,
-                      pendulum_terminal_work, pendulum_terminal_jac_work,
-                      pendulum_terminal_hess_work}) {
-        int sizes[4];
-        work(&sizes[0], &sizes[1], &sizes[2], &sizes[3]);
-        arg.resize(std::max<size_t>(arg.size(), sizes[0]));
-        res.resize(std::max<size_t>(res.size(), sizes[1]));
-        iw.resize(std::max<size_t>(iw.size(), sizes[2]));
-        w.resize(std::max<size_t>(w.size(), sizes[3]));
-    }
-}
-
-void call(Function f, const ConstVectorRef &x, const ConstVectorRef &u, const VectorXd &p,
-          double *result)
-{
-    arg[0] = x.data(), arg[1] = u.data(), arg[2] = p.data(), res[0] = result;
-    f(arg.data(), res.data(), iw.data(), w.data(), 0);
-}
 
 struct Step : ExplicitDynamicsModelTpl<double> {
     VectorXd p;
@@ -62,11 +28,11 @@ struct Step : ExplicitDynamicsModelTpl<double> {
         : ExplicitDynamicsModelTpl<double>(space, 1), p(p) {}
     void forward(const ConstVectorRef &x, const ConstVectorRef &u, Data &data) const override
     {
-        call(pendulum_step, x, u, p, data.xnext_.data());
+        call(pendulum_step, x.data(), u.data(), p, {data.xnext_.data()});
     }
     void dForward(const ConstVectorRef &x, const ConstVectorRef &u, Data &data) const override
     {
-        call(pendulum_step_jac, x, u, p, data.jac_buffer_.data());
+        call(pendulum_step_jac, x.data(), u.data(), p, {data.jac_buffer_.data()});
     }
 };
 
@@ -77,17 +43,17 @@ struct Cost : CostAbstractTpl<double> {
         : CostAbstractTpl<double>(space, 1), p(p), value(value), jac(jac), hess(hess) {}
     void evaluate(const ConstVectorRef &x, const ConstVectorRef &u, CostData &data) const override
     {
-        call(value, x, u, p, &data.value_);
+        call(value, x.data(), u.data(), p, {&data.value_});
     }
     void computeGradients(const ConstVectorRef &x, const ConstVectorRef &u,
                           CostData &data) const override
     {
-        call(jac, x, u, p, data.grad_.data());
+        call(jac, x.data(), u.data(), p, {data.grad_.data()});
     }
     void computeHessians(const ConstVectorRef &x, const ConstVectorRef &u,
                          CostData &data) const override
     {
-        call(hess, x, u, p, data.hess_.data());
+        call(hess, x.data(), u.data(), p, {data.hess_.data()});
     }
 };
 
@@ -95,6 +61,7 @@ struct Solver {
     TrajOptProblemTpl<double> problem;
     SolverProxDDPTpl<double> solver;
     std::vector<VectorXd> X, U;
+    std::vector<VectorXd> of_constraints, of_steps;   // first multipliers
 };
 
 }  // namespace
@@ -106,7 +73,9 @@ extern "C" {
 void *create(int N, int n, const double *given, int count, double low, double high,
              double tolerance, double penalty)
 {
-    make_room();
+    make_room({pendulum_step_work, pendulum_step_jac_work, pendulum_running_work,
+               pendulum_running_jac_work, pendulum_running_hess_work, pendulum_terminal_work,
+               pendulum_terminal_jac_work, pendulum_terminal_hess_work});
     const VectorXd p = Eigen::Map<const VectorXd>(given, count);
     const Space space(n);
     StageModelTpl<double> stage(
@@ -119,8 +88,10 @@ void *create(int N, int n, const double *given, int count, double low, double hi
         {VectorXd::Zero(n), stages,
          Cost(space, p, pendulum_terminal, pendulum_terminal_jac, pendulum_terminal_hess)},
         {tolerance, penalty, 1000, VerboseLevel::QUIET},
-        std::vector<VectorXd>(N + 1, VectorXd(n)), std::vector<VectorXd>(N, VectorXd(1))};
+        std::vector<VectorXd>(N + 1, VectorXd(n)), std::vector<VectorXd>(N, VectorXd(1)), {}, {}};
     made->solver.setup(made->problem);
+    made->of_constraints = made->solver.results_.vs;
+    made->of_steps = made->solver.results_.lams;
     return made;
 }
 
@@ -128,7 +99,7 @@ void *create(int N, int n, const double *given, int count, double low, double hi
 // and write what it costs. Return the number of iterations, or -1 where aligator gives up.
 int solve(void *of, int iterations, double *X, double *U, double *cost)
 {
-    auto &[problem, solver, xs, us] = *static_cast<Solver *>(of);
+    auto &[problem, solver, xs, us, vs, lams] = *static_cast<Solver *>(of);
     const auto n = xs[0].size();
     for (size_t t = 0; t < xs.size(); t++)
         xs[t] = Eigen::Map<VectorXd>(X + t * n, n);
@@ -136,9 +107,10 @@ int solve(void *of, int iterations, double *X, double *U, double *cost)
         us[t][0] = U[t];
     problem.setInitState(xs[0]);
     solver.max_iters = iterations;
-    solver.preg_last_ = 0.0;   // the regularisation of another solve
+    solver.preg_ = solver.reg_init;   // and nothing else of another solve
+    solver.linesearch_.reset();
     try {
-        solver.run(problem, xs, us);
+        solver.run(problem, xs, us, vs, lams);
     } catch (const std::exception &) {   // as where numbers overflow; which it is left with
         solver.setup(problem);
         return -1;

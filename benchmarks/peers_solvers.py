@@ -1,28 +1,26 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Whole solves to the same cost: ours, CasADi's IPOPT and Fatrop, acados, aligator, and crocoddyl.
+Whole solves of the default problem to the same cost: ours, and those of all peers.
 
     the time until J(U) ≤ (1 + CLOSE) · (the least J that any contender ends at)
 
 Every contender starts from the same state and trajectory, and stops after the fewest iterations
-that bring it there; J is the cost of its forces, followed by the model. With CasADi that is the
-default problem; with crocoddyl one that its own C++ can pose, by its step and its cost
-(`peers_gradient.same_problem`); acados and aligator solve both. Cold starts are states of the
-scenario `random`, and hanging, with random forces; warm ones lie along a closed loop from hanging,
-each disturbed, with the last plan.
+that bring it there; J is the cost of its forces, followed by the model. Cold starts are states of
+the scenario `random`, and hanging, with random forces; warm ones lie along closed loops from
+these, each disturbed, with the last plan.
 """
 
 from collections.abc import Callable, Iterable
 from functools import partial
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
 from peers_casadi import Guess, OPTIONS, Program, TOLERANCE
-from peers_gradient import Crocoddyl, RELATIVE, same_problem
+from peers_gradient import peers
 from timing import has, median, race, Work
 
-from dp_swing_ros.control import controllers
 from dp_swing_ros.evaluation.comparison import rate
 from dp_swing_ros.evaluation.scenarios import SCENARIOS
 from dp_swing_ros.pendulum.model import rollout
@@ -32,9 +30,10 @@ from dp_swing_ros.problem.plan import Status
 from dp_swing_ros.problem.problem import plan_of, policy_rollout, Problem
 from dp_swing_ros.solvers import SOLVERS
 
-CLOSE = 1e-3          # of the least cost that any ends at
+CLOSE = 1e-6          # of the least cost that any ends at
 ITERATIONS = 500      # after which nobody gets any further
-STARTS = 20           # of each kind
+STARTS = 200          # of each kind
+TICKS = 20            # of a closed loop that warm starts lie along
 LEAST = 3             # starts that a ratio is given of
 FORCE = 10.0          # [N] bound of the random forces of a cold start
 DISTURBANCE = np.array([0.005, 0.01, 0.01, 0.05, 0.1, 0.1])   # standard deviations along the loop
@@ -53,15 +52,16 @@ def cold(problem: Problem) -> list[Guess]:
 
 
 def warm(problem: Problem) -> list[Guess]:
-    """Return disturbed states along a closed loop from hanging, and the last plan from there."""
+    """Return disturbed states along closed loops, and the last plan from there."""
     solver = SOLVERS['ilqr'](problem, SOLVERS['ilqr'].Parameters(iterations=ITERATIONS))
-    plan = solver.solve(hanging(), guess_plan(problem, cold(problem)[0]), np.inf)
     random, guesses = np.random.default_rng(0), list[Guess]()
-    for _ in range(STARTS):
-        x = plan.X[1] + random.normal(0, DISTURBANCE)
-        _, X, U, _ = policy_rollout(problem, x, plan.X[1:], plan.U[1:], plan.K[1:])
-        guesses.append(Guess(x, X, U))
-        plan = solver.solve(x, guess_plan(problem, guesses[-1]), np.inf)
+    for start in cold(problem)[:math.ceil(STARTS / TICKS)]:
+        plan = solver.solve(start.x_0, guess_plan(problem, start), np.inf)
+        for _ in range(min(TICKS, STARTS - len(guesses))):
+            x = plan.X[1] + random.normal(0, DISTURBANCE)
+            _, X, U, _ = policy_rollout(problem, x, plan.X[1:], plan.U[1:], plan.K[1:])
+            guesses.append(Guess(x, X, U))
+            plan = solver.solve(x, guess_plan(problem, guesses[-1]), np.inf)
     return guesses
 
 
@@ -86,46 +86,12 @@ def casadi(problem: Problem, name: str) -> Make:
     return lambda guess, warm, iterations: partial(program.solve, guess, warm, iterations)
 
 
-def crocoddyl(name: str) -> Make:
-    """Return solves of crocoddyl in C++, as fast as it can pose the force on the cart."""
-    import crocoddyl
-
-    def make(guess: Guess, warm: bool, iterations: int) -> Solve:
-        theirs = Crocoddyl('euler', 'C++', True, 'swing-up')
-        theirs.problem.x0 = RELATIVE @ guess.x_0
-        us = [theirs.actuate(u) for u in guess.U]
-        xs = theirs.problem.rollout(us)
-        solver = getattr(crocoddyl, f'Solver{name}')(theirs.problem)
-
-        def solve() -> Array:
-            solver.solve(xs, us, iterations, True)
-            return np.array([u[0] for u in solver.us])
-        return solve
-    return make
-
-
-def compiled(problem: Problem) -> dict[str, Make]:
-    """Return solves of those that take any problem as C code, where they are installed."""
-    makes: dict[str, Make] = {}
-    if has('comma-deps-acados'):
-        from peers_acados import solves as of_acados
-        makes['acados SQP'] = of_acados(problem)
-    if has('libaligator'):
-        from peers_aligator import solves as of_aligator
-        makes['aligator ProxDDP'] = of_aligator(problem)
-    return makes
-
-
-def contests() -> dict[str, tuple[Problem, dict[str, Make]]]:
-    """Return the problems, by who else solves them, and their contenders."""
-    default, same = controllers.problem({}), same_problem()
-    return {
-        'CasADi, acados, aligator': (default, {
-            **{name: ours(default, name) for name in OURS}, **compiled(default),
-            **{f'casadi {name}': casadi(default, name) for name in OPTIONS}}),
-        'crocoddyl, acados, aligator': (same, {
-            **{name: ours(same, name) for name in OURS}, **compiled(same),
-            **{f'crocoddyl {name}': crocoddyl(name) for name in ('BoxDDP', 'BoxFDDP')}})}
+def others() -> dict[str, Callable[[Problem], Make]]:
+    """Return by name what makes the solves of a peer, of those that are installed."""
+    found = {name: of for peer in peers() for name, of in peer.SOLVES.items()}
+    if has('casadi'):
+        found |= {f'casadi {name}': partial(casadi, name=name) for name in OPTIONS}
+    return found
 
 
 class Reach(NamedTuple):
@@ -162,20 +128,20 @@ def fewest(reaches: Callable[[int], bool], most: int = ITERATIONS) -> int:
     return high
 
 
-def solves(rounds: int) -> dict[str, dict[str, Any]]:
-    """Return by contest and kind of start how often each contender reaches the goal, how fast."""
-    found = {}
-    for contest, (problem, makes) in contests().items():
-        for kind, guesses in (('cold', cold(problem)), ('warm', warm(problem))):
-            is_warm, each, times = kind == 'warm', list[dict[str, Reach]](), list[dict[str, Any]]()
-            for guess in guesses:
-                if not (fared := reached(problem, makes, guess, is_warm)):
-                    continue
-                each.append(fared)
-                times.append(race({
-                    name: work(makes[name](guess, is_warm, of.iterations))
-                    for name, of in fared.items() if of.iterations is not None}, rounds))
-            found[f'{contest}, {kind}'] = summary(makes, each, times)
+def solves(problem: Problem, rounds: int) -> dict[str, dict[str, Any]]:
+    """Return by kind of start how often each contender reaches the goal, and how fast."""
+    found, makes = {}, {**{name: ours(problem, name) for name in OURS},
+                        **{name: of(problem) for name, of in others().items()}}
+    for kind, guesses in (('cold', cold(problem)), ('warm', warm(problem))):
+        is_warm, each, times = kind == 'warm', list[dict[str, Reach]](), list[dict[str, Any]]()
+        for guess in guesses:
+            if not (fared := reached(problem, makes, guess, is_warm)):
+                continue
+            each.append(fared)
+            times.append(race({
+                name: work(makes[name](guess, is_warm, of.iterations))
+                for name, of in fared.items() if of.iterations is not None}, rounds))
+        found[kind] = summary(makes, each, times)
     return found
 
 

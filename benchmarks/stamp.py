@@ -39,7 +39,8 @@ SOAK = (*LIVE, 'tools/demo.py', 'tools/tool_node.py')
 SOAKING = 'soak watcher resources echo'
 OPERATED = (*LIVE, 'tools/tool_node.py')
 LEARNED = ('learning/',)
-IN_C = ('peers_acados peers_aligator peers_aligator.cpp peers_casadi '   # what peers are given
+IN_C = ('peers_acados peers_aligator peers_aligator.cpp peers_casadi peers_cpp peers_crocoddyl '
+        'peers_crocoddyl.cpp peers_problem.hpp '   # what peers are given
         + ' '.join(f'../examples/acados_rti/acados_rti/{name}' for name in (
             'expressions.py', 'iteration.c', 'library.py', 'solver.py')))
 DEVICE = 'solvers/device.py'   # loaded for samples on a device, and no episode has such

@@ -3,6 +3,7 @@
 """The benchmark times the same problem for everyone; peers that are not installed are skipped."""
 
 import json
+import math
 import shutil
 import sys
 
@@ -17,6 +18,7 @@ import torch
 from dp_swing_ros.control import controllers
 from dp_swing_ros.pendulum.model import rollout
 from dp_swing_ros.problem.cost import running, terminal, trajectory_cost
+from dp_swing_ros.solvers import SOLVERS
 
 
 @pytest.fixture
@@ -41,24 +43,24 @@ def test_the_ratio_of_a_race_is_that_of_the_work(rng):
 
 def test_solves_are_timed_to_the_same_cost(problem, monkeypatch):
     import peers_solvers as peers
-    makes = {name: peers.ours(problem, name) for name in peers.OURS}   # ours alone
     monkeypatch.setattr(peers, 'STARTS', 3)
-    monkeypatch.setattr(peers, 'contests', lambda: {'nobody': (problem, makes)})
-    found = json.loads(json.dumps(peers.solves(2)))
-    assert set(found) == {'nobody, cold', 'nobody, warm'}
+    monkeypatch.setattr(peers, 'others', dict)   # ours alone
+    found = json.loads(json.dumps(peers.solves(problem, 2)))
+    assert set(found) == {'cold', 'warm'}
     for rows in found.values():
         ends = np.array([rows[name]['end'] for name in peers.OURS])
         for name in peers.OURS:
             row = rows[name]
             there = [count is not None for count in row['iterations']]
-            np.testing.assert_array_equal(there, row['end'] <= 1.001 * ends.min(axis=0))
+            goal = (1 + peers.CLOSE) * ends.min(axis=0)
+            np.testing.assert_array_equal(there, row['end'] <= goal)
             assert row['reached']['successes'] == sum(there)
             assert (name in row['ratios']) == (sum(there) >= peers.LEAST)
             if name in row['ratios']:
                 assert row['ratios'][name]['value'] == 1
                 assert row['ratios'][name]['starts'] == sum(there)
     text = benchmark_page.solves(found)
-    assert f"| ddp | {found['nobody, cold']['ddp']['reached']['successes']} of 3 " in text
+    assert f"| ddp | {found['cold']['ddp']['reached']['successes']} of 3 " in text
 
 
 def test_a_solve_stops_where_it_first_reaches_the_goal(problem):
@@ -99,26 +101,19 @@ def test_casadi_s_c_code_solves_what_its_machine_does(solver, problem, monkeypat
     np.testing.assert_allclose(compiled, best, rtol=0, atol=1e-2)
 
 
-def test_crocoddyl_s_problem_is_the_same_number_for_number():
-    pytest.importorskip('crocoddyl', reason='crocoddyl is not installed; see make results')
-    import peers_gradient as peers
-    theirs, ours = peers.Crocoddyl('euler', 'C++', True, 'swing-up'), peers.same_problem()
-    assert theirs.problem.nthreads == 1
-    U = np.array([u[0] for u in theirs.us])
-    X = rollout(ours.model, np.array(peers.STARTS['swing-up'][0]), U)
-    np.testing.assert_allclose(np.array(theirs.xs), X @ peers.RELATIVE.T, rtol=0, atol=1e-12)
-    assert theirs.problem.calc(theirs.xs, theirs.us) == pytest.approx(
-        trajectory_cost(ours.cost, X, U), rel=1e-12)
+@pytest.fixture(params=['default', 'euler', 'one link'])
+def ours(request):
+    import peers_gradient
+    return peers_gradient.problem(**{
+        'default': {'horizon': 50}, 'euler': {'model': 'euler'}, 'one link': {'links': 1}}[
+            request.param])
 
 
-@pytest.mark.parametrize('name', ['default', 'crocoddyl', 'rk4', 'euler'])
-def test_acados_s_problem_is_the_same_number_for_number(name, problem):
+def test_acados_s_problem_is_the_same_number_for_number(ours):
     pytest.importorskip('acados', reason='acados is not installed; see make results')
     peers = pytest.importorskip('peers_acados')
     import peers_gradient
-    ours = {'default': lambda: problem, 'crocoddyl': peers_gradient.same_problem}.get(
-        name, lambda: peers_gradient.problem(name, True))()
-    plan, sqp = peers_gradient.first_plan(ours, 'near the goal'), peers.Descent(ours)
+    plan, sqp = peers_gradient.first_plan(ours, peers_gradient.NEAR), peers.Descent(ours)
     X, U = plan.X.copy(), plan.U.copy()
     sqp.limit(100)
     assert 0 < sqp.solve(X, U) < 100
@@ -132,59 +127,78 @@ def test_acados_takes_as_many_iterations_as_were_asked_for():
     pytest.importorskip('acados', reason='acados is not installed; see make results')
     peers = pytest.importorskip('peers_acados')
     import peers_gradient
-    for start, (_, count) in peers_gradient.STARTS.items():
-        works = peers.descents(start, ('euler',))
-        assert list(works) == [f'acados {kind} euler 20 N' for kind in (
-            ['SQP', 'RTI'] if start == 'near the goal' else ['SQP'])]
+    ours = peers_gradient.problem('euler')
+    for start, count in peers_gradient.STARTS.items():
+        works = peers.descents(ours, start)
+        assert list(works) == [f'acados {kind}' for kind in (
+            ['SQP', 'RTI'] if start == peers_gradient.NEAR else ['SQP'])]
         assert [work() for work in (*works.values(), *works.values())] == [count] * 2 * len(works)
 
 
 @pytest.fixture(scope='module')
-def aligator():
+def of_cpp():
+    """Return by name what makes the solvers of peers that are C++, and an option of each."""
     pytest.importorskip('casadi', reason='casadi is not installed; see make results')
-    if not timing.has('libaligator'):
-        pytest.skip('aligator is not installed; see make results')
+    if not all(map(timing.has, ('libaligator', 'libcrocoddyl', 'libmim-solvers'))):
+        pytest.skip('aligator, crocoddyl or mim-solvers is not installed; see make results')
     import peers_aligator
-    if not (peers_aligator.COMPILER and shutil.which('c++')):
+    import peers_casadi
+    import peers_crocoddyl
+    if not (peers_casadi.COMPILER and shutil.which('c++')):
         pytest.skip('there is no C++ compiler')
-    return peers_aligator
+    return {'aligator': (peers_aligator.ProxDDP, peers_aligator.PENALTY), **{
+        kind: (peers_crocoddyl.Crocoddyl, number)
+        for number, kind in enumerate(peers_crocoddyl.KINDS)}}
 
 
-def test_aligator_s_problem_is_the_same_number_for_number(aligator):
+@pytest.mark.parametrize('name', [
+    'aligator', 'crocoddyl DDP', 'crocoddyl FDDP', 'crocoddyl BoxDDP', 'crocoddyl BoxFDDP',
+    'mim_solvers SQP', 'mim_solvers CSQP'])
+def test_the_problem_in_cpp_is_the_same_number_for_number(name, of_cpp, ours):
     import peers_gradient
-    ours = peers_gradient.problem('rk4', True)
-    plan = peers_gradient.first_plan(ours, 'near the goal')
+    plan, (peer, option) = peers_gradient.first_plan(ours, peers_gradient.NEAR), of_cpp[name]
     X, U = plan.X.copy(), plan.U.copy()
-    solver = aligator.ProxDDP(ours, aligator.PENALTY)
-    assert solver.solve(X, U, 10) > 0
+    solver = peer(ours, 1e-9, option)
+    assert solver.solve(X, U, 50) > 0
+    assert solver.cost[0] < plan.stats.cost
     assert solver.cost[0] == pytest.approx(trajectory_cost(ours.cost, X, U), rel=1e-12)
     assert solver.cost[0] == pytest.approx(
-        trajectory_cost(ours.cost, rollout(ours.model, plan.X[0], U), U), rel=1e-9)
+        trajectory_cost(ours.cost, rollout(ours.model, plan.X[0], U), U), rel=1e-6)
 
 
-def test_what_aligator_cannot_solve_leaves_the_next_solve_as_it_was(aligator):
+@pytest.mark.parametrize('start', ['near the goal', 'swing-up'])
+def test_an_iteration_of_crocoddyl_is_one_of_ilqr(start, of_cpp):
+    """So its derivatives are ours, too."""
     import peers_gradient
-    ours = peers_gradient.problem('rk4', True)
-    plan, make = peers_gradient.first_plan(ours, 'near the goal'), aligator.solves(ours)
-    guess = aligator.Guess(plan.X[0], plan.X, plan.U)
-    before = make(guess, True, 20)()
+    ours = peers_gradient.problem(bound=math.inf)
+    plan, (peer, option) = peers_gradient.first_plan(ours, start), of_cpp['crocoddyl DDP']
+    X, U = plan.X.copy(), plan.U.copy()
+    assert peer(ours, 1e-300, option).solve(X, U, 1) == 1
+    one = SOLVERS['ilqr'](ours, SOLVERS['ilqr'].Parameters(iterations=1)).solve(
+        plan.X[0], plan, math.inf)
+    np.testing.assert_allclose(U, one.U, rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(X, one.X, rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize('name', ['aligator', 'crocoddyl BoxFDDP', 'mim_solvers CSQP'])
+def test_what_cannot_be_solved_leaves_the_next_solve_as_it_was(name, of_cpp):
+    import peers_gradient
+    from peers_casadi import Guess
+    ours, (peer, option) = peers_gradient.problem(), of_cpp[name]
+    plan, solver = peers_gradient.first_plan(ours, peers_gradient.NEAR), peer(ours, 1e-9, option)
+    guess = Guess(plan.X[0], plan.X, plan.U)
+    before = solver.forces(guess, 20)
     beyond = guess._replace(X=np.full_like(guess.X, np.nan))
-    np.testing.assert_array_equal(make(beyond, True, 20)(), guess.U)
-    np.testing.assert_allclose(make(guess, True, 20)(), before, rtol=1e-9)
+    solver.forces(beyond, 20)
+    np.testing.assert_allclose(solver.forces(guess, 20), before, rtol=1e-9)
 
 
-def test_mim_solvers_takes_crocoddyl_s_problem():
-    pytest.importorskip('crocoddyl', reason='crocoddyl is not installed; see make results')
-    pytest.importorskip('mim_solvers', reason='mim-solvers is not installed; see make results')
-    import peers_gradient as peers
-    ends = []
-    for package, solver in (('crocoddyl', 'BoxDDP'), ('mim_solvers', 'CSQP')):
-        theirs = peers.Crocoddyl('euler', 'C++', True, 'near the goal',
-                                 constrained=solver == 'CSQP')
-        assert theirs.descent(package, solver)() == 3
-        assert theirs.problem.calc(theirs.xs, theirs.us) > theirs.solver.cost
-        ends.append(theirs.solver.cost)
-    assert ends[0] == pytest.approx(ends[1], rel=1e-3)
+def test_all_contenders_take_as_many_iterations_as_were_asked_for(of_cpp):
+    import peers_gradient
+    counts = {name: work() for name, work in peers_gradient.descents(
+        peers_gradient.problem(), peers_gradient.NEAR).items()}
+    assert set(counts.values()) == {peers_gradient.STARTS[peers_gradient.NEAR]}
+    assert {'ilqr', 'ddp', 'aligator ProxDDP', 'crocoddyl BoxDDP'} <= set(counts)
 
 
 def test_the_fewest_that_reach_a_goal_are_found():
@@ -206,28 +220,6 @@ def test_torch_has_our_step_and_cost(problem, rng):
                                [terminal(problem.cost, x) for x in X], rtol=1e-12)
 
 
-@pytest.mark.parametrize('actuation', ['python', 'C++'])
-def test_crocoddyl_solves_our_problem(actuation):
-    pytest.importorskip('crocoddyl', reason='crocoddyl is not installed; see make results')
-    import peers_gradient as peers
-    theirs = peers.Crocoddyl('rk4', actuation, False, 'near the goal')
-    ours = peers.problem('rk4', False)
-    U = np.array([u[0] for u in theirs.us])
-    X = rollout(ours.model, np.array(peers.STARTS['near the goal'][0]), U)
-    np.testing.assert_allclose(np.array(theirs.xs), X @ peers.RELATIVE.T, rtol=0, atol=1e-9)
-
-
-@pytest.mark.parametrize('actuation', ['python', 'C++'])
-def test_crocoddyl_has_our_cost(actuation):
-    pytest.importorskip('crocoddyl', reason='crocoddyl is not installed; see make results')
-    import peers_gradient as peers
-    theirs = peers.Crocoddyl('euler', actuation, False, 'swing-up')
-    X = np.linalg.solve(peers.RELATIVE, np.array(theirs.xs).T).T
-    J = trajectory_cost(peers.problem('euler', False).cost, np.ascontiguousarray(X),
-                        np.array([u[0] for u in theirs.us]))
-    assert theirs.problem.calc(theirs.xs, theirs.us) == pytest.approx(J, rel=1e-12)
-
-
 def test_casadi_has_our_step_and_cost(problem, rng):
     pytest.importorskip('casadi', reason='casadi is not installed; see make results')
     import peers_casadi
@@ -237,6 +229,27 @@ def test_casadi_has_our_step_and_cost(problem, rng):
                                    rtol=0, atol=1e-12)
         assert float(of_running(x, u)) == pytest.approx(running(problem.cost, x, u), rel=1e-12)
         assert float(of_terminal(x)) == pytest.approx(terminal(problem.cost, x), rel=1e-12)
+
+
+def test_growth_is_a_table_and_a_picture():
+    import peers_gradient
+
+    def race(times):
+        return {'seconds': {name: {'value': t} for name, t in times.items()}, 'ratios': {
+            name: {'ilqr': {'value': t / times['ilqr']}} for name, t in times.items()}}
+    races = {'horizon': {'10': race({'ilqr': 1e-5, 'other': 5e-6}),
+                         '500': race({'ilqr': 4e-4, 'other': 8e-4})},
+             'links': {'1': race({'ilqr': 1e-5, 'other': 3e-5})}}
+    text = benchmark_page.growth(races)
+    assert '| horizon | 10 | 500 |' in text
+    assert '| other | 5 (0.5) | 800 (2) |' in text and '| other | 30 (3) |' in text
+    assert benchmark_page.ahead({'growth': races}) == [
+        'other takes 0.5 times as long as ours (horizon 10)']
+    assert [axes.get_xlabel() for axes in benchmark_figures.growth(races).axes] == [
+        'horizon [steps]', 'links']
+    counts = [(by, count) for by, count, _ in peers_gradient.growing()]
+    assert counts == [*(('horizon', N) for N in peers_gradient.HORIZONS),
+                      *(('links', n) for n in peers_gradient.LINKS)]
 
 
 def test_the_page_says_met_missed_and_what_is_missing():
