@@ -22,29 +22,27 @@ NUMBERS = range(2, 11)
 
 def test_a_figure_comes_from_bags_that_hold_the_runs_without_ros_to_the_bit(
         tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(paper, 'keys', lambda figures: [
-        paper_experiments.Key('ddp', 'near the goal', setup) for setup in ('defaults', 'paper')])
+    which = paper_experiments.Key('ddp', 'near the goal', 'paper')
+    monkeypatch.setattr(paper, 'keys', lambda figures: [which])
     monkeypatch.setattr(paper, 'Parallel', lambda **_: Parallel(n_jobs=1, return_as='generator'))
     assert paper.main(['--figures', '8', '--seeds', '2', '--docs', str(tmp_path),
                        '--output', str(tmp_path / 'bags')]) == 0
     assert len(re.findall(r'1206 numbers in the bag of seed 0, equal to the bit',
-                          capsys.readouterr().out)) == 2
+                          capsys.readouterr().out)) == 1
     with Image.open(tmp_path / 'figures' / 'paper_fig8.png') as image:
         image.verify()
     assert [path.name for path in (tmp_path / 'figures').iterdir()] == ['paper_fig8.png']
-    ours, theirs = (read_episode(path / 'bag')
-                    for path in sorted((tmp_path / 'bags').glob('ddp_near_the_goal_*')))
-    np.testing.assert_array_equal(ours.X[0], theirs.X[0])
-    np.testing.assert_allclose(ours.X[0], [0, 0.2, 0.2, 0, 0, 0], atol=0.01)
-    assert (ours.limits.force_limit, theirs.limits.force_limit) == (20.0, np.inf)
+    bag, = (tmp_path / 'bags').glob('ddp_near_the_goal_*')
+    theirs = read_episode(bag / 'bag')
+    np.testing.assert_allclose(theirs.X[0], [0, 0.2, 0.2, 0, 0, 0], atol=0.01)
+    assert theirs.limits.force_limit == np.inf
     text = (tmp_path / 'results' / 'paper.md').read_text()
-    assert '| DDP | defaults | 2 of 2 (34-100 %) |' in text
+    assert '| DDP | paper | 2 of 2 (34-100 %) |' in text
     rows = read(tmp_path / 'results' / 'paper.csv.gz')
-    assert [row.key.contestant for row in rows[::2]] == ['ddp, defaults', 'ddp, paper']
-    # what the estimator has of the gain by then is not one to the last digit
-    assert rows[0].metrics.largest_force == pytest.approx(20.0, rel=1e-6)
-    again = next(one for one in paper_experiments.episodes() if key(*one) == rows[3].key)
-    assert identical(rows[3], play(*again))
+    assert [row.key.contestant for row in rows] == ['ddp, paper'] * 2
+    assert rows[0].metrics.largest_force > 20.0
+    again = [one for one in paper_experiments.episodes() if key(*one) == rows[1].key]
+    assert identical(rows[1], play(*again[0]))
 
 
 def test_a_figure_needs_all_set_ups_of_its_solver():

@@ -23,7 +23,7 @@ import dp_swing_ros
 from dp_swing_ros.control import controllers
 from dp_swing_ros.solvers import SOLVERS
 problem, plans = controllers.problem({'links': 1}), hashlib.sha256()  # compiles sooner
-solver, random = SOLVERS['ddp'], np.random.default_rng(0)   # iLQR's kernels are among its
+solver, random = SOLVERS['ilqr'], np.random.default_rng(0)
 one = solver(problem, solver.Parameters())
 for _ in range(10):
     plan = one.solve(random.uniform(-3, 3, 4), None, math.inf)
