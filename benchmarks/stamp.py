@@ -30,8 +30,8 @@ MARK = re.compile(rf'\*\*{OLDER}.*\*\*\n\n')
 
 # parts of the package that a page measures beside those that decide an episode
 BAGS = ('bags/', 'environment.py', 'executables.py', 'messages/',
-        *(f'nodes/{name}.py' for name in ('connections', 'fast_lane', 'logger', 'parameters',
-                                          'process', 'ros_parameters', 'taking')),
+        *(f'nodes/{name}.py' for name in ('connections', 'fast_lane', 'logger', 'process',
+                                          'ros_parameters', 'taking')), 'parameters/nodes.py',
         'tools/processes.py', 'topics.py')
 LIVE = (*BAGS, 'runtime/', *(f'nodes/{name}.py' for name in (
     'diagnostics', 'messages', 'mpc', 'plant')))

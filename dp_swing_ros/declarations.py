@@ -2,13 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The parameters of plant and mpc side by side, for those who read files or runs of both."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
+import warnings
 
 from dp_swing_ros.control.controllers import MPC
-from dp_swing_ros.parameters import ParameterError
-from dp_swing_ros.parameters.files import ANY_NODE, is_of_rclpy, locate, sections
+from dp_swing_ros.parameters import near, ParameterError
+from dp_swing_ros.parameters.files import ANY_NODE, is_of_rclpy, Key, locate, sections
 from dp_swing_ros.pendulum.state import LINKS
 from dp_swing_ros.simulation.plants import PLANT
 
@@ -20,17 +21,30 @@ def shared(links: int) -> set[str]:
     return set.intersection(*(set(each.fields(links)) for each in DECLARATIONS.values()))
 
 
+def misspelt(found: Iterable[tuple[Key, Mapping[str, Any]]]) -> Iterator[str]:
+    """Say of what sections give to any node (/**) and no node of this package has where it is."""
+    from dp_swing_ros.parameters.nodes import OWN   # which no episode depends on
+    names = set[str]().union(*OWN.values(), *(
+        each.fields(max(LINKS)) for each in DECLARATIONS.values()))
+    for pattern, values in found:
+        for name in sorted(set(values) - names if pattern.endswith(ANY_NODE) else ()):
+            if not is_of_rclpy(name):
+                yield f'line {pattern.line}: no node has {name!r}; {near(name, names)}'
+
+
 def read(paths: Iterable[Path]) -> dict[str, dict[str, Any]]:
     """
     Return what ROS parameter files hold for plant and mpc, where files differ the later's.
 
-    Of what is for any node (/**) each takes what is its own, as the nodes do.
-    Raises ParameterError where a file is none, or is for other nodes.
+    Of what is for any node (/**) each takes what is its own, as the nodes do; of what none has a
+    warning tells. Raises ParameterError where a file is none, or is for other nodes.
     """
     known = {node: declaration.fields(max(LINKS)).keys()
              for node, declaration in DECLARATIONS.items()}
     found: dict[str, dict[str, Any]] = {node: {} for node in known}
     for path in map(locate, paths):
+        for words in misspelt(sections(path)):
+            warnings.warn(f'{path}, {words}')
         for pattern, values in sections(path):
             # /**/mpc and /second/mpc are for an mpc, /** is for any node
             name = pattern.rsplit('/', 1)[-1]

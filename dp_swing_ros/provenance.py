@@ -19,8 +19,8 @@ AFTERWARDS = ('__main__.py', 'bags/', 'console/', 'environment.py',
               'evaluation/campaign/report.py', 'evaluation/campaign/runner.py',
               'evaluation/campaign/summary.py', 'evaluation/comparison.py', 'executables.py',
               'figures/', 'identification/', 'learning/', 'messages/', 'nodes/',
-              'parameters/console.py', 'pendulum/description.py', 'pendulum/geometry.py',
-              'pendulum/urdf.py', 'provenance.py',
+              'parameters/console.py', 'parameters/nodes.py', 'pendulum/description.py',
+              'pendulum/geometry.py', 'pendulum/urdf.py', 'provenance.py',
               'recovery/', 'report/', 'rerun/', 'runtime/', 'tables.py', 'tools/', 'topics.py')
 
 

@@ -136,7 +136,9 @@ second:
   mpc:
     ros__parameters: {{horizon: 20}}
 """)
-    assert declarations.read([path]) == {
+    with pytest.warns(UserWarning, match="no node has 'frame_rate'"):
+        found = declarations.read([path])
+    assert found == {
         'plant': {'cart_mass': 1.2}, 'mpc': {'solver': 'ddp', 'cart_mass': 1.2, 'horizon': 20}}
 
 
@@ -150,6 +152,16 @@ def test_a_file_that_is_none_is_refused(text, words, tmp_path):
     with pytest.raises(ParameterError) as error:
         declarations.read([path])
     assert all(word in str(error.value) for word in [str(path), *words]), error.value
+
+
+def test_what_is_for_any_node_and_no_node_has_is_told(tmp_path):
+    text = '/**:\n  ros__parameters: {track_limit: 0.4, flush_period: 1.0, use_sim_time: true}\n'
+    assert declarations.read([written(tmp_path, text)])['mpc'] == {'track_limit': 0.4}
+    path = written(tmp_path, text.replace('limit', 'limt'))
+    with pytest.warns(UserWarning) as told:
+        declarations.read([path])
+    assert [str(each.message) for each in told] == [
+        f"{path}, line 1: no node has 'track_limt'; did you mean 'track_limit'?"]
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path):

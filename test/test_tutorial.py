@@ -15,9 +15,9 @@ import pytest
 from dp_swing_ros.__main__ import TOOLS
 from dp_swing_ros.declarations import DECLARATIONS
 from dp_swing_ros.estimators.estimator import Estimator
-from dp_swing_ros.nodes.parameters import LoggerParameters
 from dp_swing_ros.parameters import checked, named
 from dp_swing_ros.parameters.files import value_of
+from dp_swing_ros.parameters.nodes import LoggerParameters
 from dp_swing_ros.tools.demo import command_line
 
 TOP = Path(__file__).parents[1]

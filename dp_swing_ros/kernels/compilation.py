@@ -25,6 +25,7 @@ from pathlib import Path
 import sys
 import time
 from typing import Any
+import warnings
 
 import llvmlite.binding
 import numba
@@ -73,6 +74,18 @@ class KernelCache(FunctionCache):
     def _index_key(self, signature: Any, codegen: Any) -> tuple:
         return *super()._index_key(signature, codegen), tuple(map(_tuples_in, signature))
 
+    def save_overload(self, signature: Any, data: Any) -> None:
+        """Keep machine code on disk, if there is room."""
+        try:
+            super().save_overload(signature, data)
+        except OSError as error:
+            _not_kept(str(error))
+
+
+def _not_kept(reason: str) -> None:
+    warnings.warn(f'compiled kernels cannot be kept in {config.CACHE_DIR}: {reason}; each start '
+                  'compiles them again, unless NUMBA_CACHE_DIR is a folder that can be written')
+
 
 def _tuples_in(kind: Any) -> Any:
     """Return the fields of the named tuples in a type, and digests of what defines them."""
@@ -87,7 +100,10 @@ def kernel(function: Callable) -> Any:
     """Return a function that is compiled for the types of its arguments when it is called."""
     compiled = numba.njit(nogil=True, **OPTIONS)(function)
     if not config.DISABLE_JIT:
-        compiled._cache = KernelCache(function)
+        try:
+            compiled._cache = KernelCache(function)
+        except RuntimeError:   # Numba has looked for others, too
+            _not_kept('it cannot be written')
     return compiled
 
 

@@ -7,8 +7,8 @@ import textwrap
 from typing import NamedTuple
 
 from dp_swing_ros.declarations import DECLARATIONS
-from dp_swing_ros.nodes.parameters import OWN
 from dp_swing_ros.parameters import expected, shown
+from dp_swing_ros.parameters.nodes import OWN
 from dp_swing_ros.pendulum.state import DEFAULT_LINKS
 from dp_swing_ros.topics import (
     COMMAND_TOPICS, CONFIGURATION, CONTROLLER_COMMANDS, DIAGNOSTICS, DISTURBANCE, JOINT_STATES,
@@ -40,10 +40,12 @@ NODE: dict[str, About] = {
         'Solves for a plan from each state, warm-started by the last one, and publishes the '
         'force that it begins with.',
         (*COMMAND_TOPICS, *dict.fromkeys(STAMPED_COMMANDS.values()), PLAN, TRIES, DIAGNOSTICS,
-         CONFIGURATION), (JOINT_STATES, ROBOT_DESCRIPTION), ('mpc/reset', 'mpc/enable')),
+         CONFIGURATION), (JOINT_STATES, ROBOT_DESCRIPTION, CONFIGURATION),
+        ('mpc/reset', 'mpc/enable')),
     'relay': About(
         'Hands commands on to a forward_command_controller of ros2_control, and a zero where '
-        'none comes for 0.25 s.', (*CONTROLLER_COMMANDS.values(), CONFIGURATION), COMMAND_TOPICS),
+        'none comes for 0.25 s.', (*CONTROLLER_COMMANDS.values(), CONFIGURATION),
+        (*COMMAND_TOPICS, JOINT_STATES)),
     'logger': About('Writes topics to an MCAP bag that rosbag2 opens.', (CONFIGURATION,), ()),
     'replay': About(
         'Plays a bag back onto its topics with its recorded timing.',

@@ -19,11 +19,11 @@ from dp_swing_ros.errors import BagError
 from dp_swing_ros.messages.definitions import schema
 from dp_swing_ros.messages.fields import BILLION
 from dp_swing_ros.nodes.connections import described, message_class, request_for
-from dp_swing_ros.nodes.parameters import LoggerParameters
 from dp_swing_ros.nodes.process import ProcessNode, run
 from dp_swing_ros.nodes.ros_parameters import declare
 from dp_swing_ros.nodes.taking import take
 from dp_swing_ros.parameters import named, ParameterError
+from dp_swing_ros.parameters.nodes import LoggerParameters
 
 LOOK_PERIOD = 0.05   # [s] between looks for new publishers
 TURN = 0.01          # [s] at most for what waits on one topic, then it is the others' turn

@@ -7,6 +7,7 @@ from dataclasses import Field
 from functools import partial
 import gc
 from itertools import chain, islice
+import sys
 import time
 from typing import Any
 
@@ -26,8 +27,10 @@ from dp_swing_ros.nodes.connections import (
 from dp_swing_ros.nodes.diagnostics import Diagnostics, LOOK_PERIOD
 from dp_swing_ros.nodes.messages import to_point_cloud, to_stamp, to_stamped_command
 from dp_swing_ros.nodes.process import AWAY, COMPILING, POLL, ProcessNode, run
-from dp_swing_ros.nodes.ros_parameters import allow_changes, announce, declare, overrides
+from dp_swing_ros.nodes.ros_parameters import (
+    allow_changes, announce, declare, files_in, overrides)
 from dp_swing_ros.nodes.taking import Executor, take
+from dp_swing_ros.parameters.files import sections
 from dp_swing_ros.runtime.handshake import Peers
 from dp_swing_ros.runtime.mpc import MpcCore
 from dp_swing_ros.runtime.schedule import Arrived
@@ -107,6 +110,7 @@ class MpcNode(ProcessNode):
         self.get_logger().info(
             f"preparing the solver {values['solver']!r} (the first start on a machine "
             'compiles for half a minute; later ones take a second)')
+        self.warn_of_misspelt()
         began = time.perf_counter()
         self.core.prepare()
         self.put_back = allow_changes(self, self.fields, values, self.on_change)
@@ -116,6 +120,15 @@ class MpcNode(ProcessNode):
         done = 'compiled' if taken > SLOW_START else 'loaded'
         self.listen(lossless=False)
         self.get_logger().info(f'{done} in {taken:.1f} s; ready')
+
+    def warn_of_misspelt(self) -> None:
+        """Warn of what files give to any node (/**) and none of this package has."""
+        if not (files := files_in(sys.argv)):
+            return
+        from dp_swing_ros.declarations import misspelt   # and the plant's, with the plant
+        for path in files:
+            for words in misspelt(sections(path)):
+                self.get_logger().warning(f'{path}, {words}')
 
     def described(self) -> dict[str, Field]:
         """Return the parameters for the pendulum of a robot description, once there is one."""

@@ -10,7 +10,7 @@ from dp_swing_ros.bags.mcap_reader import Entry
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.errors import BagError
 from dp_swing_ros.messages.fields import BILLION
-from dp_swing_ros.nodes.parameters import ReplayParameters, SENT
+from dp_swing_ros.parameters.nodes import ReplayParameters, SENT
 
 LATE = 5_000_000  # [ns] later than this a message is counted as late
 

@@ -10,10 +10,10 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Float64MultiArray
 
 from dp_swing_ros.nodes.connections import DEADLINE, publish, subscribe
-from dp_swing_ros.nodes.parameters import POSITION, RELAYED, RelayParameters
 from dp_swing_ros.nodes.process import ProcessNode, run
 from dp_swing_ros.nodes.ros_parameters import declare
 from dp_swing_ros.parameters import named
+from dp_swing_ros.parameters.nodes import POSITION, RELAYED, RelayParameters
 from dp_swing_ros.topics import COMMANDS, CONTROLLER_COMMANDS, JOINT_STATES
 
 

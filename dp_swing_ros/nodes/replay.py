@@ -18,11 +18,11 @@ from dp_swing_ros.messages.fields import BILLION
 from dp_swing_ros.nodes.connections import (
     Audience, LOOK_PERIOD, message_class, strongest, subscribe)
 from dp_swing_ros.nodes.messages import to_stamp
-from dp_swing_ros.nodes.parameters import ReplayParameters
 from dp_swing_ros.nodes.playback import excerpt, LATE, Playback, Scheduled
 from dp_swing_ros.nodes.process import CLOCK, ProcessNode, run, STEADY
 from dp_swing_ros.nodes.ros_parameters import declare
 from dp_swing_ros.parameters import named, ParameterError
+from dp_swing_ros.parameters.nodes import ReplayParameters
 from dp_swing_ros.topics import COMMAND_TOPICS, JOINT_STATES, Topic
 
 HEADER = 4          # [bytes] before the number, when a force is serialised

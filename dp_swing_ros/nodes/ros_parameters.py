@@ -208,8 +208,8 @@ def refuse_unknown(node: Node, of_topics: bool) -> None:
 def _warn_of_files(node: Node) -> None:
     """Warn of parameter files that hold nothing for a node, which may be called otherwise."""
     known = node.list_parameters([], 0).names
-    for path in _files(sys.argv):
-        found = sections(Path(path))
+    for path in files_in(sys.argv):
+        found = sections(path)
         if not for_node(found, node.get_fully_qualified_name(), known):
             node.get_logger().warning(f'{path} holds nothing for {node.get_fully_qualified_name()}'
                                       f', but for {", ".join(dict(found))}')
@@ -220,21 +220,21 @@ def check_given(arguments: list[str]) -> None:
     for option, value in pairwise(arguments):
         if option in RULE and ':=' in value:
             value_of(value.split(':=', 1)[1], _named(value))
-    for path in _files(arguments):
-        sections(Path(path))
+    for path in files_in(arguments):
+        sections(path)
 
 
-def _files(arguments: list[str]) -> list[str]:
+def files_in(arguments: list[str]) -> list[Path]:
     """Return the parameter files that a command line names."""
-    return [value for option, value in pairwise(arguments) if option == FILE]
+    return [Path(value) for option, value in pairwise(arguments) if option == FILE]
 
 
 def _for_any_node(arguments: list[str], node: str) -> set[str]:
     """Return the names that parameter files give to any node (/**), and nothing to this one."""
     shared, own = set[str](), {
         _named(value) for option, value in pairwise(arguments) if option in RULE}
-    for path in _files(arguments):
-        for pattern, values in sections(Path(path)):
+    for path in files_in(arguments):
+        for pattern, values in sections(path):
             name = pattern.rsplit('/', 1)[-1]
             if name in ANY_NODE:
                 shared |= set(values)

@@ -103,7 +103,11 @@ class LiveLearner:
             if self.explores:
                 self.forces.publish(Float64(data=self.commands[-1]))
             return
-        x = to_state(message, self.links, self.sensors)
+        try:
+            x = to_state(message, self.links, self.sensors)
+        except ValueError as error:
+            raise UserError(f'{error}; give the number of links, and what else differs from the '
+                            'defaults, by --params') from None
         if not np.all(np.isfinite(x)):
             raise UserError(f'the state is {x}; to learn while it runs takes positions and '
                             'speeds that are measured')

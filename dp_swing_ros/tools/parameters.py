@@ -11,8 +11,8 @@ import yaml
 
 from dp_swing_ros.declarations import DECLARATIONS, shared
 from dp_swing_ros.errors import UserError
-from dp_swing_ros.nodes.parameters import OWN
 from dp_swing_ros.parameters import expected, shown
+from dp_swing_ros.parameters.nodes import OWN
 from dp_swing_ros.pendulum.description import Found, parameters_of
 from dp_swing_ros.pendulum.state import DEFAULT_LINKS, LINKS
 from dp_swing_ros.pendulum.units import in_words
@@ -25,8 +25,9 @@ HEAD = """\
 Made by `make docs` from the dataclasses that declare them. A parameter is given as
 `--ros-args -p name:=value` or in a YAML file (`config/` has examples), and is checked when the
 node starts. What is unknown, misspelt or out of range ends the node with one line that says what
-is expected. Those of plant, mpc and console [change while the node
-runs](nodes.md#live-parameters), unless it says that they stay; those of logger and replay stay.
+is expected; of what a file gives to any node (`/**`) and none has, the mpc warns. Those of plant,
+mpc and console [change while the node runs](nodes.md#live-parameters), unless it says that they
+stay; those of logger, replay and relay stay.
 The mpc gets the same physical parameters and limits as the plant unless a test of robustness wants
 it otherwise. Defaults are those of two links; parameters of a link or a joint that is not there
 are refused.

@@ -15,12 +15,12 @@ import subprocess
 import sys
 import time
 
-from dp_swing_ros.declarations import DECLARATIONS
+from dp_swing_ros.declarations import DECLARATIONS, misspelt
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.executables import ENDING
-from dp_swing_ros.nodes.parameters import OWN
 from dp_swing_ros.parameters import complete, near, ParameterError
-from dp_swing_ros.parameters.files import ANY_NODE, for_node, is_for, is_of_rclpy, locate, sections
+from dp_swing_ros.parameters.files import for_node, is_for, is_of_rclpy, locate, sections
+from dp_swing_ros.parameters.nodes import OWN
 from dp_swing_ros.pendulum.state import LINKS
 from dp_swing_ros.tools.command_lines import postponed, progress
 
@@ -45,15 +45,12 @@ def located(files: Iterable[Path], nodes: Mapping[str, Mapping[str, object]]) ->
     found = [(place, *section) for place in places for section in sections(place)]
     declared = {**{node: each.fields(max(LINKS)) for node, each in DECLARATIONS.items()}, **OWN}
     for place, pattern, values in found:
-        where = f'{place}, line {pattern.line}: '
         if not any(is_for(pattern, node) for node in declared):
-            raise ParameterError(f'{where}{pattern!r} is no node of this package in the root '
-                                 f'namespace; {near(pattern.rsplit("/", 1)[-1], declared)}')
-        if pattern.endswith(ANY_NODE):
-            names = set().union(*declared.values())
-            for name in sorted(values):
-                if name not in names and not is_of_rclpy(name):
-                    raise ParameterError(f'{where}no node has {name!r}; {near(name, names)}')
+            raise ParameterError(
+                f'{place}, line {pattern.line}: {pattern!r} is no node of this package in the '
+                f'root namespace; {near(pattern.rsplit("/", 1)[-1], declared)}')
+        for words in misspelt([(pattern, values)]):
+            raise ParameterError(f'{place}, {words}')
     for node, given in nodes.items():
         own = for_node([section[1:] for section in found], node, declared[node])
         asked = {name: value for name, value in {**own, **given}.items()

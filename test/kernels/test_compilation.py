@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiled code: the same numbers whether it comes out of the cache or not; its clock."""
 
+import errno
 import os
 from pathlib import Path
 import shutil
@@ -14,7 +15,7 @@ import numba
 import pytest
 
 import dp_swing_ros
-from dp_swing_ros.kernels import kernel, now, processor
+from dp_swing_ros.kernels import compilation, kernel, now, processor
 from dp_swing_ros.kernels.compilation import same_type_by
 
 SOLVES = """
@@ -56,6 +57,25 @@ def until(seconds):
     while now() - began < seconds:
         pass
     return now() - began
+
+
+def test_where_nothing_can_be_kept_a_kernel_runs_all_the_same(monkeypatch):
+    def full(*_):
+        raise OSError(errno.ENOSPC, 'No space left on device')
+    monkeypatch.setattr(compilation.KernelCache, '_save_overload', full)
+    with pytest.warns(UserWarning, match='No space left on device; .* unless NUMBA_CACHE_DIR'):
+        assert kernel(twice)(3) == 6
+
+    def read_only(*_):
+        raise RuntimeError('no locator available')
+    monkeypatch.setattr(compilation, 'KernelCache', read_only)
+    with pytest.warns(UserWarning, match='it cannot be written; each start compiles them again'):
+        again = kernel(twice)
+    assert again(3) == 6
+
+
+def twice(x):
+    return 2 * x
 
 
 def test_a_kernel_s_clock_goes_as_python_s():

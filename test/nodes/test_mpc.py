@@ -85,8 +85,13 @@ def test_every_state_gets_one_force_a_plan_and_a_report(peer, start_node):
     assert 'Traceback' not in talk.node.output()
 
 
-def test_without_a_state_it_says_nothing_even_at_the_end(peer, start_here):
-    talk = Conversation(peer, start_here)
+def test_without_a_state_it_says_nothing_even_at_the_end(peer, start_here, tmp_path):
+    file = tmp_path / 'rig.yaml'
+    file.write_text('/**:\n  ros__parameters: {track_limt: 0.4, physics_step: 0.001}\n')
+    talk = Conversation(peer, start_here, arguments=['--params-file', str(file)])
+    # what no node has is told, and what the plant has is not
+    assert "line 1: no node has 'track_limt'; did you mean 'track_limit'" in talk.node.output()
+    assert 'physics_step' not in talk.node.output()
     talk.node.stop()
     peer.spin(0.3)
     assert not talk.forces

@@ -9,8 +9,8 @@ import pytest
 
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.errors import BagError
-from dp_swing_ros.nodes.parameters import ReplayParameters
 from dp_swing_ros.nodes.playback import excerpt, Playback
+from dp_swing_ros.parameters.nodes import ReplayParameters
 
 SECOND = 1_000_000_000
 MESSAGES = [(0.0, '/a', 0), (0.1, '/b', 1), (0.25, '/a', 2), (0.25, '/b', 3), (1.0, '/a', 4)]

@@ -3,7 +3,9 @@
 """The command, from its words to the model and the picture that it leaves."""
 
 from contextlib import closing
+import threading
 
+import numpy as np
 from peer import Peer
 from PIL import Image
 import pytest
@@ -12,9 +14,10 @@ from dp_swing_ros.bags.episodes import revisions_of
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.dynamics.files import load
 from dp_swing_ros.nodes.connections import publish
+from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
 from dp_swing_ros.tools import live_learning, verify
 from dp_swing_ros.tools.learn import main
-from dp_swing_ros.topics import FORCE_COMMAND
+from dp_swing_ros.topics import FORCE_COMMAND, JOINT_STATES
 
 # the limits are those of an mpc that is told no bodies
 PLANT = ('/**:\n  ros__parameters: {cart_mass: 0.5, link1_length: 0.6, link2_length: 0.6,\n'
@@ -89,6 +92,25 @@ def test_there_is_one_master(tmp_path, capsys):
         publish(peer.node, FORCE_COMMAND)
         assert main(['--live', '-o', str(tmp_path / 'learned')]) == 2
     assert '/peer on force_command, too; end it' in capsys.readouterr().err
+
+
+def test_live_a_plant_of_more_links_is_refused(tmp_path, capsys):
+    done = threading.Event()
+    message = to_joint_state(to_stamp(0), np.zeros(8), 0.0)
+    with closing(Peer()) as peer:
+        states = publish(peer.node, JOINT_STATES)
+
+        def send():
+            while not done.wait(0.05):
+                states.publish(message)
+        sender = threading.Thread(target=send)
+        sender.start()
+        try:
+            assert main(['--live', '-o', str(tmp_path / 'learned')]) == 2
+        finally:
+            done.set()
+            sender.join()
+    assert 'give the number of links' in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(('arguments', 'words'), [

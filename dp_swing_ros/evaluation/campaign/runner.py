@@ -20,6 +20,7 @@ from dp_swing_ros.evaluation.campaign.contestants import Contestant, key, play, 
 from dp_swing_ros.evaluation.campaign.rows import CampaignError, ERROR, Row, Table
 from dp_swing_ros.evaluation.scenarios import Case
 from dp_swing_ros.provenance import sources
+from dp_swing_ros.simulation import plants
 
 CONNECTION = 10.0  # [s] at most to reach a scheduler
 GO_ON = 'call again with the same --output to go on'
@@ -41,6 +42,8 @@ def run(episodes: Sequence[tuple[Contestant, Case]], table: Table, jobs: int,
         return
     for contestant in {one.label: one for one, _ in todo}.values():
         ready(contestant)  # compiles once for all workers, and refuses what cannot work
+    for engine in {case.plant['engine'] for _, case in todo if 'engine' in case.plant}:
+        plants.plant({'engine': engine})   # it may not be installed
     progress = _Progress(len(episodes), len(episodes) - len(todo),
                          sum(not row.metrics.success for row in table.rows))
     with _workers(jobs, dask), progress.bar:

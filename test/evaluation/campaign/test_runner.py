@@ -7,6 +7,7 @@ import itertools
 import os
 import re
 import struct
+import sys
 import termios
 
 import pytest
@@ -120,6 +121,16 @@ def test_a_contestant_that_cannot_be_made_ends_it_before_it_begins(tmp_path):
     with pytest.raises(ParameterError, match='horison'):
         play(tmp_path, contestants=('ilqr:horison=3',))
     assert not any(tmp_path.iterdir())
+
+
+def test_an_engine_that_is_not_installed_ends_it_before_it_begins(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, 'mujoco', None)
+    case, = SCENARIOS['hanging'].cases('hanging', range(1), None, 1.0)
+    other = replace(case, plant={**case.plant, 'engine': 'mujoco'})
+    contestant, = parse_all(['nothing'])
+    with pytest.raises(ParameterError, match='pip install mujoco'):
+        run([(contestant, case), (contestant, other)], Table(tmp_path / 'episodes.csv'), 1)
+    assert not read(tmp_path / 'episodes.csv')
 
 
 def test_an_episode_that_raises_is_shown_and_the_rest_goes_on(tmp_path, capsys):
