@@ -42,15 +42,15 @@ def compared(works: dict[str, Work], rounds: int) -> dict[str, Any]:
 
 def ratios_of(name: str, times: dict[str, Array]) -> dict[str, dict[str, float]]:
     """Return how many times slower a contender is than each of ours."""
-    ours = [other for other in times if other.split()[0].rstrip(',') in ('ilqr', 'ddp', 'mppi')]
+    ours = [other for other in times if other.split(', ')[0] in METHODS]
     return {other: ratio(times[name], times[other])._asdict() for other in ours}
 
 
 def gradient(rounds: int) -> dict[str, Any]:
     """Compare iterations with crocoddyl, mim-solvers, acados and aligator."""
     import peers_gradient
-    return {start: compared(peers_gradient.contenders(start), rounds)
-            for start in peers_gradient.STARTS}
+    return {contest: compared(works, rounds)
+            for contest, works in peers_gradient.contests().items()}
 
 
 def growth(rounds: int) -> dict[str, Any]:

@@ -8,8 +8,9 @@ forces, shifted by a step. With ours around it the last plan is followed with fe
 are the other starts of a tick. All else is alike: the default problem, exact states, no estimator,
 no deadline, one thread, one run after another in one process.
 
-A whole solve of a peer ends where it has converged, or after ITERATIONS. Its forces are followed
-by the model; where they cost more than those that it began from, these are kept.
+A whole solve of a peer ends where it has converged, about as closely as ours, or after ITERATIONS.
+What it comes to is followed by the model; where that costs more than what it began from, this is
+kept.
 """
 
 import argparse
@@ -24,8 +25,8 @@ from benchmark import quiet
 import benchmark_figures
 from campaigns import DURATION, METHODS
 import numpy as np
-from peers_casadi import Guess
-from peers_solvers import Make, others
+from peers_casadi import Guess, Make
+from peers_solvers import followed, gains, others
 from stamp import folders, made, sources, TOP
 from timing import has
 
@@ -36,19 +37,16 @@ from dp_swing_ros.evaluation.campaign.rows import Row, solves
 from dp_swing_ros.evaluation.comparison import paired_ratio, Rate, rate, Ratio
 from dp_swing_ros.evaluation.scenarios import Case, SCENARIOS
 from dp_swing_ros.parameters import parameter, Parameters
-from dp_swing_ros.pendulum.derivatives import expand
-from dp_swing_ros.pendulum.model import rollout
 from dp_swing_ros.pendulum.state import Array
-from dp_swing_ros.problem.cost import trajectory_cost
 from dp_swing_ros.problem.plan import Plan, SolverStats, Status
 from dp_swing_ros.problem.problem import policy_rollout, Problem
 from dp_swing_ros.solvers import SOLVERS
-from dp_swing_ros.solvers.riccati import backward
 from dp_swing_ros.solvers.solver import policy_of, Seed
 from dp_swing_ros.tables import compact
 
 CASES, FEW = 100, 10
 ITERATIONS = 50
+CONVERGED = 1e-3   # the tolerance of peers; ours stop at 1e-4 of a cost of some 10
 SLOW = ('aligator', 'casadi')   # who go through few cases
 PEERS = ('comma-deps-acados', 'libaligator', 'libcrocoddyl', 'libmim-solvers', 'casadi')
 EXACT = {'estimator': 'none'}
@@ -68,41 +66,31 @@ class Whole:
     """Whole solves of a peer, as a solver of ours."""
 
     Parameters = WholeParameters
-    of: ClassVar[Callable[[Problem], Make]]
+    of: ClassVar[Callable[[Problem, float], Make]]
     made: ClassVar[dict[int, tuple[Problem, Make]]]   # for a problem, which takes seconds
 
     def __init__(self, problem: Problem, parameters: WholeParameters, seed: Seed = 0) -> None:
         """Take the problem; it has no use for a seed."""
         self.problem, self.parameters = problem, parameters
         if id(problem) not in self.made:
-            self.made[id(problem)] = problem, type(self).of(problem)
+            self.made[id(problem)] = problem, type(self).of(problem, CONVERGED)
         self.make = self.made[id(problem)][1]
 
     def solve(self, x_0: Array, warm_start: Plan | None, deadline: float) -> Plan:
         """Return the cheaper of the warm start and what the peer makes of it; see Solver.solve."""
         began, problem = time.perf_counter(), self.problem
         start = policy_rollout(problem, *policy_of(problem, x_0, warm_start))
-        solve = self.make(Guess(x_0, start.X, start.U), True, self.parameters.iterations)
-        U = np.clip(solve(), *problem.bounds)
-        X = rollout(problem.model, x_0, U)
-        J, status = trajectory_cost(problem.cost, X, U), Status.COMPLETE
-        if not J < start.J:
-            J, X, U = start[:3]
-            status = Status.STALLED if np.isfinite(J) else Status.FAILED
-        K = gains(problem, X, U)
-        return Plan(X, U, K, problem.dt, SolverStats(
-            status, J, 1, time.perf_counter() - began))
+        solve = self.make(Guess(x_0, start.X, start.U), self.parameters.iterations)
+        found, status = followed(problem, x_0, *solve()), Status.COMPLETE
+        if not found.J < start.J:
+            found = start
+            status = Status.STALLED if np.isfinite(start.J) else Status.FAILED
+        K = gains(problem, found.X, found.U)
+        return Plan(found.X, found.U, K, problem.dt, SolverStats(
+            status, found.J, 1, time.perf_counter() - began))
 
 
-def gains(problem: Problem, X: Array, U: Array) -> Array:
-    """Return the gains (N, 2n + 2) of the regulator about a trajectory; no peer hands out any."""
-    K = np.empty((len(U), X.shape[1]))
-    backward(problem.model, problem.cost, expand(problem.model, X, U), X, U, X[:0],
-             problem.bounds, 0.0, None, U[:0].copy(), K)
-    return K
-
-
-def whole(name: str, of: Callable[[Problem], Make]) -> type[Whole]:
+def whole(name: str, of: Callable[[Problem, float], Make]) -> type[Whole]:
     """Return whole solves of a peer as a class of solvers; `of` makes what solves a problem."""
     return type(name, (Whole,), {'of': staticmethod(of), 'made': {}})
 

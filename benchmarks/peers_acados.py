@@ -9,12 +9,12 @@ some microseconds. Settings, each tried for the fastest that ends at the same co
 
 * HPIPM, STEPS of the horizon condensed to a stage, in its mode for speed; a real-time iteration in
   the faster one that computes no residuals, which SQP does not converge with.
+* tolerances and warm starts of the quadratic programs as acados has them: others save nothing.
 * SQP with a merit function, the steps of the multipliers whole and those of the trajectory halved
   to a hundredth at most: acados's examples/acados_python/linear_mass_model/
   linear_mass_test_problem.py.
 
-A real-time iteration takes whole steps; from hanging these lead nowhere, so there SQP is alone.
-The DDP of newer releases of acados is not in the wheel that pip has.
+The DDP and the newer globalisations of acados are not in the wheel that pip has.
 
 Sources: Verschueren et al., "acados: a modular open-source framework for fast embedded optimal
 control", Mathematical Programming Computation 14, 2022; Frison and Diehl, "HPIPM: a
@@ -22,14 +22,13 @@ high-performance quadratic programming framework for model predictive control", 
 Congress 2020.
 """
 
-from collections.abc import Callable
 import ctypes
 import math
 from typing import Any
 
 from acados_rti.library import Acados, acados
-from peers_casadi import Guess, TOLERANCE
-from peers_gradient import first_plan, NEAR, STARTS
+from peers_casadi import Guess, Make, Solve, TOLERANCE
+from peers_gradient import first_plan, ITERATIONS
 from timing import Work
 
 from dp_swing_ros.pendulum.state import Array
@@ -39,8 +38,7 @@ STEPS = 6    # that are condensed to a stage
 MOST = 500   # iterations, for which it has memory
 RTI = {'nlp_solver_type': 'SQP_RTI', 'hpipm_mode': 'SPEED_ABS', 'qp_solver_ric_alg': 0}
 SQP = {'nlp_solver_type': 'SQP', 'hpipm_mode': 'SPEED', 'globalization': 'MERIT_BACKTRACKING',
-       'alpha_min': 0.01, 'full_step_dual': 1, 'nlp_solver_max_iter': MOST,
-       **{f'nlp_solver_tol_{of}': TOLERANCE for of in ('stat', 'eq', 'ineq', 'comp')}}
+       'alpha_min': 0.01, 'full_step_dual': 1, 'nlp_solver_max_iter': MOST}
 
 
 def blocks(ours: Problem) -> int:
@@ -51,9 +49,10 @@ def blocks(ours: Problem) -> int:
 class Descent:
     """acados's SQP for a problem."""
 
-    def __init__(self, ours: Problem) -> None:
+    def __init__(self, ours: Problem, tolerance: float) -> None:
         """Take the problem; the first of its structure is compiled."""
-        self.acados = Acados(ours, blocks(ours), SQP)
+        self.acados = Acados(ours, blocks(ours), {**SQP, **{
+            f'nlp_solver_tol_{of}': tolerance for of in ('stat', 'eq', 'ineq', 'comp')}})
         self.of_acados = ctypes.CDLL(f'{acados().LIB_DIR}/libacados.so')
 
     def part(self, name: str) -> Any:
@@ -78,43 +77,42 @@ class Descent:
         return done.value
 
 
-def iterations(ours: Problem, start: str) -> Work:
+def iterations(ours: Problem) -> Work:
     """Return real-time iterations, as many as there are of ours; its units are iterations."""
-    one, plan = Acados(ours, blocks(ours), RTI), first_plan(ours, start)
+    one, plan = Acados(ours, blocks(ours), RTI), first_plan(ours)
 
     def run() -> int:
         X, U = plan.X.copy(), plan.U.copy()
-        for _ in range(STARTS[start]):
+        for _ in range(ITERATIONS):
             one.iterate(X, U)
-        return STARTS[start]
+        return ITERATIONS
     return run
 
 
-def descent(ours: Problem, start: str) -> Work:
+def descent(ours: Problem) -> Work:
     """Return SQP in as many iterations; its units are iterations."""
-    sqp, plan = Descent(ours), first_plan(ours, start)
-    sqp.limit(STARTS[start])
+    sqp, plan = Descent(ours, TOLERANCE), first_plan(ours)
+    sqp.limit(ITERATIONS)
     return lambda: sqp.solve(plan.X.copy(), plan.U.copy())
 
 
-def descents(ours: Problem, start: str) -> dict[str, Work]:
-    """Return what is timed from a start, with a bound; their units are iterations."""
+def descents(ours: Problem) -> dict[str, Work]:
+    """Return what is timed, with a bound; their units are iterations."""
     if not math.isfinite(ours.u_max):
         return {}
-    kinds = {'SQP': descent, **({'RTI': iterations} if start == NEAR else {})}
-    return {f'acados {kind}': make(ours, start) for kind, make in kinds.items()}
+    return {'acados SQP': descent(ours), 'acados RTI': iterations(ours)}
 
 
-def solves(ours: Problem) -> Callable[[Guess, bool, int], Callable[[], Array]]:
+def solves(ours: Problem, tolerance: float) -> Make:
     """Return whole solves of SQP; see `peers_solvers`."""
-    sqp = Descent(ours)
+    sqp = Descent(ours, tolerance)
 
-    def make(guess: Guess, warm: bool, count: int) -> Callable[[], Array]:
-        def solve() -> Array:
+    def make(guess: Guess, count: int) -> Solve:
+        def solve() -> tuple[Array, Array]:
             X, U = guess.X.copy(), guess.U.copy()
             sqp.limit(count)
             sqp.solve(X, U)
-            return U
+            return X, U
         return solve
     return make
 

@@ -4,24 +4,24 @@
 aligator's ProxDDP on the same problems; the bound is a constraint.
 
 Settings: those of aligator's own examples, linear rollouts and one thread, as ours; of the first
-penalties from 1e-2 to 1e-8 that these have, the ones that are fastest and most often right here.
+penalties from 1e-2 to 1e-8 that these have, the one that is fastest and most often right here.
+With rollouts of the dynamics, or penalties that may become less, it is no better.
 
 Source: Jallet, Bambade, Arlaud, El-Kazdadi, Mansard and Carpentier, "ProxDDP: proximal constrained
 trajectory optimization", IEEE Transactions on Robotics 41, 2025.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 import math
 from typing import Any
 
 from acados_rti.expressions import Expressions
 import casadi as ca
-from peers_casadi import Guess, TOLERANCE
+from peers_casadi import Make, TOLERANCE
 from peers_cpp import Peer
-from peers_gradient import first_plan, STARTS
+from peers_gradient import first_plan, ITERATIONS
 from timing import Work
 
-from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.problem.problem import Problem
 
 PENALTY = 1e-6   # the first μ
@@ -46,19 +46,18 @@ class ProxDDP(Peer):
             'terminal_hess': [ca.diagcat(e.terminal.hessian, 0)]}
 
 
-def descents(ours: Problem, start: str) -> dict[str, Work]:
-    """Return what is timed from a start, with a bound; its units are iterations."""
+def descents(ours: Problem) -> dict[str, Work]:
+    """Return what is timed, with a bound; its units are iterations."""
     if not math.isfinite(ours.u_max):
         return {}
-    solver, plan = ProxDDP(ours, TOLERANCE, PENALTY), first_plan(ours, start)
-    return {'aligator ProxDDP': lambda: solver.solve(
-        plan.X.copy(), plan.U.copy(), STARTS[start])}
+    solver, plan = ProxDDP(ours, TOLERANCE, PENALTY), first_plan(ours)
+    return {'aligator ProxDDP': lambda: solver.solve(plan.X.copy(), plan.U.copy(), ITERATIONS)}
 
 
-def solves(ours: Problem) -> Callable[[Guess, bool, int], Callable[[], Array]]:
+def solves(ours: Problem, tolerance: float) -> Make:
     """Return whole solves; see `peers_solvers`."""
-    solver = ProxDDP(ours, TOLERANCE, PENALTY)
-    return lambda guess, warm, count: lambda: solver.forces(guess, count)
+    solver = ProxDDP(ours, tolerance, PENALTY)
+    return lambda guess, count: lambda: solver.trajectory(guess, count)
 
 
 SOLVES = {'aligator ProxDDP': solves}

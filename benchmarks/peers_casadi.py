@@ -8,13 +8,15 @@ CasADi on the default problem: multiple shooting, solved whole by IPOPT or by Fa
 
 The same equations, the same RK4 step, cost, bounds and horizon. Both solvers take exact Hessians;
 IPOPT has MUMPS for its linear systems, Fatrop a Riccati recursion, for which variables and
-constraints stand stage by stage. Where there is a C compiler, the derivatives are C code that
+constraints stand stage by stage. None of their options for warm starts saves an iteration here,
+without multipliers. Where there is a C compiler, the derivatives are C code that
 CasADi writes, with one function a stage: ten times as fast as its own machine.
 
 Sources: Wächter and Biegler, Mathematical Programming 106(1), 2006 (IPOPT); Vanroye et al.,
 "FATROP: a fast constrained optimal control problem solver", IROS 2023.
 """
 
+from collections.abc import Callable
 import functools
 from pathlib import Path
 import shutil
@@ -27,14 +29,10 @@ import numpy as np
 from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.problem.problem import Problem
 
-TOLERANCE = 1e-9     # of the solvers themselves; what ends a solve is the number of iterations
+TOLERANCE = 1e-9     # of the solvers themselves, where the number of iterations ends a solve
 OPTIONS: dict[str, dict[str, Any]] = {
-    'ipopt': {'ipopt.print_level': 0, 'ipopt.sb': 'yes', 'ipopt.tol': TOLERANCE},
-    'fatrop': {'fatrop.print_level': 0, 'fatrop.tol': TOLERANCE, 'structure_detection': 'auto'}}
-WARM: dict[str, dict[str, Any]] = {
-    'ipopt': {'ipopt.warm_start_init_point': 'yes', 'ipopt.mu_init': 1e-4,
-              'ipopt.warm_start_bound_push': 1e-6, 'ipopt.warm_start_mult_bound_push': 1e-6},
-    'fatrop': {}}
+    'ipopt': {'ipopt.print_level': 0, 'ipopt.sb': 'yes'},
+    'fatrop': {'fatrop.print_level': 0, 'structure_detection': 'auto'}}
 COMPILER = shutil.which('cc')
 FLAGS = '-O2', '-march=native', '-shared', '-fPIC'
 
@@ -93,10 +91,15 @@ class Guess(NamedTuple):
     U: Array     # (N,) [N]
 
 
+Solve = Callable[[], tuple[Array, Array]]      # returns states (N + 1, 6) and forces (N,)
+Make = Callable[[Guess, int], Solve]           # from a guess, in so many iterations
+
+
 class Program:
     """The problem as a nonlinear program for one of the solvers; the goal is upright."""
 
-    def __init__(self, problem: Problem, solver: str, compiled: bool = True) -> None:
+    def __init__(self, problem: Problem, solver: str, tolerance: float,
+                 compiled: bool = True) -> None:
         """Write down variables and constraints, stage by stage, and compile them if possible."""
         import casadi as ca
 
@@ -112,7 +115,7 @@ class Program:
             if t == 0:
                 constraints.append(states[0] - x_0)
             J += running(states[t], forces[t])
-        self.name = solver
+        self.name, self.tolerance = solver, tolerance
         self.given: Any = {'x': ca.vertcat(*variables, states[N]), 'f': J,
                            'g': ca.vertcat(*constraints), 'p': x_0}
         # without a compiler, one graph of scalars is the fastest that CasADi's machine runs
@@ -128,25 +131,26 @@ class Program:
     def compiled(self) -> str:
         """Return the library of its own C code."""
         self.folder = tempfile.TemporaryDirectory()   # which lives as long as the program
-        return compiled(self.solver(False, 1), Path(self.folder.name))
+        return compiled(self.solver(1), Path(self.folder.name))
 
     @functools.cache
-    def solver(self, warm: bool, iterations: int) -> Any:
+    def solver(self, iterations: int) -> Any:
         """Return CasADi's solver, which stops after so many iterations at the latest."""
         import casadi as ca
 
         name = self.name
         return ca.nlpsol('solver', name, self.given, {
-            **OPTIONS[name], **(WARM[name] if warm else {}), **self.options,
-            f'{name}.max_iter': iterations})
+            **OPTIONS[name], **self.options,
+            f'{name}.tol': self.tolerance, f'{name}.max_iter': iterations})
 
     def flat(self, X: Array, U: Array) -> Array:
         """Put a trajectory in the order of the variables."""
         return np.concatenate([np.column_stack([X[:-1], U]).ravel(), X[-1]])
 
-    def solve(self, guess: Guess, warm: bool, iterations: int) -> Array:
-        """Return the forces (N,)."""
-        found = np.array(self.solver(warm, iterations)(
+    def solve(self, guess: Guess, iterations: int) -> tuple[Array, Array]:
+        """Return states (N + 1, 6) and forces (N,)."""
+        found = np.array(self.solver(iterations)(
             x0=self.flat(guess.X, guess.U), p=guess.x_0, lbx=-self.upper, ubx=self.upper, lbg=0,
             ubg=0)['x']).ravel()
-        return found[:-6].reshape(self.horizon, 7)[:, 6]
+        steps = found[:-6].reshape(self.horizon, 7)
+        return np.vstack([steps[:, :6], found[-6:]]), steps[:, 6].copy()

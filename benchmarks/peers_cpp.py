@@ -70,11 +70,11 @@ class Peer:
         return int(self.code.solve(self.memory, iterations, X.ctypes.data, U.ctypes.data,
                                    self.cost.ctypes.data))
 
-    def forces(self, guess: Guess, iterations: int) -> Array:
-        """Return the forces (N,) of a whole solve, those of the guess where it gave up."""
+    def trajectory(self, guess: Guess, iterations: int) -> tuple[Array, Array]:
+        """Return states and forces of a whole solve, those of the guess where it gave up."""
         X, U = guess.X.copy(), guess.U.copy()
         self.solve(X, U, iterations)
-        return U
+        return X, U
 
 
 def code(peer: type[Peer], ours: Problem) -> ctypes.CDLL:
@@ -93,6 +93,8 @@ def code(peer: type[Peer], ours: Problem) -> ctypes.CDLL:
         pointer, number = ctypes.c_void_p, ctypes.c_int
         library.create.restype = pointer
         library.solve.argtypes = pointer, number, pointer, pointer, pointer
+        if hasattr(library, 'evaluate'):
+            library.evaluate.argtypes = pointer, pointer, pointer
         library.destroy.argtypes, library.destroy.restype = (pointer,), None
         _loaded[key] = library
     return _loaded[key]

@@ -113,7 +113,7 @@ std::unique_ptr<SolverAbstract> csqp(const Problem &problem, double tolerance)
 {
     auto solver = std::make_unique<mim_solvers::SolverCSQP>(problem);
     solver->set_termination_tolerance(tolerance);
-    solver->reset_y_ = solver->reset_rho_ = true;   // each solve begins alike
+    solver->set_rho_update_interval(5);   // it looks whether it has converged as often
     return solver;
 }
 
@@ -133,6 +133,15 @@ struct Solver {
     Problem problem;
     std::unique_ptr<SolverAbstract> solver;
     std::vector<VectorXd> X, U;
+    void read(const double *X, const double *U)
+    {
+        const auto n = this->X[0].size();
+        for (size_t t = 0; t < this->X.size(); t++)
+            this->X[t] = Eigen::Map<const VectorXd>(X + t * n, n);
+        for (size_t t = 0; t < this->U.size(); t++)
+            this->U[t][0] = U[t];
+        problem->set_x0(this->X[0]);
+    }
 };
 
 }  // namespace
@@ -164,11 +173,10 @@ int solve(void *of, int iterations, double *X, double *U, double *cost)
 {
     auto &[problem, solver, xs, us] = *static_cast<Solver *>(of);
     const auto n = xs[0].size();
-    for (size_t t = 0; t < xs.size(); t++)
-        xs[t] = Eigen::Map<VectorXd>(X + t * n, n);
-    for (size_t t = 0; t < us.size(); t++)
-        us[t][0] = U[t];
-    problem->set_x0(xs[0]);
+    static_cast<Solver *>(of)->read(X, U);
+    if (auto *csqp = dynamic_cast<mim_solvers::SolverCSQP *>(solver.get()))
+        for (auto &y : csqp->y_)   // which it else has of another solve
+            y.setZero();
     try {
         solver->solve(xs, us, iterations, true);
     } catch (const std::exception &) {   // as where numbers overflow
@@ -180,6 +188,15 @@ int solve(void *of, int iterations, double *X, double *U, double *cost)
         U[t] = solver->get_us()[t][0];
     *cost = solver->get_cost();
     return static_cast<int>(solver->get_iter());
+}
+
+// Evaluate step, cost and all derivatives along a trajectory, as an iteration does.
+void evaluate(void *of, const double *X, const double *U)
+{
+    auto &made = *static_cast<Solver *>(of);
+    made.read(X, U);
+    made.problem->calc(made.X, made.U);
+    made.problem->calcDiff(made.X, made.U);
 }
 
 void destroy(void *solver) { delete static_cast<Solver *>(solver); }

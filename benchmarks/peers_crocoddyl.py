@@ -8,7 +8,7 @@ step and of its derivatives they ask for all at once, so that CasADi shares what
 crocoddyl's own way, a multibody model of Pinocchio under a Runge-Kutta action, cannot. Settings
 are their own, and one thread, as ours.
 
-CSQP is in no swing-up and no whole solve: where one of its steps diverges, as from one cold start
+CSQP is in no whole solve: where one of its steps diverges, as from one cold start
 in five, it throws what nobody can catch, out of a parallel region, and the process ends. From a
 trajectory that the model follows BoxDDP and BoxFDDP do the same, so of whole solves there is one.
 
@@ -18,24 +18,23 @@ exploiting sequential quadratic programming for model-predictive control", IEEE 
 Robotics 41, 2025.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 import math
 from typing import Any
 
 from acados_rti.expressions import Expressions
 import casadi as ca
-from peers_casadi import Guess, TOLERANCE
+from peers_casadi import Make
 from peers_cpp import Peer
-from peers_gradient import first_plan, NEAR, STARTS
+from peers_gradient import ALONE, first_plan, ITERATIONS
 from timing import Work
 
-from dp_swing_ros.pendulum.state import Array
+from dp_swing_ros.problem.plan import Plan
 from dp_swing_ros.problem.problem import Problem
 
 KINDS = ('crocoddyl DDP', 'crocoddyl FDDP', 'crocoddyl BoxDDP', 'crocoddyl BoxFDDP',
          'mim_solvers SQP', 'mim_solvers CSQP')   # as peers_crocoddyl.cpp counts them
 BOUNDED = ('crocoddyl BoxDDP', 'crocoddyl BoxFDDP', 'mim_solvers CSQP')
-ENDS = 'mim_solvers CSQP'   # the process, where a step diverges
 NEVER = 1e-300   # a tolerance that nothing reaches: as many iterations as were asked for
 
 
@@ -58,22 +57,32 @@ class Crocoddyl(Peer):
             'terminal': [of_terminal],
             'terminal_diff': [ca.gradient(of_terminal, e.x), terminal_hessian]}
 
+    def evaluate(self, plan: Plan) -> None:
+        """Evaluate step, cost and all derivatives along a plan."""
+        self.code.evaluate(self.memory, plan.X.ctypes.data, plan.U.ctypes.data)
 
-def descents(ours: Problem, start: str) -> dict[str, Work]:
-    """Return what is timed from a start; their units are iterations."""
-    plan = first_plan(ours, start)
+
+def descents(ours: Problem) -> dict[str, Work]:
+    """Return what is timed; their units are iterations."""
+    plan = first_plan(ours)
+    bounded = math.isfinite(ours.u_max)
 
     def descent(kind: str) -> Work:
         solver = Crocoddyl(ours, NEVER, KINDS.index(kind))
-        return lambda: solver.solve(plan.X.copy(), plan.U.copy(), STARTS[start])
-    return {kind: descent(kind) for kind in KINDS
-            if (kind in BOUNDED) == math.isfinite(ours.u_max) and (kind != ENDS or start == NEAR)}
+        return lambda: solver.solve(plan.X.copy(), plan.U.copy(), ITERATIONS)
+    solver = Crocoddyl(ours, NEVER, 0)
+
+    def alone() -> int:
+        solver.evaluate(plan)
+        return 1
+    return {**{kind: descent(kind) for kind in KINDS if (kind in BOUNDED) == bounded},
+            ALONE: alone}
 
 
-def solves(ours: Problem) -> Callable[[Guess, bool, int], Callable[[], Array]]:
+def solves(ours: Problem, tolerance: float) -> Make:
     """Return whole solves of BoxFDDP; see `peers_solvers`."""
-    solver = Crocoddyl(ours, TOLERANCE, KINDS.index('crocoddyl BoxFDDP'))
-    return lambda guess, warm, count: lambda: solver.forces(guess, count)
+    solver = Crocoddyl(ours, tolerance, KINDS.index('crocoddyl BoxFDDP'))
+    return lambda guess, count: lambda: solver.trajectory(guess, count)
 
 
 SOLVES = {'crocoddyl BoxFDDP': solves}

@@ -17,7 +17,10 @@ import torch
 
 from dp_swing_ros.control import controllers
 from dp_swing_ros.pendulum.model import rollout
+from dp_swing_ros.pendulum.state import hanging
 from dp_swing_ros.problem.cost import running, terminal, trajectory_cost
+from dp_swing_ros.problem.plan import Status
+from dp_swing_ros.problem.problem import plan_of
 from dp_swing_ros.solvers import SOLVERS
 
 
@@ -67,20 +70,36 @@ def test_a_solve_stops_where_it_first_reaches_the_goal(problem):
     import peers_solvers as peers
     guess = peers.cold(problem)[0]
     make = peers.ours(problem, 'ilqr')
-    (name, of), = peers.reached(problem, {'ilqr': make}, guess, False).items()
+    (name, of), = peers.reached(problem, {'ilqr': make}, guess).items()
     goal = (1 + peers.CLOSE) * of.end
-    costs = [trajectory_cost(problem.cost, rollout(problem.model, guess.x_0, U), U) for U in
-             (make(guess, False, count)() for count in (of.iterations - 1, of.iterations))]
+    costs = [peers.followed(problem, guess.x_0, *make(guess, count)()).J
+             for count in (of.iterations - 1, of.iterations)]
     assert costs[1] <= goal < costs[0]
-    at_goal = guess._replace(U=make(guess, False, 500)())
-    at_goal = at_goal._replace(X=rollout(problem.model, guess.x_0, at_goal.U))
-    assert peers.reached(problem, {'ilqr': make}, at_goal, False) == {}
+    X, U = make(guess, 500)()
+    assert peers.reached(problem, {'ilqr': make}, guess._replace(X=X, U=U)) == {}
+
+
+def test_a_plan_counts_as_it_is_followed():
+    import peers_gradient
+    import peers_solvers as peers
+    problem = peers_gradient.problem()
+    plan = peers_gradient.first_plan(problem)
+    X, U = peers.ours(problem, 'ilqr')(peers.Guess(plan.X[0], plan.X, plan.U), 50)()
+    J = trajectory_cost(problem.cost, X, U)
+    assert peers.followed(problem, X[0], X, U).J == pytest.approx(J, rel=1e-9)
+    # what does not follow from its forces is held to its states
+    apart = peers.followed(problem, X[0], X, U + 0.1).J
+    alone = trajectory_cost(problem.cost, rollout(problem.model, X[0], U + 0.1), U + 0.1)
+    assert J < apart < 0.1 * alone
+    assert peers.followed(problem, X[0], X * np.nan, U * np.nan).J == np.inf
 
 
 def test_warm_starts_begin_where_the_last_plan_leads(problem, monkeypatch):
     import peers_solvers as peers
-    monkeypatch.setattr(peers, 'STARTS', 3)
-    for guess in peers.warm(problem):
+    monkeypatch.setattr(peers, 'STARTS', 6)
+    guesses = peers.warm(problem)
+    assert len(guesses) == 6
+    for guess in guesses:
         np.testing.assert_array_equal(guess.X[0], guess.x_0)
         np.testing.assert_allclose(rollout(problem.model, guess.x_0, guess.U), guess.X, atol=1e-9)
 
@@ -94,11 +113,12 @@ def test_casadi_s_c_code_solves_what_its_machine_does(solver, problem, monkeypat
         pytest.skip('there is no C compiler')
     monkeypatch.setattr(peers_casadi, 'FLAGS', ('-O0', '-shared', '-fPIC'))   # in seconds
     guess = peers.warm(problem)[0]
-    compiled, machine = (peers_casadi.Program(problem, solver, compiled).solve(guess, True, 50)
-                         for compiled in (True, False))
-    np.testing.assert_allclose(compiled, machine, rtol=0, atol=1e-5)
-    best = peers.ours(problem, 'ilqr')(guess, True, 500)()
-    np.testing.assert_allclose(compiled, best, rtol=0, atol=1e-2)
+    found = [peers_casadi.Program(problem, solver, 1e-9, compiled).solve(guess, 50)
+             for compiled in (True, False)]
+    best = peers.ours(problem, 'ilqr')(guess, 500)()
+    for compiled, machine, ours in zip(*found, best):
+        np.testing.assert_allclose(compiled, machine, rtol=0, atol=1e-5)
+        np.testing.assert_allclose(compiled, ours, rtol=0, atol=1e-2)
 
 
 @pytest.fixture(params=['default', 'euler', 'one link'])
@@ -113,7 +133,7 @@ def test_acados_s_problem_is_the_same_number_for_number(ours):
     pytest.importorskip('acados', reason='acados is not installed; see make results')
     peers = pytest.importorskip('peers_acados')
     import peers_gradient
-    plan, sqp = peers_gradient.first_plan(ours, peers_gradient.NEAR), peers.Descent(ours)
+    plan, sqp = peers_gradient.first_plan(ours), peers.Descent(ours, 1e-9)
     X, U = plan.X.copy(), plan.U.copy()
     sqp.limit(100)
     assert 0 < sqp.solve(X, U) < 100
@@ -127,12 +147,9 @@ def test_acados_takes_as_many_iterations_as_were_asked_for():
     pytest.importorskip('acados', reason='acados is not installed; see make results')
     peers = pytest.importorskip('peers_acados')
     import peers_gradient
-    ours = peers_gradient.problem('euler')
-    for start, count in peers_gradient.STARTS.items():
-        works = peers.descents(ours, start)
-        assert list(works) == [f'acados {kind}' for kind in (
-            ['SQP', 'RTI'] if start == peers_gradient.NEAR else ['SQP'])]
-        assert [work() for work in (*works.values(), *works.values())] == [count] * 2 * len(works)
+    works = peers.descents(peers_gradient.problem('euler'))
+    assert list(works) == ['acados SQP', 'acados RTI']
+    assert {work() for work in (*works.values(), *works.values())} == {peers_gradient.ITERATIONS}
 
 
 @pytest.fixture(scope='module')
@@ -156,7 +173,7 @@ def of_cpp():
     'mim_solvers SQP', 'mim_solvers CSQP'])
 def test_the_problem_in_cpp_is_the_same_number_for_number(name, of_cpp, ours):
     import peers_gradient
-    plan, (peer, option) = peers_gradient.first_plan(ours, peers_gradient.NEAR), of_cpp[name]
+    plan, (peer, option) = peers_gradient.first_plan(ours), of_cpp[name]
     X, U = plan.X.copy(), plan.U.copy()
     solver = peer(ours, 1e-9, option)
     assert solver.solve(X, U, 50) > 0
@@ -166,12 +183,12 @@ def test_the_problem_in_cpp_is_the_same_number_for_number(name, of_cpp, ours):
         trajectory_cost(ours.cost, rollout(ours.model, plan.X[0], U), U), rel=1e-6)
 
 
-@pytest.mark.parametrize('start', ['near the goal', 'swing-up'])
-def test_an_iteration_of_crocoddyl_is_one_of_ilqr(start, of_cpp):
-    """So its derivatives are ours, too."""
+def test_an_iteration_of_crocoddyl_is_one_of_ilqr(of_cpp):
+    """So its derivatives are ours, too, also far from the goal."""
     import peers_gradient
-    ours = peers_gradient.problem(bound=math.inf)
-    plan, (peer, option) = peers_gradient.first_plan(ours, start), of_cpp['crocoddyl DDP']
+    ours, (peer, option) = peers_gradient.problem(bound=math.inf), of_cpp['crocoddyl DDP']
+    U = np.random.default_rng(0).uniform(-10, 10, ours.horizon)
+    plan = plan_of(ours, rollout(ours.model, hanging(), U), U, Status.COMPLETE)
     X, U = plan.X.copy(), plan.U.copy()
     assert peer(ours, 1e-300, option).solve(X, U, 1) == 1
     one = SOLVERS['ilqr'](ours, SOLVERS['ilqr'].Parameters(iterations=1)).solve(
@@ -180,24 +197,39 @@ def test_an_iteration_of_crocoddyl_is_one_of_ilqr(start, of_cpp):
     np.testing.assert_allclose(X, one.X, rtol=1e-6, atol=1e-6)
 
 
+@pytest.mark.parametrize(('horizon', 'links'), [(10, 2), (500, 2), (30, 1), (30, 3)])
+def test_near_the_goal_every_step_is_whole_and_two_are_enough(horizon, links):
+    import peers_gradient
+    ours = peers_gradient.problem(horizon=horizon, links=links)
+    plan = peers_gradient.first_plan(ours)
+    assert np.abs(plan.U).max() < peers_gradient.BOUND
+    for name in peers_gradient.OURS:
+        costs = [SOLVERS[name](ours, SOLVERS[name].Parameters(
+            iterations=count, tolerance=0.0)).solve(plan.X[0], plan, math.inf).stats.cost
+            for count in (1, peers_gradient.ITERATIONS, 50)]
+        assert costs[0] < plan.stats.cost * (1 - 1e-3)
+        assert costs[1] == pytest.approx(costs[2], rel=1e-9) and costs[1] < costs[0]
+
+
 @pytest.mark.parametrize('name', ['aligator', 'crocoddyl BoxFDDP', 'mim_solvers CSQP'])
 def test_what_cannot_be_solved_leaves_the_next_solve_as_it_was(name, of_cpp):
     import peers_gradient
     from peers_casadi import Guess
     ours, (peer, option) = peers_gradient.problem(), of_cpp[name]
-    plan, solver = peers_gradient.first_plan(ours, peers_gradient.NEAR), peer(ours, 1e-9, option)
+    plan, solver = peers_gradient.first_plan(ours), peer(ours, 1e-9, option)
     guess = Guess(plan.X[0], plan.X, plan.U)
-    before = solver.forces(guess, 20)
+    before = solver.trajectory(guess, 20)
     beyond = guess._replace(X=np.full_like(guess.X, np.nan))
-    solver.forces(beyond, 20)
-    np.testing.assert_allclose(solver.forces(guess, 20), before, rtol=1e-9)
+    solver.trajectory(beyond, 20)
+    for after, first in zip(solver.trajectory(guess, 20), before):
+        np.testing.assert_allclose(after, first, rtol=1e-9, atol=1e-12)
 
 
 def test_all_contenders_take_as_many_iterations_as_were_asked_for(of_cpp):
     import peers_gradient
     counts = {name: work() for name, work in peers_gradient.descents(
-        peers_gradient.problem(), peers_gradient.NEAR).items()}
-    assert set(counts.values()) == {peers_gradient.STARTS[peers_gradient.NEAR]}
+        peers_gradient.problem()).items() if name != peers_gradient.ALONE}
+    assert set(counts.values()) == {peers_gradient.ITERATIONS}
     assert {'ilqr', 'ddp', 'aligator ProxDDP', 'crocoddyl BoxDDP'} <= set(counts)
 
 
@@ -271,16 +303,18 @@ def test_the_page_begins_with_where_a_peer_is_ahead():
         return {'reached': {'successes': there, 'runs': 20},
                 'ratios': {our: {'value': value} for our, value in ratios.items()}}
     results = {
-        'gradient': {'near the goal': {'ratios': {
-            'ilqr rk4 20 N': {'ilqr rk4 20 N': {'value': 1}, 'ilqr euler 20 N': {'value': 2}},
-            'ilqr euler 20 N': {'ilqr rk4 20 N': {'value': 0.5}, 'ilqr euler 20 N': {'value': 1}},
-            'fast rk4': {'ilqr rk4 20 N': {'value': 0.8}, 'ilqr euler 20 N': {'value': 1.6}},
-            'slow euler': {'ilqr rk4 20 N': {'value': 0.9}, 'ilqr euler 20 N': {'value': 1.8}}}}},
+        'gradient': {'rk4': {'ratios': {
+            'ilqr': {'ilqr': {'value': 1}, 'ddp': {'value': 0.7}},
+            'ddp': {'ilqr': {'value': 1.4}, 'ddp': {'value': 1}},
+            'fast': {'ilqr': {'value': 0.8}, 'ddp': {'value': 0.6}},
+            'between': {'ilqr': {'value': 1.2}, 'ddp': {'value': 0.9}},
+            'CasADi, step, cost and derivatives alone': {'ilqr': {'value': 0.5},
+                                                         'ddp': {'value': 0.4}}}}},
         'solves': {'cold': {'ilqr': row(17, ilqr=1, ddp=1.5), 'ddp': row(16, ilqr=0.7, ddp=1),
                             'often': row(18, ilqr=3, ddp=4), 'quick': row(17, ilqr=0.4, ddp=0.6),
                             'never': row(0)}}}
     assert benchmark_page.ahead(results) == [
-        'fast rk4 takes 0.8 times as long as ours (near the goal)',
+        'fast takes 0.8 times as long as ours (rk4)',
         'often gets to the least cost from 18 of 20 starts, of ours the best from 17 (cold)',
         'quick takes 0.6 times as long as ours (cold)']
 
@@ -288,9 +322,10 @@ def test_the_page_begins_with_where_a_peer_is_ahead():
 def test_a_solver_of_others_goes_through_closed_loops_alone_and_with_ours_around_it(monkeypatch):
     import closed_loops
     import peers_solvers
-    stranger = closed_loops.whole('stranger', lambda problem: peers_solvers.ours(problem, 'ilqr'))
-    wild = closed_loops.whole('wild', lambda problem: lambda guess, warm, count: (
-        lambda: np.full(problem.horizon, np.nan)))
+    stranger = closed_loops.whole('stranger', lambda problem, tolerance: peers_solvers.ours(
+        problem, 'ilqr'))
+    wild = closed_loops.whole('wild', lambda problem, tolerance: lambda guess, count: (
+        lambda: (guess.X * np.nan, guess.U * np.nan)))
     monkeypatch.setitem(closed_loops.SOLVERS, 'stranger', stranger)
     monkeypatch.setitem(closed_loops.SOLVERS, 'wild', wild)
     found = closed_loops.loops(closed_loops.played(1))

@@ -703,7 +703,7 @@ def test_looking_back_shows_what_it_thought_then(page):
         then |= numbers(page, 0.15)
     steps = [a - b for a, b in zip(instants, instants[1:])]
     assert min(steps) > 0   # and of a state, which on a busy machine may be late
-    assert sorted(steps)[len(steps) // 2] == pytest.approx(0.05, abs=0.011)
+    assert sorted(steps)[len(steps) // 2] > 0.039
     assert alike(live, then) > 5, (live, then)
     assert page.driver.execute_script(   # there is a scale
         "const strip = document.querySelector('#strip'), pen = strip.getContext('2d');"

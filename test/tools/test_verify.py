@@ -84,7 +84,10 @@ def test_real_time_comes_out_again(tmp_path, capsys):
     # the plant ends first: the mpc carries on, then lets go
     assert ticks[-1].status == 'ZERO'
     silent = sum(tick.x is None for tick in ticks)
-    assert silent > 0 and len(read_episode(bag).ticks.t) == len(ticks) - silent
+    # a state may come late to a busy machine: then one answers none in between, too
+    until = max(tick.stamp for tick in ticks if tick.x is not None)
+    assert silent > 0
+    assert len(read_episode(bag).ticks.t) == sum(tick.stamp <= until for tick in ticks)
     assert verified(bag, capsys)[:2] == (0, [
         f'{len(ticks)} ticks of ilqr in real time (no state came for {silent}): every force is '
         'the recorded one to the bit',
