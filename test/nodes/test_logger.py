@@ -354,7 +354,7 @@ def test_type_that_is_not_installed_is_left_out(start, peer):
     assert 'recording to' in logger.stderr.readline()
     assert "no definition of 'std_msgs/msg/Float64'" in logger.stderr.readline()
     logger.send_signal(signal.SIGINT)
-    assert '/force_command: could not be recorded' in logger.communicate(timeout=20)[0]
+    assert '/force_command: could not be recorded' in logger.communicate(timeout=120)[0]
     assert logger.returncode == 0
 
 

