@@ -12,6 +12,7 @@ trajectory optimization", IEEE Transactions on Robotics 41, 2025.
 """
 
 from collections.abc import Mapping
+import ctypes
 import math
 from typing import Any
 
@@ -32,6 +33,7 @@ class ProxDDP(Peer):
 
     SOURCE, DISTRIBUTION, LIBRARIES = 'peers_aligator.cpp', 'libaligator', ('aligator',)
     DEFINES = 'ALIGATOR_ENABLE_TEMPLATE_INSTANTIATION',
+    OPTION = ctypes.c_double
 
     @staticmethod
     def functions(e: Expressions) -> Mapping[str, list[Any]]:

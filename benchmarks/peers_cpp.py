@@ -44,6 +44,7 @@ class Peer:
     DISTRIBUTION: ClassVar[str]            # whose wheel brings headers and libraries
     LIBRARIES: ClassVar[tuple[str, ...]]
     DEFINES: ClassVar[tuple[str, ...]] = ()
+    OPTION: ClassVar[Any]                  # the type of the option
 
     @staticmethod
     def functions(e: Expressions) -> Mapping[str, list[Any]]:
@@ -57,9 +58,6 @@ class Peer:
         An option is what the peer alone has. Raises Missing where there is no compiler.
         """
         self.code, p = code(type(self), ours), numbers_of(ours.model, ours.cost)
-        kind = ctypes.c_double if isinstance(option, float) else ctypes.c_int
-        number, pointer, real = ctypes.c_int, ctypes.c_void_p, ctypes.c_double
-        self.code.create.argtypes = number, number, pointer, number, real, real, real, kind
         self.memory = self.code.create(ours.horizon, len(ours.cost.S), p.ctypes.data, len(p),
                                        *ours.bounds, tolerance, option)
         self.cost = np.zeros(1)   # of the last trajectory, as the peer counts
@@ -90,11 +88,11 @@ def code(peer: type[Peer], ours: Problem) -> ctypes.CDLL:
         if peer.SOURCE not in _objects:
             _objects[peer.SOURCE] = compiled(peer, folder)
         library = ctypes.CDLL(str(linked(peer, Expressions.of(model, ours.cost), folder)))
-        pointer, number = ctypes.c_void_p, ctypes.c_int
+        pointer, number, real = ctypes.c_void_p, ctypes.c_int, ctypes.c_double
+        library.create.argtypes = (
+            number, number, pointer, number, real, real, real, peer.OPTION)
         library.create.restype = pointer
         library.solve.argtypes = pointer, number, pointer, pointer, pointer
-        if hasattr(library, 'evaluate'):
-            library.evaluate.argtypes = pointer, pointer, pointer
         library.destroy.argtypes, library.destroy.restype = (pointer,), None
         _loaded[key] = library
     return _loaded[key]

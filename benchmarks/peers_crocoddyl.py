@@ -19,6 +19,7 @@ Robotics 41, 2025.
 """
 
 from collections.abc import Mapping
+import ctypes
 import math
 from typing import Any
 
@@ -43,6 +44,7 @@ class Crocoddyl(Peer):
 
     SOURCE, DISTRIBUTION = 'peers_crocoddyl.cpp', 'libcrocoddyl'
     LIBRARIES = 'mim_solvers', 'crocoddyl'   # the first needs the second
+    OPTION = ctypes.c_int
 
     @staticmethod
     def functions(e: Expressions) -> Mapping[str, list[Any]]:
@@ -59,7 +61,8 @@ class Crocoddyl(Peer):
 
     def evaluate(self, plan: Plan) -> None:
         """Evaluate step, cost and all derivatives along a plan."""
-        self.code.evaluate(self.memory, plan.X.ctypes.data, plan.U.ctypes.data)
+        self.code.evaluate(*map(ctypes.c_void_p, (
+            self.memory, plan.X.ctypes.data, plan.U.ctypes.data)))
 
 
 def descents(ours: Problem) -> dict[str, Work]:
