@@ -88,7 +88,8 @@ def _train(arguments: argparse.Namespace) -> int:
     model = dataclasses.replace(model, about={
         **model.about, 'seed': arguments.seed, 'bags': [path.name for path in arguments.bag],
         'errors': own.as_figures, 'errors of the equations': analytic.as_figures})
-    print(table(own, analytic), *remarks(own, analytic), sep='\n')
+    has_springs = any((*known.stiffness, *known.preload, *told.stiffness, *told.preload))
+    print(table(own, analytic), *remarks(own, analytic, has_springs), sep='\n')
     print(f'drive: {1e3 * drive.delay:.1f} ms of delay, {1e3 * drive.time_constant:.1f} ms of lag',
           *dict.fromkeys(each.times for each in found), sep='\n')
     print_incomplete(bags)
@@ -116,9 +117,11 @@ def _number(value: float) -> str:
     return f'{value:.3g}'
 
 
-def remarks(own: Errors, analytic: Errors) -> list[str]:
+def remarks(own: Errors, analytic: Errors, has_springs: bool) -> list[str]:
     """Return in words what is to be known before the model is used."""
     found = []
+    if has_springs:
+        found.append('warning: the joints have springs, of which what is learned knows nothing')
     if np.all(own.speeds > analytic.speeds):
         found.append('warning: the equations with the parameters of the recorded mpc predict '
                      'better; plan with them, or record more')

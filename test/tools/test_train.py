@@ -14,10 +14,11 @@ from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.control import controllers
 from dp_swing_ros.dynamics.files import load
 from dp_swing_ros.learning import regression
+from dp_swing_ros.learning.quality import Errors
 from dp_swing_ros.pendulum.state import deviation
 from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import simulate
-from dp_swing_ros.tools.train import main
+from dp_swing_ros.tools.train import main, remarks
 from dp_swing_ros.topics import FORCE_COMMAND, JOINT_STATES
 
 BODIES = {'cart_mass': 0.8, 'link2_mass': 0.6, 'link1_length': 0.7, 'cart_dry_friction': 1.0,
@@ -99,3 +100,11 @@ def test_misuse_is_refused(arguments, words, capsys):
     with pytest.raises(SystemExit, match='2'):
         main(['bag', *arguments])
     assert words in capsys.readouterr().err
+
+
+def test_springs_that_nothing_learns_are_told():
+    ours = Errors(np.ones(3), np.ones(5))
+    worse = Errors(2 * np.ones(3), np.ones(5))
+    assert remarks(ours, worse, False) == []
+    assert remarks(ours, worse, True) == [
+        'warning: the joints have springs, of which what is learned knows nothing']
