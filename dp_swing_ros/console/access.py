@@ -15,6 +15,7 @@ from dp_swing_ros.parameters.console import TOKEN_VARIABLE
 
 LOCAL = ('127.0.0.1', 'localhost', '[::1]')
 LONGEST = 1000   # [characters] of a token
+HTTP = 80        # the port that browsers leave out
 
 
 class Access:
@@ -29,7 +30,7 @@ class Access:
         """Take where the server is bound; without a token one is made where it is needed."""
         self.port, self.local = port, is_local(address)
         self.everywhere = address in ('', '0.0.0.0', '::')
-        bound = f'[{address}]' if ':' in address else address
+        bound = f'[{ipaddress.ip_address(address)}]' if ':' in address else address.lower()
         self.hosts = {bound, *(LOCAL if self.local or self.everywhere else ())}
         self.token = token or ('' if self.local else secrets.token_urlsafe(24))
         host = LOCAL[0] if self.everywhere else bound
@@ -40,11 +41,16 @@ class Access:
             f'?token={self.token}' if self.token else '')
 
     def is_ours(self, host: str) -> bool:
-        """Return whether a host with its port is this server."""
-        name, _, port = host.rpartition(':')
-        if port != str(self.port):
+        """Return whether a host, and its port where a browser names it, is this server."""
+        try:
+            parts = urlsplit(f'//{host}')
+            name, port = parts.hostname or '', parts.port or HTTP
+        except ValueError:
             return False
-        return name.lower() in self.hosts or self.everywhere and is_number(name.strip('[]'))
+        if port != self.port or parts.netloc != host or '@' in host:
+            return False
+        shown = f'[{name}]' if ':' in name else name
+        return shown in self.hosts or self.everywhere and is_number(name)
 
     def is_own_origin(self, origin: str) -> bool:
         """Return whether an Origin is of a page of this server; raises ValueError for none."""

@@ -50,6 +50,8 @@ def branch(bag: Bag, at: float, duration: float, origin: float, send: Send) -> N
     """
     run, solvers = Run(bag), list(SOLVERS)
     start = run.start / BILLION - origin
+    if at < start - run.period / BILLION:
+        raise UserError(f'what was heard at {at:.2f} s is not kept any more; look back anew')
     tick = run.tick_at(max(at - start - EARLY, 0.0), None)
     duration = min(duration, run.time(run.end) - run.time(tick.stamp))
     done = 0

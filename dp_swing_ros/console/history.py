@@ -100,8 +100,7 @@ class History:
     def keep_state(self, scene: Scene) -> None:
         """Keep the newest state; where time goes back, another run has begun."""
         if self.rows and scene.t < self.rows[-1].t:
-            self.rows.clear()
-            self.clear()
+            self.begin()
         if self.rows and scene.t - self.rows[-1].t < NEAREST:
             return
         self.rows.append(row_of(scene))
@@ -113,8 +112,9 @@ class History:
         if self.rows and self.rows[-1].t == scene.t:
             self.rows[-1] = row_of(scene)
 
-    def clear(self) -> None:
-        """Forget the messages of a run, but not who ran it."""
+    def begin(self) -> None:
+        """Forget a run, but not who ran it."""
+        self.rows.clear()
         self._let_stand(self._needed.clear())
         self._seen.clear()
 
@@ -128,7 +128,10 @@ class History:
             return entry.t <= t + EARLY and (bool(entry.whose) or entry.t > t - LASTS / 1e9)
 
         seen = [*filter(counts, self._seen.entries)][-NEWEST:]
-        return sorted([*filter(counts, self.entries()), *seen], key=lambda entry: entry.received)
+        needed = filter(counts, self._needed.entries)
+        # what stands is older, whatever the time of the run that it is of
+        return sorted([*self._standing.values(), *needed, *seen],
+                      key=lambda entry: entry.received)
 
 
 def scene_of(entries: Iterable[Entry], joint_states: str,

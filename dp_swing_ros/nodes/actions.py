@@ -33,6 +33,7 @@ from dp_swing_ros.topics import DISTURBANCE, TOPICS
 SERVICES = {'plant/reset': Trigger, 'mpc/reset': Trigger, 'mpc/enable': SetBool,
             'plant/pause': SetBool, 'plant/step': Trigger}
 DEFAULTS = 'defaults'   # the preset that every pendulum has
+SWITCH = 'enabled'      # which no preset touches
 ANSWERED = 60.0         # [s] for nodes to answer: in lockstep an mpc compiles first what is new
 PATIENCE = 10.0         # [s] for a logger to hear everything
 MEETING = 1.5           # [s] for publishers to find a logger that is seen here
@@ -107,6 +108,8 @@ class Actions:
 
     def do_push(self, client: Client, request: Request) -> None:
         """Push for one period."""
+        if self.scene.x is None or PLANT not in self.partners:   # it would hit who comes later
+            raise RequestError('no plant sends states; there is nothing to push')
         force = bounded(request['force'], self.parameters.pull_limit)
         self.kick += force
         self.push()
@@ -143,7 +146,8 @@ class Actions:
             if role in self.partners:
                 asked = self.partners[role].defaults() if name == DEFAULTS \
                     else self.presets[name][role]
-                changes[role], fixed = self.partners[role].changes(asked)
+                changes[role], fixed = self.partners[role].changes(
+                    {name: value for name, value in asked.items() if name != SWITCH})
                 stay += fixed
         self.set_all(client, request, {role: found for role, found in changes.items() if found},
                      name + (f', but for {", ".join(stay)}, which stay in a run' if stay else ''))

@@ -28,7 +28,7 @@ from dp_swing_ros.console.scene import HEARD, Scene
 from dp_swing_ros.console.server import Options, Server, TRAILING
 from dp_swing_ros.console.silence import Silence
 from dp_swing_ros.errors import one_line
-from dp_swing_ros.messages.configuration import CONTROLLER, PLANT
+from dp_swing_ros.messages.configuration import CONTROLLER, PLANT, role_of
 from dp_swing_ros.nodes.actions import Actions, DEFAULTS
 from dp_swing_ros.nodes.connections import message_class, NAMELESS, owners, subscribe
 from dp_swing_ros.nodes.partners import Partner
@@ -146,8 +146,8 @@ class ConsoleNode(ProcessNode):
         found = self.scene.announced
         if topic is CONFIGURATION and found is not None:
             whose = found.node
-            if found.revision == found.resets == 0:   # it was started again
-                self.history.clear()
+            if role_of(found) in SIGNS and found.revision == found.resets == 0:
+                self.history.begin()   # it was started again
         self.history.keep(Entry(self.scene.time_of(topic, message), topic, whose, data,
                                 info['received_timestamp'], info['source_timestamp']))
 

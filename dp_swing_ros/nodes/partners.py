@@ -16,7 +16,7 @@ from rclpy.task import Future
 
 from dp_swing_ros.console.requests import RequestError
 from dp_swing_ros.console.scene import exact
-from dp_swing_ros.parameters import LARGEST
+from dp_swing_ros.parameters import LARGEST, shown
 from dp_swing_ros.parameters.files import is_of_rclpy, value_of
 
 TYPES = {
@@ -49,6 +49,7 @@ class Partner:
         self.name, self.changed = name, changed
         self._client = AsyncParameterClient(node, name)
         self.described: dict[str, dict[str, Any]] = {}   # for the page, by name
+        self.boundless = set[str]()   # those whose default is infinite
         self.reset()
 
     def reset(self) -> None:
@@ -94,14 +95,15 @@ class Partner:
         return change
 
     def defaults(self) -> dict[str, Any]:
-        """Return the defaults that are known."""
-        return {name: each['default'] for name, each in self.described.items()
-                if each['default'] is not None}
+        """Return the defaults that are known; what is infinite is so here, and null in JSON."""
+        return {**dict.fromkeys(self.boundless, math.inf), **{
+            name: each['default'] for name, each in self.described.items()
+            if each['default'] is not None}}
 
     def changes(self, values: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]]:
         """Return which values are others than it has, and the names of such that cannot change."""
         others = {name: value for name, value in values.items()
-                  if name in self.described and value != self.described[name]['value']}
+                  if name in self.described and exact(value) != self.described[name]['value']}
         fixed = [name for name in others if self.described[name]['read_only']]
         return {name: value for name, value in others.items() if name not in fixed}, fixed
 
@@ -115,6 +117,9 @@ class Partner:
                     for name, descriptor, value in zip(
                         names, descriptors.result().descriptors, values.result().values)
                     if value.type in TYPES or not value.type}
+                self.boundless = {name for name, descriptor in zip(
+                    names, descriptors.result().descriptors)
+                    if descriptor.description.endswith(f'(default: {shown(math.inf)})')}
                 self._known = True
                 self.changed()
             self._client.get_parameters(names, on_values)
@@ -149,7 +154,8 @@ def described(name: str, descriptor: ParameterDescriptor, value: Any) -> dict[st
     choices = CHOICES.fullmatch(descriptor.additional_constraints)
     low, high = bounds(descriptor)
     return {'name': name, 'type': kind, 'value': exact(value),
-            'default': default(about['default'], kind), 'unit': about['unit'] or '',
+            'default': default(about['default'], kind),
+            'unit': about['unit'] or '',
             'minimum': low, 'maximum': high,
             'choices': choices[1].split(', ') if choices else None,
             'description': about['text'], 'read_only': descriptor.read_only}

@@ -48,3 +48,14 @@ def test_a_page_is_ours_by_host_and_port():
     for other in ('http://127.0.0.1:8081', 'http://localhost', 'http://example.org:8080',
                   'file://127.0.0.1:8080'):
         assert not ours.is_own_origin(other), other
+    assert not ours.is_ours('somebody@127.0.0.1:8080')
+
+
+@pytest.mark.parametrize(('address', 'port', 'host'), [
+    ('127.0.0.1', 80, '127.0.0.1'), ('127.0.0.1', 80, 'localhost:80'), ('0.0.0.0', 80, '10.0.0.7'),
+    ('ROBOT-PC', 8080, 'robot-pc:8080'), ('robot', 8080, 'ROBOT:8080'),
+    ('0:0:0:0:0:0:0:1', 8080, '[::1]:8080'), ('::', 8080, '[fe80::1]:8080')])
+def test_a_host_is_ours_as_browsers_write_it(address, port, host):
+    ours = Access(address, port, 'abc')
+    assert ours.is_ours(host) and ours.is_own_origin(f'http://{host}')
+    assert not ours.is_ours('evil.example') and not ours.is_ours('evil.example:8080')

@@ -256,6 +256,14 @@ def test_the_status_of_who_is_silent_is_stale(scene):
     assert stale('plant').keys() == {'mpc', 'mpc: topics', 'plant'}   # nothing to answer
 
 
+def test_what_a_run_before_announced_counts_on_whatever_its_time():
+    past = History()
+    past.keep(Entry(50.0, CONFIGURATION, '/mpc', b'm', 0, 0))
+    past.begin()   # the clock went back
+    past.keep(Entry(1.0, JOINT_STATES, '', b'x', 1, 1))
+    assert [entry.topic for entry in past.until(1.0)] == [CONFIGURATION, JOINT_STATES]
+
+
 def test_of_what_was_heard_a_minute_is_kept_and_no_more_than_fits(monkeypatch):
     monkeypatch.setattr(history, 'SIZE', 1000)
     past = History()

@@ -242,9 +242,23 @@ def test_presets_change_what_can_change_and_defaults_put_it_back(page):
     assert page.ask('preset', name='textbook_mppi')['ok']
     page.until(lambda page: page.value('mpc', 'mppi.samples')['value'] == 1024)
     assert not page.ask('preset', name='nonsense')['ok']
+    # a switch that is off stays off, and what has no limit by default has none again
+    held = {'enabled': False, 'cart_speed_limit': 4.0}
+    assert page.ask('set', node='mpc', parameters=held)['ok']
+    page.until(lambda page: page.value('mpc', 'cart_speed_limit')['value'] == 4.0)
     assert page.ask('preset', name='defaults')['ok']
     page.until(lambda page: all(
-        each['value'] == each['default'] for each in page.newest['parameters mpc']['parameters']))
+        each['value'] == each['default'] for each in page.newest['parameters mpc']['parameters']
+        if each['name'] != 'enabled'))
+    assert page.value('mpc', 'enabled')['value'] is False
+    assert page.ask('set', node='mpc', parameters={'enabled': True})['ok']
+
+
+def test_without_a_plant_a_kick_is_refused(start_node):
+    lonely = start_node('console', {'port': 0}, ['-r', '__ns:=/nobody'])
+    with Page(port_of(lonely)) as page:
+        answer = page.ask('push', force=5.0)
+    assert not answer['ok'] and 'nothing to push' in answer['text'], answer
 
 
 def quiet(peer, pushes):
@@ -348,10 +362,12 @@ def test_lockstep_can_be_paused_stepped_and_slowed_down(page):
 
 
 def test_a_recording_comes_out_again_and_has_a_report(page, capsys):
+    before = frames(page, 5)[-1]['t']
     answer = page.ask('record', on=True)
     assert answer['ok'], answer
     assert not page.ask('record', on=True)['ok']
     page.until(lambda page: page.newest['recording']['folder'])
+    assert page.ask('past', kind='past', at=before)['frame']   # a logger that begins ends nothing
     assert page.ask('push', force=5.0)['ok']
     assert page.ask('set', node='mpc', parameters={'solver': 'ddp'})['ok']
     page.until(lambda page: page.newest['frame']['tick']['solver'] == 'ddp')

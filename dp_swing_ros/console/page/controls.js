@@ -142,6 +142,7 @@ class Control {
         slider.value = typeof part === 'number' ? scale.from(part) : 1;
         slider.setAttribute('aria-valuetext', `${part ?? 'infinite'} ${this.parameter.unit ?? ''}`);
       }
+      if (document.activeElement === field) return;   // somebody types
       field.value = part === null ? 'inf' : Number.isInteger(part) ? part : Number(part.toPrecision(6));
     });
   }
@@ -165,7 +166,7 @@ class Control {
     this.row.classList.toggle('refused', !answer.ok);
     if (moving) await new Promise(resolve => setTimeout(resolve, SOONEST));
     this.busy = false;
-    if (answer.ok && !same(this.wanted, asked)) this.set(this.wanted, true);
+    if (!same(this.wanted, asked)) this.set(this.wanted, true);   // also where one on the way was refused
     else this.update(this.parameter);
   }
 

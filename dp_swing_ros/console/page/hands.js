@@ -17,6 +17,7 @@ export class Hands {
   moved = false;      // since then
   since = null;       // [ms] of the first move whose force is not seen yet
   pushing = 0;        // [N] by the arrow keys
+  pulled = false;     // a body, by the click that ends now
 
   constructor(scene, socket) {
     Object.assign(this, {scene, socket, canvas: scene.canvas});
@@ -25,6 +26,8 @@ export class Hands {
     for (const end of ['pointerup', 'pointercancel', 'lostpointercapture']) {
       this.canvas.addEventListener(end, event => this.release(event));
     }
+    // none comes after a finger has scrolled, nor after it has held a body
+    this.canvas.addEventListener('click', event => this.aim(event));
     this.canvas.addEventListener('pointerleave', () => { scene.aimed = null; });
     // a finger on a body pulls; elsewhere on the picture it scrolls the page
     this.canvas.addEventListener('touchstart', event => {
@@ -47,7 +50,7 @@ export class Hands {
   /** Return where a click at a point moves the reference, null where it does not. */
   trackAt([x, z]) {
     const {limits, scale} = this.scene.hello ?? {};
-    if (!limits || this.refused) return null;
+    if (!limits || this.frozen || this.refused) return null;
     const {length} = scale, below = length * BELOW_TRACK, fine = 10 ** decimals(2, length);
     if (z > below || z < below - TRACK_BAND * length) return null;
     const end = limits.track ?? Infinity;
@@ -56,19 +59,26 @@ export class Hands {
 
   grip(event) {
     if (event.button !== 0 || this.pointer !== null) return;
+    this.pulled = false;   // since the last click
     const point = this.point(event), body = this.bodyAt(point, event.pointerType);
-    if (!body) {
-      const place = this.trackAt(point);
-      if (place !== null) this.onReference?.(place);
-      return;
-    }
+    if (!body) return;
     this.pointer = event.pointerId;
+    this.pulled = true;
     this.canvas.setPointerCapture(event.pointerId);
     this.scene.held = {...body, to: placeOn(this.scene.places, body)};
     this.canvas.classList.add('held');
     this.moved = true;
     event.preventDefault();
     this.canvas.focus({preventScroll: true});
+  }
+
+  /** Move the reference to where the track was clicked on. */
+  aim(event) {
+    const point = this.point(event), began = this.pulled;
+    this.pulled = false;
+    if (began || this.bodyAt(point, event.pointerType)) return;
+    const place = this.trackAt(point);
+    if (place !== null) this.onReference?.(place);
   }
 
   move(event) {

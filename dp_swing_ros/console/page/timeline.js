@@ -69,6 +69,7 @@ export class Timeline {
   }
 
   toggle() {
+    if (this.hello?.replay) return null;   // it is all past
     return this.history ? this.live() : this.look();
   }
 
