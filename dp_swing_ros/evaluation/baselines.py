@@ -19,7 +19,7 @@ import numpy as np
 from dp_swing_ros.control import controllers
 from dp_swing_ros.control.planner import Planner, Search
 from dp_swing_ros.control.receding_horizon import RecedingHorizon
-from dp_swing_ros.parameters import Values
+from dp_swing_ros.parameters import ParameterError, Values
 from dp_swing_ros.pendulum.derivatives import linearisation
 from dp_swing_ros.pendulum.equations import derivative, energy, Parts
 from dp_swing_ros.pendulum.model import hold, rollout, step
@@ -43,6 +43,7 @@ PUMP = 400.0       # [s/(kg² m²)] scaled, acceleration by missing energy and i
 HOLD_X, HOLD_V = 10.0, 3.0   # [1/s², 1/s] scaled, acceleration back to the centre
 KICK, MOST = 5.0, 15.0   # [m/s²] scaled, where nothing moves, and at most
 STANDING = 1e-2    # [m/s, rad/s] scaled, where nothing does
+UNLIMITED = 1e3    # [N] scaled, taken for a force without a limit
 AHEAD = 4          # steps of a plan, all that carries over a lost state
 
 
@@ -54,10 +55,10 @@ class Reference(NamedTuple):
 
 
 def swing_up(problem: Problem) -> Reference:
-    """Return the cheapest swing-up from hanging that its regulator holds; raises ValueError."""
+    """Return the cheapest swing-up from hanging that its regulator holds; or ParameterError."""
     scale = problem.scale
     N = round(scale.sized(SWING_UP, 's') / problem.dt)
-    bound = MARGIN * min(problem.u_max, 1e3)  # an unlimited force needs no margin
+    bound = MARGIN * min(problem.u_max, scale.sized(UNLIMITED, 'N'))
     long = replace(problem, horizon=N, bounds=Bounds(-bound, bound))
     solver = ILQR(long, ILQR.Parameters(iterations=ITERATIONS))
     random, x_0 = np.random.default_rng(0), hanging(problem.physical.links)
@@ -70,8 +71,8 @@ def swing_up(problem: Problem) -> Reference:
                 problem, reference := stabilised(problem, plan)):
             found.append(reference)
     if not found:
-        raise ValueError(f'no swing-up of {N * problem.dt:.3g} s in {STARTS} solves; a TVLQR '
-                         'needs one')
+        raise ParameterError(f'no swing-up of {N * problem.dt:.3g} s in {STARTS} solves within '
+                             f'{bound:g} N; a TVLQR needs one')
     return min(found, key=lambda reference: reference.plan.stats.cost)
 
 

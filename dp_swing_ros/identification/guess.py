@@ -18,7 +18,7 @@ import numpy as np
 from dp_swing_ros.identification.fit import Fit, losses, roughly
 from dp_swing_ros.identification.given_cart import HEAVY, on_cart_as_measured
 from dp_swing_ros.identification.segments import Motion, Segments, segments_of
-from dp_swing_ros.identification.unknowns import Parametrisation
+from dp_swing_ros.identification.unknowns import OF_CART, Parametrisation
 from dp_swing_ros.parameters import fields_of
 from dp_swing_ros.pendulum.equations import scale_of
 from dp_swing_ros.pendulum.parameters import DIRECT, Drive, PendulumParameters
@@ -39,8 +39,8 @@ def guessed(motions: Sequence[Motion], physical: PendulumParameters, drive: Driv
     """
     shortest = scale_of(resized(physical, LENGTHS[0], 0, known))
 
-    def best(motions: Sequence[Motion], drive: Drive, bodies: Mapping[int, PendulumParameters]
-             ) -> int:
+    def best(motions: Sequence[Motion], drive: Drive, known: Mapping[str, float],
+             bodies: Mapping[int, PendulumParameters]) -> int:
         segments = [some_of(segments_of(motion, shortest)) for motion in motions]
 
         def loss(guess: PendulumParameters) -> float:
@@ -53,9 +53,13 @@ def guessed(motions: Sequence[Motion], physical: PendulumParameters, drive: Driv
         return min((power for power in found if found[power] <= ENOUGH * min(found.values())),
                    key=abs)
 
-    length = best(motions if is_given else list(map(on_cart_as_measured, motions)), DIRECT, {
-        power: replace(resized(physical, power, 0, known), cart_mass=HEAVY) for power in LENGTHS})
-    mass = 0 if is_given else best(motions, drive, {
+    # forces that move a heavy cart as it was measured come from no drive
+    of_links = {name: value for name, value in known.items() if name not in OF_CART}
+    length = best(
+        motions if is_given else list(map(on_cart_as_measured, motions)), DIRECT, of_links, {
+            power: replace(resized(physical, power, 0, known), cart_mass=HEAVY)
+            for power in LENGTHS})
+    mass = 0 if is_given else best(motions, drive, known, {
         power: resized(physical, length, power, known) for power in MASSES})
     return resized(physical, length, mass, known)
 

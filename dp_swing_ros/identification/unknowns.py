@@ -66,7 +66,10 @@ class Parametrisation:
         self.nominal[[self.names.index(name) for name in known]] = list(known.values())
         self.is_factor = np.array([name == 'force_gain' or name.endswith(
             ('_mass', '_length', '_factor')) for name in self.names])
-        of_guess = [getattr(guess, name, nominal)
+        # of a link whose inertia is told the field of the factor says nothing
+        factors = {f'link{i}_inertia_factor': factor
+                   for i, factor in enumerate(guess.inertia_factors, 1)}
+        of_guess = [known.get(name, factors.get(name, getattr(guess, name, nominal)))
                     for name, nominal in zip(self.names, self.nominal)]
         self.first = np.log(np.divide(of_guess, self.nominal, where=self.is_factor,
                                       out=np.ones(len(self.names))))

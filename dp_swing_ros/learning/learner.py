@@ -22,6 +22,7 @@ from dp_swing_ros.learning.experience import Experience
 from dp_swing_ros.learning.models import Online
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.pendulum.model import ROUNDING
+from dp_swing_ros.pendulum.parameters import LimitParameters
 from dp_swing_ros.pendulum.state import Array, to_turn_of
 from dp_swing_ros.pendulum.units import SAME, Units
 from dp_swing_ros.problem.plan import Plan, Status
@@ -40,8 +41,10 @@ class Explorer:
     """Random forces that keep the cart away from the ends of the track."""
 
     def __init__(self, u_max: float, random: np.random.Generator, scale: Units = SAME) -> None:
-        """Take the largest force [N]."""
-        self.u_max, self.random, self.coloured = u_max, random, 0.0
+        """Take the largest force [N]; where there is none, that of default bodies is taken."""
+        usual = scale.sized(LimitParameters().force_limit, 'N')
+        self.u_max = u_max if math.isfinite(u_max) else usual
+        self.random, self.coloured = random, 0.0
         self.home, self.brake = scale.sized(HOME, '1/m'), scale.sized(BRAKE, 's/m')
         self.lasts = scale.sized(TRANSITION, 's')
 

@@ -66,5 +66,5 @@ def trials(learner: Learner, plant: Mapping[str, Any], trial: float, total: floa
 
 def held_for(off: Array, period: float, limit: float = OUT) -> float:
     """Return for how long [s] deviations (K,) have been within a limit at the end."""
-    beyond = np.flatnonzero(off > limit)
+    beyond = np.flatnonzero(~(off <= limit))   # also where it is no number
     return period * (len(off) - 1 - (beyond[-1] if len(beyond) else -1))

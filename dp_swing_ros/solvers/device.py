@@ -182,7 +182,7 @@ class DeviceSamples:
     def proposals(self, w: Array) -> Array:
         """Return the weighted average of the samples, and the heaviest; w (K,) -> (2, N)."""
         forces = self.program.forces
-        return on_host(torch.stack([forces @ torch.from_numpy(w).to(forces.device),
+        return on_host(torch.stack([forces @ torch.from_numpy(w).to(forces),
                                     forces[:, int(np.argmax(w))]]))
 
     def forces(self, index: int) -> Array:

@@ -76,6 +76,9 @@ def _identify(arguments: argparse.Namespace) -> int:
     bags = [Bag(path, arguments.partial, arguments.namespace, arguments.node)
             for path in arguments.bag]
     cart = arguments.cart or (GIVEN if any(drive_of(bag) in DRIVEN for bag in bags) else FREE)
+    if cart == FREE and any(drive_of(bag) in DRIVEN for bag in bags):
+        raise ParameterError(f'--cart {FREE}: the drive moved the cart as it was told, whatever '
+                             f'its mass; expected --cart {GIVEN}')
     found = recorded_of_one(bags, arguments.links, commanded=cart == FREE)
     first, known = found[0], dict(arguments.known)
     check(known, first.physical.links, cart)

@@ -65,7 +65,9 @@ def _train(arguments: argparse.Namespace) -> int:
             for each in found]
     # an estimator has seen what is held out: its parameters are no judge of what is learned
     scale = scale_of(found[0].physical)
-    known, told = (Pendulum.of(each, scale=scale) for each in (physical, found[0].physical))
+    gain = 1.0 if physical.is_driven else found[0].drive.gain
+    known, told = (by_commands(Pendulum.of(each, scale=scale), gain)
+                   for each in (physical, found[0].physical))
     parts = parted([stretch for each in found
                     for stretch in stretches(each.motion, each.V, acting, scale)],
                    arguments.seed, scale)
@@ -97,6 +99,15 @@ def _train(arguments: argparse.Namespace) -> int:
     print(*write(model, curve, own, analytic, output), sep='\n')
     print(f'{time.monotonic() - began:.1f} s of computing')
     return OK
+
+
+def by_commands(p: Pendulum, gain: float) -> Pendulum:
+    """Return the pendulum that commands move as forces of `gain` newtons each move this one."""
+    def share(values: tuple[float, ...]) -> tuple[float, ...]:
+        return tuple(value / gain for value in values)
+    return p._replace(m=p.m / gain, a=share(p.a), b=tuple(map(share, p.b)),
+                      friction=share(p.friction), dry=share(p.dry), stiffness=share(p.stiffness),
+                      preload=share(p.preload))
 
 
 def table(own: Errors, analytic: Errors) -> str:

@@ -8,6 +8,7 @@ import pytest
 from dp_swing_ros.control import controllers
 from dp_swing_ros.evaluation.baselines import BASELINES, stabilised, swing_up, TVLQR
 from dp_swing_ros.evaluation.metrics import measure
+from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.pendulum.equations import energy
 from dp_swing_ros.pendulum.state import hanging, is_upright
 from dp_swing_ros.problem.plan import Status
@@ -129,5 +130,5 @@ def test_nothing_does_nothing():
 
 
 def test_a_swing_up_that_cannot_be_is_refused():
-    with pytest.raises(ValueError, match='no swing-up'):
+    with pytest.raises(ParameterError, match='no swing-up'):
         swing_up(controllers.problem({'force_limit': 1.0}))

@@ -14,7 +14,7 @@ from dp_swing_ros.errors import UserError
 from dp_swing_ros.identification.base_parameters import (
     base_parameters, base_parameters_of_links)
 from dp_swing_ros.identification.fit import CREEPS, FINE, Fit
-from dp_swing_ros.identification.guess import guessed
+from dp_swing_ros.identification.guess import guessed, resized
 from dp_swing_ros.identification.identify import identify
 from dp_swing_ros.identification.recorded import Recorded
 from dp_swing_ros.identification.segments import Motion, resolution, segments_of
@@ -125,6 +125,19 @@ def test_bodies_of_which_nothing_is_known_are_told_by_what_they_share():
     for name, (value, unit) in base_parameters(physical, 0.8).items():
         assert found.base[name].value == pytest.approx(value, rel=0.01), name
         assert found.base[name].unit == unit
+
+
+def test_an_inertia_that_is_told_stays_so():
+    """Its field of a factor says nothing then, and the search begins with what it says itself."""
+    told = PendulumParameters(link2_inertia=0.09)
+    factor = told.inertia_factors[1]
+    assert factor > 2.0
+    found = Parametrisation(told, DIRECT, {}, resized(told, 1, -1, {}))
+    i = found.names.index('link2_inertia_factor')
+    assert found.nominal[i] == pytest.approx(factor) and found.first[i] == pytest.approx(
+        np.log(resized(told, 1, -1, {}).inertia_factors[1] / factor))
+    known = Parametrisation(told, DIRECT, {'link2_inertia_factor': 1.5}, told)
+    assert known.nominal[i] == 1.5 and known.first[i] == 0.0
 
 
 def test_what_is_known_finds_the_rest():

@@ -109,6 +109,13 @@ def test_a_smaller_pendulum_is_learned_as_the_same_in_its_own_units():
 
 def test_the_time_held_is_that_at_the_end():
     assert held_for(np.array([0.1, 0.1, 0.5, 0.1, 0.1]), 0.05) == pytest.approx(0.1)
+    assert held_for(np.array([0.1, 0.1, np.nan]), 0.05) == 0.0
+
+
+def test_without_a_limit_random_forces_are_those_of_default_bodies():
+    explorer = Explorer(math.inf, np.random.default_rng(0))
+    forces = np.abs([explorer.force(np.zeros(6), 0.05) for _ in range(100)])
+    assert 1.0 < forces.mean() and forces.max() <= 20.0
     assert held_for(np.array([0.1, 0.5]), 0.05) == 0.0
     assert held_for(np.array([0.1, 0.1]), 0.05) == pytest.approx(0.1)
 

@@ -39,6 +39,13 @@ def policy(problem, rng):
 
 
 @devices
+def test_the_textbook_s_samples_make_a_plan(device):
+    one = solver(device, importance_sampling=True, temperature_scale='fixed', temperature=10.0)
+    plan = one.solve(hanging(), None, math.inf)
+    assert np.all(np.isfinite(plan.U)) and plan.stats.status != 'FAILED'
+
+
+@devices
 @pytest.mark.parametrize('values', [
     {'model': 'euler'}, {'model': 'rk4'}, {'angle_error': 'angle', 'terminal_cost': 'scaled'},
     {'track_limit': 0.5}, {'links': 1}, {'links': 3}],

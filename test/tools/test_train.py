@@ -15,10 +15,12 @@ from dp_swing_ros.control import controllers
 from dp_swing_ros.dynamics.files import load
 from dp_swing_ros.learning import regression
 from dp_swing_ros.learning.quality import Errors
+from dp_swing_ros.pendulum.equations import Pendulum
+from dp_swing_ros.pendulum.parameters import PendulumParameters
 from dp_swing_ros.pendulum.state import deviation
 from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import simulate
-from dp_swing_ros.tools.train import main, remarks
+from dp_swing_ros.tools.train import by_commands, main, remarks
 from dp_swing_ros.topics import FORCE_COMMAND, JOINT_STATES
 
 BODIES = {'cart_mass': 0.8, 'link2_mass': 0.6, 'link1_length': 0.7, 'cart_dry_friction': 1.0,
@@ -108,3 +110,11 @@ def test_springs_that_nothing_learns_are_told():
     assert remarks(ours, worse, False) == []
     assert remarks(ours, worse, True) == [
         'warning: the joints have springs, of which what is learned knows nothing']
+
+
+def test_commands_move_a_pendulum_as_their_forces_do():
+    p = Pendulum.of(PendulumParameters(cart_friction=0.3, joint1_dry_friction=0.1,
+                                       joint2_stiffness=0.4, joint1_preload=0.2))
+    x = [0.1, 2.0, -1.0, 0.5, 1.5, -2.0]
+    np.testing.assert_allclose(by_commands(p, 2.5).accelerations(x, 3.0),
+                               p.accelerations(x, 7.5), rtol=1e-12)

@@ -112,7 +112,7 @@ def simulated(contestant: Contestant, case: Case) -> Episode:
     """Run an episode; raises ParameterError, and ValueError for a case that does not fit."""
     rate = case.plant.get('rate', contestant.plant.get('rate', 1 / PERIOD))
     nominal = group(PendulumParameters, contestant.mpc)
-    case = sized(case, nominal, 1 / rate)
+    case = of_inertias(sized(case, nominal, 1 / rate), nominal)
     if case.told or case.mpc:
         contestant = replace(contestant, mpc={**contestant.mpc, **case.told, **case.mpc})
     controller = ready(contestant)(case.seed)
@@ -125,6 +125,16 @@ def simulated(contestant: Contestant, case: Case) -> Episode:
                        resets={n: np.array(x) for n, x in case.resets},
                        goal=controllers.cost(contestant.mpc).x_r)
     return replace(episode, nominal=nominal)
+
+
+def of_inertias(case: Case, nominal: PendulumParameters) -> Case:
+    """Return a case whose inertias are off by as much, of links whose inertia is told."""
+    plant = dict(case.plant)
+    for i in range(1, nominal.links + 1):
+        told = getattr(nominal, f'link{i}_inertia')
+        if told and (factor := plant.pop(f'link{i}_inertia_factor', None)) is not None:
+            plant[f'link{i}_inertia'] = factor * told
+    return replace(case, plant=plant)
 
 
 def measured(contestant: Contestant, case: Case, episode: Episode) -> Row:

@@ -7,7 +7,8 @@ import pytest
 
 from dp_swing_ros.dynamics.files import from_text
 from dp_swing_ros.evaluation.baselines import Nothing
-from dp_swing_ros.evaluation.campaign.contestants import parse, parse_all
+from dp_swing_ros.evaluation.campaign.contestants import of_inertias, parse, parse_all
+from dp_swing_ros.evaluation.scenarios import Case
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.pendulum.parameters import PendulumParameters
 
@@ -87,3 +88,10 @@ def test_two_of_one_name_are_refused():
     with pytest.raises(ParameterError, match="'ilqr'"):
         parse_all(['ilqr', 'ddp', 'ilqr'])
     assert [one.label for one in parse_all(['ilqr', 'other=ilqr'])] == ['ilqr', 'other']
+
+
+def test_an_inertia_that_is_told_is_off_by_the_share_of_a_case():
+    case = Case('model', 0, plant={'link1_inertia_factor': 0.75, 'link2_inertia_factor': 0.75})
+    nominal = PendulumParameters(link1_inertia=0.04)
+    assert of_inertias(case, nominal).plant == {
+        'link1_inertia': pytest.approx(0.03), 'link2_inertia_factor': 0.75}
