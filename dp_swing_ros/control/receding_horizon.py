@@ -19,6 +19,7 @@ from dp_swing_ros.problem.cost import terms
 from dp_swing_ros.problem.plan import IDLE, Plan, Status
 from dp_swing_ros.problem.problem import Problem
 
+GAP = 2.0        # steps of a plan, as long as which a first period counts at most
 WARMING = 1.0    # [s] at most of a tick that warms up
 PARAMETERS, DESCRIPTION = 'parameters', 'description'   # where the bodies are from
 LEANING = 0.2    # [rad] of link 1, so far that the regulator would drop it
@@ -147,7 +148,8 @@ class RecedingHorizon:
         sent, limit = self.commands.sent, self.nominal.parameters.limits.cart_speed_limit
         speed = float(plan.X[0, plan.X.shape[1] // 2]) / self.belief.drive.gain
         before = (speed if math.isfinite(speed) else 0.0) if sent is None else sent.at(acts_at)
-        lasts, u_max = self.lookahead.last_period, self.nominal.u_max
+        # after a gap in the states it is no acceleration for as long
+        lasts, u_max = min(self.lookahead.last_period, GAP * plan.dt), self.nominal.u_max
         v = before + plan.first_force(u_max) * lasts
         v = 0.0 if plan.stats.status in IDLE else min(max(v, -limit), limit)
         self.commands.add_velocity(SentVelocity(acts_at, before, v, lasts, u_max))

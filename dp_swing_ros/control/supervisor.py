@@ -63,6 +63,7 @@ class Supervisor:
     def reset(self) -> None:
         """Forget when states were believed; whether it is enabled, or stops, stays."""
         self.believed = -math.inf       # [s] when the force for the last believed state acts
+        self.measured = -math.inf       # [s] when that was measured
         self.stopped_at = math.inf      # [s] when a controlled stop is over
 
     def reconfigure(self, other: 'Supervisor') -> bool:
@@ -84,15 +85,16 @@ class Supervisor:
 
     def admits(self, belief: Belief, x_0: Array, acts_at: float) -> bool:
         """Take what is believed; return whether a solve from x_0 (2n + 2,) may tell the force."""
-        if not belief.rejection:
-            self.believed = acts_at
+        if not belief.rejection and belief.t > self.measured:   # else it says nothing new
+            self.believed, self.measured = acts_at, belief.t
         return self.acts(acts_at) and not self.stopping and is_finite(x_0)
 
     def acts(self, acts_at: float) -> bool:
         """Return whether a force may act from a time on [s]."""
         if acts_at >= self.stopped_at - RESOLUTION:
             self.enable(False)
-        blind = acts_at - self.believed > self.parameters.carry_over + RESOLUTION
+        # a clock that has gone back tells as little as one that has gone on
+        blind = abs(acts_at - self.believed) > self.parameters.carry_over + RESOLUTION
         return self.enabled and not blind
 
     def fallback(self, belief: Belief, x_0: Array | None, last: Plan | None,

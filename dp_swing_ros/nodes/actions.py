@@ -84,7 +84,7 @@ class Actions:
             time.monotonic(), self.scene.x, self.scene.physical.lengths,
             self.parameters.pull_stiffness, limit, self.kick, self.scene.scale)
         self.kick = 0.0
-        if force:
+        if force and math.isfinite(force):   # a state may be no number
             self.pushed = True
             self.disturbances.publish(Float64(data=force))
 

@@ -36,6 +36,10 @@ class Handshake:
             self.until = now + PATIENCE
         self.waiting = arrived
 
+    def is_late(self, now: float) -> bool:
+        """Return whether a state has waited for long at a time [s]."""
+        return not self.done and self.waiting is not None and now > self.until
+
     def learn(self, configured: Configuration) -> bool:
         """
         Take what a node announces; return whether it is a pendulum that begins again.
@@ -53,9 +57,13 @@ class Handshake:
 
     def complete(self, peers: Peers, timing: Timing, is_timed: bool,
                  now: float) -> Arrived | None:
-        """Return the state to answer at a time [s], once, if it can be, or after a while."""
-        if self.done or self.waiting is None or not (
-                now > self.until or is_timed and self._is_complete(peers, timing)):
+        """
+        Return the state to answer at a time [s], once, if it can be, or after a while.
+
+        Before a simulated clock is heard nobody knows when that was, nor when it is too long ago.
+        """
+        if self.done or self.waiting is None or not is_timed or not (
+                now > self.until or self._is_complete(peers, timing)):
             return None
         self.done = True
         return self.waiting

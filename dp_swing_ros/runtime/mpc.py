@@ -74,11 +74,12 @@ class MpcCore:
         self.live.begin(self.controller)
 
     def restart(self) -> None:
-        """Begin anew."""
+        """Begin anew; where no state comes, a last force is followed by zero all the same."""
+        wakes = None if self.lockstep or not self.forces else self.schedule.watchdog.period
         self.controller.reset()
         self.schedule.reset()
         self.reporter.reset()
-        self.send(Wake(None))
+        self.send(Wake(wakes))
         self.time_noise = 0.0   # [s] by which the times of measurements may be off
         self.carried = 0        # periods since the last state
 
@@ -130,7 +131,11 @@ class MpcCore:
 
     def on_peers(self, peers: Peers) -> None:
         """Answer the first state once it can be, or at the latest after a while."""
-        is_timed = self.clocks.now() != 0   # else a simulated clock was not heard yet
+        # else a simulated clock was not heard yet, which in lockstep nobody needs
+        is_timed = self.lockstep or self.clocks.now() != 0
+        if not is_timed and self.handshake.is_late(self.clocks.steady()):
+            self.log.say(WARN, 'states come, and nobody publishes /clock, which use_sim_time asks '
+                         'for; no force before', 'clock', 10.0)
         first = self.handshake.complete(peers, self.schedule.timing, is_timed,
                                         self.clocks.steady())
         if first is not None:
@@ -146,7 +151,8 @@ class MpcCore:
             self.log.say(ERROR, f'{text}; going on', 'failure', 1.0)
             if self.forces == forces:
                 self.command(0.0)
-                self.reset()
+                self.restart()
+                self.resets += 1
             self.send(Report(self.answered, ERROR, text, {}, 'failure'))
 
     def answer(self, arrived: Arrived) -> None:

@@ -306,11 +306,14 @@ def test_states_wait_for_a_simulated_clock_that_was_not_heard_yet():
     run.clocks.simulated_time = 100.001
     run.core.on_peers(KNOWN)
     assert run.report.values['time'] == pytest.approx(100.0, abs=0.01)
-    run = Running(simulated=0.0, clock='arrival')   # nor for ever
+    run = Running(simulated=0.0, clock='arrival')   # for ever, where nobody publishes it
     run.state(LEANING, 100.0)
-    run.passes(2.1)
+    run.passes(1.9)
     run.core.on_peers(KNOWN)
-    assert len(run.forces) == 1
+    assert not run.log(WARN)
+    run.passes(0.2)
+    run.core.on_peers(KNOWN)
+    assert not run.forces and 'nobody publishes /clock' in run.log(WARN)[0]
 
 
 def test_who_sends_the_first_state_is_waited_for_but_not_for_ever():
@@ -657,13 +660,48 @@ def test_nothing_is_left_of_a_pendulum_that_is_no_more(announced):
     run.stream(20, x=upright() + 1e-3)
     before = len(run.reports)
     run.plant(**{'revision': 1, **announced})
-    assert run.core.resets == 1 and run.wakes_at == math.inf
+    assert run.core.resets == 1
     run.stream(5, x=hanging())
     first = run.reports[before].values
     assert 'last_plan' not in first['starts'] and 'rest' in first['starts'].split()
     assert first['force_bias'] == 0.0
     # and the states after it are believed from the first on
     assert {each.values['status'] for each in run.reports[before:]} <= SOLVED
+
+
+def test_where_no_state_follows_a_reset_the_last_force_is_followed_by_zero():
+    run = Running()
+    run.plant(revision=1)
+    run.stream(20, x=upright() + 1e-2)
+    assert run.forces[-1] != 0.0
+    before = len(run.forces)
+    run.core.reset()
+    run.passes(1.0)
+    assert run.forces[before:] == [0.0] and run.wakes_at == math.inf
+
+
+def test_states_that_say_nothing_new_are_as_good_as_none():
+    """As where a driver's clock was set back a little: nobody knows how the pendulum moves."""
+    run = Running(clock='stamps')
+    run.stream(20, x=upright() + 1e-2)
+    before = len(run.forces)
+    run.stream(12, x=upright() + 1e-2, stamp=lambda now: now - 0.45)
+    forces = run.forces[before:]
+    assert forces[0] != 0.0 and forces[6:9] == [0.0] * 3 and forces[-1] != 0.0
+
+
+def test_where_a_simulated_clock_goes_back_and_no_state_comes_the_force_is_zero():
+    run = Running(simulated=500.0, clock='stamps')
+    for n in range(20):
+        run.clocks.simulated_time += PERIOD
+        run.state((upright() + 1e-2) * (1 + 1e-3 * n))
+        run.passes(PERIOD)
+    assert run.forces[-1] != 0.0
+    run.clocks.simulated_time = 0.1
+    run.core.on_setback()
+    before = len(run.forces)
+    run.core.on_silence()
+    assert run.forces[before:] == [0.0] and run.wakes_at == math.inf
 
 
 def test_what_a_plant_changes_is_no_reset():
