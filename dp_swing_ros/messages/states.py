@@ -7,7 +7,6 @@ Robots share the topic. A state names all joints of ours; what names none of the
 robot's. Of several publishers of states the one that was heard first is obeyed.
 """
 
-from collections import defaultdict
 from collections.abc import Callable, Collection, Iterable, Sequence
 from enum import Enum
 from itertools import pairwise
@@ -17,6 +16,7 @@ import numpy as np
 
 SILENCE = 1.0   # [s] after which another publisher takes the place of a silent one
 FEW = 3         # states of one stamp; more tell that a driver gives all the same
+SOON = 100      # messages, among which is the next of a publisher that goes on
 SAID = 20       # sets of joints at most that are spoken of
 
 
@@ -138,19 +138,21 @@ def by_publisher(numbers: Sequence[int], positions: Iterable[Any]) -> list[bytes
     """
     Return who sent states of these sequence numbers and positions, as a bag does not say.
 
-    Each publisher counts its own, so a number follows on that of the same publisher before; where
-    two have come to the same number, it is the one whose pendulum was closer.
+    Each publisher counts its own, so a number follows on that of the same publisher before, or on
+    the largest before after which one is lost, for it is not soon to come. Where two have come to
+    the same number, it is the one whose pendulum was closer.
     """
     if all(before < after for before, after in pairwise(numbers)) or len(set(numbers)) < 2:
         return [b''] * len(numbers)
-    found, last = list[bytes](), defaultdict[int, list[tuple[bytes, Any]]](list)
-    for number, position in zip(numbers, map(np.nan_to_num, positions)):
-        before = sorted(last[number - 1], key=lambda each: float(np.abs(
-            each[1] - position).sum()))
-        publisher = f'publisher {len(found)}'.encode()
-        if before:
-            publisher = before[0][0]
-            last[number - 1] = before[1:]
-        last[number].append((publisher, position))
+    found, last = list[bytes](), dict[bytes, tuple[int, Any]]()
+    for n, (number, position) in enumerate(zip(numbers, map(np.nan_to_num, positions))):
+        coming = numbers[n + 1:n + 1 + SOON]
+        before = [each for each, (its, _) in last.items()
+                  if its == number - 1 or its < number and its + 1 not in coming]
+        # of two that are as close the one that was heard last is more likely to go on
+        publisher = max(reversed(before), default=f'publisher {len(last)}'.encode(),
+                        key=lambda each: (last[each][0], -np.abs(last[each][1] - position).sum()))
+        last.pop(publisher, None)
+        last[publisher] = number, position
         found.append(publisher)
     return found

@@ -156,3 +156,14 @@ def test_publishers_are_told_apart_by_their_numbers(rates, ahead):
 def test_one_publisher_is_one_whatever_was_lost():
     assert set(by_publisher([1, 2, 5, 9], [[0.0], [0.1], [0.4], [0.8]])) == {b''}
     assert set(by_publisher([0, 0, 0], [[0.0], [0.1], [0.2]])) == {b''}
+
+
+def test_a_message_that_was_lost_makes_no_other_publisher_of_one_that_restarted():
+    numbers = [*range(1, 500), *range(501, 1001), *range(1, 700), *range(703, 1500)]
+    swing = np.sin(0.01 * np.arange(len(numbers)))[:, None]
+    found = by_publisher(numbers, swing)
+    assert len(set(found[:999])) == 1 and len(set(found[999:])) == 1
+    assert found[0] != found[-1]
+    # nor of states that came over two bridges
+    twice = np.repeat([*range(1, 50), *range(52, 90)], 2)
+    assert len(set(by_publisher(twice.tolist(), np.repeat(swing[:87], 2, axis=0)))) == 2
