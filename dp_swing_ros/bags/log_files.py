@@ -12,6 +12,7 @@ from pathlib import Path
 import re
 from typing import Any, NamedTuple
 import warnings
+import zlib
 
 import numpy as np
 import pandas
@@ -25,8 +26,8 @@ SEPARATORS = ';\t,'
 BLANKS = r'\s+'
 COMMENTS = ('#', '%')
 NUMBER = re.compile(r'[-+]?(\d+([.,]\d*)?|[.,]\d+)(e[-+]?\d+)?|nan|', re.I)
-UNREADABLE = (OSError, EOFError, pandas.errors.ParserError, pandas.errors.EmptyDataError,
-              pandas.errors.ParserWarning, UnicodeError, csv.Error)
+UNREADABLE = (OSError, EOFError, zlib.error, UnicodeError, csv.Error, pandas.errors.ParserError,
+              pandas.errors.EmptyDataError, pandas.errors.ParserWarning)
 
 
 class Form(NamedTuple):
@@ -58,6 +59,9 @@ def read_columns(path: Path, needed: Sequence[str],
 
 def _numbers(path: Path, part: pandas.DataFrame, name: str) -> Array:
     """Return a column as numbers, NaN where a cell is empty or no finite number."""
+    if part[name].dtype.kind in 'mM':
+        raise UserError(f'{path} has dates or durations in column {name!r}; expected numbers: '
+                        'save them as seconds')
     found = pandas.to_numeric(part[name], errors='coerce').to_numpy(float)
     odd = np.isnan(found) & part[name].notna().to_numpy()
     odd &= part[name].astype(str).str.strip().str.lower().ne('nan').to_numpy()
@@ -129,7 +133,7 @@ def _parquet(path: Path, needed: Sequence[str]) -> Iterator[pandas.DataFrame]:
             _check(path, needed, file.schema_arrow.names)
             begin = 0
             for batch in file.iter_batches(ROWS, columns=list(needed)):
-                part = batch.to_pandas()
+                part = batch.to_pandas(ignore_metadata=True)   # an index is a column here
                 part.index += begin
                 begin += len(part)
                 yield part

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dp_swing_ros.bags.log_files import read_columns
-from dp_swing_ros.bags.metadata import Recorded
+from dp_swing_ros.bags.metadata import Recorded, RECOVERED
 from dp_swing_ros.bags.writer import BagWriter
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.messages.cdr import to_floats, to_joint_states, to_string
@@ -151,6 +151,8 @@ def read_log(path: Path, columns: Mapping[str, Column], rate: float = 0.0,
     With a rate [Hz] its rows are so far apart, whatever their times. Raises UserError, also for a
     cell that is no number.
     """
+    if rate:   # whatever their times
+        columns = {name: column for name, column in columns.items() if name != TIME}
     links = max((n for n in LINKS if f'joint{n}' in columns), default=0)
     wanted = names_of(max(links, 1))
     if not links or (TIME not in columns and not rate):
@@ -182,9 +184,10 @@ def read_log(path: Path, columns: Mapping[str, Column], rate: float = 0.0,
         raise UserError(f'{path} has {len(t)} different times in {rows} rows; expected a run '
                         '(--rate HZ stands for times)')
     if not (abs(t[-1]) < LATEST and t[-1] - t[0] < LONGEST):
+        remedy = f'give a rate in Hz, not {rate:g}' if rate else (
+            f'name their unit, as t={columns[TIME].name}:ms, and leave out rows of another clock')
         raise UserError(f'{path} has times from {t[0]:.6g} to {t[-1]:.6g} s; expected at most '
-                        f'{LONGEST:g} s: name their unit, as t={columns[TIME].name}:ms, and leave '
-                        'out rows of another clock')
+                        f'{LONGEST:g} s: {remedy}')
     names = joints(links)
     return Log(t if t[0] > EPOCH else t - t[0] + BEGIN,
                np.column_stack([found[name][kept] for name in names]),
@@ -241,6 +244,8 @@ def write_log(log: Log, folder: Path, description: str,
     states = _rows(to_joint_states(stamps, log.q, v, acted, joints(log.links)))
     forces = _rows(to_floats(log.force))
     bag = BagWriter(folder)
+    # so that what an interrupt or a full disk leaves of it says so
+    bag.custom[RECOVERED] = str(1 + len(stamps) + int(is_sent.sum()))
     try:
         for topic in (ROBOT_DESCRIPTION, JOINT_STATES,
                       *([FORCE_COMMAND] if is_sent.any() else [])):
@@ -253,6 +258,7 @@ def write_log(log: Log, folder: Path, description: str,
             if is_sent[n]:
                 bag.write(f'/{FORCE_COMMAND.name}', force, stamp, stamp, sent)
                 sent += 1
+        del bag.custom[RECOVERED]
     finally:
         bag.close()
     return bag.counts

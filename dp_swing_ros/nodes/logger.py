@@ -13,7 +13,7 @@ from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from dp_swing_ros.bags.metadata import Recorded
+from dp_swing_ros.bags.metadata import LOST, Recorded
 from dp_swing_ros.bags.writer import BagWriter, Storage
 from dp_swing_ros.errors import BagError
 from dp_swing_ros.messages.definitions import schema
@@ -87,7 +87,7 @@ class LoggerNode(ProcessNode):
                 for name, recording in self._recordings.items():
                     self._take(name, recording, limit)
         finally:
-            self._bag.custom |= {f'lost:{name}': str(recording.lost)
+            self._bag.custom |= {f'{LOST}{name}': str(recording.lost)
                                  for name, recording in self._recordings.items()}
             self._bag.close()
         if self._bag.failed:

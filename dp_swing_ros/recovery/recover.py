@@ -14,7 +14,7 @@ from dp_swing_ros.bags.mcap_reader import (
     ChannelInfo, contents, DamagedFile, Data, Declared, Definitions, Entry, read, UnreadableType,
     Wanted)
 from dp_swing_ros.bags.metadata import (
-    AS_IT_IS, Described, described, incomplete, Recorded, RECOVERED)
+    AS_IT_IS, Described, described, incomplete, LOST, Recorded, RECOVERED)
 from dp_swing_ros.bags.reader import files_of
 from dp_swing_ros.bags.writer import BagWriter
 from dp_swing_ros.errors import BagError
@@ -203,12 +203,17 @@ def recover(path: Path, output: Path, progress: Progress = iter) -> Recovery:
         raise BagError(f'{str(path)!r} has nothing to save: '
                        f'{"; ".join(found.losses()) or "no message"}')
     with closing(BagWriter(output)) as writer:
-        writer.custom |= {RECOVERED: found.recorded} if found.recorded else {}
+        writer.custom |= {name: text for name, text in about.custom.items()
+                          if name.startswith(LOST)}
+        # until all is written there is less than this, too
+        writer.custom[RECOVERED] = found.recorded or str(found.saved)
         for topic in found.topics.values():
             writer.add(topic)
         for file in files:
             for entry in found.entries(file):
                 writer.write(entry.topic, entry.data, entry.received, entry.sent, entry.sequence)
+        if not found.recorded:
+            del writer.custom[RECOVERED]
     return found
 
 

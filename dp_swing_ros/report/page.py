@@ -13,7 +13,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 import numpy as np
 
 from dp_swing_ros.evaluation.comparison import rows
-from dp_swing_ros.evaluation.metrics import measure, outcome
+from dp_swing_ros.evaluation.metrics import outcome
 from dp_swing_ros.figures import style
 from dp_swing_ros.figures.pendulum import (
     arrow_size, cart_size, force_at, room_for, states_at, times_of, track_lines)
@@ -64,7 +64,7 @@ def page(runs: Mapping[str, Shown], overlay: Path | None = None) -> str:
         names=names,
         runs=[_run(name, shown) | {'anchor': f'run-{number}'}
               for number, (name, shown) in enumerate(runs.items(), start=1)],
-        metrics=rows([measure(shown.recording.episode) for shown in runs.values()],
+        metrics=rows([shown.recording.metrics for shown in runs.values()],
                      [shown.recording.episode.bodies.drive for shown in runs.values()]).values(),
         differences=differences([shown.recording.configurations for shown in runs.values()]),
         overlay=None if overlay is None else _picture(
@@ -79,7 +79,7 @@ def _run(name: str, shown: Shown) -> dict[str, Any]:
     """Return what the template shows of a run."""
     recorded, episode = shown.recording, shown.recording.episode
     drive = episode.bodies.drive
-    metrics = rows([measure(episode)], [drive])
+    metrics = rows([recorded.metrics], [drive])
     return {
         'name': name, 'solver': style.SOLVERS.get(episode.solver, name), 'recorded': recorded,
         'kind': KINDS[episode.physical.links],

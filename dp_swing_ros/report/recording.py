@@ -9,15 +9,15 @@ from pathlib import Path
 from typing import NamedTuple
 
 from dp_swing_ros.bags.episodes import configurations_of, episode_of
+from dp_swing_ros.bags.metadata import LOST
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.errors import BagError
-from dp_swing_ros.messages.configuration import Configuration
+from dp_swing_ros.evaluation.metrics import measure, Metrics, TIME_LIMIT
+from dp_swing_ros.messages.configuration import Configuration, CONTROLLER
 from dp_swing_ros.messages.fields import BILLION
 from dp_swing_ros.pendulum.urdf import urdf
 from dp_swing_ros.simulation.episode import Episode
 from dp_swing_ros.topics import ROBOT_DESCRIPTION
-
-LOST = 'lost:'  # before the name of a topic, in what a logger adds to metadata.yaml
 
 
 class Recording(NamedTuple):
@@ -32,6 +32,13 @@ class Recording(NamedTuple):
     counts: dict[str, int]  # messages per topic
     lost: dict[str, int]    # per topic, where the logger counted
     incomplete: str         # how many messages of how many; empty where all are there
+
+    @property
+    def metrics(self) -> Metrics:
+        """Return the figures of the run, by the time limit of its mpc."""
+        mpc = self.configurations.get(CONTROLLER)
+        limit = TIME_LIMIT if mpc is None else mpc.parameters.get('time_limit', TIME_LIMIT)
+        return measure(self.episode, limit)
 
 
 def recording(path: Path | str, partial: bool = False,

@@ -77,7 +77,8 @@ class Run:
         self.pushes = pushes_of(bag)
         self.plants = [(entry.time, own(found)) for entry in bag.entries_of(CONFIGURATION)
                        if (found := from_text(bag.decoded(entry).data)).node == plant.node]
-        self.start, self.end = self.samples[0].stamp, self.samples[-1].stamp
+        self.stamps = [sample.stamp for sample in self.samples]
+        self.start, self.end = self.stamps[0], self.stamps[-1]
         self.problem = controllers.problem(self.mpc)
         self.solver = str(self.mpc.get('solver', MpcParameters.solver))
         simulated = plants.plant(self.plant)
@@ -148,7 +149,9 @@ class Run:
         if duration is None:
             return self.end
         end = tick.stamp + round(duration * BILLION)
-        return min((sample.stamp for sample in self.samples), key=lambda stamp: abs(stamp - end))
+        next_one = int(np.searchsorted(self.stamps, end))
+        return min(self.stamps[max(next_one - 1, 0):next_one + 1],
+                   key=lambda stamp: abs(stamp - end))
 
     def latency(self, age: float) -> float:
         """Return for how long [s] usual forces acted later than states of an age [s] came."""

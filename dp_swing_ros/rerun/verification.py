@@ -116,7 +116,8 @@ def rivals_of(bag: Bag) -> list[str]:
     """Return what the nodes of a run said of topics that had more publishers than one."""
     entries = bag.entries_of(DIAGNOSTICS) if bag.has(DIAGNOSTICS) else []
     # of an hour it takes minutes to decode them all
-    messages = [bag.decoded(entry) for entry in entries if b'rivals' in entry.data]
+    of_rivals = bag.parse(lambda: [entry for entry in entries if b'rivals' in entry.data])
+    messages = list(map(bag.decoded, of_rivals))
     said = bag.parse(lambda: [status.message for message in messages for status in message.status
                               if 'rivals' in {pair.key for pair in status.values}])
     # the last one on each topic, without whom a node obeys

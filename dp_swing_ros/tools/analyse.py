@@ -9,7 +9,6 @@ import re
 
 from dp_swing_ros import figures
 from dp_swing_ros.evaluation.comparison import table
-from dp_swing_ros.evaluation.metrics import measure
 from dp_swing_ros.report.page import page, Shown
 from dp_swing_ros.report.recording import named, Recording, recording
 from dp_swing_ros.simulation.episode import Episode
@@ -39,7 +38,7 @@ def _analyse(arguments: argparse.Namespace) -> int:
     bags = arguments.bag
     runs = named([recording(bag, arguments.partial, arguments.namespace, arguments.node)
                   for bag in bags])
-    print(table({name: measure(run.episode) for name, run in runs.items()},
+    print(table({name: run.metrics for name, run in runs.items()},
                 [run.episode.bodies.drive for run in runs.values()]), end='\n\n')
     notice = _incomplete(runs)
     if notice:

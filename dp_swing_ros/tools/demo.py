@@ -19,7 +19,7 @@ from dp_swing_ros.control.receding_horizon import DESCRIPTION
 from dp_swing_ros.declarations import DECLARATIONS
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.evaluation.comparison import spread, summary, table
-from dp_swing_ros.evaluation.metrics import measure, Metrics
+from dp_swing_ros.evaluation.metrics import Metrics
 from dp_swing_ros.messages.fields import links_in, seconds, to_state
 from dp_swing_ros.nodes.connections import publish, subscribe
 from dp_swing_ros.parameters.files import for_node, is_of_rclpy, sections
@@ -118,7 +118,7 @@ def _demo(arguments: argparse.Namespace) -> int:
             if arguments.figures:
                 from dp_swing_ros.tools.analyse import write   # 0.7 s of loading
                 write(named([recorded]), folder)
-            results.append(measure(recorded.episode))
+            results.append(recorded.metrics)
     _report(arguments.solver, folders, results, drive_in(files))
     return OK if all(result.success for result in results) else FAILED
 

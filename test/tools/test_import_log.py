@@ -18,7 +18,8 @@ from std_msgs.msg import Float64
 from synthetic import swing_up
 
 from dp_swing_ros.bags import read_episode
-from dp_swing_ros.bags.logs import column_of
+from dp_swing_ros.bags.logs import column_of, read_log, write_log
+from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.messages.cdr import to_floats, to_joint_states
 from dp_swing_ros.pendulum.state import joints, wrapped
@@ -193,6 +194,51 @@ def test_times_that_are_none_leave_no_bag(t, words, tmp_path, capsys):
                  'joint1=theta']) == 2
     assert words in capsys.readouterr().err
     assert not (tmp_path / 'log_bag').exists()
+
+
+def test_a_rate_stands_for_times_whatever_they_are(tmp_path, capsys):
+    path = log(tmp_path, 'clock,theta\n12:00:01,1\n12:00:02,2\n12:00:03,3\n')
+    columns = ['--columns', 't=clock', 'joint1=theta', '-o', str(tmp_path / 'bag')]
+    assert main([str(path), *columns, '--rate', '50']) == 0
+    assert states(tmp_path / 'bag')[0] == pytest.approx([1.0, 1.02, 1.04])
+    many = log(tmp_path, 'theta\n' + '1\n' * 2000, 'many.csv')
+    assert main([str(many), '--columns', 'joint1=theta', '--rate', '0.005']) == 2
+    assert 'give a rate in Hz, not 0.005' in capsys.readouterr().err
+
+
+def test_of_parquet_an_index_is_a_column_and_dates_are_refused(tmp_path, capsys):
+    pytest.importorskip('pyarrow')
+    frame = pandas.DataFrame({'theta': TURN[:, 0]}, index=pandas.Index(T, name='time'))
+    frame.to_parquet(tmp_path / 'log.parquet')
+    columns = ['--columns', 't=time', 'joint1=theta']
+    assert main([str(tmp_path / 'log.parquet'), *columns, '-o', str(tmp_path / 'bag')]) == 0
+    assert len(states(tmp_path / 'bag')[0]) == len(T)
+    dated = frame.assign(time=pandas.to_datetime(1.7e9 + T, unit='s')).reset_index(drop=True)
+    dated.to_parquet(tmp_path / 'dated.parquet')
+    assert main([str(tmp_path / 'dated.parquet'), *columns]) == 2
+    assert "dates or durations in column 'time'" in capsys.readouterr().err
+
+
+def test_a_damaged_archive_is_one_line(tmp_path, capsys):
+    data = bytearray(gzip.compress(table(t=T, theta=TURN[:, 0]).encode()))
+    data[20:60] = bytes(40)
+    (tmp_path / 'log.csv.gz').write_bytes(data)
+    assert main([str(tmp_path / 'log.csv.gz'), '--columns', 't=t', 'joint1=theta']) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+def test_what_an_interrupt_leaves_says_how_much_there_was(tmp_path):
+    def interrupted(stamps):
+        yield from stamps[:10]
+        raise KeyboardInterrupt
+    read = read_log(log(tmp_path, table(t=T, theta=TURN[:, 0], u=TURN[:, 0])), {
+        't': column_of('t', 't'), 'joint1': column_of('joint1', 'theta'),
+        'force': column_of('force', 'u')})
+    with pytest.raises(KeyboardInterrupt):
+        write_log(read, tmp_path / 'bag', 'robot', interrupted)
+    assert Bag(tmp_path / 'bag').incomplete == f'Incomplete: 21 of {1 + 2 * len(T)} messages'
+    write_log(read, tmp_path / 'whole', 'robot')
+    assert Bag(tmp_path / 'whole').incomplete == ''
 
 
 def test_columns_of_one_name_are_refused(tmp_path, capsys):
