@@ -24,10 +24,12 @@ from dp_swing_ros.nodes.ros_parameters import declare
 from dp_swing_ros.nodes.taking import take
 from dp_swing_ros.parameters import named, ParameterError
 from dp_swing_ros.parameters.nodes import LoggerParameters
+from dp_swing_ros.topics import TOPICS
 
 LOOK_PERIOD = 0.05   # [s] between looks for new publishers
 TURN = 0.01          # [s] at most for what waits on one topic, then it is the others' turn
-DRAIN_TIME = 0.5     # [s] at most for what waits at the end
+DRAIN_TIME = 0.5     # [s] at most for what waits on a topic that is subscribed to anew
+END_TIME = 10.0      # [s] at most for all that waits at the end
 
 
 @dataclasses.dataclass
@@ -39,6 +41,7 @@ class Recording:
     before the subscription and the publisher had found each other, or the logger was started.
     """
 
+    kind: str                    # the type of its messages
     subscription: Subscription
     came: int = 0
     lost: int = 0
@@ -54,6 +57,11 @@ class Recording:
             self.early += number - 1
         self.last[publisher] = number
 
+    def leave(self, limit: float) -> None:
+        """Count what still waits as lost, until a time [s]."""
+        while time.monotonic() < limit and take(self.subscription):
+            self.lost += 1
+
 
 class LoggerNode(ProcessNode):
     """Subscribes to each topic as its publishers offer it, and writes what comes as it is."""
@@ -65,6 +73,7 @@ class LoggerNode(ProcessNode):
         parameters = LoggerParameters(**declare(self, named(LoggerParameters)))
         self._recordings: dict[str, Recording] = {}
         self._impossible = set[str]()   # the names of what cannot be recorded
+        self._strange = set[tuple[str, str]]()   # topics, and types that others send there
         folder = Path(parameters.output or f'{datetime.now():dp_swing_%Y_%m_%d-%H_%M_%S}')
         self._names = list(dict.fromkeys(map(self._resolved, parameters.topics)))
         self._bag = BagWriter(folder.expanduser(), Storage(
@@ -83,9 +92,13 @@ class LoggerNode(ProcessNode):
         try:
             if not self._bag.failed:
                 # Under load, what was sent before the end may still wait in the queues.
-                limit = time.monotonic() + DRAIN_TIME
-                for name, recording in self._recordings.items():
-                    self._take(name, recording, limit)
+                limit = time.monotonic() + END_TIME
+                while time.monotonic() < limit and sum(
+                        self._take(name, recording, time.monotonic() + TURN)
+                        for name, recording in self._recordings.items()):
+                    pass   # by turns, until nothing waits
+                for recording in self._recordings.values():
+                    recording.leave(limit + DRAIN_TIME)
         finally:
             self._bag.custom |= {f'{LOST}{name}': str(recording.lost)
                                  for name, recording in self._recordings.items()}
@@ -123,7 +136,13 @@ class LoggerNode(ProcessNode):
                 self._record(name, publishers)
 
     def _record(self, name: str, publishers: list[TopicEndpointInfo]) -> None:
-        kind, offered = publishers[0].topic_type, [each.qos_profile for each in publishers]
+        # a topic of ours has one type; tools would refuse a bag with another
+        kind = next((topic.type for topic in TOPICS if self._resolved(topic.name) == name),
+                    publishers[0].topic_type)
+        publishers = self._of_kind(name, kind, publishers)
+        if not publishers:
+            return
+        offered = [each.qos_profile for each in publishers]
         try:
             recorded = Recorded(name, kind, schema(kind), str(publishers[0].topic_type_hash),
                                 list(map(described, offered)))
@@ -133,19 +152,29 @@ class LoggerNode(ProcessNode):
             self._impossible.add(name)
             return
         self._bag.add(recorded)
-        self._recordings[name] = Recording(
-            self._subscribe(name, kind, request_for(offered)))
+        self._recordings[name] = Recording(kind, self._subscribe(name, kind, request_for(offered)))
+
+    def _of_kind(self, name: str, kind: str,
+                 publishers: list[TopicEndpointInfo]) -> list[TopicEndpointInfo]:
+        """Return the publishers that send what is recorded; say of others that they do not."""
+        for strange in sorted({each.topic_type for each in publishers} - {kind}):
+            if (name, strange) not in self._strange:
+                self._strange.add((name, strange))
+                self.get_logger().warning(
+                    f'{name}: {strange} is not recorded; expected {kind}')
+        return [each for each in publishers if each.topic_type == kind]
 
     def _meet(self, name: str, recording: Recording,
               publishers: list[TopicEndpointInfo]) -> None:
         # A subscription never hears a publisher that offers less than it asks for.
         before = recording.subscription.qos_profile
-        request = request_for([before, *(each.qos_profile for each in publishers)])
+        request = request_for([before, *(each.qos_profile for each in self._of_kind(
+            name, recording.kind, publishers))])
         if request == before:
             return
         self._take(name, recording, time.monotonic() + DRAIN_TIME)
         self.destroy_subscription(recording.subscription)
-        recording.subscription = self._subscribe(name, publishers[0].topic_type, request)
+        recording.subscription = self._subscribe(name, recording.kind, request)
 
     def _subscribe(self, name: str, kind: str, request: QoSProfile) -> Subscription:
         # rclpy's annotations do not know of the information beside a message
@@ -158,9 +187,12 @@ class LoggerNode(ProcessNode):
         # The executor takes one message at a time, which costs it more than we do.
         self._take(name, recording, time.monotonic() + TURN)
 
-    def _take(self, name: str, recording: Recording, limit: float) -> None:
+    def _take(self, name: str, recording: Recording, limit: float) -> bool:
+        """Write what waits on a topic, until a time [s]; return whether there was anything."""
+        came = recording.came
         while time.monotonic() < limit and (taken := take(recording.subscription)):
             self._write(name, recording, *taken)
+        return recording.came > came
 
     def _write(self, name: str, recording: Recording, data: bytes, info: dict[str, Any]) -> None:
         number = info['publication_sequence_number']
