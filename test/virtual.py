@@ -63,8 +63,9 @@ class Running:
         self.reporting = 0.0   # [s] that a report takes
         self.wakes_at, self.numbers = math.inf, {}
         self.left = []   # [s] of time for each solve
+        self.senders = set()   # the nodes that publish states
         self.core = MpcCore(controllers.MPC.complete(parameters), self.clocks, self.take,
-                            lambda gid: f'/{gid.decode()}')
+                            lambda gid: f'/{gid.decode()}', lambda: self.senders)
         self.core.prepare()
         self.core.schedule.tick_time = tick_time
         self.core.controller.update = self.solving(self.core.controller.update)

@@ -82,7 +82,8 @@ class MpcNode(ProcessNode):
         self.fields, values = fields, declare(self, fields, live=True)
         self.thread_priority = values['thread_priority']
         self.core = MpcCore(values, NodeClocks(self), self.send,
-                            partial(sender_of, self, JOINT_STATES))
+                            partial(sender_of, self, JOINT_STATES),
+                            partial(owners, self, JOINT_STATES))
         self.configured = True
         self.drive = values['drive']
         self.forces = publish(self, COMMANDS[self.drive])

@@ -7,7 +7,7 @@ Where states stop coming in real time, the last plan is followed for a while; th
 zero.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import partial
 import math
 from typing import Any
@@ -42,13 +42,15 @@ class MpcCore:
     """
 
     def __init__(self, values: Mapping[str, Any], clocks: Clocks, send: Callable[[Sent], None],
-                 name: Callable[[bytes], str] = repr) -> None:
+                 name: Callable[[bytes], str] = repr,
+                 senders: Callable[[], Collection[str]] = tuple) -> None:
         """
         Take all parameters, the clocks, what sends what it is given, at once, and what names GIDs.
 
-        Raises ParameterError for what cannot work.
+        `senders` returns the nodes that publish states. Raises ParameterError for what cannot
+        work.
         """
-        self.clocks, self.send = clocks, send
+        self.clocks, self.send, self.senders = clocks, send, senders
         self.log = Log(send, clocks.steady)
         self.live = LiveParameters(values, send, self.log)
         self.sensors = group(SensorParameters, values)
@@ -101,15 +103,20 @@ class MpcCore:
 
     def on_configuration(self, text: str) -> None:
         """Learn from a plant, or from the recording of one, what its stamps are."""
+        timing = self.schedule.timing
         try:
             configured = from_text(text)
-            self.schedule.timing.learn(configured)
+            timing.learn(configured)
         except (TypeError, ValueError) as error:
             self.log.say(WARN, f'{error}; going on without it', 'configuration', 10.0)
             return
+        timing.senders = frozenset(self.senders())
+        begins_again = self.handshake.learn(configured)
+        if timing.is_stranger(configured.node):
+            return   # another pendulum's, which counts where its states are obeyed one day
         if is_of_plant(configured):
             self.live.compare(configured.parameters)
-        if self.handshake.learn(configured):
+        if begins_again:
             self.reset()
 
     # states
@@ -123,6 +130,7 @@ class MpcCore:
                 newest = each._replace(number=self.states.number)
         if newest is None:
             return
+        self.schedule.timing.obeyed = self.states.obeyed_name
         if self.handshake.done:
             self.attempt(partial(self.answer, newest))
         else:

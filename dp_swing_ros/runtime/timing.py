@@ -27,6 +27,7 @@ PATIENCE = 0.5     # periods, where that is longer
 LATELY = 10.0      # [s]
 AGAIN, MOST = 3, 1000   # jumps back in that time that are too many, and that are counted
 PERIODS = 9        # that are remembered; some of them may be those of losses
+PLANTS = 100       # that may have announced themselves
 
 
 class Clock(Enum):
@@ -71,8 +72,9 @@ class Timing:
     def __init__(self, clock: str) -> None:
         """Take the parameter `clock` of the controller."""
         self.configured = None if clock == 'announced' else Clock[clock.upper()]
-        self.announced = Clock.ARRIVAL
-        self.delay = 0.0   # [s] age of the states in lockstep
+        # by plant, the newest last: the clock of its stamps, and the age of states in lockstep [s]
+        self.announced = dict[str, tuple[Clock, float]]()
+        self.obeyed, self.senders = '', frozenset[str]()   # nodes: whose states count, of states
         self.reset()
 
     def reset(self) -> None:
@@ -83,7 +85,23 @@ class Timing:
     @property
     def clock(self) -> Clock:
         """Return which clock the stamps are of."""
-        return self.configured or self.announced
+        return self.configured or self._said()[0]
+
+    @property
+    def delay(self) -> float:
+        """Return the age of states in lockstep [s]."""
+        return self._said()[1]
+
+    def _said(self) -> tuple[Clock, float]:
+        """Return what a plant announced: whose states are obeyed, or of the recording of one."""
+        if self.obeyed in self.announced:
+            return self.announced[self.obeyed]
+        return next((said for node, said in reversed(self.announced.items())
+                     if not self.is_stranger(node)), (Clock.ARRIVAL, 0.0))
+
+    def is_stranger(self, node: str) -> bool:
+        """Return whether a node sends states that are not obeyed, as far as names are known."""
+        return self.obeyed.startswith('/') and node in self.senders - {self.obeyed}
 
     @property
     def lockstep(self) -> bool:
@@ -93,9 +111,12 @@ class Timing:
     def learn(self, configuration: Configuration) -> None:
         """Take over what a plant announces; raises TypeError or ValueError for a bad delay."""
         if is_of_plant(configuration):
-            self.delay = float(configuration.parameters.get('delay', 0.0))
-            self.announced = Clock.LOCKSTEP if configuration.parameters['lockstep'] \
-                else Clock.STAMPS
+            self.announced.pop(configuration.node, None)
+            self.announced[configuration.node] = (
+                Clock.LOCKSTEP if configuration.parameters['lockstep'] else Clock.STAMPS,
+                float(configuration.parameters.get('delay', 0.0)))
+            if len(self.announced) > PLANTS:
+                del self.announced[next(iter(self.announced))]
 
     def measured(self, stamp: float, now: float, sent: float) -> Measured:
         """

@@ -704,6 +704,23 @@ def test_where_a_simulated_clock_goes_back_and_no_state_comes_the_force_is_zero(
     assert run.forces[before:] == [0.0] and run.wakes_at == math.inf
 
 
+def test_a_plant_whose_states_are_not_obeyed_changes_nothing():
+    """Else a stand-in in lockstep would switch off what watches for the driver's silence."""
+    run = Running()
+    run.senders = {'/driver', '/plant'}
+    run.stream(20, x=upright() + 1e-2)
+    for revision in (1, 0):   # it is started, twice
+        run.plant(lockstep=True, delay=0.5, revision=revision)
+    run.stream(3, x=upright() + 1e-2)
+    assert run.core.resets == 0 and run.report.values['clock'] == 'arrival'
+    assert run.report.values['real_time'] == 1.0
+    run.passes(1.0)   # the driver has died
+    assert run.forces[-1] == 0.0 and run.wakes_at == math.inf
+    run.clocks.time += 1.0
+    run.state(hanging(), 0.0, publisher=b'plant')   # and is followed by the plant
+    assert run.report.values['clock'] == 'lockstep'
+
+
 def test_what_a_plant_changes_is_no_reset():
     run = Running()
     run.plant()
