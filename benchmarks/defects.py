@@ -118,7 +118,7 @@ DEFECTS = [
     defect('the estimator is not reset with the controller', 'control/observer.py',
            '        self.estimator.reset()\n', '', 'control'),
     defect('a rejected state counts as one that is believed', 'control/supervisor.py',
-           'if not belief.rejection:', 'if True:', 'control'),
+           'if not belief.rejection and', 'if', 'control'),
     defect('a plan from before it was disabled is followed', 'control/receding_horizon.py',
            '        if changes:\n            self.planner.discard()\n', '', 'control'),
     defect('the time that the drive delays is not predicted', 'control/commands.py',
@@ -237,7 +237,7 @@ DEFECTS = [
     defect('a hand that is gone pulls on', 'console/pulls.py',
            'if now < until}', 'if until}', 'console/test_pulls.py'),
     defect('a page of any port is ours', 'console/access.py',
-           'if port != str(self.port):', 'if not port:', 'console/test_access.py'),
+           'if port != self.port or', 'if not port or', 'console/test_access.py'),
     defect('the lead is that over the dearest start', 'runtime/report.py',
            'costs[1] - costs[0]', 'costs[-1] - costs[0]', 'runtime')]
 

@@ -104,7 +104,8 @@ class Observer:
             other.estimator.continue_from(self.estimator)
             self.estimator = other.estimator
         else:
-            problem = problem.with_physical(estimated.problem.physical)
+            with contextlib.suppress(ParameterError):   # springs may hold nothing at another goal
+                problem = problem.with_physical(estimated.problem.physical)
         self.nominal, self.nominal_drive = other.nominal, other.nominal_drive
         self.parameters, self.estimator_parameters = other.parameters, other.estimator_parameters
         self.estimated = estimated._replace(problem=driven_by(estimated.drive, problem))

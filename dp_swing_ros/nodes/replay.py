@@ -8,7 +8,9 @@ import time
 
 from rclpy.node import Node
 from rclpy.publisher import Publisher
+from rclpy.serialization import deserialize_message
 from rosgraph_msgs.msg import Clock as ClockMessage
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
 from dp_swing_ros.bags.mcap_reader import ChannelInfo
@@ -23,9 +25,8 @@ from dp_swing_ros.nodes.process import CLOCK, ProcessNode, run, STEADY
 from dp_swing_ros.nodes.ros_parameters import declare
 from dp_swing_ros.parameters import named, ParameterError
 from dp_swing_ros.parameters.nodes import ReplayParameters
-from dp_swing_ros.topics import COMMAND_TOPICS, JOINT_STATES, Topic
+from dp_swing_ros.topics import COMMAND_TOPICS, JOINT_STATES, STAMPED_COMMANDS, Topic
 
-HEADER = 4          # [bytes] before the number, when a force is serialised
 BATCH = 100         # messages at once, so that signals and services are heard in between
 
 
@@ -59,7 +60,8 @@ class ReplayNode(ProcessNode):
         self.playback = Playback(messages, p.rate, p.loop)
         for topic in sorted({message.entry.topic for message in messages}):
             self.outputs[topic] = publish_again(self, topic, bag.channels[topic])
-            if any(_is(each, topic, bag.channels[topic]) for each in COMMAND_TOPICS):
+            if any(_is(each, topic, bag.channels[topic])
+                   for each in (*COMMAND_TOPICS, *STAMPED_COMMANDS.values())):
                 self.last_forces[topic] = b''
         for topic in self.outputs:
             if not _is(JOINT_STATES, topic, bag.channels[topic]):
@@ -161,8 +163,9 @@ class ReplayNode(ProcessNode):
     def close(self) -> None:
         """End a stream of commands with zero, and print what was played."""
         for topic, data in self.last_forces.items():
-            if any(data[HEADER:]):
-                self.outputs[topic].publish(Float64(data=0.0))
+            output = self.outputs[topic]
+            if data and (end := stopped(deserialize_message(data, output.msg_type))) is not None:
+                output.publish(end)
         if self.began is None:
             return
         playback, taken = self.playback, time.monotonic() - self.began
@@ -183,6 +186,16 @@ def publish_again(node: Node, name: str, channel: ChannelInfo) -> Publisher:
         # rclpy's RCLError is a RuntimeError: here the topic may have another type
         raise BagError(f'{name} of type {channel.type!r} cannot be published here: {error}; '
                        'name the topics to play, without it') from None
+
+
+def stopped(command: Float64 | JointState) -> Float64 | JointState | None:
+    """Return the command that ends a stream after this one, if it was not zero."""
+    if isinstance(command, Float64):
+        return Float64(data=0.0) if command.data else None
+    if not any((*command.effort, *command.velocity)):
+        return None
+    return JointState(header=command.header, name=command.name,
+                      effort=[0.0] * len(command.effort), velocity=[0.0] * len(command.velocity))
 
 
 def _is(topic: Topic, name: str, channel: ChannelInfo) -> bool:

@@ -23,6 +23,7 @@ from dp_swing_ros.parameters import group
 from dp_swing_ros.pendulum.equations import scale_of
 from dp_swing_ros.pendulum.parameters import PendulumParameters
 from dp_swing_ros.pendulum.sensors import HANGING, SensorParameters, Standstill
+from dp_swing_ros.pendulum.state import Array
 from dp_swing_ros.problem.plan import IDLE, Plan, Status
 from dp_swing_ros.runtime.handshake import Handshake, Peers
 from dp_swing_ros.runtime.live_parameters import LiveParameters
@@ -32,6 +33,19 @@ from dp_swing_ros.runtime.sent import Force, Log, Planned, Sent, Tried, Wake
 from dp_swing_ros.runtime.timing import Measured, Setbacks
 
 ENDING = 1.0         # [s] at most, beyond the time of a controlled stop
+UNHEARD = 'states come, and nobody publishes /clock, which use_sim_time asks for; no force before'
+
+
+def place_of(standstill: Standstill, t: float, message: Any, sensors: SensorParameters,
+             in_lockstep: bool) -> tuple[Array | None, str]:
+    """Return where the pendulum hangs still at a time [s], or why it is not known yet."""
+    try:
+        place = standstill.place(t, to_measured(message, sensors.joint_names))
+    except ValueError as error:
+        return None, str(error)
+    return place, 'in lockstep nobody sees the pendulum hang still; set zero to given' \
+        if in_lockstep else \
+        'waiting for the pendulum to hang still, which tells the zero of its sensors'
 
 
 class MpcCore:
@@ -47,8 +61,7 @@ class MpcCore:
         """
         Take all parameters, the clocks, what sends what it is given, at once, and what names GIDs.
 
-        `senders` returns the nodes that publish states. Raises ParameterError for what cannot
-        work.
+        senders: of states, by the names of their nodes. Raises ParameterError for what cannot be.
         """
         self.clocks, self.send, self.senders = clocks, send, senders
         self.log = Log(send, clocks.steady)
@@ -106,17 +119,15 @@ class MpcCore:
         timing = self.schedule.timing
         try:
             configured = from_text(text)
-            timing.learn(configured)
+            timing.learn(configured, self.senders())
         except (TypeError, ValueError) as error:
             self.log.say(WARN, f'{error}; going on without it', 'configuration', 10.0)
             return
-        timing.senders = frozenset(self.senders())
-        begins_again = self.handshake.learn(configured)
-        if timing.is_stranger(configured.node):
-            return   # another pendulum's, which counts where its states are obeyed one day
-        if is_of_plant(configured):
+        begins_again, counts = self.handshake.learn(configured), not timing.is_stranger(
+            configured.node)   # else where its states are obeyed one day
+        if counts and is_of_plant(configured):
             self.live.compare(configured.parameters)
-        if begins_again:
+        if counts and begins_again:
             self.reset()
 
     # states
@@ -142,8 +153,7 @@ class MpcCore:
         # else a simulated clock was not heard yet, which in lockstep nobody needs
         is_timed = self.lockstep or self.clocks.now() != 0
         if not is_timed and self.handshake.is_late(self.clocks.steady()):
-            self.log.say(WARN, 'states come, and nobody publishes /clock, which use_sim_time asks '
-                         'for; no force before', 'clock', 10.0)
+            self.log.say(WARN, UNHEARD, 'clock', 10.0)
         first = self.handshake.complete(peers, self.schedule.timing, is_timed,
                                         self.clocks.steady())
         if first is not None:
@@ -215,14 +225,7 @@ class MpcCore:
 
     def found_zero(self, standstill: Standstill, t: float, message: Any) -> bool:
         """Take a state measured at a time [s]; return whether it tells the sensors' zero."""
-        words = 'waiting for the pendulum to hang still, which tells the zero of its sensors'
-        place = None
-        try:
-            place = standstill.place(t, to_measured(message, self.sensors.joint_names))
-        except ValueError as error:
-            words = str(error)
-        if self.lockstep:
-            words = 'in lockstep nobody sees the pendulum hang still; set zero to given'
+        place, words = place_of(standstill, t, message, self.sensors, self.lockstep)
         if place is None:
             self.log.say(WARN, words, 'zero', 5.0)
             self.send(Report(nanoseconds(message.header.stamp), WARN, words, {}, 'zero'))
@@ -236,8 +239,6 @@ class MpcCore:
     def on_setback(self) -> None:
         """Take that the clock jumped back."""
         self.setbacks.times.append(self.clocks.steady())
-
-    # no states
 
     def on_silence(self) -> None:
         """Follow the last plan without a state that should have come, for a while."""
@@ -282,8 +283,6 @@ class MpcCore:
             revision=self.live.revision, number=self.forces,
             sent=0 if self.carried else schedule.sent,
             clock=schedule.timing.clock.name.lower(), **figures))
-
-    # what it is asked for
 
     def reset(self) -> tuple[bool, str]:
         """Forget the last plan and restart the random numbers."""

@@ -8,6 +8,7 @@ parameter `clock`, or from whoever publishes the states, on the topic `configura
 """
 
 from collections import deque
+from collections.abc import Collection
 from enum import Enum
 import math
 from statistics import median
@@ -108,8 +109,13 @@ class Timing:
         """Return whether time waits for the forces."""
         return self.clock is Clock.LOCKSTEP
 
-    def learn(self, configuration: Configuration) -> None:
-        """Take over what a plant announces; raises TypeError or ValueError for a bad delay."""
+    def learn(self, configuration: Configuration, senders: Collection[str] = ()) -> None:
+        """
+        Take over what a plant announces, while nodes send states.
+
+        Raises TypeError or ValueError for a bad delay.
+        """
+        self.senders = frozenset(senders)
         if is_of_plant(configuration):
             self.announced.pop(configuration.node, None)
             self.announced[configuration.node] = (

@@ -14,6 +14,7 @@ from rclpy.duration import Duration
 from rclpy.qos import (
     DurabilityPolicy, LivelinessPolicy, qos_profile_sensor_data, QoSProfile, ReliabilityPolicy)
 from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
@@ -27,7 +28,7 @@ from dp_swing_ros.evaluation.metrics import measure
 from dp_swing_ros.messages.fields import nanoseconds
 from dp_swing_ros.nodes.logger import LoggerNode
 from dp_swing_ros.nodes.mpc import MpcNode
-from dp_swing_ros.nodes.replay import publish_again, ReplayNode
+from dp_swing_ros.nodes.replay import publish_again, ReplayNode, stopped
 from dp_swing_ros.topics import FORCE_COMMAND
 
 MESSAGES = [(0.0, '/a', 0), (0.05, '/b', 1), (0.3, '/a', 2), (0.3, '/b', 3), (0.7, '/a', 4)]
@@ -202,6 +203,16 @@ def test_a_stream_of_commands_ends_with_zero(peer, replay, tmp_path, ends, expec
     assert node.stop() == 0
     peer.spin(0.3)
     assert numbers(heard) == (expected or ends)
+
+
+@pytest.mark.parametrize('last', [Float64(data=2.0), JointState(
+    name=['cart'], effort=[4.0]), JointState(name=['cart'], velocity=[-0.5])])
+def test_a_command_is_followed_by_the_same_that_is_zero(last):
+    end = stopped(last)
+    assert type(end) is type(last) and stopped(end) is None
+    if isinstance(last, JointState):
+        assert (end.name, len(end.effort), len(end.velocity)) == (
+            last.name, len(last.effort), len(last.velocity))
 
 
 QOS = """
