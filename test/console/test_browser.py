@@ -396,6 +396,23 @@ def test_a_slider_changes_the_mpc(page, ears):
     assert ears.until(lambda: value_of(ears, 'mpc', 'force_weight').double_value == before)
 
 
+def test_a_small_whole_number_is_changed_by_one_and_what_is_typed_stays(page, ears):
+    page.controls()
+    before = value_of(ears, 'mpc', 'other_starts').integer_value
+    page.find('#mpc-other_starts-0').send_keys(Keys.ARROW_RIGHT)
+    assert ears.until(lambda: value_of(ears, 'mpc', 'other_starts').integer_value == before + 1)
+    field = page.find('#mpc-horizon .number')
+    field.send_keys(Keys.CONTROL, 'a')
+    field.send_keys('4')
+    put(ears, 'mpc', other_starts=before)   # while somebody types
+    shown = page.find('#mpc-other_starts .number')
+    page.until(lambda: shown.get_attribute('value') == str(before), 'the change')
+    assert field.get_attribute('value') == '4'
+    field.send_keys('1', Keys.ENTER)
+    assert ears.until(lambda: value_of(ears, 'mpc', 'horizon').integer_value == 41)
+    put(ears, 'mpc', horizon=30)
+
+
 def test_a_refusal_says_why(page, ears):
     page.controls()
     before = value_of(ears, 'mpc', 'state_weights').double_array_value

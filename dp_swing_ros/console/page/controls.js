@@ -112,10 +112,18 @@ class Control {
         const way = {ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1}[event.key];
         if (!way) return;
         event.preventDefault();
+        const before = scale.to(Number(slider.value));
         slider.value = clamp(Number(slider.value) + way / 50, 0, 1);
+        const stays = scale.to(Number(slider.value)) === before;   // the next whole number is farther
+        if (stays && Number.isInteger(before)) slider.value = clamp(scale.from(before + way), 0, 1);
         slider.oninput();
       };
-      field.onchange = () => this.set(collect(n, field.value.trim()));
+      field.oninput = () => { this.typed = field; };   // which nobody else writes to meanwhile
+      field.onblur = () => { this.typed = null; };
+      field.onchange = () => {
+        this.typed = null;
+        this.set(collect(n, field.value.trim()));
+      };
       const mark = element('i', {className: 'default'});
       const usual = pick(this.parameter.default, n);
       mark.hidden = typeof usual !== 'number';
@@ -142,7 +150,7 @@ class Control {
         slider.value = typeof part === 'number' ? scale.from(part) : 1;
         slider.setAttribute('aria-valuetext', `${part ?? 'infinite'} ${this.parameter.unit ?? ''}`);
       }
-      if (document.activeElement === field) return;   // somebody types
+      if (this.typed === field) return;
       field.value = part === null ? 'inf' : Number.isInteger(part) ? part : Number(part.toPrecision(6));
     });
   }
