@@ -9,7 +9,7 @@ from dp_swing_ros.nodes.logger import Recording
 
 
 def tally(messages):
-    result = Recording(None)
+    result = Recording('', None)
     for publisher, number in messages:
         result.count(publisher, number)
     return result
