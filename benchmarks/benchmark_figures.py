@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from matplotlib.figure import Figure
+from peers_gradient import OURS
 
 from dp_swing_ros.figures.style import (
     as_share, FORCE, in_numbers, INK, PALETTE, PAPER, solver_name, styled)
@@ -45,10 +46,9 @@ def growth(races: Mapping[str, Mapping[str, Any]]) -> Figure:
     for axes, (by, of) in zip(panels, races.items()):
         counts = [int(count) for count in of]
         for name in next(iter(of.values()))['seconds']:
-            is_ours = name in ('ilqr', 'ddp')
             axes.plot(counts, [1e3 * race['seconds'][name]['value'] for race in of.values()],
                       marker='o', markersize=4, label=solver_name(name),
-                      linewidth=2.0 if is_ours else 1.0)
+                      linewidth=2.0 if name in OURS else 1.0)
         axes.set(xscale='log' if by == 'horizon' else 'linear', yscale='log',
                  xlabel={'horizon': 'horizon [steps]'}.get(by, by))
         axes.set_xticks(counts, [f'{count:,}' for count in counts])

@@ -169,7 +169,8 @@ def page(results: dict[str, Any]) -> str:
             'All solve the same problem, number for number: the default one, whose step, cost and '
             'derivatives the peers get as C code that CasADi has written. It is near the goal, '
             'where every step is taken whole; a call is of two iterations, and half of what it '
-            'costs beside them counts. So much of it is that C code *alone*. Our own derivatives '
+            'costs beside them counts. What that C code takes of an iteration stands as CasADi '
+            '*alone*. Our own derivatives '
             'are vectorised for this processor and made for one number of links, and so is our '
             'Riccati pass; the peers take any problem, and their wheels are for any processor of '
             'x86-64.']

@@ -27,7 +27,7 @@ import math
 from typing import Any
 
 from acados_rti.library import Acados, acados
-from peers_casadi import Guess, Make, Solve, TOLERANCE
+from peers_casadi import Guess, Make, TOLERANCE
 from peers_gradient import first_plan, ITERATIONS
 from timing import Work
 
@@ -76,6 +76,13 @@ class Descent:
                                    ctypes.byref(done))
         return done.value
 
+    def trajectory(self, guess: Guess, iterations: int) -> tuple[Array, Array]:
+        """Return states and forces of a whole solve."""
+        X, U = guess.X.copy(), guess.U.copy()
+        self.limit(iterations)
+        self.solve(X, U)
+        return X, U
+
 
 def iterations(ours: Problem) -> Work:
     """Return real-time iterations, as many as there are of ours; its units are iterations."""
@@ -106,15 +113,7 @@ def descents(ours: Problem) -> dict[str, Work]:
 def solves(ours: Problem, tolerance: float) -> Make:
     """Return whole solves of SQP; see `peers_solvers`."""
     sqp = Descent(ours, tolerance)
-
-    def make(guess: Guess, count: int) -> Solve:
-        def solve() -> tuple[Array, Array]:
-            X, U = guess.X.copy(), guess.U.copy()
-            sqp.limit(count)
-            sqp.solve(X, U)
-            return X, U
-        return solve
-    return make
+    return lambda guess, count: lambda: sqp.trajectory(guess, count)
 
 
 SOLVES = {'acados SQP': solves}

@@ -63,9 +63,10 @@ def warm(problem: Problem) -> list[Guess]:
         for tick in range(1, TAKEN[-1] + 1):
             x = plan.X[1] + random.normal(0, DISTURBANCE)
             _, X, U, _ = policy_rollout(problem, x, plan.X[1:], plan.U[1:], plan.K[1:])
+            guess = Guess(x, X, U)
             if tick in TAKEN:
-                guesses.append(Guess(x, X, U))
-            plan = solver.solve(x, guess_plan(problem, Guess(x, X, U)), np.inf)
+                guesses.append(guess)
+            plan = solver.solve(x, guess_plan(problem, guess), np.inf)
     return guesses[:STARTS]
 
 

@@ -43,9 +43,10 @@ def read(paths: Iterable[Path]) -> dict[str, dict[str, Any]]:
              for node, declaration in DECLARATIONS.items()}
     found: dict[str, dict[str, Any]] = {node: {} for node in known}
     for path in map(locate, paths):
-        for words in misspelt(sections(path)):
+        of_file = sections(path)
+        for words in misspelt(of_file):
             warnings.warn(f'{path}, {words}')
-        for pattern, values in sections(path):
+        for pattern, values in of_file:
             # /**/mpc and /second/mpc are for an mpc, /** is for any node
             name = pattern.rsplit('/', 1)[-1]
             if name in ANY_NODE:

@@ -15,7 +15,7 @@ from dp_swing_ros.parameters.files import parse_file
 METADATA = 'metadata.yaml'
 VERSION = 9
 AS_IT_IS = 'surrogateescape'  # how a definition that is no text is kept as one
-LOST = 'lost:'   # in custom_data, before a topic: of how many messages a logger knows no more
+LOST = 'lost:'   # in custom_data, before a topic: how many of its messages a logger missed
 RECOVERED = 'recovered_of'  # in custom_data: of how many messages a bag is what was left
 
 

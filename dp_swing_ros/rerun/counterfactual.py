@@ -10,6 +10,7 @@ in steps of the prediction; what comes after the window counts for nothing, ther
 cost.
 """
 
+from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from copy import copy
 import math
@@ -149,7 +150,7 @@ class Run:
         if duration is None:
             return self.end
         end = tick.stamp + round(duration * BILLION)
-        next_one = int(np.searchsorted(self.stamps, end))
+        next_one = bisect_left(self.stamps, end)
         return min(self.stamps[max(next_one - 1, 0):next_one + 1],
                    key=lambda stamp: abs(stamp - end))
 

@@ -39,13 +39,15 @@ UNHEARD = 'states come, and nobody publishes /clock, which use_sim_time asks for
 def place_of(standstill: Standstill, t: float, message: Any, sensors: SensorParameters,
              in_lockstep: bool) -> tuple[Array | None, str]:
     """Return where the pendulum hangs still at a time [s], or why it is not known yet."""
+    words = 'waiting for the pendulum to hang still, which tells the zero of its sensors'
+    place = None
     try:
         place = standstill.place(t, to_measured(message, sensors.joint_names))
     except ValueError as error:
-        return None, str(error)
-    return place, 'in lockstep nobody sees the pendulum hang still; set zero to given' \
-        if in_lockstep else \
-        'waiting for the pendulum to hang still, which tells the zero of its sensors'
+        words = str(error)
+    if in_lockstep:
+        words = 'in lockstep nobody sees the pendulum hang still; set zero to given'
+    return place, words
 
 
 class MpcCore:

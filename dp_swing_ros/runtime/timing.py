@@ -117,10 +117,10 @@ class Timing:
         """
         self.senders = frozenset(senders)
         if is_of_plant(configuration):
-            self.announced.pop(configuration.node, None)
-            self.announced[configuration.node] = (
-                Clock.LOCKSTEP if configuration.parameters['lockstep'] else Clock.STAMPS,
-                float(configuration.parameters.get('delay', 0.0)))
+            said = (Clock.LOCKSTEP if configuration.parameters['lockstep'] else Clock.STAMPS,
+                    float(configuration.parameters.get('delay', 0.0)))
+            self.announced.pop(configuration.node, None)   # to be the newest
+            self.announced[configuration.node] = said
             if len(self.announced) > PLANTS:
                 del self.announced[next(iter(self.announced))]
 

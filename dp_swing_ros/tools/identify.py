@@ -75,8 +75,9 @@ def given(text: str) -> tuple[str, float]:
 def _identify(arguments: argparse.Namespace) -> int:
     bags = [Bag(path, arguments.partial, arguments.namespace, arguments.node)
             for path in arguments.bag]
-    cart = arguments.cart or (GIVEN if any(drive_of(bag) in DRIVEN for bag in bags) else FREE)
-    if cart == FREE and any(drive_of(bag) in DRIVEN for bag in bags):
+    is_driven = any(drive_of(bag) in DRIVEN for bag in bags)
+    cart = arguments.cart or (GIVEN if is_driven else FREE)
+    if cart == FREE and is_driven:
         raise ParameterError(f'--cart {FREE}: the drive moved the cart as it was told, whatever '
                              f'its mass; expected --cart {GIVEN}')
     found = recorded_of_one(bags, arguments.links, commanded=cart == FREE)

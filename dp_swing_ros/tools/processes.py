@@ -44,12 +44,13 @@ def located(files: Iterable[Path], nodes: Mapping[str, Mapping[str, object]]) ->
     places = list(map(locate, files))
     found = [(place, *section) for place in places for section in sections(place)]
     declared = {**{node: each.fields(max(LINKS)) for node, each in DECLARATIONS.items()}, **OWN}
-    for place, pattern, values in found:
+    for place, pattern, _ in found:
         if not any(is_for(pattern, node) for node in declared):
             raise ParameterError(
                 f'{place}, line {pattern.line}: {pattern!r} is no node of this package in the '
                 f'root namespace; {near(pattern.rsplit("/", 1)[-1], declared)}')
-        for words in misspelt([(pattern, values)]):
+    for place in places:
+        for words in misspelt(section[1:] for section in found if section[0] == place):
             raise ParameterError(f'{place}, {words}')
     for node, given in nodes.items():
         own = for_node([section[1:] for section in found], node, declared[node])

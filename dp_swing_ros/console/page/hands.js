@@ -17,7 +17,7 @@ export class Hands {
   moved = false;      // since then
   since = null;       // [ms] of the first move whose force is not seen yet
   pushing = 0;        // [N] by the arrow keys
-  pulled = false;     // a body, by the click that ends now
+  pulled = false;     // a body, since the button went down
 
   constructor(scene, socket) {
     Object.assign(this, {scene, socket, canvas: scene.canvas});
@@ -26,7 +26,7 @@ export class Hands {
     for (const end of ['pointerup', 'pointercancel', 'lostpointercapture']) {
       this.canvas.addEventListener(end, event => this.release(event));
     }
-    // none comes after a finger has scrolled, nor after it has held a body
+    // which does not come where a finger has scrolled, but does where a body was held
     this.canvas.addEventListener('click', event => this.aim(event));
     this.canvas.addEventListener('pointerleave', () => { scene.aimed = null; });
     // a finger on a body pulls; elsewhere on the picture it scrolls the page
@@ -59,7 +59,7 @@ export class Hands {
 
   grip(event) {
     if (event.button !== 0 || this.pointer !== null) return;
-    this.pulled = false;   // since the last click
+    this.pulled = false;
     const point = this.point(event), body = this.bodyAt(point, event.pointerType);
     if (!body) return;
     this.pointer = event.pointerId;
@@ -74,9 +74,8 @@ export class Hands {
 
   /** Move the reference to where the track was clicked on. */
   aim(event) {
-    const point = this.point(event), began = this.pulled;
-    this.pulled = false;
-    if (began || this.bodyAt(point, event.pointerType)) return;
+    const point = this.point(event);
+    if (this.pulled || this.bodyAt(point, event.pointerType)) return;
     const place = this.trackAt(point);
     if (place !== null) this.onReference?.(place);
   }
