@@ -37,6 +37,8 @@ for number in ENDING:
 
 BENCHMARKS = Path(__file__).parents[1] / 'benchmarks'
 PATIENCE = 120.0  # [s] for what should take one, and may wait for compilers
+LAST_WORDS = 4000  # characters of a node that a failure shows
+STARTED = []       # nodes of the tests that are underway
 
 
 @pytest.hookimpl(optionalhook=True)   # without pytest-xdist nobody asks
@@ -50,6 +52,16 @@ def pytest_collection_modifyitems(items):
     top = Path(__file__).parent
     items.sort(key=lambda item: item.path.relative_to(top).parts[0] not in (
         'console', 'nodes', 'rerun', 'tools', item.path.name))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item, call):
+    """Show with a failure what the nodes around it have printed."""
+    report = yield
+    if report.failed:
+        report.sections += [(f'{node.name} has printed', node.output()[-LAST_WORDS:])
+                            for node in STARTED]
+    return report
 
 
 @pytest.fixture
@@ -103,7 +115,7 @@ class NodeProcess:
         """Wait for its end and return the exit code."""
         return self.popen.wait(timeout)
 
-    def stop(self, number=signal.SIGINT, timeout=10.0):
+    def stop(self, number=signal.SIGINT, timeout=PATIENCE):
         """Send a signal to the process and what it started; return the exit code."""
         self.signal(number)
         return self.wait(timeout)
@@ -136,7 +148,9 @@ def lockstep_bag(tmp_path_factory):
         bag = shared / 'lockstep' / 'run' / 'bag'
         if not bag.exists():
             from one_process import record   # a second of loading
-            record(shared / 'lockstep', '--lockstep', '--duration', '5')
+            making = shared / f'lockstep_{os.getpid()}'
+            record(making, '--lockstep', '--duration', '5')
+            making.rename(shared / 'lockstep')   # as a whole, or not at all
     return bag
 
 
@@ -149,12 +163,14 @@ def starting(folder):
         log = folder / f'{name}_{len(started)}.log'
         started.append(NodeProcess(name, log, parameters, arguments, environment,
                                    options))
+        STARTED.append(started[-1])
         return started[-1]
 
     try:
         yield start
     finally:
         for process in started:
+            STARTED.remove(process)
             process.signal(signal.SIGKILL)
             process.popen.wait()
 

@@ -6,6 +6,7 @@ from contextlib import contextmanager, ExitStack, redirect_stdout
 from functools import cache
 import gc
 import io
+import os
 import time
 from unittest.mock import patch
 
@@ -28,7 +29,7 @@ from dp_swing_ros.topics import DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES
 COMMIT = cache(provenance.commit)   # asks git
 DOMAIN, LOCK = claim_domain()   # where runs are recorded that nobody else hears
 PATIENCE = 120.0   # [s] for a run
-ANSWER = 1.0       # [s] for the one to the last state, which may be lost
+ANSWER = 5.0       # [s] for the one to the last state, which may be lost
 SILENCE = 5.0      # [s] at most, until an mpc that hears no state in real time sends a zero
 
 
@@ -46,6 +47,7 @@ class Crew:
         enter = self.stack.enter_context
         enter(patch.object(connections, 'QUIET', 1))
         enter(patch.object(ros_parameters, 'commit', COMMIT))
+        enter(patch.object(os, 'nice', lambda by: by))   # what is made aside is waited for
         enter(redirect_stdout(io.StringIO()))   # what a logger says in the end
         self.stack.callback(gc.unfreeze)        # what an mpc has frozen
         self.context = rclpy.Context()

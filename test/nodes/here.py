@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A node in a thread of this process: as one in its own, without the seconds that takes."""
 
-from contextlib import ExitStack, nullcontext
+from contextlib import ExitStack, nullcontext, suppress
 import gc
 from importlib import import_module
 import json
@@ -106,13 +106,20 @@ class NodeHere:
     def wait(self, timeout=PATIENCE):
         """Wait for its end and return the exit code."""
         self.thread.join(timeout)
-        assert self.ended()
         self.stack.close()
+        assert self.ended()
         return self.code
 
+    def ask_to_end(self):
+        """Do what a signal does, once it runs."""
+        wait_until(lambda: self.handlers or self.ended())
+        with suppress(process._Interrupt):   # of what it still prepares, in the thread of a test
+            for handle in self.handlers:
+                handle()
+
     def stop(self):
-        """Do what a signal does, once it runs; return the exit code."""
-        self.handlers[0]()
+        """Do what a signal does, and return the exit code."""
+        self.ask_to_end()
         return self.wait()
 
 

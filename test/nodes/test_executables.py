@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Each node as it is started: its first line, its help, its parameter files, early signals."""
 
-import signal
 import sys
 import time
 
@@ -37,7 +36,7 @@ def test_an_early_signal_ends_it_without_a_word(start_node, tmp_path, name, dela
                       environment={'XDG_CACHE_HOME': str(tmp_path)})
     node.wait_for('loading')
     time.sleep(delay)
-    assert node.stop(signal.SIGINT, timeout=60) == 0, node.output()
+    assert node.stop() == 0, node.output()
     assert 'Traceback' not in node.output()
 
 
@@ -47,7 +46,7 @@ def test_the_first_line_comes_before_all_compiling_which_a_signal_ends(start_nod
     node.wait_for('preparing')
     assert not list(tmp_path.rglob('*.nbc'))
     time.sleep(0.5)   # into it
-    assert node.stop(signal.SIGINT, timeout=60) == 0, node.output()
+    assert node.stop() == 0, node.output()
     assert 'Traceback' not in node.output()
 
 

@@ -74,7 +74,7 @@ class PublisherNode(ProcessNode):
 
 kept = ['--ros-args']
 for topic in ('joint_states', 'force_command'):
-    for policy in ('durability:=transient_local', 'depth:=1000'):
+    for policy in ('durability:=transient_local', 'depth:=100000'):
         kept += ['-p', f'qos_overrides./{topic}.publisher.{policy}']
 sys.exit(run(PublisherNode, ['publisher', *kept]))
 """

@@ -171,9 +171,9 @@ def test_the_first_force_answers_the_first_state(peer, start_node, start_here):
     """A start is over when each hears the other."""
     states, forces = peer.record(JOINT_STATES), peer.record(FORCE_COMMAND_STAMPED)
     start_here('mpc').wait_for('ready')
-    plant = start_node('plant', {'duration': 1.0})
+    plant = start_node('plant', {'rate': 2.0, 'duration': 3.0, 'command_timeout': 3.0})
     assert plant.wait() == 0
-    assert peer.until(lambda: len(states) >= 20 and len(forces) >= 20)
+    assert peer.until(lambda: len(states) >= 4 and len(forces) >= 4)
     assert forces[0].header.stamp == states[0].header.stamp
     assert 'no force' not in plant.output()
 

@@ -9,7 +9,7 @@ import subprocess
 import sys
 import time
 
-from conftest import wait_until
+from conftest import PATIENCE, wait_until
 import pytest
 
 from dp_swing_ros.tools.processes import Process
@@ -44,7 +44,7 @@ def wait_for(process, line):
 
 def end(process):
     """Return exit code, output and errors of a process that ends by itself."""
-    out, errors = process.communicate(timeout=20)
+    out, errors = process.communicate(timeout=PATIENCE)
     return process.returncode, out, errors
 
 
@@ -109,8 +109,10 @@ def test_a_library_that_asks_for_the_exit_ends_it_in_order(start):
 def test_a_node_goes_on_where_a_callback_fails_and_says_in_one_line_what_failed(start):
     code, out, errors = end(start(*mode("'goes on'")))
     assert (code, out) == (0, 'prepare\nready\nclosed\n')
-    line, = errors.splitlines()   # in a second
-    assert 'RuntimeError: oops (example_node.py, line' in line and line.endswith('; going on')
+    lines = errors.splitlines()
+    assert 1 <= len(lines) < 4   # of four failures, for it is said once in a second
+    assert all('RuntimeError: oops (example_node.py, line' in line and line.endswith('; going on')
+               for line in lines)
 
 
 def test_what_is_made_aside_ends_or_holds_up_nothing(start):

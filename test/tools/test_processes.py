@@ -107,7 +107,7 @@ def test_nobody_is_left_behind(tmp_path, monkeypatch):
         with Process('polite', {}, tmp_path / 'polite.log') as polite, \
                 Process('rude', {}, tmp_path / 'rude.log') as rude:
             started(polite)
-            child = int(started(rude)[-1].split()[-1])
+            child = int(started(rude, 'child')[-1].split()[-1])
             raise KeyboardInterrupt
     assert polite.new_lines() == ['bye']
     assert not polite.running
