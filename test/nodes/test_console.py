@@ -479,7 +479,7 @@ def test_an_instant_of_the_last_minute_is_shown_as_it_was(page):
 
 
 def test_a_recording_is_whole_even_where_the_console_is_killed(nodes, start_node, tmp_path):
-    """The last one, for others hear less then: see the docs on trouble."""
+    """The last one, for others may hear less from then on: see troubleshooting.md."""
     mortal = start_node('console', {'port': 0, 'recordings': str(tmp_path / 'runs')},
                         ['-r', '__node:=mortal'])
     with of(mortal) as page:
