@@ -16,10 +16,10 @@ from dp_swing_ros.messages.configuration import (
 from dp_swing_ros.messages.fields import (
     from_diagnostics, from_trajectory, links_in, nanoseconds, Report, seconds, to_force, to_state)
 from dp_swing_ros.messages.ticks import keys_of_state
-from dp_swing_ros.parameters import group, ParameterError
+from dp_swing_ros.parameters import group, named, ParameterError
 from dp_swing_ros.pendulum.geometry import drawn_centres, drawn_scale
 from dp_swing_ros.pendulum.parameters import (
-    acting_unit, DRIVES, FORCE, LimitParameters, PendulumParameters)
+    acting_unit, DriveParameters, DRIVES, FORCE, LimitParameters, PendulumParameters)
 from dp_swing_ros.pendulum.sensors import default_sensors, SensorParameters
 from dp_swing_ros.pendulum.state import Array, links_of
 from dp_swing_ros.pendulum.units import decimals
@@ -220,6 +220,7 @@ class Scene:
                        'margin': margin if is_figure(margin) else None,
                        'force': number(self.limits.applied_limit(drive)),
                        'disturbance': self.value(PLANT, 'disturbance_limit', None)},
+            'estimated': [*named(PendulumParameters), *named(DriveParameters)],
             'period': self.period, 'lockstep': bool(self.value(PLANT, 'lockstep', False))}
 
     def frame(self) -> dict[str, Any] | None:

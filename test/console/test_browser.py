@@ -760,6 +760,13 @@ def test_a_preset_changes_what_can_change(page, ears, real_time):
     assert ears.until(lambda: value_of(ears, 'mpc', 'mppi.samples').integer_value == before)
 
 
+def test_what_the_mpc_has_learned_is_beside_what_the_plant_has(page):
+    page.until(lambda: len(page.all('#learned tbody th')) > 5, 'what was learned')
+    names = {each.text for each in page.all('#learned tbody th')}
+    assert {'cart mass', 'link1 mass', 'force gain'} <= names
+    assert not {'step', 'time noise', 'enabled'} & names   # parameters, too, and of the tick
+
+
 def test_who_is_dead_is_named_and_faded_until_it_is_back(page, nodes, real_time):
     def opacity(selector):
         return float(page.find(selector).value_of_css_property('opacity'))

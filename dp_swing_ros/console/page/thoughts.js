@@ -124,17 +124,16 @@ export class Thoughts {
   /** Set what the estimator has learned beside what the plant has, where both are known. */
   writeLearned(tick) {
     const {mpc, plant} = this.parameters;
-    const names = Object.keys(tick ?? {}).filter(name =>
-      mpc?.[name] && !['solver', 'enabled'].includes(name) && typeof tick[name] === 'number');
+    const names = this.hello.estimated.filter(name => mpc?.[name] && typeof tick?.[name] === 'number');
     const section = find('#learned');
     section.hidden = names.length === 0;
     const rows = names.map(name => {
-      const told = tick[name], truth = plant?.[name]?.value, doubt = tick[`${name}_deviation`];
+      const told = tick[name], truth = plant?.[name]?.value;
       const off = typeof truth === 'number' ? told - truth : NaN;
       const share = truth ? `${number(100 * off / truth, 1)} %` : '';
       return element('tr', {},
         element('th', {scope: 'row', textContent: words(name)}),
-        element('td', {textContent: number(told, 3) + (doubt === undefined ? '' : ` ± ${number(doubt, 3)}`)}),
+        element('td', {textContent: number(told, 3)}),
         element('td', {textContent: number(truth, 3)}),
         element('td', {textContent: Number.isFinite(off) ? share || number(off, 3) : '–'}),
         element('td', {className: 'unit', textContent: mpc[name].unit ?? ''}));
