@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from dp_swing_ros.control.commands import SentCommands
-from dp_swing_ros.control.supervisor import braked, limited, violation
+from dp_swing_ros.control.supervisor import (
+    braked, limited, Supervisor, SupervisorParameters, violation)
 from dp_swing_ros.pendulum.model import step
 from dp_swing_ros.pendulum.parameters import LimitParameters
 from dp_swing_ros.pendulum.state import hanging, is_upright, upright
@@ -27,6 +28,62 @@ def commands_of(c, p, duration=3.0):
     episode = simulate(p, c, duration, on_tick=lambda t, plan: sent.append(plan.first_force(20.0)))
     return np.array([0.0, *sent]), episode
 
+
+# by itself
+
+def supervised(**parameters):
+    """Return a supervisor, and a belief of a moment ago, [s] 0, near the goal."""
+    x = upright() + np.array([0.1, 0.02, -0.02, 0.0, 0.0, 0.0])
+    belief = controller(estimator='none').observer.belief._replace(t=0.0, x=x)
+    return Supervisor(SupervisorParameters(**parameters)), belief
+
+
+def test_blind_for_too_long_it_lets_no_force_act():
+    supervisor, belief = supervised(carry_over=0.2)
+    assert supervisor.admits(belief, belief.x, 0.0)
+    refused = belief._replace(rejection='it is refused')
+    assert supervisor.admits(refused, belief.x, 0.2)
+    assert not supervisor.admits(refused, belief.x, 0.25)
+    assert not supervisor.admits(belief, belief.x, 0.30)   # it is as old as it was
+    assert supervisor.admits(belief._replace(t=0.3), belief.x, 0.35)
+    supervisor.reset()
+    assert not supervisor.acts(0.35)
+
+
+def test_disabled_it_admits_nothing_and_says_so():
+    supervisor, belief = supervised(enabled=False)
+    assert not supervisor.admits(belief, belief.x, 0.0)
+    plan = supervisor.fallback(belief, belief.x, None, SentCommands(), 0.0)
+    assert plan.stats.status is Status.DISABLED and not plan.U.any()
+    assert supervisor.enable(True) and not supervisor.enable(True)
+    assert supervisor.admits(belief, belief.x, 0.0)
+
+
+def test_without_a_solve_it_holds_what_can_be_held_and_lets_go_of_the_rest():
+    supervisor, belief = supervised()
+    assert supervisor.admits(belief, belief.x, 0.0)
+    for x_0, status in ((belief.x, Status.REGULATOR), (hanging(), Status.ZERO)):
+        plan = supervisor.fallback(belief, x_0, None, SentCommands(), 0.0)
+        assert plan.stats.status is status
+    held = supervisor.fallback(belief, belief.x, None, SentCommands(), 0.0)
+    last = supervisor.fallback(belief, None, held, SentCommands(), 0.05)
+    assert last.stats.status is Status.LAST_POLICY
+
+
+def test_what_it_is_told_to_stop_is_braked_and_then_disabled():
+    supervisor, belief = supervised(controlled_stop=0.5)
+    assert supervisor.admits(belief, belief.x, 0.0)
+    supervisor.stop('the process ends')
+    assert not supervisor.admits(belief, belief.x, 0.0)
+    plan = supervisor.fallback(belief, belief.x, None, SentCommands(), 0.0)
+    assert plan.stats.status is Status.STOP
+    assert supervisor.admits(belief._replace(t=0.45), belief.x, 0.45) is False
+    assert supervisor.enabled
+    assert not supervisor.acts(0.5)
+    assert not supervisor.enabled and not supervisor.stopping
+
+
+# in a loop
 
 @SOLVERS
 @pytest.mark.parametrize('rate', [20.0, 100.0])
