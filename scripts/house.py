@@ -25,7 +25,10 @@ TOP = Path(__file__).parents[1]
 PACKAGE = TOP / 'dp_swing_ros'
 PAGE = TOP / 'docs' / 'architecture.md'
 TABLE = re.compile(r'(?<=<!-- rooms -->\n).*?(?=<!-- end of rooms -->)', re.S)
+ROW = re.compile(r'^\| (\D+?) \| \d+ \| (\d+) \|$', re.M)   # of a room: its name, its lines
+SLACK, SHARE = 100, 0.03   # lines by which the page may be off: not every change is one of it
 WEB = ('.js', '.css', '.html')
+SOURCES = ('.py', '.cpp', '.hpp')
 LOADED = """
 import json, resource, sys
 import dp_swing_ros.nodes.{}
@@ -101,7 +104,8 @@ def rooms() -> list[Room]:
 
 def around() -> list[Room]:
     """Return what is beside the package."""
-    return [*(room(name, (TOP / name).rglob('*.py')) for name in ('test', 'benchmarks')),
+    return [*(room(name, (file for file in (TOP / name).rglob('*') if file.suffix in SOURCES))
+              for name in ('test', 'benchmarks', 'examples')),
             room('scripts', (file for file in (TOP / 'scripts').iterdir() if file.is_file())),
             room('docs', (TOP / 'docs').glob('*.md')),
             room('docs/results', (TOP / 'docs' / 'results').glob('*.md')),
@@ -149,12 +153,24 @@ def table() -> str:
     """Return the tables of docs/architecture.md, lines rounded to hundreds."""
     parts = rooms()
     return '\n| room | files | lines |\n| --- | ---: | ---: |\n' + ''.join(
-        f'| {name} | {files} | {round(lines, -2) or "fewer than 50"} |\n'
+        f'| {name} | {files} | {round(lines, -2)} |\n'
         for name, files, lines in [*parts, whole(parts), *around()]) + (
         f'\nNo class has more than {MOST["class"]} lines, no module more than {MOST["module"]}.\n'
         '\n| node | modules at most | rooms |\n| --- | ---: | --- |\n') + ''.join(
         f'| {node} | {of.most} | {", ".join(sorted(of.rooms))} |\n'
         for node, of in CONTRACTS.items())
+
+
+def outdated(page: str) -> list[str]:
+    """Return which rooms the table of a page tells otherwise, but for some lines, and nodes."""
+    found = TABLE.search(page)
+    (told, _, of_nodes), (there, _, now) = (
+        text.strip().partition('\n\n') for text in (found[0] if found else '', table()))
+    before, after = (dict(ROW.findall(text)) for text in (told, there))
+    return [*(name for name in {**before, **after}
+              if name not in before or name not in after
+              or abs(int(before[name]) - int(after[name])) > max(SLACK, SHARE * int(after[name]))),
+            *(['nodes'] if of_nodes != now else [])]
 
 
 def report() -> str:
@@ -178,7 +194,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split('\n\n')[0].strip())
     parser.add_argument('--docs', action='store_true', help='write the table of the page')
     if parser.parse_args().docs:
-        PAGE.write_text(TABLE.sub(lambda _: f'{table()}\n', PAGE.read_text()))
+        page = PAGE.read_text()
+        if outdated(page):   # else two changes would be two of the page, and in conflict
+            PAGE.write_text(TABLE.sub(lambda _: f'{table()}\n', page))
     else:
         print(report())
 

@@ -5,6 +5,7 @@
 import itertools
 
 from controllers import controller, plant
+import faults
 import numpy as np
 import pytest
 
@@ -28,6 +29,7 @@ def generators(seed):
 @pytest.mark.parametrize('seed', [0, 1, 12345])
 def test_streams_of_one_seed_are_independent(seed):
     drawn = {name: random.normal(size=COUNT) for name, random in generators(seed).items()}
+    assert len(drawn) == len(Stream) + 2   # all there are
     for (one, a), (other, b) in itertools.combinations(drawn.items(), 2):
         assert not np.isin(a[:100], b).any(), (one, other)
         assert abs(np.corrcoef(a, b)[0, 1]) < 4 / np.sqrt(COUNT), (one, other)
@@ -40,10 +42,12 @@ def test_the_same_seed_gives_the_same_numbers_and_another_seed_others():
         assert not np.isin(first, stream(4, purpose).random(1000)).any()
 
 
-def test_what_a_number_was_given_to_stays():
-    assert [Stream(number).name for number in range(len(Stream))] == [
-        'SENSOR_NOISE', 'FORCE_NOISE', 'STATE_LOSS', 'COMMAND_LOSS', 'COMMAND_JITTER', 'STARTS',
-        'SOLVER']
+def test_what_a_number_was_given_to_stays_and_no_other_gets_it():
+    given = {each.name: each.value for each in Stream}
+    assert given == {'SENSOR_NOISE': 0, 'FORCE_NOISE': 1, 'STATE_LOSS': 2, 'COMMAND_LOSS': 3,
+                     'COMMAND_JITTER': 4, 'STARTS': 5, 'SOLVER': 6}   # the next one is 10
+    elsewhere = {faults.STATE_CHANNEL, faults.COMMAND_CHANNEL, faults.STATE_NAN}
+    assert elsewhere == {7, 8, 9}
 
 
 def test_a_solver_built_with_a_seed_draws_what_the_controller_s_does():
