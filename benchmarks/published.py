@@ -110,6 +110,9 @@ def of_others(name: str, needed: Sequence[str], write_from: Callable[[Path, Path
             raise Failure(f'{name} needs the rows of {", ".join(missing)}: '
                           f'`make results PAGES=\'{" ".join(missing)}\'` first')
         write_from(ROWS, docs)
+        path = docs / 'results' / f'{name}.md'
+        title, _, text = path.read_text(encoding='utf-8').partition('\n\n')
+        path.write_text(f'{title}\n\n{stamp.together(needed)}\n{text}', encoding='utf-8')
     return Part(0.1, None, write)
 
 

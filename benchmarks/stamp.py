@@ -25,6 +25,7 @@ GENERATED = ('README.md', 'docs/results', 'docs/figures')
 MADE = re.compile(r'Made by `make results PAGES=(?P<page>\w+)` on \S+ at commit '
                   r'(?P<commit>[\w-]+), sources (?P<sources>[0-9a-f]{16}); '
                   r'(?P<machine>[^;]*) \((?P<processor>[\w-]+)\); (?P<versions>[^;\n]*)\.\n')
+TOGETHER = re.compile(r'Put together from the parts ([\w, ]+), each of which names its commit\.\n')
 OLDER = 'What follows is older than what it measures'
 MARK = re.compile(rf'\*\*{OLDER}.*\*\*\n\n')
 
@@ -104,6 +105,11 @@ def made(page: str, sources: str, packages: Iterable[str] = provenance.COMPUTING
             f'sources {sources}; {provenance.machine()} ({processor()}); {versions(packages)}.\n')
 
 
+def together(parts: Iterable[str]) -> str:
+    """Return the sentence of a part that only puts others together, as a line of Markdown."""
+    return f'Put together from the parts {", ".join(parts)}, each of which names its commit.\n'
+
+
 def versions(packages: Iterable[str] = provenance.COMPUTING) -> str:
     """Return the versions of Python and of packages in words."""
     return ', '.join(f'{name} {number}'
@@ -165,7 +171,11 @@ def marked(text: str, older: Container[str], processor_of_most: str) -> str:
             f'; its processor ({made["processor"]}) is also not that of most parts')
         return (f'**{OLDER}, which has changed since commit {made["commit"]}{elsewhere}.**\n\n'
                 f'{made[0]}')
-    return MADE.sub(sentence, MARK.sub('', text))
+
+    def of_others(put: re.Match[str]) -> str:
+        of_older = [part for part in put[1].split(', ') if part in older]
+        return f'**{OLDER}: {", ".join(of_older)}.**\n\n{put[0]}' if of_older else put[0]
+    return TOGETHER.sub(of_others, MADE.sub(sentence, MARK.sub('', text)))
 
 
 def folders(docs: Path) -> tuple[Path, Path]:

@@ -14,6 +14,7 @@ import subprocess
 import sys
 
 import campaigns
+import methods
 import numpy as np
 import published
 import pytest
@@ -33,6 +34,7 @@ SAMPLE = RESULTS / 'sample'
 PAGES = {path.stem: path.read_text() for path in RESULTS.glob('*.md')}
 STAMPS = {name: of for text in PAGES.values() for name, of in stamp.read(text).items()}
 SEEDED = [part for part in seeded.SEEDED if part in STAMPS]
+NEEDED = {'summary': summary.NEEDED, 'methods': methods.NEEDED}
 TICKS = 2               # by which another rounding may move the settling
 
 
@@ -77,7 +79,9 @@ def test_every_page_is_there_and_its_parts_name_their_commit_and_sources():
         assert list(there) == [part for part in of.parts if part in there]
         assert PAGES[page] == published.composed(page, there)
         for part, text in there.items():
-            assert list(stamp.read(text)) == ([part] if published.PARTS[part].sources else [])
+            needed = NEEDED.get(part)
+            assert list(stamp.read(text)) == ([] if needed else [part])
+            assert stamp.TOGETHER.findall(text) == ([', '.join(needed)] if needed else [])
     assert not any(of.commit.endswith('dirty') for of in STAMPS.values())
     assert {path.name for path in SAMPLE.iterdir()} == {f'{part}.csv.gz' for part in SEEDED}
 
@@ -278,3 +282,11 @@ def test_an_older_part_is_marked_and_unmarked():
         '`make results PAGES=links`' in marked
     assert stamp.marked(marked, set(), of.processor) == text
     assert f'({of.processor}) is also not that of' in stamp.marked(text, {'links'}, 'another')
+
+
+def test_what_puts_others_together_is_as_old_as_these():
+    text = f'# In short\n\n{stamp.together(["random", "robustness"])}\nAll are held.\n'
+    marked = stamp.marked(text, {'links', 'robustness'}, '')
+    assert marked == text.replace('Put', f'**{stamp.OLDER}: robustness.**\n\nPut')
+    assert stamp.marked(marked, {'robustness'}, '') == marked
+    assert stamp.marked(marked, {'links'}, '') == text

@@ -92,7 +92,7 @@ class Observer:
         self.estimated = self.belief   # by the estimator, whatever drives
 
     def reconfigure(self, other: 'Observer') -> None:
-        """Go on with the parameters of another one; the anew if it is told otherwise."""
+        """Go on with the parameters of another one, and with its estimator if they differ."""
         estimated, problem = self.estimated, other.nominal
         if self.adaptive is None or other.adaptive is None or (
                 other.adaptive.inputs != self.adaptive.inputs):
