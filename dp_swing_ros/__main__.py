@@ -12,7 +12,7 @@ from importlib import import_module
 import sys
 
 from dp_swing_ros import environment
-from dp_swing_ros.executables import end_quietly, MISUSED, piped, plays_bag
+from dp_swing_ros.executables import end_quietly, help_of, MISUSED, piped, plays_bag
 
 TOOLS = {
     'analyse': "a bag's table, figures and report, from the bag alone",
@@ -49,6 +49,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     if name not in COMMANDS:
         return _misused(f'unknown command {name!r}; expected one of {", ".join(COMMANDS)}')
     is_node = name in NODES and not (name == 'console' and plays_bag(rest))
+    if is_node and {'-h', '--help'} & set(rest):
+        return piped(lambda: help_of(name))
     if argv is None and not is_node:
         end_quietly()   # while it loads
     if (is_node or name in BY_COLCON) and (error := environment.misused()):

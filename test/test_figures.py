@@ -161,6 +161,10 @@ def test_an_animation_names_the_unit_of_what_acts(drive, unit, tmp_path, monkeyp
         episode.physical, drive=drive)), tmp_path / 'animation.gif')
     shown = [words.split(' ', 1)[1] for words in written if words[0] in '+−']
     assert len(shown) > 1 and set(shown) == {unit}
+    written.clear()   # of a log without any
+    figures.animation(dataclasses.replace(episode, U=np.full_like(episode.U, np.nan)),
+                      tmp_path / 'animation.gif')
+    assert '' in written and not any('nan' in words for words in written)
 
 
 @pytest.mark.parametrize('turn', [0, -2 * math.pi, 4 * math.pi])

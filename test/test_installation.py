@@ -128,6 +128,10 @@ def test_pip_puts_one_name_on_the_path(installed):
     done = installed.python(installed.prefix / 'bin' / 'dp_swing_ros', 'verify', '--help')
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith('usage: dp_swing_ros verify')
+    for node in ('console', 'mpc'):   # whose help needs no ROS
+        done = installed.python(installed.prefix / 'bin' / 'dp_swing_ros', node, '--help')
+        assert done.returncode == 0, done.stderr
+        assert f'usage: ros2 run dp_swing_ros {node}' in done.stdout
 
 
 def test_colcon_has_every_tool_and_node_where_ros2_run_looks():

@@ -174,7 +174,11 @@ def spread(runs: Sequence[Metrics]) -> dict[str, Metrics]:
 def _of_runs(reduce: Callable[[Array], Any], values: list[Any]) -> Any:
     """Reduce the values that are known."""
     kind, known = type(values[0]), [value for value in values if not math.isnan(value)]
-    return kind(reduce(np.array(known, dtype=float))) if known else math.nan
+    if not known:
+        return math.nan
+    found = reduce(np.array(known, dtype=float))
+    # of as many that are held as are not, the median is not; a count is a whole number
+    return found > 0.5 if kind is bool else round(found) if kind is int else found
 
 
 def summary(name: str, runs: Sequence[Metrics]) -> str:

@@ -17,11 +17,13 @@ from dp_swing_ros.evaluation.campaign.rows import grouped, Row, solves
 from dp_swing_ros.evaluation.campaign.summary import Level, Summary
 from dp_swing_ros.evaluation.comparison import Rate
 from dp_swing_ros.evaluation.metrics import reduced, TIME_LIMIT
-from dp_swing_ros.evaluation.scenarios import PROFILE, SCENARIOS
+from dp_swing_ros.evaluation.scenarios import PERIOD, PROFILE, SCENARIOS, sized
 from dp_swing_ros.figures.curves import mark_turns
 from dp_swing_ros.figures.style import (
     ALARM, as_share, FAINT, formulas, in_numbers, INK, looks, name_lines, PALETTE, panels_of,
     PAPER, plain, styled, widths)
+from dp_swing_ros.parameters import group
+from dp_swing_ros.pendulum.parameters import PendulumParameters
 from dp_swing_ros.pendulum.state import Array, links_of, units
 
 LINE = 0.19      # [inch] a contestant in a scenario
@@ -178,22 +180,30 @@ def settling(summary: Summary, rows: Sequence[Row]) -> Figure | None:
     names = [name for name in summary.campaign['scenarios'] if not SCENARIOS[name].sweeps]
     if not names:
         return None
-    shown, duration = looks(summary.campaign), summary.campaign['duration']
+    shown = looks(summary.campaign)
     figure = Figure(figsize=(max(1.2 + 2.9 * len(names), 6.0), 3.8), layout='constrained')
     for axes, name in zip(figure.subplots(1, len(names), sharey=True, squeeze=False).flat, names):
+        end = _duration([row for row in rows if row.key.scenario == name], name,
+                        summary.campaign)
         for (label, look), width in zip(shown.items(), widths(len(shown))):
             times = _settling_times([row for row in rows if row.key[:2] == (label, name)])
             settled = np.sort(times[~np.isnan(times)])
             shares = np.arange(len(settled) + 1) / max(len(times), 1)
-            axes.step([0.0, *settled, duration], [*shares, shares[-1]], where='post',
+            axes.step([0.0, *settled, end], [*shares, shares[-1]], where='post',
                       linewidth=width, **look.line)
-        axes.set(title=name, xlim=(0.0, duration), xlabel='settling time [s]')
+        axes.set(title=name, xlim=(0.0, end), xlabel='settling time [s]')
         as_share(axes, 'y')
         axes.grid(True)
     figure.axes[0].set_ylabel('episodes that have settled')
     name_lines(figure, {label: look.line for label, look in shown.items()})
     figure.suptitle('Settling: where a curve ends is the success rate')
     return figure
+
+
+def _duration(rows: Sequence[Row], name: str, campaign: Mapping[str, Any]) -> float:
+    """Return how long the longest episodes of a scenario are [s]."""
+    known = [row.metrics.duration for row in rows if not math.isnan(row.metrics.duration)]
+    return max(known) if known else SCENARIOS[name].times * float(campaign['duration'])
 
 
 def _settling_times(rows: Sequence[Row]) -> Array:
@@ -241,11 +251,11 @@ def starts(summary: Summary, rows: Sequence[Row]) -> Figure | None:
     figure = Figure(figsize=(max(1.4 + 2.6 * columns, 4.6), 1.3 + 2.9 * lines),
                     layout='constrained')
     panels = panels_of(figure, len(groups), columns, sharex=True, sharey=True)
-    scale = _scale(np.concatenate([_settling_times(group) for group in groups.values()]))
-    for axes, (label, group) in zip(panels, groups.items()):
-        X = np.array([_start(row, summary.campaign) for row in group])
+    scale = _scale(np.concatenate([_settling_times(own) for own in groups.values()]))
+    for axes, (label, own) in zip(panels, groups.items()):
+        X = np.array([_start(row, summary.campaign) for row in own])
         shown = [1, 2] if links_of(X) > 1 else [1, 3]   # two angles, or angle and speed of one
-        _draw_starts(axes, label, X[:, shown], _settling_times(group), scale)
+        _draw_starts(axes, label, X[:, shown], _settling_times(own), scale)
     figure.colorbar(ScalarMappable(scale, COLOURS), ax=figure.axes, extend='both', shrink=0.8,
                     label='median settling time [s]')
     for write, i in zip((figure.supxlabel, figure.supylabel), shown):
@@ -260,7 +270,9 @@ def _start(row: Row, campaign: Mapping[str, Any]) -> tuple[float, ...]:
     seed = row.key.seed
     case, = SCENARIOS[RANDOM].cases(RANDOM, range(seed, seed + 1), 0, campaign['duration'],
                                     campaign['links'])
-    return case.plant['initial_state']
+    mpc = campaign['contestants'][row.key.contestant]['mpc']
+    of = group(PendulumParameters, {'links': campaign['links'], **mpc})
+    return sized(case, of, PERIOD).plant['initial_state']
 
 
 def _scale(times: Array) -> Normalize:

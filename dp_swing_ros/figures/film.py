@@ -253,8 +253,8 @@ def _picture(canvas: FigureCanvasAgg, axes: Axes, episode: Episode, t: float) ->
     """Return the picture at a time [s]: what moves is drawn, and taken away again."""
     (x,), u = states_at(episode, np.array([t])), force_at(episode, t)
     scale = drawn_scale(episode.physical)
-    force = (f'{u:+.{decimals(1, scale.factor("N"))}f} '
-             f'{unit_of_input(episode.bodies.drive)}')
+    force = '' if math.isnan(u) else (   # of a log without any
+        f'{u:+.{decimals(1, scale.factor("N"))}f} {unit_of_input(episode.bodies.drive)}')
     moving = [*draw_pendulum(axes, episode.physical, x, size=1.2),
               draw_trail(axes, episode, t, 1.0, 2.0), axes.add_patch(_arrow(x[0], u, scale)),
               canvas.figure.text(0.46, 0.93, f'{t:.2f} s', size=11),

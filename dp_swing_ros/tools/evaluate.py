@@ -22,7 +22,9 @@ from dp_swing_ros.evaluation.campaign.summary import (
     plain, refuse_strangers, rivals, summarise)
 from dp_swing_ros.evaluation.scenarios import Case, PERIOD, RIGS, SCENARIOS
 from dp_swing_ros.figures import of_campaign
-from dp_swing_ros.parameters import LARGEST
+from dp_swing_ros.errors import UserError
+from dp_swing_ros.parameters import LARGEST, ParameterError
+from dp_swing_ros.pendulum.declaration import links_in
 from dp_swing_ros.pendulum.state import DEFAULT_LINKS, LINKS
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tools.command_lines import (
@@ -42,6 +44,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _evaluate(arguments: argparse.Namespace, command: str) -> int:
     folder = arguments.output or Path('runs', dated('campaign'))
+    if arguments.summary_only and arguments.output is None:
+        raise UserError('--summary-only reports on a campaign that is there; expected its folder, '
+                        '--output DIR')
     try:
         against = arguments.against
         if against is not None and against.is_dir():
@@ -140,6 +145,13 @@ def _play(arguments: argparse.Namespace, folder: Path, stored: Sequence[Row],
     links = {'links': arguments.links}    # unless parameter files say otherwise
     contestants = [replace(each, plant=links | each.plant, mpc=links | each.mpc)
                    for each in parse_all(arguments.contestants)]
+    for each in contestants:
+        found = {links_in(each.plant), links_in(each.mpc)}
+        if found != {arguments.links}:
+            raise ParameterError(
+                f'contestant {each.label!r} has plant and mpc with {sorted(found)} links, and the '
+                f'campaign {arguments.links}; expected the same: give --links, and the plant of a '
+                'parameter file as many as its mpc')
     description = {**manifest.describe(contestants, arguments.scenarios, arguments.seeds,
                                        arguments.levels, arguments.duration, arguments.links),
                    'made': manifest.made(command)}

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from dp_swing_ros import figures
-from dp_swing_ros.bags.episodes import drive_of, sensors_of
+from dp_swing_ros.bags.episodes import configurations_of, drive_of, sensors_of
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.control.controllers import MPC
 from dp_swing_ros.declarations import shared
@@ -18,8 +18,9 @@ from dp_swing_ros.identification.identify import CARTS, FREE, GIVEN, Identified,
 from dp_swing_ros.identification.recorded import Recorded, recorded_of_one
 from dp_swing_ros.identification.segments import resolution
 from dp_swing_ros.identification.unknowns import OF_CART
-from dp_swing_ros.parameters import checked, ParameterError, unknown
-from dp_swing_ros.pendulum.parameters import DRIVEN
+from dp_swing_ros.messages.configuration import CONTROLLER
+from dp_swing_ros.parameters import checked, named, ParameterError, unknown
+from dp_swing_ros.pendulum.parameters import DRIVEN, LimitParameters
 from dp_swing_ros.pendulum.sensors import HANGING, SensorParameters
 from dp_swing_ros.pendulum.state import joints, LINKS
 from dp_swing_ros.simulation.plants import PLANT
@@ -27,6 +28,7 @@ from dp_swing_ros.tables import aligned
 from dp_swing_ros.tools.command_lines import (
     bag_parser, beside, execute, MOTION, OK, print_incomplete, progress)
 
+LIMITS = named(LimitParameters)
 NOTHING = 1e-7   # a value below is none
 CLEARLY = 3.0    # times what an encoder rounds off: an error beyond is not its
 UNTOLD, BOUND = 'cannot be told from these bags', 'at the bound of the search'
@@ -92,7 +94,8 @@ def _identify(arguments: argparse.Namespace) -> int:
     output = arguments.output or Path(f'{beside(arguments.bag[0], "rig")}.yaml')
     output.parent.mkdir(parents=True, exist_ok=True)
     output.write_text(parameter_file(
-        identified, sensors_of(bags[0], first.physical.links), arguments.bag), encoding='utf-8')
+        identified, sensors_of(bags[0], first.physical.links), arguments.bag,
+        told_in(bags[0])), encoding='utf-8')
     figures.identification(identified).savefig(output.with_suffix('.png'))
     print(output, output.with_suffix('.png'), sep='\n')
     return OK
@@ -181,12 +184,27 @@ def explained(found: Identified, motions: Sequence[Recorded]) -> list[str]:
                 'round off' for i in off)]
 
 
-def parameter_file(found: Identified, sensors: SensorParameters, bags: Iterable[Path]) -> str:
-    """Return the text of a ROS parameter file with what mpc and plant both have."""
+def told_in(bag: Bag) -> dict[str, str]:
+    """Return drive and limits that the mpc of a bag was told, as in YAML; raises BagError."""
+    configured = configurations_of(bag).get(CONTROLLER)
+    told = {} if configured is None else {
+        name: value for name, value in configured.parameters.items() if name in LIMITS}
+    return {**{name: number(float(value)) for name, value in told.items()
+               if math.isfinite(value)}, 'drive': drive_of(bag)}
+
+
+def parameter_file(found: Identified, sensors: SensorParameters, bags: Iterable[Path],
+                   told: Mapping[str, str]) -> str:
+    """
+    Return the text of a ROS parameter file with what mpc and plant both have.
+
+    So are drive and limits, of which motion tells nothing: they are as told.
+    """
     links = len(sensors.joint_offsets) - 1
     both = shared(links)
     lines = [f'# Identified from {", ".join(path.name for path in bags)}; intervals of 95 %.',
-             '/**:', '  ros__parameters:', f'    links: {links}']
+             '/**:', '  ros__parameters:', f'    links: {links}',
+             *(f'    {name}: {value}  # as the mpc was told' for name, value in told.items())]
     for name, value in found.values.items():
         if name in found.intervals:
             why = ' to '.join(map(number, found.intervals[name]))

@@ -3,11 +3,12 @@
 """`ros2 run dp_swing_ros learn`: from random forces to a pendulum that is held."""
 
 import argparse
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 import math
 from pathlib import Path
 import time
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 from tqdm import tqdm
 
@@ -25,6 +26,10 @@ from dp_swing_ros.tools.command_lines import (
     dated, execute, FAILED, new_folder, OK, program, within)
 from dp_swing_ros.tools.processes import located
 
+if TYPE_CHECKING:
+    from dp_swing_ros.tools.live_learning import LiveLearner
+
+MODEL = 'model.json'
 DURATIONS = {'first': FIRST, 'total': 60.0, 'hold': 2.0}   # [s] scaled, if none are given
 
 Show = Callable[[float, float], object]   # of the experience so far [s], and the deviation [rad]
@@ -80,6 +85,9 @@ def _learn(arguments: argparse.Namespace) -> int:
     vars(arguments).update({name: scale.sized(value, 's') for name, value in DURATIONS.items()
                             if getattr(arguments, name) is None})
     plants.plant(plant)
+    if arguments.total <= arguments.first:
+        raise UserError(f'--total is {arguments.total:g} s, and --first, of random forces alone, '
+                        f'{arguments.first:g} s; expected more time in all')
     folder = new_folder(arguments.output or Path('runs', dated(f'learn_{arguments.solver}')))
     print(f'{arguments.solver}: {arguments.first:g} s of random forces first -> {folder}',
           flush=True)
@@ -92,7 +100,7 @@ def _learn(arguments: argparse.Namespace) -> int:
         if arguments.live:
             model, done = _live(arguments, mpc, folder, show)
         else:
-            model, done = _simulated(arguments, mpc, plant, show)
+            model, done = _simulated(arguments, mpc, plant, folder, show)
     held = bool(done) and done[-1].held >= arguments.hold
     if model is not None:
         print(*write(model, done, arguments.first, folder), sep='\n')
@@ -103,12 +111,13 @@ def _learn(arguments: argparse.Namespace) -> int:
 
 
 def _simulated(arguments: argparse.Namespace, mpc: Mapping[str, Any], plant: Mapping[str, Any],
-               show: Show) -> tuple[LearnedModel | None, list[Trial]]:
+               folder: Path, show: Show) -> tuple[LearnedModel | None, list[Trial]]:
     learner, done = Learner(mpc, arguments.first), list[Trial]()
-    for trial in trials(learner, plant, arguments.trial or math.inf, arguments.total,
-                        arguments.hold, show):
-        done.append(trial)
-        tqdm.write(line(trial))
+    with _kept(learner, folder):
+        for trial in trials(learner, plant, arguments.trial or math.inf, arguments.total,
+                            arguments.hold, show):
+            done.append(trial)
+            tqdm.write(line(trial))
     return learner.model, done
 
 
@@ -121,9 +130,24 @@ def _live(arguments: argparse.Namespace, mpc: Mapping[str, Any], folder: Path,
     from dp_swing_ros.tools.tool_node import tool_node
     with tool_node('learn') as node:
         learner = LiveLearner(node, mpc)
-        trial = learning(learner, arguments, folder, show)
+        with _kept(learner, folder):
+            trial = learning(learner, arguments, folder, show)
     tqdm.write(line(trial))
     return learner.model, [trial]
+
+
+@contextmanager
+def _kept(learner: 'Learner | LiveLearner', folder: Path) -> Iterator[None]:
+    """Keep what was learned until something ends it early."""
+    try:
+        yield
+    except (KeyboardInterrupt, UserError) as error:
+        if learner.model is None:
+            raise
+        file = folder / MODEL
+        file.write_text(learner.model.to_text(), encoding='utf-8')
+        words = f'what was learned until then is in {file}'
+        raise type(error)(f'{error}; {words}' if str(error) else words) from None
 
 
 def line(trial: Trial) -> str:
@@ -136,7 +160,7 @@ def line(trial: Trial) -> str:
 
 def write(model: LearnedModel, done: Sequence[Trial], first: float, folder: Path) -> list[Path]:
     """Write model and picture; return their files."""
-    files = [folder / 'model.json', folder / 'learning.png']
+    files = [folder / MODEL, folder / 'learning.png']
     files[0].write_text(model.to_text(), encoding='utf-8')
     figures.learning(done, first).savefig(files[1])
     return files

@@ -97,7 +97,12 @@ class LiveLearner:
         """Keep a state that is followed by a force; at first a random one answers it."""
         self.heard, self.newest = time.monotonic(), (message, info)
         t = seconds(message.header.stamp)
-        if not (self.explores or self.acts) or self.t and t < self.t[-1]:
+        if not (self.explores or self.acts):
+            return
+        if self.t and t < self.t[-1] - LONGEST:
+            raise UserError(f'the states begin again, at {t:g} s after {self.t[-1]:g} s: the '
+                            'plant was reset, or started anew')
+        if self.t and t < self.t[-1]:
             return
         if self.t and t == self.t[-1]:   # in lockstep, one again that nobody has answered
             if self.explores:

@@ -142,6 +142,10 @@ def test_spread_is_that_of_the_values_that_are_known():
     assert columns['median'].settling_time == good.settling_time
     assert not columns['smallest'].success
     assert columns['smallest'].ticks == good.ticks
+    assert columns['median'].success
+    assert spread([good, fell])['median'].success is False   # as many are held as are not
+    more = dataclasses.replace(good, ticks=good.ticks + 3)
+    assert spread([good, more, more])['median'].ticks == more.ticks
 
 
 def test_summary_names_successes_late_ticks_and_the_worst_median():

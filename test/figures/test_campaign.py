@@ -24,8 +24,8 @@ ROWS = [
       for name in NAMES for seed in range(3))]
 
 
-def summary_of(rows, contestants=NAMES, scenarios=SCENARIOS):
-    return summarise(campaign(contestants, scenarios), rows, 100)
+def summary_of(rows, contestants=NAMES, scenarios=SCENARIOS, **about):
+    return summarise(campaign(contestants, scenarios, **about), rows, 100)
 
 
 def drawn(rows, contestants=NAMES, scenarios=SCENARIOS):
@@ -81,6 +81,22 @@ def test_settling_ends_at_the_success_rate():
     axes = settling(summary_of(ROWS), ROWS).axes[0]
     assert [line.get_ydata()[-1] for line in axes.lines] == [5 / 6, 4 / 6, 3 / 6]
     assert axes.get_xlabel() == 'settling time [s]'
+
+
+def test_settling_is_shown_for_as_long_as_the_episodes_were():
+    rows = [row('ilqr', 'uptime', settling_time=40.0, duration=60.0)]
+    axes = settling(summary_of(rows, ['ilqr'], ['uptime']), rows).axes[0]
+    line = axes.lines[0].get_xdata()
+    assert axes.get_xlim() == (0.0, 60.0)
+    assert (np.diff(line) >= 0).all() and line[-1] == 60.0
+
+
+def test_random_starts_are_those_of_the_bodies_that_started():
+    rows = [row('short', 'random', seed) for seed in range(40)]
+    summary = summary_of(rows, ['short'], ['random'], links=1)
+    default = starts(summary, rows).axes[0].get_ylim()[1]
+    summary.campaign['contestants']['short']['mpc']['link1_length'] = 0.25
+    assert starts(summary, rows).axes[0].get_ylim()[1] > 1.3 * max(default, 3.0)
 
 
 def test_solve_times_are_shares_of_solves():

@@ -8,9 +8,10 @@ from one_process import record
 import pandas as pd
 import pytest
 
+from dp_swing_ros import declarations
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.rerun.verification import verify
-from dp_swing_ros.tools import analyse, compare, export, train
+from dp_swing_ros.tools import analyse, compare, export, identify, train
 
 BOTH = {'links': 1, 'drive': 'velocity', 'acceleration_limit': 10.0, 'motor_time_constant': 0.02}
 
@@ -52,6 +53,14 @@ def test_a_model_keeps_the_lag_with_which_the_cart_follows(bag, tmp_path):
     assert train.main([str(bag), '-o', str(model)]) == 0
     found = json.loads(model.read_text())
     assert found['delay'] + found['time_constant'] == pytest.approx(0.02, abs=0.01)
+
+
+def test_what_is_identified_is_of_the_same_drive(bag, tmp_path):
+    file = tmp_path / 'rig.yaml'
+    assert identify.main([str(bag), '-o', str(file)]) == 0
+    values = declarations.read([file])
+    assert values['mpc']['drive'] == values['plant']['drive'] == 'velocity'
+    assert values['mpc']['acceleration_limit'] == 10.0
 
 
 def test_columns_name_the_units_of_what_was_sent_and_of_what_acted(bag, tmp_path):

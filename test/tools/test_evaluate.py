@@ -114,6 +114,16 @@ def test_a_contestant_may_be_given_its_own_number_of_links():
         'name': 'nothing', 'plant': {'links': 1}, 'mpc': {'links': 1}}}
 
 
+@pytest.mark.parametrize('part', ['links=3', 'single.yaml', 'plant.yaml'])
+def test_a_contestant_of_another_number_of_links_than_the_campaign_is_refused(part, capsys):
+    Path('single.yaml').write_text('/**:\n  ros__parameters: {links: 1}\n')
+    Path('plant.yaml').write_text('plant:\n  ros__parameters: {links: 1}\n')
+    assert main(['--contestants', f'nothing:{part}', *SMALL[2:]]) == 2
+    error = one_line(capsys)
+    assert f'contestant \'nothing:{part.removesuffix(".yaml")}\'' in error and '--links' in error
+    assert not Path('campaign').exists()
+
+
 def test_a_campaign_is_compared_with_a_stored_one_row_by_row(capsys):
     assert main(SMALL) == 0
     rows = read(Path('campaign/episodes.csv'))
@@ -143,6 +153,7 @@ def test_what_cannot_be_compared_is_one_line(capsys):
     (['--contestants', 'ilqr:none.yaml'], 2, 'none.yaml'),
     (['--contestants', 'ilqr:horison=3', '--seeds', '1'], 2, "did you mean 'horizon'?"),
     (['--output', 'none', '--summary-only'], 1, 'no campaign'),
+    (['--summary-only'], 2, '--output DIR'),
     (['--output', 'file/below', '--contestants', 'nothing'], 1, 'file')])
 def test_what_cannot_work_is_one_line(arguments, code, word, capsys):
     Path('file').write_text('')

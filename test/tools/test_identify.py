@@ -11,6 +11,7 @@ from real_bags import rewritten
 import virtual
 
 from dp_swing_ros import declarations
+from dp_swing_ros.bags.episodes import configurations_of
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.control import controllers
 from dp_swing_ros.identification import fit, identify, recorded as times
@@ -80,9 +81,13 @@ def test_the_process_finds_what_moved_the_plant(identified):
         assert values['mpc'][name] == pytest.approx(value, rel=0.02, abs=2e-3), name
 
 
-def test_plant_and_mpc_take_the_file(identified, tmp_path):
+def test_plant_and_mpc_take_the_file(identified, lockstep, tmp_path):
     _, output = identified
     values = declarations.read([output])
+    told = configurations_of(Bag(lockstep))['mpc'].parameters
+    for name in ('drive', 'force_limit', 'track_limit'):   # of which motion tells nothing
+        assert values['mpc'][name] == values['plant'][name] == told[name]
+    assert 'cart_speed_limit' not in values['mpc']         # there is none
     found = plants.plant(values['plant']).physical
     assert found.cart_mass == values['plant']['cart_mass']
     assert controllers.controller(values['mpc']).belief.drive.gain == pytest.approx(1, abs=0.02)

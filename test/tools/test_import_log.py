@@ -201,6 +201,7 @@ def test_a_rate_stands_for_times_whatever_they_are(tmp_path, capsys):
     columns = ['--columns', 't=clock', 'joint1=theta', '-o', str(tmp_path / 'bag')]
     assert main([str(path), *columns, '--rate', '50']) == 0
     assert states(tmp_path / 'bag')[0] == pytest.approx([1.0, 1.02, 1.04])
+    assert 'clock' not in capsys.readouterr().out   # which was not read
     many = log(tmp_path, 'theta\n' + '1\n' * 2000, 'many.csv')
     assert main([str(many), '--columns', 'joint1=theta', '--rate', '0.005']) == 2
     assert 'give a rate in Hz, not 0.005' in capsys.readouterr().err

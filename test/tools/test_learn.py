@@ -3,6 +3,7 @@
 """The command, from its words to the model and the picture that it leaves."""
 
 from contextlib import closing
+from itertools import islice
 import threading
 
 import numpy as np
@@ -13,9 +14,10 @@ import pytest
 from dp_swing_ros.bags.episodes import revisions_of
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.dynamics.files import load
+from dp_swing_ros.learning.trials import trials
 from dp_swing_ros.nodes.connections import publish
 from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
-from dp_swing_ros.tools import live_learning, verify
+from dp_swing_ros.tools import learn, live_learning, verify
 from dp_swing_ros.tools.learn import main
 from dp_swing_ros.topics import FORCE_COMMAND, JOINT_STATES
 
@@ -42,6 +44,23 @@ def test_what_is_not_held_is_said_and_what_was_learned_is_left(tmp_path, capsys)
     assert main(['--first', '2', '--total', '3', '-o', str(tmp_path / 'learned')]) == 1
     assert capsys.readouterr().out.splitlines()[-1].startswith('not held after ')
     assert (tmp_path / 'learned' / 'model.json').exists()
+
+
+def test_what_was_learned_until_an_interrupt_is_kept(tmp_path, capsys, monkeypatch):
+    def interrupted(learner, *rest):
+        yield from islice(trials(learner, *rest), 1)
+        raise KeyboardInterrupt
+    monkeypatch.setattr(learn, 'trials', interrupted)
+    output = tmp_path / 'learned'
+    assert main(['--first', '2', '--trial', '3', '--total', '9', '-o', str(output)]) == 130
+    assert f'what was learned until then is in {output / "model.json"}' in capsys.readouterr().err
+    assert load(str(output / 'model.json'), 2).about['seconds'] > 0
+
+
+def test_time_for_more_than_the_random_forces_is_needed(here, capsys):
+    assert main(['--total', '4']) == 2
+    assert '--total is 4 s, and --first, of random forces alone, 5 s' in capsys.readouterr().err
+    assert not (here / 'runs').exists()
 
 
 def test_a_plant_that_runs_is_held_by_an_mpc_whose_model_is_learned(

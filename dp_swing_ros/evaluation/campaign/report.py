@@ -99,10 +99,12 @@ def _verdict(name: str, standings: Sequence[Standing]) -> str:
 def made(summary: Summary) -> list[str]:
     """Return the lines on where a campaign comes from, and on how many episodes it has."""
     campaign, about = summary.campaign, summary.campaign['made']
+    longer = ''.join(f', of {name} of {SCENARIOS[name].times * campaign["duration"]:g} s'
+                     for name in campaign['scenarios'] if SCENARIOS[name].times != 1)
     missing = f', {summary.missing} not run yet' if summary.missing else ''
     return [f'Made by `{about["command"]}` on {about["date"]}, version {campaign["version"]}, '
             f'commit {campaign["commit"]}; {about["machine"]}; {about["packages"]}.',
-            f'{summary.episodes} episodes of {campaign["duration"]:g} s{missing}.']
+            f'{summary.episodes} episodes of {campaign["duration"]:g} s{longer}{missing}.']
 
 
 def number(value: float, digits: int = 2, scale: float = 1.0) -> str:

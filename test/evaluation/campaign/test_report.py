@@ -50,6 +50,12 @@ def test_heads_name_the_units_of_what_acts():
     assert 'force step: hold, run [N]' in force and 'Σabs(Δx u) [J]' in force
 
 
+def test_scenarios_that_take_longer_are_told_so():
+    about = campaign(scenarios=('hanging', 'uptime'))
+    assert in_short(summarise(about, ROWS, 20))[0].startswith(
+        f'{len(ROWS)} episodes of 4 s, of uptime of 24 s')
+
+
 def test_a_terminal_is_shown_a_line_for_each_contestant():
     rows = [row('ilqr', seed=1, settling_time=1.5), *ROWS]
     about = campaign(('ilqr', 'mppi', 'ddp'), ('hanging', 'delay'))
