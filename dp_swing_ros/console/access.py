@@ -8,6 +8,7 @@ import ipaddress
 import os
 from pathlib import Path
 import secrets
+import socket
 from urllib.parse import urlsplit
 
 from dp_swing_ros.errors import UserError
@@ -31,7 +32,8 @@ class Access:
         self.port, self.local = port, is_local(address)
         self.everywhere = address in ('', '0.0.0.0', '::')
         bound = f'[{ipaddress.ip_address(address)}]' if ':' in address else address.lower()
-        self.hosts = {bound, *(LOCAL if self.local or self.everywhere else ())}
+        self.hosts = {bound, *(LOCAL if self.local or self.everywhere else ()),
+                      *(own_names() if self.everywhere else ())}
         self.token = token or ('' if self.local else secrets.token_urlsafe(24))
         host = LOCAL[0] if self.everywhere else bound
         self.cookie = sha256(self.token.encode()).hexdigest()   # what a browser keeps instead
@@ -61,7 +63,9 @@ class Access:
         """Return whether one of them is right, in a time that tells nothing of how wrong."""
         return not self.token or any(
             hmac.compare_digest(given.encode(), right.encode())
-            for given, right in ((token, self.token), (cookie, self.cookie)))
+            # a plus sign in an address stands for a blank
+            for given, right in ((token, self.token), (cookie, self.cookie),
+                                 (token.replace(' ', '+'), self.token)))
 
 
 def given_token(token: str, file: str) -> str:
@@ -86,6 +90,12 @@ def _content(file: Path) -> str:
             return text.read(LONGEST + 2).strip()
     except (OSError, ValueError) as error:
         raise UserError(f'cannot read token_file {str(file)!r}: {error}') from None
+
+
+def own_names() -> tuple[str, str]:
+    """Return by which names others on the network call this machine."""
+    name = socket.gethostname().lower()
+    return name, f'{name}.local'
 
 
 def is_local(address: str) -> bool:

@@ -46,7 +46,7 @@ class Guarded(RequestHandler):
         if origin is not None and not access.is_own_origin(origin):
             self.refuse(403, f'the origin {origin[:80]!r} is not this console')
         self.set_header('Content-Security-Policy', self.policy.format(host=request.host))
-        given = self.get_query_argument('token', '')
+        given = self.get_query_argument('token', '', strip=False)
         cookie = f'{COOKIE}_{access.port}'   # a browser does not tell ports apart
         if not access.is_known(given, self.get_cookie(cookie) or ''):
             self.refuse(403, 'no token, or a wrong one; the console prints its address with one')

@@ -83,7 +83,7 @@ class History:
 
     def __init__(self) -> None:
         """Begin with nothing."""
-        self.rows = deque[Row]()
+        self.rows = deque[Row](maxlen=ROWS)
         self._needed, self._seen = Ring(), Ring()   # KEPT and SEEN
         self._standing: dict[str, Entry] = {}   # which are older
 

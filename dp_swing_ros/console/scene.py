@@ -62,6 +62,7 @@ class Scene:
         """Take the full name of the topic of the states, by which statuses are told apart."""
         self.joint_states = joint_states
         self.take(PendulumParameters(), LimitParameters())
+        self.described = ''   # the newest robot description
         self.configurations: dict[str, Configuration] = {}   # of plant and mpc, by role
         self.announced: Configuration | None = None          # the newest, of any node
         self.statuses: dict[str, tuple[int, str]] = {}       # level and message by name
@@ -108,6 +109,8 @@ class Scene:
         u = to_force(message, sensors.joint_names[0])
         if self.x is None or len(self.x) != len(x):
             self.plans.clear()   # of another pendulum
+        if links_of(x) != self.physical.links:   # of which nobody has said anything else
+            self.take(PendulumParameters(links=links_of(x)), self.limits)
         stamp = nanoseconds(message.header.stamp)
         if self.x is None or stamp < self.stamp or self.is_new_run:
             self.origin, self.is_new_run = stamp, False   # until the plant says more exactly
@@ -131,21 +134,35 @@ class Scene:
             message, decimals(PATH_DIGITS, self.scale.length))))
 
     def _on_description(self, message: Any) -> None:
-        of_rig = CONTROLLER in self.configurations and PLANT not in self.configurations
-        self.take(*from_urdf(message.data, self.physical.drive if of_rig else FORCE))
+        self._settle(message.data)
+        self.described = message.data
+
+    def _settle(self, described: str) -> None:
+        """Take the pendulum that is described, or where none is, as it is told to the mpc."""
+        told = self.parameters(CONTROLLER)
+        of_mpc = group(PendulumParameters, told) if told else None
+        if described:
+            of_rig = of_mpc is not None and PLANT not in self.configurations
+            self.take(*from_urdf(described, of_mpc.drive if of_rig and of_mpc else FORCE))
+        elif of_mpc is not None and PLANT not in self.configurations:
+            self.take(of_mpc, group(LimitParameters, told))
 
     def _on_configuration(self, message: Any) -> None:
         found = self.announced = from_text(message.data)
         role = role_of(found)
-        if role == CONTROLLER and PLANT not in self.configurations:   # a rig has no description
-            self.take(group(PendulumParameters, found.parameters),
-                      group(LimitParameters, found.parameters))
         if role in (CONTROLLER, PLANT):
             before = self.configurations.get(role)
             # anew, or after a reset; all else is a change of parameters
             self.is_new_run |= role == PLANT and (
                 before is None or found.resets != before.resets or found.revision == 0)
+            if before is not None and before.node != found.node:   # which is gone
+                self._forget(before.node.lstrip('/'))
             self.configurations[role] = found
+            self._settle(self.described)
+
+    def _forget(self, name: str) -> None:
+        for each in [each for each in self.statuses if each.partition(':')[0] == name]:
+            del self.statuses[each]
 
     def _on_diagnostics(self, message: Any) -> None:
         for status in message.status:
@@ -170,9 +187,10 @@ class Scene:
         """Return how the sensors of a pendulum are read, of so many links if nobody says."""
         for node in (CONTROLLER, PLANT):
             links = self.value(node, 'links', links)
+        told = self.parameters(CONTROLLER)
         with suppress(ParameterError):
-            return group(SensorParameters, {**default_sensors(links),
-                                            **self.parameters(CONTROLLER)})
+            if told.get('links', links) == links:   # else those of a pendulum before
+                return group(SensorParameters, {**default_sensors(links), **told})
         return group(SensorParameters, default_sensors(links))
 
     def parameters(self, node: str) -> dict[str, Any]:

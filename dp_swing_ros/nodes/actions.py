@@ -28,6 +28,7 @@ from dp_swing_ros.nodes.connections import message_class, publish
 from dp_swing_ros.nodes.partners import Partner
 from dp_swing_ros.nodes.process import ProcessNode
 from dp_swing_ros.parameters.console import ConsoleParameters
+from dp_swing_ros.pendulum.parameters import acting_unit
 from dp_swing_ros.topics import DISTURBANCE, TOPICS
 
 SERVICES = {'plant/reset': Trigger, 'mpc/reset': Trigger, 'mpc/enable': SetBool,
@@ -113,7 +114,8 @@ class Actions:
         force = bounded(request['force'], self.parameters.pull_limit)
         self.kick += force
         self.push()
-        client.answer(request, True, f'{force:g} N for a period')
+        unit = acting_unit(self.scene.physical.drive)
+        client.answer(request, True, f'{force:g} {unit} for a period')
 
     # parameters
 
@@ -156,6 +158,7 @@ class Actions:
                 text: str = '') -> None:
         """Change parameters of nodes, of each all or none, and answer in their words."""
         refused, missing = list[str](), len(changes)
+        calls = [self.partner(role).prepared(values) for role, values in changes.items()]
         finish = self.once(client, request, ' and '.join(changes))
 
         def on_done(ok: bool, why: str) -> None:
@@ -170,7 +173,6 @@ class Actions:
 
         if not changes:
             finish(True, f'{text}: as it is')
-        calls = [self.partner(role).prepared(values) for role, values in changes.items()]
         for call in calls:
             call(on_done)
 

@@ -1,10 +1,11 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 import os
+import socket
 
 import pytest
 
-from dp_swing_ros.console.access import Access, given_token
+from dp_swing_ros.console.access import Access, given_token, LOCAL
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.parameters.console import TOKEN_VARIABLE
 
@@ -49,6 +50,19 @@ def test_a_page_is_ours_by_host_and_port():
                   'file://127.0.0.1:8080'):
         assert not ours.is_own_origin(other), other
     assert not ours.is_ours('somebody@127.0.0.1:8080')
+
+
+def test_a_token_may_have_what_an_address_changes():
+    access = Access('0.0.0.0', 8080, 'a+b')
+    assert access.is_known('a+b', '') and access.is_known('a b', '')   # as browsers send it
+    assert not access.is_known('a-b', '')
+
+
+def test_who_is_bound_to_all_is_called_by_the_name_of_the_machine_too():
+    name = socket.gethostname()
+    for host in (name, name.upper(), f'{name}.local'):
+        assert Access('0.0.0.0', 8080, 'abc').is_ours(f'{host}:8080')
+        assert not Access('127.0.0.1', 8080, '').is_ours(f'{host}:8080') or name in LOCAL
 
 
 @pytest.mark.parametrize(('address', 'port', 'host'), [

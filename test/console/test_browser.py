@@ -45,7 +45,7 @@ FORCES = """
     write.call(this, word, ...rest);
   };
   const look = () => {
-    if (words.length) drawings.push([words[0], text('#now-applied'), text('.force output')]);
+    if (words.length) drawings.push([words[0], text('#now-applied'), text('.force .value')]);
     words = [];
     const forces = new Set(drawings.map(([force]) => force));
     if (drawings.length < 30 || forces.size < 6) requestAnimationFrame(look);

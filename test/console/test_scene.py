@@ -3,6 +3,7 @@
 """What the page is sent where others say what no pendulum of ours would."""
 
 import dataclasses
+import itertools
 import json
 import math
 
@@ -19,6 +20,7 @@ from dp_swing_ros.console.history import Entry, History
 from dp_swing_ros.console.scene import MOST, Scene, STALE
 from dp_swing_ros.messages.configuration import Configuration
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
+from dp_swing_ros.pendulum.state import LINKS
 from dp_swing_ros.pendulum.urdf import urdf
 from dp_swing_ros.topics import (
     CONFIGURATION, DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES, PLAN, ROBOT_DESCRIPTION, TRIES)
@@ -108,6 +110,46 @@ def test_a_rig_that_names_no_drive_has_that_of_its_controller():
     scene.hear(CONFIGURATION, announced('plant'))
     scene.hear(ROBOT_DESCRIPTION, description)   # which would name another
     assert scene.about()['units']['command'] == 'N'
+
+
+@pytest.mark.parametrize('order', itertools.permutations(range(3)))
+def test_who_is_described_is_drawn_whatever_was_heard_first(order):
+    physical = PendulumParameters(link1_length=0.8)
+    said = ((ROBOT_DESCRIPTION, String(data=urdf(physical, LimitParameters()))),
+            (CONFIGURATION, announced('mpc', links=2, horizon=30, solver='ilqr')),
+            (CONFIGURATION, announced('plant')))
+    scene = Scene()
+    for n in order:
+        scene.hear(*said[n])
+    assert scene.about()['lengths'] == [0.8, 1.0]
+    scene.hear(*said[1])   # of which a parameter has changed
+    assert scene.about()['lengths'] == [0.8, 1.0]
+
+
+def test_a_rig_without_a_description_is_as_its_controller_is_told():
+    scene = Scene()
+    scene.hear(CONFIGURATION, announced('mpc', links=1, link1_length=0.4))
+    assert (scene.about()['links'], scene.about()['lengths']) == (1, [0.4])
+
+
+@pytest.mark.parametrize('links', LINKS)
+def test_a_pendulum_of_which_nobody_has_said_anything_has_as_many_links_as_its_states(links):
+    scene = Scene()
+    names = ['cart', *(f'joint{n + 1}' for n in range(links))]
+    still = [0.0] * (links + 1)
+    scene.hear(JOINT_STATES, JointState(header=HEADER, name=names, position=still, velocity=still,
+                                        effort=still))
+    assert scene.about()['links'] == len(scene.about()['lengths']) == links
+
+
+def test_the_joints_of_a_controller_that_was_of_another_pendulum_do_not_count():
+    scene = Scene()
+    scene.hear(CONFIGURATION, announced('mpc', links=2, joint_names=['slide', 'hip', 'knee'],
+                                        joint_signs=[1.0] * 3, joint_offsets=[0.0] * 3))
+    scene.hear(CONFIGURATION, announced('plant', links=1))
+    scene.hear(JOINT_STATES, JointState(header=HEADER, name=['cart', 'joint1'],
+                                        position=[0.1, 0.2], velocity=[0.0] * 2, effort=[0.0] * 2))
+    assert scene.frame()['x'] == [0.1, 0.2, 0.0, 0.0]
 
 
 def test_a_small_pendulum_is_shown_as_large(scene):
@@ -254,6 +296,24 @@ def test_the_status_of_who_is_silent_is_stale(scene):
     assert stale() == {}
     assert stale('mpc').keys() == {'mpc', 'mpc: topics'}
     assert stale('plant').keys() == {'mpc', 'mpc: topics', 'plant'}   # nothing to answer
+
+
+def test_of_a_node_that_another_has_replaced_no_status_is_left(scene):
+    for name in ('mpc', 'mpc: topics', 'plant'):
+        scene.hear(DIAGNOSTICS, said(name))
+    mpc = {'horizon': 30, 'solver': 'ilqr'}
+    scene.hear(CONFIGURATION, announced('mpc', **mpc))
+    scene.hear(CONFIGURATION, announced('other', **mpc))
+    scene.hear(DIAGNOSTICS, said('other'))
+    assert [each['name'] for each in scene.status()['statuses']] == ['other', 'plant']
+
+
+def test_a_minute_of_states_at_50_hz_is_shown_whole():
+    past, scene = History(), Scene()
+    for n in range(3500):
+        scene.hear(JOINT_STATES, state(n / 50))
+        past.keep_state(scene)
+    assert len(history.answer(past.rows)['t']) == history.ROWS == 3000
 
 
 def test_what_a_run_before_announced_counts_on_whatever_its_time():

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Buttons and keys: equilibria, kicks, reset, enable, pause and pace, recordings, help.
 
-import {element, find, words} from './dom.js';
+import {element, find, short, words} from './dom.js';
 
 const KICK = 30;       // [N] scaled, for one period
 const SVG = 'http://www.w3.org/2000/svg';
@@ -34,6 +34,8 @@ export class Actions {
   enabled = true;
   paused = false;
   recording = null;
+  tries = 40;     // that are shown where nobody has said how many
+  told = false;
 
   constructor(socket, hands, timeline, scene, say) {
     Object.assign(this, {socket, hands, timeline, scene, say});
@@ -88,9 +90,13 @@ export class Actions {
 
   onParameters({node, parameters}) {
     const value = name => parameters.find(each => each.name === name)?.value;
-    if (node === 'plant' && value('pace') !== undefined) find('#pace').value = value('pace');
+    if (node === 'plant' && value('pace') !== undefined) this.showPace(value('pace'));
     if (node !== 'mpc') return;
-    find('#shows [value=samples]').checked = value('shown_tries') > 0;
+    this.tries = value('shown_tries') || this.tries;
+    if (!this.hands.refused || !this.told) {   // who may not change it looks away for himself
+      this.told = true;
+      this.scene.shows.samples = find('#shows [value=samples]').checked = value('shown_tries') > 0;
+    }
     this.scene.reference = value('reference')?.[0] ?? null;
     const angles = value('reference')?.slice(1, this.hello.links + 1) ?? [];
     const given = angles.map(angle => Math.cos(angle) > 0 ? 'up' : 'down').join('_');
@@ -98,6 +104,15 @@ export class Actions {
     for (const button of document.querySelectorAll('#goals button')) {
       button.setAttribute('aria-pressed', String(button.dataset.goal === goal));
     }
+  }
+
+  /** Show a pace, also one that others have chosen. */
+  showPace(pace) {
+    const select = find('#pace');
+    select.value = pace;
+    if (select.selectedIndex >= 0) return;
+    select.append(element('option', {value: pace, textContent: `${short(pace)} ×`}));
+    select.value = pace;
   }
 
   onFrame({tick, paused}) {
@@ -116,7 +131,7 @@ export class Actions {
 
   kick(way) {
     const usual = KICK * (this.hello?.scale.force ?? 1), most = this.hello?.limits.disturbance ?? usual;
-    this.socket.send({do: 'push', force: way * Math.min(usual, most)});
+    this.ask({do: 'push', force: way * Math.min(usual, most)});
   }
 
   async reset() {
@@ -134,7 +149,7 @@ export class Actions {
   show(box) {
     this.scene.shows[box.value] = box.checked;
     if (box.value !== 'samples' || this.hands.refused || !this.hello?.nodes.mpc) return;
-    this.ask({do: 'set', node: 'mpc', parameters: {shown_tries: box.checked ? 40 : 0}});
+    this.ask({do: 'set', node: 'mpc', parameters: {shown_tries: box.checked ? this.tries : 0}});
   }
 
   async record() {
@@ -176,6 +191,7 @@ export class Actions {
       else this.hands.push(way);
       return;
     }
+    if (event.repeat) return event.preventDefault();   // held, it would be one command after the other
     const action = {
       '?': () => find('#help').showModal(), '/': () => find('#search-tab').click(),
       k: () => find('#kick-right').click(), j: () => find('#kick-left').click(),

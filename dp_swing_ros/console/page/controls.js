@@ -93,7 +93,7 @@ class Control {
     const names = list && values.length === 2 * links + 2 ? symbols(links) : [];
     const sizes = names.map((_, n) => (n % (links + 1) ? 1 : length) / (n > links ? time : 1));
     const pick = (parts, n) => list ? parts?.[n] : parts;
-    const seconds = element('output', {className: 'unit', id: `${id}-seconds`});
+    const seconds = element('span', {className: 'unit', id: `${id}-seconds`});
     const rows = values.map((value, n) => {
       const scale = scaleOf({...this.parameter, value, default: pick(this.parameter.default, n),
                              times: sizes[n]});
@@ -168,7 +168,7 @@ class Control {
     this.busy = true;
     const asked = value;
     const answer = await this.panel.set(this.node, this.parameter.name, asked);
-    if (answer.ok) this.parameter = {...this.parameter, value: asked};
+    if (answer.ok) this.parameter = {...this.parameter, value: asked === 'inf' ? null : asked};
     this.error.hidden = answer.ok;
     this.error.textContent = answer.ok ? '' : answer.text;
     this.row.classList.toggle('refused', !answer.ok);

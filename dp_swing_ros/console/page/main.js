@@ -48,10 +48,11 @@ find('#lost button').addEventListener('click', () => socket.connect());
 
 socket.on('hello', message => {
   const laidOut = JSON.stringify([message.links, message.limits, message.goals, message.lengths,
-    pastOf(message.scale)]);
+    message.units, pastOf(message.scale)]);
   const changed = laidOut !== hello?.laidOut;
   hello = {...message, laidOut};
   for (const part of [stream, scene, controls, timeline, actions]) part.configure(hello);
+  thoughts.hello = hello;
   if (changed) thoughts.configure(hello);
   for (const last of parameters.values()) onParameters(last);
   const {plant, mpc} = hello.nodes;
@@ -72,16 +73,24 @@ socket.on('frame', frame => {
 });
 socket.on('silence', message => {
   [silent, stale] = [message.silent, true];
-  const names = Object.keys(silent);
+  const names = Object.keys(silent), before = [...find('#silence').querySelectorAll('span')];
   for (const role of ['plant', 'mpc']) {
     document.documentElement.classList.toggle(`${role}-silent`, names.includes(role));
   }
   find('#silence').hidden = names.length === 0;
-  // who listens hears it once, not each second
+  if (names.length && names.join() === before.map(span => span.dataset.role).join()) {
+    for (const span of before) span.textContent = ` for ${silent[span.dataset.role]} s`;
+    return;   // who listens hears it once, not each second
+  }
   find('#silence').replaceChildren(...names.flatMap((role, n) => [
     n ? ', ' : '', `${role} has been silent`,
-    element('span', {ariaHidden: 'true', textContent: ` for ${silent[role]} s`})]));
+    lasting(role)]));
 });
+function lasting(role) {
+  const span = element('span', {ariaHidden: 'true', textContent: ` for ${silent[role]} s`});
+  span.dataset.role = role;
+  return span;
+}
 socket.on('status', message => thoughts.onStatus(message));
 socket.on('recording', message => actions.onRecording(message));
 
@@ -103,7 +112,7 @@ function write(frame) {
 /** Return the solver of a tick, or the one that is on its way to be it. */
 function solver(tick) {
   const wanted = thoughts.parameters.mpc?.solver?.value;
-  if (!timeline.past && tick?.solver && wanted && wanted !== tick.solver) return `${solverName(wanted)} loading …`;
+  if (!timeline.past && !hello.replay && tick?.solver && wanted && wanted !== tick.solver) return `${solverName(wanted)} loading …`;
   return tick?.solver ? solverName(tick.solver) : '–';
 }
 

@@ -30,7 +30,7 @@ export class Plot {
                signed = false, ticks = null}) {
     Object.assign(this, {title, unit, past, series, levels, range, least, stack, signed, ticks});
     this.canvas = element('canvas', {role: 'img', 'aria-label': `${title}, last ${past} s`});
-    this.value = element('output');
+    this.value = element('span', {className: 'value'});   // no output: 20 a second are no news
     this.legend = element('span', {className: 'legend'});
     this.figure = element('figure', {className: 'plot'},
       element('figcaption', {}, element('b', {textContent: title}),

@@ -38,7 +38,7 @@ export class Stream {
     const gap = now - this.arrived;
     if (gap < LONGEST_WAIT) this.interval += 0.1 * (gap - this.interval);
     this.arrived = now;
-    if (before) [before.plan, before.tries] = [null, null];
+    if (before) [before.planned, before.plan, before.tries] = [before.plan?.U[0], null, null];
     if (before?.t === frame.t) for (const list of this.lists) list.pop();
     this.frames.push(frame);
     this.times.push(frame.t);

@@ -12,10 +12,13 @@ const PHASES = ['estimate', 'starts', 'rollout', 'derivatives', 'backward', 'lin
   'rollouts', 'update'];
 const SHADES = ['c1', 'c2', 'c3', 'c5', 'c6', 'c4', 'c7'];
 const LEVELS = ['ok', 'warning', 'error', 'stale'], SIGNS = ['✓', '!', '✕', '…'];
+const BUSY = 0.8;      // of the period, what a solve has at most
 const DRAWN = 90;      // [ms] at least between drawings of a plot
 const WRITTEN = 250;   // [ms] between the rows of what is learned
 const TICKS = [[-Math.PI, '−π'], [0, '0'], [Math.PI, 'π']];
 
+/** Return a number with three digits after the point, a small one with the power of ten that it needs. */
+const figure = value => value && Math.abs(value) < 0.01 ? short(value) : number(value, 3);
 const millis = name => ({tick}) => Number.isFinite(tick?.[name]) ? 1000 * tick[name] : null;
 
 export class Thoughts {
@@ -29,7 +32,7 @@ export class Thoughts {
 
   configure(hello) {
     this.hello = hello;
-    const {links, limits, period, scale, units} = hello, line = c => () => colours[c], past = pastOf(scale);
+    const {links, limits, scale, units} = hello, line = c => () => colours[c], past = pastOf(scale);
     const angles = Array.from({length: links}, (_, n) => ({
       name: `θ${'₁₂₃'[n]}`, colour: () => linkColour(n), wraps: Math.PI,
       of: ({x}) => wrapped(x[n + 1] ?? NaN), ahead: plan => plan.X.map(x => wrapped(x[n + 1]))}));
@@ -41,10 +44,11 @@ export class Thoughts {
       signed: true, levels: limits.force ? both(force) : [],
       // volts and velocities are of another axis
       series: [{name: units.command === units.force ? 'commanded' : 'planned', colour: line('c5'), step: 'on',
-                of: frame => units.command === units.force ? frame.force : frame.plan?.U[0],
+                of: frame => units.command === units.force ? frame.force
+                  : frame.planned ?? frame.plan?.U[0],
                 ahead: plan => plan.U},
                {name: 'applied', colour: line('force'), step: 'until', of: frame => frame.u},
-               {name: 'push', colour: line('push'), step: 'until', of: frame => frame.push || 0}]});
+               {name: 'push', colour: line('push'), step: 'on', of: frame => frame.push || 0}]});
     this.angles = new Plot({
       past, title: 'Angles', unit: 'rad, 0 is upright', series: angles, ticks: TICKS,
       range: () => [-3.3, 3.3]});
@@ -60,7 +64,8 @@ export class Thoughts {
         name: term, colour: () => colours[SHADES[n]], of: ({tick}) => tick?.[`cost_${term}`]}))});
     this.time = new Plot({
       past, title: 'Solve time', unit: 'ms, deadline dashed', stack: true, least: 4,
-      levels: [{of: () => 1000 * (this.parameters.mpc?.time_limit?.value ?? 0.8 * period),
+      levels: [{of: () => 1000 * Math.min(this.parameters.mpc?.time_limit?.value ?? Infinity,
+                                          BUSY * this.hello.period),
                 colour: line('alarm')}], series: []});
     this.iterations = new Plot({
       past, title: 'Iterations', unit: 'a tick', least: 5,
@@ -133,9 +138,9 @@ export class Thoughts {
       const share = truth ? `${number(100 * off / truth, 1)} %` : '';
       return element('tr', {},
         element('th', {scope: 'row', textContent: words(name)}),
-        element('td', {textContent: number(told, 3)}),
-        element('td', {textContent: number(truth, 3)}),
-        element('td', {textContent: Number.isFinite(off) ? share || number(off, 3) : '–'}),
+        element('td', {textContent: figure(told)}),
+        element('td', {textContent: figure(truth)}),
+        element('td', {textContent: Number.isFinite(off) ? share || figure(off) : '–'}),
         element('td', {className: 'unit', textContent: mpc[name].unit ?? ''}));
     });
     section.querySelector('tbody').replaceChildren(...rows);

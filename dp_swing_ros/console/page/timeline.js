@@ -256,8 +256,8 @@ export class Timeline {
       const title = name.split(' ').map(solverName).join(' ');
       const caption = element('figcaption', {}, element('b', {textContent: title}),
         element('span', {textContent: `cost ${short(trajectory.cost)}`}),
-        element('span', {textContent: trajectory.regret === null || trajectory.cost === least
-          ? 'the least' : `regret ${short(trajectory.regret)}`}),
+        element('span', {textContent: trajectory.cost === least ? 'the least'
+          : `regret ${short(trajectory.regret)}`}),
         element('span', {textContent: Number.isFinite(trajectory.settled)
           ? 'held to the end' : 'not held at the end'}));
       const figure = element('figure', {className: trajectory.cost === least ? 'best' : ''}, canvas, caption);
