@@ -6,6 +6,7 @@ import asyncio
 from bisect import bisect_right
 from contextlib import suppress
 import json
+import math
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -23,6 +24,8 @@ from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.provenance import package_version
 from dp_swing_ros.topics import CONFIGURATION, DIAGNOSTICS, JOINT_STATES, ROBOT_DESCRIPTION, Topic
 
+PAUSE = 0.05      # [s] between two runs in one bag
+OVERTAKEN = 0.5   # [s] a state older than the last by more than this begins another run
 BEFORE = 30    # states before one that is sought, of which what still counts may be
 RATES = (0.01, 100.0)
 TYPES = {bool: 'bool', int: 'integer', float: 'double', str: 'string'}
@@ -49,12 +52,16 @@ class Tape:
         self.origin = bag.parse(self._stamp, states[0]) / 1e9   # [s]
         self.moments: list[Moment] = []
         waiting: list[tuple[Topic, Entry]] = []
+        begun = shift = 0.0   # [s] of a run after a reset in lockstep, whose stamps begin anew
         for topic, entry in found:
             if topic is JOINT_STATES:
                 t = bag.parse(self._stamp, entry) / 1e9 - self.origin
-                if self.moments and t <= self.moments[-1].t:
-                    continue   # it was sent again, or the plant was reset
-                self.moments.append(Moment(t, waiting))
+                last = self.moments[-1].t - shift if self.moments else -math.inf
+                if t <= last and begun < t > last - OVERTAKEN or t == last:
+                    continue   # it was sent again, or overtaken
+                if t < last:
+                    begun, shift = t, self.moments[-1].t - t + PAUSE
+                self.moments.append(Moment(t + shift, waiting))
                 waiting = []
             (self.moments[-1].entries if self.moments else waiting).append((topic, entry))
         self.times = [moment.t for moment in self.moments]
@@ -136,7 +143,7 @@ class Reel:
         frame = self._scene.frame()
         if frame is None:
             return
-        shift = self.tape.origin
+        shift = frame['t'] - self.tape.times[self._index]
         frame['t'] = frame['time'] = round(frame['t'] - shift, 6)
         if frame['plan']:
             frame['plan']['t'] = round(frame['plan']['t'] - shift, 6)

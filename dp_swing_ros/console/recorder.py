@@ -16,7 +16,7 @@ from urllib.parse import quote
 from dp_swing_ros.console.requests import RequestError
 
 LOGGER = 'logger_of_console'   # the name of its node
-BAG, REPORT = 'bag', 'report.html'
+BAG, REPORT, REPORT_LOG = 'bag', 'report.html', 'report.log'
 GRACE = 5.0      # [s] for a logger to end
 SHOWN = 300      # [characters] of a log in an error
 
@@ -79,16 +79,17 @@ class Recorder:
                 del self._reports[name]
                 self.finished = [each._replace(reported=report.returncode == 0)
                                  if each.name == name else each for each in self.finished]
+                if report.returncode != 0:
+                    return f'no report on {name}: {_end_of(self.recordings / name / REPORT_LOG)}'
         if self._logger is None or self.folder is None or self._logger.poll() is None:
             return ''
         folder, failed = self.folder, self._logger.returncode != 0 or not self._ending
         self.folder = self._logger = None
         if failed:
-            text = (folder / 'logger.log').read_text(errors='replace').strip()
-            return f'the logger ended: {text[-SHOWN:]}'
+            return f'the logger ended: {_end_of(folder / "logger.log")}'
         self.finished.append(Finished(folder.name, False))
         self._reports[folder.name] = _begin(
-            folder / 'report.log', 'analyse', str(folder / BAG), '--output', str(folder),
+            folder / REPORT_LOG, 'analyse', str(folder / BAG), '--output', str(folder),
             '--no-animation', before=('nice', '-n', '19'))
         return ''
 
@@ -107,6 +108,10 @@ class Recorder:
         return {'kind': 'recording', 'folder': None if self.folder is None else str(self.folder),
                 'since': None if self.folder is None else self.since,
                 'finished': [each.links() for each in self.finished]}
+
+
+def _end_of(log: Path) -> str:
+    return log.read_text(errors='replace').strip()[-SHOWN:]
 
 
 def _begin(log: Path, name: str, *arguments: str,

@@ -9,15 +9,19 @@ import sys
 from conftest import starting
 from pages import Page, port_of
 import pytest
-
 from real_bags import stalled
+from recorded_runs import START, written
+from synthetic import swing_up
 
 from dp_swing_ros.bags.episodes import read_episode
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.console.player import parameters_of, Tape
+from dp_swing_ros.console.recorder import Finished, Recorder
 from dp_swing_ros.declarations import DECLARATIONS
+from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tools.console import main
+from dp_swing_ros.topics import JOINT_STATES
 
 
 @pytest.fixture(scope='module')
@@ -79,6 +83,42 @@ def test_a_logger_that_was_busy_changes_nothing(lockstep_bag, tmp_path):
     for n in range(0, len(tapes[0].moments), 10):
         frames = [tape.scene_at(n).frame() for tape in tapes]
         assert frames[0] == frames[1]
+
+
+def test_a_run_after_a_reset_in_lockstep_follows_the_one_before(tmp_path):
+    """Where the recording began in mid-run, and time at zero again; one state is sent twice."""
+    run = swing_up(duration=1.0)
+    times = [30.0, 30.05, 30.1, 30.1, 30.15, 0.0, 0.05, 0.1, 0.15, 0.2]
+    with written(tmp_path / 'bag', [JOINT_STATES]) as write:
+        for n, t in enumerate(times):
+            write(JOINT_STATES, START + n * 50_000_000, to_joint_state(
+                to_stamp(round(t * 1e9)), run.X[n], 0.0))
+    tape = Tape(Bag(tmp_path / 'bag'))
+    kept = [0, 1, 2, 4, 5, 6, 7, 8, 9]
+    assert tape.times == pytest.approx([0.05 * n for n in range(len(kept))])
+    for index, n in enumerate(kept):
+        assert tape.scene_at(index).frame()['x'] == pytest.approx(run.X[n].tolist(), abs=1e-4)
+    assert [row.t for row in tape.rows()] == pytest.approx(tape.times)
+
+
+def test_a_state_that_is_overtaken_is_left_out(tmp_path):
+    run = swing_up(duration=1.0)
+    with written(tmp_path / 'bag', [JOINT_STATES]) as write:
+        for n, t in enumerate([5.0, 5.05, 5.15, 5.1, 5.2]):
+            write(JOINT_STATES, START + n * 50_000_000, to_joint_state(
+                to_stamp(round(t * 1e9)), run.X[n], 0.0))
+    assert Tape(Bag(tmp_path / 'bag')).times == pytest.approx([0.0, 0.05, 0.15, 0.2])
+
+
+def test_why_there_is_no_report_on_a_recording_is_said(tmp_path):
+    recorder = Recorder(tmp_path)
+    (tmp_path / 'run').mkdir()
+    recorder.finished.append(Finished('run', False))
+    (tmp_path / 'run' / 'report.log').write_text('analyse: error: two states at 0 ns')
+    recorder._reports['run'] = subprocess.Popen([sys.executable, '-c', 'exit(2)'])
+    recorder._reports['run'].wait()
+    assert recorder.poll() == 'no report on run: analyse: error: two states at 0 ns'
+    assert recorder.poll() == '' and recorder.finished[0].links()['report'] is None
 
 
 def test_pages_have_clocks_of_their_own_and_can_change_nothing(page):
