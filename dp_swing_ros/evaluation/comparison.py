@@ -178,7 +178,7 @@ def _of_runs(reduce: Callable[[Array], Any], values: list[Any]) -> Any:
         return math.nan
     found = reduce(np.array(known, dtype=float))
     # of as many that are held as are not, the median is not; a count is a whole number
-    return found > 0.5 if kind is bool else round(found) if kind is int else found
+    return kind(found > 0.5 if kind is bool else np.round(found) if kind is int else found)
 
 
 def summary(name: str, runs: Sequence[Metrics]) -> str:

@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 
-from conftest import wait_until
+from conftest import PATIENCE, wait_until
 from PIL import Image
 import pytest
 from results import row
@@ -233,7 +233,7 @@ def test_a_campaign_goes_on_after_it_was_killed(capsys):
 def test_an_interrupt_ends_all_workers_and_says_how_to_go_on(number, lines):
     process = started(lines)
     os.killpg(process.pid, number)
-    error = process.communicate(timeout=30)[1]
+    error = process.communicate(timeout=PATIENCE)[1]
     assert process.returncode == 130
     # joblib's own process may warn, of a folder that was removed before it could do so
     said = re.sub(r'.*resource_tracker.*\n  warnings\.warn\(.*\n', '', error)
