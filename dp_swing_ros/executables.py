@@ -58,13 +58,12 @@ def piped(work: Callable[[], int]) -> int:
 def _node(name: str) -> int:
     on_signals_to_node(lambda *_: os._exit(0))
     if {'-h', '--help'} & set(sys.argv[1:]):
-        return piped(partial(help_of, name))
+        return piped(partial(_help, name))
     print(f'{name}: loading', flush=True)
     return _in_ros('nodes', name)
 
 
-def help_of(name: str) -> int:
-    """Print what a node does and takes, without ROS; return the exit code."""
+def _help(name: str) -> int:
     print(*import_module('dp_swing_ros.nodes.help').lines(name), sep='\n')
     return 0
 

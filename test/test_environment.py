@@ -54,7 +54,7 @@ def test_what_talks_to_ros_ends_before_it_loads_it(monkeypatch, program, name, e
     monkeypatch.setenv('RMW_IMPLEMENTATION', 'rmw_nobodys_cpp')
     code = (f'import sys; from dp_swing_ros import {program} as program; '
             f'sys.argv = ["{name}", "--version"]; sys.exit(program.{name}())')
-    command = ['-m', 'dp_swing_ros', name, '--help'] if program == '__main__' else ['-c', code]
+    command = ['-m', 'dp_swing_ros', name, '--version'] if program == '__main__' else ['-c', code]
     done = subprocess.run([sys.executable, *command], capture_output=True, text=True, timeout=120)
     assert ('RMW_IMPLEMENTATION' in done.stderr) is ends
     if ends:

@@ -22,7 +22,6 @@ class Peer:
         self.node = Node(name, context=self.context)
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)
-        self.clients = {}   # of services, by their names
 
     def record(self, topic):
         """Return a list that fills with the messages of a topic."""
@@ -49,12 +48,11 @@ class Peer:
 
     def call(self, kind, name, **request):
         """Call a service and return its answer."""
-        if name not in self.clients:
-            self.clients[name] = self.node.create_client(kind, name)
-        client = self.clients[name]
+        client = self.node.create_client(kind, name)
         assert self.until(client.service_is_ready)
         answer = client.call_async(kind.Request(**request))
         assert self.until(answer.done)
+        self.node.destroy_client(client)
         return answer.result()
 
     def reliability(self):

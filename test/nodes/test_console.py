@@ -73,6 +73,7 @@ def begin(page, **plant):
     assert page.ask('reset', node='plant')['ok']
     page.until(lambda page: page.newest['frame']['t'] == 0.0 and tick(page))
     assert page.ask('pause', on=False)['ok']
+    page.until(lambda page: not page.newest['frame']['paused'])
 
 
 def tick(page):

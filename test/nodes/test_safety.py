@@ -5,7 +5,6 @@
 import itertools
 import signal
 
-from conftest import PATIENCE
 from controllers import plant
 from diagnostic_msgs.msg import DiagnosticStatus
 import numpy as np
@@ -17,7 +16,6 @@ from std_srvs.srv import SetBool
 from test_drivers import Driver, Rig
 
 from dp_swing_ros.nodes.connections import DEADLINE, LEASE
-from dp_swing_ros.runtime import mpc as core
 from dp_swing_ros.tools import verify
 
 
@@ -63,16 +61,15 @@ def test_disabled_it_sends_zero_at_once_and_for_each_state(
 
 
 def test_it_brakes_the_cart_before_it_ends(
-        peer, start_here, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(core, 'ENDING', PATIENCE)   # on a busy machine time for all of the stop
+        peer, start_node, start_here, tmp_path, capsys):
     logger = start_here('logger', {'output': str(tmp_path / 'bag')})
     logger.wait_for('recording to')
-    mpc = start_here('mpc', {'controlled_stop': 0.5, 'clock': 'lockstep', **Rig.PARAMETERS})
+    mpc = start_node('mpc', {'controlled_stop': 0.5, 'clock': 'lockstep', **Rig.PARAMETERS})
     mpc.wait_for('ready')
     rig, pendulum, times = Rig(peer), plant(), itertools.count(0, 50_000_000)
     rig.meet(lockstep=True)
     swung = rig.swing(pendulum, 12, lambda: next(times), paced=False)
-    mpc.ask_to_end()
+    mpc.signal(signal.SIGTERM)
     peer.spin(0.2)
     braked = rig.swing(pendulum, 12, lambda: next(times), paced=False)
     assert mpc.wait() == 0
