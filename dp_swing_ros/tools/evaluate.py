@@ -11,6 +11,7 @@ import shlex
 import sys
 from typing import Any
 
+from dp_swing_ros.errors import UserError
 from dp_swing_ros.evaluation.baselines import BASELINES
 from dp_swing_ros.evaluation.campaign import manifest
 from dp_swing_ros.evaluation.campaign.contestants import key, parse_all
@@ -22,7 +23,6 @@ from dp_swing_ros.evaluation.campaign.summary import (
     plain, refuse_strangers, rivals, summarise)
 from dp_swing_ros.evaluation.scenarios import Case, PERIOD, RIGS, SCENARIOS
 from dp_swing_ros.figures import of_campaign
-from dp_swing_ros.errors import UserError
 from dp_swing_ros.parameters import LARGEST, ParameterError
 from dp_swing_ros.pendulum.declaration import links_in
 from dp_swing_ros.pendulum.state import DEFAULT_LINKS, LINKS

@@ -257,13 +257,14 @@ def test_angles_at_which_links_stand_balanced_are_zeros_of_the_sensors(relative,
     told = group(SensorParameters, default_sensors(2) | {
         'relative_angles': relative, 'joint_signs': (1.0, -1.0, 1.0),
         'joint_offsets': (0.1, 3.0, -1000.0)})
-    file = parameter_file(found, told, [])
+    file = parameter_file(found, told, [], {})
     offsets = tuple(map(float, re.search(r'joint_offsets: \[(.*)\]', file).group(1).split(', ')))
     measured = np.array([0.3, 1.0, 2.0, 0.0, 0.0, 0.0])
     seen, as_found = (sensors.state_of(measured)
                       for sensors in (told, replace(told, joint_offsets=offsets)))
     assert (seen - as_found)[:3] == pytest.approx(BALANCE[:3], abs=2e-4)
-    assert 'joint_offsets' not in parameter_file(found, replace(told, zero='hanging'), [])
+    assert 'joint_offsets' not in parameter_file(
+        found, replace(told, zero='hanging'), [], {})
 
 
 def test_an_angle_of_balance_at_either_bound_is_told():
@@ -355,7 +356,7 @@ def test_what_meets_a_bound_is_no_estimate():
     assert found.values['force_gain'] == pytest.approx(30, rel=0.1)
     assert 'force_gain' not in found.intervals
     shown, file = table(found), parameter_file(
-        found, group(SensorParameters, default_sensors(1)), [])
+        found, group(SensorParameters, default_sensors(1)), [], {})
     assert re.search(r'force_gain *\| +[\d.]+ \| +at the bound of the search \|', shown)
     assert re.search(r'force_gain: [\d.]+  # at the bound of the search', file)
     assert 'force_gain: at the bound of the search' in report(found, [recorded(motion)])
