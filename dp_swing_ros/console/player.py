@@ -57,9 +57,10 @@ class Tape:
             if topic is JOINT_STATES:
                 t = bag.parse(self._stamp, entry) / 1e9 - self.origin
                 last = self.moments[-1].t - shift if self.moments else -math.inf
-                if t <= last and begun < t > last - OVERTAKEN or t == last:
+                begins = t < last and t <= max(begun, last - OVERTAKEN)
+                if t <= last and not begins:
                     continue   # it was sent again, or overtaken
-                if t < last:
+                if begins:
                     begun, shift = t, self.moments[-1].t - t + PAUSE
                 self.moments.append(Moment(t + shift, waiting))
                 waiting = []
@@ -143,10 +144,10 @@ class Reel:
         frame = self._scene.frame()
         if frame is None:
             return
-        shift = frame['t'] - self.tape.times[self._index]
-        frame['t'] = frame['time'] = round(frame['t'] - shift, 6)
+        t = self.tape.times[self._index]
         if frame['plan']:
-            frame['plan']['t'] = round(frame['plan']['t'] - shift, 6)
+            frame['plan']['t'] = round(t + frame['plan']['t'] - frame['t'], 6)
+        frame['t'] = frame['time'] = round(t, 6)
         self.client.send_frame(json.dumps({**frame, 'paused': not self.playing}, allow_nan=False))
         status = json.dumps(self._scene.status(), allow_nan=False)
         if status != self._status:

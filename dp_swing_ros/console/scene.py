@@ -19,7 +19,7 @@ from dp_swing_ros.messages.ticks import keys_of_state
 from dp_swing_ros.parameters import group, named, ParameterError
 from dp_swing_ros.pendulum.geometry import drawn_centres, drawn_scale
 from dp_swing_ros.pendulum.parameters import (
-    acting_unit, DriveParameters, DRIVES, FORCE, LimitParameters, PendulumParameters)
+    acting_unit, DriveParameters, DRIVES, LimitParameters, PendulumParameters)
 from dp_swing_ros.pendulum.sensors import default_sensors, SensorParameters
 from dp_swing_ros.pendulum.state import Array, links_of
 from dp_swing_ros.pendulum.units import decimals
@@ -139,13 +139,12 @@ class Scene:
 
     def _settle(self, described: str) -> None:
         """Take the pendulum that is described, or where none is, as it is told to the mpc."""
-        told = self.parameters(CONTROLLER)
-        of_mpc = group(PendulumParameters, told) if told else None
-        if described:
-            of_rig = of_mpc is not None and PLANT not in self.configurations
-            self.take(*from_urdf(described, of_mpc.drive if of_rig and of_mpc else FORCE))
-        elif of_mpc is not None and PLANT not in self.configurations:
-            self.take(of_mpc, group(LimitParameters, told))
+        told = {} if PLANT in self.configurations else self.parameters(CONTROLLER)
+        physical = group(PendulumParameters, told)
+        if described:   # of a rig it may not name the drive
+            self.take(*from_urdf(described, physical.drive))
+        elif told:
+            self.take(physical, group(LimitParameters, told))
 
     def _on_configuration(self, message: Any) -> None:
         found = self.announced = from_text(message.data)

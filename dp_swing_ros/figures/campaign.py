@@ -183,10 +183,10 @@ def settling(summary: Summary, rows: Sequence[Row]) -> Figure | None:
     shown = looks(summary.campaign)
     figure = Figure(figsize=(max(1.2 + 2.9 * len(names), 6.0), 3.8), layout='constrained')
     for axes, name in zip(figure.subplots(1, len(names), sharey=True, squeeze=False).flat, names):
-        end = _duration([row for row in rows if row.key.scenario == name], name,
-                        summary.campaign)
+        played = [row for row in rows if row.key.scenario == name]
+        end = _duration(played, name, summary.campaign)
         for (label, look), width in zip(shown.items(), widths(len(shown))):
-            times = _settling_times([row for row in rows if row.key[:2] == (label, name)])
+            times = _settling_times([row for row in played if row.key.contestant == label])
             settled = np.sort(times[~np.isnan(times)])
             shares = np.arange(len(settled) + 1) / max(len(times), 1)
             axes.step([0.0, *settled, end], [*shares, shares[-1]], where='post',

@@ -52,8 +52,7 @@ socket.on('hello', message => {
   const changed = laidOut !== hello?.laidOut;
   hello = {...message, laidOut};
   for (const part of [stream, scene, controls, timeline, actions]) part.configure(hello);
-  thoughts.hello = hello;
-  if (changed) thoughts.configure(hello);
+  thoughts.configure(hello, changed);
   for (const last of parameters.values()) onParameters(last);
   const {plant, mpc} = hello.nodes;
   find('#nodes').textContent = hello.replay ? 'a bag' : [plant, mpc].filter(Boolean).join(' · ') ||

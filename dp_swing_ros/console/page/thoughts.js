@@ -30,8 +30,10 @@ export class Thoughts {
     this.place = find('#plots');
   }
 
-  configure(hello) {
+  /** Take what there is; lay the plots out anew where that has changed. */
+  configure(hello, changed) {
     this.hello = hello;
+    if (!changed) return;
     const {links, limits, scale, units} = hello, line = c => () => colours[c], past = pastOf(scale);
     const angles = Array.from({length: links}, (_, n) => ({
       name: `θ${'₁₂₃'[n]}`, colour: () => linkColour(n), wraps: Math.PI,
