@@ -127,9 +127,8 @@ class TVLQR:
 
     def fallback(self, acts_at: float) -> Plan:
         """Go on with what the last answer predicted; see Controller.fallback."""
-        began = time.perf_counter()
         left = self.last.shifted(min(acts_at - self.began, self.last.duration - self.last.dt))
-        return self.answer(left.X, left.U, Status.LAST_POLICY, acts_at, began)
+        return self.answer(left.X, left.U, Status.LAST_POLICY, acts_at)
 
     def skips(self, x: Array) -> bool:
         """Return whether a start (2n + 2,) is nearer to the goal, as the regulators measure it."""
@@ -138,10 +137,11 @@ class TVLQR:
         return bool(from_goal @ self.problem.lqr.P @ from_goal
                     < from_start @ self.reference.V @ from_start)
 
-    def answer(self, X: Array, U: Array, status: Status, acts_at: float, began: float) -> Plan:
-        """Make the plan, and remember it."""
+    def answer(self, X: Array, U: Array, status: Status, acts_at: float,
+               began: float | None = None) -> Plan:
+        """Make the plan, whose solve began at a time [s] if there was one, and remember it."""
         plan = plan_of(self.problem, X, U, status)
-        self.last = replace(plan, stats=plan.stats._replace(
+        self.last = plan if began is None else replace(plan, stats=plan.stats._replace(
             solve_time=time.perf_counter() - began))
         self.began = acts_at
         return self.last

@@ -185,10 +185,10 @@ def summary(name: str, runs: Sequence[Metrics]) -> str:
     """Return one line on repeated runs: successes, late ticks and the worst median solve."""
     held = rate([run.success for run in runs])
     late = sum(run.late_ticks for run in runs)
-    slowest = max(run.median_solve_time for run in runs)
+    slowest = _of_runs(np.max, [run.median_solve_time for run in runs])
     return (f'{name}: upright in {held.successes} of {held.runs} runs (95 % interval '
             f'{100 * held.low:.0f}-{100 * held.high:.0f} %), late ticks {late}, '
-            f'worst median solve {1e3 * slowest:.2f} ms')
+            f'worst median solve {_text(slowest, {"scale": 1e3, "digits": 2})} ms')
 
 
 def table(runs: Mapping[str, Metrics], drives: Collection[str] = (FORCE,)) -> str:

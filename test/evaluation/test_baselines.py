@@ -7,7 +7,7 @@ import pytest
 
 from dp_swing_ros.control import controllers
 from dp_swing_ros.evaluation.baselines import BASELINES, stabilised, swing_up, TVLQR
-from dp_swing_ros.evaluation.metrics import measure
+from dp_swing_ros.evaluation.metrics import measure, WITHOUT_SOLVE
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.pendulum.equations import energy
 from dp_swing_ros.pendulum.state import hanging, is_upright
@@ -100,6 +100,9 @@ def test_a_baseline_closes_the_loop_of_a_plant_that_loses_messages(name):
     episode = simulate(plant, BASELINES[name]({})(0), 2.0)
     assert np.all(np.isfinite(episode.X))
     assert measure(episode).stand_ins > 0 or name == 'nothing'
+    ticks = episode.ticks
+    stands_in = [status in WITHOUT_SOLVE for status in ticks.status]
+    assert not ticks.solve_time[stands_in].any()   # its time is not that of a solve
 
 
 def test_the_estimator_keeps_a_swing_up_on_its_way_that_noise_leads_astray():

@@ -156,3 +156,6 @@ def test_summary_names_successes_late_ticks_and_the_worst_median():
     assert '21-94 %' in text
     assert 'late ticks 3' in text
     assert '12.30 ms' in text
+    unsolved = dataclasses.replace(good, median_solve_time=math.nan)
+    assert '12.30 ms' in summary('mppi', [unsolved, slow])   # whichever comes first
+    assert summary('nothing', [unsolved]).endswith('median solve - ms')

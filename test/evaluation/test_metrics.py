@@ -239,6 +239,26 @@ def test_ticks_without_a_solve_are_counted():
     assert measure(episode).stand_ins == 3
 
 
+def test_times_of_the_solver_are_those_of_ticks_that_solved():
+    episode, expected = swing_up(), measure(swing_up())
+    often = dataclasses.replace(episode, ticks=episode.ticks._replace(
+        t=np.repeat(episode.ticks.t, 4), status=['FEEDBACK'] * 3 * 80 + episode.ticks.status,
+        solve_time=np.append(np.zeros(3 * 80), episode.ticks.solve_time)))
+    found = measure(often)
+    for name in ('median_solve_time', 'p99_solve_time', 'largest_solve_time', 'deadline_misses'):
+        assert getattr(found, name) == getattr(expected, name)
+    assert found.ticks == 4 * 80
+
+
+def test_where_no_tick_solved_their_times_are_unknown():
+    episode = swing_up()
+    episode.ticks.solve_time[:] = 0.0
+    metrics = measure(episode)
+    assert math.isnan(metrics.median_solve_time)
+    assert math.isnan(metrics.largest_solve_time)
+    assert metrics.deadline_misses == 0
+
+
 def test_outcome_of_a_success():
     assert outcome(swing_up()) is Outcome.HELD
 
