@@ -146,8 +146,7 @@ def read(path: Path) -> list[Row]:
             data = gzip.decompress(data)
         except (OSError, EOFError, zlib.error) as error:
             raise CampaignError(f'{path} cannot be decompressed: {error}') from None
-    lines = csv.reader(io.StringIO(data[:_whole(data)].decode(errors='replace'), newline=''))
-    header = next(lines, COLUMNS)
+    header, *lines = _lines(data[:_whole(data)].decode(errors='replace')) or [COLUMNS]
     if set(header) - set(COLUMNS) or set(COLUMNS) - set(header) - OPTIONAL:
         raise CampaignError(f'{path} is not the table of a campaign of this version')
     rows = []
@@ -158,6 +157,14 @@ def read(path: Path) -> list[Row]:
             raise CampaignError(f'{path}, line {number}: {error}; remove the line for the episode '
                                 'to be run again') from None
     return rows
+
+
+def _lines(text: str) -> list[list[str]]:
+    usual = csv.field_size_limit(len(text))   # else the ticks of a long episode are too many
+    try:
+        return list(csv.reader(io.StringIO(text, newline='')))
+    finally:
+        csv.field_size_limit(usual)
 
 
 def _cells(row: Row) -> list[str]:

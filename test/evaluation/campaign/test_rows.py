@@ -1,5 +1,6 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
+import csv
 import dataclasses
 import math
 from pathlib import Path
@@ -39,6 +40,17 @@ def test_rows_come_back_as_they_were(tmp_path):
     assert len(found) == 3
     for one, other in zip(found, rows):
         assert_same(one, other)
+
+
+def test_a_row_of_a_long_episode_comes_back(tmp_path):
+    limit, ticks = csv.field_size_limit(), np.full(36_000, 0.012)
+    write(tmp_path / 'episodes.csv', row(solve_times=ticks), row())
+    store(tmp_path / 'rows.csv.gz', [row(solve_times=ticks), row()])
+    for name in ('episodes.csv', 'rows.csv.gz'):
+        long, short = read(tmp_path / name)
+        np.testing.assert_allclose(long.solve_times, ticks)
+        assert_same(short, row())
+    assert csv.field_size_limit() == limit   # anyone else's is as it was
 
 
 def test_stored_rows_come_back_as_they_were_from_the_same_bytes(tmp_path):
