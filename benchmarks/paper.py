@@ -56,9 +56,10 @@ def record(key: Key, folder: Path) -> Episode:
     start = folder / 'start.yaml'
     start.write_text(yaml.safe_dump({'/**/plant': {'ros__parameters': {
         'initial_state': list(case(key, SEED).plant['initial_state'])}}}), encoding='utf-8')
-    return read_episode(perform(
-        folder, key.solver, SEED, STEPS[key.solver] * PERIOD, lockstep=True,
-        parameter_files=[*files_of(key), start]))
+    return read_episode(perform(folder, {
+        'mpc': {'solver': key.solver, 'seed': SEED},
+        'plant': {'seed': SEED, 'duration': STEPS[key.solver] * PERIOD, 'lockstep': True},
+    }, [*files_of(key), start]))
 
 
 def check(bag: Episode, simulated: Episode) -> int:

@@ -23,7 +23,7 @@ from dp_swing_ros.nodes.logger import LoggerNode
 from dp_swing_ros.nodes.mpc import MpcNode
 from dp_swing_ros.nodes.plant import PlantNode
 from dp_swing_ros.nodes.taking import Executor
-from dp_swing_ros.tools.demo import command_line, keeping
+from dp_swing_ros.tools.demo import asked, command_line, keeping
 from dp_swing_ros.topics import DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES
 
 COMMIT = cache(provenance.commit)   # asks git
@@ -125,10 +125,7 @@ def record(folder, *arguments, plant='', mpc='', meddle=None):
 
     meddle is given a node with which to do more.
     """
-    given, bag = command_line().parse_args(arguments), folder / 'run' / 'bag'
+    of_files = {'mpc': yaml.safe_load(mpc) or {}, 'plant': yaml.safe_load(plant) or {}}
+    parameters, bag = asked(command_line().parse_args(arguments), of_files), folder / 'run' / 'bag'
     bag.parent.mkdir(parents=True)
-    shared = {'seed': given.seed, **({'links': given.links} if given.links else {})}
-    return run(bag, {
-        'mpc': {**(yaml.safe_load(mpc) or {}), **shared, 'solver': given.solver},
-        'plant': {**(yaml.safe_load(plant) or {}), **shared, 'duration': given.duration,
-                  'lockstep': given.lockstep}}, meddle)
+    return run(bag, {node: {**own, **parameters[node]} for node, own in of_files.items()}, meddle)

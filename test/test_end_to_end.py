@@ -130,8 +130,9 @@ def test_several_runs_end_in_a_summary(here, lockstep_bag, monkeypatch, capsys):
     monkeypatch.setattr(demo, 'perform', lambda *given: asked.append(given) or lockstep_bag)
     assert demo.main(['--runs', '2', '--duration', '5', '--lockstep', '--no-figures',
                       '--output', 'run']) == 0
-    assert asked == [(Path('run', f'seed_{seed}'), 'ilqr', seed, 5.0, None, True, [])
-                     for seed in (0, 1)]
+    assert asked == [(Path('run', f'seed_{seed}'), {
+        'mpc': {'solver': 'ilqr', 'seed': seed},
+        'plant': {'seed': seed, 'duration': 5.0, 'lockstep': True}}, []) for seed in (0, 1)]
     assert 'upright in 2 of 2 runs (95 % interval 34-100 %)' in capsys.readouterr().out
     assert [path.name for path in sorted((here / 'run').iterdir())] == ['seed_0', 'seed_1']
 

@@ -60,6 +60,11 @@ def print_incomplete(bags: Iterable[Any]) -> None:
             print(f'{bag}: {bag.incomplete}')
 
 
+def given(arguments: argparse.Namespace, *names: str) -> dict[str, Any]:
+    """Return those of some options that were given; what else files or nodes say prevails."""
+    return {name: value for name in names if (value := getattr(arguments, name)) is not None}
+
+
 def within(kind: type, low: float, high: float = math.inf) -> Callable[[str], Any]:
     """Return what reads a finite number between two, both included, and refuses others."""
     def number(text: str) -> Any:

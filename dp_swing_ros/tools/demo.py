@@ -3,7 +3,7 @@
 """`ros2 run dp_swing_ros demo`: plant, mpc and logger swing the pendulum up; a bag stays."""
 
 import argparse
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 import contextlib
 from itertools import chain
 import os
@@ -22,7 +22,7 @@ from dp_swing_ros.evaluation.comparison import spread, summary, table
 from dp_swing_ros.evaluation.metrics import Metrics
 from dp_swing_ros.messages.fields import links_in, seconds, to_state
 from dp_swing_ros.nodes.connections import publish, subscribe
-from dp_swing_ros.parameters.files import for_node, is_of_rclpy, sections
+from dp_swing_ros.parameters.files import for_node, is_of_rclpy, locate, sections
 from dp_swing_ros.pendulum.parameters import acting_unit, FORCE
 from dp_swing_ros.pendulum.state import (
     angles, Array, DEFAULT_LINKS, LINKS, links_of, symbols, wrapped)
@@ -31,7 +31,7 @@ from dp_swing_ros.report.recording import named, recording
 from dp_swing_ros.simulation import plants
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tools.command_lines import (
-    dated, execute, FAILED, new_folder, OK, program, within)
+    dated, execute, FAILED, given, new_folder, OK, program, within)
 from dp_swing_ros.tools.processes import (
     await_ready, Crew, isolated, located, Process, ProcessError)
 from dp_swing_ros.tools.tool_node import listeners, tool_node
@@ -42,6 +42,14 @@ DISCOVERY = 3.0   # [s] to find the nodes that are there already, however they a
 COLUMNS = 5     # of more runs than this the table shows the spread
 SILENCE = 20.0  # [s] without a state: something hangs
 SHORTEST = 1e-3  # [s] of a run
+# what options and parameter files may say of each node, and where neither does
+OPTIONS = {'mpc': ('solver', 'seed', 'links'),
+           'plant': ('seed', 'links', 'duration', 'lockstep')}
+DEFAULTS: dict[str, dict[str, Any]] = {
+    'mpc': {'solver': 'ilqr', 'seed': 0},
+    'plant': {'seed': 0, 'duration': 10.0, 'lockstep': False}}
+
+Parameters = Mapping[str, Mapping[str, Any]]   # of each node, by name
 
 
 class Observer:
@@ -101,25 +109,26 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _demo(arguments: argparse.Namespace) -> int:
-    shared = {'seed': arguments.seed, **({'links': arguments.links} if arguments.links else {})}
-    files = located(arguments.params, {
-        'mpc': {**shared, 'solver': arguments.solver},
-        'plant': {**shared, 'duration': arguments.duration, 'lockstep': arguments.lockstep}})
-    folders, results = folders_of(arguments), []
+    files = list(map(locate, arguments.params))
+    parameters = asked(arguments, {node: given_in(files, node) for node in OPTIONS})
+    located(files, parameters)
+    if parameters['plant']['duration'] < SHORTEST:
+        raise UserError('with a duration of 0 the plant would never end; give --duration')
+    solver, runs, results = parameters['mpc']['solver'], runs_of(parameters, arguments.runs), []
+    folders = folders_of(arguments.output, solver, runs)
     domain_is_given = bool(os.environ.get('ROS_DOMAIN_ID'))
     with isolated() as domain:
         print(f'ROS_DOMAIN_ID={domain}', flush=True)
         if domain_is_given:
             refuse_company({'plant', 'mpc', 'logger'})
         for seed, folder in folders.items():
-            print(f'{arguments.solver}, seed {seed} -> {folder}', flush=True)
-            recorded = recording(perform(folder, arguments.solver, seed, arguments.duration,
-                                         arguments.links, arguments.lockstep, files))
+            print(f'{solver}, seed {seed} -> {folder}', flush=True)
+            recorded = recording(perform(folder, runs[seed], files))
             if arguments.figures:
                 from dp_swing_ros.tools.analyse import write   # 0.7 s of loading
                 write(named([recorded]), folder)
             results.append(recorded.metrics)
-    _report(arguments.solver, folders, results, drive_in(files))
+    _report(solver, folders, results, drive_in(files))
     return OK if all(result.success for result in results) else FAILED
 
 
@@ -130,17 +139,20 @@ def command_line() -> argparse.ArgumentParser:
         description='Swing the pendulum up with three ROS processes: plant, mpc and logger. '
                     'Leaves a bag, pictures, a report and the logs; the exit code is 0 if '
                     'every run ended upright.')
-    parser.add_argument('--solver', choices=list(SOLVERS), default='ilqr')
+    default = '(default: as in --params, else {})'
+    parser.add_argument('--solver', choices=list(SOLVERS),
+                        help=default.format(DEFAULTS['mpc']['solver']))
     parser.add_argument('--links', type=int, choices=LINKS,
-                        help=f'of the pendulum (default: as in --params, else {DEFAULT_LINKS})')
-    parser.add_argument('--duration', type=within(float, SHORTEST), default=10.0,
-                        metavar='SECONDS')
-    parser.add_argument('--seed', type=int, default=0, help='of noises and solver (default: 0)')
+                        help=f'of the pendulum {default.format(DEFAULT_LINKS)}')
+    parser.add_argument('--duration', type=within(float, SHORTEST), metavar='SECONDS',
+                        help=default.format(f'{DEFAULTS["plant"]["duration"]:g}'))
+    parser.add_argument('--seed', type=int, help=f'of noises and solver {default.format(0)}')
     parser.add_argument('--runs', type=within(int, 1), default=1, metavar='N',
                         help='number of runs, with seeds from --seed on (default: 1); of more '
                              f'than {COLUMNS} the spread is tabulated')
-    parser.add_argument('--lockstep', action='store_true',
-                        help='as fast as the solver, and repeatable to the bit')
+    parser.add_argument('--lockstep', action=argparse.BooleanOptionalAction,
+                        help='as fast as the solver, and repeatable to the bit '
+                             f'{default.format("not")}')
     parser.add_argument('--params', type=Path, metavar='FILE', action='append', default=[],
                         help='YAML file with parameters for plant and mpc; of several, the '
                              'later prevails')
@@ -151,39 +163,50 @@ def command_line() -> argparse.ArgumentParser:
     return parser
 
 
-def folders_of(arguments: argparse.Namespace) -> dict[int, Path]:
+def asked(arguments: argparse.Namespace, of_files: Parameters) -> dict[str, dict[str, Any]]:
+    """Return what nodes are started with: what options say, else files, else DEFAULTS."""
+    return {node: {**DEFAULTS[node],
+                   **{name: of_files[node][name] for name in names if name in of_files[node]},
+                   **given(arguments, *names)} for node, names in OPTIONS.items()}
+
+
+def runs_of(parameters: Parameters, count: int) -> dict[str, dict[str, dict[str, Any]]]:
+    """Return what the nodes of each run are started with, by their seeds, mostly the same."""
+    runs = [{node: {**own, 'seed': own['seed'] + n} for node, own in parameters.items()}
+            for n in range(count)]
+    return {','.join(dict.fromkeys(str(own['seed']) for own in run.values())): run for run in runs}
+
+
+def folders_of(output: Path | None, solver: str, seeds: Collection[str]) -> dict[str, Path]:
     """
     Make a folder for the bag, logs and pictures of each run, and return them by their seeds.
 
     Raises UserError where there is something already.
     """
-    folder = new_folder(arguments.output or Path('runs', dated(arguments.solver)))
-    seeds = range(arguments.seed, arguments.seed + arguments.runs)
+    folder = new_folder(output or Path('runs', dated(solver)))
     folders = {seed: folder / f'seed_{seed}' if len(seeds) > 1 else folder for seed in seeds}
     for own in folders.values():
         own.mkdir(exist_ok=True)
     return folders
 
 
-def perform(folder: Path, solver: str, seed: int, duration: float, links: int | None = None,
-            lockstep: bool = False, parameter_files: Sequence[Path] = ()) -> Path:
+def perform(folder: Path, parameters: Parameters, parameter_files: Sequence[Path] = ()) -> Path:
     """
     Do one run and return its bag; the logger starts first and ends last, to record all.
 
-    duration is in s; links may be left to the parameter files. Raises ProcessError if a process
-    fails.
+    The parameters of mpc and plant prevail over the files. Raises ProcessError if a process fails.
     """
     bag, drive = folder / 'bag', drive_in(parameter_files)
     told = given_in(parameter_files, 'mpc')
-    shared = {'seed': seed, **({'links': links} if links else {})}
     with Crew() as crew, Observer() as observer:
         if told.get('bodies') == DESCRIPTION:   # the plant, which has one, is to come last
-            of_plant = plants.plant({**given_in(parameter_files, 'plant'), **shared})
+            of_plant = plants.plant({
+                **given_in(parameter_files, 'plant'), **parameters['plant']})
             observer.describe(urdf(of_plant.physical, of_plant.limits))
         logger = crew.start(
             'logger', {'output': str(bag), 'progress_period': 0.0}, folder / 'logger.log')
         mpc = crew.start(
-            'mpc', {'solver': solver, **shared, **keeping(*(
+            'mpc', {**parameters['mpc'], **keeping(*(
                 topics[drive] for topics in (COMMANDS, STAMPED_COMMANDS) if drive in topics),
                 PLAN, DIAGNOSTICS)},
             folder / 'mpc.log', parameter_files)
@@ -191,10 +214,9 @@ def perform(folder: Path, solver: str, seed: int, duration: float, links: int | 
         await_ready([logger, mpc], lambda: {'logger'} - observer.nodes()
                     | {'mpc'} - observer.listeners(), observer.wait)
         plant = crew.start(
-            'plant', {'duration': duration, 'lockstep': lockstep, **shared,
-                      **keeping(JOINT_STATES, DIAGNOSTICS)},
+            'plant', {**parameters['plant'], **keeping(JOINT_STATES, DIAGNOSTICS)},
             folder / 'plant.log', parameter_files)
-        _follow(observer, plant, [mpc, logger], duration, drive)
+        _follow(observer, plant, [mpc, logger], parameters['plant']['duration'], drive)
         plant.finish()
         mpc.end()  # it sends a last zero force, which belongs into the bag
         logger.end()
@@ -260,7 +282,7 @@ def in_words(x: Array, u: float, drive: str = FORCE) -> str:
     return f'{turned} rad  x {x[0]:+5.2f} m  u {u:+6.1f} {acting_unit(drive)}'
 
 
-def _report(solver: str, folders: Mapping[int, Path], results: Sequence[Metrics],
+def _report(solver: str, folders: Mapping[str, Path], results: Sequence[Metrics],
             drive: str) -> None:
     names = [f'seed {seed}' for seed in folders] if len(folders) > 1 else [solver]
     columns = spread(results) if len(names) > COLUMNS else dict(zip(names, results))

@@ -23,7 +23,7 @@ from dp_swing_ros.pendulum.parameters import DRIVEN, FORCE, VOLTAGE
 from dp_swing_ros.simulation import plants
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tools.command_lines import (
-    dated, execute, FAILED, new_folder, OK, program, within)
+    dated, execute, FAILED, given, new_folder, OK, program, within)
 from dp_swing_ros.tools.processes import located
 
 if TYPE_CHECKING:
@@ -47,7 +47,8 @@ def main(argv: Sequence[str] | None = None) -> int:
                     'if the pendulum was held in the end.',
         epilog=f'examples: {program("learn")} --solver mppi; then: ros2 run dp_swing_ros mpc '
                '--ros-args -p dynamics:=learned -p model:=DIR/model.json')
-    parser.add_argument('--solver', choices=list(SOLVERS), default='ilqr')
+    parser.add_argument('--solver', choices=list(SOLVERS),
+                        help='(default: as in --params, else ilqr)')
     parser.add_argument('--params', type=Path, metavar='FILE', action='append', default=[],
                         help='YAML file with parameters of the plant, bodies and noises too, and '
                              'of an mpc, of whose own bodies the size alone matters')
@@ -64,8 +65,9 @@ def main(argv: Sequence[str] | None = None) -> int:
             ('hold', 0.5, f'within {OUT:g} rad, until it counts as held')):
         parser.add_argument(f'--{name}', type=within(float, least), metavar='SECONDS',
                             help=f'{text} {default.format(DURATIONS[name])}')
-    parser.add_argument('--seed', type=within(int, 0), default=0,
-                        help='of noises, random forces and solver (default: 0)')
+    parser.add_argument('--seed', type=within(int, 0),
+                        help='of noises, random forces and solver (default: as in --params, '
+                             'else 0)')
     parser.add_argument('--output', '-o', type=Path, metavar='DIR',
                         help='folder to make (default: runs/learn_SOLVER_TIME)')
     return execute(parser, _learn, argv)
@@ -79,17 +81,18 @@ def _learn(arguments: argparse.Namespace) -> int:
         raise ParameterError(
             f'parameter drive is {drive!r}; expected {FORCE} or {VOLTAGE}: what is learned are '
             'forces. Record a run by an mpc with this drive, and let train learn from the bag')
-    plant = {**values['plant'], 'seed': arguments.seed}
-    mpc = {**values['mpc'], 'solver': arguments.solver, 'seed': arguments.seed}
-    scale = controllers.controller(mpc).nominal.scale   # refused before a folder is made
+    plant = {**values['plant'], **given(arguments, 'seed')}
+    mpc = {**values['mpc'], **given(arguments, 'solver', 'seed')}
+    controller = controllers.controller(mpc)   # refused before a folder is made
+    solver, scale = controller.parameters.solver, controller.nominal.scale
     vars(arguments).update({name: scale.sized(value, 's') for name, value in DURATIONS.items()
                             if getattr(arguments, name) is None})
     plants.plant(plant)
     if arguments.total <= arguments.first:
         raise UserError(f'--total is {arguments.total:g} s, and --first, of random forces alone, '
                         f'{arguments.first:g} s; expected more time in all')
-    folder = new_folder(arguments.output or Path('runs', dated(f'learn_{arguments.solver}')))
-    print(f'{arguments.solver}: {arguments.first:g} s of random forces first -> {folder}',
+    folder = new_folder(arguments.output or Path('runs', dated(f'learn_{solver}')))
+    print(f'{solver}: {arguments.first:g} s of random forces first -> {folder}',
           flush=True)
     began = time.monotonic()
     with tqdm(total=arguments.total, leave=False, disable=None,

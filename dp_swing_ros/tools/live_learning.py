@@ -42,6 +42,7 @@ from dp_swing_ros.pendulum.model import ROUNDING
 from dp_swing_ros.pendulum.sensors import SensorParameters
 from dp_swing_ros.pendulum.state import Array, deviation
 from dp_swing_ros.problem.parameters import ANALYTIC, LEARNED
+from dp_swing_ros.tools.command_lines import given
 from dp_swing_ros.tools.processes import Crew
 from dp_swing_ros.topics import FORCE_COMMAND, FORCE_COMMAND_STAMPED, JOINT_STATES
 
@@ -242,7 +243,7 @@ def learning(learner: LiveLearner, arguments: Namespace, folder: Path,
     first.write_text(model.to_text(), encoding='utf-8')
     with Crew() as crew:
         mpc = crew.start(MPC, {'dynamics': LEARNED, 'model': str(first.resolve()),
-                               'solver': arguments.solver, 'seed': arguments.seed},
+                               **given(arguments, 'solver', 'seed')},
                          folder / 'mpc.log', map(locate, arguments.params))
         trial = learner.so_far()
         while trial.held < arguments.hold and learner.duration < arguments.total:

@@ -14,10 +14,12 @@ import time
 import webbrowser
 
 from dp_swing_ros.parameters.console import ConsoleParameters
-from dp_swing_ros.pendulum.state import LINKS
+from dp_swing_ros.parameters.files import locate
+from dp_swing_ros.pendulum.state import DEFAULT_LINKS, LINKS
 from dp_swing_ros.solvers import SOLVERS
-from dp_swing_ros.tools.command_lines import dated, execute, new_folder, OK, program, within
-from dp_swing_ros.tools.demo import refuse_company
+from dp_swing_ros.tools.command_lines import (
+    dated, execute, given, new_folder, OK, program, within)
+from dp_swing_ros.tools.demo import DEFAULTS, given_in, refuse_company
 from dp_swing_ros.tools.processes import (
     attributed, Crew, isolated, located, Process, ProcessError)
 
@@ -35,27 +37,33 @@ def main(argv: Sequence[str] | None = None) -> int:
         description='Start mpc and console, open the page in a browser where there is one, and '
                     'start the plant once the page is open: pull at the pendulum, change '
                     'parameters, watch what the mpc plans. Ctrl-C ends it all.')
-    parser.add_argument('--solver', choices=list(SOLVERS), default='ilqr')
-    parser.add_argument('--links', type=int, choices=LINKS, help='of the pendulum')
-    parser.add_argument('--lockstep', action='store_true',
+    default = '(default: as in --params, else {})'
+    parser.add_argument('--solver', choices=list(SOLVERS),
+                        help=default.format(DEFAULTS['mpc']['solver']))
+    parser.add_argument('--links', type=int, choices=LINKS,
+                        help=f'of the pendulum {default.format(DEFAULT_LINKS)}')
+    parser.add_argument('--lockstep', action=argparse.BooleanOptionalAction,
                         help='the plant waits for the mpc, and so can be paused, stepped and '
-                             'slowed down')
+                             f'slowed down {default.format("not")}')
     parser.add_argument('--params', type=Path, metavar='FILE', action='append', default=[],
                         help='YAML file with parameters for plant, mpc and console')
-    parser.add_argument('--port', type=within(int, 0, 65535), default=ConsoleParameters().port,
-                        help='of the page (default: %(default)s; 0: any that is free)')
+    parser.add_argument('--port', type=within(int, 0, 65535),
+                        help=f'of the page {default.format(ConsoleParameters().port)}; 0: any '
+                             'that is free')
     parser.add_argument('--browser', action=argparse.BooleanOptionalAction, default=True,
                         help='open the page')
     return execute(parser, _play, argv, (ProcessError,))
 
 
 def _play(arguments: argparse.Namespace) -> int:
-    shared = {'links': arguments.links} if arguments.links else {}
-    pace = {'lockstep': True, 'pace': 1.0} if arguments.lockstep else {}
-    parameters = {'console': {'port': arguments.port},
-                  'mpc': {'solver': arguments.solver, 'shown_tries': TRIES, **shared},
-                  'plant': {**pace, **shared}}
-    files = located(arguments.params, parameters)
+    files = list(map(locate, arguments.params))
+    parameters = {'console': given(arguments, 'port'), 'mpc': given(arguments, 'solver', 'links'),
+                  'plant': given(arguments, 'lockstep', 'links')}
+    if 'shown_tries' not in given_in(files, 'mpc'):
+        parameters['mpc']['shown_tries'] = TRIES
+    if arguments.lockstep and 'pace' not in given_in(files, 'plant'):
+        parameters['plant']['pace'] = 1.0
+    located(files, parameters)
     folder = new_folder(Path('runs', dated('play')))
     shared_domain = os.environ.get('ROS_DOMAIN_ID')
     with isolated() as domain, Crew() as crew:

@@ -11,13 +11,39 @@ import pytest
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tools import demo, play
+from dp_swing_ros.tools.processes import ProcessError
 
 
 pytestmark = pytest.mark.usefixtures('here')
 
 
-def folders(*arguments):
-    return demo.folders_of(demo.command_line().parse_args(arguments))
+FILE = """\
+/**:
+  ros__parameters: {links: 1, seed: 4}
+/**/mpc:
+  ros__parameters: {solver: mppi}
+/**/plant:
+  ros__parameters: {duration: 3, lockstep: true}
+"""
+
+
+def started(*arguments, files=()):
+    """Return what the nodes are started with."""
+    return demo.asked(demo.command_line().parse_args(arguments), {
+        node: demo.given_in(files, node) for node in demo.OPTIONS})
+
+
+@pytest.fixture
+def performed(monkeypatch):
+    """Return what runs are asked for, none of which is done."""
+    runs = []
+
+    def fail(folder, parameters, files):
+        runs.append((folder, parameters))
+        raise ProcessError('the plant broke')
+    monkeypatch.setattr(demo, 'perform', fail)
+    monkeypatch.setenv('ROS_DOMAIN_ID', '')
+    return runs
 
 
 @pytest.mark.parametrize('arguments, complaint', [
@@ -44,6 +70,45 @@ def test_help_names_every_solver(capsys):
     assert end.value.code == 0
     shown = capsys.readouterr().out
     assert all(name in shown for name in SOLVERS)
+    words = ' '.join(shown.split())
+    for option, default in (('SECONDS', 10), ('{1,2,3} of the pendulum', 2), ('solver', 0),
+                            ('{' + ','.join(SOLVERS) + '}', 'ilqr'), ('to the bit', 'not')):
+        assert f'{option} (default: as in --params, else {default})' in words
+
+
+def test_what_neither_an_option_nor_a_file_says_has_a_default():
+    assert started() == {'mpc': {'solver': 'ilqr', 'seed': 0},
+                         'plant': {'seed': 0, 'duration': 10.0, 'lockstep': False}}
+
+
+def test_an_option_that_is_not_given_leaves_what_a_file_says(here):
+    Path('file.yaml').write_text(FILE)
+    files = [Path('file.yaml')]
+    assert started(files=files) == {
+        'mpc': {'solver': 'mppi', 'seed': 4, 'links': 1},
+        'plant': {'seed': 4, 'links': 1, 'duration': 3, 'lockstep': True}}
+    assert started('--solver', 'ilqr', '--seed', '0', '--links', '2', '--duration', '10',
+                   '--no-lockstep', files=files) == {
+        'mpc': {'solver': 'ilqr', 'seed': 0, 'links': 2},
+        'plant': {'seed': 0, 'links': 2, 'duration': 10.0, 'lockstep': False}}
+
+
+def test_what_is_run_is_shown(here, performed, capsys):
+    Path('file.yaml').write_text(FILE)
+    assert demo.main(['--params', 'file.yaml']) == 1
+    (folder, parameters), = performed
+    assert parameters['mpc'] == {'solver': 'mppi', 'seed': 4, 'links': 1}
+    assert re.fullmatch(r'runs/mppi_\d{8}_\d{6}', str(folder))
+    assert f'mppi, seed 4 -> {folder}\n' in capsys.readouterr().out
+
+
+def test_a_plant_that_would_never_end_is_refused(here, performed, capsys):
+    Path('file.yaml').write_text('/**/plant:\n  ros__parameters: {duration: 0.0}\n')
+    assert demo.main(['--params', 'file.yaml']) == 2
+    assert 'never end; give --duration' in capsys.readouterr().err
+    assert not performed and not list(here.glob('runs'))
+    assert demo.main(['--params', 'file.yaml', '--duration', '1']) == 1
+    assert performed[0][1]['plant']['duration'] == 1.0
 
 
 @pytest.mark.parametrize('text, words', [
@@ -92,27 +157,31 @@ def test_missing_ros2_is_one_line(monkeypatch, capsys):
 
 
 def test_one_run_has_the_folder_for_itself(here):
-    (seed, folder), = folders('--solver', 'mppi', '--seed', '7').items()
-    assert seed == 7
+    (seed, folder), = demo.folders_of(None, 'mppi', ['7']).items()
+    assert seed == '7'
     assert re.fullmatch(r'runs/mppi_\d{8}_\d{6}', str(folder))
     assert folder.is_dir()
 
 
 def test_several_runs_have_a_folder_and_a_seed_each(here):
-    several = folders('--runs', '3', '--seed', '5', '--output', 'out')
-    assert several == {n: Path('out', f'seed_{n}') for n in (5, 6, 7)}
+    runs = demo.runs_of(started('--seed', '5'), 3)
+    assert [run['plant']['seed'] for run in runs.values()] == [5, 6, 7]
+    several = demo.folders_of(Path('out'), 'ilqr', runs)
+    assert several == {str(n): Path('out', f'seed_{n}') for n in (5, 6, 7)}
     assert all(folder.is_dir() for folder in several.values())
 
 
-@pytest.mark.parametrize('arguments, given', [((), None), (('--links', '3'), 3)])
-def test_the_number_of_links_is_that_of_the_parameter_files_unless_it_is_given(arguments, given):
-    assert demo.command_line().parse_args(arguments).links == given
+def test_nodes_may_have_a_seed_each(here):
+    Path('file.yaml').write_text('/**/plant:\n  ros__parameters: {seed: 4}\n')
+    runs = demo.runs_of(started(files=[Path('file.yaml')]), 2)
+    assert list(runs) == ['0,4', '1,5']
+    assert {node: own['seed'] for node, own in runs['1,5'].items()} == {'mpc': 1, 'plant': 5}
 
 
 def test_folder_that_is_a_file_is_refused(here):
     (here / 'file').write_text('')
     with pytest.raises(UserError, match='file exists already'):
-        folders('--output', 'file')
+        demo.folders_of(Path('file'), 'ilqr', ['0'])
 
 
 @pytest.mark.parametrize('drive, shown', [('voltage', '+12.5 N'), ('velocity', '+12.5 m/s^2')])

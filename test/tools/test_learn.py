@@ -40,6 +40,21 @@ def test_a_model_a_picture_and_a_line_a_trial(tmp_path, capsys):
         assert min(picture.size) > 300
 
 
+def test_an_option_that_is_not_given_leaves_what_a_file_says(here, monkeypatch, capsys):
+    (here / 'file.yaml').write_text('/**:\n  ros__parameters: {seed: 5}\n'
+                                    'mpc:\n  ros__parameters: {solver: ddp}\n')
+    asked = []
+
+    def nothing(arguments, mpc, plant, *rest):
+        asked.append((mpc['solver'], mpc['seed'], plant['seed']))
+        return None, []
+    monkeypatch.setattr(learn, '_simulated', nothing)
+    assert main(['--params', 'file.yaml']) == main([
+        '--params', 'file.yaml', '--solver', 'ilqr', '--seed', '0', '-o', 'other']) == 1
+    assert asked == [('ddp', 5, 5), ('ilqr', 0, 0)]
+    assert 'ddp: 5 s of random forces first -> runs/learn_ddp_' in capsys.readouterr().out
+
+
 def test_what_is_not_held_is_said_and_what_was_learned_is_left(tmp_path, capsys):
     assert main(['--first', '2', '--total', '3', '-o', str(tmp_path / 'learned')]) == 1
     assert capsys.readouterr().out.splitlines()[-1].startswith('not held after ')

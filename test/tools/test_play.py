@@ -48,16 +48,44 @@ def test_all_is_there_and_all_ends(start_node, tmp_path, monkeypatch):
         'plant.log', 'mpc.log', 'console.log'}
 
 
-@pytest.mark.parametrize('options', [[], ['--lockstep']])
-def test_the_plant_waits_for_the_mpc_where_it_is_asked_to(options, tmp_path, monkeypatch):
-    asked = {}
-    monkeypatch.chdir(tmp_path)
+@pytest.fixture
+def asked(here, monkeypatch):
+    """Return the parameters with which nodes are started, none of which is, by name."""
+    found = {}
+    monkeypatch.setenv('ROS_DOMAIN_ID', '')
     monkeypatch.setattr(play, 'follow', lambda processes, start_plant, browse: start_plant())
-    monkeypatch.setattr(Crew, 'start', lambda crew, name, parameters, *files: asked.update({
+    monkeypatch.setattr(Crew, 'start', lambda crew, name, parameters, *files: found.update({
         name: parameters}))
+    return found
+
+
+@pytest.mark.parametrize('options', [[], ['--lockstep']])
+def test_the_plant_waits_for_the_mpc_where_it_is_asked_to(options, asked):
     assert play.main(options) == 0
     assert asked.keys() == {'console', 'mpc', 'plant'}
     assert asked['plant'] == ({'lockstep': True, 'pace': 1.0} if options else {})
+    assert asked['mpc'] == {'shown_tries': play.TRIES}
+
+
+def test_an_option_that_is_not_given_leaves_what_a_file_says(asked, here):
+    (here / 'file.yaml').write_text(
+        'mpc:\n  ros__parameters: {solver: ddp, shown_tries: 3}\n'
+        'plant:\n  ros__parameters: {lockstep: true, pace: 0.5}\n'
+        'console:\n  ros__parameters: {port: 1}\n')
+    assert play.main(['--params', 'file.yaml']) == 0
+    assert asked == {'console': {}, 'mpc': {}, 'plant': {}}   # beside the file
+    assert play.main(['--params', 'file.yaml', '--solver', 'ilqr', '--lockstep', '--port', '2',
+                      '--links', '2']) == 0
+    assert asked == {'console': {'port': 2}, 'mpc': {'solver': 'ilqr', 'links': 2},
+                     'plant': {'lockstep': True, 'links': 2}}
+
+
+def test_help_tells_the_defaults(capsys):
+    with pytest.raises(SystemExit):
+        play.main(['--help'])
+    words = ' '.join(capsys.readouterr().out.split())
+    for default in ('ilqr', '2', 'not', '8080'):
+        assert f'(default: as in --params, else {default}' in words
 
 
 def test_the_plant_starts_without_a_page_after_a_while(tmp_path, monkeypatch, capsys):
