@@ -117,18 +117,21 @@ def _demo(arguments: argparse.Namespace) -> int:
     solver, runs, results = parameters['mpc']['solver'], runs_of(parameters, arguments.runs), []
     folders = folders_of(arguments.output, solver, runs)
     domain_is_given = bool(os.environ.get('ROS_DOMAIN_ID'))
-    with isolated() as domain:
-        print(f'ROS_DOMAIN_ID={domain}', flush=True)
-        if domain_is_given:
-            refuse_company({'plant', 'mpc', 'logger'})
-        for seed, folder in folders.items():
-            print(f'{solver}, seed {seed} -> {folder}', flush=True)
-            recorded = recording(perform(folder, runs[seed], files))
-            if arguments.figures:
-                from dp_swing_ros.tools.analyse import write   # 0.7 s of loading
-                write(named([recorded]), folder)
-            results.append(recorded.metrics)
-    _report(solver, folders, results, drive_in(files))
+    try:
+        with isolated() as domain:
+            print(f'ROS_DOMAIN_ID={domain}', flush=True)
+            if domain_is_given:
+                refuse_company({'plant', 'mpc', 'logger'})
+            for seed, folder in folders.items():
+                print(f'{solver}, seed {seed} -> {folder}', flush=True)
+                recorded = recording(perform(folder, runs[seed], files))
+                results.append(recorded.metrics)
+                if arguments.figures:
+                    from dp_swing_ros.tools.analyse import write   # 0.7 s of loading
+                    write(named([recorded]), folder)
+    finally:   # a run that fails takes no other with it
+        if results:
+            _report(solver, folders, results, drive_in(files))
     return OK if all(result.success for result in results) else FAILED
 
 
@@ -285,9 +288,9 @@ def in_words(x: Array, u: float, drive: str = FORCE) -> str:
 def _report(solver: str, folders: Mapping[str, Path], results: Sequence[Metrics],
             drive: str) -> None:
     names = [f'seed {seed}' for seed in folders] if len(folders) > 1 else [solver]
-    columns = spread(results) if len(names) > COLUMNS else dict(zip(names, results))
+    columns = spread(results) if len(results) > COLUMNS else dict(zip(names, results))
     print('', table(columns, [drive]), '', sep='\n')
     if len(names) > 1:
         print(summary(solver, results))
-    for folder in folders.values():
+    for folder, _ in zip(folders.values(), results):
         print(f'bag, logs and pictures: {folder}')

@@ -197,3 +197,22 @@ def test_progress_shows_every_angle_within_half_a_turn(links, angles):
     x = np.zeros(2 * links + 2)
     x[0], x[1:links + 1] = -0.25, (3.0, 2 * np.pi - 3.0, 0.5)[:links]
     assert demo.in_words(x, 12.5) == f'{angles}  x -0.25 m  u  +12.5 N'
+
+
+def test_a_run_that_fails_leaves_the_table_of_those_before_it(
+        here, lockstep_bag, monkeypatch, capsys):
+    bags = iter([lockstep_bag, lockstep_bag])
+
+    def perform(folder, parameters, files):
+        try:
+            return next(bags)
+        except StopIteration:
+            raise ProcessError('the plant broke') from None
+    monkeypatch.setattr(demo, 'perform', perform)
+    monkeypatch.setenv('ROS_DOMAIN_ID', '')
+    assert demo.main(['--runs', '4', '--no-figures', '--output', 'run']) == 1
+    out, error = capsys.readouterr()
+    assert 'seed 0' in out and 'settling time' in out and 'upright in 2 of 2 runs' in out
+    assert [line for line in out.splitlines() if line.startswith('bag, logs')] == [
+        f'bag, logs and pictures: run/seed_{seed}' for seed in (0, 1)]
+    assert error == 'demo: error: the plant broke\n'
