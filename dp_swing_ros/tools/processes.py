@@ -25,7 +25,7 @@ from dp_swing_ros.pendulum.state import LINKS
 from dp_swing_ros.tools.command_lines import postponed, progress
 
 READY = 180.0    # [s] for processes to come up; the first start of an mpc compiles
-GRACE = 10.0     # [s] a process has to end after SIGINT
+GRACE = 21.0     # [s] a process has to end after SIGINT; an mpc may brake for 11 of them
 LAST_LINES = 12  # of a log, shown when its process fails
 DOMAINS = range(102)  # their ports lie below those that Linux gives to anybody
 PORTS_PER_DOMAIN, FIRST_PORT = 250, 7400  # Source: the DDSI-RTPS specification, 9.6.1

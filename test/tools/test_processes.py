@@ -12,7 +12,9 @@ from xml.etree import ElementTree
 
 import pytest
 
+from dp_swing_ros.declarations import DECLARATIONS
 from dp_swing_ros.errors import UserError
+from dp_swing_ros.runtime.mpc import ENDING
 from dp_swing_ros.tools import processes
 from dp_swing_ros.tools.processes import (
     attributed, await_ready, Crew, isolated, Process, ProcessError)
@@ -101,6 +103,11 @@ def test_process_that_does_not_end_is_an_error_and_can_be_killed(tmp_path, monke
     until(lambda: not alive(child))
 
 
+def test_an_mpc_has_the_time_to_brake():
+    longest = DECLARATIONS['mpc'].fields(2)['controlled_stop'].metadata['maximum']
+    assert processes.GRACE >= longest + ENDING + 10.0
+
+
 def test_nobody_is_left_behind(tmp_path, monkeypatch):
     monkeypatch.setattr(processes, 'GRACE', 0.5)
     with pytest.raises(KeyboardInterrupt):
@@ -125,6 +132,7 @@ def test_an_interrupt_while_one_starts_leaves_nobody_behind(tmp_path, monkeypatc
             signal.raise_signal(signal.SIGTERM)
     pids, before = [], signal.signal(signal.SIGTERM, signal.default_int_handler)
     monkeypatch.setattr(subprocess, 'Popen', Interrupted)
+    monkeypatch.setattr(processes, 'GRACE', 0.5)
     try:
         with pytest.raises(KeyboardInterrupt), Crew() as crew:
             crew.start('rude', {}, tmp_path / 'log')
