@@ -12,7 +12,7 @@ from importlib import import_module
 import sys
 
 from dp_swing_ros import environment
-from dp_swing_ros.executables import end_quietly, MISUSED, piped, plays_bag
+from dp_swing_ros.executables import end_quietly, MISUSED, piped, plays_bag, show_help
 
 TOOLS = {
     'analyse': "a bag's table, figures and report, from the bag alone",
@@ -50,7 +50,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _misused(f'unknown command {name!r}; expected one of {", ".join(COMMANDS)}')
     is_node = name in NODES and not (name == 'console' and plays_bag(rest))
     if is_node and {'-h', '--help'} & set(rest):
-        return piped(lambda: _help(name))
+        return piped(lambda: show_help(name))
     if argv is None and not is_node:
         end_quietly()   # while it loads
     if (is_node or name in BY_COLCON) and (error := environment.misused()):
@@ -65,11 +65,6 @@ def main(argv: Sequence[str] | None = None) -> int:
                         f'{remedy}')
     # of a node rclpy wants the name of the program, too
     return int(module.main([name, *rest])) if is_node else piped(lambda: module.main(rest))
-
-
-def _help(name: str) -> int:
-    print(*import_module('dp_swing_ros.nodes.help').lines(name), sep='\n')   # needs no ROS
-    return 0
 
 
 def _misused(why: str) -> int:

@@ -58,12 +58,13 @@ def piped(work: Callable[[], int]) -> int:
 def _node(name: str) -> int:
     on_signals_to_node(lambda *_: os._exit(0))
     if {'-h', '--help'} & set(sys.argv[1:]):
-        return piped(partial(_help, name))
+        return piped(partial(show_help, name))
     print(f'{name}: loading', flush=True)
     return _in_ros('nodes', name)
 
 
-def _help(name: str) -> int:
+def show_help(name: str) -> int:
+    """Print the help of a node, which needs no ROS; return the exit code."""
     print(*import_module('dp_swing_ros.nodes.help').lines(name), sep='\n')
     return 0
 
