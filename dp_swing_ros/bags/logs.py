@@ -104,13 +104,14 @@ def names_of(links: int) -> dict[str, str]:
             **{f'{joint}{VELOCITY}': 'angular speed' for joint in others}, FORCE: 'force'}
 
 
-def columns_of(texts: Mapping[str, str]) -> dict[str, Column]:
-    """Return what stands for each name; raises UserError."""
+def columns_of(texts: Mapping[str, str], rate: float = 0.0) -> dict[str, Column]:
+    """Return what stands for each name; a rate stands for the time. Raises UserError."""
     known = names_of(max(LINKS))
     if strange := [name for name in texts if name not in known]:
         raise UserError(f'a pendulum has no {", ".join(map(repr, strange))}; expected of '
                         f'{", ".join(known)}')
-    found = {name: column_of(name, given) for name, given in texts.items()}
+    found = {name: column_of(name, given) for name, given in texts.items()
+             if name != TIME or not rate}
     cart, *_ = joints(min(LINKS))
     # which is not measured where it is clamped
     return found if cart in found else {**found, cart: Column('', value=0.0)}
@@ -151,8 +152,6 @@ def read_log(path: Path, columns: Mapping[str, Column], rate: float = 0.0,
     With a rate [Hz] its rows are so far apart, whatever their times. Raises UserError, also for a
     cell that is no number.
     """
-    if rate:   # whatever their times
-        columns = {name: column for name, column in columns.items() if name != TIME}
     links = max((n for n in LINKS if f'joint{n}' in columns), default=0)
     wanted = names_of(max(links, 1))
     if not links or (TIME not in columns and not rate):

@@ -64,10 +64,10 @@ def named(text: str) -> tuple[str, str]:
 
 def _import(arguments: argparse.Namespace) -> int:
     # here: pandas takes half a second, which --help should not wait for
-    from dp_swing_ros.bags.logs import as_state, columns_of, read_log, TIME, write_log
-    columns = columns_of({name: column for name, column in arguments.columns
-                          if name != TIME or not arguments.rate})   # which says what time it is
-    log = read_log(arguments.log, columns, arguments.rate or 0.0,
+    from dp_swing_ros.bags.logs import as_state, columns_of, read_log, write_log
+    rate = arguments.rate or 0.0
+    columns = columns_of(dict(arguments.columns), rate)
+    log = read_log(arguments.log, columns, rate,
                    lambda parts: progress(parts, desc='reading', unit=' parts'))
     log = as_state(log, arguments.signs, arguments.relative_angles, arguments.hangs_at_zero)
     output = arguments.output or arguments.log.with_name(

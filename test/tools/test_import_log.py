@@ -18,7 +18,7 @@ from std_msgs.msg import Float64
 from synthetic import swing_up
 
 from dp_swing_ros.bags import read_episode
-from dp_swing_ros.bags.logs import column_of, read_log, write_log
+from dp_swing_ros.bags.logs import column_of, columns_of, read_log, write_log
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.messages.cdr import to_floats, to_joint_states
@@ -202,6 +202,7 @@ def test_a_rate_stands_for_times_whatever_they_are(tmp_path, capsys):
     assert main([str(path), *columns, '--rate', '50']) == 0
     assert states(tmp_path / 'bag')[0] == pytest.approx([1.0, 1.02, 1.04])
     assert 'clock' not in capsys.readouterr().out   # which was not read
+    assert 't' not in columns_of({'t': 'clock', 'joint1': 'theta'}, 50.0)
     many = log(tmp_path, 'theta\n' + '1\n' * 2000, 'many.csv')
     assert main([str(many), '--columns', 'joint1=theta', '--rate', '0.005']) == 2
     assert 'give a rate in Hz, not 0.005' in capsys.readouterr().err
