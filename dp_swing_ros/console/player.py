@@ -17,6 +17,7 @@ from dp_swing_ros.console.history import answer, Row, row_of, thinned
 from dp_swing_ros.console.requests import Request, RequestError
 from dp_swing_ros.console.scene import exact, HEARD, number, Scene
 from dp_swing_ros.console.server import Server
+from dp_swing_ros.control.observer import is_of_another_run
 from dp_swing_ros.declarations import DECLARATIONS
 from dp_swing_ros.errors import BagError
 from dp_swing_ros.messages.fields import nanoseconds
@@ -25,7 +26,6 @@ from dp_swing_ros.provenance import package_version
 from dp_swing_ros.topics import CONFIGURATION, DIAGNOSTICS, JOINT_STATES, ROBOT_DESCRIPTION, Topic
 
 PAUSE = 0.05      # [s] between two runs in one bag
-OVERTAKEN = 0.5   # [s] a state older than the last by more than this begins another run
 BEFORE = 30    # states before one that is sought, of which what still counts may be
 RATES = (0.01, 100.0)
 TYPES = {bool: 'bool', int: 'integer', float: 'double', str: 'string'}
@@ -57,7 +57,7 @@ class Tape:
             if topic is JOINT_STATES:
                 t = bag.parse(self._stamp, entry) / 1e9 - self.origin
                 last = self.moments[-1].t - shift if self.moments else -math.inf
-                begins = t < last and t <= max(begun, last - OVERTAKEN)
+                begins = is_of_another_run(t, begun, last)
                 if t <= last and not begins:
                     continue   # it was sent again, or overtaken
                 if begins:

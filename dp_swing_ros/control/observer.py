@@ -59,6 +59,11 @@ class Belief(NamedTuple):
         return replace(plan, X=turned(plan.X, self.balance))
 
 
+def is_of_another_run(t: float, first: float, latest: float) -> bool:
+    """Return whether a time [s] is before the first of a run, or long before its latest."""
+    return t < latest and t <= max(first, latest - OVERTAKEN)
+
+
 class Observer:
     """
     Holds the estimator, the belief, and the states before, which tell dead sensors.
@@ -136,7 +141,7 @@ class Observer:
 
     def is_another_run(self, t: float) -> bool:
         """Return whether a time [s] is before all measurements, or long before the last."""
-        return t < self.latest and t <= max(self.first, self.latest - OVERTAKEN)
+        return is_of_another_run(t, self.first, self.latest)
 
     def update(self, t: float, x: Array, time_noise: float, commands: Commands) -> Belief:
         """

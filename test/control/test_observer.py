@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from dp_swing_ros.control.commands import SentCommands
-from dp_swing_ros.control.observer import checked, driven_by, Observer, ObserverParameters
+from dp_swing_ros.control.observer import (
+    checked, driven_by, is_of_another_run, Observer, ObserverParameters)
 from dp_swing_ros.estimators import ESTIMATORS
 from dp_swing_ros.parameters import ParameterError
 from dp_swing_ros.pendulum.parameters import DIRECT, LimitParameters, PendulumParameters
@@ -66,6 +67,14 @@ def test_a_state_that_another_overtook_adds_nothing(estimator):
     assert watcher.update(0.02, state(9), 0.0, NOTHING) is belief
     assert not watcher.is_another_run(0.02)
     assert watcher.is_another_run(-0.01)   # it is before all of this one
+
+
+@pytest.mark.parametrize('t, another', [
+    (9.1, False), (9.0, False), (8.6, False), (8.4, True), (5.0, True), (1.0, True)])
+def test_a_time_long_before_the_latest_is_of_another_run(t, another):
+    assert is_of_another_run(t, 5.0, 9.0) is another
+    assert is_of_another_run(t, 8.9, 9.0) is (t <= 8.9)   # it is before all, or is the first
+    assert not is_of_another_run(t, math.inf, -math.inf)   # of a run that has not begun
 
 
 @ESTIMATED
