@@ -16,7 +16,6 @@ from synthetic import swing_up
 from dp_swing_ros.bags.episodes import read_episode
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.console.player import parameters_of, Tape
-from dp_swing_ros.console.recorder import Finished, Recorder
 from dp_swing_ros.declarations import DECLARATIONS
 from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
 from dp_swing_ros.solvers import SOLVERS
@@ -108,17 +107,6 @@ def test_a_state_that_is_overtaken_is_left_out(tmp_path):
             write(JOINT_STATES, START + n * 50_000_000, to_joint_state(
                 to_stamp(round(t * 1e9)), run.X[n], 0.0))
     assert Tape(Bag(tmp_path / 'bag')).times == pytest.approx([0.0, 0.05, 0.15, 0.2])
-
-
-def test_why_there_is_no_report_on_a_recording_is_said(tmp_path):
-    recorder = Recorder(tmp_path)
-    (tmp_path / 'run').mkdir()
-    recorder.finished.append(Finished('run', False))
-    (tmp_path / 'run' / 'report.log').write_text('analyse: error: two states at 0 ns')
-    recorder._reports['run'] = subprocess.Popen([sys.executable, '-c', 'exit(2)'])
-    recorder._reports['run'].wait()
-    assert recorder.poll() == 'no report on run: analyse: error: two states at 0 ns'
-    assert recorder.poll() == '' and recorder.finished[0].links()['report'] is None
 
 
 def test_pages_have_clocks_of_their_own_and_can_change_nothing(page):
