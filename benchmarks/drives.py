@@ -65,9 +65,10 @@ def follower(acceleration: float, speed: float) -> dict[str, Any]:
             'motor_time_constant': 0.02}
 
 
-def real(name: str, drive: Mapping[str, Any], duration: float) -> Group:
+def real(name: str, drive: Mapping[str, Any]) -> Group:
     """Return a group with the links of a real pendulum, hanging at first."""
-    return Group(name, {**published(name), 'track_limit': 0.5, **drive}, SENSED, 'hanging', 15,
+    track, duration = (1.0, 30.0) if name == 'triple' else (0.5, 40.0)
+    return Group(name, {**published(name), 'track_limit': track, **drive}, SENSED, 'hanging', 20,
                  duration)
 
 
@@ -75,10 +76,9 @@ STEPPER = {'drive': 'acceleration', 'acceleration_limit': 20.0}
 GROUPS = [
     Group('default', STEPPER, {}, 'hanging', 50, 10.0),
     Group('default', STEPPER, {}, 'random', 1000, 10.0),
-    real('single', follower(5.0, 1.0), 12.0),
-    real('double', follower(5.0, 1.0), 20.0),
-    real('triple', follower(40.0, 2.0), 12.0),
-    *(real(name, motor(), 12.0 if name == 'triple' else 6.0) for name in AUTHORS)]
+    *(real(name, follower(5.0, 1.0)) for name in ('single', 'double')),
+    real('triple', follower(40.0, 3.0)),
+    *(real(name, motor()) for name in AUTHORS)]
 
 
 def of_group(group: Group, solver: str) -> list[tuple[Contestant, Case]]:
