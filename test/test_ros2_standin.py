@@ -71,8 +71,8 @@ def test_run_becomes_the_executable_with_its_arguments_and_exit_code(prefix):
         shown = [process.stdout.readline() for _ in range(len(words) + 2)]
         assert shown == [f'{word}\n' for word in (process.pid, *words, 'end')]
         process.send_signal(signal.SIGINT)
-        assert process.communicate(timeout=PATIENCE) == ('', '')
-        assert process.returncode == 7
+        assert process.wait(PATIENCE) == 7
+        assert process.communicate() == ('', '')
 
 
 @pytest.mark.parametrize('arguments', [(), ('swing',)])
