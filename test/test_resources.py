@@ -6,16 +6,13 @@ import os
 import signal
 import subprocess
 import sys
-import time
 
 from conftest import BENCHMARKS, wait_until
 import numpy as np
 import pytest
 from resources import burning, Resources, Usage
 
-
-IDLE = ('held = bytearray(50_000_000); print(flush=True); '
-        'import time; time.sleep(3600)')
+IDLE = 'import sys; held = bytearray(50_000_000); print(flush=True); sys.stdin.read()'
 KILLED = """
 import os, signal
 from resources import burning
@@ -25,15 +22,23 @@ with burning(2) as burners:
 """
 
 
+def computed(pid):
+    """Return for how long [s] a process has computed."""
+    now = Resources({'it': pid})
+    now.sample(0.0)
+    return now.usage()['it'].processor[0]
+
+
 def test_a_busy_process_and_an_idle_one_are_told_apart_until_they_end():
     """Memory is what a process holds; burners end with the context."""
-    idle = [sys.executable, '-c', IDLE]
-    with burning(2) as burners, subprocess.Popen(idle, stdout=subprocess.PIPE) as other:
+    with burning(2) as burners, subprocess.Popen(
+            [sys.executable, '-c', IDLE], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
         assert [burner.poll() for burner in burners] == [None, None]
         other.stdout.readline()
         resources = Resources({'busy': burners[0].pid, 'idle': other.pid})
+        began = computed(burners[0].pid)
         resources.sample(0.0)
-        time.sleep(1.0)
+        assert wait_until(lambda: computed(burners[0].pid) > began + 0.5)
         resources.sample(1.0)
         other.kill()
     assert [burner.poll() for burner in burners] == [-signal.SIGKILL] * 2
