@@ -92,9 +92,9 @@ def test_who_fails_or_does_not_come_is_named_and_a_polite_process_ends_when_aske
                 broken.check()
             with pytest.raises(ProcessError, match='broken ended early'):
                 await_ready([polite, broken], lambda: {'broken'}, time.sleep)
-        monkeypatch.setattr(processes, 'READY', 0.3)
         names = iter([{'a', 'b'}, {'b'}])
         await_ready([polite], lambda: next(names, set()), time.sleep)
+        monkeypatch.setattr(processes, 'READY', 0.3)
         with pytest.raises(ProcessError, match='^a and b not ready after 0.3 s'):
             await_ready([polite], lambda: {'b', 'a'}, time.sleep)
         polite.check()
