@@ -17,7 +17,7 @@ from dp_swing_ros.topics import CONFIGURATION, DIAGNOSTICS, FORCE_COMMAND
 HANGING = JointState(name=['drive', 'shoulder', 'elbow'], position=[0.0] * 3, velocity=[0.0] * 3)
 
 
-def test_it_waits_for_the_description_of_a_pendulum_and_keeps_to_it(peer, start_node):
+def test_it_waits_for_the_description_of_a_pendulum_and_keeps_to_it(peer, start_here):
     """From another topic, as robot_state_publisher publishes it; refused and later ones, too."""
     publisher = peer.node.create_publisher(String, '/rig/description', QoSProfile(
         depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
@@ -25,7 +25,7 @@ def test_it_waits_for_the_description_of_a_pendulum_and_keeps_to_it(peer, start_
         FORCE_COMMAND)
     told = peer.record(CONFIGURATION)
     publisher.publish(String(data='<robot name="arm"><link name="base"/></robot>'))
-    mpc = start_node('mpc', {'bodies': 'description', 'force_limit': 9.0, 'clock': 'lockstep'},
+    mpc = start_here('mpc', {'bodies': 'description', 'force_limit': 9.0, 'clock': 'lockstep'},
                      ['-r', 'robot_description:=/rig/description'])
     mpc.wait_for('0 prismatic joints')
     states.publish(HANGING)
