@@ -191,16 +191,18 @@ def points_of(cloud):
     return np.frombuffer(bytes(cloud.data), kind).reshape(cloud.height, cloud.width)
 
 
-def test_in_lockstep_no_state_is_lost(peer, start_node, start_here):
-    start_here('mpc').wait_for('ready')
-    forces = peer.record(FORCE_COMMAND)
-    override = {'qos_overrides./joint_states.publisher.reliability': 'best_effort'}
-    for offered, parameters in (('RELIABLE', {}), ('BEST_EFFORT', override)):
-        plant = start_node('plant', {'lockstep': True, 'pace': 1.0, **parameters})
+@pytest.mark.parametrize('offered', ['RELIABLE', 'BEST_EFFORT'])
+def test_in_lockstep_no_state_is_lost(tmp_path, offered):
+    offers = {'qos_overrides./joint_states.publisher.reliability': offered.lower()}
+    with Crew(tmp_path / 'nodes.yaml', {
+            'plant': {'lockstep': True, 'pace': 1.0, **offers}}) as crew:
+        peer = Member(crew)
+        forces = peer.record(FORCE_COMMAND)
+        crew.start(MpcNode)
+        crew.start(PlantNode)
         assert peer.until(lambda: peer.reliability() == [offered])
         before = len(forces)
         assert peer.until(lambda: len(forces) > before + 5)
-        plant.stop()
 
 
 def test_states_that_are_found_after_their_plant_are_heard(peer, start_here):
