@@ -3,7 +3,6 @@
 """Replay as a process: to subscribers here, to a logger, and to an mpc that answers anew."""
 
 import re
-import signal
 
 from made_bags import encoded, LATCHED, START, write_bag
 from mcap.records import Channel, Schema
@@ -288,12 +287,15 @@ def test_mpc_gives_the_recorded_forces_to_the_bit(lockstep_bag, tmp_path):
         report.values['cost'] for report in reports_of(original)]
 
 
-def test_analysis_of_a_bag_recorded_again_is_the_same(start_node, lockstep_bag, tmp_path):
-    logger = start_node('logger', {'output': str(tmp_path / 'again'), 'progress_period': 0.0})
-    logger.wait_for('recording to')
-    replay = start_node('replay', {'bag': str(lockstep_bag), 'rate': 5.0})
-    assert replay.wait() == 0, replay.output()
-    assert logger.stop() == 0
+def test_analysis_of_a_bag_recorded_again_is_the_same(lockstep_bag, tmp_path):
+    with Crew(tmp_path / 'nodes.yaml', {
+            'logger': {'output': str(tmp_path / 'again'), 'progress_period': 0.0},
+            'replay': {'bag': str(lockstep_bag), 'rate': 5.0}}) as crew:
+        logger, replay = map(crew.start, (LoggerNode, ReplayNode))
+        assert crew.until(lambda: replay.done)
+        crew.end(replay)
+        crew.until(lambda: False, 0.5)   # until all is heard
+        logger.close()
     first, second = (table({'': measure(read_episode(bag))})
                      for bag in (lockstep_bag, tmp_path / 'again'))
     assert first == second
@@ -316,8 +318,8 @@ def test_mpc_by_the_clock_of_a_bag_treats_it_as_live(tmp_path):
     assert 0 < max(abs(new[stamp]['force']) for stamp in common) <= 20.0
 
 
-def test_a_signal_before_the_first_message_ends_it(start_node, lockstep_bag):
-    node = start_node('replay', {'bag': str(lockstep_bag)})
+def test_a_signal_before_the_first_message_ends_it(replay, lockstep_bag):
+    node = replay(lockstep_bag)
     node.wait_for('messages over')
-    assert node.stop(signal.SIGTERM) == 0
+    assert node.stop() == 0
     assert 'Traceback' not in node.output()
