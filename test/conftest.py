@@ -4,6 +4,7 @@
 
 from contextlib import contextmanager
 import fcntl
+from functools import cache
 import json
 import os
 from pathlib import Path
@@ -17,6 +18,7 @@ from domains import claim_domain
 import numpy as np
 import pytest
 
+from dp_swing_ros import provenance
 from dp_swing_ros.executables import ENDING
 
 pytest_plugins = ['spent']
@@ -28,6 +30,8 @@ LOGS = tempfile.TemporaryDirectory(prefix='dp_swing_ros_test_log_')  # gone when
 os.environ['ROS_LOG_DIR'] = LOGS.name
 os.environ['FASTRTPS_DEFAULT_PROFILES_FILE'] = str(
     Path(__file__).parents[1] / 'config' / 'fast_discovery.xml')
+
+provenance.commit = cache(provenance.commit)   # asks git, and need not do so for every run
 
 # A script ignores SIGINT for what it starts in the background, nohup SIGHUP. So do these tests,
 # but by a handler, which unlike SIG_IGN ends at exec: what they start obeys, as in a terminal.

@@ -2,28 +2,68 @@
 # SPDX-License-Identifier: Apache-2.0
 """A short version of benchmarks/durability.py, and what it must find."""
 
+from contextlib import nullcontext
 import re
+import subprocess
 import sys
+from types import SimpleNamespace
 
 import durability
+from readers import rosbags_numbers
+import yaml
+
+from dp_swing_ros.bags.reader import Bag
+from dp_swing_ros.tools import recover
+
+
+def run(command, **options):
+    """Run a command, or do here what `recover` does as a process."""
+    if 'recover' not in command:
+        return subprocess.run(command, **options)
+    return subprocess.CompletedProcess(command, recover.main([str(command[-1])]), '', '')
+
+
+def sequences(bag, **options):
+    """Return which messages of each topic a bag holds."""
+    found = {}
+    for entry in Bag(bag, **options).entries:
+        found.setdefault(entry.topic, []).append(entry.sequence)
+    return found
 
 
 def test_bags_survive(tmp_path, monkeypatch):
     monkeypatch.setattr(sys, 'argv', ['', '--kills', '1', '--kills-fast', '1', '--seconds', '1',
                                       '--docs', str(tmp_path)])
+    monkeypatch.setattr(durability, 'tempfile', SimpleNamespace(
+        TemporaryDirectory=lambda: nullcontext(tmp_path)))   # which stays
+    monkeypatch.setattr(durability, 'subprocess', SimpleNamespace(
+        run=run, Popen=subprocess.Popen))
+    monkeypatch.setattr(durability, 'made', lambda *_: 'Made today.\n')
     durability.main()
     page = (tmp_path / 'results' / 'durability.md').read_text()
     rows = [line for line in page.splitlines() if re.match(r'\| \d', line)]
     assert len(rows) == 2
     for row in rows:
-        _, kills, _, _, oldest, newest, *verdicts = row.strip('| ').split(' | ')
+        rate, kills, _, _, oldest, newest, *verdicts = row.strip('| ').split(' | ')
         assert kills == '1'
         # [ms], far less than the 2 s of the run; how little on a machine is on the page
         assert float(oldest) <= 1000
         assert float(newest) <= 1000
         assert set(verdicts) == {'1 of 1'}
+        killed = tmp_path / rate / '0' / 'bag'   # as it was left, all of it is read, too
+        found = sequences(killed, partial=True)
+        assert found == sequences(killed.with_name('bag_recovered'))
+        assert found == {f'/number_{n}': [*range(1, len(found[f'/number_{n}']) + 1)]
+                         for n in range(durability.TOPICS)}
     assert re.search(r'5000 messages on 5 topics in \S+ s: 5000 in the bag, 0 lost; the logger '
                      'itself counted 0 lost', page)
+    bag, said = tmp_path / 'load' / 'bag', (tmp_path / 'load.log').read_text()
+    names = [f'/number_{n}' for n in range(5)]
+    assert rosbags_numbers(bag) == {name: [*range(1000)] for name in names}
+    custom = yaml.safe_load((bag / 'metadata.yaml').read_text())[
+        'rosbag2_bagfile_information']['custom_data']
+    for name in names:
+        assert f'{name}: 1000 written, 0 lost' in said and custom[f'lost:{name}'] == '0'
     if 'Not measured' not in page:
         assert re.search(r'No space left on device; .* makes a whole bag of it', page)
         assert re.search(r'\d{3,} messages are in the bag as it was left, without', page)

@@ -14,7 +14,7 @@ from conftest import wait_until
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 import numpy as np
-from one_process import record
+from one_process import COMMIT, record
 from PIL import Image
 import pytest
 from rosbags.highlevel import AnyReader
@@ -25,11 +25,11 @@ from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.control import controllers
 from dp_swing_ros.errors import BagError
 from dp_swing_ros.evaluation.metrics import measure, outcome
-from dp_swing_ros.provenance import commit, machine
+from dp_swing_ros.provenance import machine
 from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import simulate
 from dp_swing_ros.solvers import SOLVERS
-from dp_swing_ros.tools import demo
+from dp_swing_ros.tools import demo, verify
 
 LIMIT = 280  # [s] for one call; the first start on a machine compiles
 MARK = 'DP_SWING_ROS_TEST'
@@ -94,15 +94,19 @@ def test_solver_swings_up_in_lockstep_and_the_bag_tells_with_what(solver, tmp_pa
     assert set(told) == {'plant', 'mpc', 'logger'}
     assert (told['mpc'].parameters['solver'], told['mpc'].parameters['seed']) == (solver, 3)
     assert told['plant'].parameters['duration'] == 6.0
-    this = commit(), machine()
+    this = COMMIT(), machine()
     for each in told.values():
         assert (each.commit, each.machine) == this
         assert each.packages['numpy'] == np.__version__
 
 
-def test_processes_give_the_run_of_one_to_the_bit_and_a_plant_is_described_to_an_mpc(tmp_path):
+def test_processes_give_the_run_of_one_to_the_bit_and_a_plant_is_described_to_an_mpc(
+        tmp_path, capsys):
     """The bodies are told to the plant alone, which starts after the mpc."""
-    plant = 'links: 1, link1_length: 0.5, drive: acceleration'
+    bodies = {'links': 1, 'cart_mass': 0.6, 'link1_mass': 0.2, 'link1_length': 0.5,
+              'link1_centre': 0.2, 'cart_dry_friction': 0.3, 'track_limit': 1.1,
+              'drive': 'acceleration'}
+    plant = json.dumps(bodies)[1:-1]
     file = tmp_path / 'rig.yaml'
     file.write_text(f"""
 /**/plant: {{ros__parameters: {{{plant}}}}}
@@ -115,7 +119,10 @@ def test_processes_give_the_run_of_one_to_the_bit_and_a_plant_is_described_to_an
     assert run.left_behind() == []
     first = read_episode(run.folder / 'bag')
     believed = configurations_of(Bag(run.folder / 'bag'))['mpc'].parameters
-    assert (believed['link1_length'], believed['drive']) == (0.5, 'acceleration')
+    assert {name: believed[name] for name in bodies} == bodies
+    assert believed['step'] < 0.05   # the defaults go with them
+    assert verify.main([str(run.folder / 'bag')]) == 0
+    assert 'to the bit' in capsys.readouterr().out
     second = read_episode(record(
         tmp_path / 'again', *arguments, plant=f'{{{plant}}}',
         mpc=json.dumps({**believed, 'bodies': 'parameters'})))
@@ -185,7 +192,7 @@ def test_real_time_run_leaves_a_whole_bag_and_pictures(tmp_path):
             image.verify()
     report = (run.folder / 'report.html').read_text()
     assert f'iLQR: {outcome(episode).value}' in report
-    assert commit() in report and machine() in report
+    assert COMMIT() in report and machine() in report
     assert len(report) < 3e6
     assert episode.t[-1] > 0.8   # [s] of a clock that stops with the plant
 

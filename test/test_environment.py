@@ -2,10 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the environment tells ROS: obeyed, or refused in one line that names the variable."""
 
+import json
 import os
 import subprocess
 import sys
 
+from conftest import PATIENCE
 import pytest
 
 from dp_swing_ros import environment
@@ -47,15 +49,39 @@ def test_what_ros_obeys_is_left_to_it(monkeypatch, name, value):
     assert environment.misused() == ''
 
 
-@pytest.mark.parametrize('program', ['executables', '__main__'])
-@pytest.mark.parametrize('name, ends', [('plant', True), ('demo', True), ('recover', False)])
-def test_what_talks_to_ros_ends_before_it_loads_it(monkeypatch, program, name, ends):
+# each executable as `ros2 run` calls it, then as `python -m dp_swing_ros` does
+CALLING = """
+from contextlib import redirect_stderr, redirect_stdout
+import io, json, runpy, sys
+from dp_swing_ros import executables
+
+def called(name, work):
+    sys.argv = [name, *[name] * (work is module), '--version']
+    with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()) as error:
+        try:
+            code = work()
+        except SystemExit as end:
+            code = end.code
+    return name, code, error.getvalue()
+
+def module():
+    runpy.run_module('dp_swing_ros', run_name='__main__')
+
+answers = [called(name, work) for name in ('plant', 'demo', 'recover')
+           for work in (getattr(executables, name), module)]
+print(json.dumps([answers, 'rclpy' in sys.modules]))
+"""
+
+
+def test_what_talks_to_ros_ends_before_it_loads_it(monkeypatch):
     """A tool that needs no ROS does its work."""
     monkeypatch.setenv('RMW_IMPLEMENTATION', 'rmw_nobodys_cpp')
-    code = (f'import sys; from dp_swing_ros import {program} as program; '
-            f'sys.argv = ["{name}", "--version"]; sys.exit(program.{name}())')
-    command = ['-m', 'dp_swing_ros', name, '--version'] if program == '__main__' else ['-c', code]
-    done = subprocess.run([sys.executable, *command], capture_output=True, text=True, timeout=120)
-    assert ('RMW_IMPLEMENTATION' in done.stderr) is ends
-    if ends:
-        assert (done.returncode, done.stderr.count('\n')) == (2, 1)
+    done = subprocess.run([sys.executable, '-c', CALLING], capture_output=True, text=True,
+                          timeout=PATIENCE)
+    assert done.returncode == 0, done.stderr
+    answers, has_loaded = json.loads(done.stdout)
+    assert len(answers) == 6 and not has_loaded
+    for name, code, error in answers:
+        assert ('RMW_IMPLEMENTATION' in error) is (name != 'recover'), name
+        if name != 'recover':
+            assert (code, error.count('\n')) == (2, 1), name

@@ -63,6 +63,7 @@ CLUSTER = f'evaluate --contestants nothing --dask tcp://127.0.0.1:1 {HERE} clust
 WHERE = 'where.py'
 ANALYSIS = 'analyse my_bag --no-animation --output analysis'
 IN_ROS = [*NODES, *BY_COLCON]
+HELPFUL = ('console', 'mpc')
 
 
 class Answer(NamedTuple):
@@ -118,9 +119,9 @@ def answers(installed, lockstep_bag):
     for n, code in enumerate(codes):
         (installed.here / f'snippet_{n}.py').write_text(code)
     return installed.answers([
-        *(f'{tool} --help' for tool in TOOLS), *IN_ROS, 'parameters', 'console nothing',
-        CAMPAIGN, *(f'python snippet_{n}.py' for n in range(len(codes))), f'python {WHERE}',
-        ANALYSIS, CLUSTER, *DEVICES.values()])
+        *(f'{name} --help' for name in (*TOOLS, *HELPFUL)), *IN_ROS, 'parameters',
+        'console nothing', CAMPAIGN, *(f'python snippet_{n}.py' for n in range(len(codes))),
+        f'python {WHERE}', ANALYSIS, CLUSTER, *DEVICES.values()])
 
 
 def test_pip_puts_one_name_on_the_path(installed):
@@ -128,10 +129,6 @@ def test_pip_puts_one_name_on_the_path(installed):
     done = installed.python(installed.prefix / 'bin' / 'dp_swing_ros', 'verify', '--help')
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith('usage: dp_swing_ros verify')
-    for node in ('console', 'mpc'):   # whose help needs no ROS
-        done = installed.python(installed.prefix / 'bin' / 'dp_swing_ros', node, '--help')
-        assert done.returncode == 0, done.stderr
-        assert f'usage: ros2 run dp_swing_ros {node}' in done.stdout
 
 
 def test_colcon_has_every_tool_and_node_where_ros2_run_looks():
@@ -145,6 +142,13 @@ def test_a_tool_needs_no_ros(tool, answers):
     answer = answers[f'{tool} --help']
     assert answer.code == 0, answer.err
     assert answer.out.startswith(f'usage: python -m dp_swing_ros {tool}')
+
+
+@pytest.mark.parametrize('node', HELPFUL)
+def test_the_help_of_a_node_needs_no_ros(node, answers):
+    answer = answers[f'{node} --help']
+    assert answer.code == 0, answer.err
+    assert f'usage: ros2 run dp_swing_ros {node}' in answer.out
 
 
 @pytest.mark.parametrize('name', IN_ROS)

@@ -6,15 +6,13 @@ import os
 import signal
 import subprocess
 import sys
-import time
 
 from conftest import BENCHMARKS, wait_until
 import numpy as np
 import pytest
 from resources import burning, Resources, Usage
 
-
-IDLE = 'import time; print(flush=True); time.sleep(60)'
+IDLE = 'import sys; held = bytearray(50_000_000); print(flush=True); sys.stdin.read()'
 KILLED = """
 import os, signal
 from resources import burning
@@ -24,47 +22,34 @@ with burning(2) as burners:
 """
 
 
-def test_a_busy_process_and_an_idle_one_are_told_apart():
-    idle = [sys.executable, '-c', IDLE]
-    with burning(1) as (busy,), subprocess.Popen(idle, stdout=subprocess.PIPE) as other:
+def computed(pid):
+    """Return for how long [s] a process has computed."""
+    now = Resources({'it': pid})
+    now.sample(0.0)
+    return now.usage()['it'].processor[0]
+
+
+def test_a_busy_process_and_an_idle_one_are_told_apart_until_they_end():
+    """Memory is what a process holds; burners end with the context."""
+    with burning(2) as burners, subprocess.Popen(
+            [sys.executable, '-c', IDLE], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
+        assert [burner.poll() for burner in burners] == [None, None]
         other.stdout.readline()
-        resources = Resources({'busy': busy.pid, 'idle': other.pid})
+        resources = Resources({'busy': burners[0].pid, 'idle': other.pid})
+        began = computed(burners[0].pid)
         resources.sample(0.0)
-        time.sleep(1.0)
+        assert wait_until(lambda: computed(burners[0].pid) > began + 0.5)
         resources.sample(1.0)
         other.kill()
+    assert [burner.poll() for burner in burners] == [-signal.SIGKILL] * 2
+    resources.sample(2.0)
     found = resources.usage()
     assert found['busy'].share > 0.1 > found['idle'].share
     for usage in found.values():
-        assert usage.t.tolist() == [0.0, 1.0]
+        assert usage.t.tolist() == [0.0, 1.0]   # who has ended is not seen any more
         assert (usage.resident > usage.private).all()
         assert 1e6 < usage.private.min() < usage.resident.max() < 1e9
-
-
-def test_memory_is_what_a_process_holds():
-    script = 'held = bytearray(50_000_000); print(flush=True); import time; time.sleep(60)'
-    with subprocess.Popen([sys.executable, '-c', script], stdout=subprocess.PIPE) as process:
-        process.stdout.readline()
-        resources = Resources({'it': process.pid})
-        resources.sample(0.0)
-        process.kill()
-    assert 50e6 < resources.usage()['it'].private[0] < 100e6
-
-
-def test_who_has_ended_is_not_seen_any_more():
-    process = subprocess.Popen([sys.executable, '-c', IDLE])
-    resources = Resources({'it': process.pid})
-    resources.sample(0.0)
-    process.kill()
-    process.wait()
-    resources.sample(1.0)
-    assert resources.usage()['it'].t.tolist() == [0.0]
-
-
-def test_burners_end_with_the_context():
-    with burning(2) as burners:
-        assert [burner.poll() for burner in burners] == [None, None]
-    assert [burner.poll() for burner in burners] == [-signal.SIGKILL] * 2
+    assert 50e6 < found['idle'].private[0] < 100e6
 
 
 def runs(pid):

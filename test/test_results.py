@@ -124,18 +124,30 @@ def test_what_is_no_longer_the_stored_row_is_seen():
     assert not differs(row, row, exactly=True)
 
 
-def test_the_digest_is_of_the_modules_that_an_episode_needs_and_no_others():
-    script = ('import sys, dp_swing_ros.evaluation.campaign.contestants, '
-              'dp_swing_ros.evaluation.scenarios, dp_swing_ros.solvers.device\n'
-              'print(*(m for m in sys.modules if m.startswith("dp_swing_ros.")))')
+@pytest.fixture(scope='module')
+def needed():
+    """Return the modules that an episode needs, and those that it or a live page's nodes do."""
+    script = """
+import sys
+
+def imported(*names):
+    for name in names:
+        __import__(f'dp_swing_ros.{name}')
+    print(*(m.partition('.')[2] for m in sys.modules if m.startswith('dp_swing_ros.')))
+
+imported('evaluation.campaign.contestants', 'evaluation.scenarios', 'solvers.device')
+imported('nodes.plant', 'nodes.mpc', 'nodes.logger')"""
     loaded = subprocess.run([sys.executable, '-c', script], capture_output=True, text=True,
-                            check=True, cwd=TOP).stdout.split()
-    needed = {name.partition('.')[2].replace('.', '/') for name in loaded}
+                            check=True, cwd=TOP).stdout
+    return [set(line.replace('.', '/').split()) for line in loaded.splitlines()]
+
+
+def test_the_digest_is_of_the_modules_that_an_episode_needs_and_no_others(needed):
     places = [path.relative_to(provenance.PACKAGE).with_suffix('').as_posix()
               for path in provenance.PACKAGE.rglob('*.py')]
     digested = {place.removesuffix('/__init__') for place in places if place != '__init__'
                 and not f'{place}.py'.startswith(provenance.AFTERWARDS)}
-    assert digested == needed
+    assert digested == needed[0]
     for place in provenance.AFTERWARDS:
         assert (provenance.PACKAGE / place).exists(), place
 
@@ -222,16 +234,19 @@ def test_generated_files_do_not_make_a_tree_dirty(tmp_path, monkeypatch):
     for name in ('README.md', 'docs/results/random.md', 'solver.py'):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text('one')
-    for command in (['init', '-q'], ['add', '.'],
-                    ['-c', 'user.name=a', '-c', 'user.email=a', 'commit', '-qm', 'one']):
-        subprocess.run(['git', '-C', str(tmp_path), *command], check=True)
+    subprocess.run('git init -q && git add . && git -c user.name=a -c user.email=a commit -qm one',
+                   shell=True, cwd=tmp_path, check=True)
     for name in ('README.md', 'docs/results/random.md', 'docs/results/new.csv.gz'):
         (tmp_path / name).write_text('two')
-    assert stamp.changed() == []
-    assert not stamp.commit().endswith('dirty')
+
+    def told():
+        found = stamp.changed()
+        with monkeypatch.context() as patch:
+            patch.setattr(stamp, 'changed', lambda: found)   # git was asked already
+            return found, stamp.commit().endswith('-dirty')
+    assert told() == ([], False)
     (tmp_path / 'solver.py').write_text('two')
-    assert stamp.changed() == ['solver.py']
-    assert stamp.commit().endswith('-dirty')
+    assert told() == (['solver.py'], True)
 
 
 def test_what_a_page_measures_exists():
@@ -243,13 +258,8 @@ def test_what_a_page_measures_exists():
             assert (provenance.PACKAGE / place).exists(), place
 
 
-def test_the_digest_of_live_pages_is_of_the_modules_that_their_nodes_need():
-    nodes = ', '.join(f'dp_swing_ros.nodes.{name}' for name in ('plant', 'mpc', 'logger'))
-    script = (f'import sys, {nodes}\n'
-              'print(*(m for m in sys.modules if m.startswith("dp_swing_ros.")))')
-    loaded = subprocess.run([sys.executable, '-c', script], capture_output=True, text=True,
-                            check=True, cwd=TOP).stdout.split()
-    needed = {f'{name.partition(".")[2].replace(".", "/")}.py' for name in loaded}
+def test_the_digest_of_live_pages_is_of_the_modules_that_their_nodes_need(needed):
+    needed = {f'{name}.py' for name in needed[1]}
     assert {name for name in needed if name.startswith(('bags/', 'messages/', 'nodes/', 'rerun/'))
             and not name.startswith(stamp.LIVE)} == set()
     assert {name for name in stamp.LIVE if name.startswith(('nodes/', 'rerun/'))} <= needed
@@ -271,7 +281,8 @@ def test_parts_say_that_they_are_older_and_no_other_does():
     assert not wrong, f'{wrong}: run `python benchmarks/published.py --mark`'
 
 
-def test_an_older_part_is_marked_and_unmarked():
+def test_an_older_part_is_marked_and_unmarked(monkeypatch):
+    monkeypatch.setattr(stamp, 'commit', lambda: 'abc')
     text = f'# A page\n\n{stamp.made("random", 16 * "a")}\n{stamp.made("links", 16 * "b")}'
     of = stamp.read(text)['links']
     assert of.sources == 16 * 'b'

@@ -5,11 +5,13 @@
 import os
 from pathlib import Path
 import re
+import runpy
 import signal
 import subprocess
 import sys
 import threading
 
+from conftest import PATIENCE
 from peer import Peer
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -17,6 +19,7 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
 ROS2 = Path(__file__).parents[1] / 'scripts' / 'ros2'
+MAIN = runpy.run_path(str(ROS2))['main']
 
 
 @pytest.fixture
@@ -27,10 +30,11 @@ def prefix(tmp_path):
     marker.touch()
     folder = tmp_path / 'lib' / 'swing'
     folder.mkdir(parents=True)
-    (folder / 'echo').write_text('#!/bin/sh\nprintf "<%s>" "$@"\nexit 3\n')
-    (folder / 'sleeper').write_text('#!/bin/sh\ntrap "exit 7" INT\necho $$\nread forever\n')
+    (folder / 'echo').write_text(
+        '#!/bin/sh\ntrap "exit 7" INT\nprintf "%s\\n" $$ "$@" end\nread forever\n')
     (folder / 'notes').write_text('no executable')
-    for name in ('echo', 'sleeper'):
+    (folder / 'other').touch()
+    for name in ('echo', 'other'):
         (folder / name).chmod(0o755)
     return tmp_path
 
@@ -42,29 +46,38 @@ def start(prefix, *arguments):
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
 
 
-def call(prefix, *arguments):
-    process = start(prefix, *arguments)
-    output, error = process.communicate(timeout=30)
-    return process.returncode, output, error
+@pytest.fixture
+def called(capsys):
+    """Return a function that calls it in this process: exit code, output and errors."""
+    def call(*arguments):
+        try:
+            code = MAIN(list(arguments)) or 0
+        except SystemExit as end:
+            code = end.code
+        return code, *capsys.readouterr()
+    return call
 
 
-def test_run_passes_arguments_and_exit_code(prefix):
+@pytest.fixture
+def call(called, prefix, monkeypatch):
+    """Return a function that calls it where 'swing' is the only package."""
+    monkeypatch.setenv('AMENT_PREFIX_PATH', str(prefix))
+    return called
+
+
+def test_run_becomes_the_executable_with_its_arguments_and_exit_code(prefix):
     words = ('--ros-args', '-p', 'a:=[1.0, 2.0]', '--help', '')
-    assert call(prefix, 'run', 'swing', 'echo', *words) == (
-        3, ''.join(f'<{word}>' for word in words), '')
-
-
-def test_run_becomes_the_executable(prefix):
-    with start(prefix, 'run', 'swing', 'sleeper') as process:
-        assert int(process.stdout.readline()) == process.pid
+    with start(prefix, 'run', 'swing', 'echo', *words) as process:
+        shown = [process.stdout.readline() for _ in range(len(words) + 2)]
+        assert shown == [f'{word}\n' for word in (process.pid, *words, 'end')]
         process.send_signal(signal.SIGINT)
-        assert process.wait(timeout=30) == 7
+        assert process.wait(PATIENCE) == 7
+        assert process.communicate() == ('', '')
 
 
 @pytest.mark.parametrize('arguments', [(), ('swing',)])
-def test_pkg_executables(prefix, arguments):
-    assert call(prefix, 'pkg', 'executables', *arguments) == (
-        0, 'swing echo\nswing sleeper\n', '')
+def test_pkg_executables(call, arguments):
+    assert call('pkg', 'executables', *arguments) == (0, 'swing echo\nswing other\n', '')
 
 
 @pytest.mark.parametrize('arguments, says', [
@@ -72,26 +85,27 @@ def test_pkg_executables(prefix, arguments):
     (['run', '../wing', 'echo'], "no package '../wing' in AMENT_PREFIX_PATH; available: swing"),
     (['pkg', 'executables', 'wing'], "no package 'wing' in AMENT_PREFIX_PATH; available: swing"),
     (['run', 'swing', 'notes'], "no executable 'notes' in package 'swing'; "
-                                'available: echo, sleeper'),
+                                'available: echo, other'),
     (['topic', 'delay', '/x'], "cannot do 'topic delay /x'; this stand-in knows"),
     (['run', 'swing'], "cannot do 'run swing'; this stand-in knows"),
 ])
-def test_what_it_cannot_do_is_one_line(prefix, arguments, says):
-    code, output, error = call(prefix, *arguments)
+def test_what_it_cannot_do_is_one_line(call, arguments, says):
+    code, output, error = call(*arguments)
     assert (code, output) == (2, '')
     assert error.startswith(f'ros2: {says}')
     assert error.count('\n') == 1
 
 
 def test_without_a_sourced_workspace_it_says_what_to_source():
-    code, _, error = call('', 'run', 'swing', 'echo')
-    assert code == 2
-    assert error == 'ros2: AMENT_PREFIX_PATH is not set; source install/setup.bash first\n'
+    with start('', 'run', 'swing', 'echo') as process:
+        assert process.communicate(timeout=PATIENCE) == (
+            '', 'ros2: AMENT_PREFIX_PATH is not set; source install/setup.bash first\n')
+        assert process.returncode == 2
 
 
 @pytest.mark.parametrize('arguments', [[], ['--help']])
-def test_help(prefix, arguments):
-    code, output, _ = call(prefix, *arguments)
+def test_help(call, arguments):
+    code, output, _ = call(*arguments)
     assert code == 0
     assert output.startswith('usage: ros2 run PACKAGE EXECUTABLE')
 
@@ -100,8 +114,8 @@ TOP = ROS2.parents[1]
 ELSEWHERE = {'bag'}   # of rosbag2, beside which this package's own are described
 
 
-def test_it_knows_what_the_documents_prescribe():
-    usage = call('', '--help')[1]
+def test_it_knows_what_the_documents_prescribe(called):
+    usage = called('--help')[1]
     pages = [TOP / 'README.md', TOP / 'CONTRIBUTING.md', *(TOP / 'docs').rglob('*.md')]
     prescribed = {' '.join(words) for page in pages for words in re.findall(
         r'(?m)(?:^ *|`|; )ros2 ([a-z]+) ([a-z]+)', page.read_text()) if words[0] not in ELSEWHERE}
@@ -140,19 +154,22 @@ def swing():
     peer.close()
 
 
-def asked(*arguments, code=0):
-    """Return what it prints where the packages are those of the test."""
-    done = subprocess.run([sys.executable, ROS2, *arguments], text=True, timeout=60,
-                          capture_output=True)
-    assert done.returncode == code, done.stderr
-    return done.stdout if code == 0 else done.stderr
+@pytest.fixture
+def asked(called):
+    """Return a function that returns what it prints where the packages are those of the test."""
+    def ask(*arguments, code=0):
+        found, output, error = called(*arguments)
+        assert found == code, error
+        return output if code == 0 else error
+    return ask
 
 
-def test_nodes_topics_services_and_parameters_are_listed(swing):
+def test_nodes_topics_services_and_parameters_are_listed(swing, asked):
     assert asked('node', 'list') == '/swing\n'
     assert '/kept' in asked('topic', 'list').splitlines()
     pipe = f'{sys.executable} {ROS2} service list | head -n 1'   # which ends in no traceback
-    assert subprocess.run(pipe, shell=True, capture_output=True, timeout=60).stderr == b''
+    assert subprocess.run(pipe, shell=True, capture_output=True,
+                          timeout=PATIENCE).stderr == b''
     assert {'/swing/reset', '/swing/enable'} <= set(asked('service', 'list').splitlines())
     listed = asked('param', 'list').splitlines()
     assert listed[0] == '/swing:' and '  gain' in listed
@@ -160,7 +177,7 @@ def test_nodes_topics_services_and_parameters_are_listed(swing):
         "Parameter not set; did you mean 'gain'?\n")
 
 
-def test_a_topic_is_read_and_described(swing):
+def test_a_topic_is_read_and_described(swing, asked):
     assert asked('topic', 'echo', '--once', 'kept') == """\
 header:
   stamp:
@@ -182,7 +199,7 @@ effort: []
         'nobody has /kpet; of a near name: /kept\n')
 
 
-def test_a_service_is_called(swing):
+def test_a_service_is_called(swing, asked):
     answer = asked('service', 'call', '/swing/enable', 'std_srvs/srv/SetBool', '{data: true}')
     assert answer.endswith(
         "response:\nstd_srvs.srv.SetBool_Response(success=True, message='')\n\n")

@@ -123,10 +123,11 @@ def test_namespace_is_found(tmp_path):
     check(read_episode(tmp_path / 'bag'))
 
 
-def test_reading_needs_no_ros(bag):
+def test_reading_needs_no_ros_and_of_a_whole_bag_no_recovery(bag):
     code = ('import sys\nsys.modules.update(rclpy=None, sensor_msgs=None)\n'
             'from dp_swing_ros.bags import read_episode\n'
-            f'print(len(read_episode({str(bag)!r}).t))')
+            f'print(len(read_episode({str(bag)!r}).t))\n'
+            'sys.exit("dp_swing_ros.recovery" in sys.modules)')
     assert subprocess.check_output([sys.executable, '-c', code], text=True) == '40\n'
 
 

@@ -8,7 +8,6 @@ import sys
 import zlib
 
 import lz4.frame
-from made_bags import write_bag
 from mcap.opcode import Opcode
 from mcap.writer import MCAP0_MAGIC as MAGIC
 from mcap_files import body, chunk, COUNT, KINDS, make
@@ -81,23 +80,16 @@ def test_a_second_channel_of_a_number_is_damage():
         read(MAGIC + chunk(inside, len(inside), b'', zlib.crc32(inside)))
 
 
-@pytest.mark.parametrize('data, compression', [
-    (zstandard.compress(bytes(1 << 28)), b'zstd'), (lz4.frame.compress(bytes(1 << 28)), b'lz4')])
-def test_a_chunk_takes_no_more_memory_than_it_says(data, compression, tmp_path):
-    (tmp_path / 'bomb').write_bytes(MAGIC + chunk(data, 1000, compression))
+def test_a_chunk_takes_no_more_memory_than_it_says(tmp_path):
+    data = bytes(1 << 28)
+    for name, packed in (('zstd', zstandard.compress(data)), ('lz4', lz4.frame.compress(data))):
+        (tmp_path / name).write_bytes(MAGIC + chunk(packed, 1000, name.encode()))
     code = ('import resource, sys\nfrom dp_swing_ros.bags.mcap_reader import *\n'
             'from pathlib import Path\nbefore = resource.getrusage(0).ru_maxrss\n'
-            f'try:\n with contents(Path({str(tmp_path / "bomb")!r})) as data: read(data)\n'
-            'except DamagedFile: pass\n'
+            f'for file in Path({str(tmp_path)!r}).iterdir():\n'
+            ' try:\n  with contents(file) as data: read(data)\n'
+            ' except DamagedFile: pass\n'
             'sys.exit(resource.getrusage(0).ru_maxrss - before > 1 << 15)')
-    assert subprocess.run([sys.executable, '-c', code]).returncode == 0
-
-
-def test_whole_bags_are_read_without_recovery(tmp_path):
-    bag = write_bag(tmp_path / 'bag', [(0.0, '/a', 1.0)])
-    code = ('import sys; from dp_swing_ros.bags.reader import Bag; '
-            f'assert len(Bag({str(bag)!r}).entries) == 1; '
-            'sys.exit("dp_swing_ros.recovery" in sys.modules)')
     assert subprocess.run([sys.executable, '-c', code]).returncode == 0
 
 

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from rclpy.serialization import serialize_message
 from recorded_bags import record
+from rosbags.convert.commands import command as convert
 from std_msgs.msg import String
 
 from dp_swing_ros.bags import read_episode
@@ -147,9 +148,8 @@ def test_unknown_channel_is_told(path):
 
 
 def test_sqlite3_names_the_command_that_converts_it(file):
-    other, storage = file.parent.with_name('other'), ['--dst-storage', 'sqlite3']
-    subprocess.run(['rosbags-convert', '--src', file.parent, '--dst', other, *storage],
-                   check=True)
+    other = file.parent.with_name('other')
+    assert not convert([file.parent], other, 'sqlite3')
     for path in (other, other / 'other.db3'):
         with pytest.raises(BagError, match='rosbags-convert') as error:
             Bag(path)

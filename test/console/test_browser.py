@@ -108,19 +108,14 @@ class Nodes:
         self.begin('mpc').wait_for('ready')
         # in lockstep, so that a machine that is busy with something else only takes longer
         self.begin('plant', lockstep=True, pace=1.0)
-        _, self.address = self.console()
+        self.address = address_of(self.start(
+            'console', {'port': 0, 'recordings': str(self.folder)}))
 
     def begin(self, role, **parameters):
         """Start the plant or the mpc, and return it."""
         given = {'start': 'up_up'} if role == 'plant' else {'shown_tries': 10}
         self.living[role] = self.start(role, {**given, **parameters})
         return self.living[role]
-
-    def console(self, arguments=(), **parameters):
-        """Start a console, and return it and its address."""
-        console = self.start('console', {'port': 0, 'recordings': str(self.folder), **parameters},
-                             arguments)
-        return console, address_of(console)
 
 
 def address_of(console):
@@ -679,9 +674,9 @@ def test_a_plant_in_lockstep_is_paused_and_stepped(page):
     page.choose('#pace', '1')
 
 
-def test_read_only_refuses(browser, nodes, ears):
-    console, address = nodes.console(['-r', '__node:=watcher'], read_only=True)
-    browser.open(address)
+def test_read_only_refuses(browser, nodes, ears, start_here):
+    console = start_here('console', {'port': 0, 'read_only': True}, ['-r', '__node:=watcher'])
+    browser.open(address_of(console))
     assert browser.find('#read-only').is_displayed()
     browser.until(lambda: browser.all('#goals button'), 'goals')
     assert stands(ears) and wait_until(lambda: rest(ears))

@@ -5,6 +5,7 @@
 import signal
 import subprocess
 import sys
+from types import SimpleNamespace
 
 from conftest import starting
 from pages import Page, port_of

@@ -34,7 +34,7 @@ class ExampleNode(ProcessNode):
         super().__init__('example')
         self.mode = declare(self, named(Example))['mode']
         self.create_timer(0.01, self.tick)
-        self.ticks = 0
+        self.ticks, self.braked = 0, False
 
     def prepare(self):
         print('prepare', flush=True)
@@ -69,6 +69,13 @@ class ExampleNode(ProcessNode):
                 self.made_in_background(make, 0.2)
             except BaseException as error:
                 print(f'{type(error).__name__}: {error}', flush=True)
+
+    def may_end(self):
+        braked, self.braked = self.braked, True
+        if self.mode != 'slow' or braked:
+            return True
+        print('braking', flush=True)
+        return False
 
     def close(self):
         if self.mode == 'slow':

@@ -66,3 +66,10 @@ class Peer:
         self.executor.shutdown()
         self.node.destroy_node()
         self.context.try_shutdown()
+
+
+class Member(Peer):
+    """A peer among a crew, which goes on while it waits."""
+
+    def __init__(self, crew):
+        self.executor, self.node = crew.executor, crew.add(Node('peer', context=crew.context))

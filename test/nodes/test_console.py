@@ -98,9 +98,15 @@ def newest_state(page):
 
 # without the nodes that tests share, which go on once they are there
 
-def test_without_plant_and_mpc_there_is_a_page_and_they_may_come_and_go(start_node, start_here):
-    node = start_node('console', {'port': 0}, AWAY)
-    with Page(port_of(node)) as page:
+@pytest.fixture(scope='module')
+def away(tmp_path_factory):
+    """Return a console in a namespace of its own."""
+    with starting(tmp_path_factory.mktemp('away')) as start:
+        yield start('console', {'port': 0}, AWAY)
+
+
+def test_without_plant_and_mpc_there_is_a_page_and_they_may_come_and_go(away, start_here):
+    with Page(port_of(away)) as page:
         page.until(lambda page: 'hello' in page.newest)
         assert page.newest['hello']['nodes'] == {'plant': None, 'mpc': None}
         assert 'frame' not in page.newest
@@ -117,13 +123,11 @@ def test_without_plant_and_mpc_there_is_a_page_and_they_may_come_and_go(start_no
         plant.stop()
         page.until(lambda page: page.newest['hello']['nodes']['plant'] is None)
         assert page.newest['parameters plant']['parameters'] == []
-    assert node.stop() == 0
-    assert wait_until(lambda: 'Traceback' not in node.output())
+    assert 'Traceback' not in away.output()
 
 
 def test_nothing_that_other_nodes_send_ends_it_or_keeps_frames_from_a_page(
-        start_node, start_here, peer):
-    node = start_node('console', {'port': 0}, AWAY)
+        away, start_here, peer):
     start_here('plant', arguments=AWAY)
     senders = [(peer.publisher(topic._replace(name=f'/away/{topic.name.lstrip("/")}')), message)
                for topic, message in (
@@ -135,7 +139,7 @@ def test_nothing_that_other_nodes_send_ends_it_or_keeps_frames_from_a_page(
     senders.append((peer.publisher(PARAMETER_EVENTS), ParameterEvent(
         node='/away/plant', changed_parameters=[Parameter(
             name='rate', value=ParameterValue(type=99))])))
-    with Page(port_of(node)) as page:
+    with Page(port_of(away)) as page:
         page.until(lambda page: page.value('plant', 'rate') and 'frame' in page.newest)
         for _ in range(3):
             for publisher, message in senders:
@@ -144,11 +148,21 @@ def test_nothing_that_other_nodes_send_ends_it_or_keeps_frames_from_a_page(
             t = page.newest['frame']['t']
             page.until(lambda page: page.newest['frame']['t'] > t)
         assert peer.until(lambda: all(
-            node.output().count(f'a message on {topic.name} is none') == 1
+            away.output().count(f'a message on {topic.name} is none') == 1
             for topic in (CONFIGURATION, TRIES, PLAN, ROBOT_DESCRIPTION)))
         assert page.value('plant', 'rate')['value'] == 20.0
         assert page.newest['hello']['period'] == 0.05
-    assert 'Traceback' not in node.output()
+    assert 'Traceback' not in away.output()
+
+
+def test_without_a_plant_a_kick_is_refused_and_a_signal_ends_it(away):
+    with Page(port_of(away)) as page:
+        page.until(lambda page: 'hello' in page.newest
+                   and page.newest['hello']['nodes']['plant'] is None)
+        answer = page.ask('push', force=5.0)
+    assert not answer['ok'] and 'nothing to push' in answer['text'], answer
+    assert away.stop() == 0   # for who is killed keeps what others share of their memory
+    assert 'Traceback' not in away.output()
 
 
 def test_a_given_token_is_told_to_nobody(start_here, peer):
@@ -261,14 +275,6 @@ def test_presets_change_what_can_change_and_defaults_put_it_back(page):
     assert page.value('mpc', 'enabled')['value'] is False
     assert page.ask('set', node='mpc', parameters={'enabled': True})['ok']
     begin(page)   # at its pace
-
-
-def test_without_a_plant_a_kick_is_refused(start_node):
-    lonely = start_node('console', {'port': 0}, ['-r', '__ns:=/nobody'])
-    with Page(port_of(lonely)) as page:
-        answer = page.ask('push', force=5.0)
-    assert not answer['ok'] and 'nothing to push' in answer['text'], answer
-    assert lonely.stop() == 0   # for who is killed keeps what others share of their memory
 
 
 def quiet(peer, pushes):
@@ -479,20 +485,18 @@ def test_an_instant_of_the_last_minute_is_shown_as_it_was(page):
     assert (answer['ok'], 'nothing is kept' in answer['text']) == (False, True)
 
 
-def test_a_recording_is_whole_even_where_the_console_is_killed(nodes, start_node, tmp_path):
-    """The last one, for others may hear less from then on: see troubleshooting.md."""
-    mortal = start_node('console', {'port': 0, 'recordings': str(tmp_path / 'runs')},
-                        ['-r', '__node:=mortal'])
-    with of(mortal) as page:
+def test_a_recording_is_whole_even_where_the_console_is_killed(nodes):
+    """The last one, for there is no console from then on."""
+    with of(nodes) as page:
         page.send('record', on=True, id='begins')
-        with Page(port_of(mortal)) as other:   # meanwhile, somebody else may not end it
+        with Page(port_of(nodes)) as other:   # meanwhile, somebody else may not end it
             refused = other.ask('record', on=False)
         assert not refused['ok'] and 'still starting' in refused['text'], refused
         page.until(lambda page: page.newest.get('answer', {}).get('id') == 'begins')
         assert page.newest['answer']['ok']
         folder = Path(page.until(lambda page: page.newest['recording']['folder']))
         frames(page, 20)
-        mortal.signal(signal.SIGKILL)
+        nodes.signal(signal.SIGKILL)
     assert wait_until(lambda: (folder / 'bag' / 'metadata.yaml').exists()
                       and Bag(folder / 'bag').incomplete == '')
     assert len(Bag(folder / 'bag').of(JOINT_STATES)) > 10

@@ -7,17 +7,13 @@ from rigs import RIG
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from dp_swing_ros.bags.episodes import configurations_of
-from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.messages.configuration import from_text
-from dp_swing_ros.tools import verify
-from dp_swing_ros.tools.demo import keeping
-from dp_swing_ros.topics import CONFIGURATION, DIAGNOSTICS, FORCE_COMMAND
+from dp_swing_ros.topics import CONFIGURATION, FORCE_COMMAND
 
 HANGING = JointState(name=['drive', 'shoulder', 'elbow'], position=[0.0] * 3, velocity=[0.0] * 3)
 
 
-def test_it_waits_for_the_description_of_a_pendulum_and_keeps_to_it(peer, start_node):
+def test_it_waits_for_the_description_of_a_pendulum_and_keeps_to_it(peer, start_here):
     """From another topic, as robot_state_publisher publishes it; refused and later ones, too."""
     publisher = peer.node.create_publisher(String, '/rig/description', QoSProfile(
         depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
@@ -25,7 +21,7 @@ def test_it_waits_for_the_description_of_a_pendulum_and_keeps_to_it(peer, start_
         FORCE_COMMAND)
     told = peer.record(CONFIGURATION)
     publisher.publish(String(data='<robot name="arm"><link name="base"/></robot>'))
-    mpc = start_node('mpc', {'bodies': 'description', 'force_limit': 9.0, 'clock': 'lockstep'},
+    mpc = start_here('mpc', {'bodies': 'description', 'force_limit': 9.0, 'clock': 'lockstep'},
                      ['-r', 'robot_description:=/rig/description'])
     mpc.wait_for('0 prismatic joints')
     states.publish(HANGING)
@@ -57,22 +53,3 @@ def test_a_signal_ends_it_while_it_waits(start_node):
     mpc.wait_for('waiting for a robot description on /robot_description')
     assert mpc.stop() == 0
     assert 'Traceback' not in mpc.output()
-
-
-def test_a_run_with_a_plant_of_other_bodies_is_repeated_to_the_bit(
-        start_node, tmp_path, capsys):
-    bodies = {'links': 1, 'cart_mass': 0.6, 'link1_mass': 0.2, 'link1_length': 0.5,
-              'link1_centre': 0.2, 'cart_dry_friction': 0.3, 'track_limit': 1.1}
-    bag = tmp_path / 'bag'
-    logger = start_node('logger', {'output': str(bag)})
-    logger.wait_for('recording to')
-    mpc = start_node('mpc', {'bodies': 'description', **keeping(FORCE_COMMAND, DIAGNOSTICS)})
-    mpc.wait_for('waiting for a robot description')
-    plant = start_node('plant', {**bodies, 'lockstep': True, 'duration': 2.0, 'start': 'down'})
-    assert plant.wait() == 0
-    assert (mpc.stop(), logger.stop()) == (0, 0)
-    believed = configurations_of(Bag(bag))['mpc'].parameters
-    assert {name: believed[name] for name in bodies} == bodies
-    assert believed['step'] < 0.05   # the defaults go with them
-    assert verify.main([str(bag)]) == 0
-    assert 'to the bit' in capsys.readouterr().out

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The mpc beside drivers of all kinds: bare rclpy publishers and subscriptions."""
 
+from contextlib import contextmanager
 from pathlib import Path
 import re
 import shlex
@@ -12,8 +13,10 @@ import time
 
 from diagnostic_msgs.msg import DiagnosticStatus
 import numpy as np
-from peer import Peer
+from one_process import Crew
+from peer import Member, Peer
 import pytest
+from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
@@ -21,10 +24,14 @@ from std_srvs.srv import SetBool
 
 from dp_swing_ros.bags import read_episode
 from dp_swing_ros.messages.fields import from_diagnostics, nanoseconds, to_state
+from dp_swing_ros.nodes.logger import LoggerNode
 from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
+from dp_swing_ros.nodes.mpc import MpcNode
+from dp_swing_ros.nodes.plant import PlantNode
 from dp_swing_ros.pendulum.state import is_upright, to_turn_of
 from dp_swing_ros.simulation import plants
 from dp_swing_ros.tools import analyse, verify
+from dp_swing_ros.tools.demo import keeping
 from dp_swing_ros.topics import (
     DIAGNOSTICS, FORCE_COMMAND, FORCE_COMMAND_STAMPED, JOINT_STATES)
 
@@ -35,31 +42,13 @@ ANSWER = 1.0    # [s] at most, in lockstep
 # in a process of its own: where one has a topic twice, by two types, FastDDS may crash at its end
 OTHER = """
 import rclpy
-from rclpy.duration import Duration
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
-from std_msgs.msg import Float32, Float64
+from std_msgs.msg import Float32
 rclpy.init()
 node = Node('other')
-node.create_subscription({kind}, 'force_command', lambda message: None, {profile})
+node.create_subscription(Float32, 'force_command', lambda message: None, 10)
 rclpy.spin(node)
 """
-
-
-@pytest.fixture
-def other():
-    """Return what starts another node, which subscribes to the forces, as a process."""
-    started = []
-
-    def start(kind, profile):
-        started.append(subprocess.Popen(
-            [sys.executable, '-c', OTHER.format(kind=kind, profile=profile)],
-            stderr=subprocess.DEVNULL))
-        return started[-1]
-    yield start
-    for process in started:
-        process.kill()
-        process.wait()
 
 
 class Driver:
@@ -139,6 +128,20 @@ class Rig(Driver):
         return np.array(states)
 
 
+@contextmanager
+def recorded(bag, parameters):
+    """Yield a peer beside an mpc, which a logger records, and the mpc."""
+    with Crew(bag.with_name('nodes.yaml'), {
+            'logger': {'output': str(bag), 'progress_period': 0.0},
+            'mpc': {**parameters, **keeping(FORCE_COMMAND, DIAGNOSTICS)}}) as crew:
+        logger, mpc = map(crew.start, (LoggerNode, MpcNode))
+        peer = Member(crew)
+        yield peer, mpc
+        crew.end(mpc)
+        peer.spin(0.5)   # until all is heard
+        logger.close()
+
+
 def best_effort(depth=10):
     return QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
 
@@ -179,62 +182,74 @@ def test_the_stamped_command_has_the_stamp_of_the_state_that_it_answers(peer, st
     assert nanoseconds(driver.stamped[-1].header.stamp) == stamp
 
 
-OFFERED = {
-    'QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)': (
-        'durability volatile is offered, transient_local is asked for; change that of /other, or '
-        'set qos_overrides./force_command.publisher.durability of /mpc'),
-    'QoSProfile(depth=1, deadline=Duration(seconds=0.1))': (
-        'deadline 0.25 s is offered, 0.1 s is asked for; change that of /other, or set '
-        'qos_overrides./force_command.publisher.deadline of /mpc'),
-    '10': ('std_msgs/msg/Float64 is sent, std_msgs/msg/Float32 expected; change that of /other')}
+@contextmanager
+def subscribed(profile):
+    """Let another node subscribe to the forces meanwhile."""
+    other = Peer('other')
+    other.node.create_subscription(Float64, 'force_command', print, profile)
+    yield
+    other.close()
 
 
-def test_a_partner_that_hears_nothing_is_an_error_in_log_and_diagnostics(
-        peer, other, start_here):
+@contextmanager
+def subscribed_by_another_type():
+    with subprocess.Popen([sys.executable, '-c', OTHER], stderr=subprocess.DEVNULL) as process:
+        try:
+            yield
+        finally:
+            process.send_signal(signal.SIGINT)
+
+
+def test_a_partner_that_hears_nothing_is_an_error_in_log_and_diagnostics(peer, start_here):
     node = start_here('mpc')
     node.wait_for('ready')
     driver = Driver(peer)
-    for profile, words in OFFERED.items():
-        subscriber = other('Float32' if profile == '10' else 'Float64', profile)
+    for partner, words in (
+            (subscribed(QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)),
+             'durability volatile is offered, transient_local is asked for; change that of '
+             '/other, or set qos_overrides./force_command.publisher.durability of /mpc'),
+            (subscribed(QoSProfile(depth=1, deadline=Duration(seconds=0.1))),
+             'deadline 0.25 s is offered, 0.1 s is asked for; change that of /other, or set '
+             'qos_overrides./force_command.publisher.deadline of /mpc'),
+            (subscribed_by_another_type(), 'std_msgs/msg/Float64 is sent, std_msgs/msg/Float32 '
+             'expected; change that of /other')):
         text = f'/force_command from /mpc to /other: {words}'
-        assert peer.until(lambda: driver.topics() and text in driver.topics().message)
-        assert driver.topics().level == DiagnosticStatus.ERROR[0]
-        peer.spin(2.5)   # some looks more
-        assert node.output().count(text) == 1
-        subscriber.send_signal(signal.SIGINT)
+        with partner:
+            assert peer.until(lambda: driver.topics() and text in driver.topics().message)
+            assert driver.topics().level == DiagnosticStatus.ERROR[0]
+            peer.spin(2.5)   # some looks more
+            assert node.output().count(text) == 1
         assert peer.until(lambda: driver.topics().level == DiagnosticStatus.OK[0])
 
 
 def test_who_cannot_hear_the_states_does_not_keep_a_lockstep_waiting_and_is_named(
-        peer, start_node, start_here):
+        tmp_path, capfd):
     """It hears none of them, whenever it comes."""
-    peer.node.create_subscription(
-        JointState, 'joint_states', lambda message: None,
-        QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
-    forces, stamped = peer.record(FORCE_COMMAND), peer.record(FORCE_COMMAND_STAMPED)
-    start_here('mpc').wait_for('ready')
-    plant = start_node('plant', {'lockstep': True})
-    plant.wait_for('set qos_overrides./joint_states.publisher.durability of /plant')
-    assert peer.until(lambda: len(forces) == len(stamped) >= 20)
+    with Crew(tmp_path / 'nodes.yaml', {'plant': {'lockstep': True}}) as crew:
+        peer = Member(crew)
+        peer.node.create_subscription(
+            JointState, 'joint_states', lambda message: None,
+            QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+        forces, stamped = peer.record(FORCE_COMMAND), peer.record(FORCE_COMMAND_STAMPED)
+        crew.start(MpcNode)
+        crew.start(PlantNode)
+        said = []
+        assert peer.until(lambda: said.append(capfd.readouterr().err) or (
+            'set qos_overrides./joint_states.publisher.durability of /plant' in ''.join(said)))
+        assert peer.until(lambda: len(forces) == len(stamped) >= 20)
 
 
 @pytest.mark.parametrize(('zero', 'now'), [('hanging', time.time_ns), ('given', lambda: 0)])
 def test_the_bag_of_a_foreign_rig_is_read_as_the_mpc_read_it(
-        peer, start_node, start_here, tmp_path, capsys, monkeypatch, zero, now):
+        tmp_path, capsys, monkeypatch, zero, now):
     monkeypatch.setattr(analyse, 'PICTURES', {})
-    logger = start_node('logger', {'output': str(tmp_path / 'bag')})
-    logger.wait_for('recording to')
     parameters = {**Rig.PARAMETERS, 'zero': zero}
     if zero == 'hanging':
-        parameters['joint_offsets'] = [Rig.OFFSETS[0], 0.0, 0.0]
-    mpc = start_here('mpc', parameters)
-    mpc.wait_for('ready')
-    rig, plant = Rig(peer), plants.plant({})
-    rig.meet()
-    states = rig.swing(plant, 40, now)
-    mpc.stop()
-    peer.spin(0.5)
-    assert logger.stop() == 0
+        parameters['joint_offsets'] = [*Rig.PARAMETERS['joint_offsets'][:1], 0.0, 0.0]
+    with recorded(tmp_path / 'bag', parameters) as (peer, _):
+        rig, plant = Rig(peer), plants.plant({})
+        rig.meet()
+        states = rig.swing(plant, 40, now)
     assert verify.main([str(tmp_path / 'bag')]) == 0, capsys.readouterr()
     episode = read_episode(tmp_path / 'bag')
     np.testing.assert_allclose(to_turn_of(episode.X, states)[:, :3], states[:, :3], atol=1e-9)

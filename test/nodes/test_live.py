@@ -2,20 +2,24 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parameters of a running mpc: changed by a stranger, between ticks, and repeated from the bag."""
 
-from functools import partial
+from contextlib import redirect_stderr, redirect_stdout
+import io
 import math
 import os
 from pathlib import Path
-import signal
+from runpy import run_path
+import shutil
 import subprocess
+from unittest.mock import patch
 
 from builtin_interfaces.msg import Time
+from conftest import PATIENCE
 import numpy as np
-from one_process import recording
-from peer import Peer
+from one_process import Crew, recording
+from peer import Member
 import pytest
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
-from rclpy.node import Node
+from rclpy import utilities
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rosgraph_msgs.msg import Clock
 from test_mpc import Conversation, LEANING
@@ -25,12 +29,13 @@ from dp_swing_ros.bags.episodes import reports_of, revisions_of
 from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.messages.configuration import BEFORE, from_text
 from dp_swing_ros.messages.fields import from_diagnostics, from_trajectory, to_state
+from dp_swing_ros.nodes.plant import PlantNode
 from dp_swing_ros.pendulum.sensors import SensorParameters
 from dp_swing_ros.pendulum.state import angles, errors
 from dp_swing_ros.tools import verify
 from dp_swing_ros.topics import CONFIGURATION, DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES
 
-CHECKOUT = Path(__file__).parents[2]
+STAND_IN = Path(__file__).parents[2] / 'scripts' / 'ros2'
 
 
 def put(peer, node='mpc', **values):
@@ -83,45 +88,64 @@ def test_all_of_a_request_change_or_none(peer, start_here):
     assert list(value(peer, 'state_weights')) == [20.0, 100.0, 100.0, 2.0, 6.0, 1.0]
 
 
-def test_no_parameter_ends_or_holds_up_what_drives(
-        peer, start_node, start_here, tmp_path):
+def test_no_parameter_ends_or_holds_up_what_drives(start_here, tmp_path):
     """Files that never end, pipes, what no parser or memory holds, values of another kind."""
     os.mkfifo(tmp_path / 'pipe')
-    forces = peer.record(FORCE_COMMAND)
-    mpc = start_node('mpc')
+    mpc = start_here('mpc')
     mpc.wait_for('ready')
-    start_here('plant')
-    assert peer.until(lambda: len(forces) > 3)
-    big = {'mppi.samples': 1_000_000, 'horizon': 1000}
-    for wrong, words in (
-            ({'model': '/dev/zero'}, 'no regular file'),
-            ({'model': str(tmp_path / 'pipe')}, 'no regular file'),
-            ({'model': '{"a":' + '[' * 25_000}, 'nests deeper'),
-            ({'state_weights': 5}, 'expected a list'), ({'solver': 'mppi', **big}, 'GB')):
-        learned = {'dynamics': 'learned'} if 'model' in wrong else {}
-        why = put(peer, **wrong, **learned)
-        assert words in why and '\n' not in why
-        before = len(forces)
-        assert peer.until(lambda: len(forces) > before + 2)
-    mpc.signal(signal.SIGINT)
-    assert mpc.wait() == 0 and 'Traceback' not in mpc.output()
-    assert peer.until(lambda: forces[-1].data == 0.0)
+    with Crew(tmp_path / 'nodes.yaml', {'plant': {}}) as crew:
+        peer = Member(crew)
+        forces = peer.record(FORCE_COMMAND)
+        crew.start(PlantNode)
+        assert peer.until(lambda: len(forces) > 3)
+        big = {'mppi.samples': 1_000_000, 'horizon': 1000}
+        for wrong, words in (
+                ({'model': '/dev/zero'}, 'no regular file'),
+                ({'model': str(tmp_path / 'pipe')}, 'no regular file'),
+                ({'model': '{"a":' + '[' * 25_000}, 'nests deeper'),
+                ({'state_weights': 5}, 'expected a list'), ({'solver': 'mppi', **big}, 'GB')):
+            learned = {'dynamics': 'learned'} if 'model' in wrong else {}
+            why = put(peer, **wrong, **learned)
+            assert words in why and '\n' not in why
+            before = len(forces)
+            assert peer.until(lambda: len(forces) > before + 2)
+        mpc.ask_to_end()
+        assert peer.until(mpc.ended) and mpc.wait() == 0
+        assert 'Traceback' not in mpc.output()
+        assert peer.until(lambda: forces[-1].data == 0.0)
 
 
-def ros2_param(*command):
+def by_process(*command):
     """Return exit code and output of `ros2 param`, or of what stands in for it."""
     for _ in range(10):   # on a busy machine it may not find the node in time
-        done = subprocess.run([command[0], 'param', *command[1:]], capture_output=True, text=True,
-                              timeout=60)
+        done = subprocess.run(['ros2', 'param', *command], capture_output=True, text=True,
+                              timeout=PATIENCE)
         if 'no node' not in done.stderr:
             break
     return done.returncode, done.stdout + done.stderr
 
 
+def by_stand_in(*command):
+    """Do here what scripts/ros2 does; return exit code and output."""
+    main = run_path(str(STAND_IN))['main']
+    for _ in range(10):
+        code, said = 0, io.StringIO()
+        # a context of its own, beside that of the node
+        with redirect_stdout(said), redirect_stderr(said), \
+                patch.object(utilities, 'g_default_context', None):
+            try:
+                main(['param', *command])
+            except SystemExit as end:
+                code = end.code
+        if 'no node' not in said.getvalue():
+            break
+    return code, said.getvalue()
+
+
 def test_a_file_is_loaded_as_a_whole_or_not_at_all(peer, start_here, tmp_path):
     """By the stand-in; sections of other nodes are theirs, as the plant's rate."""
     Conversation(peer, start_here)
-    param = partial(ros2_param, str(CHECKOUT / 'scripts' / 'ros2'))
+    param = by_stand_in
     assert param('set', '/mpc', 'force_weight', '1.e-2') == (0, 'Set parameter successful\n')
     file = tmp_path / 'both.yaml'
     file.write_text('/**/plant:\n  ros__parameters: {rate: 50.0}\n/**/mpc:\n  ros__parameters: '
@@ -138,21 +162,16 @@ def test_a_file_is_loaded_as_a_whole_or_not_at_all(peer, start_here, tmp_path):
     file.write_text('mpc:\n  ros__parameters: {state_weights: [1, 2.0]}\n')
     code, text = param('load', '/mpc', str(file))
     assert code == 2 and "'state_weights' is [1, 2.0]; ROS wants" in text
-    param = partial(ros2_param, 'ros2')   # of ros2cli, where that is installed
+    # by ros2cli, where that is installed
+    cli = Path(shutil.which('ros2')).read_text().splitlines()[1:]
+    param = by_stand_in if cli == STAND_IN.read_text().splitlines()[1:] else by_process
     file.write_text('/mpc:\n  ros__parameters:\n    horizon: 20\n    force_weight: 0.5\n')
     assert param('set', '/mpc', 'solver', 'ddp') == (0, 'Set parameter successful\n')
     code, text = param('set', '/mpc', 'solver', 'lqr')
     assert code == 1 and 'expected one of ddp, ilqr' in text
     assert param('load', '/mpc', str(file))[0] == 0
-    assert 'ddp' in param('get', '/mpc', 'solver')[1] and value(peer, 'horizon') == 20
+    assert 'ddp' in by_process('get', '/mpc', 'solver')[1] and value(peer, 'horizon') == 20
     assert 'mppi.samples' in param('list', '/mpc')[1]
-
-
-class Member(Peer):
-    """A peer among a crew, which goes on while it waits."""
-
-    def __init__(self, crew):
-        self.executor, self.node = crew.executor, crew.add(Node('peer', context=crew.context))
 
 
 def test_a_run_with_changes_is_repeated_to_the_bit(tmp_path, capsys):

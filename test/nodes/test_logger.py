@@ -3,8 +3,6 @@
 """The logger as a process, against publishers here and in another process."""
 
 from functools import partial
-import os
-from pathlib import Path
 import re
 import resource
 import shutil
@@ -13,23 +11,25 @@ import subprocess
 import sys
 import time
 
-from conftest import wait_until
+from conftest import PATIENCE, wait_until
+from numbered import KEPT
 import numpy as np
 from peer import Peer
 import pytest
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from rosbags.highlevel import AnyReader
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, String
 import yaml
 
 from dp_swing_ros.bags import read_episode
-from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.nodes.connections import publish
+from dp_swing_ros.nodes.messages import to_joint_state
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
 from dp_swing_ros.pendulum.urdf import urdf
-from dp_swing_ros.topics import DISTURBANCE, FORCE_COMMAND, ROBOT_DESCRIPTION
+from dp_swing_ros.topics import DISTURBANCE, FORCE_COMMAND, JOINT_STATES, ROBOT_DESCRIPTION
 
-NUMBERED = Path(__file__).parents[2] / 'benchmarks' / 'numbered.py'
+DESCRIPTION = urdf(PendulumParameters(), LimitParameters())
 
 LOGGER = ('import sys; from dp_swing_ros.nodes.logger import main; '
           'sys.exit(main(["logger", *sys.argv[1:]]))')
@@ -80,6 +80,23 @@ sys.exit(run(PublisherNode, ['publisher', *kept]))
 """
 
 
+class Publisher:
+    """Publishes here what PUBLISHER does, at a rate [1/s], while its peer spins."""
+
+    def __init__(self, peer, rate):
+        self.number, self.clock = 0, peer.node.get_clock()
+        self.states = peer.node.create_publisher(JointState, JOINT_STATES.name, KEPT)
+        self.forces = peer.node.create_publisher(Float64, FORCE_COMMAND.name, KEPT)
+        publish(peer.node, ROBOT_DESCRIPTION).publish(String(data=DESCRIPTION))
+        peer.node.create_timer(1 / rate, self.tick)
+
+    def tick(self):
+        stamp = self.clock.now().to_msg()
+        self.states.publish(to_joint_state(stamp, np.full(6, self.number), self.number - 1.0))
+        self.forces.publish(Float64(data=float(self.number)))
+        self.number += 1
+
+
 @pytest.fixture
 def start(tmp_path):
     """Return a function that starts Python in the temporary folder."""
@@ -116,9 +133,9 @@ def up(start, folder, arguments=(), **parameters):
     return logger
 
 
-def wait_for_messages(logger):
-    """Wait until a logger has told twice that it wrote many, more than what nodes run with."""
-    assert wait_until(lambda: len(re.findall(r'\d\d+ messages written', logger.output())) > 1)
+def told_of_many(logger):
+    """Return whether a logger has told twice that it wrote many, more than what nodes run with."""
+    return len(re.findall(r'\d\d+ messages written', logger.output())) > 1
 
 
 def recorded(bag):
@@ -140,15 +157,20 @@ def numbers(messages):
     return [message.data for message in messages]
 
 
-def test_whole_run_is_in_the_bag(start, log_apart, tmp_path):
-    publisher = start('-c', PUBLISHER, '20')
+def test_whole_run_is_in_the_bag_though_the_logger_stalls(start, log_apart, peer, tmp_path):
+    """A busy machine, or a debugger, stops it for hundreds of messages."""
+    publisher = start('-c', PUBLISHER, '400')
     time.sleep(0.3)  # the logger comes late, as its user does
-    logger = log_apart(progress_period=0.5)
-    wait_for_messages(logger)
+    logger, forces = log_apart(progress_period=0.5), peer.record(FORCE_COMMAND)
+    assert wait_until(lambda: told_of_many(logger))
+    logger.signal(signal.SIGSTOP)
+    assert peer.until(lambda: forces)
+    stalled = forces[-1].data
+    assert peer.until(lambda: forces[-1].data > stalled + 400)
+    logger.signal(signal.SIGCONT)
     publisher.terminate()
-    assert logger.stop(signal.SIGTERM) == 0
-    count = int(publisher.communicate(timeout=20)[0])
-    assert count > 5
+    count = int(publisher.communicate(timeout=PATIENCE)[0])
+    assert logger.stop(signal.SIGTERM) == 0   # while hundreds wait
     assert logger.output().splitlines()[-13:] == [
         f'{tmp_path}/bag: {2 * count + 3} messages', f'  /joint_states: {count} written, 0 lost',
         f'  /force_command: {count + 1} written, 0 lost',
@@ -162,97 +184,41 @@ def test_whole_run_is_in_the_bag(start, log_apart, tmp_path):
         '  /robot_description: 1 written, 0 lost', '  /configuration: 1 written, 0 lost'], \
         logger.output()
     messages = recorded(tmp_path / 'bag')
+    assert len(messages['/joint_states']) == count
     assert numbers(messages['/force_command']) == [*range(count), -1]
     episode = read_episode(tmp_path / 'bag')
     assert np.array_equal(episode.X[:, 0], np.arange(count))
     assert np.array_equal(episode.U, np.arange(count - 1))
 
 
-def test_logger_that_stalls_loses_nothing(start, log_apart, peer, tmp_path):
-    """A busy machine, or a debugger, stops it for hundreds of messages."""
-    publisher = start('-c', PUBLISHER, '400')
-    logger, forces = log_apart(progress_period=0.5), peer.record(FORCE_COMMAND)
-    wait_for_messages(logger)
-    logger.signal(signal.SIGSTOP)
-    assert peer.until(lambda: forces)
-    stalled = forces[-1].data
-    assert peer.until(lambda: forces[-1].data > stalled + 400)
-    logger.signal(signal.SIGCONT)
-    publisher.terminate()
-    count = int(publisher.communicate(timeout=120)[0])
-    assert logger.stop() == 0   # while hundreds wait
-    assert not re.search(r', [1-9]\d* lost', logger.output())
-    assert len(recorded(tmp_path / 'bag')['/joint_states']) == count
-
-
-def test_load_at_the_end_is_in_the_bag(start, log, tmp_path):
-    start('-c', PUBLISHER, '500')
-    logger = log(progress_period=0.5)
-    wait_for_messages(logger)
+def test_a_split_bag_is_read_as_one_and_has_what_comes_at_its_end(log, peer, tmp_path):
+    publisher = Publisher(peer, 500)
+    logger = log(max_bagfile_duration=0.3, progress_period=0.5)
+    assert peer.until(lambda: told_of_many(logger) and (tmp_path / 'bag' / 'bag_3.mcap').exists())
     now = time.time_ns()
-    assert logger.stop() == 0
+    publisher.tick()
+    logger.ask_to_end()
+    assert peer.until(logger.ended)
+    assert logger.wait() == 0
+    files = information(tmp_path / 'bag')['files']
+    assert [file['path'] for file in files] == [f'bag_{n}.mcap' for n in range(len(files))]
     states = recorded(tmp_path / 'bag')['/joint_states']
-    values = [state.position[0] for state in states]
-    lost = int(re.search(r'/joint_states: \d+ written, (\d+) lost', logger.output())[1])
-    assert lost == values[-1] - values[0] + 1 - len(values) == 0
+    assert [state.position[0] for state in states] == [*range(len(states))]
+    assert f'/joint_states: {len(states)} written, 0 lost' in logger.output()
     last = states[-1].header.stamp
     assert last.sec * 10 ** 9 + last.nanosec > now
-
-
-def test_kill_costs_what_came_last(start, log_apart, tmp_path):
-    """That is a tenth of a second; what it comes to on a machine is on the page of bags."""
-    publisher = start(NUMBERED, 'times.npy', '--rate', '20')
-    logger = log_apart(topics=['number_0', 'number_1'], progress_period=0.5)
-    wait_for_messages(logger)
-    time.sleep(3.0)   # of which no chunk is full
-    logger.stop(signal.SIGKILL)
-    killed = time.time_ns()
-    publisher.terminate()
-    assert publisher.wait(20) == 0
-    times, entries = np.load(tmp_path / 'times.npy'), Bag(tmp_path / 'bag', partial=True).entries
-    for n in range(2):
-        numbered = [entry.sequence for entry in entries if entry.topic == f'/number_{n}']
-        assert numbered == [*range(1, len(numbered) + 1)]
-        assert times[len(numbered) - 1, n] > killed - 2e9   # while a busy machine stands still
-
-
-def test_thousands_of_messages_a_second(start, log_apart, tmp_path):
-    start(NUMBERED, 'times.npy', '--rate', '1000', '--topics', '5', '--duration', '2')
-    names = [f'number_{n}' for n in range(5)]
-    logger = log_apart(topics=names, progress_period=0.5)
-    assert wait_until((tmp_path / 'times.npy').exists)
-    assert logger.stop() == 0
-    count = len(np.load(tmp_path / 'times.npy'))
-    assert count > 500   # as many as a busy machine can
-    custom = information(tmp_path / 'bag')['custom_data']
-    for name in names:
-        assert f'/{name}: {count} written, 0 lost' in logger.output()
-        assert custom[f'lost:/{name}'] == '0'
-    assert {topic: numbers(messages) for topic, messages in recorded(tmp_path / 'bag').items()} \
-        == {f'/{name}': [*range(count)] for name in names}
-
-
-def test_split_bag_is_read_as_one(start, log, tmp_path):
-    start('-c', PUBLISHER, '100')
-    logger = log(max_bagfile_duration=0.3, progress_period=0.5)
-    assert wait_until((tmp_path / 'bag' / 'bag_3.mcap').exists)
-    assert logger.stop() == 0
-    files = information(tmp_path / 'bag')['files']
-    assert len(files) > 2
-    assert [file['path'] for file in files] == [f'bag_{n}.mcap' for n in range(len(files))]
-    states = [state.position[0] for state in recorded(tmp_path / 'bag')['/joint_states']]
-    assert states == [*range(len(states))]
     assert len(read_episode(tmp_path / 'bag').t) == len(states)
 
 
-def test_full_disk_is_one_line(start, tmp_path):
+def test_full_disk_is_one_line(start, peer, tmp_path):
     def small_disk():
         resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, 50_000))
 
-    start('-c', PUBLISHER, '200')
+    Publisher(peer, 200)
     logger = start('-c', LOGGER, '--ros-args', '-p', 'output:=bag', '-p',
                    'progress_period:=0.0', preexec_fn=small_disk)
-    assert logger.communicate(timeout=60)[1].splitlines()[1:] == [
+    assert peer.until(lambda: logger.poll() is not None)
+    assert logger.communicate()[1].splitlines()[1:] == [
         "logger: error: cannot write the bag 'bag': File too large; what it holds so far can "
         'be read, and `ros2 run dp_swing_ros recover bag` makes a whole bag of it']
     assert logger.returncode == 2
@@ -301,13 +267,13 @@ def test_any_publisher_is_heard(log, peer, tmp_path):
     assert [numbers(messages[topic]) for topic in ('/best_effort', '/volatile')] == [[7], [7]]
 
 
-def test_another_type_on_a_topic_changes_nothing(start, log_apart, peer, tmp_path):
+def test_another_type_on_a_topic_changes_nothing(start, log, peer, tmp_path):
     start('-c', 'import rclpy; from std_msgs.msg import Float32\n'
           'rclpy.init(); node = rclpy.create_node("stranger")\n'
           f'sends = node.create_publisher(Float32, {DISTURBANCE.name!r}, 10)\n'
           'node.create_timer(0.02, lambda: sends.publish(Float32(data=9.0)))\n'
           'rclpy.spin(node)')
-    logger = log_apart()
+    logger = log()
     logger.wait_for('/disturbance: std_msgs/msg/Float32 is not recorded')
     usual = peer.node.create_publisher(Float64, DISTURBANCE.name, 10)
     assert peer.until(usual.get_subscription_count)
@@ -361,25 +327,22 @@ def test_what_a_publisher_sent_before_it_was_heard_is_said(log_apart, peer, tmp_
         in logger.output()
 
 
-def test_type_that_is_not_installed_is_left_out(start, peer):
+def test_type_that_is_not_installed_is_left_out(log, peer, monkeypatch):
     # The definitions are looked for in the installation, which this logger does not find.
-    logger = start('-c', f'import sys; sys.prefix = "/nowhere"; {LOGGER}', '--ros-args',
-                   '-p', 'output:=bag', '-p', 'topics:=[force_command]',
-                   env={**os.environ, 'AMENT_PREFIX_PATH': '/nowhere'})
-    publisher = publish(peer.node, FORCE_COMMAND)
-    publisher.publish(Float64())
-    assert 'recording to' in logger.stderr.readline()
-    assert "no definition of 'std_msgs/msg/Float64'" in logger.stderr.readline()
-    logger.send_signal(signal.SIGINT)
-    assert '/force_command: could not be recorded' in logger.communicate(timeout=120)[0]
-    assert logger.returncode == 0
+    monkeypatch.setattr(sys, 'prefix', '/nowhere')
+    monkeypatch.setenv('AMENT_PREFIX_PATH', '/nowhere')
+    logger = log(topics=['force_command'])
+    publish(peer.node, FORCE_COMMAND).publish(Float64())
+    logger.wait_for("no definition of 'std_msgs/msg/Float64'")
+    assert logger.stop() == 0
+    assert '/force_command: could not be recorded' in logger.output()
 
 
 def test_namespace(log, peer):
     description = peer.node.create_publisher(
         String, f'left/{ROBOT_DESCRIPTION.name}',
         QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
-    description.publish(String(data=urdf(PendulumParameters(), LimitParameters())))
+    description.publish(String(data=DESCRIPTION))
     logger = log(['-r', '__ns:=/left'])
     assert peer.until(description.get_subscription_count)
     time.sleep(0.2)

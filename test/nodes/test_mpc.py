@@ -7,6 +7,8 @@ import signal
 
 from diagnostic_msgs.msg import DiagnosticStatus
 import numpy as np
+from one_process import Crew
+from peer import Member
 import pytest
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
@@ -18,6 +20,8 @@ from dp_swing_ros.control import controllers
 from dp_swing_ros.messages.configuration import Configuration
 from dp_swing_ros.messages.fields import from_diagnostics, from_trajectory, seconds
 from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
+from dp_swing_ros.nodes.mpc import MpcNode
+from dp_swing_ros.nodes.plant import PlantNode
 from dp_swing_ros.pendulum.model import rollout
 from dp_swing_ros.pendulum.parameters import PendulumParameters
 from dp_swing_ros.pendulum.state import hanging
@@ -167,15 +171,17 @@ def test_a_second_master_is_a_warning_in_the_diagnostics(peer, start_here):
     assert f'{rival}; ' in talk.node.output().splitlines()[-1]
 
 
-def test_the_first_force_answers_the_first_state(peer, start_node, start_here):
+def test_the_first_force_answers_the_first_state(tmp_path, capfd):
     """A start is over when each hears the other."""
-    states, forces = peer.record(JOINT_STATES), peer.record(FORCE_COMMAND_STAMPED)
-    start_here('mpc').wait_for('ready')
-    plant = start_node('plant', {'rate': 2.0, 'duration': 3.0, 'command_timeout': 3.0})
-    assert plant.wait() == 0
-    assert peer.until(lambda: len(states) >= 4 and len(forces) >= 4)
-    assert forces[0].header.stamp == states[0].header.stamp
-    assert 'no force' not in plant.output()
+    given = {'rate': 2.0, 'duration': 3.0, 'command_timeout': 3.0}
+    with Crew(tmp_path / 'nodes.yaml', {'plant': given}) as crew:
+        peer = Member(crew)
+        states, forces = peer.record(JOINT_STATES), peer.record(FORCE_COMMAND_STAMPED)
+        crew.start(MpcNode)
+        plant = crew.start(PlantNode)
+        assert peer.until(lambda: plant.done and len(states) >= 4 and len(forces) >= 4)
+        assert forces[0].header.stamp == states[0].header.stamp
+    assert 'no force' not in capfd.readouterr().err
 
 
 def points_of(cloud):
@@ -185,16 +191,18 @@ def points_of(cloud):
     return np.frombuffer(bytes(cloud.data), kind).reshape(cloud.height, cloud.width)
 
 
-def test_in_lockstep_no_state_is_lost(peer, start_node, start_here):
-    start_here('mpc').wait_for('ready')
-    forces = peer.record(FORCE_COMMAND)
-    override = {'qos_overrides./joint_states.publisher.reliability': 'best_effort'}
-    for offered, parameters in (('RELIABLE', {}), ('BEST_EFFORT', override)):
-        plant = start_node('plant', {'lockstep': True, 'pace': 1.0, **parameters})
+@pytest.mark.parametrize('offered', ['RELIABLE', 'BEST_EFFORT'])
+def test_in_lockstep_no_state_is_lost(tmp_path, offered):
+    offers = {'qos_overrides./joint_states.publisher.reliability': offered.lower()}
+    with Crew(tmp_path / 'nodes.yaml', {
+            'plant': {'lockstep': True, 'pace': 1.0, **offers}}) as crew:
+        peer = Member(crew)
+        forces = peer.record(FORCE_COMMAND)
+        crew.start(MpcNode)
+        crew.start(PlantNode)
         assert peer.until(lambda: peer.reliability() == [offered])
         before = len(forces)
         assert peer.until(lambda: len(forces) > before + 5)
-        plant.stop()
 
 
 def test_states_that_are_found_after_their_plant_are_heard(peer, start_here):

@@ -6,13 +6,16 @@ The plant as a node: its topics, services and parameters, whom it meets, and how
 What it does with what comes is tested in virtual time: test/runtime/test_plant.py.
 """
 
+from contextlib import ExitStack
 import functools
 import math
-import signal
+import time
 from xml.etree import ElementTree
 
+from conftest import PATIENCE
 from diagnostic_msgs.msg import DiagnosticStatus
 import numpy as np
+from one_process import Crew
 from peer import Peer
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -26,7 +29,10 @@ from dp_swing_ros.messages import fields
 from dp_swing_ros.messages.configuration import from_text
 from dp_swing_ros.messages.fields import from_diagnostics, seconds
 from dp_swing_ros.nodes.connections import request_for
+from dp_swing_ros.nodes.logger import LoggerNode
 from dp_swing_ros.nodes.messages import to_stamp
+from dp_swing_ros.nodes.mpc import MpcNode
+from dp_swing_ros.nodes.plant import PlantNode
 from dp_swing_ros.pendulum.state import hanging, joints
 from dp_swing_ros.tools import verify
 from dp_swing_ros.topics import (
@@ -161,10 +167,10 @@ def test_lockstep_waits_for_a_bare_publisher_and_is_stopped_and_slowed_down(peer
     assert seconds(states[-1].header.stamp) == 1.0
 
 
-def test_with_simulated_time_it_goes_as_the_clock_does(peer, start_node):
+def test_with_simulated_time_it_goes_as_the_clock_does(peer, start_here):
     clock = peer.node.create_publisher(Clock, '/clock', 10)
     states, reports = peer.record(JOINT_STATES), peer.record(DIAGNOSTICS)
-    node = start_node('plant', {'use_sim_time': True})
+    node = start_here('plant', {'use_sim_time': True})
 
     def stepped(now, count):
         clock.publish(Clock(clock=to_stamp(now)))
@@ -183,7 +189,7 @@ def test_with_simulated_time_it_goes_as_the_clock_does(peer, start_node):
     assert seconds(states[-1].header.stamp) == pytest.approx(50.15)
     assert 'the clock jumped by +1e+06 s; the pendulum goes on from where it was' in node.output()
     np.testing.assert_allclose(to_state(states[-1]), [0, math.pi, math.pi, 0, 0, 0], atol=1e-9)
-    assert node.stop(signal.SIGTERM) == 0
+    assert node.stop() == 0
 
 
 def test_in_lockstep_a_controller_that_joins_late_gets_the_unanswered_state(peer, start_here):
@@ -207,17 +213,32 @@ def test_in_lockstep_a_controller_that_joins_late_gets_the_unanswered_state(peer
     other.close()
 
 
-def test_two_plants_and_two_mpcs_name_each_other_and_are_the_cause(start_node, tmp_path, capsys):
-    logger = start_node('logger', {'output': str(tmp_path / 'bag')})
-    pairs = {kind: [start_node(kind, arguments=['-r', f'__node:={name}']) for name in (
-        kind, f'second_{kind}')] for kind in ('mpc', 'plant')}
-    for node in (*pairs['mpc'], *pairs['plant']):
-        node.wait_for('/force_command has 2 publishers, /mpc, /second_mpc; expected one')
-        node.wait_for('/joint_states has 2 publishers, /plant, /second_plant; expected one')
-    logger.stop()
-    bag = str(tmp_path / 'bag')
+def test_two_plants_and_two_mpcs_name_each_other_and_are_the_cause(tmp_path, capfd):
+    bag, said = str(tmp_path / 'bag'), []
+
+    def has_said(name, topic, kind):
+        return any(f'[{name}]: ' in line and f'{topic} has 2 publishers, /{kind}, '
+                   f'/second_{kind}; expected one' in line for line in said)
+    with ExitStack() as stack:
+        kinds = {'mpc': MpcNode, 'plant': PlantNode}
+        crews = [stack.enter_context(Crew(
+            tmp_path / f'{name}.yaml', {'logger': {'output': bag, 'progress_period': 0.0}},
+            [] if name == 'both' else ['-r', f'__node:={name}'])) for name in (
+                'both', 'second_mpc', 'second_plant')]
+        logger, *_ = (crews[0].start(kind) for kind in (LoggerNode, *kinds.values()))
+        for crew, kind in zip(crews[1:], kinds.values()):
+            crew.start(kind)
+        end = time.monotonic() + PATIENCE
+        while not all(has_said(name, topic, kind) for each in kinds
+                      for name in (each, f'second_{each}') for topic, kind in (
+                          ('/force_command', 'mpc'), ('/joint_states', 'plant'))):
+            assert time.monotonic() < end, said
+            for crew in crews:
+                crew.executor.spin_once(0.01)
+            said += capfd.readouterr().err.splitlines()
+        logger.close()
     assert verify.main([bag, '--node', '/mpc', '--node', '/plant']) != 0
-    shown = ''.join(capsys.readouterr())
+    shown = ''.join(capfd.readouterr())
     for topic, kind in (('/force_command', 'mpc'), ('/joint_states', 'plant')):
         assert shown.count(f'{topic} has 2 publishers, /{kind}, /second_{kind}') == 1
     assert 'likely cause: ' in shown

@@ -128,15 +128,14 @@ def test_the_controllers_fit_the_robot_and_the_relay():
     assert manager['update_rate'] % CONTROLLERS['joint_state_broadcaster']['update_rate'] == 0
 
 
-@pytest.fixture
-def relayed(peer, start_node):
-    """Return a relay, a publisher of forces that it hears, and when it sends which forces."""
+def relayed(peer, start):
+    """Start a relay; return it, what publishes forces that it hears, and when it sends which."""
     commands = []
     peer.node.create_subscription(
         Float64MultiArray, CONTROLLER_COMMANDS['effort'].name,
         lambda message, info: commands.append(
             (info['source_timestamp'] / 1e9, *message.data)), 1000)
-    node = start_node('relay')
+    node = start('relay')
     node.wait_for('ready')
     forces = peer.publisher(FORCE_COMMAND)
     assert peer.until(lambda: commands)
@@ -144,8 +143,8 @@ def relayed(peer, start_node):
     return node, forces, commands
 
 
-def test_the_relay_hands_on_and_lets_go(peer, relayed):
-    node, forces, commands = relayed
+def test_the_relay_hands_on_and_lets_go(peer, start_here):
+    node, forces, commands = relayed(peer, start_here)
     for n in range(1, 11):
         forces.publish(Float64(data=float(n)))
         assert peer.until(lambda: commands[-1][1] == n)
@@ -157,8 +156,8 @@ def test_the_relay_hands_on_and_lets_go(peer, relayed):
     assert [force for _, force in commands if force] == list(range(1, 11))
 
 
-def test_the_relay_hands_no_force_on_that_is_none(peer, relayed):
-    node, forces, commands = relayed
+def test_the_relay_hands_no_force_on_that_is_none(peer, start_here):
+    node, forces, commands = relayed(peer, start_here)
     for force in (math.nan, math.inf, -math.inf, 3.0):
         forces.publish(Float64(data=force))
         peer.spin(0.05)
@@ -167,8 +166,8 @@ def test_the_relay_hands_no_force_on_that_is_none(peer, relayed):
     assert 'expected a finite number' in node.output()
 
 
-def test_the_last_command_of_the_relay_is_zero(peer, relayed):
-    node, forces, commands = relayed
+def test_the_last_command_of_the_relay_is_zero(peer, start_node):
+    node, forces, commands = relayed(peer, start_node)
     forces.publish(Float64(data=7.0))
     assert peer.until(lambda: commands[-1][1] == 7.0)
     assert node.stop() == 0

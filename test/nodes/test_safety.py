@@ -13,7 +13,7 @@ from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import LivelinessPolicy, QoSProfile
 from std_msgs.msg import Float64
 from std_srvs.srv import SetBool
-from test_drivers import Driver, Rig
+from test_drivers import Driver, recorded, Rig
 
 from dp_swing_ros.nodes.connections import DEADLINE, LEASE
 from dp_swing_ros.tools import verify
@@ -26,60 +26,47 @@ def switch(peer, enabled):
     return answer.message
 
 
-def test_disabled_it_sends_zero_at_once_and_for_each_state(
-        peer, start_node, start_here, tmp_path, capsys):
-    logger = start_node('logger', {'output': str(tmp_path / 'bag')})
-    logger.wait_for('recording to')
-    mpc = start_here('mpc')
-    mpc.wait_for('ready')
-    driver = Driver(peer)
-    driver.meet()
-    driver.stream(20, lambda now: now)
-    assert peer.until(lambda: driver.forces[-1].data != 0.0)
-    before = len(driver.forces)
-    assert 'zero force' in switch(peer, False)
-    # without a state that it would answer
-    assert peer.until(lambda: len(driver.forces) > before and driver.forces[-1].data == 0.0)
-    zeros = len(driver.forces)
-    driver.stream(20, lambda now: now)
-    assert peer.until(lambda: len(driver.forces) >= zeros + 18)
-    assert not any(force.data for force in driver.forces[zeros - 1:])
-    last = driver.ticks()[-1]
-    assert (last.level, last.values['status']) == (DiagnosticStatus.WARN[0], 'DISABLED')
-    assert 'disabled: the force is zero; call mpc/enable' in last.message
-    assert last.values['refused'] == 0   # it goes on estimating
-    switch(peer, False)                  # which changes nothing
-    switch(peer, True)
-    driver.stream(20, lambda now: now)
-    assert peer.until(lambda: driver.ticks()[-1].values['status'] != 'DISABLED')
-    assert driver.forces[-1].data != 0.0
-    mpc.stop()
-    peer.spin(0.5)
-    assert logger.stop() == 0
+def test_disabled_it_sends_zero_at_once_and_for_each_state(tmp_path, capsys):
+    with recorded(tmp_path / 'bag', {}) as (peer, _):
+        driver = Driver(peer)
+        driver.meet()
+        driver.stream(20, lambda now: now)
+        assert peer.until(lambda: driver.forces[-1].data != 0.0)
+        before = len(driver.forces)
+        assert 'zero force' in switch(peer, False)
+        # without a state that it would answer
+        assert peer.until(lambda: len(driver.forces) > before and driver.forces[-1].data == 0.0)
+        zeros = len(driver.forces)
+        assert peer.until(lambda: driver.stream(1, lambda now: now)
+                          or len(driver.forces) >= zeros + 18)
+        assert not any(force.data for force in driver.forces[zeros - 1:])
+        last = driver.ticks()[-1]
+        assert (last.level, last.values['status']) == (DiagnosticStatus.WARN[0], 'DISABLED')
+        assert 'disabled: the force is zero; call mpc/enable' in last.message
+        assert last.values['refused'] == 0   # it goes on estimating
+        switch(peer, False)                  # which changes nothing
+        switch(peer, True)
+        driver.stream(20, lambda now: now)
+        assert peer.until(lambda: driver.ticks()[-1].values['status'] != 'DISABLED')
+        assert driver.forces[-1].data != 0.0
     assert verify.main([str(tmp_path / 'bag')]) == 0, capsys.readouterr().out
     assert 'every force is the recorded one' in capsys.readouterr().out
 
 
-def test_it_brakes_the_cart_before_it_ends(
-        peer, start_node, start_here, tmp_path, capsys):
-    logger = start_here('logger', {'output': str(tmp_path / 'bag')})
-    logger.wait_for('recording to')
-    mpc = start_node('mpc', {'controlled_stop': 0.5, 'clock': 'lockstep', **Rig.PARAMETERS})
-    mpc.wait_for('ready')
-    rig, pendulum, times = Rig(peer), plant(), itertools.count(0, 50_000_000)
-    rig.meet(lockstep=True)
-    swung = rig.swing(pendulum, 12, lambda: next(times), paced=False)
-    mpc.signal(signal.SIGTERM)
-    peer.spin(0.2)
-    braked = rig.swing(pendulum, 12, lambda: next(times), paced=False)
-    assert mpc.wait() == 0
-    assert peer.until(lambda: rig.forces[-1].data == 0.0)
+def test_it_brakes_the_cart_before_it_ends(tmp_path, capsys):
+    parameters = {'controlled_stop': 0.5, 'clock': 'lockstep', **Rig.PARAMETERS}
+    with recorded(tmp_path / 'bag', parameters) as (peer, mpc):
+        rig, pendulum, times = Rig(peer), plant(), itertools.count(0, 50_000_000)
+        rig.meet(lockstep=True)
+        swung = rig.swing(pendulum, 12, lambda: next(times), paced=False)
+        assert not mpc.may_end()   # which is asked from a signal on
+        braked = rig.swing(pendulum, 12, lambda: next(times), paced=False)
+        assert peer.until(mpc.may_end)
+    assert rig.forces[-1].data == 0.0
     stops = [tick for tick in rig.ticks() if tick.values['status'] == 'STOP']
     assert len(stops) == 10 and 'the process ends' in stops[0].message
     assert stops[0].level == DiagnosticStatus.ERROR[0]
     assert abs(swung[-1, 3]) > 0.5 and np.abs(braked[7:11, 3]).max() < 0.1
-    peer.spin(0.5)
-    assert logger.stop() == 0
     assert verify.main([str(tmp_path / 'bag')]) == 0, capsys.readouterr().out
     assert 'every force is the recorded one' in capsys.readouterr().out
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 
 import dataclasses
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -81,9 +79,3 @@ def test_frame_without_a_controller_has_no_ticks():
     frame = without_ticks(swing_up()).to_frame()
     assert frame['cost'].isna().all()
     assert frame['force'].notna().sum() == len(frame) - 1
-
-
-def test_nodes_and_episodes_do_not_load_pandas():
-    code = ('import sys, dp_swing_ros.nodes.mpc, dp_swing_ros.nodes.logger, dp_swing_ros.bags; '
-            'sys.exit("pandas" in sys.modules)')
-    assert subprocess.run([sys.executable, '-c', code]).returncode == 0

@@ -63,44 +63,59 @@ def alive(pid):
         return False
 
 
-def test_parameters_reach_ros_as_they_are(tmp_path):
-    file, other = tmp_path / 'some.yaml', tmp_path / 'other.yaml'
+def test_parameters_reach_ros_as_they_are_and_half_a_line_waits_for_its_end(tmp_path):
+    file, other, log = (tmp_path / name for name in ('some.yaml', 'other.yaml', 'log'))
     file.write_text('/**:\n  ros__parameters: {seed: 3}\n')
     other.write_text('/**/long:\n  ros__parameters: {seed: 3}\n')   # of which it would warn
     process = Process('short', {'duration': 10.0, 'lockstep': True, 'output': '2024'},
-                      tmp_path / 'log', parameter_files=[file, other])
+                      log, parameter_files=[file, other])
     process.finish()
     assert process.new_lines() == [
         f'run dp_swing_ros short --ros-args --params-file {file} '
         '-p duration:=10.0 -p lockstep:=true -p output:="2024"']
+    with log.open('a') as lines:
+        lines.write('one\ntw')
+    assert process.new_lines() == ['one']
+    with log.open('a') as lines:
+        lines.write('o\n')
+    assert process.new_lines() == ['two']
 
 
-def test_polite_process_ends_when_asked(tmp_path):
-    process = Process('polite', {}, tmp_path / 'log')
-    started(process)
-    process.check()
-    process.end()
-    assert not process.running
-    assert process.new_lines() == ['bye']
-    assert process.new_lines() == []
-
-
-def test_failure_shows_the_end_of_the_log(tmp_path):
-    process = Process('broken', {}, tmp_path / 'log')
-    with pytest.raises(ProcessError, match='broken ended with exit code 3(.|\n)*it broke'):
-        process.finish()
-    with pytest.raises(ProcessError, match='broken ended early with exit code 3'):
-        process.check()
+def test_who_fails_or_does_not_come_is_named_and_a_polite_process_ends_when_asked(
+        tmp_path, monkeypatch):
+    with Process('polite', {}, tmp_path / 'polite.log') as polite:
+        started(polite)
+        polite.check()
+        with Process('broken', {}, tmp_path / 'broken.log') as broken:
+            until(lambda: not broken.running)
+            with pytest.raises(ProcessError, match='broken ended with exit code 3(.|\n)*it broke'):
+                broken.finish()
+            with pytest.raises(ProcessError, match='broken ended early with exit code 3'):
+                broken.check()
+            with pytest.raises(ProcessError, match='broken ended early'):
+                await_ready([polite, broken], lambda: {'broken'}, time.sleep)
+        names = iter([{'a', 'b'}, {'b'}])
+        await_ready([polite], lambda: next(names, set()), time.sleep)
+        monkeypatch.setattr(processes, 'READY', 0.3)
+        with pytest.raises(ProcessError, match='^a and b not ready after 0.3 s'):
+            await_ready([polite], lambda: {'b', 'a'}, time.sleep)
+        polite.check()
+        polite.end()
+        assert not polite.running
+        assert polite.new_lines() == ['bye']
+        assert polite.new_lines() == []
 
 
 def test_process_that_does_not_end_is_an_error_and_can_be_killed(tmp_path, monkeypatch):
+    """Its number is not that of `ros2 run`: ros2cli waits for what it starts."""
     monkeypatch.setattr(processes, 'GRACE', 0.3)
-    process = Process('rude', {}, tmp_path / 'log')
-    child = int(started(process, 'child')[-1].split()[-1])
-    with pytest.raises(ProcessError, match='did not end within'):
-        process.end()
-    process.kill()
-    until(lambda: not alive(child))
+    with Process('rude', {}, tmp_path / 'log') as rude:
+        child = int(started(rude, 'child')[-1].split()[-1])
+        assert rude.pid == child
+        with pytest.raises(ProcessError, match='did not end within'):
+            rude.end()
+        rude.kill()
+        until(lambda: not alive(child))
 
 
 def test_an_mpc_has_the_time_to_brake():
@@ -142,57 +157,11 @@ def test_an_interrupt_while_one_starts_leaves_nobody_behind(tmp_path, monkeypatc
     assert not alive(*pids)
 
 
-def test_who_has_died_is_noticed(tmp_path):
-    with Process('polite', {}, tmp_path / 'polite.log') as polite:
-        started(polite)
-        polite.check()
-        with Process('broken', {}, tmp_path / 'broken.log') as broken:
-            until(lambda: not broken.running)
-            with pytest.raises(ProcessError, match='broken'):
-                broken.check()
-        polite.check()
-
-
-def test_the_number_of_a_process_is_not_that_of_ros2_run(tmp_path):
-    """ros2cli waits for what it starts."""
-    with Process('rude', {}, tmp_path / 'log') as rude:
-        child = int(started(rude, 'child')[-1].split()[-1])
-        assert rude.pid == child
-        rude.kill()
-
-
-def test_who_does_not_come_is_named(tmp_path, monkeypatch):
-    monkeypatch.setattr(processes, 'READY', 0.3)
-    with Process('polite', {}, tmp_path / 'log') as polite:
-        names = iter([{'a', 'b'}, {'b'}])
-        await_ready([polite], lambda: next(names, set()), time.sleep)
-        with pytest.raises(ProcessError, match='^a and b not ready after 0.3 s'):
-            await_ready([polite], lambda: {'b', 'a'}, time.sleep)
-
-
-def test_who_ends_is_not_waited_for(tmp_path):
-    with pytest.raises(ProcessError, match='broken ended early'):
-        await_ready([Process('broken', {}, tmp_path / 'log')], lambda: {'broken'}, time.sleep)
-
-
 @pytest.mark.parametrize('line, text', [
     ('[INFO] [1732.25] [mpc]: ready', 'ready'), ('[WARN] [1.5] [a.b]: [1] x', '[1] x'),
     ('plain text', 'plain text'), ('mpc: loading', 'loading')])
 def test_a_line_of_a_log_names_its_node_once(line, text):
     assert attributed('mpc', line) == f'mpc: {text}'
-
-
-def test_half_a_line_waits_for_its_end(tmp_path):
-    log = tmp_path / 'log'
-    process = Process('short', {}, log)
-    process.finish()
-    process.new_lines()
-    with log.open('a') as file:
-        file.write('one\ntw')
-    assert process.new_lines() == ['one']
-    with log.open('a') as file:
-        file.write('o\n')
-    assert process.new_lines() == ['two']
 
 
 def test_missing_ros2_is_said(tmp_path, monkeypatch):
