@@ -85,6 +85,20 @@ def test_plans_and_tries_are_sent_as_sensors_would_measure_them():
     np.testing.assert_allclose(paths[:, 0], [tip] * len(paths), atol=1e-9)
 
 
+def test_a_state_that_is_asked_again_gets_the_same_force_and_changes_nothing():
+    """As a plant in lockstep asks who joins late."""
+    once, twice = lockstep(), lockstep()
+    once.lockstep(*[LEANING] * 3)
+    for n in range(3):
+        for _ in range(2):
+            twice.state(LEANING, n * PERIOD)
+    assert twice.forces == [force for force in once.forces for _ in range(2)]
+    assert len(twice.reports) == 3
+    twice.core.enable(False)
+    twice.state(LEANING, 2 * PERIOD)
+    assert twice.forces[-1] == 0.0
+
+
 def test_the_stream_of_commands_ends_with_zero():
     run = lockstep()
     run.core.close()
