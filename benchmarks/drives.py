@@ -13,6 +13,7 @@ from dp_swing_ros import declarations
 from dp_swing_ros.evaluation.campaign.contestants import Contestant, key
 from dp_swing_ros.evaluation.campaign.rows import Row
 from dp_swing_ros.evaluation.scenarios import Case, SCENARIOS
+from dp_swing_ros.pendulum.parameters import LimitParameters
 from dp_swing_ros.tables import compact
 
 TIP = 1.35   # times as far as its centre a last link is drawn
@@ -29,6 +30,12 @@ class Group(NamedTuple):
     scenario: str
     seeds: int
     duration: float   # [s]
+
+    @property
+    def space(self) -> str:
+        """Return how far the cart may go."""
+        track = self.told.get('track_limit', LimitParameters.track_limit)
+        return f'±{track:g}'
 
     @property
     def drive(self) -> str:
@@ -65,10 +72,9 @@ def follower(acceleration: float, speed: float) -> dict[str, Any]:
             'motor_time_constant': 0.02}
 
 
-def real(name: str, drive: Mapping[str, Any]) -> Group:
-    """Return a group with the links of a real pendulum, hanging at first."""
-    track, duration = (1.0, 30.0) if name == 'triple' else (0.5, 40.0)
-    return Group(name, {**published(name), 'track_limit': track, **drive}, SENSED, 'hanging', 20,
+def real(name: str, drive: Mapping[str, Any], duration: float, track: float = 0.5) -> Group:
+    """Return a group with the links of a real pendulum, hanging at first, on a track [m]."""
+    return Group(name, {**published(name), 'track_limit': track, **drive}, SENSED, 'hanging', 100,
                  duration)
 
 
@@ -76,9 +82,10 @@ STEPPER = {'drive': 'acceleration', 'acceleration_limit': 20.0}
 GROUPS = [
     Group('default', STEPPER, {}, 'hanging', 50, 10.0),
     Group('default', STEPPER, {}, 'random', 1000, 10.0),
-    *(real(name, follower(5.0, 1.0)) for name in ('single', 'double')),
-    real('triple', follower(40.0, 3.0)),
-    *(real(name, motor()) for name in AUTHORS)]
+    real('single', follower(5.0, 1.0), 12.0),
+    real('double', follower(5.0, 1.0), 40.0),
+    real('triple', follower(40.0, 3.0), 30.0, track=1.0),
+    *(real(name, motor(), 12.0 if name == 'triple' else 6.0) for name in AUTHORS)]
 
 
 def of_group(group: Group, solver: str) -> list[tuple[Contestant, Case]]:
@@ -101,7 +108,8 @@ def episodes() -> list[tuple[Contestant, Case]]:
 def page(rows: Sequence[Row], made: str) -> str:
     """Return the page from the rows of all runs."""
     found = {row.key: row for row in rows}
-    lines = [(group.rig, group.drive, group.scenario, f'`{solver}`',
+    lines = [(group.rig, group.drive, group.space, f'{group.duration:g}', group.scenario,
+              f'`{solver}`',
               *outcome([found[key(*one)] for one in of_group(group, solver)]))
              for group in GROUPS for solver in METHODS]
     return '\n'.join([
@@ -109,11 +117,13 @@ def page(rows: Sequence[Row], made: str) -> str:
         'The input of the problem is a voltage, an acceleration, or for velocities the '
         'acceleration whose integral they are ([how](../rig.md#what-your-drive-takes)). Of '
         '`default` the bodies are those of 1 m, at 20 Hz. Else links are those that were '
-        'published of [a real pendulum](#what-is-found-of-a-real-pendulum), moved by MuJoCo on '
-        f'±0.5 m of track, {SENSED["rate"]:g} states a second from encoders of '
-        f'{SENSED["encoder_counts"]:,} counts a turn, without velocities. A velocity is followed '
-        '20 ms late, within the acceleration that stands there; the motor of the voltage is that '
-        'of `config/voltage.yaml`. The mpc is told all of it but the sensors, and has the '
+        'published of [a real pendulum](#what-is-found-of-a-real-pendulum), moved by MuJoCo, '
+        f'{SENSED["rate"]:g} states a second from encoders of {SENSED["encoder_counts"]:,} counts '
+        'a turn, without velocities. Each episode lasts as long as stands there in the time of '
+        'links of 1 m; with real ones it is as much shorter as these are faster. A velocity is '
+        'followed 20 ms late, within the acceleration that stands there; the motor of the voltage '
+        'is that of `config/voltage.yaml`. The mpc is told all of it but the sensors, and has the '
         'defaults else. In brackets the 95 % interval (Wilson); settling times are those of the '
         'successes; the rows: `results/drives.csv.gz`.\n',
-        compact([('links', 'drive', 'scenario', 'solver', *OUTCOME), *lines]), ''])
+        compact([('links', 'drive', 'track [m]', 'episode [s]', 'scenario', 'solver', *OUTCOME),
+                 *lines]), ''])
