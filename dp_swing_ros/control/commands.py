@@ -73,12 +73,12 @@ class SentCommands:
 
     def add(self, t: float, command: float) -> None:
         """Remember a command [N] that holds from a time on [s]."""
-        end = np.searchsorted(self.times, t)
-        old = np.searchsorted(self.times[:end], t - self.remembered)
+        end = self.times.searchsorted(t)
+        old = self.times[:end].searchsorted(t - self.remembered)
         if old > 0:
             self.before = float(self.forces[old - 1])
-        self.times = np.append(self.times[old:end], t)
-        self.forces = np.append(self.forces[old:end], command)
+        self.times = np.concatenate((self.times[old:end], [t]))
+        self.forces = np.concatenate((self.forces[old:end], [command]))
 
     def begin(self, t: float, speed: float) -> None:
         """
@@ -116,7 +116,7 @@ class SentCommands:
 
     def last(self, t: float) -> tuple[float, float]:
         """Return the newest command [N] of those before a time [s], and since when it holds."""
-        place = np.searchsorted(self.times, t) - 1
+        place = self.times.searchsorted(t) - 1
         return (self.before, t) if place < 0 else (
             float(self.forces[place]), float(self.times[place]))
 
@@ -125,9 +125,10 @@ class SentCommands:
         times, forces = self.times, self.forces
         for begins, acceleration in self.afterwards:
             times, forces = np.append(times, begins), np.append(forces, acceleration)
-        place = np.searchsorted(times, t - history, side='right')
+        place = times.searchsorted(t - history, side='right')
         before = self.before if place == 0 else forces[place - 1]
-        return np.append(times[place:] - t, np.inf), np.append(before, forces[place:])
+        return (np.concatenate((times[place:] - t, [math.inf])),
+                np.concatenate(([before], forces[place:])))
 
     def predict(self, model: Model, drive: Drive, x: Array, t: float,
                 until: float) -> tuple[Array, float]:

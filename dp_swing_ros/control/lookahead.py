@@ -42,15 +42,11 @@ class Lookahead:
         """Forget the period, and what plans came to."""
         self.t = -math.inf         # [s] of the last measurement
         self.periods = deque[float](maxlen=PERIODS)
+        self.period = math.nan     # [s] from state to state, until it is known
         self.step = self.given.step
         self.arrived = math.inf    # [s] of the last plan that came to the goal, or of a first
         self.steps = self.given.horizon   # of the given length
         self.prediction = self.given
-
-    @property
-    def period(self) -> float:
-        """Return the time from state to state [s]; NaN until it is known."""
-        return median(self.periods) if len(self.periods) >= ENOUGH else math.nan
 
     @property
     def last_period(self) -> float:
@@ -71,6 +67,8 @@ class Lookahead:
         if t > self.t:
             if math.isfinite(self.t):
                 self.periods.append(t - self.t)
+                if len(self.periods) >= ENOUGH:
+                    self.period = median(self.periods)
             self.t = t
             self.fit()
 

@@ -172,10 +172,12 @@ class ExtendedKalmanFilter:
         def taken(since: float) -> Taken:
             return Taken(t, x, commands.since(since, HISTORY), time_noise)
 
+        measured = taken(self.t)
         # not one that comes soon after another that is kept
         if not self.with_springs and t - self.remembered[-1].t > self.held * NEARLY:
-            self.remembered.append(taken(self.remembered[-1].t))
-        estimate = self.take(taken(self.t))
+            last = self.remembered[-1].t
+            self.remembered.append(measured if last == self.t else taken(last))
+        estimate = self.take(measured)
         if (estimate.accepted and self.lacks_something and t >= self.looks_at
                 and len(self.remembered) >= ENOUGH):
             last = self.remembered[-1].t
@@ -291,8 +293,8 @@ class ExtendedKalmanFilter:
         An encoder that stands still shows no noise, but is off by up to half a step all the same.
         """
         half, scales = self.size // 2, []
-        halves = np.where(self.times >= OFTEN, self.steps / 2, 0.0)
-        lowest = max(SCALES[0] ** 2, min(float(np.max(halves ** 2 / self.R[:half])), 1.0))
+        shares = ((self.steps / 2) ** 2 / self.R[:half])[self.times >= OFTEN].tolist()
+        lowest = max(SCALES[0] ** 2, min(max(shares, default=0.0), 1.0))
         for part, scale, off, least in zip((x[:half], x[half:]), self.scales.tolist(), (
                 whitened[:half], whitened[half:]), (lowest, SCALES[0] ** 2)):
             measured = half - np.count_nonzero(np.isnan(part))

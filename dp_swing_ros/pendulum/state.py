@@ -91,7 +91,7 @@ def to_turn_of(x: Array, reference: Array) -> Array:
     Shapes: x and reference (..., 2n + 2), broadcast against each other.
     """
     shifted, of_angles = np.array(x, dtype=float), angles(x)
-    turns = np.round((shifted[..., of_angles] - np.asarray(reference)[..., of_angles])
+    turns = np.rint((shifted[..., of_angles] - np.asarray(reference)[..., of_angles])
                      / (2 * np.pi))
     shifted[..., of_angles] -= 2 * np.pi * turns
     return shifted
@@ -161,7 +161,7 @@ def wrapped(x: Array) -> Array:
 
 def is_state(x: Array) -> bool:
     """Return whether x (2n + 2,) can be measured: finite, but for velocities that are NaN."""
-    return bool(np.all(np.isfinite(x[:len(x) // 2])) and not np.any(np.isinf(x)))
+    return bool(np.isfinite(x[:len(x) // 2]).all() and not np.isinf(x).any())
 
 
 def is_upright(x: Array, scale: Units = SAME) -> Array:
@@ -171,5 +171,9 @@ def is_upright(x: Array, scale: Units = SAME) -> Array:
     Shapes: x (..., 2n + 2) -> bool (...). Source: the success criterion of docs/model.md.
     """
     n = links_of(x)
-    bounds = (np.inf, *[UPRIGHT] * n, *scaled_speeds(SLOW, scale, n))
-    return np.all(np.abs(to_turn_of(x, upright(n))) <= bounds, axis=-1)
+    return np.all(np.abs(to_turn_of(x, upright(n))) <= upright_bounds(n, scale), axis=-1)
+
+
+def upright_bounds(links: int, scale: Units = SAME) -> Array:
+    """Return how far from upright each number of a state (2n + 2,) may be to count as there."""
+    return np.array([np.inf, *[UPRIGHT] * links, *scaled_speeds(SLOW, scale, links)])

@@ -22,7 +22,8 @@ from dp_swing_ros.pendulum.derivatives import linearisation
 from dp_swing_ros.pendulum.equations import Pendulum, resting, scale_of
 from dp_swing_ros.pendulum.model import Model, size, step
 from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
-from dp_swing_ros.pendulum.state import angles, Array, hanging, is_at_rest, is_upright, SIZES
+from dp_swing_ros.pendulum.state import (
+    angles, Array, hanging, is_at_rest, SIZES, upright_bounds)
 from dp_swing_ros.pendulum.units import Units
 from dp_swing_ros.problem.cost import ANGLE_ERRORS, Cost, is_periodic, trajectory_cost
 from dp_swing_ros.problem.parameters import CostParameters, PredictionParameters
@@ -141,7 +142,12 @@ class Problem:
     def is_reached(self, x: Array) -> bool:
         """Return whether a state (2n + 2,) is that of the goal, or nearly, on any turn."""
         there = self.on_turn_of(x)
-        return there is not None and bool(is_upright(x - there.x_r, self.scale))
+        return there is not None and bool(is_near(x, there.cost.x_r, self.nearness))
+
+    @cached_property
+    def nearness(self) -> Array:
+        """Return how far from the goal each number of a state (2n + 2,) may be to be there."""
+        return upright_bounds(self.physical.links, self.scale)
 
     @cached_property
     def winds_up(self) -> bool:
@@ -264,6 +270,18 @@ def growth(model: Model) -> float:
     """Return the factor by which a motion about hanging at rest grows in a step of the model."""
     A, _ = linearisation(without_dry_friction(model), hanging(size(model) // 2 - 1), 0.0)
     return float(np.abs(np.linalg.eigvals(A)).max()) if np.all(np.isfinite(A)) else math.inf
+
+
+@kernel
+def is_near(x, x_r, bounds):
+    """Return whether a state is within bounds of another, on any turn; shapes: (2n + 2,)."""
+    for i in range(len(x)):
+        e = x[i] - x_r[i]
+        if 0 < i < len(x) // 2:
+            e -= TURN * np.rint(e / TURN)
+        if not abs(e) <= bounds[i]:   # nor is what is no number
+            return False
+    return True
 
 
 @kernel

@@ -5,7 +5,6 @@
 import signal
 import subprocess
 import sys
-from types import SimpleNamespace
 
 from conftest import starting
 from pages import Page, port_of
