@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Why a force is what it is: what the mpc reports of a tick, by its keys in /diagnostics."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, fields, MISSING
 import math
 from typing import Any
@@ -90,15 +89,16 @@ class TickReport:
     def values(self) -> dict[str, float | int | str]:
         """Return all values by their keys."""
         found: dict[str, float | int | str] = {}
-        for each in fields(self):
-            value, key = getattr(self, each.name), each.metadata['key']
-            if isinstance(value, Mapping):
-                found.update((key.format(name), number) for name, number in value.items())
+        for name, key in KEYS.items():
+            value = getattr(self, name)
+            if key:
+                found.update({key.format(one): number for one, number in value.items()})
             else:
-                found[each.name] = value
+                found[name] = value
         return found
 
 
+KEYS: dict[str, str] = {each.name: each.metadata['key'] for each in fields(TickReport)}
 NEEDED = tuple(each.name for each in fields(TickReport)
                if each.default is MISSING and each.default_factory is MISSING)
 KINDS: dict[str, Any] = {

@@ -8,6 +8,7 @@ All angles are absolute, from the upward vertical: 0 is upright, π hangs; a pos
 towards +x.
 """
 
+from functools import cache
 from itertools import product
 from typing import TypeAlias
 
@@ -34,6 +35,7 @@ def angles(x: Array) -> slice:
     return slice(1, np.shape(x)[-1] // 2)
 
 
+@cache
 def joints(links: int) -> tuple[str, ...]:
     """Return the names of the joints in order: cart, joint1 …."""
     return ('cart', *(f'joint{i}' for i in range(1, links + 1)))

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The result of a solve: a plan is a trajectory with the policy around it."""
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 import enum
@@ -156,9 +155,10 @@ def candidates_of(plans: Sequence[Plan]) -> tuple[Candidate, ...]:
 
 def stats_of_tick(best: Plan, plans: Sequence[Plan], search_time: float) -> SolverStats:
     """Return what a search cost whose best plan is this one, out of several; time in seconds."""
-    phases = Counter[str]()
+    phases = dict[str, float]()
     for plan in plans:
-        phases.update(plan.stats.phases)   # adds them up
+        for name, seconds in plan.stats.phases.items():
+            phases[name] = phases.get(name, 0.0) + seconds
     starts = search_time - sum(plan.stats.solve_time for plan in plans)
     return best.stats._replace(
         iterations=sum(plan.stats.iterations for plan in plans),
