@@ -100,8 +100,7 @@ def test_a_spinner_does_what_its_chains_say(precision):
 
 def test_a_tick_of_a_running_mpc_has_all_its_parts(monkeypatch):
     monkeypatch.setattr(limit, 'FIRST', 1)
-    monkeypatch.setattr(limit, 'PERIOD', 0.01)
-    found = limit.running(3)
+    found = limit.running(3, 0.01)
     gc.unfreeze()   # what the mpc has frozen
     assert len(found) == 8 and all(len(times) == 3 for times in found.values())
     assert np.all(np.array(list(found.values())) > 0)
@@ -118,11 +117,12 @@ def test_the_page_has_every_part_and_what_a_tick_consists_of():
     best = {f'{precision} {width} fma': 1e-11 for precision in limit.TYPES
             for width in limit.widths(precision)}
     text = benchmark_page.limit(json.loads(json.dumps({
-        'rows': {name: dict.fromkeys('123', row) for name in names}, 'best': best, 'tick': tick,
-        'single': 1000, 'lanes': [9, 16]})))
+        'rows': {name: dict.fromkeys('123', row) for name in names}, 'best': best,
+        'tick': dict.fromkeys(limit.PAUSES, tick), 'single': 1000, 'lanes': [9, 16]})))
     for name in names:
         assert f'| {name} | 12,345 | 60 | 62 | 1 | 2 | 3 | 4 (3-5) | 25 % | 25 % | 25 % |' in text
-    assert f'| {limit.KERNELS} | 4 | 3-5 | 25.0 % |' in text and '| together | 16 |' in text
+    assert f'| {limit.KERNELS} | 4 | 3-5 | 25.0 % | 4 |' in text
+    assert '| together | 16 |  | 100 % | 16 |' in text
     assert '9 columns take 16 lanes' in text
 
 
