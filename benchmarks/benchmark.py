@@ -92,6 +92,12 @@ def gpu(rounds: int) -> dict[str, Any]:
     return {'device': device, **compared(works, rounds)}
 
 
+def limits(rounds: int) -> dict[str, Any]:
+    """Measure how near the processor's limit ours come."""
+    import limit
+    return limit.measure(rounds)
+
+
 def starting(rounds: int) -> dict[str, Any]:
     """Measure the start of the node."""
     from startup import start_ups
@@ -100,7 +106,7 @@ def starting(rounds: int) -> dict[str, Any]:
 
 FAMILIES: dict[str, Callable[[int], dict[str, Any]]] = {
     'gradient': gradient, 'growth': growth, 'solves': whole_solves, 'sampling': sampling,
-    'gpu': gpu, 'startup': starting}
+    'gpu': gpu, 'limit': limits, 'startup': starting}
 
 
 @contextmanager

@@ -5,6 +5,7 @@
 import statistics
 from typing import Any, NamedTuple
 
+from limit import ITERATION, ITERATIONS_OF, KERNELS, ROLLOUT, SAMPLE
 from peers_gradient import ALONE, BOUND, HORIZON, OURS
 from peers_solvers import CLOSE
 
@@ -144,6 +145,97 @@ def over_starts(ratio: dict[str, float] | None) -> str:
     return '-' if ratio is None else '{value:.3g} ({low:.3g}-{high:.3g}; {starts})'.format(**ratio)
 
 
+def limit(found: dict[str, Any]) -> str:
+    """Return the section about the limit of the processor, and about a whole tick."""
+    rows, best, (tick, at_once) = found['rows'], found['best'], map(dict, found['tick'].values())
+    iterations, again = (of.pop(ITERATIONS_OF)['value'] for of in (tick, at_once))
+    together = sum(part['value'] for part in tick.values())
+
+    def of(name: str, links: int = 2) -> dict[str, Any]:
+        return dict(rows[name][str(links)])
+
+    def reached(name: str, which: str, links: int = 2) -> float:
+        return float(of(name, links)[which] / of(name, links)['seconds']['value'])
+
+    def part(*row: Any) -> str:
+        return f'{100 * reached(*row):.0f} %'
+
+    def taken(name: str, whole: str) -> float:
+        return float(of(name)['seconds']['value'] / of(whole)['seconds']['value'])
+
+    def line(name: str) -> list[str]:
+        row = of(name)
+        return [
+            name, f'{row["flops"]:,.0f}', *(f'{row[kind]:.3g}' for kind in ('divide', 'sincos')),
+            *(f'{1e6 * row[kind]:.3g}' for kind in ('vector', 'scalar', 'chain')),
+            '{:.3g} ({:.3g}-{:.3g})'.format(*(1e6 * row['seconds'][key]
+                                              for key in ('value', 'low', 'high'))),
+            *(part(name, 'vector', links) for links in (2, 1, 3))]
+
+    def times(name: str, key: str) -> float:
+        three, two = (of(name, links)[key] for links in (3, 2))
+        return float(three['value'] / two['value'] if key == 'seconds' else three / two)
+
+    def rate(which: str) -> str:
+        return f'{2e-9 / best[f"{which} fma"]:.3g}'
+    iteration, search, backward, step = (f'ilqr, {what}' for what in (
+        ITERATION, 'line_search', 'backward', 'derivatives'))
+    ddp = 'ddp, backward'
+    next_steps = ['to find second derivatives for all accelerations before the backward pass, '
+                  'where steps go side by side, for they are linear in the costate']
+    if reached(step, 'vector', 3) < 0.5:
+        next_steps.append('to let the compiler take vectors for the derivatives of three links')
+    at_limit = together - tick[KERNELS]['value'] + iterations * of(iteration)['vector']
+    return '\n\n'.join([
+        "## How near the processor's limit",
+        f'Two links, {HORIZON} steps, on one core; the last two columns are shares with one link '
+        'and with three. Additions and multiplications (a fused one is two), divisions, and '
+        'sines with cosines are [counted](../../benchmarks/operations.py), without what only '
+        'fills vectors up. The least times are for the same mix at the best rates measured here: '
+        'in vectors, in single numbers, and by the longest chain of results that wait for each '
+        f'other. In double precision that is at most {rate("double vector")} Gflop/s in vectors '
+        f'and {rate("double scalar")} in single numbers, in single precision '
+        f'{rate("single vector")} and {rate("single scalar")}; share is that of the least time '
+        'in vectors. No part takes a square root.',
+        compact([['what', '+ and *', '/', 'sin', 'vectors [µs]', 'single numbers [µs]',
+                  'chain [µs]', 'measured [µs]', 'share', '1 link', '3 links'],
+                 *map(line, rows)]),
+        'Why less than half: ' + ' '.join([
+            'A rollout is a chain, in which no vector helps: that alone is '
+            f'{part(search, "chain")} of a line search and {part(ROLLOUT, "chain")} of a rollout '
+            f'of the model; and a line search is {100 * taken(search, iteration):.0f} % of an '
+            'iteration of `ilqr`.',
+            'The matrices of Riccati are small, and each step waits for the one before: of its '
+            f'time its arithmetic is {part(backward, "vector")} and its chain '
+            f'{part(backward, "chain")}; of three links {found["lanes"][0]} columns take '
+            f'{found["lanes"][1]} lanes.',
+            f'The backward pass of `ddp` is {of(ddp)["flops"] / of(backward)["flops"]:.2g} times '
+            f'the arithmetic of that of `ilqr` in {taken(ddp, backward):.2g} times the time: '
+            f'{found["single"]:,.0f} of the operations are second derivatives at one stage of one '
+            'step at a time, in single numbers, whose best rate alone gives that '
+            f'{1e6 * found["single"] / 2 * best["double scalar fma"]:.2g} µs.',
+            f'The derivatives of three links are {times(step, "flops"):.2g} times the arithmetic '
+            f'of two in {times(step, "seconds"):.2g} times the time; least in single numbers is '
+            f'{part(step, "scalar", 3)} of it.',
+            f'Samples of MPPI go side by side, and reach {part(SAMPLE, "vector")}; a share above '
+            'all is of sines that are done beside the rest.',
+            f'Next would be {"; and ".join(next_steps)}.']),
+        'A tick of the mpc that holds the pendulum by `ilqr`, in one process with who sends the '
+        'states, in lockstep: medians, at 20 Hz and where the next state comes at once.',
+        compact([['part of a tick', 'at 20 Hz [µs]', '95 % interval [µs]', 'share',
+                  'at once [µs]'], *(
+            [name, f'{1e6 * t["value"]:.3g}', f'{1e6 * t["low"]:.3g}-{1e6 * t["high"]:.3g}',
+             f'{100 * t["value"] / together:.1f} %', f'{1e6 * at_once[name]["value"]:.3g}']
+            for name, t in tick.items()), ['together', f'{1e6 * together:.4g}', '', '100 %',
+             f'{1e6 * sum(part["value"] for part in at_once.values()):.4g}']]),
+        f'The kernels take {1e6 * tick[KERNELS]["value"]:.2g} µs for {iterations:g} iterations '
+        f'and {1e6 * at_once[KERNELS]["value"]:.2g} µs for {again:g} where ticks come at once; '
+        f'an iteration in a loop takes {1e6 * of(iteration)["seconds"]["value"]:.2g} µs: the rest '
+        'is the rollout of the last plan, and code and numbers that come from memory after a '
+        f'pause. At the limit they would save {100 * (1 - at_limit / together):.1f} % of a tick: '
+        'what is left to take is Python of controller and node, and rclpy.'])
+
+
 def page(results: dict[str, Any]) -> str:
     """Return the page as Markdown."""
     parts = [
@@ -176,6 +268,8 @@ def page(results: dict[str, Any]) -> str:
             'x86-64.']
         for contest, race in results['gradient'].items():
             parts += [f'{contest}:', times(race)]
+    if 'limit' in results:
+        parts.append(limit(results['limit']))
     if 'growth' in results:
         parts.append(growth(results['growth']))
     if 'solves' in results:
