@@ -180,6 +180,7 @@ def test_the_relay_hands_on_what_another_interface_takes(peer, start_here, inter
     node.wait_for('ready')
     sent = peer.record(CONTROLLER_COMMANDS[interface])
     commands = peer.publisher(COMMANDS[interface])
+    assert peer.until(lambda: sent)   # a zero; what is sent to nobody is lost
     commands.publish(Float64(data=0.4))
     assert peer.until(lambda: [0.4] in [list(each.data) for each in sent])
     assert peer.until(lambda: list(sent[-1].data) == [0.0])   # where the next is overdue
