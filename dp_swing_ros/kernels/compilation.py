@@ -55,6 +55,9 @@ config: Any = numba.config   # its names are made when it is imported
 if not {'NUMBA_CPU_NAME', 'NUMBA_CPU_FEATURES'} & set(os.environ):
     if '+avx512f' in get_host_cpu_features().split(','):
         config.CPU_FEATURES = f'{get_host_cpu_features()},-prefer-256-bit'
+# The rows of a block lie apart from each other; where there are as many as three links have, LLVM
+# would rather not compare them, and leave the loops over them without vectors.
+llvmlite.binding.set_option('', '-memory-check-merge-threshold=100000')
 if 'NUMBA_CACHE_DIR' not in os.environ:
     config.CACHE_DIR = str(Path(
         os.environ.get('XDG_CACHE_HOME') or Path.home() / '.cache') / 'dp_swing_ros')
