@@ -226,7 +226,8 @@ def limit(found: dict[str, Any]) -> str:
                   'at once [µs]'], *(
             [name, f'{1e6 * t["value"]:.3g}', f'{1e6 * t["low"]:.3g}-{1e6 * t["high"]:.3g}',
              f'{100 * t["value"] / together:.1f} %', f'{1e6 * at_once[name]["value"]:.3g}']
-            for name, t in tick.items()), ['together', f'{1e6 * together:.4g}', '', '100 %',
+            for name, t in tick.items()),
+            ['together', f'{1e6 * together:.4g}', '', '100 %',
              f'{1e6 * sum(part["value"] for part in at_once.values()):.4g}']]),
         f'The kernels take {1e6 * tick[KERNELS]["value"]:.2g} µs for {iterations:g} iterations '
         f'and {1e6 * at_once[KERNELS]["value"]:.2g} µs for {again:g} where ticks come at once; '

@@ -106,10 +106,10 @@ DEFECTS = [
            'begin = first + j * LANES', 'begin = first', 'solvers'),
     # control
     defect('commands end by the clock, not after the state', 'control/commands.py',
-           'np.append(times[place:] - t, np.inf)', 'np.append(times[place:], np.inf)',
+           'np.concatenate((times[place:] - t,', 'np.concatenate((times[place:],',
            'control'),
     defect('the last command is the one that begins now', 'control/commands.py',
-           'np.searchsorted(self.times, t) - 1', "np.searchsorted(self.times, t, 'right') - 1",
+           'self.times.searchsorted(t) - 1', "self.times.searchsorted(t, 'right') - 1",
            'control'),
     defect('a frozen state is noticed one state late', 'control/message_filter.py',
            'if count < least:', 'if count <= least:', 'control'),

@@ -93,8 +93,8 @@ def to_turn_of(x: Array, reference: Array) -> Array:
     Shapes: x and reference (..., 2n + 2), broadcast against each other.
     """
     shifted, of_angles = np.array(x, dtype=float), angles(x)
-    turns = np.rint((shifted[..., of_angles] - np.asarray(reference)[..., of_angles])
-                     / (2 * np.pi))
+    turns = np.rint(
+        (shifted[..., of_angles] - np.asarray(reference)[..., of_angles]) / (2 * np.pi))
     shifted[..., of_angles] -= 2 * np.pi * turns
     return shifted
 
