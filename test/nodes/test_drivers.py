@@ -70,7 +70,7 @@ class Driver:
             'force_command') and counted('force_command_stamped'))
         if lockstep:
             assert self.peer.until(lambda: self.peer.reliability() == ['RELIABLE'])
-        self.peer.spin(0.5)
+        self.peer.meet('mpc')
 
     def send(self, stamp):
         """Publish a state that differs from the one before."""
