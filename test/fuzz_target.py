@@ -155,7 +155,9 @@ class Target:
         self.announcements = 0
         self.last_force, self.relayed = math.nan, list[float]()
         self.clients, self.publishers = dict[str, Any](), dict[str, Any]()
-        self.node.create_subscription(String, 'configuration', self._on_configuration, LASTING)
+        # of all nodes, which may announce themselves at once
+        self.node.create_subscription(String, 'configuration', self._on_configuration, QoSProfile(
+            depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL))
         self.node.create_subscription(Float64, 'force_command', self._on_force, MANY)
         self.node.create_subscription(Float64MultiArray, 'force_controller/commands',
                                       lambda message: self.relayed.extend(message.data), MANY)
