@@ -7,7 +7,7 @@ import re
 from made_bags import encoded, LATCHED, START, write_bag
 from mcap.records import Channel, Schema
 import numpy as np
-from one_process import Crew, record
+from one_process import Crew
 import pytest
 from rclpy.duration import Duration
 from rclpy.qos import (
@@ -17,6 +17,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
+from virtual import record
 
 from dp_swing_ros.bags import read_episode
 from dp_swing_ros.bags.episodes import reports_of, samples_of
@@ -175,7 +176,7 @@ def test_clock_tells_the_time_of_every_message(peer, replay, tmp_path):
     assert node.wait() == 0
     assert times == sorted(times)
     assert {START + round(time * 1e9) for time, *_ in MESSAGES} <= set(times)
-    assert len(set(times)) > 20
+    assert len(set(times)) > len(MESSAGES)   # and between them
 
 
 def test_the_clock_of_a_bag_gives_way_to_that_of_replay(peer, replay, tmp_path):
@@ -319,9 +320,8 @@ def test_analysis_of_a_bag_recorded_again_is_the_same(lockstep_bag, tmp_path):
     assert first == second
 
 
-def test_mpc_by_the_clock_of_a_bag_treats_it_as_live(tmp_path):
-    bag = record(tmp_path / 'live', '--duration', '2',
-                 plant='initial_state: [0.1, 0.0, 0.0, 0.0, 0.0, 0.0]')
+def test_mpc_by_the_clock_of_a_bag_treats_it_as_live(tmp_path, rng):
+    bag = record(tmp_path / 'live', 2.0, rng, initial_state=[0.1, 0.0, 0.0, 0.0, 0.0, 0.0])
     # it drives nothing here, so what it would learn of the drive is not of its own forces
     known = {f'ekf.{name}': 0.0 for name in ('force_bias', 'gain_error', 'delay_error',
                                              'lag_error')}
@@ -331,7 +331,7 @@ def test_mpc_by_the_clock_of_a_bag_treats_it_as_live(tmp_path):
     assert all(values['real_time'] == 1 for values in new.values())
     assert 0 < np.median([values['delay'] for values in new.values()]) < 60.0
     common = sorted(live.keys() & new.keys())
-    assert len(common) > 3   # the more, the less busy the machine
+    assert common   # the more, the less busy the machine
     # how near its forces are to the live ones is a matter of the delays, and so of the machine
     assert 0 < max(abs(new[stamp]['force']) for stamp in common) <= 20.0
 

@@ -5,11 +5,11 @@ import re
 
 from diagnostic_msgs.msg import KeyValue
 import numpy as np
-from one_process import record
 from PIL import Image
 import pytest
 from real_bags import rewritten, tick
 from std_msgs.msg import Float64
+from virtual import record
 
 from dp_swing_ros import figures
 from dp_swing_ros.bags.reader import Bag
@@ -23,8 +23,8 @@ from dp_swing_ros.topics import CONFIGURATION, DIAGNOSTICS, DISTURBANCE
 
 @pytest.fixture(scope='module')
 def bag(tmp_path_factory):
-    """Return a run of a real-time plant."""
-    return record(tmp_path_factory.mktemp('bag'), '--duration', '3')
+    """Return a run of a real-time plant, in virtual time."""
+    return record(tmp_path_factory.mktemp('run') / 'bag', 3.05, np.random.default_rng(20))
 
 
 def compared(capsys, *arguments):
@@ -158,7 +158,7 @@ def without(node):
 
 @pytest.mark.parametrize('topic, change, complaint', [
     (CONFIGURATION, without('mpc'), 'has no parameters of the mpc'),
-    (CONFIGURATION, without('plant'), 'has no parameters of the plant, but those of logger, mpc'),
+    (CONFIGURATION, without('plant'), 'has no parameters of the plant, but those of mpc'),
     (DIAGNOSTICS, drop, 'has no ticks of an mpc')])
 def test_a_bag_that_does_not_tell_enough_is_one_line(bag, topic, change, complaint, tmp_path,
                                                      capsys):
