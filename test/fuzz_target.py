@@ -34,7 +34,8 @@ from websockets.sync.client import connect
 
 PR_SET_PDEATHSIG = 1   # of Linux
 NODES = ('mpc', 'plant', 'console', 'logger', 'relay')
-PATIENCE = 10.0       # [s] for what takes a tenth of one: the machine may be busy
+PATIENCE = 10.0       # [s] for what takes a tenth of one, and need not come
+ANSWERED = 60.0       # [s] for what must come: the machine may be busy
 STARTING = 120.0      # [s] for nodes, which may compile
 MEMORY = 3 << 30      # [bytes] that a process may have
 LASTING = QoSProfile(depth=2, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -154,7 +155,9 @@ class Target:
         self.announcements = 0
         self.last_force, self.relayed = math.nan, list[float]()
         self.clients, self.publishers = dict[str, Any](), dict[str, Any]()
-        self.node.create_subscription(String, 'configuration', self._on_configuration, LASTING)
+        # of all nodes, which may announce themselves at once
+        self.node.create_subscription(String, 'configuration', self._on_configuration, QoSProfile(
+            depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL))
         self.node.create_subscription(Float64, 'force_command', self._on_force, MANY)
         self.node.create_subscription(Float64MultiArray, 'force_controller/commands',
                                       lambda message: self.relayed.extend(message.data), MANY)
@@ -258,10 +261,10 @@ class Target:
             found.append('the relay handed on a force that is not finite')
         for name, loop in {'': self.loop, 'simulated ': self.simulated}.items():
             since = time.monotonic()
-            if not self.await_(lambda: loop.answered(since)):
+            if not self.await_(lambda: loop.answered(since), ANSWERED):
                 quiet = not any(at > since for at in loop.states.values())
                 found.append(f'no {"state" if quiet else "answer"} of the {name}nodes for '
-                             f'{PATIENCE:g} s')
+                             f'{ANSWERED:g} s')
             forces = [force for at, _, force in loop.answers if at > began]
             if not all(math.isfinite(force) and (abs(force) <= 20.0 or not bounded)
                        for force in forces):
@@ -278,16 +281,16 @@ class Target:
         since = stamp.sec + 1e-9 * stamp.nanosec
         try:
             with connect(f'ws://127.0.0.1:{self.port}/socket', max_size=None, close_timeout=0.2,
-                         open_timeout=PATIENCE, ping_interval=None) as page:
-                end = time.monotonic() + PATIENCE
+                         open_timeout=ANSWERED, ping_interval=None) as page:
+                end = time.monotonic() + ANSWERED
                 while time.monotonic() < end:
-                    message = json.loads(page.recv(PATIENCE))
+                    message = json.loads(page.recv(ANSWERED))
                     if message['kind'] == 'frame' and since < message['t'] < since + 60.0:
                         return ''
         except (OSError, TimeoutError, WebSocketException) as error:
             time.sleep(2.0)   # if it is ending, it tells why
             return f'a page is not served: {type(error).__name__} {error}'
-        return f'a page got no frame for {PATIENCE:g} s'
+        return f'a page got no frame for {ANSWERED:g} s'
 
     def heal(self) -> None:
         """Start anew what ended or hangs, and undo what an attack may have left."""
@@ -308,7 +311,8 @@ class Target:
             code = process.end(30.0)
             if alive and code != 0:
                 found.append(f'{name} ended at SIGINT with {code}')
-            if name == 'mpc' and not self.await_(lambda: self.last_force == 0.0):
+            if name == 'mpc' and not self.await_(
+                    lambda: self.last_force == 0.0, ANSWERED):
                 found.append(f'the last force was {self.last_force}, not zero')
         self.over.set()
         for thread in self.threads:

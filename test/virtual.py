@@ -10,6 +10,7 @@ from recorded_runs import told, written
 from std_msgs.msg import Float64, String
 
 from dp_swing_ros.control import controllers
+from dp_swing_ros.messages.cdr import to_diagnostics
 from dp_swing_ros.messages.configuration import Configuration
 from dp_swing_ros.messages.fields import BILLION, Report
 from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
@@ -21,7 +22,7 @@ from dp_swing_ros.runtime.plant import PlantCore, State
 from dp_swing_ros.runtime.schedule import Arrived
 from dp_swing_ros.runtime.sent import Announcement, Force, Planned, Said, Wake
 from dp_swing_ros.simulation import plants
-from dp_swing_ros.topics import CONFIGURATION, FORCE_COMMAND, JOINT_STATES
+from dp_swing_ros.topics import CONFIGURATION, DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES
 
 DAY = 1_700_000_000      # [s] when it begins
 AHEAD = 1e9              # [s] of the steady clock; no deadline by it has passed on any machine
@@ -189,7 +190,14 @@ def record(folder, duration, rng, **plant):
     mpc, core = Running(), PlantCore(plants.plant(plant))
     configured, states, forces = (topic._replace(name=f'/{topic.name}') for topic in (
         CONFIGURATION, JOINT_STATES, FORCE_COMMAND))
-    with written(folder, (configured, states, forces)) as write:
+    with written(folder, (configured, states, forces, DIAGNOSTICS)) as write:
+        def report(node, all_sent):
+            for stamp, level, message, values, part in (
+                    each for each in all_sent if isinstance(each, Report)):
+                name = f'{node}: {part}' if part else node
+                write(DIAGNOSTICS, mpc.clocks.now(), to_diagnostics(
+                    to_stamp(stamp), name, level, message, values, states.name))
+
         for name, values in (('plant', plants.PLANT.complete(plant)),
                              ('mpc', mpc.core.live.values)):
             write(configured, mpc.clocks.now(), String(data=told(name, values).to_text()))
@@ -202,6 +210,9 @@ def record(folder, duration, rng, **plant):
             mpc.clocks.sleep(rng.uniform(2e-4, 8e-3))
             force = mpc.hear(message, sent=before)
             write(forces, mpc.clocks.now(), Float64(data=force))
+            report('plant', sent)
+            report('mpc', mpc.sent)
+            mpc.sent.clear()
             core.on_force(force, mpc.clocks.now())
             mpc.clocks.time = (n + 1) * PERIOD
             sent = core.tick(mpc.clocks.now())

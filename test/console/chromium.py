@@ -32,6 +32,7 @@ class Page:
             options.add_argument(argument)
         options.set_capability('goog:loggingPrefs', {'browser': 'ALL'})
         self.driver = webdriver.Chrome(options, webdriver.ChromeService(DRIVER))
+        self.driver.set_script_timeout(PATIENCE)   # of 30 drawings, where they take long
         self.driver.execute_cdp_cmd('Page.addScriptToEvaluateOnNewDocument', {'source': SELDOM})
         self.resize()
 

@@ -32,7 +32,7 @@ class Page:
     def __init__(self, port, path='/socket', **options):
         self._connection = connect(
             f'ws://127.0.0.1:{port}{path}', max_size=None, close_timeout=0.2,
-            ping_timeout=PATIENCE, **options)
+            open_timeout=PATIENCE, ping_timeout=PATIENCE, **options)
         self.socket = self._connection.__enter__()
         self.newest, self.count, self.asked = {}, 0, 0
 

@@ -192,7 +192,7 @@ def comes_to_rest(ears, states=10):
     """Wait until the pendulum stands still for so many states."""
     ears.states.clear()
     return ears.until(lambda: len(ears.states) >= states
-                      and all(map(rests, ears.states[-states:])), 30)
+                      and all(map(rests, ears.states[-states:])))
 
 
 def stands(ears):

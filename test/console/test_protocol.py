@@ -69,7 +69,7 @@ def lines_of(node, text):
 
 def counted(node, text, count):
     """Return whether there are so many lines with a text; they may come after the answer."""
-    return wait_until(lambda: len(lines_of(node, text)) >= count, 5) \
+    return wait_until(lambda: len(lines_of(node, text)) >= count) \
         and len(lines_of(node, text)) == count
 
 

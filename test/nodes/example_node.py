@@ -64,9 +64,10 @@ class ExampleNode(ProcessNode):
 
     def try_aside(self):
         print(self.made_in_background(lambda: 'made'))
-        for make in (lambda: 1 / 0, lambda: sys.exit(3), lambda: time.sleep(60), lambda: 1):
+        for make, patience in ((lambda: 1 / 0, 60.0), (lambda: sys.exit(3), 60.0),
+                               (lambda: time.sleep(60), 0.2), (lambda: 1, 0.2)):
             try:
-                self.made_in_background(make, 0.2)
+                self.made_in_background(make, patience)
             except BaseException as error:
                 print(f'{type(error).__name__}: {error}', flush=True)
 

@@ -5,6 +5,7 @@
 import time
 
 from conftest import PATIENCE
+from rcl_interfaces.srv import GetParameters
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -54,6 +55,11 @@ class Peer:
         assert self.until(answer.done)
         self.node.destroy_client(client)
         return answer.result()
+
+    def meet(self, name):
+        """Wait until a node hears all publishers of this one, and all subscriptions hear it."""
+        # discovery goes in the order in which they were made, and the client is the last
+        self.call(GetParameters, f'{name}/get_parameters')
 
     def reliability(self):
         """Return with which reliability the mpc hears the states, by its subscriptions."""

@@ -16,6 +16,7 @@ from numbered import KEPT
 import numpy as np
 from peer import Peer
 import pytest
+from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import JointState
@@ -68,7 +69,7 @@ class PublisherNode(ProcessNode):
     def close(self):
         self.forces.publish(Float64(data=-1.0))
         for topic in self.states, self.forces:   # what it keeps for others ends with it
-            topic.wait_for_all_acked(Duration(seconds=10.0))
+            topic.wait_for_all_acked(Duration(seconds=120.0))
         print(self.number, flush=True)
 
 
@@ -311,14 +312,17 @@ def test_what_a_publisher_sent_before_it_was_heard_is_said(log_apart, peer, tmp_
     logger = log_apart()
     assert peer.until(first.get_subscription_count)
     first.publish(Float64(data=1.0))
-    other = Peer('other')   # which has still to find the logger
+    assert first.wait_for_all_acked(Duration(seconds=PATIENCE))
+    logger.signal(signal.SIGSTOP)   # so that another has still to find it
+    other = Peer('other')
     second = other.node.create_publisher(Float64, DISTURBANCE.name, 10)
     for _ in range(20):
         second.publish(Float64(data=-1.0))
+    logger.signal(signal.SIGCONT)
     assert other.until(second.get_subscription_count)
     other.spin(1.0)
     second.publish(Float64(data=2.0))
-    other.spin(0.2)
+    assert second.wait_for_all_acked(Duration(seconds=PATIENCE))
     other.close()
     assert logger.stop() == 0
     heard = numbers(recorded(tmp_path / 'bag')['/disturbance'])
@@ -345,7 +349,7 @@ def test_namespace(log, peer):
     description.publish(String(data=DESCRIPTION))
     logger = log(['-r', '__ns:=/left'])
     assert peer.until(description.get_subscription_count)
-    time.sleep(0.2)
+    assert description.wait_for_all_acked(Duration(seconds=PATIENCE))
     assert logger.stop() == 0
     assert '/left/robot_description: 1 written, 0 lost' in logger.output()
 

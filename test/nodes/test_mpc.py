@@ -46,7 +46,7 @@ class Conversation:
         assert peer.until(lambda: counted('force_command') and counted('mpc/plan'))
         if given['clock'] == 'lockstep':   # until it does not, a state may be lost
             assert peer.until(lambda: peer.reliability() == ['RELIABLE'])
-        peer.spin(0.5)
+        peer.meet('mpc')
         self.n = 0
 
     def send(self, x, stamp=None):
@@ -118,8 +118,8 @@ def test_where_states_stop_the_force_is_zero_until_they_come_back(peer, start_he
 
 
 def test_a_simulated_clock_is_waited_for_and_told_of_where_it_jumps(peer, start_here):
-    talk = Conversation(peer, start_here, {'use_sim_time': True, 'clock': 'arrival'})
     clock = peer.node.create_publisher(Clock, '/clock', 10)
+    talk = Conversation(peer, start_here, {'use_sim_time': True, 'clock': 'arrival'})
     talk.states.publish(to_joint_state(to_stamp(100_000_000_000), LEANING, 0.0))
     peer.spin(0.5)
     assert not talk.forces

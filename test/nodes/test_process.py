@@ -59,7 +59,7 @@ def test_signal_ends_it_in_order(start, name, number):
     process = start(*mode(name))
     wait_for(process, 'ready')
     process.send_signal(number)
-    time.sleep(0.1)
+    time.sleep(0.02)
     process.send_signal(number)  # the impatient user's second one
     braking = 'braking\n' if name == 'slow' else ''   # for it may not end yet
     assert end(process) == (0, f'{braking}closed\n', '')
@@ -219,7 +219,7 @@ def test_a_priority_that_the_user_may_not_have_is_refused_with_a_remedy():
         without += ['setpriv', '--inh-caps=-sys_nice', '--bounding-set=-sys_nice']
     done = subprocess.run(
         [*without, 'ros2', 'run', 'dp_swing_ros', 'plant', '--ros-args', '-p',
-         f'thread_priority:={PRIORITY}'], capture_output=True, text=True, timeout=60)
+         f'thread_priority:={PRIORITY}'], capture_output=True, text=True, timeout=PATIENCE)
     assert done.returncode == 2
     assert done.stderr.splitlines()[-1].startswith(
         f"plant: error: parameter 'thread_priority' is {PRIORITY}; this user may have 0 at most "

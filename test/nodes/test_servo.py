@@ -31,7 +31,7 @@ class Servo:
         counted = self.node.count_publishers
         assert peer.until(lambda: self.states.get_subscription_count() and counted(
             'velocity_command') and counted('velocity_command_stamped'))
-        peer.spin(0.5)
+        peer.meet('mpc')
 
     def move(self, count):
         """Publish so many states, and follow what is answered, in real time."""
@@ -54,8 +54,9 @@ def test_a_servo_is_told_velocities_and_zero_at_the_end(peer, start_here):
     mpc.wait_for('ready')
     servo = Servo(peer)
     servo.move(30)
+    assert peer.until(lambda: len(servo.velocities) >= 30 and servo.stamped)
     told = np.array([each.data for each in servo.velocities])
-    assert len(told) >= 30 and np.abs(told).max() > 0.05 and np.abs(told).max() <= 0.8
+    assert np.abs(told).max() > 0.05 and np.abs(told).max() <= 0.8
     assert np.abs(np.diff(told)).max() <= 5.0 * 0.5   # within what a few periods allow
     assert not servo.forces and abs(servo.plant.x[0]) > 0.01
     # a JointState by which those go that want the stamp of the state that is answered

@@ -121,7 +121,8 @@ def test_where_nothing_runs_it_says_so(monkeypatch, tmp_path, capsys):
     assert 'no state on joint_states for 1 s; start a plant' in capsys.readouterr().err
 
 
-def test_there_is_one_master(tmp_path, capsys):
+def test_there_is_one_master(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(live_learning, 'DISCOVERY', 3.0)   # of a busy machine
     with closing(Peer()) as peer:
         publish(peer.node, FORCE_COMMAND)
         assert main(['--live', '-o', str(tmp_path / 'learned')]) == 2

@@ -44,7 +44,7 @@ def test_all_is_there_and_all_ends(start_node, tmp_path, monkeypatch):
         assert page.until(lambda page: page.newest['frame']['tries'])
     assert len(processes_of(tmp_path)) >= 4
     assert running.stop() == 0
-    assert wait_until(lambda: not processes_of(tmp_path), 10)
+    assert wait_until(lambda: not processes_of(tmp_path))
     assert {log.name for log in tmp_path.glob('runs/play_*/*')} == {
         'plant.log', 'mpc.log', 'console.log'}
 
@@ -113,4 +113,4 @@ def test_a_process_that_fails_ends_all_with_its_own_words(here, monkeypatch, cap
         '/**/mpc:\n  ros__parameters: {dynamics: learned, model: none.json}\n')
     assert play.main(['--port', '0', '--no-browser', '--params', 'wrong.yaml']) == 1
     assert 'none.json' in capsys.readouterr().err
-    assert wait_until(lambda: not processes_of(here), 10)
+    assert wait_until(lambda: not processes_of(here))

@@ -10,6 +10,7 @@ import subprocess
 import time
 from xml.etree import ElementTree
 
+from conftest import wait_until
 import pytest
 
 from dp_swing_ros.declarations import DECLARATIONS
@@ -24,7 +25,7 @@ ROS2 = """\
 #!/bin/bash
 echo "$@"
 case "$3" in
-    polite) trap 'echo bye; exit 0' INT; while true; do sleep 0.05; done;;
+    polite) trap 'echo bye; exit 0' INT; echo 'obeys'; while true; do sleep 0.05; done;;
     rude) trap '' INT; sleep 60 & echo "child $!"; wait;;
     broken) echo 'it broke' >&2; exit 3;;
     short) exit 0;;
@@ -41,18 +42,11 @@ def ros2(tmp_path, monkeypatch):
     monkeypatch.setenv('PATH', str(path.parent), prepend=os.pathsep)
 
 
-def until(condition):
-    end = time.monotonic() + 10
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.02)
-
-
-def started(process, word=''):
-    """Wait for a line with the word, which comes when the signal is handled, nearly."""
+def started(process, word):
+    """Wait for a line with the word, which comes once the signal is handled."""
     lines = []
-    until(lambda: lines.extend(process.new_lines()) or any(word in line for line in lines))
-    time.sleep(0.1)
+    assert wait_until(lambda: lines.extend(process.new_lines())
+                      or any(word in line for line in lines))
     return lines
 
 
@@ -84,10 +78,10 @@ def test_parameters_reach_ros_as_they_are_and_half_a_line_waits_for_its_end(tmp_
 def test_who_fails_or_does_not_come_is_named_and_a_polite_process_ends_when_asked(
         tmp_path, monkeypatch):
     with Process('polite', {}, tmp_path / 'polite.log') as polite:
-        started(polite)
+        started(polite, 'obeys')
         polite.check()
         with Process('broken', {}, tmp_path / 'broken.log') as broken:
-            until(lambda: not broken.running)
+            assert wait_until(lambda: not broken.running)
             with pytest.raises(ProcessError, match='broken ended with exit code 3(.|\n)*it broke'):
                 broken.finish()
             with pytest.raises(ProcessError, match='broken ended early with exit code 3'):
@@ -115,7 +109,7 @@ def test_process_that_does_not_end_is_an_error_and_can_be_killed(tmp_path, monke
         with pytest.raises(ProcessError, match='did not end within'):
             rude.end()
         rude.kill()
-        until(lambda: not alive(child))
+        assert wait_until(lambda: not alive(child))
 
 
 def test_an_mpc_has_the_time_to_brake():
@@ -124,17 +118,17 @@ def test_an_mpc_has_the_time_to_brake():
 
 
 def test_nobody_is_left_behind(tmp_path, monkeypatch):
-    monkeypatch.setattr(processes, 'GRACE', 0.5)
+    monkeypatch.setattr(processes, 'GRACE', 1.5)
     with pytest.raises(KeyboardInterrupt):
         with Process('polite', {}, tmp_path / 'polite.log') as polite, \
                 Process('rude', {}, tmp_path / 'rude.log') as rude:
-            started(polite)
+            started(polite, 'obeys')
             child = int(started(rude, 'child')[-1].split()[-1])
             raise KeyboardInterrupt
     assert polite.new_lines() == ['bye']
     assert not polite.running
     assert not rude.running
-    until(lambda: not alive(child))
+    assert wait_until(lambda: not alive(child))
 
 
 def test_an_interrupt_while_one_starts_leaves_nobody_behind(tmp_path, monkeypatch):
