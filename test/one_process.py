@@ -3,7 +3,6 @@
 """Plant, mpc and logger in this process: what `demo` records, without the time processes take."""
 
 from contextlib import contextmanager, ExitStack, redirect_stdout
-from functools import cache
 import gc
 import io
 import os
@@ -17,8 +16,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 import yaml
 
-from dp_swing_ros import provenance
-from dp_swing_ros.nodes import connections, ros_parameters
+from dp_swing_ros.nodes import connections
 from dp_swing_ros.nodes.logger import LoggerNode
 from dp_swing_ros.nodes.mpc import MpcNode
 from dp_swing_ros.nodes.plant import PlantNode
@@ -26,7 +24,6 @@ from dp_swing_ros.nodes.taking import Executor
 from dp_swing_ros.tools.demo import asked, command_line, keeping
 from dp_swing_ros.topics import DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES
 
-COMMIT = cache(provenance.commit)   # asks git
 DOMAIN, LOCK = claim_domain()   # where runs are recorded that nobody else hears
 PATIENCE = 120.0   # [s] for a run
 ANSWER = 5.0       # [s] for the one to the last state, which may be lost
@@ -46,7 +43,6 @@ class Crew:
     def __enter__(self):
         enter = self.stack.enter_context
         enter(patch.object(connections, 'QUIET', 1))
-        enter(patch.object(ros_parameters, 'commit', COMMIT))
         enter(patch.object(os, 'nice', lambda by: by))   # what is made aside is waited for
         enter(redirect_stdout(io.StringIO()))   # what a logger says in the end
         self.stack.callback(gc.unfreeze)        # what an mpc has frozen

@@ -12,7 +12,6 @@ import benchmark_figures
 import benchmark_page
 import numpy as np
 import pytest
-import stamp
 import timing
 import torch
 
@@ -349,7 +348,6 @@ def test_where_there_is_no_gpu_the_page_says_so(tmp_path, monkeypatch):
     torch = pytest.importorskip('torch')
     if torch.cuda.is_available():
         pytest.skip('there is a GPU')
-    monkeypatch.setattr(stamp, 'commit', lambda: 'abc')
     monkeypatch.setattr(sys, 'argv', ['', '--only', 'gpu', '--docs', str(tmp_path)])
     benchmark.main()
     text = (tmp_path / 'results' / 'benchmark.md').read_text()

@@ -4,7 +4,6 @@
 
 from contextlib import nullcontext
 import re
-import subprocess
 import sys
 from types import SimpleNamespace
 
@@ -13,14 +12,6 @@ from readers import rosbags_numbers
 import yaml
 
 from dp_swing_ros.bags.reader import Bag
-from dp_swing_ros.tools import recover
-
-
-def run(command, **options):
-    """Run a command, or do here what `recover` does as a process."""
-    if 'recover' not in command:
-        return subprocess.run(command, **options)
-    return subprocess.CompletedProcess(command, recover.main([str(command[-1])]), '', '')
 
 
 def sequences(bag, **options):
@@ -36,9 +27,6 @@ def test_bags_survive(tmp_path, monkeypatch):
                                       '--docs', str(tmp_path)])
     monkeypatch.setattr(durability, 'tempfile', SimpleNamespace(
         TemporaryDirectory=lambda: nullcontext(tmp_path)))   # which stays
-    monkeypatch.setattr(durability, 'subprocess', SimpleNamespace(
-        run=run, Popen=subprocess.Popen))
-    monkeypatch.setattr(durability, 'made', lambda *_: 'Made today.\n')
     durability.main()
     page = (tmp_path / 'results' / 'durability.md').read_text()
     rows = [line for line in page.splitlines() if re.match(r'\| \d', line)]

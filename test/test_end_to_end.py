@@ -14,7 +14,7 @@ from conftest import wait_until
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 import numpy as np
-from one_process import COMMIT, record
+from one_process import record
 from PIL import Image
 import pytest
 from rosbags.highlevel import AnyReader
@@ -25,7 +25,7 @@ from dp_swing_ros.bags.reader import Bag
 from dp_swing_ros.control import controllers
 from dp_swing_ros.errors import BagError
 from dp_swing_ros.evaluation.metrics import measure, outcome
-from dp_swing_ros.provenance import machine
+from dp_swing_ros.provenance import commit, machine
 from dp_swing_ros.simulation import plants
 from dp_swing_ros.simulation.closed_loop import simulate
 from dp_swing_ros.solvers import SOLVERS
@@ -94,7 +94,7 @@ def test_solver_swings_up_in_lockstep_and_the_bag_tells_with_what(solver, tmp_pa
     assert set(told) == {'plant', 'mpc', 'logger'}
     assert (told['mpc'].parameters['solver'], told['mpc'].parameters['seed']) == (solver, 3)
     assert told['plant'].parameters['duration'] == 6.0
-    this = COMMIT(), machine()
+    this = commit(), machine()
     for each in told.values():
         assert (each.commit, each.machine) == this
         assert each.packages['numpy'] == np.__version__
@@ -192,7 +192,7 @@ def test_real_time_run_leaves_a_whole_bag_and_pictures(tmp_path):
             image.verify()
     report = (run.folder / 'report.html').read_text()
     assert f'iLQR: {outcome(episode).value}' in report
-    assert COMMIT() in report and machine() in report
+    assert commit() in report and machine() in report
     assert len(report) < 3e6
     assert episode.t[-1] > 0.8   # [s] of a clock that stops with the plant
 

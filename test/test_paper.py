@@ -11,7 +11,6 @@ import paper
 import paper_experiments
 from PIL import Image
 import pytest
-import stamp
 
 from dp_swing_ros.bags import read_episode
 from dp_swing_ros.evaluation.campaign.contestants import key, play
@@ -24,7 +23,6 @@ NUMBERS = range(2, 11)
 def test_a_figure_comes_from_bags_that_hold_the_runs_without_ros_to_the_bit(
         tmp_path, monkeypatch, capsys):
     which = paper_experiments.Key('ddp', 'near the goal', 'paper')
-    monkeypatch.setattr(stamp, 'commit', lambda: 'abc')
     monkeypatch.setattr(paper, 'keys', lambda figures: [which])
     monkeypatch.setattr(paper, 'Parallel', lambda **_: Parallel(n_jobs=1, return_as='generator'))
     assert paper.main(['--figures', '8', '--seeds', '2', '--docs', str(tmp_path),

@@ -15,7 +15,6 @@ import pytest
 from results import row
 import rig
 import seeded
-import stamp
 
 from dp_swing_ros import declarations
 from dp_swing_ros.control import controllers
@@ -178,7 +177,6 @@ def test_the_page_is_written_with_its_tables_and_its_picture(rows, found, tmp_pa
     monkeypatch.setattr(rig, 'estimates', lambda: found)
     sure = [rig.Sure(rig.CLEAN, seed, 'lasting force', 0.0, 0.1 * seed, 0.15) for seed in range(3)]
     monkeypatch.setattr(rig, 'intervals', lambda: sure)
-    monkeypatch.setattr(stamp, 'commit', lambda: 'abc')
     for folder in ('results', 'figures'):
         (tmp_path / folder).mkdir()
     published.PARTS['rig'].write(tmp_path, tmp_path)

@@ -3,9 +3,7 @@
 """scripts/ros2, which stands in for ros2cli, on a prefix that holds one package."""
 
 import os
-from pathlib import Path
 import re
-import runpy
 import signal
 import subprocess
 import sys
@@ -16,10 +14,8 @@ from peer import Peer
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
+from standin import ROS2, ros2
 from std_srvs.srv import SetBool, Trigger
-
-ROS2 = Path(__file__).parents[1] / 'scripts' / 'ros2'
-MAIN = runpy.run_path(str(ROS2))['main']
 
 
 @pytest.fixture
@@ -47,22 +43,10 @@ def start(prefix, *arguments):
 
 
 @pytest.fixture
-def called(capsys):
-    """Return a function that calls it in this process: exit code, output and errors."""
-    def call(*arguments):
-        try:
-            code = MAIN(list(arguments)) or 0
-        except SystemExit as end:
-            code = end.code
-        return code, *capsys.readouterr()
-    return call
-
-
-@pytest.fixture
-def call(called, prefix, monkeypatch):
+def call(prefix, monkeypatch):
     """Return a function that calls it where 'swing' is the only package."""
     monkeypatch.setenv('AMENT_PREFIX_PATH', str(prefix))
-    return called
+    return ros2
 
 
 def test_run_becomes_the_executable_with_its_arguments_and_exit_code(prefix):
@@ -114,8 +98,8 @@ TOP = ROS2.parents[1]
 ELSEWHERE = {'bag'}   # of rosbag2, beside which this package's own are described
 
 
-def test_it_knows_what_the_documents_prescribe(called):
-    usage = called('--help')[1]
+def test_it_knows_what_the_documents_prescribe():
+    usage = ros2('--help')[1]
     pages = [TOP / 'README.md', TOP / 'CONTRIBUTING.md', *(TOP / 'docs').rglob('*.md')]
     prescribed = {' '.join(words) for page in pages for words in re.findall(
         r'(?m)(?:^ *|`|; )ros2 ([a-z]+) ([a-z]+)', page.read_text()) if words[0] not in ELSEWHERE}
@@ -154,17 +138,14 @@ def swing():
     peer.close()
 
 
-@pytest.fixture
-def asked(called):
-    """Return a function that returns what it prints where the packages are those of the test."""
-    def ask(*arguments, code=0):
-        found, output, error = called(*arguments)
-        assert found == code, error
-        return output if code == 0 else error
-    return ask
+def asked(*arguments, code=0):
+    """Return what it prints where the packages are those of the test."""
+    found, output, errors = ros2(*arguments)
+    assert found == code, errors
+    return output if code == 0 else errors
 
 
-def test_nodes_topics_services_and_parameters_are_listed(swing, asked):
+def test_nodes_topics_services_and_parameters_are_listed(swing):
     assert asked('node', 'list') == '/swing\n'
     assert '/kept' in asked('topic', 'list').splitlines()
     pipe = f'{sys.executable} {ROS2} service list | head -n 1'   # which ends in no traceback
@@ -177,7 +158,7 @@ def test_nodes_topics_services_and_parameters_are_listed(swing, asked):
         "Parameter not set; did you mean 'gain'?\n")
 
 
-def test_a_topic_is_read_and_described(swing, asked):
+def test_a_topic_is_read_and_described(swing):
     assert asked('topic', 'echo', '--once', 'kept') == """\
 header:
   stamp:
@@ -199,7 +180,7 @@ effort: []
         'nobody has /kpet; of a near name: /kept\n')
 
 
-def test_a_service_is_called(swing, asked):
+def test_a_service_is_called(swing):
     answer = asked('service', 'call', '/swing/enable', 'std_srvs/srv/SetBool', '{data: true}')
     assert answer.endswith(
         "response:\nstd_srvs.srv.SetBool_Response(success=True, message='')\n\n")

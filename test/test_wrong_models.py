@@ -8,7 +8,6 @@ import math
 import numpy as np
 import pytest
 from rig import CENTRED
-import stamp
 import unmodelled
 import wrong_models
 
@@ -197,7 +196,6 @@ def test_single_cells_are_played(capsys):
 
 def test_the_page_is_of_its_cells(tmp_path, monkeypatch):
     pytest.importorskip('mujoco')
-    monkeypatch.setattr(stamp, 'commit', lambda: 'abc')
     cells = [cell for cell in wrong_models.CELLS if cell[:2] == (1.0, 'ilqr')][:2]
     monkeypatch.setattr(wrong_models, 'CELLS', cells)
     wrong_models.main(['--rigs', 'along', '--seeds', '1', '--docs', str(tmp_path)])

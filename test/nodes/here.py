@@ -13,11 +13,10 @@ import threading
 from unittest.mock import patch
 
 from conftest import PATIENCE, wait_until
-from one_process import COMMIT
 import pytest
 from rclpy import utilities
 
-from dp_swing_ros.nodes import process, ros_parameters
+from dp_swing_ros.nodes import process
 
 
 class Output:
@@ -66,7 +65,6 @@ class NodeHere:
         main = import_module(script if script != name else f'dp_swing_ros.nodes.{name}').main
         self.handlers, self.stack, self.code = [], ExitStack(), None
         self.printed = self.stack.enter_context(Output())
-        self.stack.enter_context(patch.object(ros_parameters, 'commit', COMMIT))
         # a context of its own, whatever a test before has left
         self.stack.enter_context(patch.object(utilities, 'g_default_context', None))
         for whose, what, instead in ((process, 'on_signals_to_node', self.handlers.append),

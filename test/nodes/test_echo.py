@@ -1,22 +1,19 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-from functools import partial
-
-import echo
+from echo import ECHO
 import numpy as np
 import pytest
 
 from dp_swing_ros.messages.fields import seconds
 from dp_swing_ros.nodes.messages import to_joint_state, to_stamp
-from dp_swing_ros.nodes.process import run
 from dp_swing_ros.topics import JOINT_STATES
 
 
 def test_every_state_is_answered_with_its_stamp(start_node, peer):
-    node = start_node('echo.py')
-    node.wait_for('ready')
-    answers, states = peer.record(echo.ECHO), peer.publisher(JOINT_STATES)
+    echo = start_node('echo.py')
+    echo.wait_for('ready')
+    answers, states = peer.record(ECHO), peer.publisher(JOINT_STATES)
 
     def send(stamp):
         states.publish(to_joint_state(stamp, np.zeros(6), 0.0))
@@ -30,12 +27,11 @@ def test_every_state_is_answered_with_its_stamp(start_node, peer):
         send(stamp)
         assert peer.until(lambda: len(answered()) > n)
     assert answered() == [seconds(stamp) for stamp in stamps]
-    assert node.stop() == 0
+    assert echo.stop() == 0
 
 
 @pytest.mark.parametrize('name', ['rate', 'solver'])
-def test_it_has_no_parameters_of_plant_or_mpc(start_here, monkeypatch, name):
-    monkeypatch.setattr(echo, 'main', partial(run, echo.EchoNode), raising=False)
-    node = start_here('echo.py', {name: 1})
-    assert node.wait() == 2
-    assert f"echo.py: error: unknown parameter '{name}'" in node.output()
+def test_it_has_no_parameters_of_plant_or_mpc(start_node, name):
+    echo = start_node('echo.py', {name: 1})
+    assert echo.wait() == 2
+    assert f"echo.py: error: unknown parameter '{name}'" in echo.output()

@@ -2,15 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parameters of a running mpc: changed by a stranger, between ticks, and repeated from the bag."""
 
-from contextlib import redirect_stderr, redirect_stdout
-import io
+from functools import partial
 import math
 import os
 from pathlib import Path
-from runpy import run_path
 import shutil
 import subprocess
-from unittest.mock import patch
 
 from builtin_interfaces.msg import Time
 from conftest import PATIENCE
@@ -19,9 +16,9 @@ from one_process import Crew, recording
 from peer import Member
 import pytest
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
-from rclpy import utilities
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rosgraph_msgs.msg import Clock
+from standin import ROS2, ros2
 from test_mpc import Conversation, LEANING
 
 from dp_swing_ros.bags import read_episode
@@ -34,8 +31,6 @@ from dp_swing_ros.pendulum.sensors import SensorParameters
 from dp_swing_ros.pendulum.state import angles, errors
 from dp_swing_ros.tools import verify
 from dp_swing_ros.topics import CONFIGURATION, DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES
-
-STAND_IN = Path(__file__).parents[2] / 'scripts' / 'ros2'
 
 
 def put(peer, node='mpc', **values):
@@ -115,37 +110,25 @@ def test_no_parameter_ends_or_holds_up_what_drives(start_here, tmp_path):
         assert peer.until(lambda: forces[-1].data == 0.0)
 
 
-def by_process(*command):
-    """Return exit code and output of `ros2 param`, or of what stands in for it."""
+def by_process(*arguments):
+    """Call what `ros2` is here; return exit code, output and errors."""
+    done = subprocess.run(['ros2', *arguments], capture_output=True, text=True, timeout=PATIENCE)
+    return done.returncode, done.stdout, done.stderr
+
+
+def ros2_param(call, *command):
+    """Return exit code and output of `ros2 param`."""
     for _ in range(10):   # on a busy machine it may not find the node in time
-        done = subprocess.run(['ros2', 'param', *command], capture_output=True, text=True,
-                              timeout=PATIENCE)
-        if 'no node' not in done.stderr:
+        code, output, errors = call('param', *command)
+        if 'no node' not in errors:
             break
-    return done.returncode, done.stdout + done.stderr
-
-
-def by_stand_in(*command):
-    """Do here what scripts/ros2 does; return exit code and output."""
-    main = run_path(str(STAND_IN))['main']
-    for _ in range(10):
-        code, said = 0, io.StringIO()
-        # a context of its own, beside that of the node
-        with redirect_stdout(said), redirect_stderr(said), \
-                patch.object(utilities, 'g_default_context', None):
-            try:
-                main(['param', *command])
-            except SystemExit as end:
-                code = end.code
-        if 'no node' not in said.getvalue():
-            break
-    return code, said.getvalue()
+    return code, output + errors
 
 
 def test_a_file_is_loaded_as_a_whole_or_not_at_all(peer, start_here, tmp_path):
     """By the stand-in; sections of other nodes are theirs, as the plant's rate."""
     Conversation(peer, start_here)
-    param = by_stand_in
+    param = partial(ros2_param, ros2)
     assert param('set', '/mpc', 'force_weight', '1.e-2') == (0, 'Set parameter successful\n')
     file = tmp_path / 'both.yaml'
     file.write_text('/**/plant:\n  ros__parameters: {rate: 50.0}\n/**/mpc:\n  ros__parameters: '
@@ -163,14 +146,15 @@ def test_a_file_is_loaded_as_a_whole_or_not_at_all(peer, start_here, tmp_path):
     code, text = param('load', '/mpc', str(file))
     assert code == 2 and "'state_weights' is [1, 2.0]; ROS wants" in text
     # by ros2cli, where that is installed
-    cli = Path(shutil.which('ros2')).read_text().splitlines()[1:]
-    param = by_stand_in if cli == STAND_IN.read_text().splitlines()[1:] else by_process
+    cli, ours = (Path(each).read_text().splitlines()[1:] for each in (shutil.which('ros2'), ROS2))
+    param = partial(ros2_param, ros2 if cli == ours else by_process)
     file.write_text('/mpc:\n  ros__parameters:\n    horizon: 20\n    force_weight: 0.5\n')
     assert param('set', '/mpc', 'solver', 'ddp') == (0, 'Set parameter successful\n')
     code, text = param('set', '/mpc', 'solver', 'lqr')
     assert code == 1 and 'expected one of ddp, ilqr' in text
     assert param('load', '/mpc', str(file))[0] == 0
-    assert 'ddp' in by_process('get', '/mpc', 'solver')[1] and value(peer, 'horizon') == 20
+    assert 'ddp' in ros2_param(by_process, 'get', '/mpc', 'solver')[1]
+    assert value(peer, 'horizon') == 20
     assert 'mppi.samples' in param('list', '/mpc')[1]
 
 

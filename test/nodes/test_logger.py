@@ -11,7 +11,7 @@ import subprocess
 import sys
 import time
 
-from conftest import PATIENCE, wait_until
+from conftest import PATIENCE
 from numbered import KEPT
 import numpy as np
 from peer import Peer
@@ -35,54 +35,9 @@ DESCRIPTION = urdf(PendulumParameters(), LimitParameters())
 LOGGER = ('import sys; from dp_swing_ros.nodes.logger import main; '
           'sys.exit(main(["logger", *sys.argv[1:]]))')
 
-# Publishes numbered states and forces at a rate given first, and says how many at the end.
-PUBLISHER = """
-import sys
-
-import numpy as np
-from rclpy.duration import Duration
-from std_msgs.msg import Float64, String
-
-from dp_swing_ros.nodes.connections import publish
-from dp_swing_ros.nodes.messages import to_joint_state
-from dp_swing_ros.nodes.process import ProcessNode, run
-from dp_swing_ros.pendulum.parameters import LimitParameters, PendulumParameters
-from dp_swing_ros.pendulum.urdf import urdf
-from dp_swing_ros.topics import FORCE_COMMAND, JOINT_STATES, ROBOT_DESCRIPTION
-
-
-class PublisherNode(ProcessNode):
-    def __init__(self):
-        super().__init__('publisher')
-        self.states, self.forces = publish(self, JOINT_STATES), publish(self, FORCE_COMMAND)
-        self.description = publish(self, ROBOT_DESCRIPTION)
-        self.description.publish(String(data=urdf(PendulumParameters(), LimitParameters())))
-        self.number = 0
-        self.create_timer(1 / float(sys.argv[1]), self.tick)
-
-    def tick(self):
-        stamp = self.get_clock().now().to_msg()
-        self.states.publish(to_joint_state(stamp, np.full(6, self.number), self.number - 1.0))
-        self.forces.publish(Float64(data=float(self.number)))
-        self.number += 1
-
-    def close(self):
-        self.forces.publish(Float64(data=-1.0))
-        for topic in self.states, self.forces:   # what it keeps for others ends with it
-            topic.wait_for_all_acked(Duration(seconds=120.0))
-        print(self.number, flush=True)
-
-
-kept = ['--ros-args']
-for topic in ('joint_states', 'force_command'):
-    for policy in ('durability:=transient_local', 'depth:=100000'):
-        kept += ['-p', f'qos_overrides./{topic}.publisher.{policy}']
-sys.exit(run(PublisherNode, ['publisher', *kept]))
-"""
-
 
 class Publisher:
-    """Publishes here what PUBLISHER does, at a rate [1/s], while its peer spins."""
+    """Publishes numbered states and forces at a rate [1/s], while its peer spins."""
 
     def __init__(self, peer, rate):
         self.number, self.clock = 0, peer.node.get_clock()
@@ -96,6 +51,13 @@ class Publisher:
         self.states.publish(to_joint_state(stamp, np.full(6, self.number), self.number - 1.0))
         self.forces.publish(Float64(data=float(self.number)))
         self.number += 1
+
+    def end(self):
+        """Send a last force, and wait until all is heard; return how many there were before."""
+        self.forces.publish(Float64(data=-1.0))
+        for topic in self.states, self.forces:
+            assert topic.wait_for_all_acked(Duration(seconds=PATIENCE))
+        return self.number
 
 
 @pytest.fixture
@@ -158,19 +120,18 @@ def numbers(messages):
     return [message.data for message in messages]
 
 
-def test_whole_run_is_in_the_bag_though_the_logger_stalls(start, log_apart, peer, tmp_path):
+def test_whole_run_is_in_the_bag_though_the_logger_stalls(log_apart, peer, tmp_path):
     """A busy machine, or a debugger, stops it for hundreds of messages."""
-    publisher = start('-c', PUBLISHER, '400')
-    time.sleep(0.3)  # the logger comes late, as its user does
+    publisher = Publisher(peer, 400)
+    peer.spin(0.3)  # the logger comes late, as its user does
     logger, forces = log_apart(progress_period=0.5), peer.record(FORCE_COMMAND)
-    assert wait_until(lambda: told_of_many(logger))
+    assert peer.until(lambda: told_of_many(logger))
     logger.signal(signal.SIGSTOP)
     assert peer.until(lambda: forces)
     stalled = forces[-1].data
     assert peer.until(lambda: forces[-1].data > stalled + 400)
     logger.signal(signal.SIGCONT)
-    publisher.terminate()
-    count = int(publisher.communicate(timeout=PATIENCE)[0])
+    count = publisher.end()
     assert logger.stop(signal.SIGTERM) == 0   # while hundreds wait
     assert logger.output().splitlines()[-13:] == [
         f'{tmp_path}/bag: {2 * count + 3} messages', f'  /joint_states: {count} written, 0 lost',

@@ -171,12 +171,12 @@ def test_clock_tells_the_time_of_every_message(peer, replay, tmp_path):
     peer.node.create_subscription(
         Clock, '/clock', lambda message: times.append(nanoseconds(message.clock)), 100)
     hear(peer, '/a')
-    node = replay(write_bag(tmp_path / 'bag', MESSAGES), clock=50.0)
+    node = replay(write_bag(tmp_path / 'bag', MESSAGES), clock=50.0, rate=0.25)
     assert peer.until(lambda: node.ended() and times[-1] == START + 700_000_000)
     assert node.wait() == 0
     assert times == sorted(times)
     assert {START + round(time * 1e9) for time, *_ in MESSAGES} <= set(times)
-    assert len(set(times)) > len(MESSAGES)   # and between them
+    assert len(set(times)) > 20
 
 
 def test_the_clock_of_a_bag_gives_way_to_that_of_replay(peer, replay, tmp_path):
@@ -325,13 +325,15 @@ def test_mpc_by_the_clock_of_a_bag_treats_it_as_live(tmp_path, rng):
     # it drives nothing here, so what it would learn of the drive is not of its own forces
     known = {f'ekf.{name}': 0.0 for name in ('force_bias', 'gain_error', 'delay_error',
                                              'lag_error')}
-    anew = answered(bag, tmp_path / 'anew', {'use_sim_time': True, **known}, clock=100.0)
+    # slowly, so that a busy machine answers many
+    anew = answered(bag, tmp_path / 'anew', {'use_sim_time': True, **known}, clock=100.0,
+                    rate=0.25)
     live, new = ({report.stamp: report.values for report in reports_of(each)
                   if report.values['carried'] == 0} for each in (Bag(bag), anew))
     assert all(values['real_time'] == 1 for values in new.values())
     assert 0 < np.median([values['delay'] for values in new.values()]) < 60.0
     common = sorted(live.keys() & new.keys())
-    assert common   # the more, the less busy the machine
+    assert len(common) > 10
     # how near its forces are to the live ones is a matter of the delays, and so of the machine
     assert 0 < max(abs(new[stamp]['force']) for stamp in common) <= 20.0
 

@@ -6,7 +6,6 @@ import dataclasses
 import math
 import sys
 
-from one_process import COMMIT
 import pytest
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.srv import SetParametersAtomically
@@ -41,12 +40,6 @@ class Example(Parameters):
     kind: str = parameter('rk4', 'the kind', choices=lambda: ['rk4', 'euler'])
     fast: bool = parameter(False, 'in a hurry')
     fixed: int = parameter(3, 'a number of links', live=False)
-
-
-@pytest.fixture(autouse=True)
-def known_commit(monkeypatch):
-    """Ask git once, and not for each node."""
-    monkeypatch.setattr(ros_parameters, 'commit', COMMIT)
 
 
 @pytest.fixture

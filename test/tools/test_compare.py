@@ -1,8 +1,6 @@
 # Copyright 2026 the dp_swing_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-import re
-
 from diagnostic_msgs.msg import KeyValue
 import numpy as np
 from PIL import Image
@@ -41,11 +39,6 @@ def columns(table):
     return {row[0]: row[1:] for row in rows}
 
 
-def window(table):
-    """Return from when to when [s] a table is; on a busy machine the first tick may be late."""
-    return map(float, re.search(r'from ([\d.]+) s to ([\d.]+) s', table).groups())
-
-
 def is_a_picture(path):
     with Image.open(path) as image:
         return min(image.size) > 300 and np.asarray(image.convert('L')).std() > 5
@@ -56,8 +49,7 @@ def test_one_take_over_gives_a_table_and_a_picture(bag, capsys):
     assert code == 0
     rows = columns(out)
     assert list(rows)[1:] == ['recorded ilqr', *SOLVERS]
-    at, _ = window(list(rows)[0])
-    assert 0.5 <= at < 1.0   # the first tick from there on
+    assert list(rows)[0].startswith('from 0.5')   # the first tick from there on
     costs = [float(row[0]) for row in list(rows.values())[1:]]
     regrets = [float(row[1]) for row in list(rows.values())[1:]]
     np.testing.assert_allclose(regrets, np.array(costs) - min(costs), atol=2e-3)
@@ -70,8 +62,7 @@ def test_it_is_the_same_every_time(bag, tmp_path, capsys):
     first, second = (compared(capsys, bag, '--at', '0.7', '--duration', '1', '--solvers', 'mppi',
                               '--output', tmp_path) for _ in range(2))
     assert first == second
-    at, to = window(first[1])
-    assert 0.7 <= at < 1.2 and to - at == pytest.approx(1.0, abs=0.3)
+    assert 'from 0.7' in first[1] and 'to 1.7' in first[1]
 
 
 @pytest.mark.parametrize('duration', [0.1, 1.0, None])
@@ -184,7 +175,7 @@ def test_a_time_outside_of_the_run_is_one_line(bag, arguments, complaint, capsys
     code, out, error = compared(capsys, bag, *arguments)
     assert (code, out) == (2, '')
     assert error.startswith('compare: error: ') and '\n' not in error
-    assert complaint in error and re.search(r'takes 3(\.\d+)? s', error)
+    assert complaint in error and 'takes 3 s' in error
 
 
 @pytest.mark.parametrize('arguments, complaint', [
