@@ -316,14 +316,13 @@ def running(ticks: int, pause: float) -> dict[str, Array]:
             message = to_joint_state(to_stamp(n * nominal.dt),
                                      x + random.normal(0, NOISE, len(x)), 0.0)
             spent.clear()
-            while 'core' not in spent:   # a first message may find nobody yet
+            while 'update' not in spent:   # a first message may find nobody yet
                 threading.Timer(pause, states.publish, [message]).start()
                 end = time.monotonic() + PATIENCE
-                while 'core' not in spent and time.monotonic() < end:
+                while 'update' not in spent and time.monotonic() < end:
                     executor.spin_once(PATIENCE)
-            if 'force' in spent:
-                x = rollout(nominal.model, x, plans[-1].U[:1])[1]
-                taken.append(of_tick(spent, plans[-1]))
+            x = rollout(nominal.model, x, plans[-1].U[:1])[1]
+            taken.append(of_tick(spent, plans[-1]))
     node.destroy_node()
     driver.destroy_node()
     rclpy.try_shutdown()

@@ -50,8 +50,8 @@ def written(folder, recorded):
     with closing(BagWriter(folder)) as writer:
         for topic in recorded:
             writer.add(Recorded(topic.name, topic.type, schema(topic.type), '', []))
-        yield lambda topic, time, message: writer.write(
-            topic.name, serialised(message), time, time)
+        yield lambda topic, time, message, sequence=0: writer.write(
+            topic.name, serialised(message), time, time, sequence)
 
 
 def write_bag(episode, folder, configurations=()):

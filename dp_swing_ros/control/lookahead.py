@@ -50,7 +50,7 @@ class Lookahead:
 
     @property
     def last_period(self) -> float:
-        """Return the same as long as that is not known by the last two states; zero of a first."""
+        """Return the period, until it is known by the last two states; zero of a first."""
         return self.period if len(self.periods) >= ENOUGH else sum(list(self.periods)[-1:])
 
     @property

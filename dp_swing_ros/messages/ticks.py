@@ -64,6 +64,9 @@ class TickReport:
     resets: int = diagnostic('since the start')
     revision: int | None = diagnostic('how often the parameters had changed', default=None)
     number: int = diagnostic('of the force')
+    again: int = diagnostic(
+        'forces before it that were sent again, for a state that a plant in lockstep sent again',
+        default=0)
     enabled: bool = diagnostic('whether a force may act', default=True)
     stopping: bool = diagnostic('whether there is a controlled stop', default=False)
     sent: int = diagnostic(

@@ -35,6 +35,7 @@ class Tick(NamedTuple):
     status: str
     cost: float
     force: float       # [N] sent
+    again: int = 0     # forces before it that repeat that of the tick before
     changed: dict[str, Any] | None = None   # all parameters, where they changed before it
 
 

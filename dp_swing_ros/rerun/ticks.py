@@ -136,10 +136,10 @@ def _record(bag: Bag, reports: list[Report], anywhere: bool) -> Record:
     ticks: list[Tick] = []
     resets, gap = 0, ''
     revision = known = min(revisions, default=0)
-    due = found[0].tick.number
+    due = found[0].tick.number - found[0].tick.again
     for stamp, tick in found:
         number = tick.number
-        if number < due:
+        if number - tick.again < due:
             raise BagError(f'{bag} has two ticks number {number}: the {CONTROLLER} was started '
                            'again, or two ran; record one at a time')
         revision = revision if tick.revision is None else tick.revision
@@ -150,7 +150,8 @@ def _record(bag: Bag, reports: list[Report], anywhere: bool) -> Record:
         elif revision != known and revision not in revisions:
             lost = (f'the parameters of tick {number} are missing, changed for the '
                     f'{revision}th time')
-        missing = f'tick {due} is missing (the next is {number})' if number > due else lost
+        missing = lost if number - tick.again == due else (
+            f'tick {due} is missing (the next is {number})')
         due = number + 1
         if missing:
             gap = missing
@@ -158,13 +159,13 @@ def _record(bag: Bag, reports: list[Report], anywhere: bool) -> Record:
                 break
         if lost:
             continue
-        after_gap = bool(ticks) and number > ticks[-1].number + 1
+        after_gap = bool(ticks) and number - tick.again > ticks[-1].number + 1
         ticks.append(Tick(
             number, stamp, stamp / BILLION if tick.time is None else tick.time,
             None if tick.carried else states[stamp], tick.time_noise, tick.delay, tick.real_time,
             after_gap or tick.resets > resets, tick.enabled, tick.stopping,
             tuple(map(int, tick.solves.split())), tick.status, tick.cost, tick.force,
-            own(revisions[revision]) if revision != known else None))
+            tick.again, own(revisions[revision]) if revision != known else None))
         resets, known = tick.resets, revision
     return Record(ticks, gap)
 
@@ -177,6 +178,16 @@ def _early(bag: Bag) -> str:
     return (f': {first.sequence - 1} were sent on {first.topic} before the logger could hear '
             f'them, as happens on a busy machine; a {PLANT} with `-p qos_overrides.{first.topic}'
             '.publisher.durability:=transient_local` keeps them for it')
+
+
+def sent_by(ticks: Sequence[Tick]) -> list[tuple[int, Tick]]:
+    """Return the numbers of the forces that were sent, again or not, and the ticks they are of."""
+    found = list[tuple[int, Tick]]()
+    for tick in ticks:
+        if found:
+            found += [(tick.number - n, found[-1][1]) for n in range(tick.again, 0, -1)]
+        found.append((tick.number, tick))
+    return found
 
 
 class Pairing(NamedTuple):
@@ -207,7 +218,7 @@ def paired(record: Record, commands: Sequence[Command]) -> Pairing:
 
 def by_number(ticks: Sequence[Tick], commands: Sequence[Command]) -> Pairing:
     """Pair a tick with the force of its number; a second one, or one of none, is unpaired."""
-    forces = {tick.number: tick.force for tick in ticks}
+    forces = {number: tick.force for number, tick in sent_by(ticks)}
     own = {command.number: command for command in commands}
     # of several with one number rather the one that the tick reports
     own |= {command.number: command for command in commands
@@ -226,6 +237,7 @@ def by_number(ticks: Sequence[Tick], commands: Sequence[Command]) -> Pairing:
 
 def in_order(ticks: Sequence[Tick], commands: Sequence[Command], whole: bool) -> Pairing:
     """Pair them one after the other, and after a difference where they meet again."""
+    ticks = [tick for _, tick in sent_by(ticks)]
     others: dict[int, float] = {}
     missing, unpaired = list[Tick](), list[Command]()
     sent, found = [tick.force for tick in ticks], [command.force for command in commands]

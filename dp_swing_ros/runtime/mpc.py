@@ -181,7 +181,8 @@ class MpcCore:
         self.live.take_over(self.answered)
         schedule, message = self.schedule, arrived.message
         if self.lockstep and self.reply and self.reply[:2] == (message, self.live.revision):
-            return self.command(self.reply[2])   # asked again; another solve would change the next
+            schedule.ask_again(arrived)   # another solve would change the next
+            return self.command(self.reply[2])
         stamp, arrival = nanoseconds(message.header.stamp), schedule.arrival(arrived)
         measured = arrival.measured
         if self.standstill and not self.found_zero(self.standstill, measured.t, message):
@@ -203,7 +204,7 @@ class MpcCore:
             self.send(Wake(schedule.watchdog.feed(slot.period)))
         self.report(stamp, plan, complaint, self.warning(measured), late=late, force=force,
                     age=slot.age, latency=latency, delay=slot.delay, real_time=real_time,
-                    time=slot.t)
+                    time=slot.t, again=slot.again)
         schedule.latency.reports.append(self.clocks.steady() - sent_at)
 
     def solve(self, message: Any, slot: Slot) -> tuple[Plan, str]:

@@ -59,6 +59,7 @@ class Slot(NamedTuple):
     began: float = 0.0     # by the steady clock
     deadline: float = math.inf   # by that, too
     period: float = 0.0    # from state to state
+    again: int = 0         # forces sent again since the tick before
 
 
 class Schedule:
@@ -74,6 +75,7 @@ class Schedule:
         self.clocks = clocks
         self.timing, self.watchdog = Timing(clock), Watchdog(period)
         self.tick_time = 0.0   # [s] that a tick has taken before the first
+        self.again = 0         # forces sent again since the last tick
         self.reset()
 
     def reset(self) -> None:
@@ -109,7 +111,8 @@ class Schedule:
         (t, age, _), began = arrival.measured, arrival.steady
         period = (t - before.measured.t) / steps if before is not None else math.nan
         if self.lockstep:
-            return Slot(t, age, age, began, period=period)
+            again, self.again = self.again, 0
+            return Slot(t, age, age, began, period=period, again=again)
         if before is not None and self.clocks.simulated:
             self.pace = self.pace_since(before, arrival)
         self.latency.add_transport((arrived.received - arrived.sent) / BILLION)
@@ -118,6 +121,11 @@ class Schedule:
                                  self.clocks.today() - arrived.received / BILLION)
         return Slot(t, age, age + self.latency.expected(left) * self.pace, began,
                     began + min(time_limit / self.pace, left), period)
+
+    def ask_again(self, arrived: Arrived) -> None:
+        """Take that the last state came again, and that its force is sent again."""
+        self.number, self.sent = arrived.number, arrived.sent
+        self.again += 1
 
     def silent_slot(self) -> Slot:
         """Return the time of a tick without a state."""

@@ -93,7 +93,10 @@ def test_a_state_that_is_asked_again_gets_the_same_force_and_changes_nothing():
         for _ in range(2):
             twice.state(LEANING, n * PERIOD)
     assert twice.forces == [force for force in once.forces for _ in range(2)]
-    assert len(twice.reports) == 3
+    found = [report.values for report in twice.reports]
+    assert [each['number'] for each in found] == [1, 3, 5]
+    assert [each['again'] for each in found] == [0, 1, 1]
+    assert found[-1]['missed_total'] == found[-1]['late_total'] == 0
     twice.core.enable(False)
     twice.state(LEANING, 2 * PERIOD)
     assert twice.forces[-1] == 0.0
