@@ -80,7 +80,7 @@ def real(name: str, drive: Mapping[str, Any], duration: float, track: float = 0.
 
 STEPPER = {'drive': 'acceleration', 'acceleration_limit': 20.0}
 GROUPS = [
-    Group('default', STEPPER, {}, 'hanging', 50, 10.0),
+    Group('default', STEPPER, {}, 'hanging', 100, 10.0),
     Group('default', STEPPER, {}, 'random', 1000, 10.0),
     real('single', follower(5.0, 1.0), 12.0),
     real('double', follower(5.0, 1.0), 40.0),
