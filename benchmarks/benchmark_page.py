@@ -145,47 +145,44 @@ def over_starts(ratio: dict[str, float] | None) -> str:
     return '-' if ratio is None else '{value:.3g} ({low:.3g}-{high:.3g}; {starts})'.format(**ratio)
 
 
-def limit(found: dict[str, Any]) -> str:
-    """Return the section about the limit of the processor, and about a whole tick."""
-    rows, best, (tick, at_once) = found['rows'], found['best'], map(dict, found['tick'].values())
-    iterations, again = (of.pop(ITERATIONS_OF)['value'] for of in (tick, at_once))
-    together = sum(part['value'] for part in tick.values())
+class Reached(NamedTuple):
+    """How near the parts of the solvers come to the limit: rows by name and number of links."""
 
-    def of(name: str, links: int = 2) -> dict[str, Any]:
-        return dict(rows[name][str(links)])
+    rows: dict[str, dict[str, dict[str, Any]]]
 
-    def reached(name: str, which: str, links: int = 2) -> float:
-        return float(of(name, links)[which] / of(name, links)['seconds']['value'])
+    def of(self, name: str, links: int = 2) -> dict[str, Any]:
+        """Return a row."""
+        return self.rows[name][str(links)]
 
-    def part(*row: Any) -> str:
-        return f'{100 * reached(*row):.0f} %'
+    def seconds(self, name: str, links: int = 2) -> float:
+        """Return what was measured [s]."""
+        return float(self.of(name, links)['seconds']['value'])
 
-    def taken(name: str, whole: str) -> float:
-        return float(of(name)['seconds']['value'] / of(whole)['seconds']['value'])
+    def share(self, name: str, which: str, links: int = 2) -> float:
+        """Return a least time by what was measured."""
+        return float(self.of(name, links)[which]) / self.seconds(name, links)
 
-    def line(name: str) -> list[str]:
-        row = of(name)
+    def part(self, *row: Any) -> str:
+        """Return that share in percent."""
+        return f'{100 * self.share(*row):.0f} %'
+
+    def line(self, name: str) -> list[str]:
+        """Return the line of a table."""
+        row = self.of(name)
         return [
             name, f'{row["flops"]:,.0f}', *(f'{row[kind]:.3g}' for kind in ('divide', 'sincos')),
             *(f'{1e6 * row[kind]:.3g}' for kind in ('vector', 'scalar', 'chain')),
             '{:.3g} ({:.3g}-{:.3g})'.format(*(1e6 * row['seconds'][key]
                                               for key in ('value', 'low', 'high'))),
-            *(part(name, 'vector', links) for links in (2, 1, 3))]
+            *(self.part(name, 'vector', links) for links in (2, 1, 3))]
 
-    def times(name: str, key: str) -> float:
-        three, two = (of(name, links)[key] for links in (3, 2))
-        return float(three['value'] / two['value'] if key == 'seconds' else three / two)
+
+def limit(found: dict[str, Any]) -> str:
+    """Return the section about the limit of the processor, and about a whole tick."""
+    reached, best = Reached(found['rows']), found['best']
 
     def rate(which: str) -> str:
         return f'{2e-9 / best[f"{which} fma"]:.3g}'
-    iteration, search, backward, step = (f'ilqr, {what}' for what in (
-        ITERATION, 'line_search', 'backward', 'derivatives'))
-    ddp = 'ddp, backward'
-    next_steps = ['to find second derivatives for all accelerations before the backward pass, '
-                  'where steps go side by side, for they are linear in the costate']
-    if reached(step, 'vector', 3) < 0.5:
-        next_steps.append('to let the compiler take vectors for the derivatives of three links')
-    at_limit = together - tick[KERNELS]['value'] + iterations * of(iteration)['vector']
     return '\n\n'.join([
         "## How near the processor's limit",
         f'Two links, {HORIZON} steps, on one core; the last two columns are shares with one link '
@@ -199,27 +196,59 @@ def limit(found: dict[str, Any]) -> str:
         'in vectors. No part takes a square root.',
         compact([['what', '+ and *', '/', 'sin', 'vectors [µs]', 'single numbers [µs]',
                   'chain [µs]', 'measured [µs]', 'share', '1 link', '3 links'],
-                 *map(line, rows)]),
-        'Why less than half: ' + ' '.join([
-            'A rollout is a chain, in which no vector helps: that alone is '
-            f'{part(search, "chain")} of a line search and {part(ROLLOUT, "chain")} of a rollout '
-            f'of the model; and a line search is {100 * taken(search, iteration):.0f} % of an '
-            'iteration of `ilqr`.',
-            'The matrices of Riccati are small, and each step waits for the one before: of its '
-            f'time its arithmetic is {part(backward, "vector")} and its chain '
-            f'{part(backward, "chain")}; of three links {found["lanes"][0]} columns take '
-            f'{found["lanes"][1]} lanes.',
-            f'The backward pass of `ddp` is {of(ddp)["flops"] / of(backward)["flops"]:.2g} times '
-            f'the arithmetic of that of `ilqr` in {taken(ddp, backward):.2g} times the time: '
-            f'{found["single"]:,.0f} of the operations are second derivatives at one stage of one '
-            'step at a time, in single numbers, whose best rate alone gives that '
-            f'{1e6 * found["single"] / 2 * best["double scalar fma"]:.2g} µs.',
-            f'The derivatives of three links are {times(step, "flops"):.2g} times the arithmetic '
-            f'of two in {times(step, "seconds"):.2g} times the time; least in single numbers is '
-            f'{part(step, "scalar", 3)} of it.',
-            f'Samples of MPPI go side by side, and reach {part(SAMPLE, "vector")}; a share above '
-            'all is of sines that are done beside the rest.',
-            f'Next would be {"; and ".join(next_steps)}.']),
+                 *map(reached.line, reached.rows)]),
+        why_less(reached, found), *whole_tick(reached, found['tick'])])
+
+
+def why_less(reached: Reached, found: dict[str, Any]) -> str:
+    """Return why the solvers come no nearer, and what would be next."""
+    iteration, search, backward, step = (f'ilqr, {what}' for what in (
+        ITERATION, 'line_search', 'backward', 'derivatives'))
+    ddp, part = 'ddp, backward', reached.part
+
+    def times(key: str, *rows: tuple[str, int]) -> float:
+        more, less = (reached.of(*row)[key] for row in rows)
+        return float(more / less)
+
+    def longer(*rows: tuple[str, int]) -> float:
+        more, less = (reached.seconds(*row) for row in rows)
+        return more / less
+    directions, of_links = ((ddp, 2), (backward, 2)), ((step, 3), (step, 2))
+    next_steps = ['to find second derivatives for all accelerations before the backward pass, '
+                  'where steps go side by side, for they are linear in the costate']
+    if reached.share(step, 'scalar', 3) < 1:
+        next_steps.append('to let the compiler take vectors for the derivatives of three links')
+    return 'Why less than half: ' + ' '.join([
+        'A rollout is a chain, in which no vector helps: that alone is '
+        f'{part(search, "chain")} of a line search and {part(ROLLOUT, "chain")} of a rollout of '
+        f'the model; and a line search is {100 * longer((search, 2), (iteration, 2)):.0f} % of an '
+        'iteration of `ilqr`.',
+        'The matrices of Riccati are small, and each step waits for the one before: of its '
+        f'time its arithmetic is {part(backward, "vector")} and its chain '
+        f'{part(backward, "chain")}; of three links {found["lanes"][0]} columns take '
+        f'{found["lanes"][1]} lanes.',
+        f'The backward pass of `ddp` is {times("flops", *directions):.2g} times '
+        f'the arithmetic of that of `ilqr` in {longer(*directions):.2g} times the time: '
+        f'{found["single"]:,.0f} of the operations are second derivatives at one stage of one '
+        'step at a time, in single numbers, whose best rate alone gives that '
+        f'{1e6 * found["single"] / 2 * found["best"]["double scalar fma"]:.2g} µs.',
+        f'The derivatives of three links are {times("flops", *of_links):.2g} times the arithmetic '
+        f'of two in {longer(*of_links):.2g} times the time; least in single numbers is '
+        f'{part(step, "scalar", 3)} of it.',
+        f'Samples of MPPI go side by side, and reach {part(SAMPLE, "vector")}; a share above '
+        'all is of sines that are done beside the rest.',
+        f'Next would be {"; and ".join(next_steps)}.'])
+
+
+def whole_tick(reached: Reached, measured: dict[str, Any]) -> list[str]:
+    """Return what a tick consists of."""
+    tick, at_once = map(dict, measured.values())
+    iterations, again = (of.pop(ITERATIONS_OF)['value'] for of in (tick, at_once))
+    together = sum(part['value'] for part in tick.values())
+    iteration = f'ilqr, {ITERATION}'
+    at_limit = (together - tick[KERNELS]['value']
+                + iterations * reached.of(iteration)['vector'])
+    return [
         'A tick of the mpc that holds the pendulum by `ilqr`, in one process with who sends the '
         'states, in lockstep: medians, at 20 Hz and where the next state comes at once.',
         compact([['part of a tick', 'at 20 Hz [µs]', '95 % interval [µs]', 'share',
@@ -231,10 +260,10 @@ def limit(found: dict[str, Any]) -> str:
              f'{1e6 * sum(part["value"] for part in at_once.values()):.4g}']]),
         f'The kernels take {1e6 * tick[KERNELS]["value"]:.2g} µs for {iterations:g} iterations '
         f'and {1e6 * at_once[KERNELS]["value"]:.2g} µs for {again:g} where ticks come at once; '
-        f'an iteration in a loop takes {1e6 * of(iteration)["seconds"]["value"]:.2g} µs: the rest '
+        f'an iteration in a loop takes {1e6 * reached.seconds(iteration):.2g} µs: the rest '
         'is the rollout of the last plan, and code and numbers that come from memory after a '
         f'pause. At the limit they would save {100 * (1 - at_limit / together):.1f} % of a tick: '
-        'what is left to take is Python of controller and node, and rclpy.'])
+        'what is left to take is Python of controller and node, and rclpy.']
 
 
 def page(results: dict[str, Any]) -> str:

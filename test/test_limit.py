@@ -116,14 +116,19 @@ def test_the_page_has_every_part_and_what_a_tick_consists_of():
             limit.ITERATIONS_OF: {'value': 2}}
     best = {f'{precision} {width} fma': 1e-11 for precision in limit.TYPES
             for width in limit.widths(precision)}
-    text = benchmark_page.limit(json.loads(json.dumps({
-        'rows': {name: dict.fromkeys('123', row) for name in names}, 'best': best,
-        'tick': dict.fromkeys(limit.PAUSES, tick), 'single': 1000, 'lanes': [9, 16]})))
+
+    def section(row):
+        return benchmark_page.limit(json.loads(json.dumps({
+            'rows': {name: dict.fromkeys('123', row) for name in names}, 'best': best,
+            'tick': dict.fromkeys(limit.PAUSES, tick), 'single': 1000, 'lanes': [9, 16]})))
+    text = section(row)
     for name in names:
         assert f'| {name} | 12,345 | 60 | 62 | 1 | 2 | 3 | 4 (3-5) | 25 % | 25 % | 25 % |' in text
     assert f'| {limit.KERNELS} | 4 | 3-5 | 25.0 % | 4 |' in text
     assert '| together | 16 |  | 100 % | 16 |' in text
     assert '9 columns take 16 lanes' in text
+    # which they take already where they are faster than single numbers can be
+    assert 'take vectors' in text and 'take vectors' not in section({**row, 'scalar': 5e-6})
 
 
 def operations_of(tally):
