@@ -38,6 +38,7 @@ PATIENCE = 10.0       # [s] for what takes a tenth of one, and need not come
 ANSWERED = 60.0       # [s] for what must come: the machine may be busy
 STARTING = 120.0      # [s] for nodes, which may compile
 MEMORY = 3 << 30      # [bytes] that a process may have
+SILENCE = 1.0         # [s] of a publisher, after which an mpc obeys another one
 LASTING = QoSProfile(depth=2, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 MANY = QoSProfile(depth=1000)
 
@@ -121,8 +122,10 @@ class Loop:
     def __init__(self, node: Any, namespace: str) -> None:
         self.states: dict[int, float] = {}      # [ns] stamp of each, and when it came [s]
         self.state = JointState()
-        self.answers: list[tuple[float, int, float]] = []   # when, stamp of the state, force
+        # when it came [s], stamp of the state [ns], force, and when it was sent [s]
+        self.answers: list[tuple[float, int, float, float]] = []
         self.strange = set[int]()               # stamps of states of a stranger
+        self.copied = set[int]()                # and of those of the plant that he sent again
         node.create_subscription(JointState, f'{namespace}/joint_states', self._on_state, MANY)
         node.create_subscription(JointState, f'{namespace}/force_command_stamped', self._on_force,
                                  MANY)
@@ -132,14 +135,26 @@ class Loop:
         if stamp not in self.strange:
             self.states[stamp], self.state = time.monotonic(), message
 
-    def _on_force(self, message: JointState) -> None:
+    def _on_force(self, message: JointState, info: dict[str, int]) -> None:
         stamp = message.header.stamp.sec * 10 ** 9 + message.header.stamp.nanosec
         if list(message.name) == ['cart']:   # else an attacker has sent it
-            self.answers.append((time.monotonic(), stamp, message.effort[0]))
+            self.answers.append((time.monotonic(), stamp, message.effort[0],
+                                 info['source_timestamp'] / 1e9))
 
     def answered(self, since: float) -> bool:
         """Return whether a state that came since then has been answered."""
-        return any(self.states.get(stamp, 0.0) > since for _, stamp, _ in self.answers[-50:])
+        return any(self.states.get(stamp, 0.0) > since for _, stamp, *_ in self.answers[-50:])
+
+    def obeyed_strangers(self, since: float) -> set[int]:
+        """Return the strange states that were answered since then, while the plant was heard."""
+        found, seen, heard = set[int](), set[int](), -math.inf   # [s] when the plant was
+        for at, stamp, _, sent in self.answers:
+            if stamp in self.strange and at > since and sent - heard < SILENCE:
+                found.add(stamp)
+            elif not any(stamp in each for each in (self.strange, self.copied, seen)):
+                heard = sent
+            seen.add(stamp)   # of which more answers may come without a state
+        return found
 
 
 class Target:
@@ -171,12 +186,17 @@ class Target:
         (folder / 'nested.json').write_text('[' * 12_500 + ']' * 12_500)
         for name in (*NODES, 'simulated_mpc', 'simulated_plant'):
             self.start(name)
-        self.await_(lambda: self.loop.answers and self.simulated.answers, STARTING)
-        self.await_(lambda: {'/plant', '/mpc'} <= set(self.announced), STARTING)
+
+    def begin(self) -> None:
+        """Wait until all are there."""
+        assert self.await_(lambda: self.loop.answers and self.simulated.answers, STARTING)
+        assert self.await_(lambda: {'/plant', '/mpc'} <= set(self.announced), STARTING)
         self.port = self._port()
-        names = ['dynamics', 'model']
+        names, tries = ['dynamics', 'model'], round(STARTING / PATIENCE)
+        answers = (self.call(GetParameters, 'mpc/get_parameters', names=names)
+                   for _ in range(tries))   # the first one may be lost
         self.values = [Parameter(name=name, value=value) for name, value in zip(
-            names, self.call(GetParameters, 'mpc/get_parameters', names=names).values)]
+            names, next(filter(None, answers)).values)]
 
     # honest
 
@@ -265,11 +285,11 @@ class Target:
                 quiet = not any(at > since for at in loop.states.values())
                 found.append(f'no {"state" if quiet else "answer"} of the {name}nodes for '
                              f'{ANSWERED:g} s')
-            forces = [force for at, _, force in loop.answers if at > began]
+            forces = [force for at, _, force, _ in loop.answers if at > began]
             if not all(math.isfinite(force) and (abs(force) <= 20.0 or not bounded)
                        for force in forces):
                 found.append(f'a force of {max(forces, key=abs)}')
-            if strange := {stamp for at, stamp, _ in loop.answers if at > began} & loop.strange:
+            if strange := loop.obeyed_strangers(began):
                 found.append(f'{len(strange)} states of a stranger were answered')
         if page := self.page_complaint():
             found.append(page)
@@ -308,7 +328,7 @@ class Target:
         found = []
         for name, process in self.processes.items():
             alive = process.popen.poll() is None
-            code = process.end(30.0)
+            code = process.end(STARTING)
             if alive and code != 0:
                 found.append(f'{name} ended at SIGINT with {code}')
             if name == 'mpc' and not self.await_(
@@ -325,7 +345,9 @@ class Target:
 
     @property
     def last_state(self) -> JointState:
-        """Return the newest state of the plant."""
+        """Return the newest state of the plant, which is sent again."""
+        stamp = self.loop.state.header.stamp
+        self.loop.copied.add(stamp.sec * 10 ** 9 + stamp.nanosec)
         return self.loop.state
 
     @property

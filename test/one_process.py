@@ -24,10 +24,12 @@ from dp_swing_ros.nodes.taking import Executor
 from dp_swing_ros.tools.demo import asked, command_line, keeping
 from dp_swing_ros.topics import DIAGNOSTICS, FORCE_COMMAND, JOINT_STATES
 
+TRIES = 8
 DOMAIN, LOCK = claim_domain()   # where runs are recorded that nobody else hears
 PATIENCE = 120.0   # [s] for a run
 ANSWER = 5.0       # [s] for the one to the last state, which may be lost
 SILENCE = 5.0      # [s] at most, until an mpc that hears no state in real time sends a zero
+TURN = 0.02        # [s] at most, for a callback
 
 
 class Crew:
@@ -71,10 +73,15 @@ class Crew:
         return node
 
     def until(self, is_over, seconds=PATIENCE):
-        """Let callbacks come until it is over, for some seconds at most; return whether it is."""
-        end = time.monotonic() + seconds
-        while not (over := is_over()) and time.monotonic() < end:
-            self.executor.spin_once(0.02)
+        """
+        Let callbacks come until it is over, for some seconds at most; return whether it is.
+
+        Where this process was held up all that time, what has come meanwhile is taken still.
+        """
+        end, turns = time.monotonic() + seconds, seconds / TURN
+        while not (over := is_over()) and (turns > 0 or time.monotonic() < end):
+            self.executor.spin_once(TURN)
+            turns -= 1
         return over
 
     def end(self, node):
@@ -113,6 +120,16 @@ def run(bag, parameters, meddle=None):
     with recording(bag, parameters, meddle) as (crew, _, plant):
         assert crew.until(lambda: plant.done)
     return bag
+
+
+def recorded_until(is_enough, folder, *arguments, **parameters):
+    """
+    Record as below until a bag is enough, and return it.
+
+    In real time a busy machine may hold this process up, and leave few ticks or none.
+    """
+    bags = (record(folder / str(n), *arguments, **parameters) for n in range(TRIES))
+    return next(bag for bag in bags if is_enough(bag))
 
 
 def record(folder, *arguments, plant='', mpc='', meddle=None):

@@ -14,7 +14,7 @@ from conftest import wait_until
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 import numpy as np
-from one_process import record
+from one_process import record, TRIES
 from PIL import Image
 import pytest
 from rosbags.highlevel import AnyReader
@@ -174,9 +174,12 @@ def test_a_lockstep_run_is_the_one_without_ros_to_the_bit(delay, tmp_path):
 
 
 def test_real_time_run_leaves_a_whole_bag_and_pictures(tmp_path):
-    run = Demo(tmp_path, '--duration', '1')
-    code, bag = run.finish(), run.folder / 'bag'
-    assert run.left_behind() == []
+    for n in range(TRIES):   # on a busy machine the mpc may hear of the plant when that is done
+        run = Demo(tmp_path / str(n), '--duration', '1')
+        code, bag = run.finish(), run.folder / 'bag'
+        assert run.left_behind() == []
+        if reports_of(Bag(bag)):
+            break
     states, forces = messages(bag, '/joint_states'), messages(bag, '/force_command')
     episode, ticks = read_episode(bag), reports_of(Bag(bag))
     assert code == (0 if measure(episode).success else 1), run.out + run.err
@@ -207,7 +210,8 @@ def states_so_far(bag):
 
 def test_demo_joins_no_other_and_an_interrupt_ends_everything_and_finishes_the_bag(
         tmp_path, monkeypatch, capsys):
-    run = Demo(tmp_path / 'first', '--duration', '60')
+    monkeypatch.setattr(demo, 'DISCOVERY', LIMIT)   # which ends once somebody is found
+    run = Demo(tmp_path / 'first', '--duration', '600')
     domain = run.process.stdout.readline().removeprefix('ROS_DOMAIN_ID=').strip()
 
     def is_recording():

@@ -15,8 +15,11 @@ UNBOUNDED = (fuzz_attacks.parameters, fuzz_attacks.page)   # who may raise the l
 def target(tmp_path_factory):
     """Return the nodes, which end with the tests."""
     running = Target(tmp_path_factory.mktemp('fuzz'))
-    yield running
-    running.end()
+    try:
+        running.begin()
+        yield running
+    finally:
+        running.end()
 
 
 @pytest.mark.parametrize('attack', fuzz_attacks.ATTACKS, ids=lambda attack: attack.__name__)

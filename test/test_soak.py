@@ -187,8 +187,15 @@ def test_odd_soaks_are_drawn_without_a_warning(change, tmp_path):
     draw(dataclasses.replace(soaked(100), **change)).savefig(tmp_path / 'soak.png', dpi=30)
 
 
-def test_a_soak_counts_every_state_once_and_watches_each_process(tmp_path, monkeypatch):
-    duration, rate, busy = 2.0, 50.0, []   # what busy processes do, test_resources.py shows
+@pytest.fixture
+def patient(monkeypatch):
+    """Let a busy machine take longer."""
+    monkeypatch.setattr('dp_swing_ros.tools.processes.GRACE', 120.0)
+    monkeypatch.setattr(soak, 'SILENCE', 120.0)
+
+
+def test_a_soak_counts_every_state_once_and_watches_each_process(tmp_path, patient, monkeypatch):
+    duration, rate, busy = 5.0, 50.0, []   # what busy processes do, test_resources.py shows
     monkeypatch.setattr(soak, 'burning', lambda count: busy.append(count) or nullcontext())
     monkeypatch.setattr(soak, 'SAMPLE', 0.1)   # so that each is looked at twice, if late
     with isolated():
@@ -216,15 +223,19 @@ def test_a_soak_counts_every_state_once_and_watches_each_process(tmp_path, monke
         assert 1.0 < row['private [MB]'] < row['resident [MB]'] < 2000.0
 
 
-def test_a_process_that_dies_is_named_and_the_rest_reported(tmp_path, monkeypatch):
+def test_a_process_that_dies_is_named_and_the_rest_reported(tmp_path, patient, monkeypatch):
+    watchers, make = [], soak.Watcher
+
     class Deadly(Resources):
 
         def sample(self, t):
             super().sample(t)
-            if t > 1.0:
+            if len(watchers[0].answers) > 40:
                 os.kill(self.pids['mpc'], signal.SIGKILL)
 
     monkeypatch.setattr(soak, 'Resources', Deadly)
+    monkeypatch.setattr(
+        soak, 'Watcher', lambda *given: watchers.append(make(*given)) or watchers[0])
     with isolated():
         found = soak.soak(tmp_path / 'soak', 'ddp', 3600.0)
     assert found.failure.startswith('mpc ended early with exit code')

@@ -36,7 +36,7 @@ SERVICES = {'plant/reset': Trigger, 'mpc/reset': Trigger, 'mpc/enable': SetBool,
 DEFAULTS = 'defaults'   # the preset that every pendulum has
 SWITCH = 'enabled'      # which no preset touches
 ANSWERED = 60.0         # [s] for nodes to answer: in lockstep an mpc compiles first what is new
-PATIENCE = 10.0         # [s] for a logger to hear everything
+PATIENCE = 60.0         # [s] for a logger to start, and to hear everything
 MEETING = 1.5           # [s] for publishers to find a logger that is seen here
 
 

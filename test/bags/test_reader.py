@@ -159,6 +159,8 @@ def test_sqlite3_names_the_command_that_converts_it(file):
 
 
 def test_a_file_that_is_refused_is_closed(tmp_path, recwarn):
+    gc.collect()   # what other tests have left open
+    recwarn.clear()
     warnings.simplefilter('always', ResourceWarning)
     (tmp_path / 'other.db3').write_bytes(b'SQLite format 3\0')
     with pytest.raises(BagError, match='sqlite3'):

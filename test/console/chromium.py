@@ -14,6 +14,8 @@ from selenium.webdriver.support.wait import WebDriverWait
 CHROMIUM, DRIVER = shutil.which('chromium'), shutil.which('chromedriver')
 DESKTOP, PHONE = (1440, 900), (390, 844)   # [px]
 PATIENCE, POLL = 90.0, 0.1   # [s]
+# what the page does, and tries again, where the console is held up for long
+CLOSED_EARLY = 'WebSocket is closed before the connection is established'
 # draws seldom, as a machine does that is busy with something else
 SELDOM = """
   const draw = window.requestAnimationFrame.bind(window);
@@ -159,4 +161,4 @@ class Page:
 
     def errors(self):
         return [each['message'] for each in self.driver.get_log('browser')
-                if each['level'] == 'SEVERE']
+                if each['level'] == 'SEVERE' and CLOSED_EARLY not in each['message']]

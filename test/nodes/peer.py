@@ -13,6 +13,9 @@ from rclpy.signals import SignalHandlerOptions
 
 from dp_swing_ros.nodes.connections import publish, subscribe
 
+TURN = 0.02     # [s] at most, for a callback
+AGAIN = 10.0    # [s] after which what was asked is asked again
+
 
 class Peer:
     """Records topics, publishes and calls services; spins only while it waits."""
@@ -23,6 +26,7 @@ class Peer:
         self.node = Node(name, context=self.context)
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)
+        self.clients = {}   # by the names of their services
 
     def record(self, topic):
         """Return a list that fills with the messages of a topic."""
@@ -37,11 +41,16 @@ class Peer:
         return publisher
 
     def until(self, condition, timeout=PATIENCE):
-        """Spin until a condition holds; return whether it did."""
-        end = time.monotonic() + timeout
-        while not condition() and time.monotonic() < end:
-            self.executor.spin_once(timeout_sec=0.02)
-        return bool(condition())
+        """
+        Spin until a condition holds; return whether it did.
+
+        Where this process was held up all that time, what has come meanwhile is taken still.
+        """
+        end, turns = time.monotonic() + timeout, min(timeout, 1.0) / TURN
+        while not (over := condition()) and (turns > 0 or time.monotonic() < end):
+            self.executor.spin_once(timeout_sec=TURN)
+            turns -= 1
+        return bool(over)
 
     def spin(self, duration):
         """Spin for a time [s]."""
@@ -49,17 +58,26 @@ class Peer:
 
     def call(self, kind, name, **request):
         """Call a service and return its answer."""
-        client = self.node.create_client(kind, name)
+        if name not in self.clients:
+            self.clients[name] = self.node.create_client(kind, name)
+            self.meet(name.rpartition('/')[0])   # an answer to a client not found yet is lost
+        client = self.clients[name]
         assert self.until(client.service_is_ready)
         answer = client.call_async(kind.Request(**request))
         assert self.until(answer.done)
-        self.node.destroy_client(client)
         return answer.result()
 
     def meet(self, name):
         """Wait until a node hears all publishers of this one, and all subscriptions hear it."""
         # discovery goes in the order in which they were made, and the client is the last
-        self.call(GetParameters, f'{name}/get_parameters')
+        client, answers = self.node.create_client(GetParameters, f'{name}/get_parameters'), []
+        assert self.until(client.service_is_ready)
+
+        def is_answered():
+            answers.append(client.call_async(GetParameters.Request()))
+            return self.until(lambda: any(answer.done() for answer in answers), AGAIN)
+        assert any(is_answered() for _ in range(round(PATIENCE / AGAIN)))
+        self.node.destroy_client(client)
 
     def reliability(self):
         """Return with which reliability the mpc hears the states, by its subscriptions."""
@@ -79,3 +97,4 @@ class Member(Peer):
 
     def __init__(self, crew):
         self.executor, self.node = crew.executor, crew.add(Node('peer', context=crew.context))
+        self.clients = {}

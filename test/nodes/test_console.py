@@ -71,9 +71,23 @@ def begin(page, **plant):
     assert page.ask('pause', on=True)['ok']
     assert page.ask('set', node='plant', parameters={**UPRIGHT, **plant})['ok']
     assert page.ask('reset', node='plant')['ok']
-    page.until(lambda page: page.newest['frame']['t'] == 0.0 and tick(page))
+    insist(page, lambda page: page.newest['frame']['t'] == 0.0 and tick(page),
+           'reset', node='plant')
     assert page.ask('pause', on=False)['ok']
     page.until(lambda page: not page.newest['frame']['paused'])
+
+
+def insist(page, condition, do, **fields):
+    """Wait for a condition while paused; ask again where a message, best effort, was lost."""
+    asked = time.monotonic()
+
+    def is_there(page):
+        nonlocal asked
+        if time.monotonic() > asked + 5.0:
+            assert page.ask(do, **fields)['ok']
+            asked = time.monotonic()
+        return condition(page)
+    page.until(is_there)
 
 
 def tick(page):
@@ -139,15 +153,20 @@ def test_nothing_that_other_nodes_send_ends_it_or_keeps_frames_from_a_page(
     senders.append((peer.publisher(PARAMETER_EVENTS), ParameterEvent(
         node='/away/plant', changed_parameters=[Parameter(
             name='rate', value=ParameterValue(type=99))])))
+
+    def send():
+        for publisher, message in senders:
+            publisher.publish(message)
+        peer.spin(0.1)
+
     with Page(port_of(away)) as page:
         page.until(lambda page: page.value('plant', 'rate') and 'frame' in page.newest)
         for _ in range(3):
-            for publisher, message in senders:
-                publisher.publish(message)
-            peer.spin(0.1)
+            send()
             t = page.newest['frame']['t']
             page.until(lambda page: page.newest['frame']['t'] > t)
-        assert peer.until(lambda: all(
+        # a plan, best effort, is lost until the console has found who sends it
+        assert peer.until(lambda: send() or all(
             away.output().count(f'a message on {topic.name} is none') == 1
             for topic in (CONFIGURATION, TRIES, PLAN, ROBOT_DESCRIPTION)))
         assert page.value('plant', 'rate')['value'] == 20.0
@@ -203,7 +222,7 @@ def test_it_pulls_at_what_is_there_unless_told_how(start_here, peer):
 def test_the_page_is_told_what_there_is_and_shown_each_state(page):
     answer = page.ask('set', node='mpc', parameters={'shown_tries': 5})
     assert answer['ok'], answer
-    page.until(lambda page: page.newest['frame']['tries'])
+    page.until(lambda page: all(page.newest['frame'][each] for each in ('tries', 'plan', 'tick')))
     hello, frame = page.newest['hello'], page.newest['frame']
     assert hello['nodes'] == {'plant': '/plant', 'mpc': '/mpc'}
     assert (hello['links'], hello['lengths'], hello['period']) == (2, [1.0, 1.0], 0.05)
@@ -286,6 +305,7 @@ def quiet(peer, pushes):
 
 def test_a_pull_is_a_force_in_its_direction_that_is_bounded_and_ends(page, peer):
     pushes = peer.record(DISTURBANCE)
+    peer.meet('console')   # else the first push may be lost
     assert page.ask('enable', on=False)['ok']
     for to in (0.1, 50.0, -50.0):
         begin(page, initial_state=HANGING)
@@ -310,9 +330,9 @@ def test_a_pull_is_a_force_in_its_direction_that_is_bounded_and_ends(page, peer)
 
 def test_hands_of_a_page_that_is_gone_let_go_and_a_kick_lasts_a_period(page, peer):
     pushes = peer.record(DISTURBANCE)
-    # until it is heard here, too
-    assert any(page.ask('push', force=1.0)['ok'] and peer.until(lambda: pushes, 1.0)
-               for _ in range(20))
+    peer.meet('console')   # else the first push may be lost
+    assert page.ask('push', force=1.0)['ok']
+    assert peer.until(lambda: pushes)
     page.until(lambda page: page.newest['frame']['push'] == 0.0)
     peer.spin(0.2)
     pushes.clear()
@@ -325,7 +345,9 @@ def test_hands_of_a_page_that_is_gone_let_go_and_a_kick_lasts_a_period(page, pee
     with Page(port_of(page.node)) as other:
         other.send('hold', force=-2.0)
         assert peer.until(lambda: pushes[-1].data == -2.0)
-        page.until(lambda page: page.newest['frame']['push'] == -2.0)
+        # again and again, as one lasts 0.3 s, and the console may be held up for longer
+        page.until(lambda page: other.send('hold', force=-2.0)
+                   or page.newest['frame']['push'] == -2.0)
     page.until(lambda page: page.newest['frame']['push'] == 0.0)
     assert peer.until(lambda: quiet(peer, pushes))
     pushes.clear()
@@ -336,6 +358,7 @@ def test_hands_of_a_page_that_is_gone_let_go_and_a_kick_lasts_a_period(page, pee
 
 def test_a_link_is_pulled_at_the_place_that_was_taken(page, peer):
     pushes = peer.record(DISTURBANCE)
+    peer.meet('console')   # else the first push may be lost
     assert page.ask('enable', on=False)['ok']
     leaning = math.asin(0.5)
     for body, along, place in ((0, 0.5, 0.2), (1, 0.0, 0.2), (1, 1.0, 0.7), (2, 0.5, 0.45),
@@ -363,8 +386,8 @@ def test_services_answer_in_their_own_words(page):
 def test_lockstep_can_be_paused_stepped_and_slowed_down(page):
     page.until(lambda page: page.newest['hello']['pausable'])
     assert page.ask('pause', on=True)['ok']
-    page.until(lambda page: page.newest['frame']['paused'] and page.newest['frame']['plan']
-               and page.newest['frame']['plan']['t'] == page.newest['frame']['t'])
+    insist(page, lambda page: page.newest['frame']['paused'] and page.newest['frame']['plan']
+           and page.newest['frame']['plan']['t'] == page.newest['frame']['t'], 'step')
     t = page.newest['frame']['t']
     assert page.ask('step')['ok']
     page.until(lambda page: page.newest['frame']['t'] > t)
@@ -378,6 +401,7 @@ def test_lockstep_can_be_paused_stepped_and_slowed_down(page):
 
 
 def test_a_recording_comes_out_again_and_has_a_report(page, capsys):
+    assert page.ask('pace', pace=0.5)['ok']   # so that 60 s of the run outlast a slow logger
     before = frames(page, 5)[-1]['t']
     answer = page.ask('record', on=True)
     assert answer['ok'], answer
@@ -409,32 +433,41 @@ def test_a_recording_comes_out_again_and_has_a_report(page, capsys):
 def test_a_page_that_does_not_read_keeps_nothing_from_others_and_takes_no_memory(page):
     begin(page, rate=200.0, pace=0.5)   # of which a page is shown some
 
+    def held():
+        assert page.ask('push', force=0.0)['ok']   # its answer comes after the frames before it
+        return memory(page.node), page.newest['frame']['t']
+
     def growth():
         frames(page, 60)   # until the queues of the kernel are full
-        before, t = memory(page.node), page.newest['frame']['t']
+        before, t = held()
         frames(page, 100)
-        assert page.newest['frame']['t'] > t
-        return memory(page.node) - before
+        after, end = held()
+        assert end > t
+        return after - before, end - t   # [bytes] in a time of the run [s]
 
-    kept = growth()   # of the last minute, to look back
+    before = growth()
     with deaf(port_of(page.node)):
-        assert growth() < kept + (4 << 20)
+        grown, passed = growth()
+    # of the last minute, to look back; twice, as at first that may fill what was free
+    kept = max(size / seconds for size, seconds in (before, growth()))
+    assert grown < kept * passed + (4 << 20)
     assert 'Traceback' not in page.node.output()
 
 
 def test_an_instant_of_the_last_minute_is_branched_from(page):
     """Of a run after a reset in lockstep: of the one before, as long, nothing is left."""
     page.until(lambda page: page.newest['frame']['t'] > 3.0)
-    begin(page, initial_state=HANGING)
+    begin(page, initial_state=HANGING, pace=0.5)   # so that a busy machine misses few states
     frames(page, 10)
     assert page.ask('set', node='mpc', parameters={'force_weight': 0.02, 'solver': 'ddp'})['ok']
     assert page.ask('set', node='plant', parameters={'cart_mass': 1.1})['ok']
     page.until(lambda page: tick(page).get('solver') == 'ddp')
     switched = page.newest['frame']['t']
     os.killpg(page.node.popen.pid, signal.SIGSTOP)   # as on a busy machine, so that it misses some
-    time.sleep(0.5)
+    time.sleep(2.0)
     os.killpg(page.node.popen.pid, signal.SIGCONT)
-    page.until(lambda page: page.newest['frame']['t'] > switched + 4.5)
+    page.until(lambda page: page.newest['frame']['t'] > switched + 4.5
+               and len(page.ask('history', kind='history')['t']) >= 75)
     assert page.ask('pause', on=True)['ok']   # while solvers are at work
     past = page.ask('history', kind='history')
     assert len(past['t']) == len(past['x']) == len(past['u']) == len(past['force']) >= 75
@@ -488,8 +521,9 @@ def test_an_instant_of_the_last_minute_is_shown_as_it_was(page):
 def test_a_recording_is_whole_even_where_the_console_is_killed(nodes):
     """The last one, for there is no console from then on."""
     with of(nodes) as page:
-        page.send('record', on=True, id='begins')
-        with Page(port_of(nodes)) as other:   # meanwhile, somebody else may not end it
+        with Page(port_of(nodes)) as other:   # somebody else, who may not end it meanwhile
+            page.send('record', on=True, id='begins')
+            other.until(lambda other: other.newest.get('recording', {}).get('folder'))
             refused = other.ask('record', on=False)
         assert not refused['ok'] and 'still starting' in refused['text'], refused
         page.until(lambda page: page.newest.get('answer', {}).get('id') == 'begins')

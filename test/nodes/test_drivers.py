@@ -37,7 +37,7 @@ from dp_swing_ros.topics import (
 
 LEANING = np.array([0.1, 0.02, -0.01, 0.0, 0.05, 0.0])
 PERIOD = 0.05   # [s] of the driver's states
-ANSWER = 1.0    # [s] at most, in lockstep
+ANSWER = 60.0   # [s] at most, in lockstep
 
 # in a process of its own: where one has a topic twice, by two types, FastDDS may crash at its end
 OTHER = """
@@ -269,6 +269,7 @@ def test_a_gripper_on_the_same_topic_changes_nothing(peer, start_here):
     gripper, fingers = other.publisher(JOINT_STATES), JointState(
         name=['left_finger', 'right_finger'], position=[0.0, 0.0])
     driver.meet()
+    other.meet('mpc')
     stamps = []
     for _ in range(30):
         gripper.publish(fingers)
@@ -282,21 +283,27 @@ def test_a_gripper_on_the_same_topic_changes_nothing(peer, start_here):
     assert not any('joint' in each.message for each in ticks)
     assert node.output().count('names none of [cart, joint1, joint2]') == 1
     # a look at the topics may come before it is heard
-    assert driver.topics() is None or driver.topics().level == DiagnosticStatus.OK[0]
+    assert peer.until(
+        lambda: driver.topics() is None or driver.topics().level == DiagnosticStatus.OK[0])
     other.close()
 
 
-def test_a_second_publisher_of_our_joints_is_named_and_the_first_is_obeyed(peer, start_here):
+def test_a_second_publisher_of_our_joints_is_named_and_the_first_is_obeyed(
+        peer, start_here, monkeypatch):
     """As joint_state_publisher, whose joints are all zero."""
+    monkeypatch.setattr('dp_swing_ros.messages.states.SILENCE', 60.0)   # of a busy machine
     node = start_here('mpc', {'clock': 'stamps'})
     node.wait_for('ready')
     driver, other = Driver(peer), Peer('joint_state_publisher')
     driver.meet()
-    driver.stream(5, lambda now: now)
+    stamps = []
+    driver.stream(5, lambda now: stamps.append(now) or now)
     zeros = other.publisher(JOINT_STATES)
+    other.meet('mpc')
     assert peer.until(lambda: peer.node.count_publishers('joint_states') == 2)
     for _ in range(30):
-        driver.send(time.time_ns())
+        stamps.append(time.time_ns())
+        driver.send(stamps[-1])
         zeros.publish(to_joint_state(to_stamp(time.time_ns()), np.zeros(6), 0.0))
         peer.spin(PERIOD)
     # whose name may be discovered after its states: the topics name both
@@ -309,7 +316,7 @@ def test_a_second_publisher_of_our_joints_is_named_and_the_first_is_obeyed(peer,
         '/joint_states has 2 publishers, /joint_state_publisher, /peer; expected one; /peer, '
         'heard first, is obeyed'))
     assert driver.topics().level == DiagnosticStatus.WARN[0]
-    assert all(abs(each.values['estimate_cart_position']) > 0.09 for each in driver.ticks())
+    assert {each.stamp for each in driver.ticks()} <= {*stamps}
     other.close()
 
 

@@ -5,7 +5,6 @@
 import time
 
 from conftest import wait_until
-import numpy as np
 import pytest
 from rcl_interfaces.srv import GetParameters
 from rclpy.clock import Clock
@@ -77,8 +76,7 @@ def test_timers_have_their_turn(peer):
 
 def test_it_is_over_when_messages_come_no_more(lane):
     one, heard, publisher = lane
-    one.serve(never)
-    assert not one.is_busy
+    assert wait_until(lambda: one.serve(never) or not one.is_busy)
 
 
 def test_it_is_for_what_comes_often_alone(lane):
@@ -121,7 +119,8 @@ def test_a_plant_in_a_hurry_answers_services_and_sends_no_sooner(peer, start_nod
     for _ in range(10):
         answer = peer.call(GetParameters, '/plant/get_parameters', names=['rate'])
         assert answer.values[0].double_value == RATE
-    stamps = np.array([seconds(state.header.stamp) for state in states])
-    assert np.median(np.diff(stamps)) > 0.9 / RATE
+    stamps = [seconds(state.header.stamp) for state in states]
+    # where the first was late, the two after it may come within a period
+    assert len(stamps) - 3 <= RATE * (stamps[-1] - stamps[0])
     assert peer.until(lambda: states[-1].effort[0] == pytest.approx(0.1))
     assert plant.stop() == 0

@@ -270,14 +270,19 @@ def test_what_an_mpc_answers_through_faults_is_verified(tmp_path, capsys):
                               len(states) > before + count)
         crew.end(plant)
         crew.until(mpc.silence.is_canceled, 1.0)
-        crew.until(lambda: False, 1.1)   # a report of all
+
+        def told():
+            """Return what faults has reported."""
+            found = (from_diagnostics(each, 'faults') for each in reports)
+            return [report for report in found if report]
+        assert crew.until(lambda: any(
+            report.values['heard_states'] >= len(states) for report in told()[-1:]))
         crew.end(mpc)
         crew.until(lambda: forces[-1].data == 0.0, 1.0)
         crew.end(faults)
         logger.close()
     assert np.abs([force.data for force in forces]).max() <= 20.0   # which no NaN is
-    found = [report for report in (from_diagnostics(each, 'faults') for each in reports) if report]
-    assert all(found[-1].values[name] > 0 for name in (
+    assert all(told()[-1].values[name] > 0 for name in (
         'lost_states', 'lost_commands', 'nan_states'))
     assert len(read_episode(tmp_path / 'bag').t) < len(states)
     assert verify.main([str(tmp_path / 'bag')]) == 0, capsys.readouterr().out

@@ -128,14 +128,16 @@ def test_a_simulated_clock_is_waited_for_and_told_of_where_it_jumps(peer, start_
     assert peer.until(lambda: talk.reports)
     values = from_diagnostics(talk.reports[-1], 'mpc').values
     assert values['time'] == pytest.approx(100.0, abs=0.01)
-    for n in range(8):
-        clock.publish(Clock(clock=to_stamp(10 ** 9 * (120 + n - 10 * (n % 2)))))
-        peer.spin(0.1)
-    before = len(talk.reports)
-    talk.send(LEANING * 1.1)
-    assert peer.until(lambda: len(talk.reports) > before)
-    assert any('the clock jumped back' in status.message
-               for each in talk.reports[before:] for status in each.status)
+
+    def is_told():   # which on a busy machine may come when the jumps are long ago
+        before = len(talk.reports)
+        for n in range(8):
+            clock.publish(Clock(clock=to_stamp(10 ** 9 * (120 + n - 10 * (n % 2)))))
+            peer.spin(0.1)
+        talk.send(LEANING * 1.1)
+        return any('the clock jumped back' in status.message
+                   for each in talk.reports[before:] for status in each.status)
+    assert peer.until(is_told)
     talk.node.wait_for('expected a single publisher of /clock')
 
 
@@ -160,11 +162,11 @@ def test_a_second_master_is_a_warning_in_the_diagnostics(peer, start_here):
     def last():
         found = [from_diagnostics(each, 'mpc: topics') for each in talk.reports]
         return found[-1] if found else None
-    assert peer.until(lambda: last() and last().values['rivals'] == 2)
+    rival = '/force_command has 2 publishers, /mpc, /peer; expected one'
+    # at first the name of a node may not be known
+    assert peer.until(lambda: last() and last().values['rivals'] == 2 and rival in last().message)
     assert last().level == DiagnosticStatus.WARN[0]
     assert '/joint_states has 2 publishers' in last().message
-    rival = '/force_command has 2 publishers, /mpc, /peer; expected one'
-    assert rival in last().message
     assert talk.node.output().count(rival) == 1
     talk.send(hanging() * math.nan)
     talk.node.wait_for('going on without this state')   # which is not the fault of the sensors
@@ -173,13 +175,13 @@ def test_a_second_master_is_a_warning_in_the_diagnostics(peer, start_here):
 
 def test_the_first_force_answers_the_first_state(tmp_path, capfd):
     """A start is over when each hears the other."""
-    given = {'rate': 2.0, 'duration': 3.0, 'command_timeout': 3.0}
+    given = {'rate': 2.0, 'command_timeout': 60.0}
     with Crew(tmp_path / 'nodes.yaml', {'plant': given}) as crew:
         peer = Member(crew)
         states, forces = peer.record(JOINT_STATES), peer.record(FORCE_COMMAND_STAMPED)
         crew.start(MpcNode)
-        plant = crew.start(PlantNode)
-        assert peer.until(lambda: plant.done and len(states) >= 4 and len(forces) >= 4)
+        crew.start(PlantNode)
+        assert peer.until(lambda: len(states) >= 4 and len(forces) >= 4)
         assert forces[0].header.stamp == states[0].header.stamp
     assert 'no force' not in capfd.readouterr().err
 

@@ -146,24 +146,27 @@ def relayed(peer, start):
 def test_the_relay_hands_on_and_lets_go(peer, start_here):
     node, forces, commands = relayed(peer, start_here)
     for n in range(1, 11):
+        published = time.time()
         forces.publish(Float64(data=float(n)))
         assert peer.until(lambda: commands[-1][1] == n)
         peer.spin(0.5 * DEADLINE)
     last = max(at for at, force in commands if force == 10.0)
     assert peer.until(lambda: commands[-1][1] == 0.0)
     let_go = next(at for at, force in commands if at > last and force == 0.0)
-    assert let_go - last > DEADLINE - 0.05
+    # from before it was heard, for the relay may be held up before it hands it on
+    assert let_go - published > DEADLINE
     assert [force for _, force in commands if force] == list(range(1, 11))
 
 
 def test_the_relay_hands_no_force_on_that_is_none(peer, start_here):
     node, forces, commands = relayed(peer, start_here)
-    for force in (math.nan, math.inf, -math.inf, 3.0):
+    forces.publish(Float64(data=math.nan))
+    node.wait_for('expected a finite number')   # of several that wait it takes the last
+    for force in (math.inf, -math.inf, 3.0):
         forces.publish(Float64(data=force))
         peer.spin(0.05)
     assert peer.until(lambda: 3.0 in [force for _, force in commands])
     assert {force for _, force in commands} <= {0.0, 3.0}
-    assert 'expected a finite number' in node.output()
 
 
 def test_the_last_command_of_the_relay_is_zero(peer, start_node):
@@ -191,6 +194,7 @@ def test_the_relay_integrates_for_positions_from_where_the_cart_is(peer, start_h
     node.wait_for('ready')
     sent = peer.record(CONTROLLER_COMMANDS['position'])
     commands, states = peer.publisher(VELOCITY_COMMAND), peer.publisher(JOINT_STATES)
+    peer.meet('relay')
     commands.publish(Float64(data=1.0))
     peer.spin(2 * DEADLINE)
     assert not sent   # nobody has said where it is
@@ -205,6 +209,7 @@ def test_the_relay_integrates_for_positions_from_where_the_cart_is(peer, start_h
     place = sent[-1].data[0]
     assert 0.0 < place - 0.3 <= 0.5 * lasted
     peer.spin(3 * DEADLINE)
+    assert peer.until(lambda: sent[-1].data[0] == sent[-2].data[0])
     stands = sent[-1].data[0]
     # and what the last one waited for, on a busy machine
     assert place <= stands <= 0.3 + 0.5 * (lasted + DEADLINE) + 0.1

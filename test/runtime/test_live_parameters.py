@@ -3,6 +3,7 @@
 """Parameters that change between two ticks, without anything else of a node."""
 
 import math
+import os
 
 import pytest
 
@@ -52,7 +53,8 @@ def test_others_count_from_the_next_tick_on_and_are_announced():
     assert one.live.revision == 1
 
 
-def test_what_cannot_be_used_is_put_back():
+def test_what_cannot_be_used_is_put_back(monkeypatch):
+    monkeypatch.setattr(os, 'nice', lambda by: by)   # what is compiled aside is waited for
     one = Live()
     impossible = {**one.values, 'solver': 'ddp'}
     other = controllers.controller(impossible)

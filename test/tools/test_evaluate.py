@@ -20,8 +20,6 @@ from dp_swing_ros.pendulum.state import LINKS
 from dp_swing_ros.tools.evaluate import command_line, main
 
 SOURCES = Path(__file__).parents[2]
-SCRIPT = 'import sys; from dp_swing_ros.tools.evaluate import main; sys.exit(main())'
-
 
 pytestmark = pytest.mark.usefixtures('here')
 
@@ -188,6 +186,19 @@ def test_help_tells_scenarios_and_examples(capsys):
     assert all(word in shown for word in ('near_goal', 'tvlqr', 'dask worker', 'examples:'))
 
 
+# stands still once its table has so many lines, so that it is not done before it is ended
+WAITING = """
+import math, signal, sys
+from dp_swing_ros.evaluation.campaign import rows, runner
+from dp_swing_ros.tools.evaluate import main
+lines, append, runner.TOLD = int(sys.argv.pop(1)), rows.Table.append, math.inf
+def append_and_wait(table, row):
+    append(table, row)
+    while len(table.rows) + 1 >= lines:
+        signal.pause()
+rows.Table.append = append_and_wait
+sys.exit(main())
+"""
 LONG = ['--contestants', 'nothing', 'ilqr', '--scenarios', 'random', '--seeds', '20',
         '--duration', '0.5', '--jobs', '2', '--no-figures', '--output', 'campaign']
 
@@ -195,7 +206,7 @@ LONG = ['--contestants', 'nothing', 'ilqr', '--scenarios', 'random', '--seeds', 
 def started(lines=5):
     """Start a campaign in a session of its own, and wait for the first lines of its table."""
     process = subprocess.Popen(
-        [sys.executable, '-c', SCRIPT, *LONG], start_new_session=True, text=True,
+        [sys.executable, '-c', WAITING, str(lines), *LONG], start_new_session=True, text=True,
         stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
         env={**os.environ, 'PYTHONPATH': str(SOURCES)})
     table = Path('campaign/episodes.csv')

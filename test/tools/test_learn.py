@@ -6,6 +6,7 @@ from contextlib import closing
 from itertools import islice
 import threading
 
+from conftest import PATIENCE, wait_until
 import numpy as np
 from peer import Peer
 from PIL import Image
@@ -82,12 +83,19 @@ def test_a_plant_that_runs_is_held_by_an_mpc_whose_model_is_learned(
         start_node, tmp_path, monkeypatch, capsys):
     """In lockstep, so that a busy machine is fast enough; it only learns more rarely."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(live_learning, 'SILENCE', PATIENCE)   # of a busy machine
     file, bag = tmp_path / 'plant.yaml', tmp_path / 'bag'
     file.write_text(PLANT)
     logger = start_node('logger', {'output': str(bag)})
     logger.wait_for('recording to')
     plant = start_node('plant', {'lockstep': True, 'pace': 2.0}, ['--params-file', str(file)])
     plant.wait_for('waiting for a controller')
+
+    def publish_to_both(node, topic):
+        forces = publish(node, topic)
+        assert wait_until(lambda: forces.get_subscription_count() == 2)   # the logger hears all
+        return forces
+    monkeypatch.setattr(live_learning, 'publish', publish_to_both)
     assert main(['--live', '--total', '200', '-o', 'learned']) == 0
     out = capsys.readouterr().out
     assert 'held after ' in out and 'not held' not in out
@@ -122,14 +130,15 @@ def test_where_nothing_runs_it_says_so(monkeypatch, tmp_path, capsys):
 
 
 def test_there_is_one_master(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(live_learning, 'DISCOVERY', 3.0)   # of a busy machine
+    monkeypatch.setattr(live_learning, 'DISCOVERY', 10.0)   # of a busy machine
     with closing(Peer()) as peer:
         publish(peer.node, FORCE_COMMAND)
         assert main(['--live', '-o', str(tmp_path / 'learned')]) == 2
     assert '/peer on force_command, too; end it' in capsys.readouterr().err
 
 
-def test_live_a_plant_of_more_links_is_refused(tmp_path, capsys):
+def test_live_a_plant_of_more_links_is_refused(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(live_learning, 'SILENCE', PATIENCE)   # of a busy machine
     done = threading.Event()
     message = to_joint_state(to_stamp(0), np.zeros(8), 0.0)
     with closing(Peer()) as peer:

@@ -2,10 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """What real nodes did is repeated to the bit, and what was changed afterwards is found."""
 
+from itertools import pairwise
 import re
 
 from learned_dynamics import model_of, of_chain
-from one_process import record, recording
+from one_process import record, recorded_until, recording
 import pytest
 from rclpy.parameter import Parameter
 from real_bags import converted, repeated, rewritten, tick, value_of, with_value
@@ -78,7 +79,11 @@ def test_noise_lost_states_and_what_the_estimator_makes_of_them(solver, tmp_path
 
 
 def test_real_time_comes_out_again(tmp_path, capsys):
-    bag = record(tmp_path, '--duration', '1')
+    def last_is_answered(bag):
+        *_, last = Bag(bag).of(JOINT_STATES)
+        return nanoseconds(last.header.stamp) in [
+            nanoseconds(plan.header.stamp) for plan in Bag(bag).of(PLAN)]
+    bag = recorded_until(last_is_answered, tmp_path, '--duration', '1')
     ticks = record_of(Bag(bag)).ticks
     assert all(one.real_time and one.delay > 0 for one in ticks)
     # the plant ends first: the mpc carries on, then lets go
@@ -97,19 +102,21 @@ def test_real_time_comes_out_again(tmp_path, capsys):
 
 @pytest.mark.parametrize('solver', sorted(SOLVERS))
 def test_solves_that_a_deadline_cut_come_out_again(solver, tmp_path, capsys):
-    bag = record(tmp_path, '--solver', solver, '--duration', '1',
-                 mpc='    time_limit: 0.0005\n')
-    cut = [one for one in record_of(Bag(bag)).ticks if one.status == 'DEADLINE']
-    assert len(cut) > 3
+    def some_were_cut(bag):
+        return sum(one.status == 'DEADLINE' for one in record_of(Bag(bag)).ticks) > 3
+    bag = recorded_until(some_were_cut, tmp_path, '--solver', solver, '--duration', '1',
+                         mpc='    time_limit: 0.0005\n')
     assert verified(bag, capsys)[0] == 0
 
 
 def test_states_that_did_not_come_in_real_time(tmp_path, capsys):
-    bag = record(tmp_path, '--duration', '2', plant=FAULTS, mpc='    carry_over: 0.04\n')
-    ticks = record_of(Bag(bag)).ticks
-    pairs = list(zip(ticks, ticks[1:]))
-    assert any(one.x is None and following.x is not None for one, following in pairs)
-    assert any(one.status == 'ZERO' and following.x is not None for one, following in pairs)
+    def some_did_not_come(bag):
+        pairs = list(pairwise(record_of(Bag(bag)).ticks))
+        return (any(one.x is None and following.x is not None for one, following in pairs)
+                and any(one.status == 'ZERO' and following.x is not None
+                        for one, following in pairs))
+    bag = recorded_until(some_did_not_come, tmp_path, '--duration', '2', plant=FAULTS,
+                         mpc='    carry_over: 0.04\n')
     assert verified(bag, capsys)[0] == 0
 
 

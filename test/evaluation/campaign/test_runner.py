@@ -10,6 +10,7 @@ import struct
 import sys
 import termios
 
+from conftest import PATIENCE
 import pytest
 
 from dp_swing_ros.evaluation.campaign import runner
@@ -65,20 +66,22 @@ def test_two_processes_give_the_rows_of_one(alone, tmp_path):
     assert_identical(play(tmp_path), alone)
 
 
-def test_a_dask_cluster_gives_the_same_rows(alone, tmp_path):
+def test_a_dask_cluster_gives_the_same_rows(alone, tmp_path, monkeypatch):
+    monkeypatch.setattr(runner, 'CONNECTION', PATIENCE)   # of a busy machine
     with cluster_of(workers=2) as cluster:
         rows = play(tmp_path, dask=cluster.scheduler_address)
     assert_identical(rows, alone)
 
 
-def test_a_cluster_without_workers_is_refused(tmp_path):
+def test_a_cluster_without_workers_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(runner, 'CONNECTION', PATIENCE)   # of a busy machine
     with cluster_of(workers=0, processes=False) as cluster:
         with pytest.raises(CampaignError, match='no workers'):
             play(tmp_path, dask=cluster.scheduler_address)
 
 
 def test_a_scheduler_that_is_not_there_is_reported(tmp_path, monkeypatch):
-    monkeypatch.setattr('dp_swing_ros.evaluation.campaign.runner.CONNECTION', 0.5)
+    monkeypatch.setattr(runner, 'CONNECTION', 0.5)
     with pytest.raises(CampaignError, match='tcp://127.0.0.1:1 does not answer'):
         play(tmp_path, dask='tcp://127.0.0.1:1')
 
