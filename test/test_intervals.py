@@ -12,8 +12,8 @@ from dp_swing_ros.identification.base_parameters import base_parameters
 def test_rigs_are_drawn_alike_and_of_every_kind():
     rigs = [intervals.drawn(number) for number in range(8)]
     assert rigs[3] == intervals.drawn(3)
-    for kind in ('links', 'engine', 'commands'):
-        assert len({rig.kinds[kind] for rig in rigs}) == 2
+    for kind, count in (('links', 2), ('engine', 3), ('commands', 2)):
+        assert len({rig.kinds[kind] for rig in rigs}) == count
     for rig in rigs:
         lengths = rig.physical.lengths
         assert all(intervals.LENGTHS[0] <= length <= intervals.LENGTHS[1] for length in lengths)
@@ -48,3 +48,25 @@ def test_what_holds_the_truth_is_counted_and_what_met_a_bound_left_out():
     assert '| mass | 16 of 20 (58.4-91.9 %) | **too few** |' in intervals.page(rows, 'made\n')
     rows.low = 0.9
     assert '| mass | 20 of 20 (83.9-100.0 %) | **too many** |' in intervals.page(rows, 'made\n')
+
+
+def test_a_soft_friction_is_counted_apart():
+    sharp, soft = (pd.DataFrame([{
+        'rig': rig, **intervals.drawn(0).kinds, 'engine': engine, 'at_bound': '',
+        'parameter': name, 'is_base': True, 'truth': 1.0, 'value': value, 'low': value - 0.01,
+        'high': value + 0.01} for rig in rigs for name in (intervals.MASS, 'moment')])
+        for engine, value, rigs in ((intervals.SHARP, 1.005, range(20)),
+                                    (intervals.SOFT, 1.02, range(20, 25))))
+    text = intervals.page(pd.concat((sharp, soft)), 'made\n')
+    assert f'| {intervals.MASS} | 20 of 20 ' in text and 'seems 2 % larger' in text
+    assert '0 of 5 ' in text and 'seems' not in intervals.page(sharp, 'made\n')
+
+
+@pytest.mark.parametrize('number', [2, 4])
+def test_the_friction_of_mujoco_sets_in_soon_unless_it_is_soft(number, monkeypatch):
+    seen = []
+    monkeypatch.setattr(intervals, 'watched', lambda plant, controller, pushes: seen.append(plant))
+    rig = intervals.drawn(number)
+    intervals.record(rig)
+    steps = seen[0].engine.model.dof_solref[:, 0] / rig.plant['physics_step']
+    assert steps == pytest.approx(20.0 if rig.engine == intervals.SOFT else 2.0, rel=1e-6)

@@ -293,8 +293,7 @@ class Fit:
         of_directions, directions = np.linalg.eigh(H[free, free])
         inverse[free, free] = directions / np.maximum(
             of_directions, UNTOLD * of_directions[-1]) @ directions.T
-        clustered = inverse @ G @ inverse * self.segments / max(
-            self.segments - len(self.free), 1)
+        clustered = inverse @ G @ inverse * self.segments / max(self.segments - 1, 1)
         follow = (np.eye(len(scales)) - inverse @ H)[:, len(self.free):]
         sizes, of_untold = np.outer(scales, scales), follow @ follow.T
         found: Array = sizes * (np.array([inverse, clustered]) + of_untold)
