@@ -93,12 +93,12 @@ class LoggerNode(ProcessNode):
             if not self._bag.failed:
                 # Under load, what was sent before the end may still wait in the queues.
                 limit = time.monotonic() + END_TIME
-                while time.monotonic() < limit and sum(
-                        self._take(name, recording, time.monotonic() + TURN)
-                        for name, recording in self._recordings.items()):
-                    pass   # by turns, until nothing waits
-                for recording in self._recordings.values():
-                    recording.leave(limit + DRAIN_TIME)
+                while sum(self._take(name, recording, time.monotonic() + TURN)
+                          for name, recording in self._recordings.items()):
+                    if time.monotonic() > limit:   # by turns, until nothing waits, or for so long
+                        for recording in self._recordings.values():
+                            recording.leave(limit + DRAIN_TIME)
+                        break
         finally:
             self._bag.custom |= {f'{LOST}{name}': str(recording.lost)
                                  for name, recording in self._recordings.items()}

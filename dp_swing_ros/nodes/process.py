@@ -49,7 +49,7 @@ CLOCK = '/clock'
 AWAY, COMPILING = 2.0, 60.0   # [s] at most for what is made aside; longer where it may compile
 SWITCHING = 5e-4  # [s] after which a thread that makes something lets the ticks go on
 POLL = 0.05  # [s] a signal is seen after this time at the latest
-DELIVERY = 0.3  # [s] at most for the last messages to arrive
+DELIVERY = 3.0  # [s] at most for the last messages to arrive
 TEARDOWN = 2  # [s] at most for the middleware's end
 
 CLOCK_MONOTONIC, SIGEV_THREAD = 1, 2  # of Linux

@@ -24,6 +24,7 @@ from dp_swing_ros.topics import COMMAND_TOPICS
 
 OK, FAILED, MISUSED = 0, 1, 2  # exit codes, and INTERRUPTED
 LATER = 0.05  # [s]
+ELSE = '(default: as in --params, else {})'   # of a parameter of a node
 SHOWN = 80  # [characters] of what was given
 # topics of a bag that tell how bodies move, by whatever drive
 MOTION = f'joint_states and one of {", ".join(topic.name for topic in COMMAND_TOPICS)}'

@@ -31,16 +31,16 @@ from dp_swing_ros.report.recording import named, recording
 from dp_swing_ros.simulation import plants
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tools.command_lines import (
-    dated, execute, FAILED, given, new_folder, OK, program, within)
+    dated, ELSE, execute, FAILED, given, new_folder, OK, program, within)
 from dp_swing_ros.tools.processes import (
-    await_ready, Crew, isolated, located, Process, ProcessError)
+    await_ready, Crew, isolated, located, Process, ProcessError, READY)
 from dp_swing_ros.tools.tool_node import listeners, tool_node
 from dp_swing_ros.topics import (
     COMMANDS, DIAGNOSTICS, JOINT_STATES, PLAN, ROBOT_DESCRIPTION, STAMPED_COMMANDS, Topic)
 
 DISCOVERY = 3.0   # [s] to find the nodes that are there already, however they announce themselves
 COLUMNS = 5     # of more runs than this the table shows the spread
-SILENCE = 20.0  # [s] without a state: something hangs
+SILENCE = 20.0  # [s] after the first state without another: something hangs
 SHORTEST = 1e-3  # [s] of a run
 # what options and parameter files may say of each node, and where neither does
 OPTIONS = {'mpc': ('solver', 'seed', 'links'),
@@ -142,20 +142,20 @@ def command_line() -> argparse.ArgumentParser:
         description='Swing the pendulum up with three ROS processes: plant, mpc and logger. '
                     'Leaves a bag, pictures, a report and the logs; the exit code is 0 if '
                     'every run ended upright.')
-    default = '(default: as in --params, else {})'
+    default = ELSE.format
     parser.add_argument('--solver', choices=list(SOLVERS),
-                        help=default.format(DEFAULTS['mpc']['solver']))
+                        help=default(DEFAULTS['mpc']['solver']))
     parser.add_argument('--links', type=int, choices=LINKS,
-                        help=f'of the pendulum {default.format(DEFAULT_LINKS)}')
+                        help=f'of the pendulum {default(DEFAULT_LINKS)}')
     parser.add_argument('--duration', type=within(float, SHORTEST), metavar='SECONDS',
-                        help=default.format(f'{DEFAULTS["plant"]["duration"]:g}'))
-    parser.add_argument('--seed', type=int, help=f'of noises and solver {default.format(0)}')
+                        help=default(f'{DEFAULTS["plant"]["duration"]:g}'))
+    parser.add_argument('--seed', type=int, help=f'of noises and solver {default(0)}')
     parser.add_argument('--runs', type=within(int, 1), default=1, metavar='N',
                         help='number of runs, with seeds from --seed on (default: 1); of more '
                              f'than {COLUMNS} the spread is tabulated')
     parser.add_argument('--lockstep', action=argparse.BooleanOptionalAction,
                         help='as fast as the solver, and repeatable to the bit '
-                             f'{default.format("not")}')
+                             f'{default("not")}')
     parser.add_argument('--params', type=Path, metavar='FILE', action='append', default=[],
                         help='YAML file with parameters for plant and mpc; of several, the '
                              'later prevails')
@@ -269,8 +269,9 @@ def _follow(observer: Observer, plant: Process, others: Sequence[Process], durat
         while plant.running:
             for process in others:
                 process.check()
-            if time.monotonic() - max(observer.heard, start) > SILENCE:
-                raise ProcessError(f'no state for {SILENCE:g} s; the logs are beside the bag')
+            last, patience = (observer.heard, SILENCE) if observer.heard else (start, READY)
+            if time.monotonic() - last > patience:
+                raise ProcessError(f'no state for {patience:g} s; the logs are beside the bag')
             observer.wait(0.1)
             if observer.x is not None:
                 bar.set_description_str(in_words(observer.x, observer.u, drive), refresh=False)

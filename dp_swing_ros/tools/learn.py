@@ -23,7 +23,7 @@ from dp_swing_ros.pendulum.parameters import DRIVEN, FORCE, VOLTAGE
 from dp_swing_ros.simulation import plants
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tools.command_lines import (
-    dated, execute, FAILED, given, new_folder, OK, program, within)
+    dated, ELSE, execute, FAILED, given, new_folder, OK, program, within)
 from dp_swing_ros.tools.processes import located
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         epilog=f'examples: {program("learn")} --solver mppi; then: ros2 run dp_swing_ros mpc '
                '--ros-args -p dynamics:=learned -p model:=DIR/model.json')
     parser.add_argument('--solver', choices=list(SOLVERS),
-                        help='(default: as in --params, else ilqr)')
+                        help=ELSE.format('ilqr'))
     parser.add_argument('--params', type=Path, metavar='FILE', action='append', default=[],
                         help='YAML file with parameters of the plant, bodies and noises too, and '
                              'of an mpc, of whose own bodies the size alone matters')
@@ -66,8 +66,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         parser.add_argument(f'--{name}', type=within(float, least), metavar='SECONDS',
                             help=f'{text} {default.format(DURATIONS[name])}')
     parser.add_argument('--seed', type=within(int, 0),
-                        help='of noises, random forces and solver (default: as in --params, '
-                             'else 0)')
+                        help=f'of noises, random forces and solver {ELSE.format(0)}')
     parser.add_argument('--output', '-o', type=Path, metavar='DIR',
                         help='folder to make (default: runs/learn_SOLVER_TIME)')
     return execute(parser, _learn, argv)

@@ -18,7 +18,7 @@ from dp_swing_ros.parameters.files import locate
 from dp_swing_ros.pendulum.state import DEFAULT_LINKS, LINKS
 from dp_swing_ros.solvers import SOLVERS
 from dp_swing_ros.tools.command_lines import (
-    dated, execute, given, new_folder, OK, program, within)
+    dated, ELSE, execute, given, new_folder, OK, program, within)
 from dp_swing_ros.tools.demo import DEFAULTS, given_in, refuse_company
 from dp_swing_ros.tools.processes import (
     attributed, Crew, isolated, located, Process, ProcessError)
@@ -37,18 +37,18 @@ def main(argv: Sequence[str] | None = None) -> int:
         description='Start mpc and console, open the page in a browser where there is one, and '
                     'start the plant once the page is open: pull at the pendulum, change '
                     'parameters, watch what the mpc plans. Ctrl-C ends it all.')
-    default = '(default: as in --params, else {})'
+    default = ELSE.format
     parser.add_argument('--solver', choices=list(SOLVERS),
-                        help=default.format(DEFAULTS['mpc']['solver']))
+                        help=default(DEFAULTS['mpc']['solver']))
     parser.add_argument('--links', type=int, choices=LINKS,
-                        help=f'of the pendulum {default.format(DEFAULT_LINKS)}')
+                        help=f'of the pendulum {default(DEFAULT_LINKS)}')
     parser.add_argument('--lockstep', action=argparse.BooleanOptionalAction,
                         help='the plant waits for the mpc, and so can be paused, stepped and '
-                             f'slowed down {default.format("not")}')
+                             f'slowed down {default("not")}')
     parser.add_argument('--params', type=Path, metavar='FILE', action='append', default=[],
                         help='YAML file with parameters for plant, mpc and console')
     parser.add_argument('--port', type=within(int, 0, 65535),
-                        help=f'of the page {default.format(ConsoleParameters().port)}; 0: any '
+                        help=f'of the page {default(ConsoleParameters().port)}; 0: any '
                              'that is free')
     parser.add_argument('--browser', action=argparse.BooleanOptionalAction, default=True,
                         help='open the page')
