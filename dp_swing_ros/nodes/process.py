@@ -16,7 +16,6 @@ import os
 from pathlib import Path
 import re
 import resource
-import signal
 import sys
 import tempfile
 import threading
@@ -158,44 +157,18 @@ def _fulfil(made: 'futures.Future[Made]', make: Callable[[], Made]) -> None:
         made.set_exception(error)
 
 
-class _Interrupt(BaseException):
-    """A signal came while interruptible work was underway."""
-
-
 class _Signals:
     """SIGINT, SIGTERM and SIGHUP as a request to stop; a second one changes nothing."""
 
     def __init__(self) -> None:
         self.requested = False
-        self._interruptible = False
-        self._report, sys.unraisablehook = sys.unraisablehook, self._again
+        self.leave: Callable[[], object] | None = None   # at once, where nothing can be waited for
         on_signals_to_node(self._handle)
 
     def _handle(self, *_: Any) -> None:
-        self.requested = True
-        if self._interruptible:
-            self._interruptible = False
-            raise _Interrupt
-
-    def _again(self, ignored: 'sys.UnraisableHookArgs') -> None:
-        """Interrupt again, a little later: Python drops what is raised in a destructor."""
-        if ignored.exc_type is _Interrupt:
-            self._interruptible = True
-            threading.Timer(POLL, os.kill, (os.getpid(), signal.SIGINT)).start()
-        elif not self.requested:   # else it may be of what was interrupted while it was made
-            self._report(ignored)
-
-    def cut_short(self, work: Callable[[], None]) -> None:
-        """Do the work unless a signal came before it; one that comes during it ends it."""
-        self._interruptible = True
-        try:
-            if not self.requested:
-                work()
-        except (Exception, _Interrupt):
-            if not self.requested:   # else what was interrupted may fail in ways of its own
-                raise
-        finally:
-            self._interruptible = False
+        is_first, self.requested = not self.requested, True
+        if is_first and self.leave is not None:
+            self.leave()
 
 
 def run(make_node: Callable[[], ProcessNode], args: list[str] | None = None) -> int:
@@ -221,12 +194,36 @@ def run(make_node: Callable[[], ProcessNode], args: list[str] | None = None) -> 
     except BaseException:   # a library may even ask for the exit
         traceback.print_exc()
         code = FAILED
+    _tear_down(node, code)
+    return code
+
+
+def _tear_down(node: ProcessNode | None, code: int) -> None:
     sys.stdout.flush()
     with exit_after(TEARDOWN, code):
         if node is not None:
             node.destroy_node()
         rclpy.try_shutdown()
-    return code
+
+
+def _leave(node: ProcessNode) -> None:
+    """
+    End the process in the middle of what a node prepares.
+
+    What compiles is called back from C++, where an exception of a signal would be dropped, and
+    LLVM go on without what it asked for.
+    """
+    code = FAILED
+    try:
+        _close(node)
+        code = OK
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        try:
+            _tear_down(node, code)
+        finally:
+            os._exit(code)
 
 
 def _initialise(args: list[str]) -> None:
@@ -260,7 +257,12 @@ def _live(node: ProcessNode, signals: _Signals) -> None:
     def is_over() -> bool:
         return node.done or signals.requested and node.may_end()
     try:
-        signals.cut_short(node.prepare)
+        signals.leave = partial(_leave, node)
+        try:
+            if not signals.requested:   # before
+                node.prepare()
+        finally:
+            signals.leave = None
         if not signals.requested:
             refuse_unknown(node, of_topics=True)   # which have all been made
             if node.thread_priority:
@@ -273,11 +275,15 @@ def _live(node: ProcessNode, signals: _Signals) -> None:
             while (rest := end - time.monotonic()) > 0:
                 node.call_back(partial(executor.spin_once, rest))
     finally:
-        node.close()
-        # A publisher takes messages with it that nobody has confirmed yet, as the last command.
-        limit = time.monotonic() + (node.delivery if node.done else DELIVERY)
-        for publisher in node.publishers:
-            publisher.wait_for_all_acked(Duration(seconds=max(0.0, limit - time.monotonic())))
+        _close(node)
+
+
+def _close(node: ProcessNode) -> None:
+    node.close()
+    # A publisher takes messages with it that nobody has confirmed yet, as the last command.
+    limit = time.monotonic() + (node.delivery if node.done else DELIVERY)
+    for publisher in node.publishers:
+        publisher.wait_for_all_acked(Duration(seconds=max(0.0, limit - time.monotonic())))
 
 
 def _spin(node: ProcessNode, executor: Executor, is_over: Callable[[], bool]) -> None:

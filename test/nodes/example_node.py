@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A node that ends, fails, or takes its time, as it is told."""
 
+import ctypes
 import dataclasses
 from functools import partial
 import sys
@@ -26,6 +27,14 @@ class Dying:
         time.sleep(2)
 
 
+@ctypes.CFUNCTYPE(ctypes.c_int)
+def called():
+    """Be called back from C, where an exception is dropped and zero returned instead."""
+    print('called', flush=True)
+    time.sleep(2)
+    return 1
+
+
 class ExampleNode(ProcessNode):
 
     linger = 0.2
@@ -45,6 +54,8 @@ class ExampleNode(ProcessNode):
         if self.mode == 'destructor':
             Dying()
             time.sleep(60)
+        if self.mode == 'callback' and not called():
+            print('crash', flush=True)
         print('ready', flush=True)
 
     def tick(self):

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A node in a thread of this process: as one in its own, without the seconds that takes."""
 
-from contextlib import ExitStack, nullcontext, suppress
+from contextlib import ExitStack, nullcontext
 import gc
 from importlib import import_module
 import json
@@ -70,6 +70,8 @@ class NodeHere:
         for whose, what, instead in ((process, 'on_signals_to_node', self.handlers.append),
                                      # nobody else ends at the moment
                                      (process, 'exit_after', lambda *_: nullcontext()),
+                                     # nor does a test's process end with it
+                                     (process, '_leave', lambda node: None),
                                      # nor do tests give way to others, as a console does
                                      (os, 'nice', lambda by: by)):
             self.stack.enter_context(patch.object(whose, what, instead))
@@ -111,9 +113,8 @@ class NodeHere:
     def ask_to_end(self):
         """Do what a signal does, once it runs."""
         wait_until(lambda: self.handlers or self.ended())
-        with suppress(process._Interrupt):   # of what it still prepares, in the thread of a test
-            for handle in self.handlers:
-                handle()
+        for handle in self.handlers:
+            handle()
 
     def stop(self):
         """Do what a signal does, and return the exit code."""

@@ -79,9 +79,10 @@ def test_signal_cuts_preparation_short(start):
     assert end(process) == (0, 'closed\n', '')
 
 
-def test_a_signal_in_a_destructor_is_not_lost(start):
-    process = start(*mode('destructor'))
-    wait_for(process, 'dying')
+@pytest.mark.parametrize(('name', 'line'), [('destructor', 'dying'), ('callback', 'called')])
+def test_a_signal_is_not_lost_where_an_exception_is(start, name, line):
+    process = start(*mode(name))
+    wait_for(process, line)
     process.send_signal(signal.SIGINT)
     assert end(process) == (0, 'closed\n', '')
 
