@@ -41,6 +41,8 @@ for number in ENDING:
 
 BENCHMARKS = Path(__file__).parents[1] / 'benchmarks'
 PATIENCE = 120.0  # [s] for what should take one, and may wait for compilers
+TURN = 0.02       # [s] at most, for a callback
+HELD_UP = 5.0     # [s] of such turns at least, where all of the time passes at once
 LAST_WORDS = 4000  # characters of a node that a failure shows
 STARTED = []       # nodes of the tests that are underway
 
@@ -82,6 +84,19 @@ def wait_until(condition, timeout=PATIENCE):
             return True
         time.sleep(0.02)
     return condition()
+
+
+def spin_until(executor, condition, timeout=PATIENCE):
+    """
+    Let callbacks come until a condition holds; return whether it did.
+
+    Where this process was held up all that time, what has come meanwhile is taken still.
+    """
+    end, turns = time.monotonic() + timeout, min(timeout, HELD_UP) / TURN
+    while not (over := condition()) and (turns > 0 or time.monotonic() < end):
+        executor.spin_once(TURN)
+        turns -= 1
+    return bool(over)
 
 
 class NodeProcess:

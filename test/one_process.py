@@ -6,9 +6,9 @@ from contextlib import contextmanager, ExitStack, redirect_stdout
 import gc
 import io
 import os
-import time
 from unittest.mock import patch
 
+from conftest import spin_until
 from domains import claim_domain
 import rclpy
 from rclpy import utilities
@@ -29,7 +29,6 @@ DOMAIN, LOCK = claim_domain()   # where runs are recorded that nobody else hears
 PATIENCE = 120.0   # [s] for a run
 ANSWER = 5.0       # [s] for the one to the last state, which may be lost
 SILENCE = 5.0      # [s] at most, until an mpc that hears no state in real time sends a zero
-TURN = 0.02        # [s] at most, for a callback
 
 
 class Crew:
@@ -73,16 +72,8 @@ class Crew:
         return node
 
     def until(self, is_over, seconds=PATIENCE):
-        """
-        Let callbacks come until it is over, for some seconds at most; return whether it is.
-
-        Where this process was held up all that time, what has come meanwhile is taken still.
-        """
-        end, turns = time.monotonic() + seconds, seconds / TURN
-        while not (over := is_over()) and (turns > 0 or time.monotonic() < end):
-            self.executor.spin_once(TURN)
-            turns -= 1
-        return over
+        """Let callbacks come until it is over, at most for some seconds; return whether it is."""
+        return spin_until(self.executor, is_over, seconds)
 
     def end(self, node):
         """Let a node do no more, and say its last words."""

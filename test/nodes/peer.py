@@ -2,9 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A node inside the test, to talk to a node under test over DDS."""
 
-import time
 
-from conftest import PATIENCE
+from conftest import PATIENCE, spin_until
 from rcl_interfaces.srv import GetParameters
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
@@ -13,7 +12,6 @@ from rclpy.signals import SignalHandlerOptions
 
 from dp_swing_ros.nodes.connections import publish, subscribe
 
-TURN = 0.02     # [s] at most, for a callback
 AGAIN = 10.0    # [s] after which what was asked is asked again
 
 
@@ -41,16 +39,8 @@ class Peer:
         return publisher
 
     def until(self, condition, timeout=PATIENCE):
-        """
-        Spin until a condition holds; return whether it did.
-
-        Where this process was held up all that time, what has come meanwhile is taken still.
-        """
-        end, turns = time.monotonic() + timeout, min(timeout, 1.0) / TURN
-        while not (over := condition()) and (turns > 0 or time.monotonic() < end):
-            self.executor.spin_once(timeout_sec=TURN)
-            turns -= 1
-        return bool(over)
+        """Spin until a condition holds; return whether it did."""
+        return spin_until(self.executor, condition, timeout)
 
     def spin(self, duration):
         """Spin for a time [s]."""
