@@ -29,7 +29,7 @@ class Dying:
 
 @ctypes.CFUNCTYPE(ctypes.c_int)
 def called():
-    """Be called back from C, where an exception is dropped and zero returned instead."""
+    """Be called back from C, where an exception is dropped and something returned instead."""
     print('called', flush=True)
     time.sleep(2)
     return 1
@@ -54,12 +54,13 @@ class ExampleNode(ProcessNode):
         if self.mode == 'destructor':
             Dying()
             time.sleep(60)
-        if self.mode == 'callback' and not called():
+        if self.mode == 'callback' and called() != 1:
             print('crash', flush=True)
-        print('ready', flush=True)
 
     def tick(self):
         self.ticks += 1
+        if self.ticks == 1:
+            print('ready', flush=True)
         self.done = self.mode in ('aside', 'done') or (
             self.mode == 'goes on' and self.ticks > 3)
         if self.mode == 'exit':
