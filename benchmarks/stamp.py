@@ -84,6 +84,8 @@ MEASURED = {
     'damaged_bags': Measured('mutated_bags mutations', (
         *BAGS, 'identification/recorded.py', 'learning/recorded.py', 'nodes/replay.py',
         'recovery/', 'report/', 'rerun/', 'tools/'), episodes=False),
+    'large_logs': Measured('large_logs', ('bags/', 'messages/', 'tools/import_log.py'),
+                           episodes=False),
     'benchmark': Measured(f'benchmark limit operations peers_gradient peers_sampling '
                           f'peers_solvers startup timing {IN_C}', (DEVICE,)),
     'closed_loops': Measured(f'closed_loops campaigns peers_gradient peers_solvers timing {IN_C}')}

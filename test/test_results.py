@@ -185,7 +185,7 @@ def test_a_part_is_made_and_kept_and_gone_on_with(elsewhere, capsys):
     assert {row.key for row in sample} == {row.key for row in rows}
     assert all(identical(row, rows[campaigns.METHODS.index(row.key.contestant)])
                and not len(row.solve_times) for row in sample)
-    assert '1 of 1: 4 min; 4 min left' in capsys.readouterr().out
+    assert '1 of 1: 3 min; 3 min left' in capsys.readouterr().out
     page.unlink()
     assert published.main(['random']) == 0
     assert 'same sources' in capsys.readouterr().out

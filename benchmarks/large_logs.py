@@ -1,0 +1,126 @@
+# Copyright 2026 the dp_swing_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""
+How long the import of a large log takes, in how much memory, and whether others read its bag.
+
+Run by `make results`, for docs/results/bags.md; takes a minute on a machine that must do nothing
+else.
+"""
+
+import argparse
+from collections import Counter
+from collections.abc import Callable, Iterator
+import os
+from pathlib import Path
+import subprocess
+import sys
+import tempfile
+import time
+from typing import Any
+
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+import numpy as np
+import pandas as pd
+from rosbags.highlevel import AnyReader
+from stamp import made, sources, TOP, verdict
+
+from dp_swing_ros.tables import compact
+
+ROWS, RATE = 1_000_000, 1000.0
+AIM = 60.0, 1e9          # [s], [B]
+EVERY = 1000             # of messages is compared with the log
+FIELDS = {'/joint_states': 'position', '/force_command': 'data'}   # of these topics
+Messages = Iterator[tuple[str, Callable[[], Any]]]   # their topics, and what gives the values
+COLUMNS = {'t': 'time', 'cart': 'x', 'joint1': 'theta1', 'joint2': 'theta2', 'force': 'u'}
+WRITERS: dict[str, Callable[[pd.DataFrame, Path], object]] = {
+    'csv': lambda log, path: log.to_csv(path, index=False),
+    'parquet': lambda log, path: log.to_parquet(path)}
+
+
+def main() -> None:
+    """Import a log of each kind and write the page."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[1])
+    parser.add_argument('--rows', type=int, default=ROWS)
+    parser.add_argument('--docs', type=Path, default=TOP / 'results')
+    arguments = parser.parse_args()
+    log = swaying(arguments.rows)
+    with tempfile.TemporaryDirectory() as name:
+        rows = [imported(log, Path(name), kind) for kind in WRITERS]
+    results = arguments.docs / 'results'
+    results.mkdir(parents=True, exist_ok=True)
+    (results / 'large_logs.md').write_text('\n'.join([
+        '# Large logs\n', made('large_logs', sources('large_logs')),
+        f'Two links that sway, {len(log):,} rows, {RATE:g} in a second: `ros2 run '
+        'dp_swing_ros import`, from start to end. Under a minute and 1 GB is the aim. Others read '
+        f'it where they find a state and a command of each row, and every {EVERY}th is that of '
+        'the log.\n', compact([list(rows[0]), *(list(each.values()) for each in rows)])]),
+        encoding='utf-8')
+
+
+def swaying(rows: int) -> pd.DataFrame:
+    """Return a log of two links that sway."""
+    t = np.arange(rows) / RATE
+    return pd.DataFrame({
+        'time': t, 'x': 0.1 * np.sin(t), 'theta1': 0.3 * np.sin(3 * t),
+        'theta2': -0.4 * np.sin(5 * t), 'u': 2 * np.cos(t)}).round(6)
+
+
+def imported(log: pd.DataFrame, folder: Path, kind: str) -> dict[str, str]:
+    """Return the cells of a table about the import of a file of a kind."""
+    path, bag = folder / f'log.{kind}', folder / f'bag_{kind}'
+    WRITERS[kind](log, path)
+    began = time.perf_counter()
+    process = subprocess.Popen(
+        [sys.executable, '-m', 'dp_swing_ros', 'import', path, '-o', bag, '--columns',
+         *(f'{name}={column}' for name, column in COLUMNS.items())], stdout=subprocess.DEVNULL)
+    _, status, used = os.wait4(process.pid, 0)
+    taken, memory = time.perf_counter() - began, 1024 * used.ru_maxrss
+    process.returncode = os.waitstatus_to_exitcode(status)   # else it is waited for again
+    if process.returncode:
+        raise SystemExit(f'the import of {path.name} failed; what it wrote stands above')
+    return {
+        'log': kind, 'size [MB]': f'{path.stat().st_size / 1e6:.0f}', 'time [s]': f'{taken:.1f}',
+        'memory, most [MB]': f'{memory / 1e6:.0f}',
+        'aim': verdict(taken < AIM[0] and memory < AIM[1]),
+        **{f'read by {name}': 'yes' if agrees(log, read, bag) else 'NO'
+           for name, read in READERS.items()}}
+
+
+def agrees(log: pd.DataFrame, read: Callable[[Path], Messages], bag: Path) -> bool:
+    """Return whether a reader finds the rows of a log; how it fails is for people to see."""
+    expected = {'/joint_states': log[['x', 'theta1', 'theta2']], '/force_command': log[['u']]}
+    counts = Counter[str]()
+    try:
+        for topic, values in read(bag):
+            if counts[topic] % EVERY == 0:
+                found, row = np.ravel(values()), expected[topic].iloc[counts[topic]]
+                np.testing.assert_allclose(found, row, rtol=0, atol=1e-9)
+            counts[topic] += 1
+    except Exception as error:
+        print(f'{bag}: {type(error).__name__}: {error}', file=sys.stderr)
+        return False
+    return all(counts[topic] == len(log) for topic in expected)
+
+
+def by_rosbags(bag: Path) -> Messages:
+    """Read with rosbags."""
+    with AnyReader([bag]) as reader:
+        for of, _, data in reader.messages(
+                [of for of in reader.connections if of.topic in FIELDS]):
+            yield of.topic, lambda: getattr(reader.deserialize(data, of.msgtype), FIELDS[of.topic])
+
+
+def by_mcap(bag: Path) -> Messages:
+    """Read with mcap-ros2-support."""
+    factory = DecoderFactory()
+    with next(bag.glob('*.mcap')).open('rb') as stream:
+        for schema, of, message in make_reader(stream).iter_messages(FIELDS):
+            yield of.topic, lambda: getattr(
+                factory.decoder_for(of.message_encoding, schema)(message.data), FIELDS[of.topic])
+
+
+READERS = {'rosbags': by_rosbags, 'mcap-ros2-support': by_mcap}
+
+if __name__ == '__main__':
+    main()
