@@ -126,7 +126,7 @@ PARTS = {
     'drives': of_rows('drives', 20),
     'summary': of_others('summary', summary.NEEDED, summary.write),
     'recordings': of_script('recordings', 4),
-    'intervals': of_script('intervals', 8),
+    'intervals': of_script('intervals', 11),
     'rig': of_rigs(5),
     'wrong_models': of_script('wrong_models', 5),
     'sizes': of_rows('sizes', 15),

@@ -3,10 +3,15 @@
 """The page on how often intervals hold the truth, of one rig, and of rows that are made up."""
 
 import intervals
+import numpy as np
 import pandas as pd
 import pytest
 
 from dp_swing_ros.identification.base_parameters import base_parameters
+from dp_swing_ros.learning.learner import Learner
+from dp_swing_ros.simulation import plants
+
+STEP = 1e-3   # [s]
 
 
 def test_rigs_are_drawn_alike_and_of_every_kind():
@@ -50,7 +55,7 @@ def test_what_holds_the_truth_is_counted_and_what_met_a_bound_left_out():
     assert '| mass | 20 of 20 (83.9-100.0 %) | **too many** |' in intervals.page(rows, 'made\n')
 
 
-def test_a_soft_friction_is_counted_apart():
+def test_a_soft_friction_is_counted_with_the_others_and_apart():
     sharp, soft = (pd.DataFrame([{
         'rig': rig, **intervals.drawn(0).kinds, 'engine': engine, 'at_bound': '',
         'parameter': name, 'is_base': True, 'truth': 1.0, 'value': value, 'low': value - 0.01,
@@ -58,7 +63,7 @@ def test_a_soft_friction_is_counted_apart():
         for engine, value, rigs in ((intervals.SHARP, 1.005, range(20)),
                                     (intervals.SOFT, 1.02, range(20, 25))))
     text = intervals.page(pd.concat((sharp, soft)), 'made\n')
-    assert f'| {intervals.MASS} | 20 of 20 ' in text and 'seems 2 % larger' in text
+    assert f'| {intervals.MASS} | 20 of 25 ' in text and 'seems 2 % larger' in text
     assert '0 of 5 ' in text and 'seems' not in intervals.page(sharp, 'made\n')
 
 
@@ -69,4 +74,20 @@ def test_the_friction_of_mujoco_sets_in_soon_unless_it_is_soft(number, monkeypat
     rig = intervals.drawn(number)
     intervals.record(rig)
     steps = seen[0].engine.model.dof_solref[:, 0] / rig.plant['physics_step']
-    assert steps == pytest.approx(20.0 if rig.engine == intervals.SOFT else 2.0, rel=1e-6)
+    assert steps == pytest.approx(20.0 if rig.engine == intervals.SOFT else 2.0, rel=1e-5)
+
+
+def test_the_steps_of_mujoco_act_like_half_of_one_less_of_delay():
+    def moved(engine, delay):
+        plant = plants.plant({'links': 1, 'engine': engine, 'physics_step': STEP,
+                              'actuation_delay': delay})
+        controller = Learner({'links': 1}, np.inf)
+        return intervals.watched(plant, controller, np.zeros(20)).Q
+    seen = moved('mujoco', 0.02)
+    off = [np.abs(moved('own', 0.02 - less * STEP) - seen).max() for less in (0.0, 0.5, 1.0)]
+    assert off[1] < 0.5 * min(off[0], off[2])
+    rigs = {rig.engine: rig for rig in map(intervals.drawn, range(6))}
+    assert {engine: rig.truth('actuation_delay') - rig.plant['actuation_delay']
+            for engine, rig in rigs.items()} == pytest.approx({
+                engine: 0.0 if engine == intervals.OWN else -rig.plant['physics_step'] / 2
+                for engine, rig in rigs.items()})

@@ -107,12 +107,11 @@ def identify(motions: Sequence[Motion], physical: PendulumParameters, drive: Dri
     fit.whiten()
     unidentified = hold_unidentifiable(fit)
     found, halves = fit.p.copy(), np.zeros(len(fit.p))
-    off = fit.off_by_friction()
-    covariances = fit.covariances() + np.outer(off, off)
-    halves[fit.searched] = fit.halves(covariances)
+    covariance = fit.covariance()
+    halves[fit.searched] = fit.halves(covariance)
     low, high = about.values(
         np.clip([found - halves, found + halves], about.lowest, about.highest))
-    at_bounds, base = about.at_bounds(found, halves), base_of(fit, covariances, cart)
+    at_bounds, base = about.at_bounds(found, halves), base_of(fit, covariance, cart)
     left_out = cut - sum(len(motion.t) for motion in fit.motions)
 
     values, held = about.named(about.values(found)), dict(about.held)
@@ -142,7 +141,7 @@ def hold_unidentifiable(fit: Fit) -> dict[str, float]:
     unidentified: dict[str, float] = {}
     while len(fit.free):
         about, free = fit.about, fit.free
-        half = fit.halves(fit.covariances())
+        half = fit.halves(fit.covariance())
         size = np.where(about.is_factor[free], 0.0, SHARE * np.abs(about.values(fit.p)[free]))
         width = half / np.maximum(size, about.scales[free])
         width[about.at_bounds(fit.p, np.zeros(len(fit.p)))[free]] = 0.0
@@ -157,8 +156,8 @@ def hold_unidentifiable(fit: Fit) -> dict[str, float]:
     return unidentified
 
 
-def base_of(fit: Fit, covariances: Array, cart: str) -> dict[str, BaseParameter]:
-    """Return the base parameters of what a fit has found, with intervals, by covariances."""
+def base_of(fit: Fit, covariance: Array, cart: str) -> dict[str, BaseParameter]:
+    """Return the base parameters of what a fit has found, with intervals, by a covariance."""
     about, searched = fit.about, fit.searched
 
     def at(p: Array) -> dict[str, Quantity]:
@@ -176,7 +175,7 @@ def base_of(fit: Fit, covariances: Array, cart: str) -> dict[str, BaseParameter]
         J[:, column] = (numbers(fit.p + step) - numbers(fit.p)) / step[i]
     return {name: BaseParameter(value, value - half, value + half, unit)
             for (name, (value, unit)), half in zip(
-                found.items(), fit.halves(covariances, J).tolist())}
+                found.items(), fit.halves(covariance, J).tolist())}
 
 
 def predictions(fit: Fit) -> list[Prediction]:
