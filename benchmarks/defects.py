@@ -9,7 +9,7 @@ Each defect is put into a copy of the checkout, where the tests that should see 
 to their first failure; a defect is killed where one fails, and survives where none does. They were
 chosen for what goes wrong in such programs, not for what the tests look at. One whose text is not
 there exactly once is not run: it is to be anchored anew, by its description. Needs what the tests
-need (`make shell`); all take about an hour on two cores.
+need (`make shell`); all take a quarter of an hour on two cores.
 """
 
 import argparse
