@@ -6,7 +6,7 @@ How often the intervals of `identify` hold the truth, on rigs of random sizes.
 Nothing is told of a rig but the mass of its cart. Run by `make results`.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 from joblib import delayed
@@ -48,7 +48,8 @@ OTHERS = {'cart_friction': 0.5, 'cart_dry_friction': 1.5, 'actuation_delay': 0.0
           'motor_time_constant': 0.03, 'force_bias': 0.5}   # [N s/m, N, s, s, N]
 RATES, COUNTS = (100.0, 200.0), (2000, 4096, 8192)
 NOISES = 2e-4, 1e-3           # [m, rad]
-OWN, SHARP, SOFT = '`own`', '`mujoco`', '`mujoco`, soft friction'   # engines, in turn
+# in turn
+ENGINES = OWN, SHARP, SOFT = '`own`', '`mujoco`', '`mujoco`, soft friction'
 FRICTION_STEPS = 2            # of MuJoCo, in which its dry friction sets in at the soonest
 # [s] scaled; steps as long as the engines' own would pass for delay and friction
 STEP = 1e-4
@@ -57,7 +58,6 @@ STRONGEST = 1.5               # of the largest force, of a push
 NEARLY = 0.05                 # [m, rad, m/s, rad/s] scaled, deviation of a start from hanging
 EXPLORED, CONTROLLED = 'random forces', 'swing-up, held and pushed'
 AIM = 0.9, 0.98               # of intervals of 95 %, how many are to hold the truth
-MASS = 'mass of cart and links'   # of base_parameters.py
 PER_FORCE = ('friction', 'force_bias')   # known per force alone where a mass is
 
 
@@ -109,7 +109,7 @@ def drawn(number: int) -> Rig:
             fields[name].metadata['unit'])
     sensors = {'encoder_counts': int(rng.choice(COUNTS))} if rng.random() < 0.5 else {
         'position_noise': np.exp(rng.uniform(*np.log(NOISES)))}
-    engine = (OWN, SHARP, SOFT)[number // 2 % 3]
+    engine = ENGINES[number // 2 % 3]
     off = np.multiply(scale.factors(STATES, 2 * links + 2), rng.normal(0, NEARLY, 2 * links + 2))
     return Rig(number, {
         **values, **sensors, 'force_gain': rng.uniform(*GAIN), 'rate': float(rng.choice(RATES)),
@@ -223,22 +223,18 @@ def counted(rows: pd.DataFrame, by: str) -> list[tuple[str, ...]]:
     return lines
 
 
-def of_soft(rows: pd.DataFrame) -> str:
-    """Return what is found where dry friction is soft."""
-    is_mass = rows.parameter == MASS
-    masses, others = rows[is_mass], rows[~is_mass]
-    heavier = 100 * (masses.value / masses.truth - 1)
-    return (f'Where of these the dry friction of MuJoCo is soft, the {MASS} seems '
-            f'{heavier.median():.2g} % larger in the median, {heavier.max():.2g} % at most: '
-            f'{share(rate(holds(masses).tolist()))} of its intervals hold the truth, and '
-            f'{share(rate(holds(others).tolist()))} of those of the other base parameters.\n')
+def by_engine(rows: pd.DataFrame, lines: Iterable[tuple[str, ...]]) -> list[tuple[str, ...]]:
+    """Return lines about parameters with how often intervals hold the truth by each engine."""
+    counts = holds(rows).groupby([rows.parameter, rows.engine]).agg(['sum', 'size'])
+    return [(name, *cells, *('{sum} of {size}'.format(**counts.loc[name, engine])
+                             if (name, engine) in counts.index else '-' for engine in ENGINES))
+            for name, *cells in lines]
 
 
 def page(rows: pd.DataFrame, made: str) -> str:
     """Return the page."""
     is_met = rows.at_bound != ''
     bodies, others = (rows[~is_met & (rows.is_base == is_base)] for is_base in (True, False))
-    soft = bodies[bodies.engine == SOFT]
     head = ('hold the truth', f'{100 * AIM[0]:g} to {100 * AIM[1]:g} %',
             'half the interval, median [%]', 'error, median [%]', 'largest [%]')
     met = [(str(number), of.at_bound.iloc[0], str((~holds(of)).sum()),
@@ -259,10 +255,11 @@ def page(rows: pd.DataFrame, made: str) -> str:
         'the 95 % interval of their share (Wilson); those of one rig are not independent. What '
         'goes with a mass is per force. Semi-implicit steps, as those of MuJoCo, act like half of '
         'one less of delay, which is taken for the truth. The rows: `results/intervals.csv.gz`.\n',
-        compact([('base parameter', *head), *counted(bodies, 'parameter')]), '',
-        *([of_soft(soft)] if len(soft) else []),
+        compact([('base parameter', *head, *ENGINES),
+                 *by_engine(bodies, counted(bodies, 'parameter'))]), '',
         'Of frictions and drive, where they are told:\n',
-        compact([('parameter', *head[:2]), *(line[:3] for line in counted(others, 'parameter'))]),
+        compact([('parameter', *head[:2], *ENGINES), *by_engine(others, (
+            line[:3] for line in counted(others, 'parameter')))]),
         '',
         'Base parameters by the kind of rig:\n',
         compact([('rigs', *head), *(line for kind in ('links', 'engine', 'sensors', 'commands')

@@ -10,8 +10,8 @@ else.
 import argparse
 from collections import Counter
 from collections.abc import Callable, Iterator
-import os
 from pathlib import Path
+import re
 import subprocess
 import sys
 import tempfile
@@ -29,6 +29,7 @@ from dp_swing_ros.tables import compact
 
 ROWS, RATE = 1_000_000, 1000.0
 AIM = 60.0, 1e9          # [s], [B]
+POLL = 0.02              # [s] between looks at the memory
 EVERY = 1000             # of messages is compared with the log
 FIELDS = {'/joint_states': 'position', '/force_command': 'data'}   # of these topics
 Messages = Iterator[tuple[str, Callable[[], Any]]]   # their topics, and what gives the values
@@ -74,9 +75,11 @@ def imported(log: pd.DataFrame, folder: Path, kind: str) -> dict[str, str]:
     process = subprocess.Popen(
         [sys.executable, '-m', 'dp_swing_ros', 'import', path, '-o', bag, '--columns',
          *(f'{name}={column}' for name, column in COLUMNS.items())], stdout=subprocess.DEVNULL)
-    _, status, used = os.wait4(process.pid, 0)
-    taken, memory = time.perf_counter() - began, 1024 * used.ru_maxrss
-    process.returncode = os.waitstatus_to_exitcode(status)   # else it is waited for again
+    memory = 0
+    while process.poll() is None:   # what wait4 tells may be the memory of who started it
+        memory = max(memory, peak_of(process.pid))
+        time.sleep(POLL)
+    taken = time.perf_counter() - began
     if process.returncode:
         raise SystemExit(f'the import of {path.name} failed; what it wrote stands above')
     return {
@@ -85,6 +88,16 @@ def imported(log: pd.DataFrame, folder: Path, kind: str) -> dict[str, str]:
         'aim': verdict(taken < AIM[0] and memory < AIM[1]),
         **{f'read by {name}': 'yes' if agrees(log, read, bag) else 'NO'
            for name, read in READERS.items()}}
+
+
+def peak_of(pid: int) -> int:
+    """Return the most memory that a process has had [B], 0 where it has ended."""
+    try:
+        status = Path(f'/proc/{pid}/status').read_text(encoding='ascii')
+    except ProcessLookupError:
+        return 0
+    found = re.search(r'VmHWM:\s+(\d+) kB', status)
+    return 1024 * int(found[1]) if found else 0
 
 
 def agrees(log: pd.DataFrame, read: Callable[[Path], Messages], bag: Path) -> bool:
