@@ -211,6 +211,10 @@ DEFECTS = [
     defect('what led to a tick is a tick short', 'rerun/ticks.py',
            'each.number <= tick.number]', 'each.number < tick.number]', 'rerun'),
     # identification and learning
+    defect('an interval takes the loss for a square', 'identification/fit.py',
+           'weights ** 3 * J', 'weights * J', 'identification'),
+    defect('what is found without a segment is counted with it', 'identification/fit.py',
+           'inverse((whole - H)[:', 'inverse((whole + 0 * H)[:', 'identification'),
     defect('the command before a segment is left out', 'identification/segments.py',
            "np.searchsorted(sent, t - HISTORY, 'right') - 1",
            "np.searchsorted(sent, t - HISTORY, 'right')", 'identification'),

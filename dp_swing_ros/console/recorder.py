@@ -17,7 +17,7 @@ from dp_swing_ros.console.requests import RequestError
 
 LOGGER = 'logger_of_console'   # the name of its node
 BAG, REPORT, REPORT_LOG = 'bag', 'report.html', 'report.log'
-GRACE = 5.0      # [s] for a logger to end
+GRACE, REPORTING = 20.0, 5.0   # [s] for a logger to end, which may have much to write; a report
 SHOWN = 300      # [characters] of a log in an error
 
 
@@ -95,11 +95,13 @@ class Recorder:
 
     def close(self) -> None:
         """End what still goes on, so that a bag is whole."""
+        waits = [(report, REPORTING) for report in self._reports.values()]
         if self._logger is not None:
             self._logger.send_signal(signal.SIGINT)
-        for process in filter(None, (self._logger, *self._reports.values())):
+            waits.insert(0, (self._logger, GRACE))
+        for process, patience in waits:
             try:
-                process.wait(GRACE)
+                process.wait(patience)
             except subprocess.TimeoutExpired:
                 process.kill()
 

@@ -9,6 +9,7 @@ import re
 import numpy as np
 import plausible_rig
 import pytest
+from scipy.stats import t
 
 from dp_swing_ros.errors import UserError
 from dp_swing_ros.identification.base_parameters import (
@@ -186,7 +187,6 @@ def test_a_clamped_cart_tells_the_links_from_positions_alone():
         assert times * found.values[name] == pytest.approx(
             true(physical, DRIVE, name), rel=0.03,
             abs=1e-3 if name.endswith(('friction', 'balance')) else 0.0), name
-        # of frictions they allow for another form than that of the model
         assert high - low < (0.6 if name.endswith('friction') else 0.2) * max(high, 0.01), name
     for name, (value, _) in base_parameters_of_links(physical).items():
         assert found.base[name].value == pytest.approx(
@@ -370,6 +370,54 @@ def test_a_bound_beyond_which_nothing_changes_is_told_as_one():
                      known={'cart_mass': physical.cart_mass})
     assert 'link1_inertia_factor' in found.at_bound
     assert 'link1_inertia_factor' not in {**found.unidentified, **found.intervals}
+
+
+@cache
+def two_links_that_swing():
+    """Return a fit of a motion of two links, some of it odd, and what is found without each."""
+    physical = rig(2, cart_dry_friction=0.0, joint1_dry_friction=0.0, joint2_dry_friction=0.0)
+    about = Parametrisation(physical, DRIVE, {}, physical)
+    motion = swung(physical, duration=5.0, noise=1e-3)
+    motion.Q[20:24] += 4e-3   # beyond what the loss takes for a square
+    segments = segments_of(motion, about.scale)
+
+    def solved(which, whitening=None):
+        fit = Fit([segments.chosen(which)], about)
+        fit.use(FINE)
+        fit.free = np.array([about.names.index(name) for name in (
+            'link1_mass', 'link1_length', 'link2_mass', 'actuation_delay')])
+        fit.restart()
+        if whitening is None:
+            fit.whiten()
+        else:
+            fit.whitening = whitening
+        fit.solve()
+        return fit
+    whole = np.arange(len(segments.t))
+    fit = solved(whole)
+    return fit, np.array([solved(np.delete(whole, s), fit.whitening).p - fit.p for s in whole])
+
+
+def test_intervals_are_by_how_far_all_moves_without_a_segment():
+    fit, moved = two_links_that_swing()
+    S, moved = len(moved), moved[:, fit.free]
+    covariance = fit.covariance()
+    expected = (S - 1) / S * moved.T @ moved
+    np.testing.assert_allclose(np.sqrt(np.diag(covariance)), np.sqrt(np.diag(expected)), rtol=0.03)
+    assert fit.halves(covariance) == pytest.approx(
+        t.ppf(0.975, S - 1) * np.sqrt(np.diag(covariance)))
+
+
+def test_one_segment_tells_what_its_residuals_do():
+    fit, _ = two_links_that_swing()
+    one = Fit([fit.motions[0].chosen(np.arange(1))], fit.about)
+    one.use(FINE)
+    one.whitening, one.free = fit.whitening, fit.free[:1]
+    one.take(fit.p[fit.free[:1]])
+    H, _ = one.normal_equations()
+    variance = fit.about.scales[fit.free[0]] ** 2 / H[0, 0]
+    assert one.covariance() == pytest.approx(variance)
+    assert one.halves(one.covariance()) == pytest.approx(1.959964 * np.sqrt(variance))
 
 
 def test_what_makes_up_for_what_is_not_told_is_as_uncertain():
