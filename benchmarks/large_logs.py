@@ -9,21 +9,18 @@ else.
 
 import argparse
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 import re
 import subprocess
 import sys
 import tempfile
 import time
-from typing import Any
 
-from mcap.reader import make_reader
-from mcap_ros2.decoder import DecoderFactory
 import numpy as np
 import pandas as pd
-from rosbags.highlevel import AnyReader
-from stamp import made, sources, TOP, verdict
+from readers import Messages, OTHERS
+from stamp import folders, made, sources, TOP, verdict
 
 from dp_swing_ros.tables import compact
 
@@ -31,8 +28,9 @@ ROWS, RATE = 1_000_000, 1000.0
 AIM = 60.0, 1e9          # [s], [B]
 POLL = 0.02              # [s] between looks at the memory
 EVERY = 1000             # of messages is compared with the log
-FIELDS = {'/joint_states': 'position', '/force_command': 'data'}   # of these topics
-Messages = Iterator[tuple[str, Callable[[], Any]]]   # their topics, and what gives the values
+# of these topics: what of a message is in which columns
+EXPECTED = {'/joint_states': ('position', ['x', 'theta1', 'theta2']),
+            '/force_command': ('data', ['u'])}
 COLUMNS = {'t': 'time', 'cart': 'x', 'joint1': 'theta1', 'joint2': 'theta2', 'force': 'u'}
 WRITERS: dict[str, Callable[[pd.DataFrame, Path], object]] = {
     'csv': lambda log, path: log.to_csv(path, index=False),
@@ -48,8 +46,7 @@ def main() -> None:
     log = swaying(arguments.rows)
     with tempfile.TemporaryDirectory() as name:
         rows = [imported(log, Path(name), kind) for kind in WRITERS]
-    results = arguments.docs / 'results'
-    results.mkdir(parents=True, exist_ok=True)
+    results, _ = folders(arguments.docs)
     (results / 'large_logs.md').write_text('\n'.join([
         '# Large logs\n', made('large_logs', sources('large_logs')),
         f'Two links that sway, {len(log):,} rows, {RATE:g} in a second: `ros2 run '
@@ -87,7 +84,7 @@ def imported(log: pd.DataFrame, folder: Path, kind: str) -> dict[str, str]:
         'memory, most [MB]': f'{memory / 1e6:.0f}',
         'aim': verdict(taken < AIM[0] and memory < AIM[1]),
         **{f'read by {name}': 'yes' if agrees(log, read, bag) else 'NO'
-           for name, read in READERS.items()}}
+           for name, read in OTHERS.items()}}
 
 
 def peak_of(pid: int) -> int:
@@ -102,38 +99,19 @@ def peak_of(pid: int) -> int:
 
 def agrees(log: pd.DataFrame, read: Callable[[Path], Messages], bag: Path) -> bool:
     """Return whether a reader finds the rows of a log; how it fails is for people to see."""
-    expected = {'/joint_states': log[['x', 'theta1', 'theta2']], '/force_command': log[['u']]}
     counts = Counter[str]()
     try:
-        for topic, values in read(bag):
-            if counts[topic] % EVERY == 0:
-                found, row = np.ravel(values()), expected[topic].iloc[counts[topic]]
-                np.testing.assert_allclose(found, row, rtol=0, atol=1e-9)
+        for topic, decode in read(bag):
+            if topic in EXPECTED and counts[topic] % EVERY == 0:
+                field, columns = EXPECTED[topic]
+                np.testing.assert_allclose(np.ravel(getattr(decode(), field)),
+                                           log.iloc[counts[topic]][columns], rtol=0, atol=1e-9)
             counts[topic] += 1
     except Exception as error:
         print(f'{bag}: {type(error).__name__}: {error}', file=sys.stderr)
         return False
-    return all(counts[topic] == len(log) for topic in expected)
+    return all(counts[topic] == len(log) for topic in EXPECTED)
 
-
-def by_rosbags(bag: Path) -> Messages:
-    """Read with rosbags."""
-    with AnyReader([bag]) as reader:
-        for of, _, data in reader.messages(
-                [of for of in reader.connections if of.topic in FIELDS]):
-            yield of.topic, lambda: getattr(reader.deserialize(data, of.msgtype), FIELDS[of.topic])
-
-
-def by_mcap(bag: Path) -> Messages:
-    """Read with mcap-ros2-support."""
-    factory = DecoderFactory()
-    with next(bag.glob('*.mcap')).open('rb') as stream:
-        for schema, of, message in make_reader(stream).iter_messages(FIELDS):
-            yield of.topic, lambda: getattr(
-                factory.decoder_for(of.message_encoding, schema)(message.data), FIELDS[of.topic])
-
-
-READERS = {'rosbags': by_rosbags, 'mcap-ros2-support': by_mcap}
 
 if __name__ == '__main__':
     main()

@@ -84,7 +84,7 @@ MEASURED = {
     'damaged_bags': Measured('mutated_bags mutations', (
         *BAGS, 'identification/recorded.py', 'learning/recorded.py', 'nodes/replay.py',
         'recovery/', 'report/', 'rerun/', 'tools/'), episodes=False),
-    'large_logs': Measured('large_logs', ('bags/', 'messages/', 'tools/import_log.py'),
+    'large_logs': Measured('large_logs readers', ('bags/', 'messages/', 'tools/import_log.py'),
                            episodes=False),
     'benchmark': Measured(f'benchmark limit operations peers_gradient peers_sampling '
                           f'peers_solvers startup timing {IN_C}', (DEVICE,)),

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import durability
 from one_process import TRIES
-from readers import rosbags_numbers
+from readers import by_rosbags, numbers_of
 import yaml
 
 from dp_swing_ros.bags.reader import Bag
@@ -58,7 +58,7 @@ def test_bags_survive(tmp_path, monkeypatch):
                      'itself counted 0 lost', page)
     bag, said = folder / 'load' / 'bag', (folder / 'load.log').read_text()
     names = [f'/number_{n}' for n in range(5)]
-    assert rosbags_numbers(bag) == {name: [*range(1000)] for name in names}
+    assert numbers_of(by_rosbags(bag)) == {name: [*range(1000)] for name in names}
     custom = yaml.safe_load((bag / 'metadata.yaml').read_text())[
         'rosbag2_bagfile_information']['custom_data']
     for name in names:

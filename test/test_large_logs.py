@@ -6,6 +6,8 @@ import sys
 
 import large_logs
 import pytest
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64
 
 ROWS = 2500
 
@@ -25,14 +27,17 @@ def test_logs_become_bags_that_others_read(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize('change', [
-    lambda topic, values: [(topic, lambda: 1.001 * values()[0])],
-    lambda topic, values: [(topic, values)] * 2,
-    lambda topic, values: []])
+    lambda topic, decode: [(topic, lambda: Float64(data=1.001 * decode().data))],
+    lambda topic, decode: [(topic, decode)] * 2,
+    lambda topic, decode: []])
 def test_other_rows_are_none_of_the_log(change):
     log = large_logs.swaying(3)
 
-    def read(bag):
-        for row in log.to_numpy()[:, 1:]:
-            yield '/joint_states', lambda: row[:-1]
-            yield from change('/force_command', lambda: row[-1:])
-    assert not large_logs.agrees(log, read, 'bag')
+    def reader(change):
+        def read(bag):
+            for row in log.to_numpy()[:, 1:]:
+                yield '/joint_states', lambda: JointState(position=row[:-1])
+                yield from change('/force_command', lambda: Float64(data=row[-1]))
+        return read
+    assert large_logs.agrees(log, reader(lambda topic, decode: [(topic, decode)]), 'bag')
+    assert not large_logs.agrees(log, reader(change), 'bag')

@@ -69,7 +69,7 @@ class ProcessNode(Node):
     background: futures.Future[Any] | None = None   # what a thread makes
 
     def prepare(self) -> None:
-        """Do long work before the first message; a signal interrupts it."""
+        """Do long work before the first message; a signal ends it there, and nothing unwinds."""
 
     def may_end(self) -> bool:
         """Return whether it may end now; asked from a signal on, until it may."""

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A node inside the test, to talk to a node under test over DDS."""
 
-
 from conftest import PATIENCE, spin_until
 from rcl_interfaces.srv import GetParameters
 import rclpy
