@@ -629,27 +629,27 @@ def test_a_wild_state_does_not_make_the_noise_large():
     assert np.all(e.scales <= SCALES[1] ** 2)
 
 
+def swing_ups(where, name, value):
+    """Yield what filters of five swing-ups estimate that are not told a number of drive or rig."""
+    for seed in range(5):
+        e, estimate, _ = driven(**{where: {name: value}}, seed=seed)
+        assert e.refused < 3
+        yield estimate
+
+
 @pytest.mark.parametrize('name, value, tolerance, where', [
+    ('actuation_delay', 0.03, 0.005, 'drive'), ('motor_time_constant', 0.025, 0.01, 'drive'),
     ('force_gain', 0.8, 0.2 * 0.8, 'drive'), ('force_bias', 4.0, 0.5, 'drive'),
     ('cart_dry_friction', 3.0, 0.2 * 3.0, 'physical')])
 def test_a_swing_up_tells_the_drive(name, value, tolerance, where):
-    found = []
-    for seed in range(5):
-        e, estimate, _ = driven(**{where: {name: value}}, seed=seed)
-        found.append({'force_gain': estimate.drive.gain, 'force_bias': estimate.drive.bias,
-                      **estimate.physical}[name])
-        assert e.refused < 3
+    found = [{**dict(zip(('actuation_delay', 'motor_time_constant', 'force_gain', 'force_bias'),
+                         estimate.drive)), **estimate.physical}[name]
+             for estimate in swing_ups(where, name, value)]
     assert np.median(found) == pytest.approx(value, abs=tolerance)
 
 
 @pytest.mark.parametrize('name', ['actuation_delay', 'motor_time_constant'])
-def test_a_swing_up_tells_how_late_forces_come_and_hardly_by_what(name):
-    value, found = 0.03, []
-    for seed in range(5):
-        e, estimate, _ = driven(drive={name: value}, seed=seed)
-        found.append((estimate.drive.delay, estimate.drive.time_constant))
-        assert e.refused < 3
-    delay, lag = np.transpose(found)
-    assert np.median(delay + lag) == pytest.approx(value, abs=0.002)
-    of = np.median(delay if name == 'actuation_delay' else lag)
-    assert of == pytest.approx(value, abs=0.01)
+def test_a_swing_up_tells_how_late_forces_come_whatever_delays_them(name):
+    found = [estimate.drive.delay + estimate.drive.time_constant
+             for estimate in swing_ups('drive', name, 0.03)]
+    assert np.median(found) == pytest.approx(0.03, abs=0.002)
