@@ -133,6 +133,7 @@ PARTS = [
     Part('all starts but the last plan', {'first_starts': 1, 'other_starts': 0}),
     Part('other starts at the first tick', {'first_starts': 1}),
     Part('other starts at later ticks', {'other_starts': 0}),
+    Part('the second of them', {'other_starts': 1}, meant=Trial('tight', 6.0)),
     Part('start: the bounded LQR', code={(Starts, 'bounded_lqr'): no_start},
          meant=Trial('near_goal', seeds=range(100))),
     Part('start: the regulator', code={(Starts, 'regulator'): no_start}),

@@ -74,14 +74,14 @@ def follower(acceleration: float, speed: float) -> dict[str, Any]:
 
 def real(name: str, drive: Mapping[str, Any], duration: float, track: float = 0.5) -> Group:
     """Return a group with the links of a real pendulum, hanging at first, on a track [m]."""
-    return Group(name, {**published(name), 'track_limit': track, **drive}, SENSED, 'hanging', 100,
+    return Group(name, {**published(name), 'track_limit': track, **drive}, SENSED, 'hanging', 60,
                  duration)
 
 
 STEPPER = {'drive': 'acceleration', 'acceleration_limit': 20.0}
 GROUPS = [
     Group('default', STEPPER, {}, 'hanging', 100, 10.0),
-    Group('default', STEPPER, {}, 'random', 1000, 10.0),
+    Group('default', STEPPER, {}, 'random', 200, 10.0),
     real('single', follower(5.0, 1.0), 12.0),
     real('double', follower(5.0, 1.0), 40.0),
     real('triple', follower(40.0, 3.0), 30.0, track=1.0),

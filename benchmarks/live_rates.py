@@ -65,11 +65,11 @@ def runs() -> Iterator[Run]:
     for solver in METHODS:
         for each in RATES:
             yield Run('rates', solver, LONG, each, bodies=SMALL)
-        for priority, count in ((0, 10), (PRIORITY, 3)):
+        for priority, count in ((0, 5), (PRIORITY, 3)):
             for seed in range(count):
                 yield Run('fast', solver, SHORT, FASTEST, 0, seed, priority, SMALL)
         for each in OF_RIG:
-            for seed in range(5):
+            for seed in range(3):
                 yield Run('rig', solver, SHORT, each, seed=seed, bodies=LAB)
 
 

@@ -128,12 +128,17 @@ def test_a_link_is_changed_once_in_the_middle_of_a_run(size):
 
 @pytest.mark.parametrize('size', wrong_models.SIZES)
 def test_who_changes_a_link_knocks_the_cart(size):
-    contestant, case = wrong_models.episode('knocked', size, 'ilqr', 'default', 0)
     nominal, period = wrong_models.pendulum(size), 1 / wrong_models.SIZES[size]
-    scale, pushes = scale_of(nominal), np.array(sized(case, nominal, period).pushes)
-    assert pushes.sum() * period == pytest.approx(scale.sized(2.0, 'N s'), rel=0.01)
-    middle = (period * (np.arange(len(pushes)) + 0.5)) @ pushes / pushes.sum()
-    assert middle == pytest.approx(scale.sized(5.05, 's'), rel=1e-3)
+    scale, impulses = scale_of(nominal), []
+    for seed in range(wrong_models.SEEDS):
+        _, case = wrong_models.episode('knocked', size, 'ilqr', 'default', seed)
+        pushes = np.array(sized(case, nominal, period).pushes)
+        middle = (period * (np.arange(len(pushes)) + 0.5)) @ pushes / pushes.sum()
+        assert middle == pytest.approx(scale.sized(5.05, 's'), rel=1e-3)
+        impulses.append(pushes.sum() * period / scale.sized(1.0, 'N s'))
+    assert len(set(impulses)) == wrong_models.SEEDS   # as many runs as seeds
+    assert min(impulses) < -1.5 and max(impulses) > 1.5
+    assert np.all((1.45 < np.abs(impulses)) & (np.abs(impulses) < 2.55))
 
 
 def test_encoders_are_off_by_two_degrees_each():

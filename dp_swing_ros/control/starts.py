@@ -4,7 +4,7 @@
 Where the solves of a tick start: the last plan first, then others.
 
 A local solver ends in the optimum that its start leads to, and MPPI draws about its start. So the
-first tick solves from several starts and, until the pendulum is up, every later one from one more
+first tick solves from several starts and, until the pendulum is up, every later one from two more
 than the last plan, taken in turn; the cheapest plan is obeyed.
 """
 
@@ -42,7 +42,7 @@ class StartParameters(Parameters):
         6, 'starts solved from at the first tick; 1: the first plan alone, as in the paper',
         minimum=1, maximum=1000)
     other_starts: int = parameter(
-        1, 'starts solved from beside the last plan at later ticks, until upright; 0 as in the '
+        2, 'starts solved from beside the last plan at later ticks, until upright; 0 as in the '
         'paper', minimum=0, maximum=1000)
 
 

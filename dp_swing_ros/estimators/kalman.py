@@ -43,7 +43,6 @@ NEARLY = 0.9             # of HELD, after which another measurement is remembere
 SAME_STEP, OFTEN = 1e-4, 5   # of a step, within which another is the same; then it is one
 JUDGED = 1.0             # [s] scaled, over which it is seen whether the model explains the motion
 LARGE, COLOURED = 2.0, 0.5   # times the variance expected; of that, what goes on from one to next
-GROWN = 4.0              # times the variance of positions given, and coloured: springs, it may be
 REMEMBERED, ENOUGH = 64, 20   # measurements, HELD apart, that are taken anew then: most, least
 BETTER = 0.4             # of the squared errors without springs, below which there are some
 REFUSALS = 3             # so many in a row, and the filter starts anew from the last
@@ -261,9 +260,8 @@ class ExtendedKalmanFilter:
 
     @property
     def lacks_something(self) -> bool:
-        """Return whether the noise has grown, by innovations that go on from one to the next."""
-        return bool(not self.with_springs and self.scales[0] > GROWN
-                    and self.colour > COLOURED * self.power)
+        """Return whether innovations go on from one to the next, by as much as noise may be."""
+        return bool(not self.with_springs and self.colour > COLOURED * max(self.power, 1.0))
 
     @property
     def is_explained(self) -> bool:

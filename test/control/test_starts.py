@@ -46,7 +46,8 @@ def test_a_tick_says_where_each_of_its_solves_began_and_what_came_of_it():
     assert min(each.cost for each in first.candidates) == first.cost
     assert sum(first.solves) == first.iterations
     plan = c.update(0.05, x)
-    assert [each.start for each in plan.stats.candidates] == ['last_plan', 'random']
+    assert [each.start for each in plan.stats.candidates] == [
+        'last_plan', 'random', 'regulator']
     assert plan.start == 'last_plan'
     assert {'estimate', 'starts', 'backward', 'line_search'} <= set(plan.stats.phases)
     phases = plan.stats.phases.values()
@@ -62,8 +63,9 @@ def test_the_same_seed_gives_the_same_starts():
 
 def test_a_later_tick_starts_from_the_rest_of_the_last_plan_and_others_in_turn():
     c, x, left = after_a_plan()
-    last, random = starts_of(c, x, left)          # the bounded LQR, first in turn, is out of reach
-    _, regulator = starts_of(c, x, left)
+    # the bounded LQR, first in turn, is out of reach
+    last, random, regulator = starts_of(c, x, left)
+    assert [plan.start for plan in starts_of(c, x, left)[1:]] == ['random', 'regulator']
     np.testing.assert_array_equal(regulator.U, regulator_rollout(c.belief.problem, x).U)
     assert not np.array_equal(random.U, regulator.U)
     for part, old in ((last.U, left.U), (last.X, left.X), (last.K, left.K)):
