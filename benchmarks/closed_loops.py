@@ -48,7 +48,9 @@ CASES, FEW = 100, 10
 ITERATIONS = 50
 CONVERGED = 1e-3   # the tolerance of peers; ours stop at 1e-4 of a cost of some 10
 SLOW = ('aligator', 'casadi')   # who go through few cases
-PEERS = ('comma-deps-acados', 'libaligator', 'libcrocoddyl', 'libmim-solvers', 'casadi')
+SAMPLING, FEWEST = 'hydrax', 5   # who goes through fewest, and alone: one update takes 0.1 s
+PEERS = ('comma-deps-acados', 'libaligator', 'libcrocoddyl', 'libmim-solvers', 'casadi',
+         'hydrax')
 EXACT = {'estimator': 'none'}
 ALONE, AROUND = 'alone', 'with ours around it'
 KINDS: dict[str, dict[str, Any]] = {
@@ -103,17 +105,23 @@ def peers() -> dict[str, Any]:
     if has('comma-deps-acados'):
         from acados_rti.solver import AcadosRTI
         found['acados_rti'] = AcadosRTI
+    if has('hydrax') and has('jax'):   # which Python 3.10 has not
+        import peers_hydrax
+        for name in peers_hydrax.METHODS:
+            solver = f'{SAMPLING}_{name.lower().replace(" ", "_")}'
+            found[solver] = whole(solver, peers_hydrax.solves(name))
     return found
 
 
 def contestants(cases: int) -> dict[tuple[str, str], tuple[Contestant, list[Case]]]:
     """Return who goes through which cases, by solver and kind."""
-    few = min(FEW, cases)
     all_of = list(SCENARIOS['random'].cases('random', range(cases), None, DURATION))
     return {(name, kind): (Contestant(f'{name} {kind}', name, {}, parameters),
-                           all_of[:few if name.startswith(SLOW) else cases])
+                           all_of[:FEWEST if name.startswith(SAMPLING) else
+                                  FEW if name.startswith(SLOW) else cases])
             for name in [*METHODS, *sorted(set(SOLVERS) - {*METHODS})]
-            for kind, parameters in KINDS.items()}
+            for kind, parameters in KINDS.items()
+            if kind == ALONE or not name.startswith(SAMPLING)}
 
 
 def played(cases: int) -> dict[tuple[str, str], list[Row]]:
@@ -176,12 +184,13 @@ def page(found: Mapping[tuple[str, str], Loop], made: str) -> str:
     return '\n\n'.join((
         '# Closed loops with the solvers of peers', made.strip(),
         f'{max(loop.held.runs for loop in found.values())} random starts, 10 s each, of slow '
-        f'solvers the first {FEW}; exact states, no estimator, the default problem. *Alone*: one '
-        'solve a tick from the last forces, shifted. *With ours around it*: the other starts of '
-        'a tick, and the last plan followed with feedback. `acados_rti` takes one quadratic '
-        'program a solve, whose step is halved until the cost falls; the other peers go on until '
-        f'they have converged, {ITERATIONS} iterations at most. Costs are of the closed loop, '
-        'over those of '
+        f'solvers the first {FEW}, of those of hydrax the first {FEWEST}; exact states, no '
+        'estimator, the default problem. *Alone*: one solve a tick from the last forces, shifted. '
+        '*With ours around it*: the other starts of a tick, and the last plan followed with '
+        'feedback. `acados_rti` takes one quadratic program a solve, whose step is halved until '
+        'the cost falls; the other peers go on until they have converged, '
+        f'{ITERATIONS} iterations at most, and those of hydrax, with the samples, noise and '
+        'spline of its examples, take one update. Costs are of the closed loop, over those of '
         f'`{METHODS[0]}` with ours around it on the same starts where both hold (geometric mean, '
         '95 % interval).',
         '**Where a peer is ahead:** ' + ('; '.join(ahead(found)) or 'nowhere') + '.',

@@ -256,6 +256,18 @@ def test_torch_has_our_step_and_cost(problem, rng):
                                [terminal(problem.cost, x) for x in X], rtol=1e-12)
 
 
+def test_hydrax_has_our_step_and_cost(problem, rng):
+    pytest.importorskip('hydrax', reason='hydrax is not installed; see make results')
+    import jax
+    import peers_hydrax
+    x, U = rng.normal(size=6), rng.uniform(-10, 10, (5, problem.horizon))
+    with jax.enable_x64(True):
+        found = peers_hydrax.costs(problem, x, U)
+    np.testing.assert_allclose(found + running(problem.cost, x, 0.0), [
+        trajectory_cost(problem.cost, rollout(problem.model, x, forces), forces) for forces in U],
+        rtol=1e-12)
+
+
 def test_casadi_has_our_step_and_cost(problem, rng):
     pytest.importorskip('casadi', reason='casadi is not installed; see make results')
     import peers_casadi
