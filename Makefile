@@ -21,6 +21,7 @@ IN_PARALLEL := pytest -n auto --dist loadfile --no-loadscope-reorder
 COMPILE := echo 3 1 2 | xargs -n 1 -P 2 python -c 'import sys, dp_swing_ros as dp; n = int(sys.argv[1]); \
   [dp.controller({"solver": s, "links": n}).warm_up() for s in dp.SOLVERS]; \
   dp.plant({"links": n}).advance(0.05)'
+HYDRAX := https://github.com/vincekurtz/hydrax
 FAIL = { echo "make: $(1)" >&2; exit 1; }
 
 # A sourced ROS installation, or another checkout's, would shadow the wheels, which have Fast DDS
@@ -54,7 +55,7 @@ docs: setup  ## the references of parameters, constants, diagnostics and the Pyt
 evaluate: setup  ## run a campaign of episodes without ROS (EVALUATE='...' for its arguments)
 	@$(WITH_ROS) && ros2 run dp_swing_ros evaluate $(EVALUATE)
 
-results: setup $(if $(filter benchmark closed_loops,$(or $(PAGES),benchmark)),$(VENV)/.peers)
+results: setup $(if $(filter benchmark closed_loops,$(or $(PAGES),benchmark)),$(VENV)/.peers $(VENV)/.hydrax)
 results: $(if $(filter rigs rig intervals drives wrong_models methods ablation,$(PAGES)),$(VENV)/.installed-rig)
 results: $(if $(filter bags durability,$(or $(PAGES),bags)),$(VENV)/.installed-test)
 results:  ## every published figure anew, in less than three hours (PAGES='reliability live' for some)
@@ -103,6 +104,16 @@ $(VENV)/.peers: $(VENV)/.installed
 	  --target $(VENV)/acados comma-deps-acados || $(call FAIL,pip could not install acados)
 	@echo $(CURDIR)/$(VENV)/acados > $(VENV)/acados.pth && mv $(VENV)/acados.pth \
 	  $$($(BIN)/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')
+	@touch $@
+
+# pip has another package of that name, and its own has but its top folder unless it is editable; it
+# asks for Python 3.12, and does with 3.11. The benchmark goes without where it does not come.
+$(VENV)/.hydrax: $(VENV)/.installed benchmarks/peers_hydrax.py
+	@$(call INSTALL,hydrax)
+	@$(BIN)/python -m pip install --quiet --no-input --no-deps --ignore-requires-python \
+	  --src $(VENV)/src --editable \
+	  "git+$(HYDRAX)@$$(sed -n "s/^COMMIT = '\(.*\)'.*/\1/p" benchmarks/peers_hydrax.py)#egg=hydrax" || \
+	  echo 'make: hydrax did not come from $(HYDRAX); the benchmark goes without it' >&2
 	@touch $@
 
 # A module that is gone from the sources must not live on in what was built from them.

@@ -28,7 +28,7 @@ from dp_swing_ros.control import controllers
 from dp_swing_ros.pendulum.state import Array
 
 PEERS = ('libcrocoddyl', 'libmim-solvers', 'casadi', 'comma-deps-acados', 'libaligator', 'torch',
-         'pytorch_mppi')   # by what pip calls them
+         'pytorch_mppi', 'hydrax')   # by what pip calls them
 SAMPLES = (256, 1024, 8192, 65536)
 KINDS = 'compiled', 'closed'
 
@@ -85,6 +85,19 @@ def sampling(rounds: int) -> dict[str, Any]:
     return found
 
 
+def hydrax(rounds: int) -> dict[str, Any]:
+    """Compare updates with the methods of hydrax."""
+    from peers_hydrax import METHODS as METHODS_OF_HYDRAX, SAMPLES as OF_ITS_EXAMPLES, tick
+    from peers_sampling import our_tick
+
+    problem = controllers.problem({})
+    return compared({
+        **{f'mppi, {threads} threads': our_tick(problem, OF_ITS_EXAMPLES, threads=threads)
+           for threads in (1, 2)},
+        **{f'hydrax {name}': tick(problem, name, OF_ITS_EXAMPLES) for name in METHODS_OF_HYDRAX},
+    }, rounds)
+
+
 def gpu(rounds: int) -> dict[str, Any]:
     """Measure updates on a GPU."""
     from peers_sampling import gpu_ticks
@@ -106,7 +119,7 @@ def starting(rounds: int) -> dict[str, Any]:
 
 FAMILIES: dict[str, Callable[[int], dict[str, Any]]] = {
     'gradient': gradient, 'growth': growth, 'solves': whole_solves, 'sampling': sampling,
-    'gpu': gpu, 'limit': limits, 'startup': starting}
+    'hydrax': hydrax, 'gpu': gpu, 'limit': limits, 'startup': starting}
 
 
 @contextmanager

@@ -72,8 +72,8 @@ def loops(found: Mapping[tuple[str, str], Any], kinds: Iterable[str]) -> Figure:
     figure = Figure(figsize=(8.0, 0.5 * len(names) + 1.2), layout='constrained')
     held, ticks = figure.subplots(1, 2, sharey=True)
     for kind, colour, fill, above in zip(kinds, (PALETTE[1], INK), (PAPER, INK), (-0.14, 0.14)):
-        places = [place + above for place in range(len(names))]
-        of = [found[name, kind] for name in names]
+        places, of = zip(*((place + above, found[name, kind])
+                           for place, name in enumerate(names) if (name, kind) in found))
         shares = [one.held.successes / one.held.runs for one in of]
         held.errorbar(shares, places, xerr=[[share - one.held.low for share, one in zip(
             shares, of)], [one.held.high - share for share, one in zip(shares, of)]], fmt='o',

@@ -65,6 +65,7 @@ def ahead(results: dict[str, Any]) -> list[str]:
     """Return where a peer is ahead of all of ours, by its time or by how often it gets there."""
     found = []
     races = {**results.get('gradient', {}), **results.get('sampling', {}), **{
+        'hydrax': results[name] for name in ('hydrax',) if name in results}, **{
         f'{by} {count}': race for by, of in results.get('growth', {}).items()
         for count, race in of.items()}}
     for where, race in races.items():
@@ -306,6 +307,11 @@ def page(results: dict[str, Any]) -> str:
         parts.append(solves(results['solves']))
     for samples, found in results.get('sampling', {}).items():
         parts += [f'## MPPI, {int(samples):,} samples', times(found)]
+    if 'hydrax' in results:
+        parts += ['## Beside hydrax', 'An update with as many samples as its examples have, '
+                  '1,024, of the same problem. Its model is MJX, whose trajectories cost what '
+                  'ours do to a share of 1e-12 in double precision, and it takes all cores. It is '
+                  'made for GPUs, on which this says nothing.', times(results['hydrax'])]
     if 'gpu' in results:
         parts += [f'## MPPI on {results["gpu"]["device"]}, 100 steps, one update',
                   times(results['gpu']), GPU_PEER]

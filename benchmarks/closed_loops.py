@@ -16,6 +16,7 @@ kept.
 import argparse
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+import math
 from pathlib import Path
 import sys
 import time
@@ -47,8 +48,13 @@ from dp_swing_ros.tables import compact
 CASES, FEW = 100, 10
 ITERATIONS = 50
 CONVERGED = 1e-3   # the tolerance of peers; ours stop at 1e-4 of a cost of some 10
+BOUNDED = 'ilqr_6_iterations'   # at most, so that a tick ends soon, as that of acados_rti does
+OURS: dict[str, dict[str, Any]] = {**{name: {} for name in METHODS},
+                                   BOUNDED: {'ilqr.iterations': 6}}
 SLOW = ('aligator', 'casadi')   # who go through few cases
-PEERS = ('comma-deps-acados', 'libaligator', 'libcrocoddyl', 'libmim-solvers', 'casadi')
+SAMPLING, FEWEST = 'hydrax', 5   # who goes through fewest, and alone: one update takes 0.1 s
+PEERS = ('comma-deps-acados', 'libaligator', 'libcrocoddyl', 'libmim-solvers', 'casadi',
+         'hydrax')
 EXACT = {'estimator': 'none'}
 ALONE, AROUND = 'alone', 'with ours around it'
 KINDS: dict[str, dict[str, Any]] = {
@@ -103,17 +109,24 @@ def peers() -> dict[str, Any]:
     if has('comma-deps-acados'):
         from acados_rti.solver import AcadosRTI
         found['acados_rti'] = AcadosRTI
+    if has('hydrax') and has('jax'):   # which Python 3.10 has not
+        import peers_hydrax
+        for name in peers_hydrax.METHODS:
+            solver = f'{SAMPLING}_{name.lower().replace(" ", "_")}'
+            found[solver] = whole(solver, peers_hydrax.solves(name))
     return found
 
 
 def contestants(cases: int) -> dict[tuple[str, str], tuple[Contestant, list[Case]]]:
     """Return who goes through which cases, by solver and kind."""
-    few = min(FEW, cases)
     all_of = list(SCENARIOS['random'].cases('random', range(cases), None, DURATION))
-    return {(name, kind): (Contestant(f'{name} {kind}', name, {}, parameters),
-                           all_of[:few if name.startswith(SLOW) else cases])
-            for name in [*METHODS, *sorted(set(SOLVERS) - {*METHODS})]
-            for kind, parameters in KINDS.items()}
+    return {(name, kind): (Contestant(f'{name} {kind}', 'ilqr' if name == BOUNDED else name, {},
+                                      {**parameters, **OURS.get(name, {})}),
+                           all_of[:FEWEST if name.startswith(SAMPLING) else
+                                  FEW if name.startswith(SLOW) else cases])
+            for name in [*OURS, *sorted(set(SOLVERS) - {*METHODS})]
+            for kind, parameters in KINDS.items()
+            if kind == ALONE or not name.startswith(SAMPLING)}
 
 
 def played(cases: int) -> dict[tuple[str, str], list[Row]]:
@@ -155,20 +168,26 @@ def costs(rows: Sequence[Row]) -> Array:
 
 
 def ahead(found: Mapping[tuple[str, str], Loop]) -> list[str]:
-    """Return where a peer is ahead of all of ours of its kind."""
+    """Return where a peer is ahead of all of ours of its kind, in time if they hold as much."""
     words = []
     for (name, kind), loop in found.items():
-        ours = [found[our, kind] for our in METHODS]
-        if name in METHODS:
+        if name in OURS:
             continue
+        ours = [found[our, kind] for our in OURS]
+        as_good = [our for our in ours if share_of(our) >= share_of(loop)]
         if loop.held.low > max(our.held.high for our in ours):
             words.append(f'`{name}` {kind} holds more')
         if loop.cost.high < min(our.cost.low for our in ours):
             words.append(f'`{name}` {kind} costs less')
         for q in ('p50', 'p99'):
-            if getattr(loop, q) < min(getattr(our, q) for our in ours):
+            if getattr(loop, q) < min((getattr(our, q) for our in as_good), default=math.inf):
                 words.append(f'the {q} of a tick of `{name}` {kind} is shorter')
     return words
+
+
+def share_of(loop: Loop) -> float:
+    """Return the share of its runs that a solver holds."""
+    return loop.held.successes / loop.held.runs
 
 
 def page(found: Mapping[tuple[str, str], Loop], made: str) -> str:
@@ -176,15 +195,17 @@ def page(found: Mapping[tuple[str, str], Loop], made: str) -> str:
     return '\n\n'.join((
         '# Closed loops with the solvers of peers', made.strip(),
         f'{max(loop.held.runs for loop in found.values())} random starts, 10 s each, of slow '
-        f'solvers the first {FEW}; exact states, no estimator, the default problem. *Alone*: one '
-        'solve a tick from the last forces, shifted. *With ours around it*: the other starts of '
-        'a tick, and the last plan followed with feedback. `acados_rti` takes one quadratic '
-        'program a solve, whose step is halved until the cost falls; the other peers go on until '
-        f'they have converged, {ITERATIONS} iterations at most. Costs are of the closed loop, '
-        'over those of '
-        f'`{METHODS[0]}` with ours around it on the same starts where both hold (geometric mean, '
-        '95 % interval).',
-        '**Where a peer is ahead:** ' + ('; '.join(ahead(found)) or 'nowhere') + '.',
+        f'solvers the first {FEW}, of those of hydrax the first {FEWEST}; exact states, no '
+        'estimator, the default problem. *Alone*: one solve a tick from the last forces, shifted. '
+        '*With ours around it*: the other starts of a tick, and the last plan followed with '
+        'feedback. `acados_rti` takes one quadratic program a solve, whose step is halved until '
+        f'the cost falls, and `{BOUNDED}` ends a solve of `ilqr` early; the other peers go on '
+        f'until they have converged, {ITERATIONS} iterations at most, and those of hydrax, with '
+        'the samples, noise and spline of its examples, take one update. Costs are of the closed '
+        f'loop, over those of `{METHODS[0]}` with ours around it on the same starts where both '
+        'hold (geometric mean, 95 % interval).',
+        '**Where a peer is ahead:** ' + ('; '.join(ahead(found)) or 'nowhere') + '. In the time '
+        'of a tick it is where that is shorter than of all of ours that hold as large a share.',
         compact([('solver', 'around it', 'held', 'times the cost', 'a tick, p50 [ms]', 'p99 [ms]'),
                  *((f'`{name}`', kind, share(loop.held),
                     f'{loop.cost.value:.3g} ({loop.cost.low:.3g}-{loop.cost.high:.3g})',

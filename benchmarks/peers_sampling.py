@@ -6,8 +6,7 @@ pytorch_mppi on the default problem.
 A tick of MPPI is one update: samples drawn, followed and averaged, in single precision. Ours is
 the whole `solve` with one iteration, with what pytorch_mppi has not: the Riccati passes and
 the rollouts of the result.
-pytorch_mppi runs on the equations of this package (`closed`), and on these compiled. hydrax is not
-here: pip has another package of that name.
+pytorch_mppi runs on the equations of this package (`closed`), and on these compiled.
 """
 
 from collections.abc import Callable

@@ -86,9 +86,10 @@ MEASURED = {
         'recovery/', 'report/', 'rerun/', 'tools/'), episodes=False),
     'large_logs': Measured('large_logs readers', ('bags/', 'messages/', 'tools/import_log.py'),
                            episodes=False),
-    'benchmark': Measured(f'benchmark limit operations peers_gradient peers_sampling '
+    'benchmark': Measured(f'benchmark limit operations peers_gradient peers_hydrax peers_sampling '
                           f'peers_solvers startup timing {IN_C}', (DEVICE,)),
-    'closed_loops': Measured(f'closed_loops campaigns peers_gradient peers_solvers timing {IN_C}')}
+    'closed_loops': Measured(f'closed_loops campaigns peers_gradient peers_hydrax peers_solvers '
+                             f'timing {IN_C}')}
 
 
 class Stamp(NamedTuple):

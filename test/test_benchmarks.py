@@ -256,6 +256,18 @@ def test_torch_has_our_step_and_cost(problem, rng):
                                [terminal(problem.cost, x) for x in X], rtol=1e-12)
 
 
+def test_hydrax_has_our_step_and_cost(problem, rng):
+    pytest.importorskip('hydrax', reason='hydrax is not installed; see make results')
+    import jax
+    import peers_hydrax
+    x, U = rng.normal(size=6), rng.uniform(-10, 10, (5, problem.horizon))
+    with jax.enable_x64(True):
+        found = peers_hydrax.costs(problem, x, U)
+    np.testing.assert_allclose(found + running(problem.cost, x, 0.0), [
+        trajectory_cost(problem.cost, rollout(problem.model, x, forces), forces) for forces in U],
+        rtol=1e-12)
+
+
 def test_casadi_has_our_step_and_cost(problem, rng):
     pytest.importorskip('casadi', reason='casadi is not installed; see make results')
     import peers_casadi
@@ -333,8 +345,9 @@ def test_a_solver_of_others_goes_through_closed_loops_alone_and_with_ours_around
     monkeypatch.setitem(closed_loops.SOLVERS, 'stranger', stranger)
     monkeypatch.setitem(closed_loops.SOLVERS, 'wild', wild)
     found = closed_loops.loops(closed_loops.played(1))
-    assert set(found) == {(name, kind) for name in ('ilqr', 'ddp', 'mppi', 'stranger', 'wild')
-                          for kind in closed_loops.KINDS}
+    assert set(found) == {
+        (name, kind) for name in ('ilqr', 'ddp', 'mppi', closed_loops.BOUNDED, 'stranger', 'wild')
+        for kind in closed_loops.KINDS}
     around = found['ilqr', closed_loops.AROUND]
     assert around.cost.value == 1 and around.held == (1, 1, *around.held[2:])
     assert found['stranger', closed_loops.AROUND].held.successes == 1
@@ -342,10 +355,13 @@ def test_a_solver_of_others_goes_through_closed_loops_alone_and_with_ours_around
     quick = around._replace(p50=1e-3)
     others = {key: loop._replace(p50=1e3, p99=1e3) for key, loop in found.items()
               if key[0] in ('stranger', 'wild')}
-    page = closed_loops.page({**found, **others, ('stranger', closed_loops.AROUND): quick}, 'Made')
+    quicker = found['wild', closed_loops.AROUND]._replace(p50=1e-4)   # one of ours, holds nothing
+    page = closed_loops.page({**found, **others, ('stranger', closed_loops.AROUND): quick,
+                              (closed_loops.BOUNDED, closed_loops.AROUND): quicker}, 'Made')
     assert 'ahead:** the p50 of a tick of `stranger` with ours around it is shorter.' in page
     assert '| `stranger` | alone |' in page
-    benchmark_figures.loops(found, closed_loops.KINDS)
+    alone = {key: loop for key, loop in found.items() if key != ('wild', closed_loops.AROUND)}
+    benchmark_figures.loops(alone, closed_loops.KINDS)
 
 
 def test_where_there_is_no_gpu_the_page_says_so(tmp_path, monkeypatch):
