@@ -58,7 +58,7 @@ evaluate: setup  ## run a campaign of episodes without ROS (EVALUATE='...' for i
 results: setup $(if $(filter benchmark closed_loops,$(or $(PAGES),benchmark)),$(VENV)/.peers $(VENV)/.hydrax)
 results: $(if $(filter rigs rig intervals drives wrong_models methods ablation,$(PAGES)),$(VENV)/.installed-rig)
 results: $(if $(filter bags durability,$(or $(PAGES),bags)),$(VENV)/.installed-test)
-results:  ## every published figure anew, in less than three hours (PAGES='reliability live' for some)
+results:  ## every published figure anew, in three hours on a fast machine (PAGES='reliability live' for some)
 	@$(WITH_ROS) && python benchmarks/published.py $(PAGES) $(RESULTS)
 
 test: setup $(VENV)/.installed-test  ## all tests, linters and type checks (PYTEST='...' for arguments of pytest)

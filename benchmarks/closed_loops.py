@@ -111,7 +111,7 @@ def peers() -> dict[str, Any]:
         found['acados_rti'] = AcadosRTI
     if has('hydrax') and has('jax'):   # which Python 3.10 has not
         import peers_hydrax
-        for name in peers_hydrax.METHODS:
+        for name in ('MPPI', 'predictive sampling'):
             solver = f'{SAMPLING}_{name.lower().replace(" ", "_")}'
             found[solver] = whole(solver, peers_hydrax.solves(name))
     return found

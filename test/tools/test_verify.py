@@ -140,7 +140,7 @@ def test_a_changed_force_is_named(bags, tmp_path, capsys):
 @pytest.mark.parametrize('key, value, text', [
     ('force', '0.125', r'force 0\.125 N recorded, \S+ N now: \S+ N apart'),
     ('cost', '1.5', r'cost 1\.5 recorded, \S+ now: \S+ apart'),
-    ('solves', '1 2', r'iterations \(1, 2\) recorded, \(\d+, \d+\) now')])
+    ('solves', '1 2', r'iterations \(1, 2\) recorded, \(\d+, \d+, \d+\) now')])
 def test_a_changed_report_is_named(bags, key, value, text, tmp_path, capsys):
     bag = rewritten(bags['ilqr'], tmp_path / 'bag', DIAGNOSTICS, tick(4, with_value(key, value)))
     code, lines, _ = verified(bag, capsys)
