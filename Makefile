@@ -112,9 +112,8 @@ $(VENV)/.hydrax: $(VENV)/.installed benchmarks/peers_hydrax.py
 	@$(call INSTALL,hydrax)
 	@$(BIN)/python -m pip install --quiet --no-input --no-deps --ignore-requires-python \
 	  --src $(VENV)/src --editable \
-	  "git+$(HYDRAX)@$$(sed -n "s/^COMMIT = '\(.*\)'.*/\1/p" benchmarks/peers_hydrax.py)#egg=hydrax" || \
+	  "git+$(HYDRAX)@$$(sed -n "s/^COMMIT = '\(.*\)'.*/\1/p" benchmarks/peers_hydrax.py)#egg=hydrax" && touch $@ || \
 	  echo 'make: hydrax did not come from $(HYDRAX); the benchmark goes without it' >&2
-	@touch $@
 
 # A module that is gone from the sources must not live on in what was built from them.
 install/.built: $(VENV)/.installed $(SOURCES)

@@ -70,13 +70,12 @@ def whole_solves(rounds: int) -> dict[str, Any]:
 
 def sampling(rounds: int) -> dict[str, Any]:
     """Compare updates with pytorch_mppi."""
-    from peers_sampling import our_tick, torch_tick
+    from peers_sampling import our_ticks, torch_tick
 
     problem, found = controllers.problem({}), {}
     for samples in SAMPLES:
         few = min(rounds, max(12, rounds * 1024 // samples))
-        works = {f'mppi, {threads} threads': our_tick(problem, samples, threads=threads)
-                 for threads in (1, 2)}
+        works = our_ticks(problem, samples)
         for kind in KINDS:
             for threads in (1, 2):
                 works[f'pytorch_mppi {kind}, {threads} threads'] = torch_tick(
@@ -87,15 +86,13 @@ def sampling(rounds: int) -> dict[str, Any]:
 
 def hydrax(rounds: int) -> dict[str, Any]:
     """Compare updates with the methods of hydrax."""
-    from peers_hydrax import METHODS as METHODS_OF_HYDRAX, SAMPLES as OF_ITS_EXAMPLES, tick
-    from peers_sampling import our_tick
+    import peers_hydrax
+    from peers_sampling import our_ticks
 
-    problem = controllers.problem({})
-    return compared({
-        **{f'mppi, {threads} threads': our_tick(problem, OF_ITS_EXAMPLES, threads=threads)
-           for threads in (1, 2)},
-        **{f'hydrax {name}': tick(problem, name, OF_ITS_EXAMPLES) for name in METHODS_OF_HYDRAX},
-    }, rounds)
+    problem, samples = controllers.problem({}), peers_hydrax.SAMPLES
+    return compared({**our_ticks(problem, samples), **{
+        f'hydrax {name}': peers_hydrax.tick(problem, name, samples)
+        for name in peers_hydrax.METHODS}}, rounds)
 
 
 def gpu(rounds: int) -> dict[str, Any]:

@@ -64,8 +64,8 @@ def targets(results: dict[str, Any]) -> list[Target]:
 def ahead(results: dict[str, Any]) -> list[str]:
     """Return where a peer is ahead of all of ours, by its time or by how often it gets there."""
     found = []
-    races = {**results.get('gradient', {}), **results.get('sampling', {}), **{
-        'hydrax': results[name] for name in ('hydrax',) if name in results}, **{
+    races = {**results.get('gradient', {}), **results.get('sampling', {}), **(
+        {'hydrax': results['hydrax']} if 'hydrax' in results else {}), **{
         f'{by} {count}': race for by, of in results.get('growth', {}).items()
         for count, race in of.items()}}
     for where, race in races.items():

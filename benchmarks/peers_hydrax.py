@@ -61,6 +61,7 @@ class Pendulum(Task):   # type: ignore[misc]
         model.actuator_ctrllimited[:] = True
         model.actuator_ctrlrange[:] = -problem.u_max, problem.u_max
         super().__init__(model)
+        self.data = self.make_data()
 
     def of_state(self, state: Any) -> tuple[Any, Any]:
         """Return the error of a state (2n + 2,), and what it costs along the way."""
@@ -86,7 +87,7 @@ class Pendulum(Task):   # type: ignore[misc]
     def at(self, x: Array) -> Any:
         """Return a state (2n + 2,) as hydrax takes it."""
         q, v = map(to_joints, np.split(x, 2))
-        return self.make_data().replace(qpos=jnp.array(q), qvel=jnp.array(v))
+        return self.data.replace(qpos=jnp.array(q), qvel=jnp.array(v))
 
 
 def controller(problem: Problem, name: str, samples: int) -> Any:

@@ -43,6 +43,12 @@ def our_tick(problem: Problem, samples: int, **parameters: Any) -> Work:
     return run
 
 
+def our_ticks(problem: Problem, samples: int) -> dict[str, Work]:
+    """Return an update of ours in one thread and in two, by name."""
+    return {f'mppi, {threads} threads': our_tick(problem, samples, threads=threads)
+            for threads in (1, 2)}
+
+
 def costs(problem: Problem, dtype: torch.dtype) -> tuple[Step, Step]:
     """Return the running and the terminal cost; the terminal one takes what pytorch_mppi gives."""
     cost = problem.cost

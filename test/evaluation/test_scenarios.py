@@ -276,15 +276,15 @@ def test_what_a_rig_s_sensors_are(name):
 
 
 @pytest.mark.parametrize('solver', sorted(SOLVERS))
-@pytest.mark.parametrize('name, seed', [('rig_all', 2), ('rig_delay', 0), ('rig_bias', 0)])
-def test_a_rig_is_swung_up_and_held(name, seed, solver):
+@pytest.mark.parametrize('name, seed, furthest', [
+    ('rig_all', 2, 0.025), ('rig_delay', 0, 0.02), ('rig_bias', 0, 0.02)])
+def test_a_rig_is_swung_up_and_held(name, seed, furthest, solver):
     """A quick version of a campaign: one rig, its worst level; that of seed 2 slides easily."""
     case = cases(name, range(seed, seed + 1))[-1]
     c = controllers.controller({'solver': solver, 'seed': case.seed})
     episode = simulate(plants.plant({**case.plant, 'seed': case.seed}), c, 10.5)
     held = episode.t >= 8.5
-    # of one run; how many of many stay within 2 cm is on the page of the rigs
-    assert np.abs(episode.X[held, 0]).max() < 0.03
+    assert np.abs(episode.X[held, 0]).max() < furthest
     assert all(is_upright(x) for x in episode.X[held])
 
 
