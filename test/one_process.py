@@ -78,6 +78,8 @@ class Crew:
     def end(self, node):
         """Let a node do no more, and say its last words."""
         self.executor.remove_node(node)
+        # one that waits for another time begins anew: what this node was about to take is left
+        self.executor.spin_once(0.0)
         node.close()
 
 

@@ -253,7 +253,7 @@ def test_the_bag_of_a_foreign_rig_is_read_as_the_mpc_read_it(
         # on a busy machine it takes longer to see that it hangs still
         assert peer.until(lambda: rig.forces or states.extend(rig.swing(plant, 4, now)))
         states += [*rig.swing(plant, 12, now)]
-    assert verify.main([str(tmp_path / 'bag')]) == 0, capsys.readouterr()
+    assert verify.main([str(tmp_path / 'bag')]) == 0, ''.join(capsys.readouterr())
     episode = read_episode(tmp_path / 'bag')
     states = np.array(states)
     np.testing.assert_allclose(to_turn_of(episode.X, states)[:, :3], states[:, :3], atol=1e-9)
