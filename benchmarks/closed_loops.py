@@ -73,14 +73,16 @@ class Whole:
 
     Parameters = WholeParameters
     of: ClassVar[Callable[[Problem, float], Make]]
-    made: ClassVar[dict[int, tuple[Problem, Make]]]   # for a problem, which takes seconds
+    made: ClassVar[dict[Any, Make]]   # for a problem, which takes seconds
 
     def __init__(self, problem: Problem, parameters: WholeParameters, seed: Seed = 0) -> None:
         """Take the problem; it has no use for a seed."""
         self.problem, self.parameters = problem, parameters
-        if id(problem) not in self.made:
-            self.made[id(problem)] = problem, type(self).of(problem, CONVERGED)
-        self.make = self.made[id(problem)][1]
+        # by what it is of, so that what is made in a warm-up serves all runs
+        key = problem.physical, problem.parameters, tuple(problem.cost.x_r)
+        if key not in self.made:
+            self.made[key] = type(self).of(problem, CONVERGED)
+        self.make = self.made[key]
 
     def solve(self, x_0: Array, warm_start: Plan | None, deadline: float) -> Plan:
         """Return the cheaper of the warm start and what the peer makes of it; see Solver.solve."""
@@ -208,7 +210,8 @@ def page(found: Mapping[tuple[str, str], Loop], made: str) -> str:
         'of a tick it is where that is shorter than of all of ours that hold as large a share.',
         compact([('solver', 'around it', 'held', 'times the cost', 'a tick, p50 [ms]', 'p99 [ms]'),
                  *((f'`{name}`', kind, share(loop.held),
-                    f'{loop.cost.value:.3g} ({loop.cost.low:.3g}-{loop.cost.high:.3g})',
+                    f'{loop.cost.value:.3g} ({loop.cost.low:.3g}-{loop.cost.high:.3g})'
+                   if loop.held.successes else '-',
                     f'{loop.p50:.3g}', f'{loop.p99:.3g}')
                    for (name, kind), loop in found.items())]),
         '![what is held, and the time of a tick](../figures/closed_loops.png)')) + '\n'
