@@ -160,12 +160,10 @@ def main() -> None:
     path = arguments.docs / 'results' / 'benchmark'
     path.with_suffix('.json').write_text(json.dumps(results, indent=1) + '\n')
     path.with_suffix('.md').write_text(benchmark_page.page(results))
-    if 'sampling' in results:
-        benchmark_figures.samples(results['sampling']).savefig(
-            arguments.docs / 'figures' / 'benchmark_samples.png')
-    if 'growth' in results:
-        benchmark_figures.growth(results['growth']).savefig(
-            arguments.docs / 'figures' / 'benchmark_growth.png')
+    for name in benchmark_figures.DRAWN.keys() & results.keys():
+        draw = benchmark_figures.DRAWN[name]
+        draw(results[name]).savefig(
+            arguments.docs / 'figures' / f'benchmark_{draw.__name__}.png')
 
 
 if __name__ == '__main__':
