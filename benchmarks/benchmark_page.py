@@ -278,14 +278,15 @@ def whole_tick(reached: Reached, measured: dict[str, Any]) -> list[str]:
 
 def page(results: dict[str, Any]) -> str:
     """Return the page as Markdown."""
+    peers = ahead(results)
     parts = [
         '# Against peers', results['made'].strip(),
         f'Contenders take turns in one process; medians of up to {results["rounds"]} rounds, in '
         'brackets the 95 % interval (bootstrap over rounds). Ours solve in one thread where '
         'nothing else is said; so do all peers. Of MPPI the faster of one and two threads is '
         'compared, ours and theirs.',
-        '**Where a peer is ahead:** ' + ('; '.join(ahead(results)) or 'nowhere') + '.'
-        + (NEXT if any(OFTENER in one for one in ahead(results)) else ''),
+        '**Where a peer is ahead:** ' + ('; '.join(peers) or 'nowhere') + '.'
+        + (NEXT if any(OFTENER in one for one in peers) else ''),
         '## Targets', compact([['target', 'aim', 'measured', ''], *(
             [one.what, f'{"at least" if one.more else "at most"} {one.aim:g}',
              f'{one.found:.3g}', 'met' if one.met else '**missed**']
